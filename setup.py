@@ -1,0 +1,7 @@
+from catkin_pkg.python_setup import generate_distutils_setup
+from setuptools import setup
+
+setup(**generate_distutils_setup(
+    packages=['smokebot_udp'] + ['smokebot_udp.' + room for room in (
+        'codecs', 'nodes', 'simulation', 'streams', 'udpros')],
+    package_dir={'': 'src'}))

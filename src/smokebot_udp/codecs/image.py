@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""A picture that arrives in segments, some of its subimages each (D6.3, section 4.2)."""
+import numpy as np
+
+from .interleave import Interleave
+
+MAX_PICTURE_SIZE = 4096 * 4096 * 4
+"""A picture that would take more memory is refused [byte]."""
+
+ENDING = 4
+"""So many segments at a picture's end tell that it is ending: with one alone, its loss would hide it."""
+
+
+class Picture:
+    """What has come of one picture.
+
+    :param item: dtype of a whole pixel, see pixels.item_type
+    :param total: how many subimages are sent of it, the first in order
+    :raises ValueError: where sizes, depth and total contradict each other or a limit
+    """
+
+    def __init__(self, height, width, depth, item, total):
+        self.cut = Interleave(height, width, depth)
+        rows, columns = self.cut.shape
+        if not 1 <= total <= len(self.cut):
+            raise ValueError('total is %d, there are %d subimages' % (total, len(self.cut)))
+        if len(self.cut) * rows * columns * item.itemsize > MAX_PICTURE_SIZE:
+            raise ValueError('%d x %d pixels of %d bytes are too many' % (width, height, item.itemsize))
+        self.item, self.total = item, total
+        self.have = np.zeros(len(self.cut), bool)
+        """(n,) bool: the subimages received, in cut.order."""
+        self.ending = False
+        """Whether one of the last segments has come: segments are sent in order, so not much can follow."""
+        self.duplicates = 0
+        self._subimages = np.zeros((len(self.cut), rows * columns), item)
+
+    @property
+    def complete(self):
+        """Whether all that is sent of it has come."""
+        return bool(self.have[:self.total].all())
+
+    @property
+    def completeness(self):
+        """The share of its pixels that were received, 0..1."""
+        return float(np.count_nonzero(self.have)) / len(self.have)
+
+    def add(self, indexes, counts, payloads):
+        """Take segments whose payloads have the same length.
+
+        :param indexes: (m,) int, the first subimage of each
+        :param counts: (m,) int, how many subimages each says to hold
+        :param payloads: (m, k) uint8, their pixels
+        :return: (m,) bool, those that fit the picture; the others were dropped
+        """
+        size = self._subimages.shape[1] * self.item.itemsize
+        count, rest = divmod(payloads.shape[1], size)
+        inside = indexes < len(self.cut.positions)
+        first = self.cut.positions[np.where(inside, indexes, 0)]
+        good = inside & (first >= 0) & (first + count <= self.total) & (counts == count)
+        if rest or not count:
+            good[:] = False
+        if good.any():
+            places = first[good, np.newaxis] + np.arange(count)
+            self.duplicates += int(np.count_nonzero(self.have[places].all(axis=1)))
+            pixels = np.ascontiguousarray(payloads[good]).view(self.item)
+            self._subimages[places] = pixels.reshape(places.shape + (-1,))
+            self.have[places] = True
+            self.ending |= bool(places.max() >= self.total - ENDING * count)
+        return good
+
+    def items(self, fill):
+        """The picture, its missing pixels filled.
+
+        :param fill: one of fill.METHODS
+        :return: (height, width) array of `item`; received pixels are as they were sent
+        """
+        subimages = self._subimages.reshape((-1,) + self.cut.shape)
+        return self.cut.merge(fill(subimages, self.have, self.cut))

@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What the nodes of both sides do alike: read their parameters, and load the streams they name."""
+import math
+import os
+
+import rospkg
+import rospy
+
+from ..streams import config
+
+
+def number_parameter(name, default, least=None, most=None):
+    """A number from the parameter server; what is no number in the limits is told of, and the default stands."""
+    value = rospy.get_param(name, default)
+    good = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+    if good and (least is None or value >= least) and (most is None or value <= most):
+        return value
+    limits = ['from %g' % least] * (least is not None) + ['to %g' % most] * (most is not None)
+    rospy.logerr('%s is %r, must be a number %s: %r is used', rospy.resolve_name(name), value, ' '.join(limits), default)
+    return default
+
+
+def read_streams():
+    """The good streams of the node's ~streams_file: {name: settings}; what is wrong is told of."""
+    path = rospy.get_param('~streams_file', '') or os.path.join(
+        rospkg.RosPack().get_path('smokebot_udp'), 'config', 'streams.yaml')
+    try:
+        with open(path) as file:
+            streams, problems = config.load(file.read())
+    except (OSError, UnicodeDecodeError) as error:
+        streams, problems = {}, ['it cannot be read: %s' % error]
+    for problem in problems:
+        rospy.logerr('%s: %s', path, problem)
+    return streams
+
+
+def load_streams(class_of, link, prepare=lambda name, settings: None):
+    """Start each stream of the node's ~streams_file; one that cannot start leaves the others running.
+
+    :param class_of: streams.robot_class or streams.operator_class
+    :return: {name: stream}
+    """
+    streams = {}
+    for name, settings in read_streams().items():
+        try:
+            prepare(name, settings)
+            streams[name] = class_of(settings['type'])(name, settings, link)
+        except Exception as error:
+            rospy.logerr("stream '%s' (%s) does not start: %s", name, settings['type'], error)
+    return streams

@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The operator's side: makes pictures of what arrives of the robot's streams.
+
+Parameters
+
+| name | type | default | unit | meaning |
+|---|---|---|---|---|
+| ~streams_file | str | config/streams.yaml of this package | | the streams by name: the robot's file |
+| ~max_datagram_size | int | 1472 | byte | longest datagram that is taken |
+| ~receive_buffer | int | 4194304 | byte | asked of the kernel for each stream; net.core.rmem_max limits it |
+| ~loss | double | 0 | | share of the datagrams to drop on arrival, to demonstrate a bad link |
+| ~loss_seed | int | 0 | | which datagrams these are |
+
+Each stream subscribes smokebot_udp/<stream>/segments and publishes its operator_topic.
+"""
+import numpy as np
+import rospy
+
+from ..streams import operator_class
+from ..streams.base import Link
+from .common import load_streams, number_parameter
+
+
+class OperatorReceiver:
+    """Hosts the operator's streams; lives as long as its node."""
+
+    def __init__(self):
+        size = int(number_parameter('~max_datagram_size', 1472, least=256, most=65507))
+        buffer = int(number_parameter('~receive_buffer', 4 << 20, least=4096, most=1 << 30))
+        loss = number_parameter('~loss', 0.0, least=0.0, most=1.0)
+        drop = _demonstrate(loss, int(number_parameter('~loss_seed', 0, least=0))) if loss else None
+        self.streams = load_streams(operator_class, Link(size, receive_buffer=buffer, drop=drop))
+        rospy.on_shutdown(self.close)
+
+    def close(self):
+        for stream in self.streams.values():
+            stream.close()
+
+
+def _demonstrate(loss, seed):
+    """A function that loses each datagram with the same probability, repeatably."""
+    random = np.random.RandomState(seed)
+    return lambda count: random.random_sample(count) < loss
+
+
+def main():
+    rospy.init_node('operator_receiver')
+    receiver = OperatorReceiver()
+    rospy.loginfo('operator_receiver: receiving %s', ', '.join(receiver.streams) or 'nothing: no stream is right')
+    rospy.spin()

@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What the streams of every kind have in common, on either side."""
+from dataclasses import dataclass
+from typing import Callable, Optional
+
+import rospy
+
+from .. import udpros
+from .parameters import OPERATOR, ROBOT
+from .rate import NewestWorker
+
+
+@dataclass
+class Link:
+    """How a node's streams reach the other side."""
+    max_datagram_size: int
+    """[byte of UDP payload]"""
+    pacer: Optional[udpros.Pacer] = None
+    """Shared by the robot's streams: they share the air."""
+    receive_buffer: int = 4 << 20
+    """Asked of the operator's kernel for each stream [byte]."""
+    drop: Optional[Callable] = None
+    """Loses datagrams on purpose, see udpros.Subscriber."""
+
+
+def wire_topic(name):
+    """Where a stream's segments cross."""
+    return 'smokebot_udp/%s/segments' % name
+
+
+class RobotStream:
+    """Sends the newest messages of a robot's topic as segments.
+
+    A kind derives from it: MESSAGE and SEGMENT are its message classes, and `frames(message)` makes the
+    udpros.Frames that carry a message, or raises ValueError where the message is wrong.
+    """
+    MESSAGE = SEGMENT = None
+    PARAMETERS = ROBOT
+
+    def __init__(self, name, settings, link):
+        self.name, self.topic = name, rospy.resolve_name(settings['robot_topic'])
+        self.enabled = settings['enabled']
+        self.link = link
+        self.sent = 0   # messages of the source
+        self._publisher = udpros.Publisher(wire_topic(name), self.SEGMENT, queue_size=10, pacer=link.pacer,
+                                           max_datagram_size=link.max_datagram_size)
+        self._worker = NewestWorker(name, self._send, self._report, settings['rate'])
+        self._subscriber = rospy.Subscriber(self.topic, self.MESSAGE, self._receive, queue_size=1,
+                                            buff_size=1 << 24, tcp_nodelay=True)
+
+    def configure(self, enabled, rate):
+        """Change what may change while it runs."""
+        self.enabled = enabled
+        self._worker.set_rate(rate)
+
+    def frames(self, message):
+        raise NotImplementedError
+
+    def _receive(self, message):
+        if self.enabled and self._publisher.get_num_connections():
+            self._worker.give(message)
+
+    def _send(self, message):
+        self._publisher.publish_frames(*self.frames(message))
+        self.sent += 1
+
+    def _report(self, error):
+        if not rospy.is_shutdown():
+            rospy.logerr_throttle_identical(5, "stream '%s': a message of %s is not sent: %s" % (
+                self.name, self.topic, error))
+
+    def close(self):
+        self._subscriber.unregister()
+        self._worker.stop()
+        self._publisher.unregister()
+
+
+class OperatorStream:
+    """Makes messages from the segments that arrive.
+
+    A kind derives from it and takes batches of segments in `take(records, mask)`, in the transport's thread.
+    """
+    MESSAGE = SEGMENT = None
+    PARAMETERS = OPERATOR
+    LATCH = False
+
+    def __init__(self, name, settings, link):
+        self.name, self.topic = name, rospy.resolve_name(settings['operator_topic'])
+        self.published = 0
+        self._publisher = rospy.Publisher(self.topic, self.MESSAGE, queue_size=2, latch=self.LATCH, tcp_nodelay=True)
+        self.subscriber = udpros.Subscriber(
+            wire_topic(name), self.SEGMENT, batch_callback=self.take, max_datagram_size=link.max_datagram_size,
+            receive_buffer=link.receive_buffer, drop=link.drop)
+
+    def take(self, records, mask):
+        raise NotImplementedError
+
+    def publish(self, message):
+        self._publisher.publish(message)
+        self.published += 1
+
+    def report(self, problem):
+        rospy.logerr_throttle_identical(5, "stream '%s': %s" % (self.name, problem))
+
+    def close(self):
+        self.subscriber.unregister()
+        self._publisher.unregister()

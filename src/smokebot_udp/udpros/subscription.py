@@ -1,0 +1,171 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""One publisher's datagrams on the subscriber's side: from the socket to the topic's callbacks."""
+import collections
+import threading
+import time
+
+import numpy as np
+
+from .datagram import OVERHEAD
+from .endpoints import addresses_of
+from .reassembly import Inbox
+from .records import LayoutError, has_header, lengths_of, record_dtype, same_layout
+from .sequence import SequenceTracker
+
+POLL = 0.25
+"""How often a silent connection looks whether it is to end [s]; `close` wakes it at once."""
+
+SEQ = np.dtype('<u4')
+"""std_msgs/Header.seq, a message's first field where it has a header."""
+
+DRAIN = 16
+"""Batches taken from the socket before messages are delivered, so that the newest are among them."""
+
+LOOPBACK = 0x7f000000, 0xff000000
+
+
+class Source:
+    """Whose datagrams count: the publisher's host, and from its first good datagram on that very socket."""
+
+    def __init__(self, hosts):
+        """:param hosts: names or addresses the publisher goes by"""
+        self._addresses = set().union(*map(addresses_of, hosts))
+        # on one machine a host's name may mean 127.0.1.1 where the kernel sends from 127.0.0.1
+        self._local = any(address & LOOPBACK[1] == LOOPBACK[0] for address in self._addresses)
+        self._endpoint = None
+
+    def trusts(self, sources):
+        """(n,) bool for (n,) of endpoints.SOCKADDR_IN."""
+        if self._endpoint is not None:
+            return (sources['port'] == self._endpoint[0]) & (sources['address'] == self._endpoint[1])
+        known = np.isin(sources['address'], np.array(list(self._addresses), np.uint32))
+        if self._local:
+            known |= sources['address'] & LOOPBACK[1] == LOOPBACK[0]
+        return known
+
+    def settle(self, source):
+        """From now on only this endpoint counts."""
+        if self._endpoint is None:
+            self._endpoint = int(source['port']), int(source['address'])
+
+
+class Subscription:
+    """Receives one connection's datagrams in a thread of its own and hands over what they carry.
+
+    :param receiver: endpoints.DatagramReceiver
+    :param reply: negotiation.Reply, the publisher's
+    :param deliver: object with `wants_batches`, `take_records(records, mask)` and `take_message(bytes)`
+    :param queue_size: of the messages that came together, only so many of the newest are delivered; None: all
+    :param coalesce: wait so long after the first datagram of a batch for more of them [s]: fewer, larger
+        batches cost less; 0 where single messages are to come at once
+    :param drop: None, or a function of n that gives (n,) bool of datagrams to lose, for demonstrations
+    """
+
+    def __init__(self, receiver, reply, hosts, deliver, message_class, queue_size=None, coalesce=0.0, drop=None):
+        self.receiver = receiver
+        self.inbox = Inbox(reply.connection_id)
+        self.sequence = SequenceTracker() if has_header(message_class) else None
+        self.bytes = self.datagrams = 0
+        self.last_arrival = time.monotonic()
+        self._source = Source(hosts)
+        self._deliver, self._message_class = deliver, message_class
+        self._coalesce, self._drop = coalesce, drop
+        self._waiting = collections.deque(maxlen=queue_size)
+        self._layouts = {}   # {datagram length: dtype last seen with it}
+        self._ended = threading.Event()
+
+    def run(self):
+        """Receive until `stop`; then free the socket."""
+        receiver = self.receiver
+        try:
+            while not self._ended.is_set():
+                if not receiver.wait(POLL):
+                    continue
+                if self._coalesce:
+                    time.sleep(self._coalesce)
+                for _ in range(DRAIN):
+                    count = receiver.receive()
+                    if count:
+                        self._take(count)
+                    if count < receiver.batch:
+                        break
+                while self._waiting and not self._ended.is_set():
+                    self._deliver.take_message(self._waiting.popleft())
+        finally:
+            receiver.close()
+
+    def stop(self):
+        self._ended.set()
+        self.receiver.wake()
+
+    def _take(self, count):
+        datagrams, lengths = self.receiver.datagrams[:count], self.receiver.lengths[:count]
+        sources = self.receiver.sources[:count]
+        trusted = self._source.trusts(sources)
+        if self._drop is not None:
+            lost = self._drop(count)
+            self.inbox.dropped['demonstration'] += int(np.count_nonzero(lost))
+            kept = np.flatnonzero(~lost)
+            datagrams, lengths, sources, trusted = datagrams[kept], lengths[kept], sources[kept], trusted[kept]
+        self.last_arrival = time.monotonic()
+        whole, messages = self.inbox.sort(datagrams, lengths, trusted, self.last_arrival)
+        first = int(whole.argmax()) if whole.any() else messages[0][0] if messages else None
+        if first is None:
+            return
+        self._source.settle(sources[first])
+        self.datagrams += int(np.count_nonzero(trusted))
+        self.bytes += int(lengths[trusted].sum())
+        if self.sequence is not None:
+            messages = self._drop_repeated(datagrams, lengths, whole, messages)
+        if self._deliver.wants_batches:
+            self._take_records(datagrams, lengths, whole.copy())
+            for _, message in messages:
+                self._take_records(*_as_datagram(message))
+        if self._deliver.wants_messages:
+            assembled = dict(messages)
+            for row in sorted(np.flatnonzero(whole).tolist() + list(assembled)):
+                self._waiting.append(assembled.get(row) or datagrams[row, OVERHEAD:lengths[row]].tobytes())
+
+    def _drop_repeated(self, datagrams, lengths, whole, messages):
+        """Count the sequence numbers; clear `whole` where, and return `messages` without, those seen before."""
+        whole &= lengths >= OVERHEAD + SEQ.itemsize
+        seqs = np.ndarray((len(datagrams),), SEQ, datagrams, OVERHEAD, (datagrams.shape[1],))
+        whole[whole] = self.sequence.add(seqs[whole])
+        if not messages:
+            return messages
+        fresh = self.sequence.add([int.from_bytes(message[:SEQ.itemsize], 'little') for _, message in messages])
+        return [message for message, new in zip(messages, fresh) if new]
+
+    def _take_records(self, datagrams, lengths, left):
+        """Hand over the batch's messages, those of one layout at a time."""
+        while left.any():
+            first = int(left.argmax())
+            length = int(lengths[first])
+            try:
+                records, mask = self._see(datagrams, lengths, left, first, length)
+            except LayoutError:
+                self.inbox.dropped['message'] += 1
+                left[first] = False
+                continue
+            left &= ~mask
+            self._deliver.take_records(records, mask)
+
+    def _see(self, datagrams, lengths, left, first, length):
+        """The batch through row `first`'s layout, and a mask of the rows of `left` that have it too."""
+        for known in (True, False):
+            if not known:
+                layout = lengths_of(self._message_class, datagrams[first, OVERHEAD:length].tobytes())
+                self._layouts[length] = record_dtype(self._message_class, layout)
+            elif length not in self._layouts:
+                continue
+            records = np.ndarray((len(datagrams),), self._layouts[length], datagrams, OVERHEAD, (datagrams.shape[1],))
+            mask = left & (lengths == length)
+            mask[mask] = same_layout(records[mask], self._message_class)
+            if mask[first]:
+                break
+        return records, mask
+
+
+def _as_datagram(message):
+    row = np.frombuffer(bytes(OVERHEAD) + message, np.uint8)[np.newaxis]
+    return row, np.array([row.shape[1]]), np.ones(1, bool)
