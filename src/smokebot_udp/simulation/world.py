@@ -1,97 +1,95 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What a simulated place consists of. Every sensor is rendered from this one description.
+"""The burning building that every sensor sees: six rooms along a corridor, furniture, a person, fires.
 
-Metres, degrees Celsius and REP-103 axes in the frame `map`: x east, y north, z up from the floor.
-Everything solid is a vertical prism over a convex outline. It stands on the floor (wall, desk, sill) or hangs
-from the ceiling (lintel), and no two of them share ground; so each column of a level sensor sees the
-lower ones in front of the higher ones behind, and nothing else, which is what makes columns.py fast.
+Metres, degrees Celsius, REP-103 axes in the frame `map`. Every solid thing is a box, perhaps turned about the vertical.
 """
-from dataclasses import dataclass
-from typing import Tuple
-
 import numpy as np
 
-
-@dataclass(frozen=True, eq=False)
-class Prism:
-    """One solid thing."""
-    corners: np.ndarray
-    """(E, 2) float64 [m], the outline, counter-clockwise seen from above."""
-    bottom: float
-    """[m]; 0 where it stands on the floor."""
-    top: float
-    """[m]; the ceiling's height where it hangs."""
-    kind: str
-    """What it is; surfaces.py knows how each kind looks."""
-    temperature: float
-    """Of its surface away from any fire [degC]."""
-    colour: Tuple[int, int, int]
-    """Blue, green, red: 0..255."""
+CEILING = 2.7
+FLOOR, ROOF = -1, -2
+"""Surface ids of what is no box."""
+DOORS = (3.5, 10.5, 17.5)
+"""x of the rooms' doors and centres [m]."""
+LENGTH, DEPTH = 21.0, 14.0
+CORRIDOR = (6.0, 8.0)
+THICK, DOOR_WIDTH, LINTEL = 0.15, 1.1, 2.05
+WALL = (165, 178, 188)
 
 
-@dataclass(frozen=True)
-class Fire:
-    """Flames above something that burns."""
-    x: float
-    y: float
-    base: float
-    """Where the flames begin [m]."""
-    radius: float
-    """Of the flames at their foot [m]."""
-    height: float
-    """Of the flames, on average [m]."""
-    temperature: float
-    """That a thermal camera sees in their middle [degC]."""
+def room_centre(room):
+    """(x, y) of the room (column 0..2, row 0..1)."""
+    column, row = room
+    return DOORS[column], (3.0, 11.0)[row]
 
 
-@dataclass(frozen=True)
-class Waypoint:
-    """Where the robot turns on its round."""
-    x: float
-    y: float
-    stay: float = 0.0
-    """How long it stands there before it goes on [s]."""
-
-
-@dataclass(frozen=True)
 class World:
-    """A building on fire, and a round through it that touches nothing."""
-    seed: int
-    bounds: Tuple[float, float, float, float]
-    """x_min, y_min, x_max, y_max of the floor and the ceiling [m]; beyond is open air."""
-    ceiling: float
-    """Height [m]."""
-    prisms: Tuple[Prism, ...]
-    fires: Tuple[Fire, ...]
-    route: Tuple[Waypoint, ...]
-    """Closed: the last is followed by the first."""
+    """Boxes as arrays over P boxes: normals (P, 4, 2) outward, offsets (P, 4), bottom, top, colour (P, 3)."""
+
+    ambient = 24.0
+
+    def __init__(self, boxes, fires):
+        boxes = [_outline(*box[:5]) + box[5:] for box in boxes]
+        self.normals = np.array([box[0] for box in boxes])
+        self.offsets = np.array([box[1] for box in boxes])
+        self.bottom, self.top, self._base, self.flicker = (
+            np.array([box[i] for box in boxes], np.float32) for i in (2, 3, 4, 5))
+        self.colour = np.array([box[6] for box in boxes], np.float32)
+        self.fires = fires
+
+    def temperatures(self, time):
+        """(P,) of the boxes [degC]; fires flicker."""
+        phase = np.arange(len(self._base))
+        return self._base + self.flicker * (np.sin(9.1 * time + phase) + 0.5 * np.sin(23.7 * time + 2 * phase))
 
 
-def box(x, y, length, width, yaw, bottom, top, kind, temperature, colour):
-    """A prism over a rectangle: centre (x, y), `length` along `yaw` [rad], `width` across, all in metres."""
-    along = np.array([np.cos(yaw), np.sin(yaw)]) * length / 2
-    across = np.array([-np.sin(yaw), np.cos(yaw)]) * width / 2
-    corners = np.array([x, y]) + np.array([-along - across, along - across, along + across, across - along])
-    return Prism(corners, bottom, top, kind, temperature, colour)
+def _outline(x, y, length, width, yaw):
+    ahead = np.array([np.cos(yaw), np.sin(yaw)])
+    left = np.array([-ahead[1], ahead[0]])
+    normals = np.array([ahead, -ahead, left, -left])
+    return normals, normals @ np.array([x, y]) + np.array([length, length, width, width]) / 2
 
 
-def cylinder(x, y, radius, top, kind, temperature, colour, sides=10):
-    """An upright prism of many sides around (x, y) on the floor: a barrel, a head."""
-    angles = 2 * np.pi * np.arange(sides) / sides
-    corners = np.array([x, y]) + radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    return Prism(corners, 0.0, top, kind, temperature, colour)
+def building(seed):
+    """:return: World; the same for the same seed"""
+    random = np.random.RandomState(seed)
+    boxes = _walls()
+    fires = []
+    burning = set(random.permutation(6)[:3])
+    for index in range(6):
+        centre = np.array(room_centre((index % 3, index // 3)))
+        boxes += _furniture(random, centre)
+        if index in burning:
+            x, y = centre + (random.choice([-2.4, 2.4]), random.choice([-1.6, 1.6]))
+            fires.append((x, y, 0.4))
+            boxes.append((x, y, 0.7, 0.6, random.uniform(0, 3), 0.0, 0.8, random.uniform(380, 620), 40.0, (30, 90, 200)))
+    x, y = room_centre((random.randint(3), random.randint(2)))
+    boxes += [(x + 1.2, y - 1.0, 0.6, 0.42, 0.4, 0.0, 0.25, 33.0, 0.0, (120, 60, 40)),
+              (x + 0.45, y - 1.3, 0.75, 0.3, 0.4, 0.0, 0.18, 31.0, 0.0, (90, 50, 40)),
+              (x + 1.67, y - 0.8, 0.22, 0.2, 0.4, 0.0, 0.22, 34.5, 0.0, (140, 170, 210))]
+    return World(boxes, fires)
 
 
-def distance_to_prism(points, prism):
-    """How far points are from a prism's outline, seen from above; 0 inside.
+def _walls():
+    def wall(x0, y0, x1, y1, bottom=0.0):
+        return ((x0 + x1) / 2, (y0 + y1) / 2, max(x1 - x0, THICK), max(y1 - y0, THICK), 0.0, bottom, CEILING, 22.0, 0.0,
+                WALL)
+    walls = [wall(0, 0, LENGTH, 0), wall(0, DEPTH, LENGTH, DEPTH), wall(0, 0, 0, DEPTH), wall(LENGTH, 0, LENGTH, DEPTH)]
+    for x in (7.0, 14.0):
+        walls += [wall(x, 0, x, CORRIDOR[0]), wall(x, CORRIDOR[1], x, DEPTH)]
+    for y in CORRIDOR:
+        edges = [0.0] + [x + side * DOOR_WIDTH / 2 for x in DOORS for side in (-1, 1)] + [LENGTH]
+        walls += [wall(start, y, end, y) for start, end in zip(edges[::2], edges[1::2])]
+        walls += [wall(start, y, end, y, LINTEL) for start, end in zip(edges[1:-1:2], edges[2::2])]
+    return walls
 
-    :param points: (N, 2) ndarray [m]
-    :return: (N,) ndarray [m]
-    """
-    start = prism.corners
-    edge = np.roll(start, -1, axis=0) - start
-    offset = np.asarray(points)[:, None, :] - start
-    share = np.clip((offset * edge).sum(axis=2) / (edge * edge).sum(axis=1), 0, 1)
-    distance = np.linalg.norm(offset - share[..., None] * edge, axis=2).min(axis=1)
-    inside = (edge[:, 0] * offset[..., 1] - edge[:, 1] * offset[..., 0] >= 0).all(axis=1)
-    return np.where(inside, 0.0, distance)
+
+def _furniture(random, centre):
+    """Along the room's outer sides, off the robot's way."""
+    side = random.choice([-1, 1])
+    outward = np.sign(centre[1] - 7.0)
+    x, y = centre
+    things = [(x - side * 2.9, y, 0.45, 1.6, 0.0, 0.0, random.uniform(1.5, 2.0), 23.0, 0.0, (60, 110, 150)),
+              (x - side * 0.8, y + outward * 2.3, 1.5, 0.7, 0.0, 0.0, 0.74, 23.5, 0.0, (80, 130, 165)),
+              (x + side * 1.3, y + outward * 2.5, 0.5, 0.5, random.uniform(0, 1.5), 0.0, 0.9, 24.0, 0.0, (130, 70, 40)),
+              (x + side * 3.1, y + outward * 2.4, 0.4, 0.8, 0.0, 0.0, 1.1, random.uniform(40, 62), 0.0, (150, 150, 145))]
+    return things

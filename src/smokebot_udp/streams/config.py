@@ -69,6 +69,5 @@ def _check(name, values):
     if not isinstance(values, dict):
         raise ValueError('its settings are %r, not names with values' % (values,))
     kind = values.get('type')
-    if kind not in KINDS:
-        raise ValueError('type is %r, %s' % (kind, 'must be one of ' + ', '.join(sorted(KINDS))))
+    check({'type': kind}, {'type': TYPE})
     return check(values, parameters_of(kind))

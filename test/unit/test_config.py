@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: BSD-3-Clause
+import pathlib
+
+import pytest
+
+from smokebot_udp.streams import config
+
+GOOD = '''
+streams:
+  thermal: {type: image, robot_topic: /thermal/image_raw, operator_topic: /operator/thermal/image_raw}
+'''
+
+
+def with_setting(text):
+    return config.load(GOOD.replace('}', ', %s}' % text))
+
+
+def test_the_shipped_file_is_right():
+    path = pathlib.Path(__file__).parents[2] / 'config' / 'streams.yaml'
+    streams, problems = config.load(path.read_text())
+    assert not problems
+    assert streams['thermal']['robot_topic'] == '/thermal/image_raw'
+    assert streams['camera']['operator_topic'] == '/operator/camera/image_raw'
+
+
+def test_defaults():
+    streams, problems = config.load(GOOD)
+    assert not problems
+    assert streams['thermal']['rate'] == 10.0 and streams['thermal']['enabled'] is True
+    assert with_setting('rate: 5')[0]['thermal']['rate'] == 5.0
+
+
+@pytest.mark.parametrize('text, message', [
+    ('rate: 0', "stream 'thermal': rate is 0, must be a number above 0"),
+    ('rate: -5', 'rate is -5'),
+    ('rate: .nan', 'rate is nan'),
+    ('rate: .inf', 'rate is inf'),
+    ('rate: fast', "rate is 'fast'"),
+    ('rate: true', 'rate is True'),
+    ('enabled: 1', 'enabled is 1, must be true or false'),
+    ('fill: magic', "fill is 'magic', must be one of"),
+    ('max_wait: 0', 'max_wait is 0'),
+    ('colour: red', 'colour: no such setting')])
+def test_a_wrong_setting_costs_its_stream_only(text, message):
+    good = '\n  other: {type: image, robot_topic: a, operator_topic: b}\n'
+    streams, problems = config.load(GOOD.rstrip().replace('}', ', %s}' % text) + good)
+    assert list(streams) == ['other']
+    assert len(problems) == 1 and message in problems[0]
+
+
+@pytest.mark.parametrize('text, message', [
+    ('', 'no "streams:"'), ('[1, 2]', 'no "streams:"'), ('streams: 5', 'no "streams:"'), ('a: [', 'no YAML'),
+    ('streams: {x: {type: video, robot_topic: a, operator_topic: b}}', "stream 'x': type is 'video', must be one of"),
+    ('streams: {x: {type: [1], robot_topic: a, operator_topic: b}}', 'type is [1]'),
+    ('streams: {x: {type: image, operator_topic: b}}', "stream 'x': robot_topic is missing"),
+    ('streams: {x y: {type: image}}', "stream 'x y': a name has"),
+    ('streams: {7: {type: image}}', 'stream 7: a name has'),
+    ('streams: {x: thermal}', "stream 'x': its settings are 'thermal'")])
+def test_bad_files(text, message):
+    streams, problems = config.load(text)
+    assert not streams
+    assert len(problems) == 1 and message in problems[0]
+
+
+def test_a_name_that_stands_twice():
+    streams, problems = config.load(GOOD + '  thermal: {type: image, robot_topic: x, operator_topic: y}\n')
+    assert streams['thermal']['robot_topic'] == '/thermal/image_raw'
+    assert problems == ["'thermal' stands twice, again in line 4: the first one counts"]

@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: BSD-3-Clause
+import numpy as np
+import pytest
+
+from smokebot_udp.codecs.pixels import ENCODINGS, as_items, as_pixels, item_type
+
+
+@pytest.mark.parametrize('encoding, size', [('mono8', 1), ('8UC1', 1), ('mono16', 2), ('16UC1', 2), ('bgr8', 3),
+                                            ('rgb8', 3), ('bgra8', 4), ('rgba8', 4), ('32FC1', 4)])
+def test_size_of_a_pixel(encoding, size):
+    assert item_type(encoding).itemsize == size
+
+
+def test_padded_rows():
+    data = bytes([1, 2, 0xee, 0xee, 3, 4, 0xee, 0xee])
+    assert as_pixels(data, 2, 2, 4, 'mono8', 0).tolist() == [[1, 2], [3, 4]]
+    assert as_items(data, 2, 1, 4, '16UC1').tobytes() == bytes([1, 2, 3, 4])
+
+
+def test_byte_order():
+    assert as_pixels(b'\x01\x02', 1, 1, 2, 'mono16', 1).tolist() == [[0x0102]]
+    assert as_pixels(b'\x01\x02', 1, 1, 2, 'mono16', 0).tolist() == [[0x0201]]
+
+
+def test_channels_and_no_copy():
+    data = bytes(range(24))
+    pixels = as_pixels(data, 2, 3, 12, 'bgr8', 0)
+    assert pixels.shape == (2, 3, 3) and pixels[1, 2].tolist() == [18, 19, 20]
+    assert np.shares_memory(pixels, np.frombuffer(data, np.uint8))
+
+
+@pytest.mark.parametrize('encoding', sorted(ENCODINGS))
+@pytest.mark.parametrize('pad', [0, 5])
+def test_items_hold_the_sources_bytes(encoding, pad):
+    size = item_type(encoding).itemsize
+    step = 7 * size + pad
+    data = np.random.RandomState(3).bytes(5 * step)
+    rows = np.frombuffer(data, np.uint8).reshape(5, step)[:, :7 * size]
+    assert as_items(data, 5, 7, step, encoding).tobytes() == rows.tobytes()
+
+
+@pytest.mark.parametrize('change, message', [
+    ({'encoding': 'yuv422'}, "encoding is 'yuv422'"),
+    ({'data': b'123'}, 'data has 3 bytes, height x step is 2 x 2 = 4'),
+    ({'height': 0}, 'height is 0'),
+    ({'width': 0}, 'width is 0'),
+    ({'width': 5000, 'step': 5000}, 'width is 5000'),
+    ({'step': 1}, 'step is 1')])
+def test_bad_images(change, message):
+    image = dict({'data': b'1234', 'height': 2, 'width': 2, 'step': 2, 'encoding': 'mono8'}, **change)
+    with pytest.raises(ValueError, match=message):
+        as_items(**image)
+    with pytest.raises(ValueError, match=message):
+        as_pixels(is_bigendian=0, **image)
