@@ -106,6 +106,8 @@ class Subscription:
             lost = self._drop(count)
             self.inbox.dropped['demonstration'] += int(np.count_nonzero(lost))
             kept = np.flatnonzero(~lost)
+            if not len(kept):
+                return
             datagrams, lengths, sources, trusted = datagrams[kept], lengths[kept], sources[kept], trusted[kept]
         self.last_arrival = time.monotonic()
         whole, messages = self.inbox.sort(datagrams, lengths, trusted, self.last_arrival)

@@ -1,0 +1,179 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""Pictures through robot_sender and operator_receiver: real nodes, real sockets, real master."""
+import pathlib
+import re
+import sys
+import unittest
+import xmlrpc.client
+
+import numpy as np
+import rosgraph
+import rospy
+import rostest
+from rosgraph_msgs.msg import Log
+from sensor_msgs.msg import Image
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+from waiting import Collector, stamps, wait_for
+
+from smokebot_udp import udpros
+from smokebot_udp.codecs.pixels import item_type
+from smokebot_udp.msg import ImageSegment
+
+THERMAL = pathlib.Path(__file__).resolve().parents[3] / 'shared' / 'data' / 'thermal'
+SIZES = {'mono8': (240, 320), '8UC1': (33, 77), 'mono16': (480, 640), '16UC1': (1, 1), 'bgr8': (479, 641),
+         'rgb8': (120, 160), 'bgra8': (48, 64), 'rgba8': (7, 300), '32FC1': (240, 320)}
+
+
+def image(pixels_bytes, height, width, encoding, stamp, step=None, is_bigendian=0):
+    message = Image(height=height, width=width, encoding=encoding, data=pixels_bytes, is_bigendian=is_bigendian,
+                    step=width * item_type(encoding).itemsize if step is None else step)
+    message.header.stamp, message.header.frame_id = stamp, 'somewhere'
+    return message
+
+
+def fragments():
+    """IPv4 packets that this host has cut in fragments so far."""
+    names, values = re.findall(r'^Ip: (.*)$', pathlib.Path('/proc/net/snmp').read_text(), re.MULTILINE)
+    return int(dict(zip(names.split(), values.split()))['FragCreates'])
+
+
+class ImageStreams(unittest.TestCase):
+
+    @classmethod
+    def setUpClass(cls):
+        rospy.init_node('image_streams')
+        cls.errors = []
+        cls.log = rospy.Subscriber('/rosout', Log, lambda log: cls.errors.append(log.msg)
+                                   if log.level >= Log.ERROR else None)
+        cls.source = rospy.Publisher('/thermal/image_raw', Image, queue_size=5)
+        cls.out = {loss: Collector(topic, Image) for loss, topic in (
+            (0, '/operator/thermal/image_raw'), (50, '/loss50/thermal'), (90, '/loss90/thermal'))}
+        for collector in cls.out.values():
+            collector.wait_connected()
+        wait_for(cls.source.get_num_connections, what='robot_sender')
+        wait_for(lambda: cls.udp_subscribers() == 3, what="three receivers' connections")
+
+    @staticmethod
+    def udp_subscribers():
+        master = rosgraph.Master('/image_streams')
+        with xmlrpc.client.ServerProxy(master.lookupNode('/robot_sender')) as node:
+            return sum(entry[3:5] == ['UDPROS', '/smokebot_udp/thermal/segments']
+                       for entry in node.getBusInfo('/image_streams')[2])
+
+    def setUp(self):
+        for collector in self.out.values():
+            collector.clear()
+
+    def play(self, pictures, rate, encoding='mono16'):
+        sent = {}
+        for stamp, picture in zip(stamps(len(pictures), rate), pictures):
+            message = image(picture.tobytes(), picture.shape[0], picture.shape[1], encoding, stamp)
+            self.source.publish(message)
+            sent[stamp] = message
+        return sent
+
+    def check_exact(self, sent):
+        """Without loss every picture arrives, bit for bit."""
+        wait_for(lambda: len(self.out[0].messages) == len(sent), 5, 'every picture')
+        for stamp, message in sent.items():
+            self.assertEqual(self.out[0].messages[stamp].data, message.data)
+
+    def check_rates(self, sent, rate):
+        """With 50 % and 90 % loss every picture arrives too, at the source's rate."""
+        for loss in (50, 90):
+            out = self.out[loss]
+            wait_for(lambda messages=out.messages: len(messages) == len(sent), 5, 'every picture at %d %%' % loss)
+            self.assertEqual(set(out.messages), set(sent))
+            self.assertAlmostEqual((len(sent) - 1) / (out.arrivals[-1] - out.arrivals[0]), rate, delta=0.05 * rate)
+
+    def test_every_encoding_is_bit_exact(self):
+        for encoding, (height, width) in SIZES.items():
+            for is_bigendian in (0, 1):
+                step = width * item_type(encoding).itemsize + 6
+                data = np.random.RandomState(height).bytes(height * step)
+                stamp = rospy.Time.now()
+                self.source.publish(image(data, height, width, encoding, stamp, step, is_bigendian))
+                got = wait_for(lambda at=stamp: self.out[0].messages.get(at), 5, 'a picture in ' + encoding)
+                rows = np.frombuffer(data, np.uint8).reshape(height, step)[:, :-6]
+                self.assertEqual(got.data, rows.tobytes())
+                self.assertEqual((got.height, got.width, got.step, got.encoding, got.is_bigendian, got.header.frame_id),
+                                 (height, width, step - 6, encoding, is_bigendian, 'somewhere'))
+
+    def test_a_moving_gradient_at_10_hz_through_loss(self):
+        rows, columns = np.mgrid[:480, :640]
+        pictures = [(7000 + 5 * rows + 3 * columns + 40 * k).astype(np.uint16) for k in range(30)]
+        before = fragments()
+        sent = self.play(pictures, 10.0)
+        self.check_exact(sent)
+        self.check_rates(sent, 10.0)
+        self.assertEqual(fragments(), before)
+        for loss, most in ((50, 12), (90, 40)):   # counts; the gradient is 5 a pixel
+            for stamp, message in sent.items():
+                error = (np.frombuffer(self.out[loss].messages[stamp].data, np.uint16).astype(int)
+                         - np.frombuffer(message.data, np.uint16))
+                self.assertLess(np.abs(error).mean(), most)
+
+    @unittest.skipUnless(THERMAL.is_dir(), 'the thermal recordings are not on this machine')
+    def test_thermal_recordings_at_10_hz_through_loss(self):
+        import cv2
+        files = sorted(THERMAL.glob('seq_*/*.png')) + sorted(THERMAL.glob('single/*.png'))
+        pictures = [cv2.imread(str(file), cv2.IMREAD_UNCHANGED) for file in files]
+        pictures = [p for p in pictures if p.dtype == np.uint16 and p.size >= 640 * 480]
+        self.assertGreater(len(pictures), 20)
+        sent = self.play(pictures, 10.0)
+        self.check_exact(sent)
+        self.check_rates(sent, 10.0)
+
+    @unittest.skipUnless(THERMAL.is_dir(), 'the thermal recordings are not on this machine')
+    def test_small_thermal_clips_are_bit_exact(self):
+        """160 x 120: too few datagrams for every picture to survive 90 % loss, so only the clean link counts."""
+        clips = [np.load(str(file))['frames'] for file in sorted(THERMAL.glob('seq_lepton*/*.npz'))]
+        self.assertGreater(len(clips), 3)
+        self.check_exact(self.play([frame for clip in clips for frame in clip[:10]], 20.0))
+
+    def test_bad_images_are_told_of_and_the_next_good_one_comes(self):
+        good = bytes(range(16))
+        for bad, words in (
+                (dict(encoding='yuv422'), "encoding is 'yuv422'"), (dict(data=b'short'), 'data has 5 bytes'),
+                (dict(height=0), 'height is 0'), (dict(width=0), 'width is 0'), (dict(step=1), 'step is 1')):
+            message = image(good, 4, 4, 'mono8', rospy.Time.now())
+            for field, value in bad.items():
+                setattr(message, field, value)
+            del self.errors[:]
+            self.source.publish(message)
+            wait_for(lambda text=words: any("stream 'thermal'" in e and text in e for e in self.errors), 5, words)
+        stamp = rospy.Time.now()
+        self.source.publish(image(good, 4, 4, 'mono8', stamp))
+        wait_for(lambda: stamp in self.out[0].messages, 5, 'a good picture')
+
+    def test_hostile_segments_change_nothing(self):
+        hostile = udpros.Publisher('/smokebot_udp/thermal/segments', ImageSegment, queue_size=10)
+        wait_for(lambda: len(hostile.connections()) == 3, what='the receivers')
+        random = np.random.RandomState(5)
+        picture = random.randint(0, 65536, (480, 640)).astype(np.uint16)
+        for k in range(10):
+            now = rospy.Time.now()
+            for _ in range(100):
+                segment = ImageSegment(height=random.choice([0, 1, 480, 4096, 2 ** 31]), width=random.choice([0, 640, 2 ** 32 - 1]),
+                                       encoding=random.choice(['mono16', 'mono8', 'x' * 50, '']),
+                                       depth=random.randint(256), index=random.randint(65536), count=random.randint(256),
+                                       total=random.choice([0, 1, 1024, 2 ** 32 - 1]), data=random.bytes(random.randint(1200)))
+                segment.header.stamp = now - rospy.Duration(random.randint(2) * 100)
+                hostile.publish(segment)
+            sent = self.play([picture + np.uint16(k)], 100.0)
+            (stamp, message), = sent.items()
+            got = wait_for(lambda at=stamp: self.out[0].messages.get(at), 5, 'the good picture')
+            self.assertEqual(got.data, message.data)
+        hostile.unregister()
+
+    def test_wrong_streams_leave_the_good_ones(self):
+        wanted = {'/smokebot_udp/thermal/segments', '/smokebot_udp/camera/segments'}
+        published = {topic for topic, _ in rospy.get_published_topics('/smokebot_udp')}
+        self.assertEqual(published & wanted, wanted)
+        self.assertFalse([topic for topic in published if 'broken' in topic or 'too_fast' in topic])
+
+
+if __name__ == '__main__':
+    rostest.rosrun('smokebot_udp', 'image_streams', ImageStreams)
