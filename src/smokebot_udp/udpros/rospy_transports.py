@@ -187,23 +187,24 @@ class UdpPublisherImpl(_PublisherImpl):
                 self.queue_size = queue_size
 
     def publish_frames(self, frames):
-        """Number and send frames, one after the other, to every connection."""
+        """Number the frames' messages, and send them to one connection after the other."""
         for frame in frames:
             if has_header(self.data_class):   # the numbering of rospy.msg.serialize_message
                 frame.records['header']['seq'] = self.seq + 1 + np.arange(len(frame))
             self.seq += len(frame)
-            stream = None
-            for connection in self.connections:
-                try:
-                    if isinstance(connection, PublisherTransport):
-                        connection.write_frame(frame)
-                    else:
-                        stream = frame.stream() if stream is None else stream
-                        connection.write_data(stream)
-                except Exception as error:   # as rospy's publish: whatever failed ends this connection only
-                    rospy.logdebug('[%s]: %s ended: %s', self.resolved_name, connection.endpoint_id, error)
-                    connection.close()
             self.message_data_sent += frame.rows.size
+        stream = None
+        for connection in self.connections:
+            try:
+                if isinstance(connection, PublisherTransport):
+                    for frame in frames:
+                        connection.write_frame(frame)
+                else:
+                    stream = b''.join(frame.stream() for frame in frames) if stream is None else stream
+                    connection.write_data(stream)
+            except Exception as error:   # as rospy's publish: whatever failed ends this connection only
+                rospy.logdebug('[%s]: %s ended: %s', self.resolved_name, connection.endpoint_id, error)
+                connection.close()
 
 
 class UdpSubscriberImpl(_SubscriberImpl):
