@@ -1,95 +1,143 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The burning building that every sensor sees: six rooms along a corridor, furniture, a person, fires.
+"""The building: walls, furniture, people and fires, as upright prisms with a temperature and a colour.
 
-Metres, degrees Celsius, REP-103 axes in the frame `map`. Every solid thing is a box, perhaps turned about the vertical.
+x is east, y north, z up, the floor is z = 0 (REP-103); metres, degrees Celsius, colours in BGR 0..255.
 """
+from dataclasses import dataclass
+
 import numpy as np
 
 CEILING = 2.7
+"""Height of the rooms [m]."""
+
+SIZE = 21.0, 14.0
+"""The building's outer measures, from (0, 0) [m]."""
+
+ROBOT_HEIGHT = 1.0
+"""What hangs higher is not in its way [m]."""
+
+THICKNESS = 0.2
+DOOR = 1.4
+
+ROOM_WALLS = (5.6, 8.4)          # y of the corridor's walls
+PARTITIONS = (7.0, 14.0)         # x of the walls between rooms
+DOORS = (3.5, 10.5, 17.5)        # x of each room's door, on both sides of the corridor
+
 FLOOR, ROOF = -1, -2
-"""Surface ids of what is no box."""
-DOORS = (3.5, 10.5, 17.5)
-"""x of the rooms' doors and centres [m]."""
-LENGTH, DEPTH = 21.0, 14.0
-CORRIDOR = (6.0, 8.0)
-THICK, DOOR_WIDTH, LINTEL = 0.15, 1.1, 2.05
-WALL = (165, 178, 188)
+"""Surface ids besides the prisms' own indexes."""
 
 
-def room_centre(room):
-    """(x, y) of the room (column 0..2, row 0..1)."""
-    column, row = room
-    return DOORS[column], (3.0, 11.0)[row]
+@dataclass(frozen=True)
+class Prism:
+    """An upright box on a rectangle, turned about its centre."""
+    name: str
+    centre: tuple          # (x, y) [m]
+    size: tuple            # (along, across) [m]
+    yaw: float             # [rad]
+    bottom: float          # [m]
+    top: float             # [m]
+    temperature: float     # [degC]
+    colour: tuple          # (b, g, r)
+    flicker: float = 0.0   # how much of its temperature above the room's comes and goes, 0..1
+
+    def corners(self):
+        """(4, 2) float: the footprint, counter-clockwise."""
+        along, across = self.size[0] / 2, self.size[1] / 2
+        local = np.array([(-along, -across), (along, -across), (along, across), (-along, across)])
+        c, s = np.cos(self.yaw), np.sin(self.yaw)
+        return local @ np.array([(c, s), (-s, c)]) + self.centre
 
 
 class World:
-    """Boxes as arrays over P boxes: normals (P, 4, 2) outward, offsets (P, 4), bottom, top, colour (P, 3)."""
+    """Prisms, and their properties as arrays for the sensors."""
 
-    ambient = 24.0
+    def __init__(self, prisms, ambient=24.0):
+        self.prisms = tuple(prisms)
+        self.ambient = ambient
+        corners = np.array([prism.corners() for prism in self.prisms])
+        edges = np.roll(corners, -1, axis=1) - corners
+        normals = np.stack([edges[..., 1], -edges[..., 0]], axis=-1)
+        self.normals = normals / np.linalg.norm(normals, axis=-1, keepdims=True)
+        """(P, 4, 2): outward normals of the sides; inside is normal . point <= offset."""
+        self.offsets = np.einsum('pij,pij->pi', self.normals, corners)
+        self.bottom, self.top, self.temperature, self.flicker = (
+            np.array([getattr(prism, field) for prism in self.prisms])
+            for field in ('bottom', 'top', 'temperature', 'flicker'))
+        self.colour = np.array([prism.colour for prism in self.prisms], float)
+        self.fires = np.array([prism.centre + (prism.top,) for prism in self.prisms if prism.flicker])
 
-    def __init__(self, boxes, fires):
-        boxes = [_outline(*box[:5]) + box[5:] for box in boxes]
-        self.normals = np.array([box[0] for box in boxes])
-        self.offsets = np.array([box[1] for box in boxes])
-        self.bottom, self.top, self._base, self.flicker = (
-            np.array([box[i] for box in boxes], np.float32) for i in (2, 3, 4, 5))
-        self.colour = np.array([box[6] for box in boxes], np.float32)
-        self.fires = fires
+    def distance(self, point):
+        """How far a point of the floor is from the nearest prism in a robot's way; negative inside one [m]."""
+        low = self.bottom < ROBOT_HEIGHT
+        return float((self.normals[low] @ np.asarray(point, float) - self.offsets[low]).max(axis=1).min())
+
+    def index(self, name):
+        """The surface id of the prism of this name."""
+        return [prism.name for prism in self.prisms].index(name)
 
     def temperatures(self, time):
-        """(P,) of the boxes [degC]; fires flicker."""
-        phase = np.arange(len(self._base))
-        return self._base + self.flicker * (np.sin(9.1 * time + phase) + 0.5 * np.sin(23.7 * time + 2 * phase))
-
-
-def _outline(x, y, length, width, yaw):
-    ahead = np.array([np.cos(yaw), np.sin(yaw)])
-    left = np.array([-ahead[1], ahead[0]])
-    normals = np.array([ahead, -ahead, left, -left])
-    return normals, normals @ np.array([x, y]) + np.array([length, length, width, width]) / 2
+        """(P,) the prisms' temperatures now, fires flickering [degC]."""
+        phase = np.arange(len(self.prisms)) * 1.7
+        wave = 0.5 + 0.25 * np.sin(9.0 * time + phase) + 0.25 * np.sin(23.0 * time + 2.0 * phase)
+        return self.ambient + (self.temperature - self.ambient) * (1.0 - self.flicker * wave)
 
 
 def building(seed):
-    """:return: World; the same for the same seed"""
+    """The burning building: rooms and corridor stand, the seed furnishes them and lays the fires."""
     random = np.random.RandomState(seed)
-    boxes = _walls()
-    fires = []
-    burning = set(random.permutation(6)[:3])
-    for index in range(6):
-        centre = np.array(room_centre((index % 3, index // 3)))
-        boxes += _furniture(random, centre)
-        if index in burning:
-            x, y = centre + (random.choice([-2.4, 2.4]), random.choice([-1.6, 1.6]))
-            fires.append((x, y, 0.4))
-            boxes.append((x, y, 0.7, 0.6, random.uniform(0, 3), 0.0, 0.8, random.uniform(380, 620), 40.0, (30, 90, 200)))
-    x, y = room_centre((random.randint(3), random.randint(2)))
-    boxes += [(x + 1.2, y - 1.0, 0.6, 0.42, 0.4, 0.0, 0.25, 33.0, 0.0, (120, 60, 40)),
-              (x + 0.45, y - 1.3, 0.75, 0.3, 0.4, 0.0, 0.18, 31.0, 0.0, (90, 50, 40)),
-              (x + 1.67, y - 0.8, 0.22, 0.2, 0.4, 0.0, 0.22, 34.5, 0.0, (140, 170, 210))]
-    return World(boxes, fires)
+    prisms = list(_walls())
+    rooms = [(column, row) for column in range(3) for row in range(2)]
+    burning = {rooms[i] for i in random.choice(len(rooms), 2, replace=False)}
+    for room in rooms:
+        prisms += _furnish(room, room in burning, random)
+    prisms.append(Prism('lamp', (19.8, 7.6), (0.3, 0.3), 0.3, 0.0, 1.6, 45.0, (120, 210, 240)))
+    return World(prisms)
 
 
 def _walls():
-    def wall(x0, y0, x1, y1, bottom=0.0):
-        return ((x0 + x1) / 2, (y0 + y1) / 2, max(x1 - x0, THICK), max(y1 - y0, THICK), 0.0, bottom, CEILING, 22.0, 0.0,
-                WALL)
-    walls = [wall(0, 0, LENGTH, 0), wall(0, DEPTH, LENGTH, DEPTH), wall(0, 0, 0, DEPTH), wall(LENGTH, 0, LENGTH, DEPTH)]
-    for x in (7.0, 14.0):
-        walls += [wall(x, 0, x, CORRIDOR[0]), wall(x, CORRIDOR[1], x, DEPTH)]
-    for y in CORRIDOR:
-        edges = [0.0] + [x + side * DOOR_WIDTH / 2 for x in DOORS for side in (-1, 1)] + [LENGTH]
-        walls += [wall(start, y, end, y) for start, end in zip(edges[::2], edges[1::2])]
-        walls += [wall(start, y, end, y, LINTEL) for start, end in zip(edges[1:-1:2], edges[2::2])]
-    return walls
+    width, depth = SIZE
+    half = THICKNESS / 2
+    grey, cool = (165, 175, 180), 24.0
+
+    def wall(name, x0, y0, x1, y1):
+        size = max(x1 - x0, THICKNESS), max(y1 - y0, THICKNESS)
+        return Prism(name, ((x0 + x1) / 2, (y0 + y1) / 2), size, 0.0, 0.0, CEILING, cool, grey)
+
+    yield wall('south wall', 0, half, width, half)
+    yield wall('north wall', 0, depth - half, width, depth - half)
+    yield wall('west wall', half, 0, half, depth)
+    yield wall('east wall', width - half, 0, width - half, depth)
+    for y in ROOM_WALLS:
+        edges = [0.0] + [x + side * DOOR / 2 for x in DOORS for side in (-1, 1)] + [width]
+        for i in range(0, len(edges), 2):
+            yield wall('corridor wall %d at %g' % (i // 2, y), edges[i], y, edges[i + 1], y)
+        for x in DOORS:
+            yield Prism('lintel %g %g' % (x, y), (x, y), (DOOR, THICKNESS), 0.0, 2.1, CEILING, cool, (120, 140, 160))
+    for x in PARTITIONS:
+        yield wall('partition %g south' % x, x, 0, x, ROOM_WALLS[0])
+        yield wall('partition %g north' % x, x, ROOM_WALLS[1], x, depth)
 
 
-def _furniture(random, centre):
-    """Along the room's outer sides, off the robot's way."""
-    side = random.choice([-1, 1])
-    outward = np.sign(centre[1] - 7.0)
-    x, y = centre
-    things = [(x - side * 2.9, y, 0.45, 1.6, 0.0, 0.0, random.uniform(1.5, 2.0), 23.0, 0.0, (60, 110, 150)),
-              (x - side * 0.8, y + outward * 2.3, 1.5, 0.7, 0.0, 0.0, 0.74, 23.5, 0.0, (80, 130, 165)),
-              (x + side * 1.3, y + outward * 2.5, 0.5, 0.5, random.uniform(0, 1.5), 0.0, 0.9, 24.0, 0.0, (130, 70, 40)),
-              (x + side * 3.1, y + outward * 2.4, 0.4, 0.8, 0.0, 0.0, 1.1, random.uniform(40, 62), 0.0, (150, 150, 145))]
-    return things
+def room_centre(room):
+    """(x, y) of the middle of the room in (column 0..2, row 0..1)."""
+    column, row = room
+    return DOORS[column], (ROOM_WALLS[0] / 2, (ROOM_WALLS[1] + SIZE[1]) / 2)[row]
+
+
+def _furnish(room, burning, random):
+    """What stands along the walls of a room, away from the robot's way through its middle."""
+    x, y = room_centre(room)
+    inward = 1 if room[1] else -1     # away from the corridor
+    turn = random.uniform(-0.1, 0.1, 4)
+    yield Prism('desk %d %d' % room, (x - 2.3, y + inward * 1.6), (1.5, 0.7), turn[0], 0.0, 0.75,
+                random.uniform(22, 27), (60, 100, 150))
+    yield Prism('shelf %d %d' % room, (x + 2.75, y + inward * 0.3), (0.5, 1.8), turn[1], 0.0, random.uniform(1.4, 2.1),
+                random.uniform(20, 26), (70, 70, 110))
+    yield Prism('barrel %d %d' % room, (x - 2.6, y - inward * 1.2), (0.5, 0.5), np.pi / 4 + turn[2], 0.0, 0.9,
+                random.uniform(25, 70), tuple(random.uniform(40, 200, 3)))
+    if burning:
+        yield Prism('fire %d %d' % room, (x + 1.6, y + inward * 2.0), (0.9, 0.7), turn[3], 0.0, 0.55,
+                    random.uniform(380, 620), (30, 120, 255), flicker=0.35)
+    else:
+        yield Prism('person %d %d' % room, (x + 1.4, y + inward * 1.9), (1.7, 0.45), turn[3] * 4, 0.0, 0.3,
+                    33.0, (90, 110, 60))

@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: BSD-3-Clause
+import numpy as np
+import pytest
+
+from smokebot_udp.simulation.camera import Camera
+from smokebot_udp.simulation.drive import HALT, Drive
+from smokebot_udp.simulation.pinhole import Pinhole
+from smokebot_udp.simulation.rays import NOTHING, ranges
+from smokebot_udp.simulation.thermal import ThermalCamera, to_counts
+from smokebot_udp.simulation.world import CEILING, FLOOR, ROOF, Prism, World, building
+
+EYE = Pinhole(160, 120, np.radians(70), 0.6)
+
+
+def box(name='box', centre=(3.0, 0.0), size=(2.0, 4.0), bottom=0.0, top=CEILING, temperature=30.0, flicker=0.0):
+    return Prism(name, centre, size, 0.0, bottom, top, temperature, (10, 20, 30), flicker)
+
+
+def test_a_ray_at_a_known_wall_has_a_known_length():
+    world = World([box()])                                    # its near face is x = 2
+    distance, surface = ranges(world, (0.0, 0.0), 0.6, np.array([0.0, np.pi]), np.array([0.0]), floor=False)
+    assert distance[0, 0] == pytest.approx(2.0) and surface[0, 0] == 0
+    assert np.isinf(distance[1, 0]) and surface[1, 0] == NOTHING
+
+
+def test_rays_meet_floor_ceiling_and_the_top_of_low_things():
+    world = World([box(top=0.3)])
+    slopes = np.array([-1.0, -0.1, 0.1])
+    distance, surface = ranges(world, (0.0, 0.0), 0.6, np.array([0.0]), slopes)
+    assert surface.tolist() == [[FLOOR, 0, ROOF]]
+    assert distance[0] == pytest.approx([0.6, 3.0, 21.0])     # from 0.6 down to 0.3 at 1 in 10
+
+
+@pytest.mark.parametrize('seed', [0, 1, 7])
+def test_the_picture_and_the_rays_see_the_same(seed):
+    world = building(seed)
+    for time in (0.0, 31.0, 77.0):
+        pose = Drive().pose(time)
+        view = EYE.look(world, pose)
+        row = 80
+        right = (np.arange(EYE.width) - (EYE.width - 1) / 2) / EYE.focal_length
+        up = ((EYE.height - 1) / 2 - row) / EYE.focal_length
+        for column in range(0, EYE.width, 7):
+            stretch = np.hypot(1.0, right[column])
+            distance, surface = ranges(world, pose[:2], EYE.mount, np.array([pose[2] - np.arctan(right[column])]),
+                                       np.array([up / stretch]))
+            assert surface[0, 0] == view.surface[row, column]
+            assert distance[0, 0] == pytest.approx(view.depth[row, column] * stretch, rel=1e-3)
+
+
+def test_the_same_seed_is_the_same_building_fire_and_noise():
+    pictures = [ThermalCamera(building(seed), EYE, seed).look(Drive().pose(20.0), 20.0) for seed in (3, 3, 4)]
+    assert (pictures[0] == pictures[1]).all()
+    assert (pictures[0] != pictures[2]).any()
+
+
+def test_a_fire_is_hot_where_it_stands():
+    world = building(1)
+    for fire in np.flatnonzero(world.flicker > 0):
+        x, y = world.prisms[fire].centre
+        pose = x - 1.5, y, 0.0
+        column, row, depth = EYE.project(pose, (x - world.prisms[fire].size[0] / 2, y, 0.3))
+        counts = ThermalCamera(world, EYE, 1).look(pose, 5.0)
+        assert counts[int(round(row)), int(round(column))] > to_counts(200.0)
+        assert counts[5, 5] < to_counts(150.0)
+
+
+def test_counts_are_kelvin_by_0_04():
+    assert to_counts(0.0) == pytest.approx(6828.75)
+    world = World([box(size=(2.0, 40.0), temperature=30.0)])
+    counts = ThermalCamera(world, EYE, 1, noise=0.0).look((0.0, 0.0, 0.0), 0.0)
+    view = EYE.look(world, (0.0, 0.0, 0.0))
+    middle = counts[view.surface == 0] * 0.04 - 273.15
+    assert abs(np.median(middle) - 32.0) < 3.0                # the wall, warmer towards the ceiling
+
+
+def test_smoke_hides_what_is_far():
+    world = building(1)
+    pose = (1.5, 7.0, 0.0)
+    clear, thick = (Camera(world, EYE, 1, smoke=smoke, noise=0.0).look(pose, 0.0).astype(float) for smoke in (0.0, 0.5))
+    assert thick[40:80].std() < clear[40:80].std() / 2
+
+
+def test_the_drive_touches_nothing_and_closes():
+    drive = Drive(0.7)
+    times = np.arange(0.0, drive.period, 0.1)
+    for seed in range(5):
+        world = building(seed)
+        assert min(world.distance(drive.pose(time)[:2]) for time in times) > 0.25
+    start, end = drive.pose(0.0), drive.pose(drive.period)
+    assert end[:2] == pytest.approx(start[:2])
+    assert np.cos(end[2] - start[2]) == pytest.approx(1.0)
+
+
+def test_the_drive_moves_and_stands():
+    drive = Drive(0.7)
+    twists = np.array([drive.twist(time) for time in np.arange(0.05, drive.period - 0.05, 0.1)])
+    assert np.abs(twists[:, 0]).max() == pytest.approx(0.7, rel=1e-3)
+    standing = (np.abs(twists) < 1e-6).all(axis=1)
+    assert standing.mean() * drive.period == pytest.approx(7 * HALT, rel=0.1)
+
+
+def test_a_standing_robot_sees_the_same_picture_without_noise():
+    world, drive = building(2), Drive()
+    camera = ThermalCamera(world, EYE, 1, noise=0.0)
+    still = next(t for t in np.arange(0.0, drive.period, 0.1) if drive.twist(t) == (0.0, 0.0)) + 0.5
+    first, second = (camera.look(drive.pose(t), 0.0) for t in (still, still + 1.0))
+    moving = camera.look(drive.pose(still - 3.0), 0.0)
+    assert (first == second).all() and (first != moving).any()
