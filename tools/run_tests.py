@@ -11,24 +11,28 @@ import sys
 import xml.etree.ElementTree as ElementTree
 
 TOP = pathlib.Path(__file__).resolve().parent.parent
-CHECKS = {
-    'ruff': ['ruff', 'check', '.'],
-    'catkin_lint': ['catkin_lint', '-W2', '--strict', '--quiet', '--offline', '.'],
-}
+
+
+def checks(workspace):
+    # by its place in the workspace: a checkout's folder may have any name
+    package = str(workspace / 'src' / 'smokebot_udp')
+    return {'ruff': ['ruff', 'check', '.'],
+            'catkin_lint': ['catkin_lint', '-W2', '--strict', '--quiet', '--offline', package]}
 
 
 def say(text):
     print('smokebot: ' + text, file=sys.stderr, flush=True)
 
 
-def run_checks():
-    """The names of the checks that fail."""
-    failed = []
-    for name, command in CHECKS.items():
+def run_checks(workspace):
+    """Run the checks: (how many pass, how many fail)."""
+    failed = 0
+    for name, command in checks(workspace).items():
         say(name)
         if subprocess.run(command, cwd=TOP).returncode:
-            failed.append(name)
-    return failed
+            failed += 1
+            say('FAILED %s' % name)
+    return len(checks(workspace)) - failed, failed
 
 
 def run_workspace_tests(workspace):
@@ -66,14 +70,12 @@ def count(files):
 def main(workspace, *pytest_args):
     if pytest_args:
         return subprocess.run([sys.executable, '-m', 'pytest', *pytest_args], cwd=TOP).returncode
-    failed_checks = run_checks()
-    for name in failed_checks:
-        say('FAILED %s' % name)
-    passed, failed, skipped = count(run_workspace_tests(pathlib.Path(workspace)))
-    failed += len(failed_checks)
-    passed += len(CHECKS) - len(failed_checks)
-    print('%d passed, %d failed, %d skipped' % (passed, failed, skipped), flush=True)
-    return 1 if failed or passed <= len(CHECKS) else 0
+    workspace = pathlib.Path(workspace)
+    good_checks, failed_checks = run_checks(workspace)
+    passed, failed, skipped = count(run_workspace_tests(workspace))
+    say('%d of %d checks passed, and of the tests:' % (good_checks, good_checks + failed_checks))
+    print('%d passed, %d failed, %d skipped' % (passed, failed + failed_checks, skipped), flush=True)
+    return 0 if passed and not failed and not failed_checks else 1
 
 
 if __name__ == '__main__':

@@ -137,11 +137,10 @@ class ImageStreams(unittest.TestCase):
     def test_bad_images_are_told_of_and_the_next_good_one_comes(self):
         good = bytes(range(16))
         for bad, words in (
-                (dict(encoding='yuv422'), "encoding is 'yuv422'"), (dict(data=b'short'), 'data has 5 bytes'),
-                (dict(height=0), 'height is 0'), (dict(width=0), 'width is 0'), (dict(step=1), 'step is 1')):
+                (('encoding', 'yuv422'), "encoding is 'yuv422'"), (('data', b'short'), 'data has 5 bytes'),
+                (('height', 0), 'height is 0'), (('width', 0), 'width is 0'), (('step', 1), 'step is 1')):
             message = image(good, 4, 4, 'mono8', rospy.Time.now())
-            for field, value in bad.items():
-                setattr(message, field, value)
+            setattr(message, *bad)
             del self.errors[:]
             self.source.publish(message)
             wait_for(lambda text=words: any("stream 'thermal'" in e and text in e for e in self.errors), 5, words)
@@ -157,10 +156,11 @@ class ImageStreams(unittest.TestCase):
         for k in range(10):
             now = rospy.Time.now()
             for _ in range(100):
-                segment = ImageSegment(height=random.choice([0, 1, 480, 4096, 2 ** 31]), width=random.choice([0, 640, 2 ** 32 - 1]),
-                                       encoding=random.choice(['mono16', 'mono8', 'x' * 50, '']),
-                                       depth=random.randint(256), index=random.randint(65536), count=random.randint(256),
-                                       total=random.choice([0, 1, 1024, 2 ** 32 - 1]), data=random.bytes(random.randint(1200)))
+                segment = ImageSegment(
+                    height=random.choice([0, 1, 480, 4096, 2 ** 31]), width=random.choice([0, 640, 2 ** 32 - 1]),
+                    encoding=random.choice(['mono16', 'mono8', 'x' * 50, '']), depth=random.randint(256),
+                    index=random.randint(65536), count=random.randint(256),
+                    total=random.choice([0, 1, 1024, 2 ** 32 - 1]), data=random.bytes(random.randint(1200)))
                 segment.header.stamp = now - rospy.Duration(random.randint(2) * 100)
                 hostile.publish(segment)
             sent = self.play([picture + np.uint16(k)], 100.0)

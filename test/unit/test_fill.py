@@ -46,7 +46,8 @@ def test_missing_pixels_take_the_nearest_received_one(height, width, depth, shar
 @pytest.mark.parametrize('item', ['u1', 'u2', 'V3', 'u4', '>f4'])
 def test_any_pixels(item):
     cut = Interleave(9, 7, 2)
-    subimages = cut.split(np.frombuffer(np.random.RandomState(0).bytes(63 * np.dtype(item).itemsize), item).reshape(9, 7))
+    data = np.random.RandomState(0).bytes(63 * np.dtype(item).itemsize)
+    subimages = cut.split(np.frombuffer(data, item).reshape(9, 7))
     have = np.arange(len(cut)) != 5
     filled = nearest(subimages, have, cut)
     assert filled.dtype == subimages.dtype

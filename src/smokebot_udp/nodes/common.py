@@ -16,7 +16,8 @@ def number_parameter(name, default, least=None, most=None):
     if good and (least is None or value >= least) and (most is None or value <= most):
         return value
     limits = ['from %g' % least] * (least is not None) + ['to %g' % most] * (most is not None)
-    rospy.logerr('%s is %r, must be a number %s: %r is used', rospy.resolve_name(name), value, ' '.join(limits), default)
+    rospy.logerr('%s is %r, must be a number %s: %r is used',
+                 rospy.resolve_name(name), value, ' '.join(limits), default)
     return default
 
 

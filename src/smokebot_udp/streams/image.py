@@ -70,11 +70,12 @@ class ImageSender(RobotStream):
 class ImageReceiver(OperatorStream):
     """Publishes each stamp's picture, made of what came of it."""
     MESSAGE, SEGMENT = Image, ImageSegment
-    PARAMETERS = dict(OPERATOR, **{
+    PARAMETERS = {
+        **OPERATOR,
         'max_wait': Parameter(0.2, 's', 'a picture is shown at the latest so long after its first segment came',
                               above=0.0, most=60.0),
         'fill': Parameter('nearest', '', 'how missing pixels are filled', choices=tuple(fill.METHODS)),
-    })
+    }
 
     def __init__(self, name, settings, link):
         self._sequence = PictureSequence(settings['max_wait'])

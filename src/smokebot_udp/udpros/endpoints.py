@@ -5,6 +5,7 @@ Linux only, as rospy's own use of it; where the kernel or the C library lacks ei
 recvfrom_into do the same, slower. IPv4, as roscpp's UDPROS.
 """
 import collections
+import contextlib
 import ctypes
 import errno
 import select
@@ -209,16 +210,15 @@ class DatagramReceiver:
     def kernel_drops(self):
         """Datagrams that the kernel dropped because this socket's buffer was full; None where it does not say."""
         try:
-            return struct.unpack_from('=I', self.socket.getsockopt(socket.SOL_SOCKET, SO_MEMINFO, 64), 4 * MEMINFO_DROPS)[0]
+            memory = self.socket.getsockopt(socket.SOL_SOCKET, SO_MEMINFO, 64)
+            return struct.unpack_from('=I', memory, 4 * MEMINFO_DROPS)[0]
         except (OSError, struct.error):
             return None
 
     def wake(self):
         """Make another thread's `wait` return at once, and every later one."""
-        try:
+        with contextlib.suppress(OSError):   # ENOTCONN, and yet Linux wakes whoever polls
             self.socket.shutdown(socket.SHUT_RD)
-        except OSError:
-            pass   # ENOTCONN, and yet Linux wakes whoever polls
 
     def close(self):
         self.socket.close()

@@ -306,8 +306,10 @@ def _overlook_nuls(node_handler):
     for hook in rospy.core._shutdown_hooks:
         node = getattr(hook, '__self__', None)
         if getattr(node, 'handler', None) is node_handler:
-            dispatch = node.server._marshaled_dispatch
-            node.server._marshaled_dispatch = (
-                lambda data, *args, **kwargs: dispatch(data.replace(b'\0', b''), *args, **kwargs))
+            node.server._marshaled_dispatch = functools.partial(_dispatch, node.server._marshaled_dispatch)
             return
     rospy.logwarn('this rospy keeps its XML-RPC server elsewhere: 3 of 54 roscpp subscribers may not connect')
+
+
+def _dispatch(original, data, *args, **kwargs):
+    return original(data.replace(b'\0', b''), *args, **kwargs)
