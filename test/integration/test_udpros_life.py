@@ -1,0 +1,191 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""UDPROS when peers die, restart, freeze or never hear of each other."""
+import os
+import pathlib
+import signal
+import subprocess
+import sys
+import threading
+import time
+import unittest
+import xmlrpc.client
+
+import rosgraph
+import rospy
+import rostest
+from std_msgs.msg import Header
+
+HERE = pathlib.Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE))
+from waiting import wait_for
+
+from smokebot_udp import udpros
+from smokebot_udp.udpros import rospy_binding
+
+NODE = '/udpros_life'
+RECONNECT = 1.0
+"""A restarted publisher is heard again so soon after the master has told of it [s]."""
+
+
+def start(script, topic, name):
+    return subprocess.Popen([sys.executable, str(HERE / script), topic, '__name:=' + name],
+                            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+def end(process):
+    if process.poll() is None:
+        process.send_signal(signal.SIGCONT)
+        process.kill()
+        process.wait(10)
+
+
+def open_files():
+    return len(os.listdir('/proc/self/fd'))
+
+
+class Life(unittest.TestCase):
+
+    @classmethod
+    def setUpClass(cls):
+        rospy.init_node('udpros_life')
+
+    def run_script(self, script, topic, name):
+        process = start(script, topic, name)
+        self.addCleanup(end, process)
+        return process
+
+    def publisher(self, topic):
+        publisher = udpros.Publisher(topic, Header, queue_size=10)
+        self.addCleanup(publisher.unregister)
+        return publisher
+
+    def published_until(self, publisher, condition, what):
+        def publish():
+            publisher.publish(Header(frame_id='x'))
+            return condition()
+        return wait_for(publish, 20, what)
+
+    def test_a_killed_subscriber_is_dropped(self):
+        publisher = self.publisher('/killed')
+        process = self.run_script('udpros_listener.py', '/killed', 'killed_listener')
+        wait_for(publisher.get_num_connections, what='the subscriber')
+        process.kill()
+        process.wait(10)
+        self.published_until(publisher, lambda: publisher.get_num_connections() == 0, 'the end of its connection')
+
+    def test_a_frozen_subscriber_blocks_nobody(self):
+        publisher = self.publisher('/frozen')
+        process = self.run_script('udpros_listener.py', '/frozen', 'frozen_listener')
+        wait_for(publisher.get_num_connections, what='the subscriber')
+        process.send_signal(signal.SIGSTOP)
+        longest, message = 0.0, Header(frame_id='x' * 20000)
+        for _ in range(2000):     # 40 MB: far beyond any buffer
+            before = time.monotonic()
+            publisher.publish(message)
+            longest = max(longest, time.monotonic() - before)
+        self.assertLess(longest, 5.0)
+        self.assertEqual(publisher.get_num_connections(), 1)
+
+    def test_a_restarted_subscriber_leaves_no_ghost(self):
+        publisher = self.publisher('/restarted')
+        for _ in range(3):
+            process = self.run_script('udpros_listener.py', '/restarted', 'restarted_listener')
+            before = publisher.connections()
+            wait_for(lambda old=before: publisher.connections() and publisher.connections() != old, what='it')
+            self.assertEqual(publisher.get_num_connections(), 1)
+            process.kill()
+            process.wait(10)
+
+    def test_a_restarted_publisher_is_heard_again(self):
+        times = []
+        subscriber = udpros.Subscriber('/talked', Header, lambda _: times.append(time.monotonic()), transport='udp')
+        self.addCleanup(subscriber.unregister)
+        for how in (signal.SIGINT, signal.SIGKILL, signal.SIGKILL):
+            process = self.run_script('udpros_talker.py', '/talked', 'talker')
+            uri = wait_for(lambda: rosgraph_uri('/talker'), what='the talker at the master')
+            heard = wait_for(lambda: [u for u in subscriber.impl.publishers if u == uri], what="the master's word")
+            told = time.monotonic()
+            del times[:]
+            wait_for(lambda: times, 10, 'a message of the talker')
+            self.assertLess(times[0] - told, RECONNECT, heard)
+            self.assertEqual(len(subscriber.connections()), 1)
+            process.send_signal(how)
+            process.wait(10)
+
+    def test_the_masters_lost_word_is_asked_for(self):
+        self.run_script('udpros_talker.py', '/unheard', 'unheard_talker')
+        times = []
+        subscriber = udpros.Subscriber('/unheard', Header, lambda _: times.append(time.monotonic()), transport='udp')
+        self.addCleanup(subscriber.unregister)
+        wait_for(lambda: times, what='the talker')
+        with xmlrpc.client.ServerProxy(rospy.get_node_uri()) as proxy:     # as if the publisher had gone
+            proxy.publisherUpdate('/master', '/unheard', [])
+        wait_for(lambda: not subscriber.connections(), what='the end of the connection')
+        del times[:]
+        wait_for(lambda: times, rospy_binding.SILENCE + 10, 'the talker again')
+
+    def test_a_publisher_that_forgot_us_is_asked_again(self):
+        """Its side of the connection is gone, ours stands: only silence tells."""
+        publisher = self.publisher('/forgot')
+        got = []
+        subscriber = udpros.Subscriber('/forgot', Header, got.append, transport='udp')
+        self.addCleanup(subscriber.unregister)
+        self.published_until(publisher, lambda: got, 'a message')
+        for connection in publisher.impl.connections:
+            connection.close()
+        del got[:]
+        wait_for(lambda: publisher.get_num_connections(), rospy_binding.SILENCE + 10, 'a new connection')
+        self.published_until(publisher, lambda: got, 'a message again')
+
+    def test_unregistering_frees_sockets_and_threads(self):
+        def use():
+            publisher = udpros.Publisher('/used', Header, queue_size=10)
+            got = []
+            subscriber = udpros.Subscriber('/used', Header, got.append, transport='udp')
+            self.published_until(publisher, lambda: got, 'a message')
+            subscriber.unregister(), publisher.unregister()
+
+        def in_use():
+            return open_files(), sum(thread.name.startswith('UDPROS /used') for thread in threading.enumerate())
+        use()
+        wait_for(lambda: in_use()[1] == 0, what="the first use's end")
+        before = open_files()
+        for _ in range(5):
+            use()
+        wait_for(lambda: in_use() <= (before + 1, 0), what='everything freed, not %s after %s' % (in_use(), before))
+
+    def test_an_outage_leaves_no_backlog(self):
+        """A subscriber that could not run for a while goes on with fresh messages, not with all it missed."""
+        got = []
+        subscriber = udpros.Subscriber('/fresh', Header, got.append, transport='udp', queue_size=5,
+                                       receive_buffer=1 << 22)
+        self.addCleanup(subscriber.unregister)
+        publisher = self.publisher('/fresh')
+        self.published_until(publisher, lambda: got, 'a message')
+        entered, leave = threading.Event(), threading.Event()
+
+        def busy(_):
+            entered.set()
+            leave.wait(20)
+        subscriber.impl.add_callback(busy, None)
+        self.published_until(publisher, entered.is_set, 'the busy callback')
+        for _ in range(500):
+            publisher.publish(Header(frame_id='missed'))
+        publisher.publish(Header(frame_id='fresh'))
+        subscriber.impl.remove_callback(busy, None)
+        del got[:]
+        leave.set()
+        wait_for(lambda: got and got[-1].frame_id == 'fresh', what='the fresh message')
+        self.assertLess(len(got), 30)
+
+
+def rosgraph_uri(node):
+    try:
+        return rosgraph.Master(NODE).lookupNode(node)
+    except rosgraph.MasterError:
+        return None
+
+
+if __name__ == '__main__':
+    rostest.rosrun('smokebot_udp', 'udpros_life', Life)
