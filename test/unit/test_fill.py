@@ -43,6 +43,22 @@ def test_missing_pixels_take_the_nearest_received_one(height, width, depth, shar
         assert distance == pytest.approx(np.hypot(rows - row, columns - column).min())
 
 
+@pytest.mark.parametrize('depth', range(1, 5))
+@pytest.mark.parametrize('count', [1, 2, 3])
+def test_nearest_of_few_across_the_blocks(depth, count):
+    p = 1 << depth
+    cut = Interleave(3 * p, 3 * p, depth)
+    have = np.zeros(len(cut), bool)
+    have[np.random.RandomState(depth).permutation(len(cut))[:count]] = True
+    picture = np.arange(9 * p * p).reshape(3 * p, 3 * p)
+    filled = cut.merge(nearest(cut.split(picture), have, cut))
+    rows, columns = np.nonzero(received_pixels(cut, have))
+    for row, column in np.ndindex(p, p):       # of the middle block
+        row, column = row + p, column + p
+        distance = np.hypot(*np.subtract(np.divmod(filled[row, column], 3 * p), (row, column)))
+        assert distance == pytest.approx(np.hypot(rows - row, columns - column).min())
+
+
 @pytest.mark.parametrize('item', ['u1', 'u2', 'V3', 'u4', '>f4'])
 def test_any_pixels(item):
     cut = Interleave(9, 7, 2)

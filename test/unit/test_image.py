@@ -65,8 +65,16 @@ def test_duplicates_are_counted_and_change_nothing():
     items, cut, segments = segments_of()
     picture = empty(cut)
     take(picture, *segments, *segments[:3])
-    assert picture.duplicates == 3
+    assert picture.duplicates == 3 * segments[0][1]
     assert picture.items(nearest).tobytes() == items.tobytes()
+
+
+def test_duplicates_in_one_batch_are_counted():
+    _, cut, segments = segments_of()
+    indexes, counts, payloads = (np.array(column) for column in zip(*segments[:3], segments[1], segments[1]))
+    picture = empty(cut)
+    assert picture.add(indexes, counts, payloads).all()
+    assert picture.duplicates == 2 * segments[1][1]
 
 
 def test_a_prefix_is_complete_when_all_that_was_sent_came():

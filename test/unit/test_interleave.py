@@ -1,4 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
+import tracemalloc
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -94,6 +96,17 @@ def test_large_and_odd_sizes(height, width, item):
 def test_fit_fills_a_datagram(height, width, size, depth, per_segment):
     cut, count = fit(height, width, size, 1390)
     assert (cut.depth, count) == (depth, per_segment)
+
+
+def test_forged_sizes_do_not_fill_the_memory():
+    tracemalloc.start()
+    try:
+        for height in range(150, 250):
+            assert len(Interleave(height, 256, 8).positions) == 4 ** 8
+        held, _ = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert held < 20e6
 
 
 @pytest.mark.parametrize('height, width', [(0, 4), (4, 0), (4097, 4), (4, 4097), (-1, 4)])

@@ -58,6 +58,15 @@ def test_late_messages_are_known_up_to_the_window():
     assert tracker.lost == 0 and tracker.duplicates == 2
 
 
+def test_the_windows_places_are_used_again():
+    tracker = tracker_after(range(WINDOW - 5, WINDOW + 5))      # past the ring's end, and back to its beginning
+    assert tracker.add(range(WINDOW - 5, WINDOW + 5)).tolist() == [False] * 10
+    tracker = tracker_after(range(WINDOW))
+    assert tracker.add([WINDOW + 5]).tolist() == [True]
+    assert tracker.lost == 5
+    assert tracker.add([WINDOW + 2, 6]).tolist() == [True, False]
+
+
 def test_a_publisher_that_begins_anew():
     tracker = tracker_after(range(20000, 20100), [20105])
     for seq in (1, 2, 3):                             # as they come from a slow topic
@@ -69,6 +78,7 @@ def test_a_publisher_that_begins_anew():
 def test_a_publisher_that_jumps_far_ahead():
     tracker = tracker_after(range(100), range(5 * JUMP, 5 * JUMP + 100))
     assert (tracker.restarts, tracker.received, tracker.lost) == (1, 200, 0)
+    assert tracker_after(range(1 << 31, 5 + (1 << 31)), [WRAP - 1, 0]).restarts == 1
 
 
 def test_a_stray_number_harms_nothing():

@@ -45,15 +45,17 @@ def _nearest_received(have, cut):
     p = cut.p
     position = cut.positions[table(cut.depth)]                       # (p, p), -1: no subimage
     missing = np.where(position < 0, True, ~have[position])
-    # the block repeats for ever: its neighbours hold the nearest of the places at its border
-    indices = ndimage.distance_transform_edt(np.tile(missing, (3, 3)), return_distances=False, return_indices=True)
-    indices = indices[:, p:2 * p, p:2 * p]
+    # the block repeats for ever, so no place's nearest is further up, down or aside than half a block
+    half = p // 2
+    indices = ndimage.distance_transform_edt(
+        np.pad(missing, half, mode='wrap'), return_distances=False, return_indices=True)
+    indices = indices[:, half:half + p, half:half + p] - half
     row, column = np.nonzero(position >= 0)
     at = position[row, column]
     down, right = indices[:, row, column]
     source, block = np.empty(len(cut), int), np.empty((len(cut), 2), int)
     source[at] = position[down % p, right % p]
-    block[at, 0], block[at, 1] = down // p - 1, right // p - 1
+    block[at, 0], block[at, 1] = down // p, right // p
     return source, block
 
 

@@ -32,6 +32,7 @@ class Picture:
         self.ending = False
         """Whether one of the last segments has come: segments are sent in order, so not much can follow."""
         self.duplicates = 0
+        """Subimages that came again."""
         self._subimages = np.zeros((len(self.cut), rows * columns), item)
 
     @property
@@ -61,10 +62,11 @@ class Picture:
             good[:] = False
         if good.any():
             places = first[good, np.newaxis] + np.arange(count)
-            self.duplicates += int(np.count_nonzero(self.have[places].all(axis=1)))
+            before = np.count_nonzero(self.have)
             pixels = np.ascontiguousarray(payloads[good]).view(self.item)
             self._subimages[places] = pixels.reshape(places.shape + (-1,))
             self.have[places] = True
+            self.duplicates += int(places.size - (np.count_nonzero(self.have) - before))
             self.ending |= bool(places.max() >= self.total - ENDING * count)
         return good
 

@@ -16,6 +16,10 @@ MAX_DEPTH = 8
 MAX_SIDE = 4096
 """Pictures and maps have at most so many rows, and so many columns."""
 
+CUTS_KEPT = 16
+"""Of so many cuts the order is kept: they are made for the sizes segments name, forged ones too, and take up to
+1 MB each."""
+
 
 @functools.lru_cache(maxsize=None)
 def table(depth):
@@ -130,14 +134,14 @@ def _places(depth):
     return np.argsort(table(depth), axis=None)
 
 
-@functools.lru_cache(maxsize=256)
+@functools.lru_cache(maxsize=CUTS_KEPT)
 def _order(rows, columns, depth):
     order = np.sort(table(depth)[:rows, :columns], axis=None)
     order.setflags(write=False)
     return order
 
 
-@functools.lru_cache(maxsize=256)
+@functools.lru_cache(maxsize=CUTS_KEPT)
 def _positions(rows, columns, depth):
     positions = np.full(4 ** depth, -1)
     positions[_order(rows, columns, depth)] = np.arange(rows * columns)

@@ -25,9 +25,10 @@ MEMINFO_DROPS = 8           # linux/sock_diag.h: SK_MEMINFO_DROPS
 IP_MTU = 14                 # linux/in.h: the path's MTU, of a connected socket
 IP_UDP_HEADERS = 28
 SEND_PATIENCE = 0.05
-"""How long a call waits for room in the socket before it drops the rest [s]."""
+"""How long a call waits for room in the socket before it drops what has none [s]."""
 
-NO_GSO = (errno.EINVAL, errno.EIO, errno.ENOPROTOOPT, errno.EOPNOTSUPP)
+NO_GSO = (errno.EINVAL, errno.EIO, errno.EMSGSIZE, errno.ENOPROTOOPT, errno.EOPNOTSUPP)
+"""Not on this kernel or device, or the path has become too narrow; plain sends are fragmented there."""
 
 
 class PeerGone(Exception):
@@ -45,7 +46,7 @@ def path_payload(host, port):
 
 
 class DatagramSender:
-    """Datagrams to one peer. Never blocks for longer than SEND_PATIENCE, whatever became of the peer.
+    """Datagrams to one peer. No call waits longer than SEND_PATIENCE (and its pacer), whatever became of the peer.
 
     `failures` counts the datagrams that could not be sent, by the error's name: EPERM is a local firewall,
     EAGAIN a network device slower than we are, ENETUNREACH and EHOSTUNREACH a pulled cable.
@@ -61,6 +62,8 @@ class DatagramSender:
             self.socket.setblocking(False)
             self.socket.connect((host, port))
             self.local, self.remote = self.socket.getsockname(), self.socket.getpeername()
+            self._poll = select.poll()
+            self._poll.register(self.socket, select.POLLOUT)
         except OSError:
             self.socket.close()
             raise
@@ -78,6 +81,7 @@ class DatagramSender:
         :raises PeerGone: where the peer closed its port
         """
         view, sent, at = memoryview(datagrams).cast('B'), 0, 0
+        deadline = time.monotonic() + SEND_PATIENCE
         most = min(MAX_SEGMENTS, UDP_MAX_PAYLOAD // size)
         if pacer is not None and pacer.rate is not None:
             most = max(1, min(most, int(pacer.burst // size)))
@@ -88,12 +92,12 @@ class DatagramSender:
                 wait = pacer.reserve(len(piece), time.monotonic()) - time.monotonic()
                 if wait > 0:
                     time.sleep(wait)
-            sent += self._send_burst(piece, size, burst)
+                    deadline += wait
+            sent += self._send_burst(piece, size, burst, deadline)
             at += burst
         return sent
 
-    def _send_burst(self, piece, size, burst):
-        deadline = time.monotonic() + SEND_PATIENCE
+    def _send_burst(self, piece, size, burst, deadline):
         if burst > 1 and self._gso:
             segment = [(socket.IPPROTO_UDP, UDP_SEGMENT, struct.pack('=H', size))]
             sent = self._try((piece,), segment, burst, deadline)
@@ -110,13 +114,13 @@ class DatagramSender:
                 raise PeerGone('nobody listens at %s:%d any more' % self.remote) from error
             except BlockingIOError:
                 left = deadline - time.monotonic()
-                if left > 0 and select.select((), (self.socket,), (), left)[1]:
+                if left > 0 and self._poll.poll(left * 1e3):
                     continue
                 self.failures['EAGAIN'] += count
                 return 0
             except OSError as error:
                 if control and error.errno in NO_GSO:
-                    self._gso = False    # not on this kernel or device: the caller sends one by one
+                    self._gso = False    # the caller sends one by one
                     return 0
                 if error.errno == errno.EBADF:
                     raise
@@ -148,13 +152,18 @@ class DatagramReceiver:
 
     :param receive_buffer: asked of the kernel [byte]; `receive_buffer` then says what it granted
     :param batch: most datagrams a call
+    :raises OSError: where this machine has no such address
     """
 
     def __init__(self, address, max_datagram_size, receive_buffer=4 << 20, batch=128, recvmmsg=True):
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self.socket.setblocking(False)
-        self.receive_buffer = _grow_receive_buffer(self.socket, receive_buffer)
-        self.socket.bind((address, 0))
+        try:
+            self.socket.setblocking(False)
+            self.receive_buffer = _grow_receive_buffer(self.socket, receive_buffer)
+            self.socket.bind((address, 0))
+        except OSError:
+            self.socket.close()
+            raise
         self.address = self.socket.getsockname()
         self.max_datagram_size = max_datagram_size
         # one byte more than may come tells a datagram that is too long
@@ -248,6 +257,6 @@ def addresses_of(host):
     """The IPv4 addresses a host's name stands for: a set of int; empty where it is unknown."""
     try:
         found = socket.getaddrinfo(host, None, socket.AF_INET, socket.SOCK_DGRAM)
-    except OSError:
+    except (OSError, ValueError):   # ValueError: no name at all, as one with a label of 64 characters
         return set()
     return {int.from_bytes(socket.inet_aton(info[4][0]), 'big') for info in found}

@@ -13,10 +13,12 @@ class Frame:
     again and again: the publisher is done with it when its call returns.
 
     :param lengths: {dotted field name: length}, see records.record_dtype
-    :raises ValueError: where one message does not fit in one datagram
+    :raises ValueError: where one message does not fit in one datagram, or there is none
     """
 
     def __init__(self, message_class, count, lengths):
+        if count < 1:
+            raise ValueError('a frame needs messages, not %r' % count)
         dtype = record_dtype(message_class, lengths)
         if dtype.itemsize + OVERHEAD > UDP_MAX_PAYLOAD:
             raise ValueError('a %s of %d bytes fits in no datagram' % (message_class._type, dtype.itemsize))

@@ -9,6 +9,7 @@ connection headers without their overall length, as XML-RPC base64 (bytes, or xm
 Source: ros_comm, clients/roscpp, subscription.cpp (negotiateConnection) and topic_manager.cpp
 (requestTopic). Whatever comes from the other side is checked here: `Refused` tells what is wrong.
 """
+import reprlib
 from dataclasses import dataclass, field
 from typing import Dict
 
@@ -17,6 +18,9 @@ from .datagram import DEFAULT_MAX_DATAGRAM_SIZE, LENGTH, MIN_MAX_DATAGRAM_SIZE, 
 PROTOCOL = 'UDPROS'
 MAX_HEADER_SIZE = 1 << 20
 """A longer connection header is refused; the longest message definitions take some 10 kB [byte]."""
+
+MAX_NAME_SIZE = 253
+"""No host's name is longer (RFC 1035)."""
 
 
 class Refused(ValueError):
@@ -89,7 +93,7 @@ class Reply:
         _, host, port, connection_id, size, header = _elements(params, 6, 'answer')
         header = decode_header(header) if _is_header(header) else None
         if header is None or 'error' in header:
-            raise Refused('the publisher answers: %s' % (header or {'error': 'no connection header'})['error'])
+            raise Refused('the publisher answers: %.500s' % (header or {'error': 'no connection header'})['error'])
         header = _require(header, ('md5sum', 'type'))
         return cls(_text(host, 'host'), _whole(port, 'port', 0, 65535),
                    _whole(connection_id, 'connection id', 0, 0x7fffffff), _datagram_size(size), header)
@@ -97,7 +101,8 @@ class Reply:
 
 def _elements(params, count, what):
     if not isinstance(params, (list, tuple)) or len(params) != count or params[0] != PROTOCOL:
-        raise Refused('a UDPROS %s has %d elements and begins with "UDPROS", not %.200r' % (what, count, params))
+        raise Refused('a UDPROS %s has %d elements and begins with "UDPROS", not %s' % (
+            what, count, reprlib.repr(params)))
     return params
 
 
@@ -107,7 +112,7 @@ def _is_header(value):
 
 def _header(value, required):
     if not _is_header(value):
-        raise Refused('the connection header is no base64 but %.40r' % (value,))
+        raise Refused('the connection header is no base64 but %s' % reprlib.repr(value))
     return _require(decode_header(value), required)
 
 
@@ -119,14 +124,14 @@ def _require(header, names):
 
 
 def _text(value, name):
-    if not isinstance(value, str) or not value:
-        raise Refused('%s is %.40r, no name' % (name, value))
+    if not isinstance(value, str) or not 0 < len(value) <= MAX_NAME_SIZE or not value.isprintable():
+        raise Refused('%s is %s, no name' % (name, reprlib.repr(value)))
     return value
 
 
 def _whole(value, name, least, most):
     if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= most:
-        raise Refused('%s is %.40r, not a whole number from %d to %d' % (name, value, least, most))
+        raise Refused('%s is %s, not a whole number from %d to %d' % (name, reprlib.repr(value), least, most))
     return value
 
 

@@ -4,6 +4,7 @@
 A token bucket (RFC 2697's committed rate and burst size): `burst` bytes may leave at once, then `rate`
 bytes a second. roscpp's receiver holds only 92 full datagrams, and a Wi-Fi driver's queue not many more.
 """
+import math
 import threading
 
 
@@ -12,12 +13,12 @@ class Pacer:
 
     :param rate: [byte/s]; None: unlimited
     :param burst: bytes that may leave at once after a pause [byte]
-    :raises ValueError: where rate or burst is not positive
+    :raises ValueError: where rate or burst is not positive and finite
     """
 
     def __init__(self, rate=None, burst=16 * 1472):
-        if (rate is not None and not rate > 0) or not burst > 0:
-            raise ValueError('a pacer needs a positive rate and burst, not %r and %r' % (rate, burst))
+        if (rate is not None and not 0 < rate < math.inf) or not 0 < burst < math.inf:
+            raise ValueError('a pacer needs a positive and finite rate and burst, not %r and %r' % (rate, burst))
         self.rate, self.burst = rate, burst
         self._full_at = None   # when the bucket is full again, if nothing more leaves
         self._lock = threading.Lock()

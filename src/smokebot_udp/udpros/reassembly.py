@@ -11,6 +11,11 @@ import numpy as np
 
 from .datagram import HEADER, HEADER_DTYPE, LENGTH, MESSAGE_IDS, OVERHEAD, Op
 
+START_DTYPE = np.dtype(HEADER_DTYPE.descr + [('length', '<u4')])
+"""How a message's first datagram begins: OVERHEAD bytes."""
+
+DATA0 = int(Op.DATA0)   # numpy compares with an int faster than with the member of an enumeration
+
 MAX_MESSAGE_SIZE = 16 << 20
 """A message announced longer is not collected [byte]."""
 
@@ -29,8 +34,9 @@ class _Partial:
 
     def __init__(self, now):
         self.begun = now
-        self.total = None   # how many blocks, once block 0 has said so
-        self.blocks = {}    # {index: payload}
+        self.total = None    # how many blocks, once block 0 has said so
+        self.highest = 0     # index of those that came
+        self.blocks = {}     # {index: payload}
         self.cost = 0
 
 
@@ -38,7 +44,7 @@ class Reassembler:
     """Messages from blocks that come in any order, or never.
 
     Never holds more than max_pending bytes (payloads and BLOCK_COST for each block): the messages begun
-    first give way.
+    first give way. `dropped` counts datagrams by the reason for which they came to nothing.
     """
 
     def __init__(self, max_message_size=MAX_MESSAGE_SIZE, max_pending=None):
@@ -48,7 +54,12 @@ class Reassembler:
         self.dropped = collections.Counter()
         self._partials = collections.OrderedDict()   # {message id: _Partial}, in the order of their beginning
         self._finished = collections.OrderedDict()   # {message id: when}: what still comes of them is duplicate
-        self._newest, self._expired = None, float('-inf')
+        self._newest = None
+
+    @property
+    def remembers(self):
+        """Whether there are message ids that others may yet overtake."""
+        return bool(self._partials or self._finished)
 
     def add(self, op, message_id, block, payload, now):
         """Take one block; return the message (bytes, without its length prefix) it completes, or None.
@@ -57,81 +68,80 @@ class Reassembler:
         """
         if not 1 <= message_id <= MESSAGE_IDS or block < 1:
             return self._drop('header')
-        if message_id != self._newest or not 0 <= now - self._expired <= PARTIAL_LIFETIME:
-            self._newest, self._expired = message_id, now
-            self._expire(message_id, now)
-        if message_id in self._finished:
-            return self._drop('duplicate')
+        self.overtake(message_id, now)
         partial = self._partials.get(message_id)
         index = 0 if op == Op.DATA0 else block
-        if partial is not None and index in partial.blocks:
+        if message_id in self._finished or (partial is not None and index in partial.blocks):
             return self._drop('duplicate')
-        known_total = block if op == Op.DATA0 else partial.total if partial else None
-        held = partial.blocks if partial else ()
-        if known_total is not None and max(index, *held, 0) >= known_total:
+        total = block if op == Op.DATA0 else partial.total if partial else None
+        highest = max(index, partial.highest if partial else 0)
+        if total is not None and highest >= total:
             return self._drop('block index')
         cost = len(payload) + BLOCK_COST
-        if op == Op.DATA0 and block * max(len(payload), BLOCK_COST // 8) > self.max_message_size:
-            return self._drop('too long')
-        if not self._make_room(cost, message_id):
+        announced = block * max(len(payload), BLOCK_COST // 8) if op == Op.DATA0 else 0
+        if announced > self.max_message_size or not self._make_room(cost, message_id):
             return self._drop('too long')
         if partial is None:
             partial = self._partials[message_id] = _Partial(now)
-        if op == Op.DATA0:
-            partial.total = block
+        partial.total, partial.highest = total, highest
         partial.blocks[index] = bytes(payload)
         partial.cost += cost
         self.pending += cost
-        if partial.total != len(partial.blocks):
+        if total != len(partial.blocks):
             return None
         return self._finish(message_id, now)
 
-    def _expire(self, newest_id, now):
-        """Give up the messages that newest_id or the time has overtaken."""
-        for message_id, partial in list(self._partials.items()):
-            if _overtaken(message_id, newest_id, partial.begun, now):
-                self._forget(message_id)
-                self._drop('incomplete')
-        for message_id, when in list(self._finished.items()):
-            if _overtaken(message_id, newest_id, when, now):
-                del self._finished[message_id]
+    def overtake(self, newest, now):
+        """Give up, or forget, the messages that time or message id `newest`, which has just come, has overtaken."""
+        while self._partials and now - next(iter(self._partials.values())).begun > PARTIAL_LIFETIME:
+            self._give_up(next(iter(self._partials)))
+        while self._finished and now - next(iter(self._finished.values())) > PARTIAL_LIFETIME:
+            self._finished.popitem(last=False)
+        if newest == self._newest:
+            return
+        self._newest = newest
+        for message_id in [other for other in self._partials if _overtaken(other, newest)]:
+            self._give_up(message_id)
+        for message_id in [other for other in self._finished if _overtaken(other, newest)]:
+            del self._finished[message_id]
 
     def _finish(self, message_id, now):
         blocks = self._forget(message_id).blocks
         self._finished[message_id] = now
         message = b''.join(blocks[index] for index in range(len(blocks)))
         if len(message) < LENGTH.size or LENGTH.unpack_from(message)[0] != len(message) - LENGTH.size:
-            return self._drop('length')
+            return self._drop('length', len(blocks))
         return message[LENGTH.size:]
 
     def _make_room(self, cost, message_id):
         while self.pending + cost > self.max_pending and self._partials:
             oldest = next(iter(self._partials))
-            self._forget(oldest)
-            self._drop('incomplete')
+            self._give_up(oldest)
             if oldest == message_id:
                 return False
         return self.pending + cost <= self.max_pending
+
+    def _give_up(self, message_id):
+        self._drop('incomplete', len(self._forget(message_id).blocks))
 
     def _forget(self, message_id):
         partial = self._partials.pop(message_id)
         self.pending -= partial.cost
         return partial
 
-    def _drop(self, reason):
-        self.dropped[reason] += 1
+    def _drop(self, reason, datagrams=1):
+        self.dropped[reason] += datagrams
 
 
-def _overtaken(message_id, newest_id, since, now):
-    ahead = (newest_id - message_id) % MESSAGE_IDS
-    return PARTIAL_IDS < ahead < MESSAGE_IDS - PARTIAL_IDS or not 0 <= now - since <= PARTIAL_LIFETIME
+def _overtaken(message_id, newest):
+    return PARTIAL_IDS < (newest - message_id) % MESSAGE_IDS < MESSAGE_IDS - PARTIAL_IDS
 
 
 class Inbox:
     """One connection's way from datagrams to messages.
 
-    `dropped` counts by reason: stranger (another sender), short, truncated (longer than the buffer), connection
-    id, op (PING, ERR and what UDPROS does not know), length (contradicts the datagram's own), and the
+    `dropped` counts datagrams by reason: stranger (another sender), short, truncated (longer than the buffer),
+    connection id, op (PING, ERR and what UDPROS does not know), length (contradicts the message's own), and the
     Reassembler's header, duplicate, block index, too long, incomplete.
     """
 
@@ -151,29 +161,42 @@ class Inbox:
                   [(row, bytes), ...], the messages that a block completed, and the row of that block)
         """
         slot = datagrams.shape[1]
-        header = np.ndarray(len(datagrams), HEADER_DTYPE, datagrams, 0, (slot,))
-        announced = np.ndarray(len(datagrams), '<u4', datagrams, HEADER.size, (slot,))
-        ours = trusted & (lengths >= HEADER.size) & (lengths < slot) & (header['connection_id'] == self.connection_id)
-        single = ours & (header['op'] == Op.DATA0) & (header['block'] == 1) & (header['message_id'] > 0)
-        whole = single & (announced == lengths - OVERHEAD)
+        # side by side, the beginnings are read several times for the price of one: rows lie a page apart
+        start = datagrams[:, :START_DTYPE.itemsize].copy().view(START_DTYPE)[:, 0]
+        single = ((start['connection_id'] == self.connection_id) & (start['op'] == DATA0)
+                  & (start['block'] == 1) & (start['message_id'] > 0) & (lengths < slot) & trusted)
+        whole = single & (start['length'] == lengths - OVERHEAD)
         if whole.all():
+            self._overtake(start['message_id'], now)
             return whole, []
-        self._count(header, lengths, slot, trusted, ours, single, whole)
-        messages = []
-        for row in np.flatnonzero(ours & ~single & (header['op'] <= Op.DATAN)):
-            _, op, message_id, block = header[row].tolist()
-            message = self._reassembler.add(op, message_id, block, datagrams[row, HEADER.size:lengths[row]], now)
-            if message is not None:
-                messages.append((row, message))
-        return whole, messages
+        return whole, self._sort_others(datagrams, lengths, trusted, start, single, whole, now)
 
-    def _count(self, header, lengths, slot, trusted, ours, single, whole):
+    def _overtake(self, message_ids, now):
+        if self._reassembler.remembers:
+            for message_id in message_ids.tolist():
+                self._reassembler.overtake(message_id, now)
+
+    def _sort_others(self, datagrams, lengths, trusted, start, single, whole, now):
+        slot = datagrams.shape[1]
+        readable = trusted & (lengths >= HEADER.size) & (lengths < slot)
+        ours = readable & (start['connection_id'] == self.connection_id)
+        single = single & ours
         for reason, rows in (('stranger', ~trusted),
                              ('short', trusted & (lengths < HEADER.size)),
                              ('truncated', trusted & (lengths >= slot)),
-                             ('connection id', trusted & ~ours & (lengths >= HEADER.size) & (lengths < slot)),
-                             ('op', ours & (header['op'] > Op.DATAN)),
+                             ('connection id', readable & ~ours),
+                             ('op', ours & (start['op'] > Op.DATAN)),
                              ('length', single & ~whole)):
             count = int(np.count_nonzero(rows))
             if count:
                 self.dropped[reason] += count
+        messages = []
+        for row in np.flatnonzero(ours & (start['op'] <= Op.DATAN) & (whole | ~single)).tolist():
+            _, op, message_id, block, _ = start[row].tolist()
+            if whole[row]:
+                self._reassembler.overtake(message_id, now)
+                continue
+            message = self._reassembler.add(op, message_id, block, datagrams[row, HEADER.size:lengths[row]], now)
+            if message is not None:
+                messages.append((row, message))
+        return messages

@@ -8,16 +8,19 @@ bytes equal genpy's. Each field keeps its ROS name; the u32 length before a vari
 Source: the ROS 1 serialisation (little-endian, no padding), as genpy/generator.py writes it.
 """
 import functools
+import operator
 import re
 import struct
 
 import numpy as np
 from genpy.message import get_message_class
 
-PRIMITIVES = {'bool': 'u1', 'byte': 'i1', 'char': 'u1', 'int8': 'i1', 'uint8': 'u1', 'int16': '<i2', 'uint16': '<u2',
-              'int32': '<i4', 'uint32': '<u4', 'int64': '<i8', 'uint64': '<u8', 'float32': '<f4', 'float64': '<f8'}
 TIME = np.dtype([('secs', '<u4'), ('nsecs', '<u4')])
 DURATION = np.dtype([('secs', '<i4'), ('nsecs', '<i4')])
+PLAIN = {name: np.dtype(code) for name, code in {
+    'bool': 'u1', 'byte': 'i1', 'char': 'u1', 'int8': 'i1', 'uint8': 'u1', 'int16': '<i2', 'uint16': '<u2',
+    'int32': '<i4', 'uint32': '<u4', 'int64': '<i8', 'uint64': '<u8', 'float32': '<f4', 'float64': '<f8',
+    'time': TIME, 'duration': DURATION}.items()}
 _ARRAY = re.compile(r'(.+)\[(\d*)\]$')
 
 
@@ -29,7 +32,8 @@ def record_dtype(message_class, lengths):
     """The dtype of message_class's bytes for given lengths.
 
     :param lengths: {dotted field name: number of bytes (strings) or elements (arrays)}; those not named are 0
-    :raises LayoutError: where an array's elements vary in size themselves, or a name is no such field
+    :raises LayoutError: where an array's elements vary in size themselves, a name is no such field, or no dtype
+        is so long
     """
     return _record_dtype(message_class, tuple(sorted(lengths.items())))
 
@@ -37,7 +41,12 @@ def record_dtype(message_class, lengths):
 @functools.lru_cache(maxsize=256)
 def _record_dtype(message_class, lengths):
     left = dict(lengths)
-    dtype = _dtype(message_class, '', left)
+    try:
+        dtype = _dtype(message_class, '', left)
+    except LayoutError:
+        raise
+    except ValueError as error:   # numpy: longer than 2 GiB, a negative length, or two fields of one name
+        raise LayoutError('no layout for a %s: %s' % (message_class._type, error)) from error
     if left:
         raise LayoutError('%s has no field of varying length named %s' % (message_class._type, ', '.join(left)))
     return dtype
@@ -46,21 +55,27 @@ def _record_dtype(message_class, lengths):
 def _dtype(message_class, prefix, left):
     fields = []
     for name, slot_type in zip(message_class.__slots__, message_class._slot_types):
-        path = prefix + name
-        array = _ARRAY.match(slot_type)
-        if slot_type == 'string' or (array and not array.group(2)):
-            count = left.pop(path, 0)
-            base = 'u1' if slot_type == 'string' else _element(array.group(1))
-            fields += [(name + '_length', '<u4'), (name, base, (count,))]
-        elif array:
-            fields.append((name, _element(array.group(1)), (int(array.group(2)),)))
-        else:
-            fields.append((name, _plain(slot_type) or _dtype(_class(slot_type), path + '.', left)))
+        element, count = _array(slot_type)
+        if element is None:
+            inner = PLAIN[slot_type] if slot_type in PLAIN else _dtype(_class(slot_type), prefix + name + '.', left)
+            fields.append((name, inner))
+            continue
+        if count is None:
+            count = left.pop(prefix + name, 0)
+            fields.append((name + '_length', '<u4'))
+        fields.append((name, element, (count,)))
     return np.dtype(fields)
 
 
-def _plain(slot_type):
-    return {'time': TIME, 'duration': DURATION}.get(slot_type) or PRIMITIVES.get(slot_type)
+@functools.lru_cache(maxsize=256)
+def _array(slot_type):
+    """(an element's dtype, how many or None where that varies) of a string or an array; (None, None) of others."""
+    if slot_type == 'string':
+        return np.dtype('u1'), None
+    array = _ARRAY.match(slot_type)
+    if not array:
+        return None, None
+    return _element(array.group(1)), int(array.group(2)) if array.group(2) else None
 
 
 def _class(slot_type):
@@ -70,14 +85,29 @@ def _class(slot_type):
     return message_class
 
 
-@functools.lru_cache(maxsize=256)
 def _element(slot_type):
-    """An array element's dtype: it must not vary itself."""
-    if _plain(slot_type):
-        return np.dtype(_plain(slot_type))
-    if slot_type == 'string' or any(t == 'string' or t.endswith('[]') for t in _class(slot_type)._slot_types):
+    """An array element's dtype: it must not vary itself, and not be empty."""
+    if slot_type in PLAIN:
+        return PLAIN[slot_type]
+    if slot_type == 'string' or varying_fields(_class(slot_type)):
         raise LayoutError('an array of %s has no record layout: its elements vary in size' % slot_type)
-    return _dtype(_class(slot_type), '', {})
+    dtype = _dtype(_class(slot_type), '', {})
+    if not dtype.itemsize:
+        raise LayoutError('an array of %s has no record layout: its elements are empty' % slot_type)
+    return dtype
+
+
+@functools.lru_cache(maxsize=256)
+def varying_fields(message_class):
+    """The paths of its strings and arrays of varying length, in their order: (('header', 'frame_id'), ...)."""
+    paths = []
+    for name, slot_type in zip(message_class.__slots__, message_class._slot_types):
+        element, count = _array(slot_type)
+        if element is not None:
+            paths += [(name,)] if count is None else []
+        elif slot_type not in PLAIN:
+            paths += [(name,) + path for path in varying_fields(_class(slot_type))]
+    return tuple(paths)
 
 
 def lengths_of(message_class, data):
@@ -98,15 +128,15 @@ def lengths_of(message_class, data):
 
 def _walk(message_class, prefix, data, at, lengths):
     for name, slot_type in zip(message_class.__slots__, message_class._slot_types):
-        array = _ARRAY.match(slot_type)
-        if slot_type == 'string' or (array and not array.group(2)):
-            count, = struct.unpack_from('<I', data, at)
-            lengths[prefix + name] = count
-            at += 4 + count * (1 if slot_type == 'string' else _element(array.group(1)).itemsize)
-        elif array:
-            at += int(array.group(2)) * _element(array.group(1)).itemsize
-        elif _plain(slot_type):
-            at += np.dtype(_plain(slot_type)).itemsize
+        element, count = _array(slot_type)
+        if element is not None:
+            if count is None:
+                count, = struct.unpack_from('<I', data, at)
+                lengths[prefix + name] = count
+                at += 4
+            at += count * element.itemsize
+        elif slot_type in PLAIN:
+            at += PLAIN[slot_type].itemsize
         else:
             at = _walk(_class(slot_type), prefix + name + '.', data, at, lengths)
     return at
@@ -114,22 +144,23 @@ def _walk(message_class, prefix, data, at, lengths):
 
 def write_lengths(records, message_class):
     """Fill in every `<name>_length` of the records: the layout's own lengths."""
-    for name, slot_type in zip(message_class.__slots__, message_class._slot_types):
-        if name + '_length' in records.dtype.names:
-            records[name + '_length'] = records.dtype[name].shape[0]
-        elif not _plain(slot_type) and not _ARRAY.match(slot_type):
-            write_lengths(records[name], _class(slot_type))
+    for lengths, expected in _length_fields(records, message_class):
+        lengths[...] = expected
 
 
 def same_layout(records, message_class):
     """(n,) bool: the records whose own length fields agree with the dtype they are seen through."""
     agree = np.ones(len(records), bool)
-    for name, slot_type in zip(message_class.__slots__, message_class._slot_types):
-        if name + '_length' in records.dtype.names:
-            agree &= records[name + '_length'] == records.dtype[name].shape[0]
-        elif not _plain(slot_type) and not _ARRAY.match(slot_type):
-            agree &= same_layout(records[name], _class(slot_type))
+    for lengths, expected in _length_fields(records, message_class):
+        agree &= lengths == expected
     return agree
+
+
+def _length_fields(records, message_class):
+    """Of every varying field: its (n,) lengths in the records, and its length in their dtype."""
+    for *outer, name in varying_fields(message_class):
+        inner = functools.reduce(operator.getitem, outer, records)
+        yield inner[name + '_length'], inner.dtype[name].shape[0]
 
 
 def has_header(message_class):

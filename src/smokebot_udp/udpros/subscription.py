@@ -13,13 +13,16 @@ from .records import LayoutError, has_header, lengths_of, record_dtype, same_lay
 from .sequence import SequenceTracker
 
 POLL = 0.25
-"""How often a silent connection looks whether it is to end [s]; `close` wakes it at once."""
+"""How often a silent connection looks whether it is to end [s]; `stop` wakes it at once."""
 
 SEQ = np.dtype('<u4')
 """std_msgs/Header.seq, a message's first field where it has a header."""
 
 DRAIN = 16
 """Batches taken from the socket before messages are delivered, so that the newest are among them."""
+
+MAX_LAYOUTS = 256
+"""Layouts kept at hand; a stream of ever new lengths has no use for them, and must not fill the memory."""
 
 LOOPBACK = 0x7f000000, 0xff000000
 
@@ -37,16 +40,21 @@ class Source:
     def trusts(self, sources):
         """(n,) bool for (n,) of endpoints.SOCKADDR_IN."""
         if self._endpoint is not None:
-            return (sources['port'] == self._endpoint[0]) & (sources['address'] == self._endpoint[1])
+            return _endpoints(sources) == self._endpoint
         known = np.isin(sources['address'], np.array(list(self._addresses), np.uint32))
         if self._local:
             known |= sources['address'] & LOOPBACK[1] == LOOPBACK[0]
         return known
 
-    def settle(self, source):
-        """From now on only this endpoint counts."""
+    def settle(self, sources, row):
+        """From now on only this row's endpoint counts."""
         if self._endpoint is None:
-            self._endpoint = int(source['port']), int(source['address'])
+            self._endpoint = _endpoints(sources)[row]
+
+
+def _endpoints(sources):
+    """(n,) uint64: family, port and address as one number, four times quicker to compare."""
+    return sources.view(np.uint64)[::2]
 
 
 class Subscription:
@@ -109,34 +117,42 @@ class Subscription:
             if not len(kept):
                 return
             datagrams, lengths, sources, trusted = datagrams[kept], lengths[kept], sources[kept], trusted[kept]
-        self.last_arrival = time.monotonic()
-        whole, messages = self.inbox.sort(datagrams, lengths, trusted, self.last_arrival)
-        first = int(whole.argmax()) if whole.any() else messages[0][0] if messages else None
-        if first is None:
+        now = time.monotonic()
+        whole, messages = self.inbox.sort(datagrams, lengths, trusted, now)
+        count = int(np.count_nonzero(trusted))
+        if not count:
             return
-        self._source.settle(sources[first])
-        self.datagrams += int(np.count_nonzero(trusted))
-        self.bytes += int(lengths[trusted].sum())
+        self.last_arrival = now
+        self.datagrams += count
+        self.bytes += int(lengths @ trusted)
+        rows = np.flatnonzero(whole)
+        if not len(rows) and not messages:
+            return
+        self._source.settle(sources, rows[0] if len(rows) else messages[0][0])
         if self.sequence is not None:
-            messages = self._drop_repeated(datagrams, lengths, whole, messages)
+            rows, messages = self._drop_repeated(datagrams, lengths, rows, messages)
         if self._deliver.wants_batches:
-            self._take_records(datagrams, lengths, whole.copy())
+            left = np.zeros(len(datagrams), bool)
+            left[rows] = True
+            self._take_records(datagrams, lengths, left)
             for _, message in messages:
                 self._take_records(*_as_datagram(message))
         if self._deliver.wants_messages:
-            assembled = dict(messages)
-            for row in sorted(np.flatnonzero(whole).tolist() + list(assembled)):
-                self._waiting.append(assembled.get(row) or datagrams[row, OVERHEAD:lengths[row]].tobytes())
+            singles = [(row, datagrams[row, OVERHEAD:lengths[row]].tobytes()) for row in rows.tolist()]
+            self._waiting.extend(message for _, message in sorted(singles + messages))
 
-    def _drop_repeated(self, datagrams, lengths, whole, messages):
-        """Count the sequence numbers; clear `whole` where, and return `messages` without, those seen before."""
-        whole &= lengths >= OVERHEAD + SEQ.itemsize
-        seqs = np.ndarray((len(datagrams),), SEQ, datagrams, OVERHEAD, (datagrams.shape[1],))
-        whole[whole] = self.sequence.add(seqs[whole])
-        if not messages:
-            return messages
-        fresh = self.sequence.add([int.from_bytes(message[:SEQ.itemsize], 'little') for _, message in messages])
-        return [message for message, new in zip(messages, fresh) if new]
+    def _drop_repeated(self, datagrams, lengths, rows, messages):
+        """Count the sequence numbers; return the rows and the messages without those seen before."""
+        numbered = lengths[rows] >= OVERHEAD + SEQ.itemsize
+        if not numbered.all():
+            self.inbox.dropped['message'] += int(np.count_nonzero(~numbered))
+            rows = rows[numbered]
+        seqs = np.ndarray((len(datagrams),), SEQ, datagrams, OVERHEAD, (datagrams.shape[1],))[rows]
+        rows = rows[self.sequence.add(seqs)]
+        if messages:
+            fresh = self.sequence.add([int.from_bytes(message[:SEQ.itemsize], 'little') for _, message in messages])
+            messages = [message for message, new in zip(messages, fresh) if new]
+        return rows, messages
 
     def _take_records(self, datagrams, lengths, left):
         """Hand over the batch's messages, those of one layout at a time."""
@@ -156,13 +172,14 @@ class Subscription:
         """The batch through row `first`'s layout, and a mask of the rows of `left` that have it too."""
         for known in (True, False):
             if not known:
+                if len(self._layouts) >= MAX_LAYOUTS:
+                    self._layouts.clear()
                 layout = lengths_of(self._message_class, datagrams[first, OVERHEAD:length].tobytes())
                 self._layouts[length] = record_dtype(self._message_class, layout)
             elif length not in self._layouts:
                 continue
             records = np.ndarray((len(datagrams),), self._layouts[length], datagrams, OVERHEAD, (datagrams.shape[1],))
-            mask = left & (lengths == length)
-            mask[mask] = same_layout(records[mask], self._message_class)
+            mask = left & (lengths == length) & same_layout(records, self._message_class)
             if mask[first]:
                 break
         return records, mask

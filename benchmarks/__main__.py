@@ -1,0 +1,31 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""./smokebot bench [NAME ...] [--json]: run the benchmarks of these names, all without a name."""
+import argparse
+import importlib
+import json
+import sys
+
+from .machine import describe
+
+NAMES = ('udpros',)
+
+
+def main():
+    parser = argparse.ArgumentParser(prog='./smokebot bench', description='Measure, side by side, on this machine.')
+    parser.add_argument('names', nargs='*', metavar='NAME', help='of: ' + ', '.join(NAMES))
+    parser.add_argument('--json', action='store_true', help='print the numbers as JSON instead of tables')
+    arguments = parser.parse_args()
+    unknown = set(arguments.names) - set(NAMES)
+    if unknown:
+        parser.error('no benchmark is named %s; there are %s' % (', '.join(sorted(unknown)), ', '.join(NAMES)))
+    results = {'machine': describe()}
+    for name in arguments.names or NAMES:
+        module = importlib.import_module('.' + name, __package__)
+        results[name] = module.run(log=lambda text: print(text, file=sys.stderr, flush=True))
+        if not arguments.json:
+            print('\n' + module.table(results[name], results['machine']))
+    if arguments.json:
+        print(json.dumps(results, indent=1))
+
+
+main()

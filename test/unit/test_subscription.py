@@ -1,0 +1,377 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""A publisher of bytes as a test writes them, a Subscription, and the loopback device between them."""
+import io
+import os
+import random
+import threading
+
+import numpy as np
+import pytest
+from sensor_msgs.msg import Image
+from std_msgs.msg import Empty, Header, String
+
+from smokebot_udp.udpros import subscription
+from smokebot_udp.udpros.datagram import HEADER, Op, message_ids, split
+from smokebot_udp.udpros.endpoints import DatagramReceiver, DatagramSender
+from smokebot_udp.udpros.frame import Frame
+from smokebot_udp.udpros.negotiation import Reply
+from smokebot_udp.udpros.subscription import MAX_LAYOUTS, Subscription
+
+CONNECTION = 5
+SIZE = 200
+WAIT = 10.0     # longer than any of it takes [s]
+
+
+def serialised(message):
+    buffer = io.BytesIO()
+    message.serialize(buffer)
+    return buffer.getvalue()
+
+
+class Topic:
+    """Keeps what is delivered."""
+
+    def __init__(self, batches, messages):
+        self.wants_batches, self.wants_messages = batches, messages
+        self.batches, self.messages = [], []
+        self._new = threading.Condition()
+
+    def take_records(self, records, mask):
+        with self._new:
+            self.batches.append([record.tobytes() for record in records[mask]])
+            self._new.notify_all()
+
+    def take_message(self, message):
+        with self._new:
+            self.messages.append(message)
+            self._new.notify_all()
+
+    @property
+    def records(self):
+        return [record for batch in self.batches for record in batch]
+
+    def wait_for(self, last):
+        with self._new:
+            assert self._new.wait_for(lambda: last in self.messages or last in self.records, WAIT)
+
+
+class Peer:
+    """A subscription that runs, and the publisher's socket."""
+
+    def __init__(self, message_class=String, batches=False, messages=True, hosts=('127.0.0.1',), **options):
+        self.receiver = DatagramReceiver('127.0.0.1', SIZE)
+        self.sender = DatagramSender('127.0.0.1', self.receiver.address[1])
+        self.topic = Topic(batches, messages)
+        self.subscription = Subscription(self.receiver, Reply('127.0.0.1', 1, CONNECTION, SIZE, {}), hosts, self.topic,
+                                         message_class, **options)
+        self.thread = threading.Thread(target=self.subscription.run, daemon=True)
+        self._last_id = 0
+
+    def start(self):
+        self.thread.start()
+        return self
+
+    def send(self, *messages):
+        for message in messages:
+            self._last_id = self._last_id % 255 + 1
+            data = split(len(message).to_bytes(4, 'little') + message, CONNECTION, self._last_id, SIZE)
+            assert self.sender.send(data, SIZE, -(-len(data) // SIZE))
+
+    def send_and_wait(self, *messages):
+        """Send messages, the last unlike all others, and wait until it has come."""
+        self.send(*messages)
+        self.topic.wait_for(messages[-1])
+
+    def close(self):
+        self.subscription.stop()
+        if self.thread.ident is not None:
+            self.thread.join(WAIT)
+            assert not self.thread.is_alive()
+        self.receiver.close()
+        self.sender.close()
+
+
+@pytest.fixture
+def make():
+    made = []
+
+    def make_one(*args, **kwargs):
+        made.append(Peer(*args, **kwargs))
+        return made[-1]
+
+    yield make_one
+    for peer in made:
+        peer.close()
+
+
+def text(n, length=0):
+    return serialised(String(('%d' % n).ljust(length, '.')))
+
+
+def numbered(seq, frame_id='x'):
+    return serialised(Image(header=Header(seq=seq, frame_id=frame_id)))
+
+
+# -- messages ------------------------------------------------------------------------------------------------
+
+
+def test_messages_of_one_and_of_many_blocks_in_their_order(make):
+    peer = make()
+    messages = [text(n, 10 if n % 3 else 500) for n in range(60)]
+    peer.send(*messages[:-1])       # before anyone reads: they come as one batch
+    peer.start().send_and_wait(messages[-1])
+    assert peer.topic.messages == messages
+    assert peer.subscription.datagrams == sum(1 if n % 3 else 3 for n in range(60))
+    assert peer.subscription.bytes == sum(len(m) + 4 + (8 if n % 3 else 24) for n, m in enumerate(messages))
+    assert peer.subscription.inbox.dropped == {}
+    assert peer.subscription.sequence is None
+
+
+def test_empty_messages(make):
+    peer = make(Empty).start()
+    peer.send_and_wait(b'')
+    assert peer.topic.messages == [b'']
+
+
+def test_the_queue_keeps_the_newest(make):
+    peer = make(queue_size=3)
+    messages = [text(n) for n in range(300)]
+    peer.send(*messages)            # three batches wait when the reading begins
+    peer.start().topic.wait_for(messages[-1])
+    assert peer.topic.messages == messages[-3:]
+
+
+def test_sequence_numbers_count_loss_and_stop_repeats(make):
+    peer = make(Image).start()
+    peer.send_and_wait(*(numbered(seq) for seq in (10, 11, 11, 13, 12, 16)))
+    assert [int.from_bytes(message[:4], 'little') for message in peer.topic.messages] == [10, 11, 13, 12, 16]
+    sequence = peer.subscription.sequence
+    assert (sequence.received, sequence.lost, sequence.duplicates) == (5, 2, 1)
+
+
+def test_repeats_of_long_messages_stop_too(make):
+    peer = make(Image).start()
+    peer.send_and_wait(numbered(1, 'a' * 300), numbered(1, 'b' * 300), numbered(2))
+    assert peer.topic.messages == [numbered(1, 'a' * 300), numbered(2)]
+
+
+def test_a_header_cut_short_is_no_sequence_number(make):
+    peer = make(Image).start()
+    peer.send_and_wait(numbered(1 << 30), b'', b'\5\0\0', numbered((1 << 30) + 1))
+    assert peer.topic.messages == [numbered(1 << 30), numbered((1 << 30) + 1)]
+    assert peer.subscription.inbox.dropped == {'message': 2}
+    assert peer.subscription.sequence.lost == 0
+
+
+# -- batches -------------------------------------------------------------------------------------------------
+
+
+def test_a_frame_comes_as_one_batch(make):
+    peer = make(Image, batches=True, messages=False)
+    frame = Frame(Image, 100, {'data': 9})
+    frame.header['connection_id'], frame.header['message_id'] = CONNECTION, message_ids(0, 100)
+    frame.records['header']['seq'] = np.arange(100)
+    frame.records['data'] = np.arange(900).reshape(100, 9) % 256
+    peer.sender.send(frame.rows, frame.datagram_size, 100)
+    expected = [record.tobytes() for record in frame.records]
+    peer.start().topic.wait_for(expected[-1])
+    assert peer.topic.batches == [expected]
+    assert peer.topic.messages == []
+
+
+def test_each_layout_is_a_batch_of_its_own(make):
+    messages = [text(n, 5 + n % 3 * 20) for n in range(12)]
+    peer = make(batches=True, messages=True)
+    peer.send(*messages)
+    peer.start().topic.wait_for(messages[-1])
+    assert peer.topic.batches == [messages[0::3], messages[1::3], messages[2::3]]
+    assert peer.topic.messages == messages
+
+
+def test_layouts_of_one_length_are_told_apart(make):
+    images = [serialised(Image(encoding='a' * n, data=bytes(9 - n))) for n in (3, 4, 3, 5, 4)]
+    images = [int(n).to_bytes(4, 'little') + image[4:] for n, image in enumerate(images)]
+    peer = make(Image, batches=True, messages=False)
+    peer.send(*images)
+    peer.start().topic.wait_for(images[3])
+    peer.topic.wait_for(images[4])
+    assert peer.topic.batches == [[images[0], images[2]], [images[1], images[4]], [images[3]]]
+
+
+def test_long_messages_come_as_records_too(make):
+    peer = make(batches=True, messages=False).start()
+    peer.send_and_wait(text(1, 700), text(2))
+    peer.topic.wait_for(text(1, 700))
+    assert sorted(peer.topic.records) == sorted([text(1, 700), text(2)])
+
+
+def test_bytes_that_are_no_such_message(make):
+    peer = make(batches=True, messages=False).start()
+    peer.send_and_wait(text(1), b'\xff\xff\xff\xffabc', b'', b'\3\0\0\0ab', text(2, 900)[:-1], text(3))
+    peer.close()
+    assert peer.topic.records == [text(1), text(3)]
+    assert peer.subscription.inbox.dropped == {'message': 4}
+
+
+def test_ever_new_lengths_do_not_fill_the_memory(make):
+    peer = make(batches=True, messages=False).start()
+    for n in range(2 * MAX_LAYOUTS):
+        peer.send_and_wait(text(n, 10 + n))
+    assert len(peer.topic.records) == 2 * MAX_LAYOUTS
+    assert len(peer.subscription._layouts) <= MAX_LAYOUTS
+
+
+# -- strangers -----------------------------------------------------------------------------------------------
+
+
+def datagram(message, connection_id=CONNECTION):
+    return bytes(split(len(message).to_bytes(4, 'little') + message, connection_id, 1, SIZE))
+
+
+def test_only_the_publishers_socket_counts(make):
+    peer = make().start()
+    peer.send_and_wait(text(1))
+    stranger = DatagramSender('127.0.0.1', peer.receiver.address[1])
+    for n in range(20):
+        stranger.send_one(datagram(text(100 + n)))
+    arrival = peer.subscription.last_arrival
+    peer.send_and_wait(text(2))
+    assert peer.topic.messages == [text(1), text(2)]
+    assert peer.subscription.inbox.dropped == {'stranger': 20}
+    assert (peer.subscription.datagrams, peer.subscription.bytes) == (2, 2 * len(datagram(text(1))))
+    assert peer.subscription.last_arrival > arrival
+    stranger.close()
+
+
+def test_a_strangers_datagrams_are_no_sign_of_life(make):
+    peer = make()
+    peer.send(text(1))
+    peer.subscription._take(peer.receiver.receive())
+    arrival = peer.subscription.last_arrival
+    stranger = DatagramSender('127.0.0.1', peer.receiver.address[1])
+    stranger.send_one(datagram(text(2)))
+    peer.subscription._take(peer.receiver.receive())
+    assert peer.subscription.last_arrival == arrival
+    stranger.close()
+
+
+def test_only_the_publishers_host_counts_from_the_beginning(make):
+    peer = make(hosts=('192.0.2.7', 'no.such.host.invalid'))
+    peer.send(*(text(n) for n in range(5)))
+    peer.subscription._take(peer.receiver.receive())
+    assert peer.subscription.inbox.dropped == {'stranger': 5}
+    assert peer.subscription.datagrams == len(peer.subscription._waiting) == 0
+
+
+def test_a_host_that_calls_itself_127_0_1_1(make):
+    """Debian's /etc/hosts; the kernel sends from 127.0.0.1."""
+    peer = make(hosts=('127.0.1.1',)).start()
+    peer.send_and_wait(text(1))
+    assert peer.topic.messages == [text(1)]
+
+
+def test_an_old_connections_datagrams(make):
+    peer = make().start()
+    peer.sender.send_one(datagram(text(0), CONNECTION + 1))
+    peer.send_and_wait(text(1))
+    assert peer.topic.messages == [text(1)]
+    assert peer.subscription.inbox.dropped == {'connection id': 1}
+
+
+# -- a bad link, and hostile bytes ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize('batches', [True, False], ids=['batches', 'messages'])
+def test_what_drop_says_is_lost(make, batches):
+    def every_second(n):
+        return np.arange(n) % 2 == 1
+
+    peer = make(Image, batches=batches, messages=not batches, drop=every_second)
+    peer.send(*(numbered(seq) for seq in range(5)))
+    peer.start().topic.wait_for(numbered(4))
+    assert peer.topic.records + peer.topic.messages == [numbered(0), numbered(2), numbered(4)]
+    assert peer.subscription.inbox.dropped == {'demonstration': 2}
+    assert peer.subscription.sequence.lost == 2
+
+
+def test_all_may_be_lost(make):
+    peer = make(drop=lambda n: np.ones(n, bool))
+    peer.send(text(1), text(2))
+    peer.subscription._take(peer.receiver.receive())
+    assert peer.subscription.inbox.dropped == {'demonstration': 2}
+
+
+def garbage(chance, good):
+    """Bytes like `good` ones, but not quite."""
+    data = bytearray(chance.choice(good))
+    for _ in range(chance.randrange(1, 4)):
+        at = chance.randrange(min(len(data), 40))
+        data[at] = chance.choice((0, 1, 2, 3, 255, chance.randrange(256)))
+    return bytes(data[:chance.choice((len(data), chance.randrange(len(data) + 1)))]) + bytes(
+        chance.choice((0, 0, 0, 1, 150)))
+
+
+@pytest.mark.parametrize('message_class', [String, Image])
+def test_garbage_from_the_publisher_itself_stops_nothing(make, message_class):
+    chance = random.Random(1)
+    messages = [text(1), text(2, 50), text(3, 700)] if message_class is String else [
+        numbered(1), numbered(2, 'xyz'), numbered(3, 'x' * 400)]
+    good = []
+    for message in messages:
+        data = split(len(message).to_bytes(4, 'little') + message, CONNECTION, 1, SIZE)
+        good += [bytes(data[at:at + SIZE]) for at in range(0, len(data), SIZE)]
+    peer = make(message_class, batches=True, messages=True).start()
+    sent = 0
+    for begin in range(40):
+        bad = [garbage(chance, good) for _ in range(50)]
+        bad += [HEADER.pack(CONNECTION, chance.choice(list(Op)), chance.randrange(256), chance.randrange(65536))]
+        for data in bad:
+            sent += peer.sender.send_one(data)
+        last = text(10 ** 6 + begin) if message_class is String else numbered((1 << 31) - 100 + begin, 'good')
+        peer.send_and_wait(last)
+        sent += 1
+    assert sent == 40 * 52 == peer.subscription.datagrams
+    assert {'short', 'truncated', 'connection id', 'op', 'length', 'header'} <= set(peer.subscription.inbox.dropped)
+
+
+# -- life and death ------------------------------------------------------------------------------------------
+
+
+def open_files():
+    return len(os.listdir('/proc/self/fd'))
+
+
+def test_stop_ends_the_thread_and_frees_the_socket(make, monkeypatch):
+    monkeypatch.setattr(subscription, 'POLL', 3600.0)      # at once, not when it looks next
+    before = open_files()
+    peers = [make().start() for _ in range(10)]
+    assert open_files() == before + 20
+    for peer in peers:
+        peer.subscription.stop()
+    for peer in peers:
+        peer.thread.join(WAIT)
+        assert not peer.thread.is_alive()
+        assert peer.receiver.socket.fileno() == -1
+        peer.sender.close()
+    assert open_files() == before
+
+
+def test_stop_within_a_callback(make):
+    peer, seen = make(), []
+
+    def take_message(message):
+        seen.append(message)
+        peer.subscription.stop()
+
+    peer.topic.take_message = take_message
+    peer.send(text(1), text(2))
+    peer.start().thread.join(WAIT)
+    assert not peer.thread.is_alive()
+    assert seen == [text(1)]
+
+
+def test_stop_before_the_beginning(make):
+    peer = make()
+    peer.subscription.stop()
+    peer.start().thread.join(WAIT)
+    assert not peer.thread.is_alive() and peer.receiver.socket.fileno() == -1
