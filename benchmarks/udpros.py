@@ -83,14 +83,14 @@ class Master:
 def build_roscpp_peer(folder):
     """Compile roscpp_peer.cpp with catkin's flags; None where roscpp cannot be built against."""
     flags = subprocess.run(['pkg-config', '--cflags', '--libs', 'roscpp'], stdout=subprocess.PIPE,
-                           stderr=subprocess.DEVNULL, universal_newlines=True)
+                           stderr=subprocess.DEVNULL, text=True)
     if flags.returncode:
         return None
     target = str(folder / 'roscpp_peer')
     include = [path + '/include' for path in os.environ.get('CMAKE_PREFIX_PATH', '').split(':')]
     done = subprocess.run(['g++', '-O2', '-o', target, str(HERE / 'roscpp_peer.cpp')]
                           + ['-I' + path for path in include] + flags.stdout.split() + ['-lpthread'],
-                          stderr=subprocess.PIPE, universal_newlines=True)
+                          stderr=subprocess.PIPE, text=True)
     if done.returncode:
         raise RuntimeError(done.stderr[-2000:])
     return target

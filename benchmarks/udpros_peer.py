@@ -119,7 +119,8 @@ class Sender:
             time.sleep(max(0.0, due - time.monotonic()))
             due += 1.0 / FRAMES
             stamp = rospy.Time.now()
-            frame.records['header']['stamp']['secs'], frame.records['header']['stamp']['nsecs'] = stamp.secs, stamp.nsecs
+            stamps = frame.records['header']['stamp']
+            stamps['secs'], stamps['nsecs'] = stamp.secs, stamp.nsecs
             frame.records['data'] = data        # as a stream does with its picture
             self.publisher.publish_frames(frame)
         return count * int(seconds * FRAMES)

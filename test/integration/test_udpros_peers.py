@@ -147,7 +147,8 @@ class Peers(unittest.TestCase):
             topic.unregister()
 
     def test_frames_reach_every_kind_of_subscriber(self):
-        publisher = udpros.Publisher('/scans', LaserScan, queue_size=10, pacer=udpros.Pacer(1e6, burst=2 * 1472))   # relay's queues hold 10
+        pacer = udpros.Pacer(1e6, burst=2 * 1472)    # relay's own queues hold ten messages
+        publisher = udpros.Publisher('/scans', LaserScan, queue_size=10, pacer=pacer)
         relay = start_relay('/scans', '/scans_relayed', 'scans_relay')
         self.addCleanup(end, [relay])
         batches, single, relayed, by_tcp = [], [], [], []

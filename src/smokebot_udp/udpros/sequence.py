@@ -47,6 +47,15 @@ class SequenceTracker:
             return np.concatenate([self.add(seqs[i:i + 1]) for i in range(len(seqs))])
         return self._add_stray(int(seqs[0]))
 
+    def add_next(self, seq):
+        """Note one number if it is the one after the highest, as `add` would; returns whether it was."""
+        if self._highest is None or seq != (int(self._highest) + 1) & 0xffffffff:
+            return False
+        self._seen[seq % WINDOW] = True
+        self._raise_highest(1)
+        self.received += 1
+        return True
+
     def _begin(self, first):
         self._highest, self._span, self._stray = np.uint32(first - 1 & 0xffffffff), 0, None
         self._seen[:] = False

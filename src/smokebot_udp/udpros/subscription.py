@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """One publisher's datagrams on the subscriber's side: from the socket to the topic's callbacks."""
 import collections
+import struct
 import threading
 import time
 
 import numpy as np
 
-from .datagram import OVERHEAD
+from .datagram import HEADER, LENGTH, OVERHEAD, Op
 from .endpoints import addresses_of
 from .reassembly import Inbox
 from .records import LayoutError, has_header, lengths_of, record_dtype, same_layout
@@ -17,6 +18,14 @@ POLL = 0.25
 
 SEQ = np.dtype('<u4')
 """std_msgs/Header.seq, a message's first field where it has a header."""
+
+EXPECTED = struct.Struct(HEADER.format + LENGTH.format[1:] + 'I')
+"""A datagram's header, its message's length and sequence number."""
+
+MESSAGE_SIZE_MIN = EXPECTED.size - OVERHEAD
+
+FEW = 8
+"""Up to so many single messages are quicker taken one by one than by numpy."""
 
 DRAIN = 16
 """Batches taken from the socket before messages are delivered, so that the newest are among them."""
@@ -46,10 +55,19 @@ class Source:
             known |= sources['address'] & LOOPBACK[1] == LOOPBACK[0]
         return known
 
+    @property
+    def settled(self):
+        return self._endpoint is not None
+
+    def is_settled_on(self, source):
+        """Whether one of endpoints.SOCKADDR_IN is the endpoint that counts."""
+        return source.tobytes()[:8] == self._endpoint_bytes
+
     def settle(self, sources, row):
         """From now on only this row's endpoint counts."""
         if self._endpoint is None:
             self._endpoint = _endpoints(sources)[row]
+            self._endpoint_bytes = self._endpoint.tobytes()
 
 
 def _endpoints(sources):
@@ -93,7 +111,9 @@ class Subscription:
                     time.sleep(self._coalesce)
                 for _ in range(DRAIN):
                     count = receiver.receive()
-                    if count:
+                    if 0 < count <= FEW and self._expects_messages():
+                        self._take_few(count)
+                    elif count:
                         self._take(count)
                     if count < receiver.batch:
                         break
@@ -106,9 +126,36 @@ class Subscription:
         self._ended.set()
         self.receiver.wake()
 
-    def _take(self, count):
-        datagrams, lengths = self.receiver.datagrams[:count], self.receiver.lengths[:count]
-        sources = self.receiver.sources[:count]
+    def _expects_messages(self):
+        return self._drop is None and self._source.settled and not self._deliver.wants_batches
+
+    def _take_few(self, count):
+        """Single messages as they are expected next; what is not is sorted with all that follows it."""
+        for row in range(count):
+            if not self._take_expected(row):
+                self._take(count, row)
+                return
+
+    def _take_expected(self, row):
+        """Take one datagram if it holds the next message, whole: a tenth of the cost of sorting a batch of one."""
+        length = int(self.receiver.lengths[row])
+        if not MESSAGE_SIZE_MIN <= length - OVERHEAD <= self.receiver.max_datagram_size - OVERHEAD:
+            return False
+        datagram = self.receiver.datagrams[row, :length].tobytes()
+        connection_id, op, message_id, block, announced, seq = EXPECTED.unpack_from(datagram)
+        if ((connection_id, op, block, announced) != (self.inbox.connection_id, Op.DATA0, 1, length - OVERHEAD)
+                or not message_id or not self._source.is_settled_on(self.receiver.sources[row])
+                or (self.sequence is not None and not self.sequence.add_next(seq))):
+            return False
+        self.last_arrival = time.monotonic()
+        self.datagrams += 1
+        self.bytes += length
+        self._waiting.append(datagram[OVERHEAD:])
+        return True
+
+    def _take(self, count, first=0):
+        datagrams, lengths = self.receiver.datagrams[first:count], self.receiver.lengths[first:count]
+        sources = self.receiver.sources[first:count]
         trusted = self._source.trusts(sources)
         if self._drop is not None:
             lost = self._drop(count)
