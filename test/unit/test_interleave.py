@@ -91,7 +91,7 @@ def test_large_and_odd_sizes(height, width, item):
 @pytest.mark.parametrize('height, width, size, depth, per_segment', [
     (240, 320, 1, 3, 1),      # the deliverable's Table 4: 64 subimages
     (480, 640, 2, 5, 2),      # 1024 of 600 bytes, two a datagram
-    (480, 640, 3, 5, 1),
+    (480, 640, 3, 6, 5),      # at depth 5 a datagram would be 900 bytes: a quarter more of them
     (10, 10, 1, 0, 1)])
 def test_fit_fills_a_datagram(height, width, size, depth, per_segment):
     cut, count = fit(height, width, size, 1390)

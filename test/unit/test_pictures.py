@@ -93,6 +93,14 @@ def test_a_stamp_from_the_future_does_not_freeze_the_picture():
     assert feed(100 * S + S // 10, range(64), 0.1) == [(4000000000 * S, 1), (100 * S + S // 10, 64)]
 
 
+def test_segments_that_fit_nothing_begin_no_picture():
+    feed = Feed()
+    feed(1 * S, range(10), 0.0)
+    assert feed(2 * S, [64, 9999], 0.01) == []
+    assert feed.sequence.dropped['contradiction'] == 2
+    assert feed(1 * S, range(10, 64), 0.02) == [(1 * S, 64)]
+
+
 def test_contradictions_and_impossible_pictures_are_counted():
     feed = Feed()
     feed(1 * S, range(10), 0.0)

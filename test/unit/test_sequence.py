@@ -88,6 +88,20 @@ def test_a_stray_number_harms_nothing():
     assert (tracker.received, tracker.lost, tracker.duplicates, tracker.restarts) == (6, 1, 1, 0)
 
 
+def test_the_next_number_alone():
+    tracker, batch = SequenceTracker(), SequenceTracker()
+    assert not tracker.add_next(7)          # there is no next one yet
+    for number in (7, 8, 8, 10, 9, 11, 1 << 30, 12):
+        fresh = bool(batch.add([number])[0])
+        assert (tracker.add_next(number) or bool(tracker.add([number])[0])) == fresh
+    assert not tracker.add_next(14)
+    assert (tracker.received, tracker.lost, tracker.duplicates) == (
+        batch.received, batch.lost, batch.duplicates) == (6, 0, 1)
+    assert tracker.add_next(13) and not tracker.add([13])[0]
+    near_the_end = tracker_after([WRAP - 1])
+    assert near_the_end.add_next(0) and near_the_end.lost == 0
+
+
 @st.composite
 def arrivals(draw):
     """Numbers around a steadily rising one: lost, late, repeated; cut into batches; anywhere up to the wrap."""

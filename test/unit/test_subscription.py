@@ -108,6 +108,10 @@ def text(n, length=0):
     return serialised(String(('%d' % n).ljust(length, '.')))
 
 
+def datagram(message, connection_id=CONNECTION, message_id=1):
+    return bytes(split(len(message).to_bytes(4, 'little') + message, connection_id, message_id, SIZE))
+
+
 def numbered(seq, frame_id='x'):
     return serialised(Image(header=Header(seq=seq, frame_id=frame_id)))
 
@@ -161,6 +165,41 @@ def test_a_header_cut_short_is_no_sequence_number(make):
     assert peer.topic.messages == [numbered(1 << 30), numbered((1 << 30) + 1)]
     assert peer.subscription.inbox.dropped == {'message': 2}
     assert peer.subscription.sequence.lost == 0
+
+
+def test_an_id_that_comes_again_is_another_message(make):
+    """Of message 1 only the first block comes; 255 messages later its id stands for another."""
+    peer = make()
+    old, new = (bytes(split(len(message).to_bytes(4, 'little') + message, CONNECTION, 1, SIZE))
+                for message in (text(1, 300), text(2, 300)))
+    new = [new[:SIZE], new[SIZE:]]
+    others = [datagram(text(n), message_id=n) for n in range(2, 256)]
+    for data in [old[:SIZE]] + others + new + others + new:
+        peer.sender.send_one(data)
+        peer.subscription._drain()      # one by one
+    assert list(peer.subscription._waiting) == 2 * ([text(n) for n in range(2, 256)] + [text(2, 300)])
+    assert peer.subscription.inbox.dropped == {'incomplete': 1}
+
+
+@pytest.mark.parametrize('few', [True, False], ids=['one by one', 'in batches'])
+def test_few_and_many_are_taken_alike(make, few):
+    """What the way for few single messages does not expect is sorted as ever."""
+    peer = make(Image)
+    arrivals = [datagram(numbered(seq), message_id=1 + n) for n, seq in enumerate((1, 2, 2, 5, 6, 4, 7))]
+    arrivals += [b'', arrivals[0][:20], datagram(numbered(8), CONNECTION + 1), datagram(numbered(8), message_id=0),
+                 datagram(numbered(8)) + bytes(SIZE), datagram(b'ab'), datagram(numbered(9))]
+    for data in arrivals:
+        peer.sender.send_one(data)
+        if few:
+            peer.subscription._drain()
+    peer.subscription._drain()
+    assert list(peer.subscription._waiting) == [numbered(seq) for seq in (1, 2, 5, 6, 4, 7, 9)]
+    assert peer.subscription.inbox.dropped == {
+        'short': 1, 'length': 1, 'connection id': 1, 'header': 1, 'truncated': 1, 'message': 1}
+    sequence = peer.subscription.sequence
+    assert (sequence.received, sequence.lost, sequence.duplicates) == (7, 2, 1)
+    assert peer.subscription.datagrams == len(arrivals)
+    assert peer.subscription.bytes == sum(min(len(data), SIZE + 1) for data in arrivals)
 
 
 # -- batches -------------------------------------------------------------------------------------------------
@@ -224,8 +263,6 @@ def test_ever_new_lengths_do_not_fill_the_memory(make):
 # -- strangers -----------------------------------------------------------------------------------------------
 
 
-def datagram(message, connection_id=CONNECTION):
-    return bytes(split(len(message).to_bytes(4, 'little') + message, connection_id, 1, SIZE))
 
 
 def test_only_the_publishers_socket_counts(make):

@@ -112,20 +112,33 @@ class Interleave:
         return np.ascontiguousarray(grid.reshape((rows * p, columns * p) + more)[:self.height, :self.width])
 
 
+WORTH_DEEPER = 0.9
+"""One depth more is taken where it needs at most so many of the segments: smaller subimages fill them better."""
+
+
 def fit(height, width, cell_size, room):
-    """The coarsest cut whose subimages fit in `room` bytes, and how many of them one segment then holds.
+    """A cut whose subimages fit in `room` bytes and fill it well, and how many of them one segment then holds.
+
+    The coarsest that fits, or the next one where that saves segments (WORTH_DEEPER).
 
     :param cell_size: bytes of a pixel
     :return: (Interleave, subimages a segment)
     :raises ValueError: where the size is out of limits, or no depth fits
     """
-    for depth in range(MAX_DEPTH + 1):
-        cut = Interleave(height, width, depth)
-        size = cut.shape[0] * cut.shape[1] * cell_size
-        if size <= room:
-            return cut, min(room // size, len(cut), 255)
-    raise ValueError('%d x %d pixels of %d bytes do not fit in segments of %d bytes' % (
-        width, height, cell_size, room))
+    cuts = (Interleave(height, width, depth) for depth in range(MAX_DEPTH + 1))
+    fitting = [(cut, per_segment) for cut, per_segment in (
+        (cut, min(room // (cut.shape[0] * cut.shape[1] * cell_size), len(cut), 255)) for cut in cuts) if per_segment]
+    if not fitting:
+        raise ValueError('%d x %d pixels of %d bytes do not fit in segments of %d bytes' % (
+            width, height, cell_size, room))
+    coarsest, *finer = fitting
+    if finer and _segments(*finer[0]) <= WORTH_DEEPER * _segments(*coarsest):
+        return finer[0]
+    return coarsest
+
+
+def _segments(cut, per_segment):
+    return -(-len(cut) // per_segment)
 
 
 @functools.lru_cache(maxsize=None)

@@ -7,6 +7,8 @@ is late, and changes nothing.
 """
 import collections
 
+import numpy as np
+
 RESTART = 2.0
 """A stamp older than the newest by more is no late segment: the source's clock was set back, a recording
 began again [s]."""
@@ -65,22 +67,26 @@ class PictureSequence:
             except ValueError:
                 self.dropped['picture'] += count
                 return finished
-            if self._current is not None:
-                finished.append(self._finish())
-            self._newest, self._current = stamp, Dated(stamp, picture, now)
-        if self._current is None:
+            # only segments that fit make a picture: forged ones must not end the one in progress
+            if self._take(picture, segments):
+                if self._current is not None:
+                    finished.append(self._finish())
+                self._newest, self._current = stamp, Dated(stamp, picture, now)
+        elif self._current is None:
             self.dropped['late'] += count
-            return finished
-        picture = self._current.picture
-        if not fits(picture):
+        elif not fits(self._current.picture):
             self.dropped['contradiction'] += count
-            return finished
-        good = picture.add(*segments)
-        self._current.latest = now
-        self.dropped['contradiction'] += count - int(good.sum())
-        if picture.complete:
+        elif self._take(self._current.picture, segments):
+            self._current.latest = now
+        if self._current is not None and self._current.picture.complete:
             finished.append(self._finish())
         return finished
+
+    def _take(self, picture, segments):
+        """Add segments to a picture; returns whether any of them fits it."""
+        good = picture.add(*segments)
+        self.dropped['contradiction'] += len(good) - int(np.count_nonzero(good))
+        return good.any()
 
     def poll(self, now):
         """The picture in progress, where its time is over; else None."""

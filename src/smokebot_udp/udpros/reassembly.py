@@ -11,10 +11,11 @@ import numpy as np
 
 from .datagram import HEADER, HEADER_DTYPE, LENGTH, MESSAGE_IDS, OVERHEAD, Op
 
-START_DTYPE = np.dtype(HEADER_DTYPE.descr + [('length', '<u4')])
-"""How a message's first datagram begins: OVERHEAD bytes."""
+START = 16
+"""Bytes of each datagram's beginning that are looked at for the whole batch: more than OVERHEAD, and aligned."""
 
-DATA0 = int(Op.DATA0)   # numpy compares with an int faster than with the member of an enumeration
+ANY_ID = np.uint64(0xffff00ffffffffff)
+"""A header as one number, without its message id."""
 
 MAX_MESSAGE_SIZE = 16 << 20
 """A message announced longer is not collected [byte]."""
@@ -147,8 +148,14 @@ class Inbox:
 
     def __init__(self, connection_id, reassembler=None):
         self.connection_id = connection_id
+        self._single = np.frombuffer(HEADER.pack(connection_id, Op.DATA0, 0, 1), '<u8')[0]
         self._reassembler = reassembler or Reassembler()
         self.dropped = self._reassembler.dropped
+
+    @property
+    def remembers(self):
+        """Whether there are messages of many blocks that others may yet overtake."""
+        return self._reassembler.remembers
 
     def sort(self, datagrams, lengths, trusted, now):
         """Sort one batch.
@@ -160,39 +167,40 @@ class Inbox:
         :return: ((n,) bool, the rows that hold a whole message behind OVERHEAD bytes;
                   [(row, bytes), ...], the messages that a block completed, and the row of that block)
         """
-        slot = datagrams.shape[1]
-        # side by side, the beginnings are read several times for the price of one: rows lie a page apart
-        start = datagrams[:, :START_DTYPE.itemsize].copy().view(START_DTYPE)[:, 0]
-        single = ((start['connection_id'] == self.connection_id) & (start['op'] == DATA0)
-                  & (start['block'] == 1) & (start['message_id'] > 0) & (lengths < slot) & trusted)
-        whole = single & (start['length'] == lengths - OVERHEAD)
+        # few numpy calls: each costs more than its work, and much more in a thread that has just woken.
+        # Side by side, the beginnings are read several times for the price of one; rows lie a page apart
+        start = datagrams[:, :START].copy()
+        single = trusted & (start.view('<u8')[:, 0] & ANY_ID == self._single) & (lengths < datagrams.shape[1])
+        header = np.ndarray(len(start), HEADER_DTYPE, start, 0, (START,))
+        single &= header['message_id'] > 0
+        whole = single & (start.view('<u4')[:, 2] == lengths - OVERHEAD)
         if whole.all():
-            self._overtake(start['message_id'], now)
+            self._overtake(header['message_id'], now)
             return whole, []
-        return whole, self._sort_others(datagrams, lengths, trusted, start, single, whole, now)
+        return whole, self._sort_others(datagrams, lengths, trusted, header, single, whole, now)
 
     def _overtake(self, message_ids, now):
         if self._reassembler.remembers:
             for message_id in message_ids.tolist():
                 self._reassembler.overtake(message_id, now)
 
-    def _sort_others(self, datagrams, lengths, trusted, start, single, whole, now):
+    def _sort_others(self, datagrams, lengths, trusted, header, single, whole, now):
         slot = datagrams.shape[1]
         readable = trusted & (lengths >= HEADER.size) & (lengths < slot)
-        ours = readable & (start['connection_id'] == self.connection_id)
+        ours = readable & (header['connection_id'] == self.connection_id)
         single = single & ours
         for reason, rows in (('stranger', ~trusted),
                              ('short', trusted & (lengths < HEADER.size)),
                              ('truncated', trusted & (lengths >= slot)),
                              ('connection id', readable & ~ours),
-                             ('op', ours & (start['op'] > Op.DATAN)),
+                             ('op', ours & (header['op'] > Op.DATAN)),
                              ('length', single & ~whole)):
             count = int(np.count_nonzero(rows))
             if count:
                 self.dropped[reason] += count
         messages = []
-        for row in np.flatnonzero(ours & (start['op'] <= Op.DATAN) & (whole | ~single)).tolist():
-            _, op, message_id, block, _ = start[row].tolist()
+        for row in np.flatnonzero(ours & (header['op'] <= Op.DATAN) & (whole | ~single)).tolist():
+            _, op, message_id, block = header[row].tolist()
             if whole[row]:
                 self._reassembler.overtake(message_id, now)
                 continue

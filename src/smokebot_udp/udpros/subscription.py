@@ -102,32 +102,38 @@ class Subscription:
 
     def run(self):
         """Receive until `stop`; then free the socket."""
-        receiver = self.receiver
+        flowing = False
         try:
             while not self._ended.is_set():
-                if not receiver.wait(POLL):
+                if not flowing and not self.receiver.wait(POLL):
                     continue
                 if self._coalesce:
                     time.sleep(self._coalesce)
-                for _ in range(DRAIN):
-                    count = receiver.receive()
-                    if 0 < count <= FEW and self._expects_messages():
-                        self._take_few(count)
-                    elif count:
-                        self._take(count)
-                    if count < receiver.batch:
-                        break
+                flowing = self._drain() and self._coalesce > 0   # more will have come by the next time: no need to ask
                 while self._waiting and not self._ended.is_set():
                     self._deliver.take_message(self._waiting.popleft())
         finally:
-            receiver.close()
+            self.receiver.close()
+
+    def _drain(self):
+        """Take what has come; returns whether there was anything."""
+        for batch in range(DRAIN):
+            count = self.receiver.receive()
+            if 0 < count <= FEW and self._expects_messages():
+                self._take_few(count)
+            elif count:
+                self._take(count)
+            if count < self.receiver.batch:
+                return batch + count > 0
+        return True
 
     def stop(self):
         self._ended.set()
         self.receiver.wake()
 
     def _expects_messages(self):
-        return self._drop is None and self._source.settled and not self._deliver.wants_batches
+        return (self._drop is None and self._source.settled and not self._deliver.wants_batches
+                and not self.inbox.remembers)
 
     def _take_few(self, count):
         """Single messages as they are expected next; what is not is sorted with all that follows it."""
@@ -190,8 +196,8 @@ class Subscription:
 
     def _drop_repeated(self, datagrams, lengths, rows, messages):
         """Count the sequence numbers; return the rows and the messages without those seen before."""
-        numbered = lengths[rows] >= OVERHEAD + SEQ.itemsize
-        if not numbered.all():
+        if lengths.min() < OVERHEAD + SEQ.itemsize:
+            numbered = lengths[rows] >= OVERHEAD + SEQ.itemsize
             self.inbox.dropped['message'] += int(np.count_nonzero(~numbered))
             rows = rows[numbered]
         seqs = np.ndarray((len(datagrams),), SEQ, datagrams, OVERHEAD, (datagrams.shape[1],))[rows]
@@ -212,7 +218,7 @@ class Subscription:
                 self.inbox.dropped['message'] += 1
                 left[first] = False
                 continue
-            left &= ~mask
+            left ^= mask
             self._deliver.take_records(records, mask)
 
     def _see(self, datagrams, lengths, left, first, length):
