@@ -1,6 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
 """UDPROS with real peers: roscpp's relay, rospy, rostopic, rosbag."""
+import contextlib
+import itertools
 import os
 import pathlib
 import subprocess
@@ -167,9 +169,15 @@ class Peers(unittest.TestCase):
             publisher.publish(LaserScan())
             return relayed
         wait_for(through_the_relay, what='a message through the relay')
-        publisher.publish(LaserScan(scan_time=99.0))
-        wait_for(lambda: single[-1].scan_time == relayed[-1].scan_time == batches[-1]['scan_time'] == 99.0,
-                 what='the same by every way')
+        marks = itertools.count(1)
+
+        def all_have_the_latest():      # and nothing else is on its way
+            mark = float(next(marks))
+            publisher.publish(LaserScan(scan_time=mark))
+            with contextlib.suppress(AssertionError):
+                return wait_for(
+                    lambda: single[-1].scan_time == relayed[-1].scan_time == batches[-1]['scan_time'] == mark, 2.0)
+        wait_for(all_have_the_latest, what='the same by every way')
         begun = single[-1].header.seq
         for got in (batches, single, relayed):
             del got[:]
