@@ -29,6 +29,7 @@ def imports(path):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and not node.level:
             yield node.module
+            yield from ('%s.%s' % (node.module, alias.name) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             base = '.'.join(package[:len(package) - node.level + 1] + ((node.module,) if node.module else ()))
             yield from [base] if node.module else ('%s.%s' % (base, alias.name) for alias in node.names)
