@@ -185,6 +185,10 @@ class UdprosHandler(ProtocolHandler):
         options, topic = impl.options, impl.resolved_name
         receiver = DatagramReceiver(rosgraph.network.get_bind_address(), options.max_datagram_size,
                                     options.receive_buffer)
+        if receiver.receive_buffer < 2 * options.receive_buffer:   # the kernel counts its own overhead: double
+            rospy.logwarn_throttle_identical(60, (
+                'the kernel grants a receive buffer of %d bytes only, so bursts may be lost here: '
+                'sudo sysctl -w net.core.rmem_max=%d') % (receiver.receive_buffer // 2, options.receive_buffer))
         kept = False
         try:
             request = Request(rosgraph.network.get_host_name(), receiver.address[1],
