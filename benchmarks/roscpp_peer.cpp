@@ -62,6 +62,7 @@ int main(int argc, char** argv)
       double rate, seconds;
       std::cin >> rate >> seconds;
       const double before = cpu();
+      const ros::WallTime begun = ros::WallTime::now();
       long sent = 0, ticks = 0;
       ros::WallTime due = ros::WallTime::now();
       for (; ticks < seconds * 1000; ++ticks, due += ros::WallDuration(0.001))
@@ -75,8 +76,9 @@ int main(int argc, char** argv)
           publisher.publish(message);
         }
       }
+      const double took = (ros::WallTime::now() - begun).toSec();
       ros::WallDuration(0.2).sleep();
-      std::cout << "{\"sent\": " << sent << ", \"cpu\": " << cpu() - before << "}" << std::endl;
+      std::cout << "{\"sent\": " << sent << ", \"seconds\": " << took << ", \"cpu\": " << cpu() - before << "}" << std::endl;
     }
     else if (word == "report")
     {

@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""UDPROS beside TCPROS, roscpp and the bare sockets: CPU, rate without loss, latency of 1.4 kB messages."""
+"""UDPROS beside TCPROS, roscpp and the bare sockets: CPU, rate without loss, latency of 1.4 kB messages.
+
+Every way is measured at the same rates, because a process's waking costs more than a message, and is shared by
+the more of them the more there are. The ways take turns, so that a busy moment of the machine meets them all.
+"""
+import contextlib
 import json
 import os
 import pathlib
@@ -13,19 +18,25 @@ import tempfile
 import time
 import xmlrpc.client
 
+import matplotlib
+
 HERE = pathlib.Path(__file__).resolve().parent
 RESULTS = HERE.parent / 'results' / 'bench'
 
-MODES = {'rospy TCPROS': 'tcp', 'roscpp UDPROS': 'roscpp', 'ours, by the message': 'message',
-         'ours, by the frame': 'frame', 'bare sockets (GSO, recvmmsg)': 'bare'}
-RATE, SECONDS, ROUNDS = 5000, 3, 3
-"""CPU is measured at this rate [messages/s] for so long, and the median of the rounds is taken."""
+MODES = {'rospy TCPROS, queue_size=1000': 'tcp', 'rospy TCPROS, no queue': 'tcp_direct', 'roscpp UDPROS': 'roscpp',
+         'ours, by the message': 'message', 'ours, by the frame': 'frame', 'bare sockets (GSO, recvmmsg)': 'bare'}
 
-FRAME_RATE = 27000
-"""By the frame: Table 1 of the deliverable, raw [messages/s]."""
+TABLE_1 = 27000
+"""The deliverable's Table 1, raw [messages/s]."""
+
+RATES, SECONDS, ROUNDS = (5000, TABLE_1), 2, 3
+"""CPU and latency are measured at each of these rates [messages/s] for so long; the median of the rounds counts."""
 
 CLIMB = (5000, 10000, 15000, 20000, 27000, 40000, 60000, 80000)
 """Rates that are tried for one without loss [messages/s]."""
+
+KEPT_UP = 0.95
+"""A sender that reaches less of the rate asked of it was too slow for it."""
 
 
 class Peer:
@@ -116,83 +127,112 @@ def one_round(receiver, sender, rate, seconds):
     receiver.ask('begin')
     sent = json.loads(sender.ask('send %g %g' % (rate, seconds)))
     received = json.loads(receiver.ask('report'))
-    return {'sent': sent['sent'], 'received': received['received'], 'p50': received['p50'], 'p99': received['p99'],
+    return {'reached': sent['sent'] / sent['seconds'], 'lost': sent['sent'] - received['received'],
+            'sent': sent['sent'], 'p50': received['p50'], 'p99': received['p99'],
             'sender_us': 1e6 * sent['cpu'] / sent['sent'],
             'receiver_us': 1e6 * received['cpu'] / max(1, received['received']),
-            'sender_cores': sent['cpu'] / seconds, 'receiver_cores': received['cpu'] / seconds}
+            'sender_cores': sent['cpu'] / sent['seconds'], 'receiver_cores': received['cpu'] / sent['seconds']}
 
 
 def run(log):
-    """{way: numbers}"""
-    results = {}
-    with tempfile.TemporaryDirectory() as folder, Master():
+    """{way: {'at': {rate: numbers}, 'lossless': messages/s}}"""
+    with contextlib.ExitStack() as stack:
+        folder = stack.enter_context(tempfile.TemporaryDirectory())
+        stack.enter_context(Master())
         roscpp = build_roscpp_peer(pathlib.Path(folder))
+        if roscpp is None:
+            log('roscpp is left out: pkg-config does not find it (install libroscpp-dev)')
+        pairs = {}
         for name, mode in MODES.items():
-            if mode == 'roscpp' and roscpp is None:
-                log('roscpp is left out: pkg-config does not find it (install libroscpp-dev)')
-                continue
-            log('measuring ' + name)
-            results[name] = measure(mode, roscpp)
+            if mode != 'roscpp' or roscpp is not None:
+                pairs[name] = pair(mode, roscpp)
+                for peer in pairs[name]:
+                    stack.callback(peer.close)
+        rounds = measure(pairs, log)
+        results = {}
+        for name, ends in pairs.items():
+            log('the highest rate without loss: ' + name)
+            results[name] = {'at': {rate: median(rounds[name, rate]) for rate in RATES}, 'lossless': climb(*ends)}
     plot(results)
     return results
 
 
-def measure(mode, roscpp):
-    receiver, sender = pair(mode, roscpp)
-    try:
-        rate = FRAME_RATE if mode in ('frame', 'bare') else RATE
-        one_round(receiver, sender, rate, 0.5)     # caches, branch predictors, the processor's clock
-        rounds = [one_round(receiver, sender, rate, SECONDS) for _ in range(ROUNDS)]
-        result = {key: statistics.median(r[key] for r in rounds) for key in rounds[0]}
-        result['lost'] = sum(r['sent'] - r['received'] for r in rounds)
-        result['rate'] = rate
-        result['lossless'] = 0
-        for rate in CLIMB:
+def measure(pairs, log):
+    """{(way, rate): [numbers of each round]}"""
+    rounds = {(name, rate): [] for name in pairs for rate in RATES}
+    for ends in pairs.values():
+        one_round(*ends, RATES[0], 0.5)     # caches, branch predictors, the processor's clock
+    for number in range(ROUNDS):
+        log('round %d of %d' % (number + 1, ROUNDS))
+        for name, rate in rounds:
+            rounds[name, rate].append(one_round(*pairs[name], rate, SECONDS))
+    return rounds
+
+
+def median(rounds):
+    """The rounds' medians, but what was sent and lost in all of them."""
+    result = {key: None if rounds[0][key] is None else statistics.median(r[key] for r in rounds) for key in rounds[0]}
+    result.update({key: sum(r[key] for r in rounds) for key in ('sent', 'lost')})
+    return result
+
+
+def climb(receiver, sender):
+    """The highest rate reached without loss [messages/s]; each is tried twice, for the machine has others to serve."""
+    lossless = 0
+    for rate in CLIMB:
+        for _ in range(2):
             attempt = one_round(receiver, sender, rate, 1.0)
-            if attempt['received'] < attempt['sent']:
+            if attempt['lost'] == 0 and attempt['reached'] > KEPT_UP * rate:
+                lossless = rate
                 break
-            result['lossless'] = rate
-        return result
-    finally:
-        sender.close()
-        receiver.close()
+        else:
+            break
+    return lossless
 
 
 def table(results, machine):
-    lines = ['1.4 kB messages over loopback, %s' % machine,
-             '%-30s %8s %12s %14s %10s %10s %6s %14s' % ('', 'at [1/s]', 'sender [us]', 'receiver [us]', 'p50 [ms]',
-                                                        'p99 [ms]', 'lost', 'lossless [1/s]')]
-    for name, r in results.items():
-        lines.append('%-30s %8d %12.2f %14.2f %10.2f %10.2f %6d %14d' % (
-            name, r['rate'], r['sender_us'], r['receiver_us'], 1e3 * r['p50'], 1e3 * r['p99'], r['lost'],
-            r['lossless']))
-    if 'roscpp UDPROS' in results:
-        base = results['roscpp UDPROS']
-        for name in ('ours, by the message', 'ours, by the frame'):
-            lines.append('%s: %.2f of roscpp\'s CPU sending, %.2f receiving' % (
-                name, results[name]['sender_us'] / base['sender_us'],
-                results[name]['receiver_us'] / base['receiver_us']))
-    frame = results['ours, by the frame']
+    lines = ['1.4 kB messages over loopback, %s' % machine]
+    for rate in RATES:
+        lines += ['', '%-30s %12s %12s %14s %10s %10s %16s' % (
+            'at %d messages/s' % rate, 'reached [1/s]', 'sender [us]', 'receiver [us]', 'p50 [ms]', 'p99 [ms]', 'lost')]
+        for name, result in results.items():
+            r = result['at'][rate]
+            ages = ['-' if r[key] is None else '%.2f' % (1e3 * r[key]) for key in ('p50', 'p99')]
+            lines.append('%-30s %12d %12.2f %14.2f %10s %10s %16s' % (
+                name, r['reached'], r['sender_us'], r['receiver_us'], ages[0], ages[1],
+                '%d of %d' % (r['lost'], r['sent'])))
+        if 'roscpp UDPROS' in results:
+            base = results['roscpp UDPROS']['at'][rate]
+            for name in ('ours, by the message', 'ours, by the frame'):
+                r = results[name]['at'][rate]
+                lines.append("%s: %.2f of roscpp's CPU sending, %.2f receiving" % (
+                    name, r['sender_us'] / base['sender_us'], r['receiver_us'] / base['receiver_us']))
+    lines += ['', 'without loss [messages/s]: ' + '; '.join(
+        '%s %d' % (name, result['lossless']) for name, result in results.items())]
+    frame = results['ours, by the frame']['at'][TABLE_1]
     lines.append('Table 1 raw, by the frame: %d messages/s on %.2f cores sending, %.2f receiving, %d of %d lost' % (
-        FRAME_RATE, frame['sender_cores'], frame['receiver_cores'], frame['lost'], ROUNDS * frame['sent']))
+        frame['reached'], frame['sender_cores'], frame['receiver_cores'], frame['lost'], frame['sent']))
     lines.append('plot: %s' % (RESULTS / 'udpros.png').relative_to(HERE.parent))
     return '\n'.join(lines)
 
 
 def plot(results):
-    """Bars of both sides' CPU, written to results/bench/udpros.png."""
-    import matplotlib
+    """Bars of both sides' CPU at each rate, written to results/bench/udpros.png."""
     matplotlib.use('Agg')
     from matplotlib import pyplot
     RESULTS.mkdir(parents=True, exist_ok=True)
-    figure, axes = pyplot.subplots(figsize=(9, 3.2))
+    figure, panels = pyplot.subplots(1, len(RATES), figsize=(13, 3.6), sharey=True)
     names = list(results)[::-1]
-    for offset, side in ((0.2, 'sender'), (-0.2, 'receiver')):
-        values = [results[name][side + '_us'] for name in names]
-        bars = axes.barh([i + offset for i in range(len(names))], values, 0.38, label=side)
-        axes.bar_label(bars, ['%.1f' % value for value in values], padding=3)
-    axes.set_yticks(range(len(names)), names)
-    axes.set_xlabel('CPU for each 1.4 kB message [us]')
-    axes.legend()
+    for axes, rate in zip(panels, RATES):
+        for offset, side in ((0.2, 'sender'), (-0.2, 'receiver')):
+            values = [results[name]['at'][rate][side + '_us'] for name in names]
+            bars = axes.barh([i + offset for i in range(len(names))], values, 0.38, label=side)
+            axes.bar_label(bars, ['%.1f' % value for value in values], padding=3)
+        axes.set_yticks(range(len(names)), names)
+        axes.margins(x=0.12)
+        axes.set_title('%d messages/s asked' % rate)
+        axes.set_xlabel('CPU for each 1.4 kB message [us]')
+    panels[-1].legend()
     figure.tight_layout()
     figure.savefig(str(RESULTS / 'udpros.png'), dpi=110)
+    pyplot.close(figure)

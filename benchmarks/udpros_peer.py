@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """One end of a topic for the UDPROS benchmark, as a process: ``udpros_peer.py ROLE MODE TOPIC``.
 
-ROLE is send or receive, MODE tcp (rospy as it is), message, frame, or bare (sockets without ROS, where TOPIC is the
-receiver's port). It says "ready" when it is connected, and then obeys lines on stdin: ``begin``, ``send RATE
-SECONDS``, ``report``; each is answered by a line, the last two by JSON.
+ROLE is send or receive, MODE tcp (rospy as it is), tcp_direct (without a queue), message, frame, or bare (sockets
+without ROS, where TOPIC is the receiver's port). It says "ready" when it is connected, and then obeys lines on
+stdin: ``begin``, ``send RATE SECONDS``, ``report``; each is answered by a line, the last two by JSON.
 """
 import json
 import socket
@@ -24,7 +24,8 @@ SIZE = 1400
 FRAMES = 50
 """A second, in frame and bare mode [Hz]."""
 
-SUBSCRIBED = {'tcp': rospy.Subscriber, 'message': udpros.Subscriber, 'frame': udpros.Subscriber}
+QUEUES = {'tcp': 1000, 'tcp_direct': None}
+"""rospy's queue_size: with one, a thread sends, without, the caller."""
 
 
 class Receiver:
@@ -53,7 +54,7 @@ class Receiver:
         self.count, self.ages = 0, []
 
     def report(self):
-        ages = np.percentile(self.ages, (50, 99)) if self.ages else (0.0, 0.0)
+        ages = np.percentile(self.ages, (50, 99)) if self.ages else (None, None)
         return {'received': self.count, 'p50': ages[0], 'p99': ages[1]}
 
 
@@ -79,16 +80,16 @@ class BareReceiver:
         self.count = 0
 
     def report(self):
-        return {'received': self.count, 'p50': 0.0, 'p99': 0.0}
+        return {'received': self.count, 'p50': None, 'p99': None}
 
 
 class Sender:
     def __init__(self, mode, topic):
         self.mode = mode
-        # all of a frame within half of its period
-        self.pacer = udpros.Pacer(2 * 27000 * 1472, 32 * 1472) if mode == 'frame' else None
-        if mode == 'tcp':
-            self.publisher = rospy.Publisher(topic, ImageSegment, queue_size=1000, tcp_nodelay=True)
+        # all of a frame within half of its period, as many at once as the kernel cuts up in a call
+        self.pacer = udpros.Pacer(2 * 27000 * 1472, 44 * 1472) if mode == 'frame' else None
+        if mode in QUEUES:
+            self.publisher = rospy.Publisher(topic, ImageSegment, queue_size=QUEUES[mode], tcp_nodelay=True)
         else:
             self.publisher = udpros.Publisher(topic, ImageSegment, queue_size=1000, pacer=self.pacer)
         self.message = ImageSegment(encoding='mono8', data=bytes(SIZE))
@@ -142,8 +143,8 @@ class BareSender:
         for _ in range(int(seconds * FRAMES)):
             time.sleep(max(0.0, due - time.monotonic()))
             due += 1.0 / FRAMES
-            for at in range(0, len(datagrams), 32 * 1460):
-                self.sender.socket.sendmsg([datagrams[at:at + 32 * 1460]], control)
+            for at in range(0, len(datagrams), 44 * 1460):
+                self.sender.socket.sendmsg([datagrams[at:at + 44 * 1460]], control)
                 time.sleep(5e-4)
         return count * int(seconds * FRAMES)
 
@@ -165,10 +166,11 @@ def main(role, mode, topic):
             before = time.process_time()
             print('ok', flush=True)
         elif word == 'send':
-            before = time.process_time()
+            before, begun = time.process_time(), time.monotonic()
             sent = end.send(*map(float, numbers))
+            seconds = time.monotonic() - begun
             time.sleep(0.2)
-            print(json.dumps({'sent': sent, 'cpu': time.process_time() - before}), flush=True)
+            print(json.dumps({'sent': sent, 'seconds': seconds, 'cpu': time.process_time() - before}), flush=True)
         elif word == 'report':
             used = time.process_time() - before
             print(json.dumps(dict(end.report(), cpu=used)), flush=True)
