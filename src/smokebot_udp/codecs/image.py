@@ -15,13 +15,14 @@ class Picture:
     """What has come of one picture.
 
     :param item: dtype of a whole pixel, see pixels.item_type
-    :param total: how many subimages are sent of it, the first in order
+    :param total: how many subimages are sent of it, the first in order; None: all
     :raises ValueError: where sizes, depth and total contradict each other or a limit
     """
 
-    def __init__(self, height, width, depth, item, total):
+    def __init__(self, height, width, depth, item, total=None):
         self.cut = Interleave(height, width, depth)
         rows, columns = self.cut.shape
+        total = len(self.cut) if total is None else total
         if not 1 <= total <= len(self.cut):
             raise ValueError('total is %d, there are %d subimages' % (total, len(self.cut)))
         if len(self.cut) * rows * columns * item.itemsize > MAX_PICTURE_SIZE:

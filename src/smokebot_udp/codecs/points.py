@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The points of a sensor_msgs/PointCloud2 of any layout as plain arrays."""
+import numpy as np
+
+DATATYPES = {1: 'i1', 2: 'u1', 3: 'i2', 4: 'u2', 5: 'i4', 6: 'u4', 7: 'f4', 8: 'f8'}
+"""{sensor_msgs/PointField datatype: numpy type}"""
+
+FLOATS = 7, 8
+
+
+def as_points(data, fields, height, width, point_step, row_step, is_bigendian, with_intensity=False):
+    """The finite points of a cloud, organised or not.
+
+    :param data: bytes-like
+    :param fields: sensor_msgs/PointFields: objects with name, offset, datatype, count
+    :return: (n, 3) float32 x, y, z [m], and (n,) float32 intensity, or None where not asked for or not there; in
+        the cloud's order, points with NaN or infinite coordinates left out
+    :raises ValueError: naming the field that is wrong and its value
+    """
+    by_name = {field.name: field for field in fields}
+    for name in 'xyz':
+        if name not in by_name:
+            raise ValueError('the cloud has no field %s, only %s' % (name, ', '.join(map(repr, by_name)) or 'none'))
+        if by_name[name].datatype not in FLOATS:
+            raise ValueError('field %s is of datatype %d, must be FLOAT32 (7) or FLOAT64 (8)' % (
+                name, by_name[name].datatype))
+    names = ['x', 'y', 'z'] + ['intensity'] * (with_intensity and 'intensity' in by_name)
+    dtype = np.dtype({'names': names, 'formats': [_format(by_name[name], is_bigendian) for name in names],
+                      'offsets': [_offset(by_name[name], point_step) for name in names], 'itemsize': point_step})
+    row_step = _row_step(data, height, width, point_step, row_step)
+    grid = np.ndarray((height, width), dtype, data, 0, (row_step, point_step))
+    points = np.empty((height * width, 3), np.float32)
+    with np.errstate(over='ignore'):
+        for axis, name in enumerate('xyz'):
+            points[:, axis] = grid[name].reshape(-1)
+    finite = np.isfinite(points).all(axis=1)
+    intensity = grid['intensity'].reshape(-1).astype(np.float32) if 'intensity' in names else None
+    if not finite.all():
+        points = points[finite]
+        intensity = None if intensity is None else intensity[finite]
+    return points, intensity
+
+
+def _format(field, is_bigendian):
+    if field.datatype not in DATATYPES:
+        raise ValueError('field %s is of datatype %d, must be from 1 to 8' % (field.name, field.datatype))
+    return np.dtype(DATATYPES[field.datatype]).newbyteorder('>' if is_bigendian else '<')
+
+
+def _offset(field, point_step):
+    size = np.dtype(DATATYPES[field.datatype]).itemsize
+    if field.offset + size > point_step:
+        raise ValueError('field %s has bytes %d to %d, point_step is %d' % (
+            field.name, field.offset, field.offset + size - 1, point_step))
+    return field.offset
+
+
+def _row_step(data, height, width, point_step, row_step):
+    """Bytes from row to row; drivers leave row_step wrong where there is but one."""
+    if height == 0 or width == 0:
+        raise ValueError('the cloud is empty: height %d, width %d' % (height, width))
+    if height == 1 and len(data) == width * point_step:
+        return len(data)
+    if row_step < width * point_step:
+        raise ValueError('row_step is %d, width x point_step is %d x %d = %d' % (
+            row_step, width, point_step, width * point_step))
+    if len(data) != height * row_step:
+        raise ValueError('data has %d bytes, height x row_step is %d x %d = %d' % (
+            len(data), height, row_step, height * row_step))
+    return row_step
