@@ -6,7 +6,11 @@ A node loads a stream's class when it is first named, so that a kind costs nothi
 import importlib
 
 KINDS = {
+    'cloud': ('cloud', 'CloudSender', 'CloudReceiver'),
+    'grid': ('grid', 'GridSender', 'GridReceiver'),
     'image': ('image', 'ImageSender', 'ImageReceiver'),
+    'relay': ('relay', 'RelaySender', 'RelayReceiver'),
+    'scan': ('scan', 'ScanSender', 'ScanReceiver'),
 }
 """{type in streams.yaml: (module of this package, class on the robot, class on the operator's side)}"""
 

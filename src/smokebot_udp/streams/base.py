@@ -28,7 +28,7 @@ def wire_topic(name):
     return 'smokebot_udp/%s/segments' % name
 
 
-class RobotStream:
+class RobotStream(rospy.SubscribeListener):
     """Sends the newest messages of a robot's topic as segments.
 
     A kind derives from it: MESSAGE and SEGMENT are its message classes, and `frames(message)` makes the
@@ -36,17 +36,19 @@ class RobotStream:
     """
     MESSAGE = SEGMENT = None
     PARAMETERS = ROBOT
+    QUEUE_SIZE = 1
 
     def __init__(self, name, settings, link):
         self.name, self.topic = name, rospy.resolve_name(settings['robot_topic'])
         self.enabled = settings['enabled']
         self.link = link
         self.sent = 0   # messages of the source
-        self._publisher = udpros.Publisher(wire_topic(name), self.SEGMENT, queue_size=10, pacer=link.pacer,
-                                           max_datagram_size=link.max_datagram_size)
+        self._stamp = None   # of the last message sent
+        self._publisher = udpros.Publisher(wire_topic(name), self.SEGMENT, subscriber_listener=self, queue_size=10,
+                                           pacer=link.pacer, max_datagram_size=link.max_datagram_size)
         self._worker = NewestWorker(name, self._send, self._report, settings['rate'])
-        self._subscriber = rospy.Subscriber(self.topic, self.MESSAGE, self._receive, queue_size=1,
-                                            buff_size=1 << 24, tcp_nodelay=True)
+        self._subscriber = rospy.Subscriber(self.topic, self.MESSAGE, self._receive,
+                                            queue_size=self.QUEUE_SIZE, buff_size=1 << 24, tcp_nodelay=True)
 
     def configure(self, enabled, rate):
         """Change what may change while it runs."""
@@ -56,13 +58,28 @@ class RobotStream:
     def frames(self, message):
         raise NotImplementedError
 
+    @property
+    def wanted(self):
+        """Whether there is anybody to send to."""
+        return self.enabled and self._publisher.get_num_connections() > 0
+
     def _receive(self, message):
-        if self.enabled and self._publisher.get_num_connections():
+        if self.wanted:
             self._worker.give(message)
 
     def _send(self, message):
-        self._publisher.publish_frames(*self.frames(message))
+        self._publisher.publish_frames(*self.frames(self._told_apart(message)))
         self.sent += 1
+
+    def _told_apart(self, message):
+        """Segments belong together by their stamp, so a message that has none gets one, and none may come twice."""
+        if message.header.stamp.is_zero():
+            message.header.stamp = rospy.Time.now()
+        if message.header.stamp == self._stamp:
+            raise ValueError('its stamp is %d.%09d like the last one\'s: they cannot be told apart' % (
+                message.header.stamp.secs, message.header.stamp.nsecs))
+        self._stamp = message.header.stamp
+        return message
 
     def _report(self, error):
         if not rospy.is_shutdown():
@@ -88,8 +105,11 @@ class OperatorStream:
         self.name, self.topic = name, rospy.resolve_name(settings['operator_topic'])
         self.published = 0
         self._publisher = rospy.Publisher(self.topic, self.MESSAGE, queue_size=2, latch=self.LATCH, tcp_nodelay=True)
-        self.subscriber = udpros.Subscriber(
-            wire_topic(name), self.SEGMENT, batch_callback=self.take, max_datagram_size=link.max_datagram_size,
+        self.subscriber = self.subscribe(link)
+
+    def subscribe(self, link):
+        return udpros.Subscriber(
+            wire_topic(self.name), self.SEGMENT, batch_callback=self.take, max_datagram_size=link.max_datagram_size,
             receive_buffer=link.receive_buffer, drop=link.drop)
 
     def take(self, records, mask):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""At most so many messages a second, always the newest, and no backlog."""
+"""Threads that keep a rate: the newest of what comes, without backlog, and the same again and again."""
 import threading
 import time
 
@@ -74,5 +74,41 @@ class NewestWorker:
                 return
             try:
                 self._work(item)
+            except Exception as error:
+                self._on_error(error)
+
+
+class Repeater:
+    """A thread that does the same again and again, once it is started.
+
+    :param work: f(), every `period` [s], and at once after `wake`
+    :param on_error: f(exception), called for what `work` raises; the thread goes on
+    """
+
+    def __init__(self, name, work, on_error, period):
+        self._work, self._on_error, self._period = work, on_error, period
+        self._wanted, self._ended = threading.Event(), False
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+
+    def start(self):
+        self._thread.start()
+
+    def wake(self):
+        self._wanted.set()
+
+    def stop(self):
+        self._ended = True
+        self._wanted.set()
+        if self._thread.ident:
+            self._thread.join()
+
+    def _run(self):
+        while True:
+            self._wanted.wait(self._period)
+            self._wanted.clear()
+            if self._ended:
+                return
+            try:
+                self._work()
             except Exception as error:
                 self._on_error(error)

@@ -1,0 +1,201 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Grid streams: nav_msgs/OccupancyGrid, reduced, in interleaved segments, in rounds (D6.3, section 5)."""
+import math
+import threading
+import time
+import zlib
+
+import numpy as np
+import rospy
+from geometry_msgs.msg import Point, Pose, Quaternion
+from nav_msgs.msg import MapMetaData, OccupancyGrid
+from rospy.numpy_msg import numpy_msg
+from std_msgs.msg import Header
+
+from ..codecs import fill, grid, pixels
+from ..codecs.image import Picture
+from ..msg import GridSegment
+from .base import OperatorStream, RobotStream
+from .image import subimage_frames, write_subimages
+from .parameters import OPERATOR, ROBOT, Parameter
+from .rate import Repeater
+from .rounds import Rounds
+from .segments import head_of, room, same_head, stamps_of, write_header
+
+CELL = pixels.item_type('mono8')
+FILLS = {'unknown': grid.unknown, **fill.METHODS}
+
+
+class GridSender(RobotStream):
+    """Sends a changed map at once, and the same one in rounds."""
+    MESSAGE, SEGMENT = numpy_msg(OccupancyGrid), GridSegment
+    PARAMETERS = {
+        **ROBOT,
+        'repeat_rate': Parameter(0.2, 'Hz', 'an unchanged map is sent again so often, for what was lost and who came '
+                                 'late', above=0.0, most=100.0),
+        'max_cells': Parameter(1300, '', 'cells of a segment', least=1, most=65000),
+        'max_segments': Parameter(256, '', 'a map is reduced until so many carry it', least=1, most=65536),
+    }
+
+    def __init__(self, name, settings, link):
+        self._settings = settings
+        self._lock = threading.Lock()
+        self._content = None    # what the frames carry
+        self._frames = []
+        self._rounds = Repeater(name + ' rounds', self._send_round, self._report, 1.0 / settings['repeat_rate'])
+        super().__init__(name, settings, link)
+        self._rounds.start()
+
+    def peer_subscribe(self, topic_name, topic_publish, peer_publish):
+        """Who came late gets the map at once."""
+        self._rounds.wake()
+
+    def _receive(self, message):
+        # even where nobody listens yet: a map may come but once
+        self._worker.give(message)
+
+    def _send(self, message):
+        frames = self.frames(message)
+        if frames is not None:
+            self._frames = frames
+            self.sent += 1
+            self._rounds.wake()
+
+    def frames(self, message):
+        """The frames that carry a changed map; None where its content is what the last one's was."""
+        info = message.info
+        cells = grid.as_cells(message.data, info.height, info.width, info.resolution)
+        check_origin(info.origin)
+        frame_id = message.header.frame_id.encode()
+        factor, cut, per_segment = grid.fit(
+            info.height, info.width, room(GridSegment, self.link.max_datagram_size, frame_id),
+            self._settings['max_cells'], self._settings['max_segments'])
+        cells = grid.reduce_by(cells, factor)
+        content = frame_id, str(info.origin), info.resolution, factor, cut, zlib.crc32(cells.tobytes())
+        if content == self._content:
+            with self._lock:
+                for frame in self._frames:
+                    write_header(frame.records, message.header)
+            return None
+        self._content = content
+        subimages = cut.split(cells).reshape(len(cut), -1)
+        frames = subimage_frames(GridSegment, subimages, per_segment, {'header.frame_id': len(frame_id)})
+        for part, frame in frames:
+            write_header(frame.records, message.header)
+            write_subimages(frame.records, cut, part, subimages)
+            write_info(frame.records['info'], info, cut, factor)
+        return [frame for _, frame in frames]
+
+    def _send_round(self):
+        with self._lock:
+            if self._frames and self.wanted:
+                self._publisher.publish_frames(*self._frames)
+
+    def close(self):
+        self._rounds.stop()
+        super().close()
+
+
+def check_origin(origin):
+    """:raises ValueError: where a map's place is no place"""
+    for part in (origin.position, origin.orientation):
+        for axis in part.__slots__:
+            if not math.isfinite(getattr(part, axis)):
+                raise ValueError('origin.%s is %r' % (axis, getattr(part, axis)))
+
+
+def write_info(records, info, cut, factor):
+    """The MapMetaData of the reduced map, into all segments."""
+    for unit in ('secs', 'nsecs'):
+        records['map_load_time'][unit] = getattr(info.map_load_time, unit)
+    records['resolution'], records['width'], records['height'] = info.resolution * factor, cut.width, cut.height
+    for part in ('position', 'orientation'):
+        values = getattr(info.origin, part)
+        for axis in values.__slots__:
+            records['origin'][part][axis] = getattr(values, axis)
+
+
+class GridReceiver(OperatorStream):
+    """Publishes the map, latched, as far as its rounds have brought it; in a thread of its own."""
+    MESSAGE, SEGMENT = numpy_msg(OccupancyGrid), GridSegment
+    LATCH = True
+    HEAD = 'info', 'depth'
+    PARAMETERS = {
+        **OPERATOR,
+        'max_wait': Parameter(0.5, 's', 'a map is shown at the latest so long after its first segment that is news',
+                              above=0.0, most=60.0),
+        'fill': Parameter('nearest', '', 'what becomes of cells that never came', choices=tuple(FILLS)),
+    }
+
+    def __init__(self, name, settings, link):
+        self._rounds = Rounds(settings['max_wait'])
+        self._fill = FILLS[settings['fill']]
+        self._shown = None     # the last message published
+        self._changed = threading.Condition()
+        self._ended = False
+        super().__init__(name, settings, link)
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        self._thread.start()
+
+    def take(self, records, mask):
+        """Sort a batch of segments by their map; the transport's thread."""
+        rows = np.flatnonzero(mask)
+        with self._changed:
+            while len(rows):
+                same = same_head(records, rows, self.HEAD)
+                stamps = stamps_of(records, rows)
+                same &= stamps == stamps[0]
+                self._take_map(head_of(records[rows[0]], GridSegment, self.HEAD), records[rows[same]])
+                rows = rows[~same]
+            self._changed.notify()
+
+    def _take_map(self, head, records):
+        load_time, *lies = head.info    # the same map may be loaded anew
+        self._rounds.add(head, (head.frame_id, head.depth, lies), lambda: begin(head),
+                         (records['index'].astype(int), records['count'], records['data'].view(np.uint8)),
+                         time.monotonic())
+
+    def _run(self):
+        while True:
+            with self._changed:
+                while not self._ended:
+                    deadline, now = self._rounds.deadline, time.monotonic()
+                    if deadline is not None and deadline <= now:
+                        break
+                    self._changed.wait(None if deadline is None else deadline - now)
+                if self._ended:
+                    return
+                head, picture = self._rounds.poll(now)
+                cells = picture.items(self._fill).view(np.int8)
+            try:
+                self._show(head, cells)
+            except Exception as error:
+                self.report('a map is not shown: %s' % error)
+
+    def _show(self, head, cells):
+        """Publish a map, unless it is what is shown already: rounds repeat it."""
+        content = head.frame_id, head.info, zlib.crc32(cells)
+        if content == self._shown:
+            return
+        self._shown = content
+        load_time, resolution, width, height, (position, orientation) = head.info
+        self.publish(self.MESSAGE(
+            header=Header(stamp=rospy.Time(*divmod(head.stamp, 10 ** 9)), frame_id=head.frame_id),
+            info=MapMetaData(rospy.Time(*load_time), resolution, width, height,
+                             Pose(Point(*position), Quaternion(*orientation))),
+            data=cells.reshape(-1)))
+
+    def close(self):
+        with self._changed:
+            self._ended = True
+            self._changed.notify()
+        self._thread.join()
+        super().close()
+
+
+def begin(head):
+    """An empty map as described; ValueError where the description is impossible."""
+    _, resolution, width, height, (position, orientation) = head.info
+    if not (math.isfinite(resolution) and resolution > 0 and all(map(math.isfinite, position + orientation))):
+        raise ValueError('a map of resolution %r at %r' % (resolution, position))
+    return Picture(height, width, head.depth, CELL)

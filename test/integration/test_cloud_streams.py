@@ -1,0 +1,220 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""Point clouds and laser scans through robot_sender and operator_receiver: real nodes, sockets and master."""
+import pathlib
+import sys
+
+import numpy as np
+import rospy
+import rostest
+from sensor_msgs.msg import LaserScan, PointCloud2, PointField
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+from streams_case import LOSSES, StreamsCase
+from waiting import Collector, stamps, wait_for
+
+from smokebot_udp.codecs.points import as_points
+from smokebot_udp.codecs.voxel import voxel_filter
+from smokebot_udp.msg import CloudChunk, ScanSegment
+from smokebot_udp.simulation.lidar import POINT, Lidar
+from smokebot_udp.simulation.world import building
+
+LEAF, BOUND = 0.1, 0.0125      # the defaults
+RATE, CLOUDS = 10.0, 40
+FIELDS = [PointField(name, POINT.fields[name][1], datatype, 1) for name, datatype in (
+    ('x', 7), ('y', 7), ('z', 7), ('intensity', 7), ('ring', 4))]
+
+
+def cloud(points, stamp=None):
+    """A PointCloud2 of an array of lidar.POINT."""
+    message = PointCloud2(height=1, width=len(points), fields=FIELDS, point_step=points.itemsize,
+                          row_step=points.nbytes, data=points.tobytes())
+    message.header.stamp, message.header.frame_id = stamp or rospy.Time.now(), 'velodyne'
+    return message
+
+
+def xyz(message):
+    """(n, 3) float32, in the message's order."""
+    return as_points(message.data, message.fields, message.height, message.width, message.point_step,
+                     message.row_step, message.is_bigendian)[0]
+
+
+def scan(ranges, intensities=(), stamp=None, **fields):
+    message = LaserScan(ranges=ranges, intensities=intensities, range_min=0.05, range_max=30.0, angle_min=-2.0,
+                        angle_increment=0.005, angle_max=-2.0 + 0.005 * (len(ranges) - 1), scan_time=0.1)
+    message.header.stamp, message.header.frame_id = stamp or rospy.Time.now(), 'laser'
+    for name, value in fields.items():
+        setattr(message, name, value)
+    return message
+
+
+class CloudStreams(StreamsCase):
+
+    @classmethod
+    def setUpClass(cls):
+        rospy.init_node('cloud_streams')
+        cls.lidar = Lidar(building(1), 0.9, 1)
+        cls.clouds = rospy.Publisher('/velodyne_points', PointCloud2, queue_size=5)
+        cls.scans = rospy.Publisher('/scan', LaserScan, queue_size=5)
+        cls.out = {(name, loss): Collector('%s/%s' % (where, name), PointCloud2 if 'points' in name else LaserScan)
+                   for name in ('lidar/points', 'packed/points', 'scan') for loss, where in LOSSES.items()}
+        for collector in cls.out.values():
+            collector.wait_connected()
+        cls.listen('lidar', 'packed', 'scan')
+        wait_for(lambda: cls.clouds.get_num_connections() and cls.scans.get_num_connections(), what='robot_sender')
+
+    def setUp(self):
+        for collector in self.out.values():
+            collector.clear()
+
+    def shown(self, message, name, loss=0):
+        return wait_for(lambda: self.out[name, loss].messages.get(message.header.stamp), 5, name)
+
+    def test_without_loss_a_cloud_is_the_voxel_filtered_one(self):
+        points = self.lidar.scan((1.5, 7.0, 0.3), 1.0)
+        points['x'][::100] = np.nan
+        message = cloud(points)
+        self.clouds.publish(message)
+        centroids, _ = voxel_filter(xyz(message), LEAF)
+        got = self.shown(message, 'lidar/points')
+        np.testing.assert_array_equal(xyz(got), centroids)
+        self.assertEqual((got.header.frame_id, [field.name for field in got.fields]), ('velodyne', ['x', 'y', 'z']))
+        packed = self.shown(message, 'packed/points')
+        np.testing.assert_allclose(xyz(packed), centroids, rtol=0, atol=BOUND + 1e-5)
+        self.assertEqual([field.name for field in packed.fields], ['x', 'y', 'z', 'intensity'])
+
+    def test_through_loss_a_cloud_thins_evenly_at_the_sources_rate(self):
+        points = self.lidar.scan((1.5, 7.0, 0.3), 1.0)
+        whole = voxel_filter(xyz(cloud(points)), LEAF)[0]
+        sent = []
+        for stamp in stamps(CLOUDS, RATE):
+            self.clouds.publish(cloud(points, stamp))
+            sent.append(stamp)
+        for loss, share in ((50, 0.5), (90, 0.1)):
+            out = self.out['lidar/points', loss]
+            # of 60 chunks one comes nearly always; the last cloud may wait for its time to be over
+            wait_for(lambda messages=out.messages: len(messages) >= CLOUDS - 2, 5, 'the clouds at %d %%' % loss)
+            got = [xyz(message) for message in out.messages.values()]
+            kept = np.mean([len(cloud_points) / len(whole) for cloud_points in got])
+            self.assertAlmostEqual(kept, share, delta=0.03)
+            arrivals = sorted(out.arrivals.values())[:-1]
+            self.assertAlmostEqual((len(arrivals) - 1) / (arrivals[-1] - arrivals[0]), RATE, delta=0.1 * RATE)
+            self.check_evenly(whole, got, share)
+
+    def check_evenly(self, whole, got, share):
+        """Each 2 m block of the scene keeps its share, over all clouds."""
+        blocks = np.floor(whole / 2).astype(int)
+        for block in np.unique(blocks, axis=0):
+            there = np.count_nonzero((blocks == block).all(axis=1))
+            if there >= 50:
+                kept = np.mean([np.count_nonzero((np.floor(cloud_points / 2) == block).all(axis=1))
+                                for cloud_points in got]) / there
+                self.assertAlmostEqual(kept, share, delta=0.12, msg='block %s' % block)
+
+    def test_without_loss_scans_are_exact(self):
+        random = np.random.RandomState(4)
+        millimetres = (random.randint(0, 30000, 720) / 1000).astype(np.float32)
+        millimetres[:3] = np.inf, -np.inf, np.nan
+        for ranges, intensities in ((millimetres, random.randint(0, 256, 720)), (random.rand(1081) * 9, ()),
+                                    (random.rand(7), random.rand(7)), (random.rand(20000), ()), ([1.0], [2.0])):
+            message = scan(np.asarray(ranges, np.float32).tolist(), np.asarray(intensities, np.float32).tolist())
+            self.scans.publish(message)
+            got = self.shown(message, 'scan')
+            np.testing.assert_array_equal(np.float32(got.ranges), np.float32(message.ranges))
+            np.testing.assert_array_equal(np.float32(got.intensities), np.float32(message.intensities))
+            for field in ('angle_min', 'angle_max', 'angle_increment', 'time_increment', 'scan_time', 'range_min',
+                          'range_max'):
+                self.assertAlmostEqual(getattr(got, field), getattr(message, field), places=5)
+
+    def test_half_a_scan_is_shown(self):
+        ranges = (np.arange(1, 721) / 1000).astype(np.float32)
+        for stamp in stamps(CLOUDS, 20.0):
+            self.scans.publish(scan(ranges.tolist(), stamp=stamp))
+        out = self.out['scan', 50]
+        wait_for(lambda: len(out.messages) > CLOUDS // 2, 5, 'scans')
+        halves = 0
+        for message in list(out.messages.values()):
+            got = np.float32(message.ranges)
+            there = ~np.isnan(got)
+            np.testing.assert_array_equal(got[there], ranges[there])
+            self.assertIn(there.mean(), (0.5, 1.0))
+            if there.mean() == 0.5:
+                halves += 1
+                self.assertIn(there[:2].tolist(), ([True, False], [False, True]))
+        self.assertGreater(halves, 5)
+
+    def test_bad_clouds_are_told_of_and_the_next_good_one_comes(self):
+        points = self.lidar.scan((1.5, 7.0, 0.3), 1.0)[:500]
+        nothing = points.copy()
+        nothing['y'] = np.nan
+        for message, words in ((cloud(points[:0]), 'the cloud is empty'), (cloud(nothing), 'none of its 500 points'),
+                               (self.spoilt(points, fields=FIELDS[:2]), 'no field z'),
+                               (self.spoilt(points, row_step=7, height=2, width=250), 'row_step is 7'),
+                               (self.spoilt(points, data=b'short'), 'data has 5 bytes'),
+                               (self.spoilt(points, point_step=10), 'field z has bytes 8 to 11')):
+            self.refused(self.clouds, message, 'lidar', words)
+        message = cloud(points)
+        self.clouds.publish(message)
+        self.shown(message, 'lidar/points')
+
+    @staticmethod
+    def spoilt(points, **fields):
+        message = cloud(points)
+        for name, value in fields.items():
+            setattr(message, name, value)
+        return message
+
+    def test_bad_scans_are_told_of_and_the_next_good_one_comes(self):
+        good = [1.0, 2.0, 3.0]
+        for message, words in ((scan(good, angle_increment=float('nan')), 'angle_increment is nan'),
+                               (scan(good, angle_min=float('inf')), 'angle_min is inf'),
+                               (scan(good, angle_increment=0.0), 'angle_increment is 0'),
+                               (scan([]), 'no ranges'), (scan(good, [1.0]), '1 intensities')):
+            self.refused(self.scans, message, 'scan', words)
+        message = scan(good)
+        self.scans.publish(message)
+        self.shown(message, 'scan')
+
+    def test_messages_of_one_stamp_are_told_of(self):
+        stamp = rospy.Time.now()
+        self.scans.publish(scan([1.0, 2.0], stamp=stamp))
+        wait_for(lambda: stamp in self.out['scan', 0].messages, 5, 'the first')
+        self.refused(self.scans, scan([3.0, 4.0], stamp=stamp), 'scan', 'cannot be told apart')
+
+    def test_what_has_no_stamp_gets_one(self):
+        message = scan([1.0, 2.0, 4.0])
+        message.header.stamp = rospy.Time(0)
+        self.scans.publish(message)
+        wait_for(lambda: any(len(got.ranges) == 3 for got in list(self.out['scan', 0].messages.values())), 5, 'a scan')
+
+    def test_forged_segments_crash_nothing(self):
+        random = np.random.RandomState(3)
+
+        def numbers(*some):
+            return random.choice(some)
+
+        def forge_chunk():
+            chunk = CloudChunk(points=numbers(0, 1, 80, 2 ** 21, 2 ** 32 - 1), chunks=numbers(0, 1, 2, 65535),
+                               index=numbers(0, 1, 65535), has_intensity=bool(random.randint(2)),
+                               step=numbers(0.0, 0.025, -1.0, float('nan'), float('inf')),
+                               origin=random.randint(-2 ** 31, 2 ** 31, 3).tolist(), bits=random.bytes(3),
+                               intensity_min=float('nan'), intensity_step=1e38, data=random.bytes(random.randint(1300)))
+            chunk.header.stamp = rospy.Time.now() - rospy.Duration(random.randint(2) * 100)
+            return chunk
+
+        def forge_scan():
+            segment = ScanSegment(total=numbers(0, 1, 720, 2 ** 32 - 1), parts=numbers(0, 1, 2, 65535),
+                                  part=numbers(0, 1, 65535), range_size=random.randint(6),
+                                  intensity_size=random.randint(6), angle_increment=numbers(0.0, float('nan'), 1.0),
+                                  ranges=random.bytes(random.randint(700)), intensities=random.bytes(random.randint(9)))
+            segment.header.stamp = rospy.Time.now() - rospy.Duration(random.randint(2) * 100)
+            return segment
+        self.flood('lidar', CloudChunk, forge_chunk)
+        self.flood('packed', CloudChunk, forge_chunk)
+        self.flood('scan', ScanSegment, forge_scan)
+        self.test_without_loss_a_cloud_is_the_voxel_filtered_one()
+        self.test_without_loss_scans_are_exact()
+
+
+if __name__ == '__main__':
+    rostest.rosrun('smokebot_udp', 'cloud_streams', CloudStreams)
