@@ -7,7 +7,7 @@ import sys
 
 from .machine import describe
 
-NAMES = ('udpros',)
+NAMES = ('codecs', 'udpros')
 
 
 def main():

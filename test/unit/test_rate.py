@@ -56,6 +56,7 @@ def test_the_newest_wins_and_errors_do_not_end_the_thread():
         done.set()
 
     worker = NewestWorker('worker', work, errors.append, 1000.0)
+    worker.start()
     worker.give('first')
     assert busy.wait(10)
     for item in ('old', 'older', 'newest'):

@@ -45,7 +45,9 @@ def load_streams(class_of, link, prepare=lambda name, settings: None):
     for name, settings in read_streams().items():
         try:
             prepare(name, settings)
-            streams[name] = class_of(settings['type'])(name, settings, link)
+            stream = class_of(settings['type'])(name, settings, link)
+            stream.start()
+            streams[name] = stream
         except Exception as error:
             rospy.logerr("stream '%s' (%s) does not start: %s", name, settings['type'], error)
     return streams

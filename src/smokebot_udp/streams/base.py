@@ -44,9 +44,14 @@ class RobotStream(rospy.SubscribeListener):
         self.link = link
         self.sent = 0   # messages of the source
         self._stamp = None   # of the last message sent
-        self._publisher = udpros.Publisher(wire_topic(name), self.SEGMENT, subscriber_listener=self, queue_size=10,
-                                           pacer=link.pacer, max_datagram_size=link.max_datagram_size)
         self._worker = NewestWorker(name, self._send, self._report, settings['rate'])
+
+    def start(self):
+        """Begin to send; apart from making a stream, which needs no ROS."""
+        self._publisher = udpros.Publisher(
+            wire_topic(self.name), self.SEGMENT, subscriber_listener=self, queue_size=10, pacer=self.link.pacer,
+            max_datagram_size=self.link.max_datagram_size)
+        self._worker.start()
         self._subscriber = rospy.Subscriber(self.topic, self.MESSAGE, self._receive,
                                             queue_size=self.QUEUE_SIZE, buff_size=1 << 24, tcp_nodelay=True)
 
@@ -103,14 +108,17 @@ class OperatorStream:
 
     def __init__(self, name, settings, link):
         self.name, self.topic = name, rospy.resolve_name(settings['operator_topic'])
+        self.link = link
         self.published = 0
-        self._publisher = rospy.Publisher(self.topic, self.MESSAGE, queue_size=2, latch=self.LATCH, tcp_nodelay=True)
-        self.subscriber = self.subscribe(link)
 
-    def subscribe(self, link):
-        return udpros.Subscriber(
-            wire_topic(self.name), self.SEGMENT, batch_callback=self.take, max_datagram_size=link.max_datagram_size,
-            receive_buffer=link.receive_buffer, drop=link.drop)
+    def start(self):
+        """Begin to receive; apart from making a stream, which needs no ROS."""
+        self._publisher = rospy.Publisher(self.topic, self.MESSAGE, queue_size=2, latch=self.LATCH, tcp_nodelay=True)
+        self.subscriber = self.subscribe(max_datagram_size=self.link.max_datagram_size,
+                                         receive_buffer=self.link.receive_buffer, drop=self.link.drop)
+
+    def subscribe(self, **options):
+        return udpros.Subscriber(wire_topic(self.name), self.SEGMENT, batch_callback=self.take, **options)
 
     def take(self, records, mask):
         raise NotImplementedError

@@ -37,8 +37,11 @@ class GatheringReceiver(OperatorStream):
         self._finished = collections.deque(maxlen=SHOWN_AT_MOST)
         self._changed = threading.Condition()
         self._ended = False
-        super().__init__(name, settings, link)
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        super().__init__(name, settings, link)
+
+    def start(self):
+        super().start()
         self._thread.start()
 
     def take(self, records, mask):

@@ -44,6 +44,9 @@ class GridSender(RobotStream):
         self._frames = []
         self._rounds = Repeater(name + ' rounds', self._send_round, self._report, 1.0 / settings['repeat_rate'])
         super().__init__(name, settings, link)
+
+    def start(self):
+        super().start()
         self._rounds.start()
 
     def peer_subscribe(self, topic_name, topic_publish, peer_publish):
@@ -133,8 +136,11 @@ class GridReceiver(OperatorStream):
         self._shown = None     # the last message published
         self._changed = threading.Condition()
         self._ended = False
-        super().__init__(name, settings, link)
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        super().__init__(name, settings, link)
+
+    def start(self):
+        super().start()
         self._thread.start()
 
     def take(self, records, mask):

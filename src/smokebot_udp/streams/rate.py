@@ -24,7 +24,7 @@ class RateLimiter:
 
 
 class NewestWorker:
-    """A thread that works on the newest of what it is given, never faster than its rate.
+    """A thread that works on the newest of what it is given, never faster than its rate, once it is started.
 
     :param work: f(item)
     :param on_error: f(exception), called for what `work` raises; the thread goes on
@@ -37,6 +37,8 @@ class NewestWorker:
         self._item, self._ended = None, False
         self._changed = threading.Condition()
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+
+    def start(self):
         self._thread.start()
 
     def give(self, item):
@@ -54,7 +56,8 @@ class NewestWorker:
         with self._changed:
             self._ended = True
             self._changed.notify()
-        self._thread.join()
+        if self._thread.ident:
+            self._thread.join()
 
     def _next_item(self):
         with self._changed:

@@ -105,7 +105,10 @@ class RelaySender(RobotStream):
         self._rounds = Repeater(name + ' rounds', lambda: self._worker.give(True), self._report,
                                 1.0 / settings['repeat_rate'])
         super().__init__(name, settings, link)
-        if settings['latch']:
+
+    def start(self):
+        super().start()
+        if self._merged.keep:
             self._rounds.start()
 
     def peer_subscribe(self, topic_name, topic_publish, peer_publish):
@@ -148,10 +151,8 @@ class RelayReceiver(OperatorStream):
         self._shown = None      # the last latched transforms
         super().__init__(name, settings, link)
 
-    def subscribe(self, link):
-        return udpros.Subscriber(
-            wire_topic(self.name), self.SEGMENT, self._take, queue_size=QUEUE, max_datagram_size=link.max_datagram_size,
-            receive_buffer=link.receive_buffer, drop=link.drop)
+    def subscribe(self, **options):
+        return udpros.Subscriber(wire_topic(self.name), self.SEGMENT, self._take, queue_size=QUEUE, **options)
 
     def _take(self, message):
         if self._merged.is_tf and self._merged.keep:
