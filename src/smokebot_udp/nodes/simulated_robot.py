@@ -8,30 +8,55 @@ Parameters
 | ~seed | int | 1 | | which furniture, fires and noise |
 | ~speed | double | 0.7 | m/s | of the drive, between halts |
 | ~noise | bool | true | | whether the sensors have noise |
+| ~lidar_noise | double | 0.03 | m | standard deviation of the LiDAR's ranges; 0 where ~noise is false |
 | ~width, ~height | int | 640, 480 | pixel | of both pictures |
-| ~thermal_rate | double | 10 | Hz | 0: no thermal camera |
-| ~camera_rate | double | 10 | Hz | 0: no colour camera |
+| ~thermal_rate | double | 10 | Hz | 0: no thermal camera; so with the other rates |
+| ~camera_rate | double | 10 | Hz | of the colour camera |
+| ~lidar_rate | double | 10 | Hz | |
+| ~scan_rate | double | 10 | Hz | of the planar scanner |
+| ~map_rate | double | 1 | Hz | at most; a map that has not changed is not published again |
+| ~odom_rate | double | 50 | Hz | of odom and /tf |
+| ~gas_rate | double | 2 | Hz | |
+| ~battery_rate | double | 1 | Hz | |
 
-Publishes thermal/image_raw (mono16, counts of 0.04 K: see simulation.thermal), camera/image_raw (bgr8), and
-their camera_info. Stamps are the time at which the robot was where the picture shows it.
+Publishes
+
+| topic | type | frame |
+|---|---|---|
+| thermal/image_raw | Image, mono16: counts of 0.04 K, see simulation.thermal | thermal_optical_frame |
+| camera/image_raw | Image, bgr8 | camera_optical_frame |
+| thermal/camera_info, camera/camera_info | CameraInfo | as the image |
+| velodyne_points | PointCloud2, 23 040 points of 16 rings | velodyne |
+| scan | LaserScan, 270 degrees | laser |
+| map | OccupancyGrid, latched; it grows while the robot explores | map |
+| odom | Odometry, which drifts | odom, base_link |
+| gas/co | Float32 [ppm] | |
+| battery | BatteryState | |
+| /tf, /tf_static | map -> odom -> base_link -> each sensor | |
+
+All see one world from one drive. A stamp is the time at which the robot was where the message shows it.
 """
-import math
 import threading
 import time
 
+import numpy as np
 import rospy
-from sensor_msgs.msg import CameraInfo, Image
 
+from ..simulation import mounts
 from ..simulation.camera import Camera
 from ..simulation.drive import Drive
+from ..simulation.gas import GasSensor
+from ..simulation.lidar import Lidar
+from ..simulation.mapping import Mapper
+from ..simulation.odometry import Odometry
 from ..simulation.pinhole import Pinhole
+from ..simulation.scanner import Scanner
 from ..simulation.thermal import ThermalCamera
 from ..simulation.world import building
+from . import simulated_topics as topics
 from .common import number_parameter
 
-FIELD_OF_VIEW = math.radians(70)
-MOUNT = 0.6
-"""Height of the cameras [m]."""
+FIELD_OF_VIEW = np.radians(70)
 
 
 class PeriodicSensor:
@@ -55,46 +80,39 @@ class PeriodicSensor:
             due = max(due + self._period, time.monotonic())
 
 
-class CameraTopics:
-    """A camera's image and camera_info."""
-
-    def __init__(self, name, encoding, pinhole, look):
-        self._frame_id, self._encoding, self._look = name + '_optical_frame', encoding, look
-        self._image = rospy.Publisher(name + '/image_raw', Image, queue_size=1)
-        self._info = rospy.Publisher(name + '/camera_info', CameraInfo, queue_size=1)
-        f, cx, cy = pinhole.focal_length, (pinhole.width - 1) / 2, (pinhole.height - 1) / 2
-        self._calibration = CameraInfo(width=pinhole.width, height=pinhole.height, distortion_model='plumb_bob',
-                                       D=[0.0] * 5, K=[f, 0, cx, 0, f, cy, 0, 0, 1], R=[1, 0, 0, 0, 1, 0, 0, 0, 1],
-                                       P=[f, 0, cx, 0, 0, f, cy, 0, 0, 0, 1, 0])
-
-    def publish(self, stamp):
-        picture = self._look(stamp)
-        image = Image(height=picture.shape[0], width=picture.shape[1], encoding=self._encoding,
-                      step=picture.strides[0], data=picture.tobytes())
-        for message in (image, self._calibration):
-            message.header.stamp, message.header.frame_id = stamp, self._frame_id
-        self._image.publish(image)
-        self._info.publish(self._calibration)
-
-
 class SimulatedRobot:
     def __init__(self):
         seed = int(number_parameter('~seed', 1, least=0, most=2 ** 31 - 1))
         size = [int(number_parameter(name, default, least=16, most=4096)) for name, default in (
             ('~width', 640), ('~height', 480))]
         noisy = bool(rospy.get_param('~noise', True))
-        drive = Drive(number_parameter('~speed', 0.7, least=0.01, most=5.0))
-        world, pinhole = building(seed), Pinhole(size[0], size[1], FIELD_OF_VIEW, MOUNT)
-        begun = rospy.Time.now()
-        thermal = ThermalCamera(world, pinhole, seed, noise=0.05 * noisy)
-        camera = Camera(world, pinhole, seed, noise=2.0 * noisy)
-        for name, encoding, sensor in (('thermal', 'mono16', thermal), ('camera', 'bgr8', camera)):
-            rate = number_parameter('~%s_rate' % name, 10.0, least=0.0, most=1000.0)
-            if rate:
-                def look(stamp, sensor=sensor):
-                    elapsed = (stamp - begun).to_sec()
-                    return sensor.look(drive.pose(elapsed), elapsed)
-                PeriodicSensor(name, rate, CameraTopics(name, encoding, pinhole, look).publish)
+        lidar_noise = noisy * number_parameter('~lidar_noise', 0.03, least=0.0, most=10.0)
+        self._drive = drive = Drive(number_parameter('~speed', 0.7, least=0.01, most=5.0))
+        world, pinhole = building(seed), Pinhole(size[0], size[1], FIELD_OF_VIEW, mounts.CAMERA)
+        self._begun = rospy.Time.now()
+        self._mounts = topics.Mounts()
+        self._start('thermal', 10.0, lambda: topics.CameraTopics(
+            'thermal', 'mono16', ThermalCamera(world, pinhole, seed, noise=0.05 * noisy)))
+        self._start('camera', 10.0, lambda: topics.CameraTopics(
+            'camera', 'bgr8', Camera(world, pinhole, seed, noise=2.0 * noisy)))
+        self._start('lidar', 10.0, lambda: topics.CloudTopic(Lidar(world, mounts.LIDAR, seed, lidar_noise)))
+        self._start('scan', 10.0, lambda: topics.ScanTopic(Scanner(world, mounts.LASER, seed, 0.01 * noisy)))
+        self._start('map', 1.0, lambda: topics.MapTopic(Mapper(world)))
+        self._start('odom', 50.0, lambda: topics.OdometryTopics(Odometry(drive)))
+        self._start('gas', 2.0, lambda: topics.GasTopic(GasSensor(world, seed, 1.0 * noisy)))
+        self._start('battery', 1.0, topics.BatteryTopic)
+
+    def _start(self, name, default_rate, make):
+        """Start what the parameter ~NAME_rate does not switch off."""
+        rate = number_parameter('~%s_rate' % name, default_rate, least=0.0, most=1000.0)
+        if not rate:
+            return
+        publish = make().publish
+
+        def measure(stamp):
+            elapsed = (stamp - self._begun).to_sec()
+            publish(stamp, self._drive.pose(elapsed), elapsed)
+        PeriodicSensor(name, rate, measure)
 
 
 def main():

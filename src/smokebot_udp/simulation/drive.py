@@ -46,6 +46,7 @@ class Drive:
         self._append(abs(turn) / TURN_RATE, points[0][0] + (heading + turn,))
         self._poses = np.array(self._poses)
         self._times = np.array(self._times)
+        self._ways = np.append(0.0, np.hypot(*np.diff(self._poses[:, :2], axis=0).T).cumsum())
         self._winding = self._poses[-1, 2] - self._poses[0, 2]
 
     def _append(self, duration, pose):
@@ -63,6 +64,11 @@ class Drive:
         rounds, time = divmod(time, self.period)
         x, y, yaw = (np.interp(time, self._times, self._poses[:, i]) for i in range(3))
         return x, y, yaw + rounds * self._winding
+
+    def travelled(self, time):
+        """The length of the way until a time [m]."""
+        rounds, time = divmod(time, self.period)
+        return rounds * self._ways[-1] + np.interp(time, self._times, self._ways)
 
     def twist(self, time, step=1e-3):
         """(speed ahead [m/s], turn rate [rad/s]) at a time."""

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .rays import crossings
+from .rays import crossings, in_sight
 from .world import CEILING, FLOOR, ROOF
 
 NEAR = 0.05
@@ -55,10 +55,11 @@ class Pinhole:
         ahead = np.array([np.cos(yaw), np.sin(yaw)])
         directions = ahead + right[:, np.newaxis] * np.array([ahead[1], -ahead[0]])
         enter, leave = crossings(world, (x, y), directions)
-        for prism in np.flatnonzero(((enter < leave) & (enter > NEAR)).any(axis=0)):
-            seen = np.flatnonzero((enter[:, prism] < leave[:, prism]) & (enter[:, prism] > NEAR))
-            columns = slice(seen[0], seen[-1] + 1)
-            self._draw(depth[:, columns], surface[:, columns], up, enter[columns, prism], leave[columns, prism],
+        seen = in_sight(world, enter, leave, NEAR)
+        for prism in np.flatnonzero(seen.any(axis=1)):
+            first, last = np.flatnonzero(seen[prism])[[0, -1]]
+            columns = slice(first, last + 1)
+            self._draw(depth[:, columns], surface[:, columns], up, enter[prism, columns], leave[prism, columns],
                        world.bottom[prism] - self.mount, world.top[prism] - self.mount, prism)
         return View(depth, surface, np.float32(x) + depth * directions[:, 0].astype(np.float32),
                     np.float32(y) + depth * directions[:, 1].astype(np.float32),

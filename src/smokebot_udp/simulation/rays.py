@@ -13,23 +13,32 @@ def crossings(world, origin, directions):
 
     :param origin: (x, y) [m]
     :param directions: (n, 2) float, of any length; distances are in units of it
-    :return: (n, P) enter, (n, P) leave, float32; enter > leave where a ray passes by
+    :return: (P, n) enter, (P, n) leave, float32; enter < leave is false where a ray passes by
     """
-    slope = np.einsum('pij,nj->npi', world.normals, directions)
-    room = world.offsets - world.normals @ np.asarray(origin, float)
+    room = (world.offsets - world.normals @ np.asarray(origin, float)).astype(np.float32)[..., np.newaxis]
+    east, north = np.transpose(directions).astype(np.float32)
+    # a footprint is two pairs of parallel sides: the first two normals have their opposites in the last two
+    normals = world.normals[:, :2, :, np.newaxis].astype(np.float32)
+    # no matrix product: BLAS would wake a thread on each core for it
+    slope = normals[:, :, 0] * east + normals[:, :, 1] * north
     with np.errstate(divide='ignore', invalid='ignore'):
-        at = room / slope
-    parallel_outside = (slope == 0) & (room < 0)
-    enter = np.where(slope < 0, at, -np.inf).max(axis=2)
-    leave = np.where(slope > 0, at, np.inf).min(axis=2)
-    enter[parallel_outside.any(axis=2)] = np.inf
-    return enter.astype(np.float32), leave.astype(np.float32)
+        inverse = 1 / slope
+        one, other = room[:, :2] * inverse, -room[:, 2:] * inverse
+        return np.minimum(one, other).max(axis=1), np.maximum(one, other).min(axis=1)
+
+
+def in_sight(world, enter, leave, nearest=0.0):
+    """(P, n) bool: where a ray enters a prism, farther than `nearest` and before any wall that nobody sees over."""
+    met = (enter < leave) & (enter > nearest)
+    walls = world.to_ceiling
+    horizon = np.where(met[walls], enter[walls], np.inf).min(axis=0, initial=np.inf)
+    return met & (enter <= horizon)
 
 
 def ranges(world, origin, height, azimuths, slopes, floor=True):
     """The nearest surface of each ray of a spinning scanner.
 
-    :param origin: (x, y) of the scanner, height: its z [m]
+    :param origin: (x, y) of the scanner, height: its z, between floor and ceiling [m]
     :param azimuths: (n,) [rad] in the world; slopes: (m,) rise over run
     :param floor: whether the floor and the ceiling are seen
     :return: (n, m) distance over the floor plan [m], inf where nothing is; (n, m) int surface id
@@ -43,11 +52,10 @@ def ranges(world, origin, height, azimuths, slopes, floor=True):
             level = np.where(slopes < 0, -height / slopes, (CEILING - height) / slopes)
         nearest[:], surface[:] = level, np.where(slopes < 0, FLOOR, ROOF)
         surface[np.isinf(nearest)] = NOTHING
-    for prism in np.flatnonzero((enter < leave).any(axis=0)):
-        rows = np.flatnonzero((enter[:, prism] < leave[:, prism]) & (leave[:, prism] > 0) & (enter[:, prism] > 0))
-        if not len(rows):
-            continue
-        _meet(enter[rows, prism], leave[rows, prism], world.bottom[prism] - height, world.top[prism] - height, slopes,
+    seen = in_sight(world, enter, leave)
+    for prism in np.flatnonzero(seen.any(axis=1)):
+        rows = np.flatnonzero(seen[prism])
+        _meet(enter[prism, rows], leave[prism, rows], world.bottom[prism] - height, world.top[prism] - height, slopes,
               rows, prism, nearest, surface)
     return nearest, surface
 

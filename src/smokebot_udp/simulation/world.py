@@ -63,8 +63,10 @@ class World:
         self.bottom, self.top, self.temperature, self.flicker = (
             np.array([getattr(prism, field) for prism in self.prisms])
             for field in ('bottom', 'top', 'temperature', 'flicker'))
+        self.to_ceiling = (self.bottom <= 0) & (self.top >= CEILING)
+        """(P,) bool: what nothing is seen behind."""
         self.colour = np.array([prism.colour for prism in self.prisms], float)
-        self.fires = np.array([prism.centre + (prism.top,) for prism in self.prisms if prism.flicker])
+        self.fires = np.array([prism.centre + (prism.top,) for prism in self.prisms if prism.flicker]).reshape(-1, 3)
 
     def distance(self, point):
         """How far a point of the floor is from the nearest prism in a robot's way; negative inside one [m]."""
