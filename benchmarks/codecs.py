@@ -19,6 +19,7 @@ from smokebot_udp.simulation.lidar import POINT, Lidar
 from smokebot_udp.simulation.world import building
 from smokebot_udp.streams import operator_class, robot_class
 from smokebot_udp.streams.config import parameters_of
+from smokebot_udp.streams.scan import scan_frames
 from smokebot_udp.streams.segments import head_of
 
 ROUNDS = 40
@@ -79,6 +80,13 @@ def cases():
     chunks = [frame.records for frame in packed.frames(points)]
     grey = pixels.as_pixels(thermal.data, 480, 640, 1280, 'mono16', False)
 
+    scans = [stream(robot_class, 'virtual_scan', select=select, base_frame='') for select in ('obstacle', 'landmark')]
+
+    def both_scans():
+        scans[0]._fans._message = None      # each cloud is another one
+        for sender in scans:
+            scan_frames(sender.scan(points), False, 1472)
+
     def changed_map():
         large.data[0] ^= 1     # an unchanged one is not split again
         return map_sender.frames(large)
@@ -92,6 +100,7 @@ def cases():
         'cloud of 23 040: voxels and chunks, packed': (lambda: packed.frames(points), 4.0),
         '  the same without PCL': (without_pcl, None),
         'cloud: merge, packed': (lambda: gather(cloud_receiver, chunks), None),
+        'cloud of 23 040: both virtual scans': (both_scans, 10.0),
         'map of 2000 x 2000: reduce and split': (changed_map, 20.0),
         'scan of 720: split': (lambda: scan_sender.frames(ranges), None),
         'image of 640 x 480 mono16: split': (lambda: image_sender.frames(thermal), None),

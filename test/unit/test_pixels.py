@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 
-from smokebot_udp.codecs.pixels import ENCODINGS, as_items, as_pixels, item_type
+from smokebot_udp.codecs.pixels import ENCODINGS, as_items, as_pixels, item_type, reduce_by
 
 
 @pytest.mark.parametrize('encoding, size', [('mono8', 1), ('8UC1', 1), ('mono16', 2), ('16UC1', 2), ('bgr8', 3),
@@ -52,3 +52,16 @@ def test_bad_images(change, message):
         as_items(**image)
     with pytest.raises(ValueError, match=message):
         as_pixels(is_bigendian=0, **image)
+
+
+def test_reduced_to_the_mean_of_each_block():
+    grey = np.array([[1, 3, 10], [5, 7, 20]], np.uint8)
+    assert reduce_by(grey, 2).tolist() == [[4, 15]]      # the border repeats: (10 + 10 + 20 + 20) / 4
+    colour = np.repeat(grey[:, :2, np.newaxis], 3, axis=2)
+    assert reduce_by(colour, 2).tobytes() == bytes([4, 4, 4])
+
+
+@pytest.mark.parametrize('order', ['<', '>'])
+def test_reduced_in_its_own_byte_order(order):
+    pixels = np.array([[1000, 3000], [5000, 7000]], order + 'u2')
+    assert reduce_by(pixels, 2).tobytes() == np.array([4000], order + 'u2').tobytes()

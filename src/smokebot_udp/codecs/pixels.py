@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The pixels of a sensor_msgs/Image, without copying them: encodings, step and byte order (REP-118, sensor_msgs)."""
+import cv2
 import numpy as np
 
 from .interleave import MAX_SIDE
@@ -41,8 +42,27 @@ def as_items(data, height, width, step, encoding):
 def item_type(encoding):
     """A dtype of a whole pixel's bytes."""
     dtype, channels = pixel_type(encoding)
-    size = channels * dtype.itemsize
+    return _item(channels * dtype.itemsize)
+
+
+def _item(size):
     return np.dtype({1: 'u1', 2: 'u2', 4: 'u4'}.get(size, 'V%d' % size))
+
+
+def reduce_by(pixels, factor):
+    """Each block of factor by factor pixels becomes its mean; blocks at the far borders may be cut off.
+
+    :param pixels: (height, width) or (height, width, channels) array as as_pixels gives it, in any byte order
+    :return: (ceil(height / factor), ceil(width / factor)) array of whole pixels, in the same byte order
+    """
+    below, beside = (-side % factor for side in pixels.shape[:2])
+    native = np.ascontiguousarray(pixels, pixels.dtype.newbyteorder('='))
+    if below or beside:
+        native = cv2.copyMakeBorder(native, 0, below, 0, beside, cv2.BORDER_REPLICATE)
+    height, width = (side // factor for side in native.shape[:2])
+    means = cv2.resize(native, (width, height), interpolation=cv2.INTER_AREA).astype(pixels.dtype, copy=False)
+    size = means.itemsize * (means.shape[2] if means.ndim == 3 else 1)
+    return np.ascontiguousarray(means).view(_item(size)).reshape(height, width)
 
 
 def _check(data, height, width, step, encoding, pixel_size):

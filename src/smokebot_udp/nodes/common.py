@@ -21,21 +21,30 @@ def number_parameter(name, default, least=None, most=None):
     return default
 
 
-def read_streams():
-    """The good streams of the node's ~streams_file: {name: settings}; what is wrong is told of."""
-    path = rospy.get_param('~streams_file', '') or os.path.join(
-        rospkg.RosPack().get_path('smokebot_udp'), 'config', 'streams.yaml')
+def read_file(parameter, default, load):
+    """The good parts of the file that a node's parameter names; what is wrong is told of.
+
+    :param default: its name in this package's config
+    :param load: f(text) -> (good, [problem, ...])
+    """
+    path = rospy.get_param(parameter, '') or os.path.join(
+        rospkg.RosPack().get_path('smokebot_udp'), 'config', default)
     try:
         with open(path) as file:
-            streams, problems = config.load(file.read())
+            good, problems = load(file.read())
     except (OSError, UnicodeDecodeError) as error:
-        streams, problems = {}, ['it cannot be read: %s' % error]
+        good, problems = {}, ['it cannot be read: %s' % error]
     for problem in problems:
         rospy.logerr('%s: %s', path, problem)
-    return streams
+    return good
 
 
-def load_streams(class_of, link, prepare=lambda name, settings: None):
+def read_streams():
+    """The good streams of the node's ~streams_file: {name: settings}."""
+    return read_file('~streams_file', 'streams.yaml', config.load)
+
+
+def load_streams(class_of, link):
     """Start each stream of the node's ~streams_file; one that cannot start leaves the others running.
 
     :param class_of: streams.robot_class or streams.operator_class
@@ -44,7 +53,6 @@ def load_streams(class_of, link, prepare=lambda name, settings: None):
     streams = {}
     for name, settings in read_streams().items():
         try:
-            prepare(name, settings)
             stream = class_of(settings['type'])(name, settings, link)
             stream.start()
             streams[name] = stream

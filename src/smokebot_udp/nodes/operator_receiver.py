@@ -10,15 +10,24 @@ Parameters
 | ~receive_buffer | int | 4194304 | byte | asked of the kernel for each stream; net.core.rmem_max limits it |
 | ~loss | double | 0 | | share of the datagrams to drop on arrival, to demonstrate a bad link |
 | ~loss_seed | int | 0 | | which datagrams these are |
+| ~focus_patience | double | 10 | s | so long ~set_focus asks the robot |
+| ~<stream>/<setting> | | as in streams.yaml | | dynamic: the settings of a stream that may change while it runs |
 
-Each stream subscribes smokebot_udp/<stream>/segments and publishes its operator_topic.
+Each stream subscribes smokebot_udp/<stream>/segments and publishes its operator_topic. Service: ~set_focus, the robot's
+mission focus.
 """
+import threading
+
 import numpy as np
 import rospy
 
+from ..msg import RobotStatus
 from ..streams import operator_class
 from ..streams.base import Link
+from ..streams.parameters import live
 from .common import load_streams, number_parameter
+from .focus_client import FocusClient
+from .live import LiveSettings, ParameterWatch
 
 
 class OperatorReceiver:
@@ -30,9 +39,18 @@ class OperatorReceiver:
         loss = number_parameter('~loss', 0.0, least=0.0, most=1.0)
         drop = _demonstrate(loss, int(number_parameter('~loss_seed', 0, least=0))) if loss else None
         self.streams = load_streams(operator_class, Link(size, receive_buffer=buffer, drop=drop))
+        parts = [LiveSettings(name, live(stream.PARAMETERS), stream.settings, stream.configure, threading.RLock())
+                 for name, stream in self.streams.items() if live(stream.PARAMETERS)]
+        for part in parts:
+            part.start()
+        self._watch = ParameterWatch(parts)
+        status = [stream.topic for stream in self.streams.values() if stream.MESSAGE is RobotStatus]
+        self._focus = FocusClient(status[0] if status else None, number_parameter('~focus_patience', 10.0, least=0.1))
         rospy.on_shutdown(self.close)
 
     def close(self):
+        self._focus.close()
+        self._watch.stop()
         for stream in self.streams.values():
             stream.close()
 

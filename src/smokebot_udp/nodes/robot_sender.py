@@ -1,27 +1,30 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The robot's side: sends the streams of a streams.yaml over UDPROS.
+"""The robot's side: sends the streams of a streams.yaml over UDPROS, as the mission focus has it.
 
 Parameters
 
 | name | type | default | unit | meaning |
 |---|---|---|---|---|
 | ~streams_file | str | config/streams.yaml of this package | | the streams by name |
+| ~focus_file | str | config/focus.yaml of this package | | the profiles by name |
 | ~max_datagram_size | int | 1472 | byte | longest datagram: UDP payload, so that 1472 fills an Ethernet frame |
 | ~pacing_rate | double | 400 | Mbit/s | all streams together leave no faster; 0: as fast as they come |
 | ~pacing_burst | int | 16 | datagrams | so many may leave at once |
-| ~<stream>/enabled | bool | as in streams.yaml | | dynamic: whether the stream is sent |
-| ~<stream>/rate | double | as in streams.yaml | Hz | dynamic: at most so many messages a second |
+| ~focus | str | default | | dynamic: the mission focus, a profile of focus_file; default: as streams.yaml has it |
+| ~<stream>/<setting> | | as in streams.yaml | | dynamic: the settings of a stream that may change while it runs |
 
-Each stream subscribes its robot_topic and publishes smokebot_udp/<stream>/segments.
+Each stream subscribes its robot_topic and publishes smokebot_udp/<stream>/segments. ~status (latched) tells the focus
+and what each stream sends, ~focus/modified (latched) whether any of it was set by hand since the focus was switched.
+Service: ~set_focus.
 """
 import rospy
-from dynamic_reconfigure.server import Server
 
 from .. import udpros
-from ..cfg import RobotStreamConfig
 from ..streams import robot_class
 from ..streams.base import Link
-from .common import load_streams, number_parameter
+from ..supervisor import focus
+from .common import load_streams, number_parameter, read_file
+from .focus import FocusControl
 
 
 class RobotSender:
@@ -32,29 +35,14 @@ class RobotSender:
         rate = number_parameter('~pacing_rate', 400.0, least=0.0)
         burst = number_parameter('~pacing_burst', 16, least=1)
         pacer = udpros.Pacer(rate * 1e6 / 8 if rate else None, int(burst) * size)
-        self.streams = load_streams(robot_class, Link(size, pacer=pacer), prepare=_announce)
-        self._servers = [Server(RobotStreamConfig, _reconfigure(stream), namespace='~' + name)
-                         for name, stream in self.streams.items()]
+        self.streams = load_streams(robot_class, Link(size, pacer=pacer))
+        self.focus = FocusControl(self.streams, read_file('~focus_file', 'focus.yaml', focus.load))
         rospy.on_shutdown(self.close)
 
     def close(self):
+        self.focus.close()
         for stream in self.streams.values():
             stream.close()
-
-
-def _announce(name, settings):
-    """What streams.yaml says is what dynamic_reconfigure starts from, unless a parameter is set already."""
-    for key in ('enabled', 'rate'):
-        parameter = '~%s/%s' % (name, key)
-        if not rospy.has_param(parameter):
-            rospy.set_param(parameter, settings[key])
-
-
-def _reconfigure(stream):
-    def callback(config, level):
-        stream.configure(config.enabled, config.rate)
-        return config
-    return callback
 
 
 def main():

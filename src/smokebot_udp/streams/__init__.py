@@ -11,6 +11,7 @@ KINDS = {
     'image': ('image', 'ImageSender', 'ImageReceiver'),
     'relay': ('relay', 'RelaySender', 'RelayReceiver'),
     'scan': ('scan', 'ScanSender', 'ScanReceiver'),
+    'virtual_scan': ('virtual_scan', 'VirtualScanSender', 'VirtualScanReceiver'),
 }
 """{type in streams.yaml: (module of this package, class on the robot, class on the operator's side)}"""
 

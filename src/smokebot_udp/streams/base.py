@@ -40,11 +40,12 @@ class RobotStream(rospy.SubscribeListener):
 
     def __init__(self, name, settings, link):
         self.name, self.topic = name, rospy.resolve_name(settings['robot_topic'])
-        self.enabled = settings['enabled']
+        self.settings = dict(settings)
         self.link = link
         self.sent = 0   # messages of the source
         self._stamp = None   # of the last message sent
         self._worker = NewestWorker(name, self._send, self._report, settings['rate'])
+        self.prepare()
 
     def start(self):
         """Begin to send; apart from making a stream, which needs no ROS."""
@@ -55,10 +56,24 @@ class RobotStream(rospy.SubscribeListener):
         self._subscriber = rospy.Subscriber(self.topic, self.MESSAGE, self._receive,
                                             queue_size=self.QUEUE_SIZE, buff_size=1 << 24, tcp_nodelay=True)
 
-    def configure(self, enabled, rate):
-        """Change what may change while it runs."""
-        self.enabled = enabled
-        self._worker.set_rate(rate)
+    def configure(self, changes):
+        """Change settings while it runs.
+
+        :param changes: {name: value}, checked each
+        :raises ValueError: where they contradict each other; none is changed then
+        """
+        before = self.settings
+        self.settings = {**before, **changes}
+        try:
+            self.prepare()
+        except ValueError:
+            self.settings = before
+            self.prepare()
+            raise
+
+    def prepare(self):
+        """Make what depends on the settings; ValueError where they contradict each other."""
+        self._worker.set_rate(self.settings['rate'])
 
     def frames(self, message):
         raise NotImplementedError
@@ -66,7 +81,7 @@ class RobotStream(rospy.SubscribeListener):
     @property
     def wanted(self):
         """Whether there is anybody to send to."""
-        return self.enabled and self._publisher.get_num_connections() > 0
+        return self.settings['enabled'] and self._publisher.get_num_connections() > 0
 
     def _receive(self, message):
         if self.wanted:
@@ -108,6 +123,7 @@ class OperatorStream:
 
     def __init__(self, name, settings, link):
         self.name, self.topic = name, rospy.resolve_name(settings['operator_topic'])
+        self.settings = dict(settings)
         self.link = link
         self.published = 0
 
@@ -116,6 +132,10 @@ class OperatorStream:
         self._publisher = rospy.Publisher(self.topic, self.MESSAGE, queue_size=2, latch=self.LATCH, tcp_nodelay=True)
         self.subscriber = self.subscribe(max_datagram_size=self.link.max_datagram_size,
                                          receive_buffer=self.link.receive_buffer, drop=self.link.drop)
+
+    def configure(self, changes):
+        """Change settings while it runs: {name: value}, checked each."""
+        self.settings = {**self.settings, **changes}
 
     def subscribe(self, **options):
         return udpros.Subscriber(wire_topic(self.name), self.SEGMENT, batch_callback=self.take, **options)

@@ -23,38 +23,38 @@ class CloudSender(RobotStream):
     PARAMETERS = {
         **ROBOT,
         'leaf_size': Parameter(0.1, 'm', 'points in a box of this side become their centroid; 0: all are sent',
-                               least=0.0, most=100.0),
+                               least=0.0, most=100.0, live=True),
         'encoding': Parameter('float32', '', 'how coordinates are written: exact, or as short offsets',
-                              choices=('float32', 'packed')),
+                              choices=('float32', 'packed'), live=True),
         'error_bound': Parameter(0.0125, 'm', 'with encoding packed: how far a coordinate may be off', above=0.0,
-                                 most=1.0),
+                                 most=1.0, live=True),
         'points_per_chunk': Parameter(80, '', 'with encoding float32: so many points a datagram, or as many as it has '
                                       'room for', least=1, most=5000),
-        'intensity': Parameter(False, '', 'whether intensities are sent, where the cloud has them'),
-        'min_range': Parameter(0.0, 'm', "points nearer to the sensor than this are left out", least=0.0, most=FAR),
+        'intensity': Parameter(False, '', 'whether intensities are sent, where the cloud has them', live=True),
+        'min_range': Parameter(0.0, 'm', "points nearer to the sensor than this are left out", least=0.0, most=FAR,
+                               live=True),
         **{'%s_%s' % (side, axis): Parameter({'min': -FAR, 'max': FAR}[side], 'm', 'crop box, in the cloud\'s frame: '
                                             '%s is %s' % (axis, {'min': 'at least', 'max': 'at most'}[side]),
-                                            least=-FAR, most=FAR) for side, axis in SIDES},
+                                            least=-FAR, most=FAR, live=True) for side, axis in SIDES},
     }
 
-    def __init__(self, name, settings, link):
-        self._settings = settings
-        self._low, self._high = (np.array([settings['%s_%s' % (side, axis)] for axis in 'xyz'], np.float32)
+    def prepare(self):
+        super().prepare()
+        self._low, self._high = (np.array([self.settings['%s_%s' % (side, axis)] for axis in 'xyz'], np.float32)
                                  for side in ('min', 'max'))
         for axis, low, high in zip('xyz', self._low, self._high):
             if low > high:
                 raise ValueError('min_%s is %g, above max_%s, %g' % (axis, low, axis, high))
-        super().__init__(name, settings, link)
 
     def frames(self, message):
         points, intensity = self._reduced(message)
-        packed = self._settings['encoding'] == 'packed' and len(points)
-        point_format = (cloud.packed(points, self._settings['error_bound'], intensity) if packed
+        packed = self.settings['encoding'] == 'packed' and len(points)
+        point_format = (cloud.packed(points, self.settings['error_bound'], intensity) if packed
                         else cloud.plain(intensity is not None))
         frame_id = message.header.frame_id.encode()
         per_chunk = room(CloudChunk, self.link.max_datagram_size, frame_id) // point_format.size
         if not point_format.step:
-            per_chunk = min(per_chunk, self._settings['points_per_chunk'])
+            per_chunk = min(per_chunk, self.settings['points_per_chunk'])
         dealt = cloud.deal(point_format.write(points, intensity), max(1, -(-len(points) // per_chunk)))
         order = cloud.sending_order(len(dealt))
         frame = Frame(CloudChunk, len(dealt), {'header.frame_id': len(frame_id), 'data': dealt[0].size})
@@ -71,18 +71,18 @@ class CloudSender(RobotStream):
         """The cloud's points within the crop box and beyond the least range, thinned."""
         points, intensity = as_points(
             message.data, message.fields, message.height, message.width, message.point_step, message.row_step,
-            message.is_bigendian, self._settings['intensity'])
+            message.is_bigendian, self.settings['intensity'])
         if not len(points):
             raise ValueError('none of its %d points is finite' % (message.height * message.width))
         kept = self._kept(points)
         if kept is not None:
             points, intensity = points[kept], None if intensity is None else intensity[kept]
-        leaf = self._settings['leaf_size']
+        leaf = self.settings['leaf_size']
         return voxel_filter(points, leaf, intensity) if leaf and len(points) else (points, intensity)
 
     def _kept(self, points):
         """(n,) bool, or None where all are."""
-        near = self._settings['min_range']
+        near = self.settings['min_range']
         if near == 0 and (self._low == -FAR).all() and (self._high == FAR).all():
             return None
         inside = (points >= self._low) & (points <= self._high)

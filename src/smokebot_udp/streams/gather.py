@@ -29,7 +29,7 @@ class GatheringReceiver(OperatorStream):
     PARAMETERS = {
         **OPERATOR,
         'max_wait': Parameter(0.2, 's', 'a message is shown at the latest so long after its first segment came',
-                              above=0.0, most=60.0),
+                              above=0.0, most=60.0, live=True),
     }
 
     def __init__(self, name, settings, link):
@@ -67,6 +67,11 @@ class GatheringReceiver(OperatorStream):
         picture = self.begin(head)
         picture.head = head
         return picture
+
+    def configure(self, changes):
+        super().configure(changes)
+        with self._changed:
+            self._sequence.max_wait = self.settings['max_wait']
 
     def begin(self, head):
         raise NotImplementedError

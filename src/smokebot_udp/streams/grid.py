@@ -32,14 +32,14 @@ class GridSender(RobotStream):
     PARAMETERS = {
         **ROBOT,
         'repeat_rate': Parameter(0.2, 'Hz', 'an unchanged map is sent again so often, for what was lost and who came '
-                                 'late', above=0.0, most=100.0),
-        'max_cells': Parameter(1300, '', 'cells of a segment', least=1, most=65000),
-        'max_segments': Parameter(256, '', 'a map is reduced until so many carry it', least=1, most=65536),
+                                 'late', above=0.0, most=100.0, live=True),
+        'max_cells': Parameter(1300, '', 'cells of a segment', least=1, most=65000, live=True),
+        'max_segments': Parameter(256, '', 'a map is reduced until so many carry it', least=1, most=65536, live=True),
     }
 
     def __init__(self, name, settings, link):
-        self._settings = settings
         self._lock = threading.Lock()
+        self._last = None       # the newest map
         self._content = None    # what the frames carry
         self._frames = []
         self._rounds = Repeater(name + ' rounds', self._send_round, self._report, 1.0 / settings['repeat_rate'])
@@ -49,13 +49,24 @@ class GridSender(RobotStream):
         super().start()
         self._rounds.start()
 
+    def prepare(self):
+        super().prepare()
+        self._rounds.period = 1.0 / self.settings['repeat_rate']
+        self._content = None    # the map is cut anew, as the settings have it now
+
     def peer_subscribe(self, topic_name, topic_publish, peer_publish):
         """Who came late gets the map at once."""
         self._rounds.wake()
 
     def _receive(self, message):
         # even where nobody listens yet: a map may come but once
+        self._last = message
         self._worker.give(message)
+
+    def configure(self, changes):
+        super().configure(changes)
+        if self._last is not None:
+            self._worker.give(self._last)
 
     def _send(self, message):
         frames = self.frames(message)
@@ -72,7 +83,7 @@ class GridSender(RobotStream):
         frame_id = message.header.frame_id.encode()
         factor, cut, per_segment = grid.fit(
             info.height, info.width, room(GridSegment, self.link.max_datagram_size, frame_id),
-            self._settings['max_cells'], self._settings['max_segments'])
+            self.settings['max_cells'], self.settings['max_segments'])
         cells = grid.reduce_by(cells, factor)
         content = frame_id, str(info.origin), info.resolution, factor, cut, zlib.crc32(cells.tobytes())
         if content == self._content:
@@ -126,13 +137,13 @@ class GridReceiver(OperatorStream):
     PARAMETERS = {
         **OPERATOR,
         'max_wait': Parameter(0.5, 's', 'a map is shown at the latest so long after its first segment that is news',
-                              above=0.0, most=60.0),
-        'fill': Parameter('nearest', '', 'what becomes of cells that never came', choices=tuple(FILLS)),
+                              above=0.0, most=60.0, live=True),
+        'fill': Parameter('nearest', '', 'what becomes of cells that never came', choices=tuple(FILLS),
+                          live=True),
     }
 
     def __init__(self, name, settings, link):
         self._rounds = Rounds(settings['max_wait'])
-        self._fill = FILLS[settings['fill']]
         self._shown = None     # the last message published
         self._changed = threading.Condition()
         self._ended = False
@@ -142,6 +153,11 @@ class GridReceiver(OperatorStream):
     def start(self):
         super().start()
         self._thread.start()
+
+    def configure(self, changes):
+        super().configure(changes)
+        with self._changed:
+            self._rounds.max_wait = self.settings['max_wait']
 
     def take(self, records, mask):
         """Sort a batch of segments by their map; the transport's thread."""
@@ -172,7 +188,7 @@ class GridReceiver(OperatorStream):
                 if self._ended:
                     return
                 head, picture = self._rounds.poll(now)
-                cells = picture.items(self._fill).view(np.int8)
+                cells = picture.items(FILLS[self.settings['fill']]).view(np.int8)
             try:
                 self._show(head, cells)
             except Exception as error:

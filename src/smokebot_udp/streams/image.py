@@ -9,25 +9,33 @@ from ..msg import ImageSegment
 from ..udpros import Frame
 from .base import RobotStream
 from .gather import GatheringReceiver
-from .parameters import Parameter
+from .parameters import ROBOT, Parameter
 from .segments import as_bytes, room, write_header
 
 
 class ImageSender(RobotStream):
     """Cuts each picture so that every datagram shows all of it, coarsely."""
     MESSAGE, SEGMENT = Image, ImageSegment
+    PARAMETERS = {
+        **ROBOT,
+        'scale': Parameter(1, '', 'pictures are reduced by this factor first, by the mean of each block', least=1,
+                           most=16, live=True),
+        'max_subimages': Parameter(0, '', 'so many subimages are sent of a picture, coarse first; 0: all', least=0,
+                                   most=65536, live=True),
+    }
 
     def __init__(self, name, settings, link):
         self._frames = {}   # {layout: subimage_frames}, of the last picture only
         super().__init__(name, settings, link)
 
     def frames(self, message):
-        items = pixels.as_items(message.data, message.height, message.width, message.step, message.encoding)
+        items = self._items(message)
         frame_id, encoding = message.header.frame_id.encode(), message.encoding.encode()
         left = room(ImageSegment, self.link.max_datagram_size, frame_id, encoding)
-        cut, per_segment = interleave.fit(message.height, message.width, items.dtype.itemsize, left)
-        subimages = cut.split(items).reshape(len(cut), -1).view(np.uint8)
-        key = cut, per_segment, subimages.shape[1], len(frame_id), len(encoding)
+        cut, per_segment = interleave.fit(items.shape[0], items.shape[1], items.dtype.itemsize, left)
+        total = min(self.settings['max_subimages'] or len(cut), len(cut))
+        subimages = cut.split(items).reshape(len(cut), -1).view(np.uint8)[:total]
+        key = cut, per_segment, subimages.shape, len(frame_id), len(encoding)
         if key not in self._frames:
             self._frames = {key: subimage_frames(ImageSegment, subimages, per_segment, {
                 'header.frame_id': len(frame_id), 'encoding': len(encoding)})}
@@ -37,8 +45,15 @@ class ImageSender(RobotStream):
             write_subimages(records, cut, part, subimages)
             records['height'], records['width'] = cut.height, cut.width
             records['encoding'] = as_bytes(encoding)
-            records['is_bigendian'], records['total'] = bool(message.is_bigendian), len(cut)
+            records['is_bigendian'], records['total'] = bool(message.is_bigendian), total
         return [frame for _, frame in self._frames[key]]
+
+    def _items(self, message):
+        """Its pixels as whole items, reduced where that is asked for."""
+        layout = message.data, message.height, message.width, message.step, message.encoding
+        if self.settings['scale'] == 1:
+            return pixels.as_items(*layout)
+        return pixels.reduce_by(pixels.as_pixels(*layout, message.is_bigendian), self.settings['scale'])
 
 
 def subimage_frames(segment_class, subimages, per_segment, lengths):
@@ -67,12 +82,9 @@ class ImageReceiver(GatheringReceiver):
     HEAD = 'height', 'width', 'encoding', 'is_bigendian', 'depth', 'total'
     PARAMETERS = {
         **GatheringReceiver.PARAMETERS,
-        'fill': Parameter('nearest', '', 'how missing pixels are filled', choices=tuple(fill.METHODS)),
+        'fill': Parameter('nearest', '', 'how missing pixels are filled', choices=tuple(fill.METHODS),
+                          live=True),
     }
-
-    def __init__(self, name, settings, link):
-        self._fill = fill.METHODS[settings['fill']]
-        super().__init__(name, settings, link)
 
     def begin(self, head):
         return Picture(head.height, head.width, head.depth, pixels.item_type(head.encoding), head.total)
@@ -81,6 +93,6 @@ class ImageReceiver(GatheringReceiver):
         return records['index'].astype(int), records['count'], records['data']
 
     def message(self, head, picture):
-        items = picture.items(self._fill)
+        items = picture.items(fill.METHODS[self.settings['fill']])
         return Image(height=head.height, width=head.width, encoding=head.encoding, is_bigendian=head.is_bigendian,
                      step=items.strides[0], data=items.tobytes())

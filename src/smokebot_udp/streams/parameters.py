@@ -9,7 +9,7 @@ from typing import Any, Optional, Tuple
 class Parameter:
     """One setting of a stream."""
     default: Any
-    """Its type is the parameter's; None: the parameter must be given, as a string."""
+    """Its type is the parameter's; None: the parameter must be given, as a string that is not empty."""
     unit: str
     meaning: str
     above: Optional[float] = None
@@ -17,6 +17,8 @@ class Parameter:
     least: Optional[float] = None
     most: Optional[float] = None
     choices: Tuple[str, ...] = ()
+    live: bool = False
+    """Whether it may change while the stream runs."""
 
     def check(self, value):
         """The value in the parameter's type; ValueError says what it should be."""
@@ -27,7 +29,7 @@ class Parameter:
             raise ValueError('must be %s' % self._wanted(kind))
         if kind in (int, float) and not self._within(value):
             raise ValueError('must be %s' % self._wanted(kind))
-        if kind is str and (not value or (self.choices and value not in self.choices)):
+        if kind is str and ((not value and self.default is None) or (self.choices and value not in self.choices)):
             raise ValueError('must be %s' % self._wanted(kind))
         return value
 
@@ -62,18 +64,35 @@ def check(values, table):
                 raise ValueError('%s is missing: %s' % (name, parameter.meaning))
             checked[name] = parameter.default
             continue
-        try:
-            checked[name] = parameter.check(values[name])
-        except ValueError as error:
-            raise ValueError('%s is %r, %s' % (name, values[name], error)) from None
+        checked[name] = check_one(name, values[name], table)
     return checked
+
+
+def check_one(name, value, table):
+    """One value in its parameter's type.
+
+    :raises ValueError: naming the setting and its value
+    """
+    if name not in table:
+        raise ValueError('%s: no such setting; there are %s' % (name, ', '.join(sorted(table))))
+    try:
+        return table[name].check(value)
+    except ValueError as error:
+        raise ValueError('%s is %r, %s' % (name, value, error)) from None
+
+
+def live(table):
+    """Of a table {name: Parameter} what may change while the stream runs."""
+    return {name: parameter for name, parameter in table.items() if parameter.live}
 
 
 ROBOT = {
     'robot_topic': Parameter(None, '', "the robot's topic that this stream sends"),
     'rate': Parameter(10.0, 'Hz', 'at most so many messages a second are sent; always the newest', above=0.0,
-                      most=1000.0),
-    'enabled': Parameter(True, '', 'whether the stream is sent'),
+                      most=1000.0, live=True),
+    'enabled': Parameter(True, '', 'whether the stream is sent', live=True),
+    'weight': Parameter(1.0, '', "its share of the link beside the other streams'", least=0.0, most=1000.0, live=True),
+    'floor': Parameter(0.0, 'kbit/s', 'the least it may get of the link', least=0.0, most=1e6, live=True),
 }
 OPERATOR = {
     'operator_topic': Parameter(None, '', "the operator's topic on which it comes out"),

@@ -89,7 +89,7 @@ class Repeater:
     """
 
     def __init__(self, name, work, on_error, period):
-        self._work, self._on_error, self._period = work, on_error, period
+        self._work, self._on_error, self.period = work, on_error, period
         self._wanted, self._ended = threading.Event(), False
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
 
@@ -107,7 +107,7 @@ class Repeater:
 
     def _run(self):
         while True:
-            self._wanted.wait(self._period)
+            self._wanted.wait(self.period)
             self._wanted.clear()
             if self._ended:
                 return

@@ -95,7 +95,7 @@ class RelaySender(RobotStream):
     PARAMETERS = {
         **ROBOT, **RELAY,
         'repeat_rate': Parameter(1.0, 'Hz', 'with latch: the last message is sent again so often', above=0.0,
-                                 most=100.0),
+                                 most=100.0, live=True),
     }
 
     def __init__(self, name, settings, link):
@@ -105,6 +105,10 @@ class RelaySender(RobotStream):
         self._rounds = Repeater(name + ' rounds', lambda: self._worker.give(True), self._report,
                                 1.0 / settings['repeat_rate'])
         super().__init__(name, settings, link)
+
+    def prepare(self):
+        super().prepare()
+        self._rounds.period = 1.0 / self.settings['repeat_rate']
 
     def start(self):
         super().start()

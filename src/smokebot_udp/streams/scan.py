@@ -23,16 +23,12 @@ class ScanSender(RobotStream):
     MESSAGE, SEGMENT = numpy_msg(LaserScan), ScanSegment
     PARAMETERS = {
         **ROBOT,
-        'intensity': Parameter(False, '', 'whether intensities are sent, where the scan has them'),
+        'intensity': Parameter(False, '', 'whether intensities are sent, where the scan has them', live=True),
     }
-
-    def __init__(self, name, settings, link):
-        self._with_intensity = settings['intensity']
-        super().__init__(name, settings, link)
 
     def frames(self, message):
         check(message)
-        return scan_frames(message, self._with_intensity, self.link.max_datagram_size)
+        return scan_frames(message, self.settings['intensity'], self.link.max_datagram_size)
 
 
 def check(message):
@@ -86,14 +82,10 @@ class ScanReceiver(GatheringReceiver):
     PARAMETERS = {
         **GatheringReceiver.PARAMETERS,
         'max_wait': Parameter(0.1, 's', 'a scan is shown at the latest so long after its first part came', above=0.0,
-                              most=60.0),
+                              most=60.0, live=True),
         'gaps': Parameter('nan', '', 'what becomes of ranges that did not come: nan, or thin: the others with a wider '
-                          'angle_increment', choices=scan.GAPS),
+                          'angle_increment', choices=scan.GAPS, live=True),
     }
-
-    def __init__(self, name, settings, link):
-        self._gaps = settings['gaps']
-        super().__init__(name, settings, link)
 
     def begin(self, head):
         check_head(head)
@@ -103,7 +95,7 @@ class ScanReceiver(GatheringReceiver):
         return records['part'].astype(int), records['ranges'], records['intensities']
 
     def message(self, head, picture):
-        ranges, intensities, (first, step) = picture.merge(self._gaps)
+        ranges, intensities, (first, step) = picture.merge(self.settings['gaps'])
         if intensities is None:
             intensities = np.zeros(0, np.float32)
         message = self.MESSAGE(ranges=ranges, intensities=intensities)
