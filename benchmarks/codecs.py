@@ -56,7 +56,8 @@ def stream(class_of, kind, **settings):
     """A stream without its topics: what makes frames of messages, and messages of frames."""
     defaults = {name: parameter.default for name, parameter in parameters_of(kind).items()}
     topics = {'robot_topic': 'bench', 'operator_topic': 'bench'}
-    return class_of(kind)('bench', {**defaults, **topics, **settings}, SimpleNamespace(max_datagram_size=1472))
+    return class_of(kind)('bench', {**defaults, **topics, **settings}, SimpleNamespace(
+        max_datagram_size=1472, motion=SimpleNamespace(stands=lambda: False, pictures=lambda changed: None)))
 
 
 def gather(receiver, parts_of_frames):

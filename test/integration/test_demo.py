@@ -46,6 +46,8 @@ class Demo(unittest.TestCase):
 
     def test_the_pictures_look_like_the_scene(self):
         for name, encoding in TOPICS.items():
+            # the robot halts now and then, and what is lost would come from earlier pictures
+            Client('/operator_receiver/' + name, timeout=10).update_configuration({'integrate': 'never'})
             for sent, received in self.pairs(name, 10):
                 self.assertEqual((received.encoding, received.height, received.width), (encoding, 480, 640))
                 self.assertEqual(received.header.frame_id, name + '_optical_frame')

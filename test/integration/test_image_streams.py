@@ -11,6 +11,7 @@ import numpy as np
 import rosgraph
 import rospy
 import rostest
+from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import Image
 
@@ -115,6 +116,31 @@ class ImageStreams(unittest.TestCase):
                 error = (np.frombuffer(self.out[loss].messages[stamp].data, np.uint16).astype(int)
                          - np.frombuffer(message.data, np.uint16))
                 self.assertLess(np.abs(error).mean(), most)
+
+    def test_a_standing_robots_picture_fills_in_and_a_moving_ones_is_new(self):
+        odometry = rospy.Publisher('/operator/odom', Odometry, queue_size=1)
+        wait_for(odometry.get_num_connections, what='the receivers')
+        here, there = (np.random.RandomState(seed).randint(7000, 9000, (480, 640)).astype(np.uint16) for seed in (1, 2))
+        shares = []
+        for k, stamp in enumerate(stamps(26, 10.0)):
+            stands = k < 24
+            message = Odometry()
+            message.twist.twist.linear.x = 0.0 if stands else 0.5
+            odometry.publish(message)
+            picture = here if stands else there
+            self.source.publish(image(picture.tobytes(), 480, 640, 'mono16', stamp))
+            shares.append((stamp, picture))
+        got = self.out[50].messages
+        wait_for(lambda: shares[-1][0] in got, 5, 'the last picture')
+        received = [np.mean(np.frombuffer(got[stamp].data, np.uint16).reshape(480, 640) == picture)
+                    for stamp, picture in shares]
+        # odometry says so for half a second before it is believed; eight pictures later all is there
+        self.assertGreater(received[8 + 8], 0.99)
+        self.assertAlmostEqual(received[0], 0.5, delta=0.1)
+        for (stamp, picture), share in zip(shares[24:], received[24:]):
+            self.assertAlmostEqual(share, 0.5, delta=0.1)
+            shown = np.frombuffer(got[stamp].data, np.uint16).reshape(480, 640)
+            self.assertLess(np.mean((shown == here) & (shown != picture)), 0.01)
 
     @unittest.skipUnless(THERMAL.is_dir(), 'the thermal recordings are not on this machine')
     def test_thermal_recordings_at_10_hz_through_loss(self):

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Watches the image streams on both sides for a while, and reports rate, completeness of the way, and quality.
+"""Watches the streams on both sides for a while, and reports rates, and the pictures' quality and age.
 
 Parameters
 
 | name | type | default | unit | meaning |
 |---|---|---|---|---|
-| ~streams_file | str | config/streams.yaml of this package | | whose image streams to watch |
+| ~streams_file | str | config/streams.yaml of this package | | whose streams to watch |
 | ~seconds | double | 20 | s | for how long, from the first picture that arrives |
 | ~picture | str | | | where a picture is written: sent beside received, the last ones; empty: none |
 
@@ -71,12 +71,31 @@ class Watch:
     def line(self, seconds):
         with self._lock:
             if not self.ages:
-                return '%-10s no picture arrived (%d were made)' % (self.name, self.sent)
+                return '%-13s no picture arrived (%d were made)' % (self.name, self.sent)
             exact = np.isinf(self.psnr)
             quality = 'all exact' if exact.all() else 'PSNR %.1f dB' % np.mean(np.array(self.psnr)[~exact])
-            return '%-10s %5.1f Hz sent, %5.1f Hz received, %s, age p50 %.0f ms, p99 %.0f ms' % (
+            return '%-13s %5.1f Hz sent, %5.1f Hz received, %s, age p50 %.0f ms, p99 %.0f ms' % (
                 self.name, self.sent / seconds, self.received / seconds, quality,
                 1e3 * np.percentile(self.ages, 50), 1e3 * np.percentile(self.ages, 99))
+
+
+class RateWatch:
+    """How many messages of a stream pass on both sides."""
+
+    def __init__(self, name, settings):
+        self.name, self.count = name, collections.Counter()
+        self._subscribers = [rospy.Subscriber(settings[side], rospy.AnyMsg, self._take, side, queue_size=100)
+                             for side in ('robot_topic', 'operator_topic')]
+
+    def _take(self, _, side):
+        self.count[side] += 1
+
+    def clear(self):
+        self.count.clear()
+
+    def line(self, seconds):
+        return '%-13s %5.1f Hz sent, %5.1f Hz received' % (
+            self.name, self.count['robot_topic'] / seconds, self.count['operator_topic'] / seconds)
 
 
 def _pixels(message):
@@ -131,16 +150,18 @@ def main():
     rospy.init_node('demo_report')
     seconds = number_parameter('~seconds', 20.0, least=1.0)
     path = rospy.get_param('~picture', '')
-    watches = [Watch(name, settings) for name, settings in read_streams().items() if settings['type'] == 'image']
+    streams = read_streams()
+    watches = [Watch(name, settings) for name, settings in streams.items() if settings['type'] == 'image']
+    others = [RateWatch(name, settings) for name, settings in streams.items() if settings['type'] != 'image']
     _await_pictures(watches)
-    for watch in watches:
+    for watch in watches + others:
         watch.clear()
     begun = time.monotonic()
     while not rospy.is_shutdown() and time.monotonic() - begun < seconds:
         time.sleep(0.1)
     elapsed = time.monotonic() - begun
     print('\nOver %.0f s:' % elapsed)
-    for watch in watches:
+    for watch in watches + others:
         print('  ' + watch.line(elapsed))
     if path and any(watch.pair for watch in watches):
         cv2.imwrite(path, _sheet(watches))

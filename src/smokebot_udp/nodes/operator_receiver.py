@@ -10,6 +10,8 @@ Parameters
 | ~receive_buffer | int | 4194304 | byte | asked of the kernel for each stream; net.core.rmem_max limits it |
 | ~loss | double | 0 | | share of the datagrams to drop on arrival, to demonstrate a bad link |
 | ~loss_seed | int | 0 | | which datagrams these are |
+| ~odom_topic | str | /operator/odom | | nav_msgs/Odometry that tells whether the robot stands |
+| ~cmd_vel_topic | str | /cmd_vel | | geometry_msgs/Twist that tells it where odometry is silent; else the pictures do |
 | ~focus_patience | double | 10 | s | so long ~set_focus asks the robot |
 | ~<stream>/<setting> | | as in streams.yaml | | dynamic: the settings of a stream that may change while it runs |
 
@@ -28,6 +30,7 @@ from ..streams.parameters import live
 from .common import load_streams, number_parameter
 from .focus_client import FocusClient
 from .live import LiveSettings, ParameterWatch
+from .motion import Motion
 
 
 class OperatorReceiver:
@@ -38,7 +41,9 @@ class OperatorReceiver:
         buffer = int(number_parameter('~receive_buffer', 4 << 20, least=4096, most=1 << 30))
         loss = number_parameter('~loss', 0.0, least=0.0, most=1.0)
         drop = _demonstrate(loss, int(number_parameter('~loss_seed', 0, least=0))) if loss else None
-        self.streams = load_streams(operator_class, Link(size, receive_buffer=buffer, drop=drop))
+        self._motion = Motion(rospy.get_param('~odom_topic', '/operator/odom'),
+                              rospy.get_param('~cmd_vel_topic', '/cmd_vel'))
+        self.streams = load_streams(operator_class, Link(size, receive_buffer=buffer, drop=drop, motion=self._motion))
         parts = [LiveSettings(name, live(stream.PARAMETERS), stream.settings, stream.configure, threading.RLock())
                  for name, stream in self.streams.items() if live(stream.PARAMETERS)]
         for part in parts:
@@ -51,6 +56,7 @@ class OperatorReceiver:
     def close(self):
         self._focus.close()
         self._watch.stop()
+        self._motion.close()
         for stream in self.streams.values():
             stream.close()
 

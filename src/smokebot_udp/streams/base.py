@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What the streams of every kind have in common, on either side."""
 from dataclasses import dataclass
-from typing import Callable, Optional
+from typing import Any, Callable, Optional
 
 import rospy
 
@@ -21,6 +21,8 @@ class Link:
     """Asked of the operator's kernel for each stream [byte]."""
     drop: Optional[Callable] = None
     """Loses datagrams on purpose, see udpros.Subscriber."""
+    motion: Any = None
+    """Tells the operator's streams whether the robot stands(), and is told by pictures(changed) of theirs."""
 
 
 def wire_topic(name):

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Cloud streams: sensor_msgs/PointCloud2 of any layout, thinned by a voxel grid, in chunks (D6.3, section 6.1)."""
+import collections
+import time
+
 import numpy as np
 from sensor_msgs.msg import PointCloud2, PointField
 
@@ -92,7 +95,16 @@ class CloudSender(RobotStream):
 class CloudReceiver(GatheringReceiver):
     """Publishes each stamp's cloud, of the points that came."""
     MESSAGE, SEGMENT = PointCloud2, CloudChunk
+    PARAMETERS = {
+        **GatheringReceiver.PARAMETERS,
+        'persistence': Parameter(0.0, 's', 'while the robot stands, points of earlier clouds stay so long', least=0.0,
+                                 most=3600.0, live=True),
+    }
     HEAD = 'points', 'chunks', 'has_intensity', 'step', 'origin', 'bits', 'intensity_min', 'intensity_step'
+
+    def __init__(self, name, settings, link):
+        self._earlier = collections.deque()     # (when, frame_id, points, intensity)
+        super().__init__(name, settings, link)
 
     def begin(self, head):
         return cloud.CloudParts(head.points, head.chunks, cloud.PointFormat(
@@ -102,7 +114,7 @@ class CloudReceiver(GatheringReceiver):
         return records['index'].astype(int), records['data']
 
     def message(self, head, picture):
-        points, intensity = picture.merge()
+        points, intensity = self._with_earlier(head.frame_id, *picture.merge())
         names = ['x', 'y', 'z'] + ['intensity'] * (intensity is not None)
         values = points if intensity is None else np.column_stack([points, intensity])
         step = 4 * len(names)
@@ -110,3 +122,18 @@ class CloudReceiver(GatheringReceiver):
             height=1, width=len(points), point_step=step, row_step=step * len(points), is_dense=True,
             fields=[PointField(name, 4 * i, PointField.FLOAT32, 1) for i, name in enumerate(names)],
             data=np.ascontiguousarray(values, '<f4').tobytes())
+
+    def _with_earlier(self, frame_id, points, intensity):
+        """The points with those of earlier clouds that still stand for something."""
+        now, persistence = time.monotonic(), self.settings['persistence']
+        earlier = self._earlier
+        if not persistence or not self.link.motion.stands():
+            earlier.clear()
+        while earlier and (now - earlier[0][0] > persistence or earlier[0][1] != frame_id
+                           or (earlier[0][3] is None) != (intensity is None)):
+            earlier.popleft()
+        if persistence:
+            earlier.append((now, frame_id, points, intensity))
+            points = np.concatenate([kept for _, _, kept, _ in earlier])
+            intensity = None if intensity is None else np.concatenate([kept for _, _, _, kept in earlier])
+        return points, intensity

@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Image streams: sensor_msgs/Image of any supported encoding in interleaved segments (D6.3, section 4)."""
+import time
+
 import numpy as np
 from sensor_msgs.msg import Image
 
 from ..codecs import fill, interleave, pixels
 from ..codecs.image import Picture
+from ..codecs.integrate import Memory
 from ..msg import ImageSegment
 from ..udpros import Frame
 from .base import RobotStream
@@ -82,9 +85,16 @@ class ImageReceiver(GatheringReceiver):
     HEAD = 'height', 'width', 'encoding', 'is_bigendian', 'depth', 'total'
     PARAMETERS = {
         **GatheringReceiver.PARAMETERS,
+        'integrate': Parameter('when_still', '', 'when pixels of earlier pictures stand in for missing ones, unless '
+                               'the scene changed there', choices=('never', 'when_still', 'always'), live=True),
+        'remember': Parameter(5.0, 's', 'how old such a pixel may be', above=0.0, most=3600.0, live=True),
         'fill': Parameter('nearest', '', 'how missing pixels are filled', choices=tuple(fill.METHODS),
                           live=True),
     }
+
+    def __init__(self, name, settings, link):
+        self._memory = Memory()
+        super().__init__(name, settings, link)
 
     def begin(self, head):
         return Picture(head.height, head.width, head.depth, pixels.item_type(head.encoding), head.total)
@@ -93,6 +103,19 @@ class ImageReceiver(GatheringReceiver):
         return records['index'].astype(int), records['count'], records['data']
 
     def message(self, head, picture):
-        items = picture.items(fill.METHODS[self.settings['fill']])
+        items = self._integrated(head, picture, picture.items(fill.METHODS[self.settings['fill']]))
         return Image(height=head.height, width=head.width, encoding=head.encoding, is_bigendian=head.is_bigendian,
                      step=items.strides[0], data=items.tobytes())
+
+    def _integrated(self, head, picture, items):
+        """The picture with what is remembered of earlier ones (D6.3, section 4.2), where that is wanted."""
+        when = self.settings['integrate']
+        if when == 'never':
+            self._memory.forget()
+            return items
+        use = when == 'always' or self.link.motion.stands()
+        self._memory.max_age = self.settings['remember']
+        channel, _ = pixels.pixel_type(head.encoding, head.is_bigendian)
+        integrated = self._memory.complete(items, picture.have, picture.cut, channel, time.monotonic(), use)
+        self.link.motion.pictures(integrated.changed)
+        return integrated.items
