@@ -26,9 +26,6 @@ SELECT = 'obstacle', 'landmark'
 FAN_SETTINGS = ('base_frame', 'mount_height', 'mount_roll', 'mount_pitch', 'min_height', 'range_min', 'range_max')
 """Streams that agree in these share the work."""
 
-MAX_TILT = math.radians(12)
-"""Ramps and tilts of 10 degrees, measured [rad]."""
-
 
 
 class LevelFrame:
@@ -97,8 +94,9 @@ class Fans:
         elif roll or pitch:
             points = points @ mounting(roll, pitch).T
         if place != self._place:
-            self._place, self._finder = place, GroundFinder(place[1], max_tilt=MAX_TILT)
-        return virtual_scan.fan(points, self._finder.find(points), min_height, range_min, range_max), place[0]
+            self._place, self._finder = place, GroundFinder(place[1])
+        return virtual_scan.fan(points, self._finder.find(points), tolerance=min_height, range_min=range_min,
+                                range_max=range_max), place[0]
 
 
 FANS = {}
