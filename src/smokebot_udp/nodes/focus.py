@@ -71,10 +71,9 @@ class FocusControl:
         self._parts = {name: LiveSettings(name, live(stream.PARAMETERS), stream.settings,
                                           lambda values, name=name: self._configure(name, values), self._lock)
                        for name, stream in streams.items()}
-        for part in [self._focus, *self._parts.values()]:    # a stream's own parameters count before the focus
-            part.start()
+        # a stream's own parameters count before the focus
+        self._watch = ParameterWatch([self._focus, *self._parts.values()], background=False)
         self._show.start()
-        self._watch = ParameterWatch([self._focus, *self._parts.values()])
         rospy.Service('~set_focus', SetFocus, self._serve)
         self._requests = udpros.Subscriber(REQUESTS, FocusRequest, self._requested, queue_size=5)
         self._tell()

@@ -13,6 +13,9 @@ from rospy.impl.paramserver import get_param_server_cache
 
 from ..streams.parameters import check_one
 
+PUBLISHING = threading.Lock()
+"""Held while this node writes parameters, and while it looks what others wrote."""
+
 TYPES = {bool: 'bool', int: 'int', float: 'double', str: 'str'}
 LIMITS = {bool: (False, True), int: (-2 ** 31, 2 ** 31 - 1), float: (-float('inf'), float('inf')), str: ('', '')}
 
@@ -60,18 +63,20 @@ class LiveSettings:
         self._apply = apply
         self._lock = lock
         self._published = {}    # what the parameter server was told
-        self._publishing = threading.Lock()
         self._server = None
 
-    def start(self):
-        """Take what was set before the node started, and begin to listen."""
+    def adopt(self, found):
+        """Take what was set before the node started: {name: value}."""
         for name in self.table:
-            if rospy.has_param(self.key(name)):
+            if name in found:
                 try:
-                    self.set({name: rospy.get_param(self.key(name))})
+                    self.set({name: found[name]})
                 except ValueError as error:
                     rospy.logerr('%s refused, it is %r: %s', self.key(name), self.values[name], error)
-            self._publish(name, self.values[name])
+        self._published = dict(self.values)
+
+    def serve(self):
+        """Begin to serve dynamic_reconfigure."""
         self._server = _Server(self)
 
     def key(self, name):
@@ -91,9 +96,10 @@ class LiveSettings:
 
     def show(self):
         """Let dynamic_reconfigure and the parameter server show the values there are."""
-        with self._lock:
-            values = dict(self.values)
-        self._server.update_configuration(values)
+        if self._server is not None:
+            with self._lock:
+                values = dict(self.values)
+            self._server.update_configuration(values)
 
     def reconfigured(self, config, level):
         """dynamic_reconfigure's callback: what it returns is what it shows."""
@@ -107,7 +113,7 @@ class LiveSettings:
 
     def publish(self, values):
         """Write to the parameter server what it does not have yet."""
-        with self._publishing:
+        with PUBLISHING:
             for name in self.table:
                 if name not in self._published or not _same(values[name], self._published[name]):
                     self._publish(name, values[name])
@@ -116,21 +122,22 @@ class LiveSettings:
         rospy.set_param(self.key(name), value)
         self._published[name] = value
 
-    def look(self):
-        """Take what somebody else set on the parameter server, or set it back."""
-        with self._publishing:    # else what we are about to write looked like somebody else's
-            found = rospy.get_param(rospy.resolve_name('~' + self.name) if self.name else '~', {})
-            news = {name: found[name] for name in self.table
-                    if name in found and not _same(found[name], self._published[name])}
-            for name, value in news.items():
-                self._published[name] = value
-                try:
-                    self.set({name: value})
-                except ValueError as error:
-                    rospy.logerr('%s refused, %r stays: %s', self.key(name), self.values[name], error)
-                    self._publish(name, self.values[name])
-        if news:
-            self.show()
+    def look(self, found):
+        """Take what somebody else set on the parameter server, or set it back.
+
+        :param found: {name: value} there
+        :return: whether there was anything
+        """
+        news = {name: found[name] for name in self.table
+                if name in found and not _same(found[name], self._published[name])}
+        for name, value in news.items():
+            self._published[name] = value
+            try:
+                self.set({name: value})
+            except ValueError as error:
+                rospy.logerr('%s refused, %r stays: %s', self.key(name), self.values[name], error)
+                self._publish(name, self.values[name])
+        return bool(news)
 
 
 class _Server(Server):
@@ -141,6 +148,9 @@ class _Server(Server):
         super().__init__(config_type(settings.name or 'node', settings.table), settings.reconfigured,
                          namespace=settings.name and '~' + settings.name)
 
+    def _copy_from_parameter_server(self):
+        pass    # LiveSettings.adopt did
+
     def _copy_to_parameter_server(self):
         self._settings.publish({name: self.config[name] for name in self._settings.table})
 
@@ -150,34 +160,80 @@ def _same(one, other):
 
 
 class ParameterWatch:
-    """Tells parts of a node what is set under its private namespace; the master tells of it, nothing is polled.
+    """Starts the live settings of a node, and takes what is set under its private namespace.
+
+    The master tells of it, nothing is polled. Over a bad link each question to the master takes its time, so there
+    are few, and an operator's node asks them in the background.
 
     :param parts: [LiveSettings, ...]
+    :param background: whether they start in a thread
     """
 
-    def __init__(self, parts):
+    def __init__(self, parts, background):
         self._parts = parts
         self._changed = threading.Event()
         self._ended = False
-        rospy.get_param_cached('~')     # subscribes
-        get_param_server_cache().set_notifier(lambda key, value: self._changed.set())
+        self._begun = not background
+        if self._begun:
+            self._begin()
         self._thread = threading.Thread(target=self._run, name='parameters', daemon=True)
         self._thread.start()
+
+    def _begin(self):
+        found = _found()
+        for part in self._parts:
+            part.adopt(_of(found, part))
+            if part.name:
+                found[part.name] = {**_of(found, part), **part.values}
+            else:
+                found.update(part.values)
+        rospy.set_param('~', found)
+        rospy.get_param_cached('~')     # subscribes
+        get_param_server_cache().set_notifier(lambda key, value: self._changed.set())
+        for part in self._parts:
+            part.serve()
 
     def stop(self):
         self._ended = True
         self._changed.set()
-        self._thread.join()
+        if self._begun:
+            self._thread.join()
 
     def _run(self):
+        try:
+            if not self._begun:
+                self._begin()
+                self._begun = True
+        except Exception as error:
+            if not self._ended:
+                rospy.logerr('settings cannot be changed while this runs: %s', error)
+            return
         while True:
             self._changed.wait()
             self._changed.clear()
             if self._ended:
                 return
             try:
-                for part in self._parts:
-                    part.look()
+                self._look()
             except Exception as error:
                 if not rospy.is_shutdown():
                     rospy.logerr_throttle_identical(5, 'the parameters cannot be read: %s' % error)
+
+    def _look(self):
+        with PUBLISHING:    # else what we are about to write looked like somebody else's
+            found = _found()
+            news = [part for part in self._parts if part.look(_of(found, part))]
+        for part in news:
+            part.show()
+
+
+def _found():
+    """What the parameter server has in the node's private namespace."""
+    found = rospy.get_param('~', {})
+    return found if isinstance(found, dict) else {}
+
+
+def _of(found, part):
+    """Of that what belongs to a part."""
+    mine = found.get(part.name, {}) if part.name else found
+    return mine if isinstance(mine, dict) else {}

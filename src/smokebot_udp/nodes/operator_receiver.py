@@ -46,9 +46,7 @@ class OperatorReceiver:
         self.streams = load_streams(operator_class, Link(size, receive_buffer=buffer, drop=drop, motion=self._motion))
         parts = [LiveSettings(name, live(stream.PARAMETERS), stream.settings, stream.configure, threading.RLock())
                  for name, stream in self.streams.items() if live(stream.PARAMETERS)]
-        for part in parts:
-            part.start()
-        self._watch = ParameterWatch(parts)
+        self._watch = ParameterWatch(parts, background=True)
         status = [stream.topic for stream in self.streams.values() if stream.MESSAGE is RobotStatus]
         self._focus = FocusClient(status[0] if status else None, number_parameter('~focus_patience', 10.0, least=0.1))
         rospy.on_shutdown(self.close)
