@@ -3,5 +3,5 @@ from setuptools import setup
 
 setup(**generate_distutils_setup(
     packages=['smokebot_udp'] + ['smokebot_udp.' + room for room in (
-        'codecs', 'nodes', 'simulation', 'streams', 'supervisor', 'udpros')],
+        'codecs', 'link_lab', 'nodes', 'simulation', 'streams', 'supervisor', 'udpros')],
     package_dir={'': 'src'}))
