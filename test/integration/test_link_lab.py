@@ -12,13 +12,13 @@ import unittest
 
 import rostest
 
-HERE = pathlib.Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE))
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 import waiting  # noqa: F401  (it lets skipped tests be told)
 
 from smokebot_udp.link_lab.cli import MASTER
 from smokebot_udp.link_lab.lab import ADDRESSES, Lab, LabError
 
+HERE = pathlib.Path(__file__).resolve().parent
 TOPICS = '/operator/thermal/image_raw', '/operator/lidar/points'
 RATE = 10.0
 

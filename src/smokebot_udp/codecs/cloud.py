@@ -15,6 +15,10 @@ MAX_POINTS = 1 << 21
 MAX_BITS = 20
 """Of an axis' offsets; clouds that span more at the bound asked for are sent as float32."""
 
+MAX_CHUNKS = 0xffff
+WORD = 64
+"""A point's offsets and intensity together have no more bits."""
+
 INTENSITY_BITS = 8
 ENDING = 4
 """So many chunks at a cloud's end tell that it is ending: with one alone, its loss would hide it."""
@@ -33,18 +37,27 @@ class PointFormat:
     def __post_init__(self):
         if not np.isfinite(self.step) or self.step < 0:
             raise ValueError('step is %r, must be 0 or above' % self.step)
-        if any(bits > MAX_BITS for bits in self.bits):
-            raise ValueError('bits are %r, must be from 0 to %d' % (self.bits, MAX_BITS))
+        if any(bits > MAX_BITS for bits in self.bits) or self._width > WORD:
+            raise ValueError('bits are %r, must be from 0 to %d; with any intensity up to %d in all' % (
+                self.bits, MAX_BITS, WORD))
+
+    @property
+    def _width(self):
+        """Bits of a point's offsets and intensity."""
+        return sum(self.bits) + INTENSITY_BITS * self.has_intensity
 
     @property
     def size(self):
         """Bytes of a point."""
         if not self.step:
             return 16 if self.has_intensity else 12
-        return max(1, -(-(sum(self.bits) + INTENSITY_BITS * self.has_intensity) // 8))
+        return max(1, -(-self._width // 8))
 
     def write(self, points, intensity=None):
-        """(n, size) uint8 of (n, 3) float32 points and, where it has them, (n,) float32 intensities."""
+        """(n, size) uint8 of (n, 3) float32 points and, where it has them, (n,) float32 intensities.
+
+        As an offset, an intensity that is NaN is the least.
+        """
         if not self.step:
             values = points if not self.has_intensity else np.column_stack([points, intensity])
             return np.ascontiguousarray(values, '<f4').view(np.uint8).reshape(len(points), self.size)
@@ -54,8 +67,8 @@ class PointFormat:
             whole |= offsets[:, axis].astype(np.uint64) << np.uint64(shift)
             shift += self.bits[axis]
         if self.has_intensity:
-            levels = np.rint((intensity - self.intensity_min) / (self.intensity_step or 1.0))
-            whole |= np.clip(levels, 0, 255).astype(np.uint64) << np.uint64(shift)
+            levels = np.rint((intensity.astype(np.float64) - self.intensity_min) / (self.intensity_step or 1.0))
+            whole |= np.fmin(np.fmax(levels, 0), 255).astype(np.uint64) << np.uint64(shift)
         return whole.astype('<u8').view(np.uint8).reshape(len(points), 8)[:, :self.size]
 
     def read(self, data):
@@ -67,14 +80,15 @@ class PointFormat:
         padded[:, :self.size] = data
         whole = padded.view('<u8').reshape(-1)
         points, shift = np.empty((len(data), 3), np.float32), 0
-        for axis in range(3):
-            offsets = (whole >> np.uint64(shift)) & np.uint64((1 << self.bits[axis]) - 1)
-            points[:, axis] = (offsets.astype(np.int64) + self.origin[axis]) * self.step
-            shift += self.bits[axis]
-        if not self.has_intensity:
-            return points, None
-        levels = (whole >> np.uint64(shift)) & np.uint64(255)
-        return points, (levels * self.intensity_step + self.intensity_min).astype(np.float32)
+        with np.errstate(over='ignore', invalid='ignore'):     # a forger's steps
+            for axis in range(3):
+                offsets = (whole >> np.uint64(shift)) & np.uint64((1 << self.bits[axis]) - 1)
+                points[:, axis] = (offsets.astype(np.int64) + self.origin[axis]) * self.step
+                shift += self.bits[axis]
+            if not self.has_intensity:
+                return points, None
+            levels = (whole >> np.uint64(shift)) & np.uint64(255)
+            return points, (levels * self.intensity_step + self.intensity_min).astype(np.float32)
 
 
 def plain(has_intensity):
@@ -92,9 +106,12 @@ def packed(points, bound, intensity=None):
     :param intensity: (n,) float32 or None; written in 8 bits from its least to its greatest finite value
     """
     step = float(np.float32(2 * bound))
+    if not step:
+        return plain(intensity is not None)
     ends = np.rint(np.stack([points.min(axis=0), points.max(axis=0)]).astype(np.float64) / step)
     bits = tuple(int(side).bit_length() for side in ends[1] - ends[0])
-    if max(bits) > MAX_BITS or np.abs(ends).max() >= 2 ** 31:
+    too_long = sum(bits) + INTENSITY_BITS * (intensity is not None) > WORD
+    if max(bits) > MAX_BITS or too_long or np.abs(ends).max() >= 2 ** 31:
         return plain(intensity is not None)
     origin = tuple(int(end) for end in ends[0])
     if intensity is None:
@@ -109,7 +126,11 @@ def deal(points, chunks):
 
     :param points: (n, ...) array; at least `chunks` of them, or none in one chunk
     :return: (chunks, ceil(n / chunks), ...) array; where a chunk would have one less, it repeats the last point
+    :raises ValueError: where there are more than a receiver takes
     """
+    if len(points) > MAX_POINTS or chunks > MAX_CHUNKS:
+        raise ValueError('%d points in %d chunks; there are up to %d in %d' % (
+            len(points), chunks, MAX_POINTS, MAX_CHUNKS))
     size = -(-len(points) // chunks)
     missing = size * chunks - len(points)
     if missing:

@@ -26,8 +26,14 @@ LOW = 1.0
 SLACK = 0.1
 """Points so far from the expected floor belong to it at any range [m]."""
 
+TILT_ERROR = np.radians(1)
+"""A ramp of max_tilt may be measured so much steeper [rad]."""
+
 HYPOTHESES = 100
 """With half of the points on the floor, three points that are drawn lie on it once in 8."""
+
+TRIES = 3
+"""Three points of one corner of the floor make a poor plane: what was refused is tried again with other draws."""
 
 MAX_TILT = np.radians(10)
 """Of ramps and robots [rad]."""
@@ -104,14 +110,12 @@ class GroundFinder:
         :return: Plane; its source tells whether it is of this scan
         """
         points = self.candidates(np.asarray(xyz, np.float32))
-        if len(points) > VOTERS:
-            points = points[self._random.permutation(len(points))[:VOTERS]]
-        found = None
-        if len(points) >= self.min_points:
-            found = self._fit(points, self.threshold, self._random)
-        if found is not None and self._is_ground(points, *found):
-            self._known = Plane(*found, source=LAST)
-            return Plane(*found)
+        for _ in range(TRIES if len(points) >= self.min_points else 0):
+            voters = points[self._random.permutation(len(points))[:VOTERS]]
+            found = self._fit(voters, self.threshold, self._random)
+            if found is not None and self._is_ground(voters, *found):
+                self._known = Plane(*found, source=LAST)
+                return Plane(*found)
         return self._known
 
     def candidates(self, xyz):
@@ -131,11 +135,12 @@ class GroundFinder:
 
     def _rise(self, level):
         """How far from the expected floor the ground may be at a level range [m]."""
-        return SLACK + np.tan(self.max_tilt) * level
+        return SLACK + np.tan(self.max_tilt + TILT_ERROR) * level
 
     def _is_ground(self, points, normal, offset):
         """Whether a plane is near enough to the expected floor, and on enough points."""
-        if normal[2] < np.cos(self.max_tilt) or abs(offset / normal[2] - self.mount_height) > self.max_offset:
+        level_enough = normal[2] >= np.cos(self.max_tilt + TILT_ERROR)
+        if not level_enough or abs(offset / normal[2] - self.mount_height) > self.max_offset:
             return False
         return np.count_nonzero(np.abs(Plane(normal, offset).height(points)) < self.threshold) >= self.min_points
 
@@ -153,7 +158,7 @@ def fit_by_pcl(points, threshold, random):
     segmenter.set_MaxIterations(HYPOTHESES)
     segmenter.set_optimize_coefficients(True)
     inliers, coefficients = segmenter.segment()
-    return _upward(*np.split(np.array(coefficients), [3])) if inliers else None
+    return _upward(np.array(coefficients[:3]), coefficients[3]) if inliers else None
 
 
 def fit_by_numpy(points, threshold, random):

@@ -25,16 +25,17 @@ def as_points(data, fields, height, width, point_step, row_step, is_bigendian, w
             raise ValueError('field %s is of datatype %d, must be FLOAT32 (7) or FLOAT64 (8)' % (
                 name, by_name[name].datatype))
     names = ['x', 'y', 'z'] + ['intensity'] * (with_intensity and 'intensity' in by_name)
-    dtype = np.dtype({'names': names, 'formats': [_format(by_name[name], is_bigendian) for name in names],
-                      'offsets': [_offset(by_name[name], point_step) for name in names], 'itemsize': point_step})
+    formats = [_format(by_name[name], is_bigendian) for name in names]
+    offsets = [_offset(by_name[name], point_step) for name in names]
     row_step = _row_step(data, height, width, point_step, row_step)
+    dtype = np.dtype({'names': names, 'formats': formats, 'offsets': offsets, 'itemsize': point_step})
     grid = np.ndarray((height, width), dtype, data, 0, (row_step, point_step))
     points = np.empty((height * width, 3), np.float32)
-    with np.errstate(over='ignore'):
+    with np.errstate(over='ignore', invalid='ignore'):     # float64 beyond float32; signalling NaNs
         for axis, name in enumerate('xyz'):
             points[:, axis] = grid[name].reshape(-1)
+        intensity = grid['intensity'].reshape(-1).astype(np.float32) if 'intensity' in names else None
     finite = np.isfinite(points).all(axis=1)
-    intensity = grid['intensity'].reshape(-1).astype(np.float32) if 'intensity' in names else None
     if not finite.all():
         points = points[finite]
         intensity = None if intensity is None else intensity[finite]

@@ -24,17 +24,20 @@ INCREMENT = 2 * np.pi / COLUMNS
 """[rad]"""
 
 SNAP = 0.05
-"""Of a column. Scanners' own steps fall on our columns' borders; so far before one counts as on it, that float32's
-rounding does not scatter them."""
+"""Of a column. Scanners' own steps fall on our columns' borders; so far before one counts as on it, that neither
+rounding nor the ground plane's last hundredth of a degree scatters them."""
 
-KEY_STEP = 1e4
-"""More than any range [m]."""
+FARTHEST = 1000.0
+"""[m]"""
 
 MIN_POINTS = 3
 """An upright surface has as many in its column: two may be over each other by chance."""
 
-MIN_NEIGHBOURS = 3
-"""Two points always lie in a line."""
+MIN_NEIGHBOURS = 5
+"""So many columns on one side are looked at, or more where they are narrow."""
+
+MIN_IN_LINE = 4
+"""And so many of them and the column itself must show a surface: three may lie in a line by chance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,15 +63,19 @@ class Fan:
         return scan
 
 
-def fan(xyz, plane, tolerance=0.1, range_min=0.4, range_max=100.0):
+def fan(xyz, plane, tolerance=0.1, slope=0.0, range_min=0.4, range_max=100.0):
     """Remove the ground and sort what remains by column and range.
 
     :param xyz: (n, 3) float [m], in any order; points that are not finite, or exactly (0, 0, 0), are no returns
     :param plane: ground.Plane in the same frame
     :param tolerance: what is not higher above the plane is ground [m]
+    :param slope: and so much more per metre of range, where the floor is not quite a plane
     :param range_min: [m]; range_max: farther returns only tell that nothing is nearer [m]
     :return: Fan
+    :raises ValueError: where the limits contradict each other
     """
+    if not 0 <= range_min < range_max <= FARTHEST:
+        raise ValueError('ranges from %r to %r m; they go up to %g' % (range_min, range_max, FARTHEST))
     with np.errstate(invalid='ignore', over='ignore'):
         x, y, height = plane.level(np.asarray(xyz, np.float32))
         distance = np.hypot(x, y)
@@ -76,7 +83,7 @@ def fan(xyz, plane, tolerance=0.1, range_min=0.4, range_max=100.0):
     x, y, height, distance = (values[returns] for values in (x, y, height, distance))
     column = np.floor((np.arctan2(y, x) - ANGLE_MIN) / INCREMENT + (0.5 + SNAP)).astype(np.int16) % COLUMNS
     seen = np.bincount(column, minlength=COLUMNS) > 0
-    chosen = np.flatnonzero((height > tolerance) & (distance <= range_max))
+    chosen = np.flatnonzero((height > tolerance + np.float32(slope) * distance) & (distance <= range_max))
     chosen = chosen[np.argsort(_key(column[chosen], distance[chosen]))]
     return Fan(column[chosen], distance[chosen], height[chosen], range_min, seen)
 
@@ -149,18 +156,20 @@ def _in_line(columns, ranges, width, flatness):
     total = np.apply_along_axis(_sums, 1, np.tile(moments, 3))
     side = np.clip(np.ceil(width / (ranges * INCREMENT)), MIN_NEIGHBOURS, COLUMNS // 8).astype(int)
     flat = np.zeros(len(columns), bool)
-    for before, after in ((side, 0), (0, side), (side // 2, side // 2)):
+    for before, after in ((side, 0), (0, side)):
         here = columns + COLUMNS
         n, mx, my, mxx, mxy, myy = total[:, here + after + 1] - total[:, here - before]
         a, b, c = mxx / n - (mx / n) ** 2, mxy / n - mx * my / n ** 2, myy / n - (my / n) ** 2
         across = (a + c) / 2 - np.hypot((a - c) / 2, b)      # the covariance's lesser eigenvalue
-        flat |= (n > MIN_NEIGHBOURS) & (across <= flatness ** 2)
+        # in a narrow view any ranges are nearly in a line, the line of sight: it must be thinner than the view is wide
+        wide = n * ranges * INCREMENT / np.sqrt(12)          # as a deviation, too
+        flat |= (n >= MIN_IN_LINE) & (across <= np.minimum(flatness, wide / 2) ** 2)
     return flat
 
 
 def _key(column, distance):
     """(n,) float64 that sorts points by column and then by range; between columns is room for any depth."""
-    return column * KEY_STEP + distance
+    return np.multiply(column, 2 * FARTHEST, dtype=np.float64) + distance
 
 
 def _sums(values):

@@ -14,6 +14,9 @@ except ImportError:
 PCL_INDEXES = 2 ** 31 - 1
 """PCL counts boxes in 32 bits; a cloud that spans more of them it would return as it is."""
 
+FARTHEST = 2.0 ** 61
+"""Boxes are counted so far; what lies beyond is in the last one."""
+
 
 def voxel_filter(points, leaf, intensity=None):
     """One point for each box that has any.
@@ -23,7 +26,7 @@ def voxel_filter(points, leaf, intensity=None):
     :param intensity: (n,) float32, averaged likewise, or None
     :return: (m, 3) float32 centroids, ordered by box: x counts first, then y, z; and (m,) float32 or None
     """
-    if pcl is not None and _boxes(points, leaf) <= PCL_INDEXES:
+    if pcl is not None and _within_pcl(points, leaf):
         return _by_pcl(points, leaf, intensity)
     return _by_numpy(points, leaf, intensity)
 
@@ -62,11 +65,16 @@ def _by_numpy(points, leaf, intensity):
 
 def _cells(points, leaf):
     """(n, 3) int64: each point's box. In float32 like PCL, so that points on a border fall on the same side."""
-    return np.floor(points * (np.float32(1) / np.float32(leaf))).astype(np.int64)
+    with np.errstate(over='ignore'):
+        boxes = np.floor(points * (np.float32(1) / np.float32(leaf)))
+    return np.clip(boxes, -FARTHEST, FARTHEST).astype(np.int64)
 
 
-def _boxes(points, leaf):
-    """How many boxes the cloud's bounding box has."""
-    sides = _cells(np.stack([points.min(axis=0), points.max(axis=0)]), leaf)
-    wide, deep, high = (int(side) + 1 for side in sides[1] - sides[0])
-    return wide * deep * high
+def _within_pcl(points, leaf):
+    """Whether PCL can count the boxes from the origin to each point, and those of the cloud's bounding box.
+
+    The latter with one more a side than there are: PCL rounds a side's length, which may come to one more.
+    """
+    ends = _cells(np.stack([points.min(axis=0), points.max(axis=0)]), leaf)
+    wide, deep, high = (int(side) + 2 for side in ends[1] - ends[0])
+    return np.abs(ends).max() <= PCL_INDEXES and wide * deep * high <= PCL_INDEXES

@@ -42,7 +42,7 @@ def write_header(records, header):
 def stamps_of(records, rows):
     """(m,) int64: the stamps of some records [ns]."""
     stamps = records['header']['stamp'][rows]
-    return stamps['secs'] * np.int64(10 ** 9) + stamps['nsecs']
+    return stamps['secs'].astype(np.int64) * 10 ** 9 + stamps['nsecs']
 
 
 def head_of(record, segment_class, fields):

@@ -23,7 +23,8 @@ from .scan import ScanReceiver, scan_frames
 
 Scan = numpy_msg(LaserScan)
 SELECT = 'obstacle', 'landmark'
-FAN_SETTINGS = ('base_frame', 'mount_height', 'mount_roll', 'mount_pitch', 'min_height', 'range_min', 'range_max')
+FAN_SETTINGS = ('base_frame', 'mount_height', 'mount_roll', 'mount_pitch', 'min_height', 'slope', 'range_min',
+                'range_max')
 """Streams that agree in these share the work."""
 
 
@@ -81,13 +82,14 @@ class Fans:
                 self._message, self._settings = message, mine
             return self._result
 
-    def _work_out(self, message, base_frame, mount_height, roll, pitch, min_height, range_min, range_max):
+    def _work_out(self, message, base_frame, mount_height, roll, pitch, min_height, slope, range_min, range_max):
         points, _ = as_points(message.data, message.fields, message.height, message.width, message.point_step,
                               message.row_step, message.is_bigendian)
         if not len(points):
             raise ValueError('none of its %d points is finite' % (message.height * message.width))
         place = message.header.frame_id, mount_height
         known = LevelFrame.transform(base_frame, message.header) if base_frame else None
+        points = points[points.any(axis=1)]     # drivers write what did not come back as (0, 0, 0)
         if known is not None:
             turn, shift = known
             points, place = points @ turn.T + shift, (base_frame, 0.0)
@@ -95,8 +97,8 @@ class Fans:
             points = points @ mounting(roll, pitch).T
         if place != self._place:
             self._place, self._finder = place, GroundFinder(place[1])
-        return virtual_scan.fan(points, self._finder.find(points), tolerance=min_height, range_min=range_min,
-                                range_max=range_max), place[0]
+        return virtual_scan.fan(points, self._finder.find(points), tolerance=min_height, slope=slope,
+                                range_min=range_min, range_max=range_max), place[0]
 
 
 FANS = {}
@@ -118,6 +120,8 @@ class VirtualScanSender(RobotStream):
         'mount_pitch': Parameter(0.0, 'rad', 'of the sensor; > 0 looks down', least=-1.6, most=1.6, live=True),
         'min_height': Parameter(0.1, 'm', 'what rises less above the ground is ground', least=0.0, most=10.0,
                                 live=True),
+        'slope': Parameter(0.0, '', 'and so much more for each metre away, where the floor is uneven', least=0.0,
+                           most=1.0, live=True),
         'max_height': Parameter(1.2, 'm', 'what hangs higher is no obstacle: more than the robot', above=0.0,
                                 most=100.0, live=True),
         'range_min': Parameter(0.3, 'm', 'what is nearer is the robot itself', least=0.0, most=10.0, live=True),

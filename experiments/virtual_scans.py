@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Pictures of virtual scans, for a person to judge: python3 -m experiments.virtual_scans [FOLDER].
+
+FOLDER holds 3D scans, .pcd or .npz with xyz, in folders of consecutive ones; without it, the simulated building.
+"""
+import argparse
+import pathlib
+import sys
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from smokebot_udp.codecs import virtual_scan
+from smokebot_udp.codecs.ground import GroundFinder
+from smokebot_udp.simulation.drive import Drive
+from smokebot_udp.simulation.lidar import Lidar
+from smokebot_udp.simulation.world import building
+
+TOP = pathlib.Path(__file__).resolve().parent.parent
+SCANS = TOP.parent / 'shared' / 'data' / 'lidar'
+PICTURES = TOP / 'results' / 'virtual_scans'
+
+MOUNTS = {'seq_os0-8': 1.15, 'seq_os1-128': 2.0, 'vlp16_einride': 1.05, 'fast_gicp': 1.9, 'vlp32c': 0.33, 'hesai': 0.75}
+"""Heights of the sensors above the floor [m], by a part of a folder's or a file's name; looked up in the scans."""
+
+MOUNT = 0.9
+"""[m], of the others"""
+
+TOLERANCE, SLOPE, MAX_HEIGHT = 0.1, 0.01, 1.2
+"""What is above the ground [m], [m/m], and in a robot's way [m]."""
+
+RANGE_MIN = 0.4
+"""[m]"""
+
+FIELD = 20.0
+"""Farther points are not drawn [m]."""
+
+SLICE = 2.0
+"""The side view shows points so far to the left and right [m]."""
+
+
+def recorded(folder):
+    """The scans in a folder's folders: (name, mounting height [m], (n, 3) float32 [m]) each."""
+    for path in sorted(folder.glob('*/*')):
+        if path.suffix in ('.npz', '.pcd'):
+            name = '%s_%s' % (path.parent.name, path.stem)
+            yield name, next((MOUNTS[part] for part in MOUNTS if part in name), MOUNT), read(path)
+
+
+def read(path):
+    """The points of a file: (n, 3) float32 [m]."""
+    if path.suffix == '.npz':
+        with np.load(str(path)) as arrays:
+            return arrays['xyz'].reshape(-1, 3)
+    import pcl
+    return np.asarray(pcl.load(str(path)))
+
+
+def simulated():
+    """Scans of the building, on a level floor and tilted by 10 degrees: as recorded."""
+    lidar, drive = Lidar(building(1), mount=MOUNT, seed=1), Drive()
+    for time in (0, 20, 28, 64, 108):
+        points = lidar.scan(drive.pose(time), time)
+        xyz = np.stack([points['x'], points['y'], points['z']], axis=1)
+        yield 'simulated_%03d' % time, MOUNT, xyz
+        c, s = np.cos(np.radians(10)), np.sin(np.radians(10))
+        tilt = np.array([(c, 0, s), (0, 1, 0), (-s, 0, c)], np.float32)
+        yield 'simulated_%03d_tilted' % time, MOUNT, xyz @ tilt.T
+
+
+def draw(name, xyz, plane, obstacles, landmarks, path):
+    """Write one picture: the scans from above, the plane from the side."""
+    x, y, height = plane.level(xyz[np.isfinite(xyz).all(axis=1) & xyz.any(axis=1)])
+    limit = TOLERANCE + SLOPE * np.hypot(x, y)
+    kinds = (height > limit, '0.6', None), (np.abs(height) <= limit, '#e6d090', 'ground'), (
+        height < -limit, '#90d0a0', 'below the ground')
+    figure = Figure(figsize=(11, 15))      # without pyplot it needs no screen
+    above, beside = figure.subplots(2, 1, gridspec_kw={'height_ratios': (4, 1)})
+    near = np.abs(y) < SLICE
+    for kind, colour, label in kinds:
+        above.plot(x[kind], y[kind], '.', color=colour, markersize=1, label=label)
+        beside.plot(x[kind & near], height[kind & near], '.', color=colour, markersize=1)
+    bearing = virtual_scan.ANGLE_MIN + np.arange(virtual_scan.COLUMNS) * virtual_scan.INCREMENT
+    for ranges, colour, label in ((landmarks, 'blue', 'landmark'), (obstacles, 'red', 'obstacle')):
+        ranges = np.where(ranges == np.inf, np.nan, ranges)
+        at = np.maximum(ranges, RANGE_MIN)      # where something is too close, too
+        above.plot(at * np.cos(bearing), at * np.sin(bearing), '.', color=colour, markersize=3,
+                   label='%s scan: %d columns, too close in %d' % (label, np.isfinite(ranges).sum(),
+                                                                   np.isneginf(ranges).sum()))
+    above.plot(0, 0, 'k>', markersize=8)
+    side = min(FIELD, 1.1 * np.percentile(np.hypot(x, y), 98))
+    above.set(xlim=(-side, side), ylim=(-side, side), aspect='equal', xlabel='x [m]', ylabel='y [m]', title=name)
+    above.legend(loc='upper right', markerscale=4)
+    for level, style in ((0, 'k-'), (TOLERANCE, 'g:'), (MAX_HEIGHT, 'r:')):
+        beside.plot((-side, side), (level, level), style, linewidth=1)
+    tilt = np.degrees(np.arccos(min(1.0, plane.normal[2])))
+    beside.set(xlim=(-side, side), ylim=(-1, 4), xlabel='x [m]', ylabel='height above the plane [m]', title=(
+        'ground: %s, %.2f m below, tilted by %.1f degrees' % (plane.source, plane.offset, tilt)))
+    figure.tight_layout()
+    figure.savefig(str(path), dpi=80)
+
+
+def main(arguments):
+    """Draw the scans of the folder that the command line names."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('folder', nargs='?', type=pathlib.Path, default=SCANS, help='default: %(default)s')
+    folder = parser.parse_args(arguments).folder
+    if not folder.is_dir() and folder != SCANS:
+        parser.error('there is no folder %s' % folder)
+    PICTURES.mkdir(parents=True, exist_ok=True)
+    for name, mount, xyz in recorded(folder) if folder.is_dir() else simulated():
+        plane = GroundFinder(mount, max_offset=0.3).find(xyz)
+        points = virtual_scan.fan(xyz, plane, tolerance=TOLERANCE, slope=SLOPE, range_min=RANGE_MIN)
+        obstacles = virtual_scan.obstacle_scan(points, MAX_HEIGHT)
+        draw(name, xyz, plane, obstacles, virtual_scan.landmark_scan(points), PICTURES / (name + '.png'))
+        print('%s: %d points, ground %s' % (PICTURES / (name + '.png'), len(xyz), plane.source))
+
+
+if __name__ == '__main__':
+    main(sys.argv[1:])

@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: BSD-3-Clause
+import math
+import struct
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from smokebot_udp.codecs.points import as_points
+
+pytestmark = pytest.mark.filterwarnings('error')
+
+CODES = {1: 'b', 2: 'B', 3: 'h', 4: 'H', 5: 'i', 6: 'I', 7: 'f', 8: 'd'}
+"""{PointField datatype: as struct writes it}"""
+RANGES = {1: (-128, 127), 2: (0, 255), 3: (-2 ** 15, 2 ** 15 - 1), 4: (0, 2 ** 16 - 1), 5: (-2 ** 31, 2 ** 31 - 1),
+          6: (0, 2 ** 32 - 1)}
+
+
+def field(name, offset, datatype=7, count=1):
+    return SimpleNamespace(name=name, offset=offset, datatype=datatype, count=count)
+
+
+XYZ = [field('x', 0), field('y', 4), field('z', 8)]
+XYZI = [*XYZ, field('intensity', 12)]
+
+
+def read(data, fields=XYZ, height=1, width=1, point_step=12, row_step=None, is_bigendian=False, intensity=False):
+    points, values = as_points(data, fields, height, width, point_step, point_step * width if row_step is None
+                               else row_step, is_bigendian, intensity)
+    assert points.dtype == np.float32 and (values is None or values.dtype == np.float32)
+    return points.tolist(), None if values is None else values.tolist()
+
+
+def test_by_hand():
+    data = struct.pack('<6f', 1, 2, 3, -4, 5.5, 6)
+    assert read(data, width=2) == ([[1, 2, 3], [-4, 5.5, 6]], None)
+
+
+def test_fields_in_any_order_with_gaps():
+    data = struct.pack('<f2xHf1xf', 3, 77, 1, 2)
+    fields = [field('z', 0), field('ring', 6, 4), field('x', 8), field('y', 13)]
+    assert read(data, fields, point_step=17)[0] == [[1, 2, 3]]
+
+
+def test_float64_and_big_endian():
+    fields = [field('x', 0, 8), field('y', 8, 7), field('z', 12, 8), field('intensity', 20, 4)]
+    data = struct.pack('>dfdH', 1.5, 2.5, -3.5, 0x0102)
+    assert read(data, fields, point_step=22, is_bigendian=True, intensity=True) == ([[1.5, 2.5, -3.5]], [0x0102])
+
+
+def test_an_organised_cloud_is_read_row_by_row():
+    rows = [struct.pack('<6f', *range(row, row + 6)) for row in (0, 10)]
+    points = [[0, 1, 2], [3, 4, 5], [10, 11, 12], [13, 14, 15]]
+    assert read(b''.join(rows), height=2, width=2)[0] == points
+    assert read(b''.join(row + b'\xee' * 5 for row in rows), height=2, width=2, row_step=29)[0] == points
+
+
+@pytest.mark.parametrize('row_step', [0, 1, 24, 48, 2 ** 32 - 1])
+def test_a_single_rows_step_does_not_matter(row_step):
+    assert read(struct.pack('<6f', 1, 2, 3, 4, 5, 6), width=2, row_step=row_step)[0] == [[1, 2, 3], [4, 5, 6]]
+
+
+def test_a_single_row_may_be_padded():
+    assert read(struct.pack('<3f4x', 1, 2, 3), row_step=16)[0] == [[1, 2, 3]]
+
+
+@pytest.mark.parametrize('count', [0, 1, 3])
+def test_count_does_not_matter(count):
+    fields = [field(name, offset, 7, count) for name, offset in zip('xyz', (0, 4, 8))]
+    assert read(struct.pack('<3f', 1, 2, 3), fields)[0] == [[1, 2, 3]]
+
+
+@pytest.mark.parametrize('bad', [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize('axis', [0, 1, 2])
+def test_points_that_are_not_finite_are_left_out_with_their_intensity(bad, axis):
+    values = np.arange(12, dtype='<f4').reshape(3, 4)
+    values[1, axis] = bad
+    assert read(values.tobytes(), XYZI, width=3, point_step=16, intensity=True) == ([[0, 1, 2], [8, 9, 10]], [3, 11])
+
+
+def test_an_intensity_that_is_not_finite_costs_no_point():
+    points, intensity = read(struct.pack('<4f', 1, 2, 3, math.nan), XYZI, point_step=16, intensity=True)
+    assert points == [[1, 2, 3]] and math.isnan(intensity[0])
+
+
+def test_float64_beyond_float32_and_signalling_nans_are_quiet():
+    fields = [field(name, 8 * i, 8) for i, name in enumerate(('x', 'y', 'z', 'intensity'))]
+    data = struct.pack('<4d', 1e300, 2, 3, 4) + struct.pack('<3dQ', 1, 2, 3, 0x7ff0000000000001)
+    data += struct.pack('<2dQd', 1, 2, 0x7ff0000000000001, 4) + struct.pack('<4d', 1, 2, 3, -1e300)
+    points, intensity = read(data, fields, width=4, point_step=32, intensity=True)
+    assert points == [[1, 2, 3], [1, 2, 3]]
+    assert math.isnan(intensity[0]) and intensity[1] == -math.inf
+
+
+def test_intensity_only_where_asked_for_and_there():
+    data = struct.pack('<4f', 1, 2, 3, 4)
+    assert read(data, XYZI, point_step=16)[1] is None
+    assert read(data, XYZ, point_step=16, intensity=True)[1] is None
+    assert read(data, XYZI, point_step=16, intensity=True)[1] == [4]
+
+
+def values_of(datatype):
+    if datatype in RANGES:
+        return st.integers(*RANGES[datatype])
+    return st.floats(width=32) if datatype == 7 else st.floats()
+
+
+@st.composite
+def clouds(draw):
+    """as_points' arguments, and each point's {name: value}: laid out at random, written by struct."""
+    fields, at = [], 0
+    for name in draw(st.permutations(['x', 'y', 'z', 'intensity', 'ring'])):
+        at += draw(st.integers(0, 3))
+        datatype = draw(st.sampled_from((7, 8) if name in 'xyz' else sorted(CODES)))
+        fields.append(field(name, at, datatype, draw(st.integers(0, 1))))
+        at += struct.calcsize(CODES[datatype])
+    point_step = at + draw(st.integers(0, 3))
+    height, width = draw(st.integers(1, 3)), draw(st.integers(1, 3))
+    row_step = point_step * width + draw(st.integers(0, 9))
+    order = draw(st.sampled_from('<>'))
+    data, points = bytearray(draw(st.sampled_from((b'\0', b'\xff'))) * (height * row_step)), []
+    for row in range(height):
+        for column in range(width):
+            point = {one.name: draw(values_of(one.datatype)) for one in fields}
+            for one in fields:
+                struct.pack_into(order + CODES[one.datatype], data, row * row_step + column * point_step + one.offset,
+                                 point[one.name])
+            points.append(point)
+    return (bytes(data), fields, height, width, point_step, row_step, order == '>'), points
+
+
+@settings(deadline=None)
+@given(clouds())
+def test_any_layout(cloud):
+    arguments, points = cloud
+    with np.errstate(over='ignore'):
+        expected = np.array([[point[name] for name in ('x', 'y', 'z', 'intensity')] for point in points],
+                            float).astype(np.float32)
+    expected = expected[np.isfinite(expected[:, :3]).all(axis=1)]
+    got, intensity = as_points(*arguments, with_intensity=True)
+    np.testing.assert_array_equal(got, expected[:, :3])
+    np.testing.assert_array_equal(intensity, expected[:, 3])
+    assert as_points(*arguments)[1] is None
+
+
+@pytest.mark.parametrize('change, message', [
+    ({'fields': XYZ[1:]}, "no field x, only 'y', 'z'"),
+    ({'fields': XYZ[:2]}, "no field z, only 'x', 'y'"),
+    ({'fields': []}, 'no field x, only none'),
+    ({'fields': [field('x', 0, 3), *XYZ[1:]]}, 'field x is of datatype 3, must be FLOAT32'),
+    ({'fields': [field('x', 0, 0), *XYZ[1:]]}, 'field x is of datatype 0'),
+    ({'fields': [*XYZ[:2], field('z', 9)]}, 'field z has bytes 9 to 12, point_step is 12'),
+    ({'fields': [*XYZ[:2], field('z', 8, 8)]}, 'field z has bytes 8 to 15, point_step is 12'),
+    ({'fields': [*XYZ[:2], field('z', 2 ** 32 - 1)]}, 'field z has bytes 4294967295 to 4294967298, point_step is 12'),
+    ({'fields': [*XYZ, field('intensity', 0, 9)]}, 'field intensity is of datatype 9, must be from 1 to 8'),
+    ({'fields': [*XYZ, field('intensity', 11, 4)]}, 'field intensity has bytes 11 to 12, point_step is 12'),
+    ({'width': 0}, 'the cloud is empty: height 2, width 0'),
+    ({'height': 0}, 'the cloud is empty: height 0, width 2'),
+    ({'row_step': 23}, 'row_step is 23, width x point_step is 2 x 12 = 24'),
+    ({'row_step': 0}, 'row_step is 0'),
+    ({'row_step': 25}, 'data has 48 bytes, height x row_step is 2 x 25 = 50'),
+    ({'data': bytes(47)}, 'data has 47 bytes, height x row_step is 2 x 24 = 48'),
+    ({'data': bytes(49)}, 'data has 49 bytes'),
+    ({'data': b''}, 'data has 0 bytes'),
+    ({'height': 1}, 'data has 48 bytes, height x row_step is 1 x 24 = 24'),
+    ({'width': 2 ** 31}, 'row_step is 24, width x point_step is 2147483648 x 12'),
+    ({'width': 2 ** 32 - 1, 'height': 2 ** 32 - 1, 'row_step': 2 ** 32 - 1}, 'row_step is 4294967295'),
+    ({'height': 2 ** 31}, 'data has 48 bytes, height x row_step is 2147483648 x 24'),
+    ({'point_step': 0}, 'field x has bytes 0 to 3, point_step is 0'),
+    ({'point_step': 0, 'row_step': 0, 'data': b''}, 'field x has bytes 0 to 3, point_step is 0'),
+    ({'point_step': 11}, 'field z has bytes 8 to 11, point_step is 11'),
+    ({'point_step': 2 ** 31}, 'row_step is 24, width x point_step is 2 x 2147483648'),
+    ({'point_step': 2 ** 32 - 1}, 'row_step is 24, width x point_step is 2 x 4294967295')])
+def test_bad_clouds(change, message):
+    cloud = dict({'data': bytes(48), 'fields': XYZ, 'height': 2, 'width': 2, 'point_step': 12, 'row_step': 24,
+                  'is_bigendian': 0, 'with_intensity': True}, **change)
+    with pytest.raises(ValueError, match=message):
+        as_points(**cloud)
+
+
+NUMBERS = st.sampled_from([0, 1, 2, 3, 4, 12, 24, 2 ** 16, 2 ** 31 - 1, 2 ** 31, 2 ** 32 - 1])
+
+
+@given(st.lists(st.builds(field, st.sampled_from(['x', 'y', 'z', 'intensity', '']), NUMBERS, st.integers(0, 10), NUMBERS),
+                max_size=5).map(lambda more: XYZ + more), NUMBERS, NUMBERS, NUMBERS, NUMBERS, st.sampled_from([0, 12, 24]))
+def test_absurd_numbers_raise_nothing_else(fields, height, width, point_step, row_step, size):
+    try:
+        points, intensity = as_points(bytes(size), fields, height, width, point_step, row_step, 0, True)
+    except ValueError:
+        return
+    assert points.shape == (height * width, 3) and (intensity is None or intensity.shape == (height * width,))
