@@ -3,13 +3,16 @@
 import time
 
 import numpy as np
+import rospy
 from sensor_msgs.msg import Image
+from std_msgs.msg import Header
 
 from ..codecs import fill, interleave, pixels
 from ..codecs.image import Picture
 from ..codecs.integrate import Memory
 from ..msg import ImageSegment
 from ..udpros import Frame
+from . import view
 from .base import RobotStream
 from .gather import GatheringReceiver
 from .parameters import ROBOT, Parameter
@@ -90,11 +93,23 @@ class ImageReceiver(GatheringReceiver):
         'remember': Parameter(5.0, 's', 'how old such a pixel may be', above=0.0, most=3600.0, live=True),
         'fill': Parameter('nearest', '', 'how missing pixels are filled', choices=tuple(fill.METHODS),
                           live=True),
+        **view.PARAMETERS,
     }
 
     def __init__(self, name, settings, link):
         self._memory = Memory()
+        self._view = None
         super().__init__(name, settings, link)
+
+    def start(self):
+        if self.settings['view_topic']:
+            self._view = view.ViewPublisher(self.settings)
+        super().start()
+
+    def close(self):
+        super().close()
+        if self._view is not None:
+            self._view.close()
 
     def begin(self, head):
         return Picture(head.height, head.width, head.depth, pixels.item_type(head.encoding), head.total)
@@ -103,19 +118,25 @@ class ImageReceiver(GatheringReceiver):
         return records['index'].astype(int), records['count'], records['data']
 
     def message(self, head, picture):
-        items = self._integrated(head, picture, picture.items(fill.METHODS[self.settings['fill']]))
-        return Image(height=head.height, width=head.width, encoding=head.encoding, is_bigendian=head.is_bigendian,
-                     step=items.strides[0], data=items.tobytes())
+        items, completeness = self._integrated(head, picture, picture.items(fill.METHODS[self.settings['fill']]))
+        message = Image(height=head.height, width=head.width, encoding=head.encoding, is_bigendian=head.is_bigendian,
+                        step=items.strides[0], data=items.tobytes())
+        if self._view is not None:
+            header = Header(stamp=rospy.Time(*divmod(head.stamp, 10 ** 9)), frame_id=head.frame_id)
+            self._view.show(pixels.as_pixels(message.data, head.height, head.width, message.step, head.encoding,
+                                             head.is_bigendian), head.encoding, header, completeness)
+        return message
 
     def _integrated(self, head, picture, items):
-        """The picture with what is remembered of earlier ones (D6.3, section 4.2), where that is wanted."""
+        """The picture with what is remembered of earlier ones (D6.3, section 4.2), where that is wanted; and the share
+        of its pixels that were received, now or then."""
         when = self.settings['integrate']
         if when == 'never':
             self._memory.forget()
-            return items
+            return items, picture.completeness
         use = when == 'always' or self.link.motion.stands()
         self._memory.max_age = self.settings['remember']
         channel, _ = pixels.pixel_type(head.encoding, head.is_bigendian)
         integrated = self._memory.complete(items, picture.have, picture.cut, channel, time.monotonic(), use)
         self.link.motion.pictures(integrated.changed)
-        return integrated.items
+        return integrated.items, integrated.share
