@@ -31,13 +31,17 @@ RISE = 1.02
 """What is held for the noise's variance grows by at most so much a picture, and falls at once: what moves looks
 like noise, but no sensor's noise rises like that."""
 
-ROUNDING = 0.5
-"""The variance of a difference of whole numbers is never thought to be less."""
+LEAST = 2.0
+"""The variance of the difference of two whole numbers is never thought to be less, as if a sensor's noise were one
+count: nobody sees less, and where a compressed picture is flat there seems to be none."""
+
+ALIKE = 3.0
+"""So much less may a camera that smooths or compresses make neighbours differ than its noise does, in variance."""
 
 MUCH = 1e15
-"""What a number differs from what is none: its square is still a float32."""
+"""What a number differs from what is none. Sums of its square are still float32."""
 
-MOVED = 0.4
+MOVED = 0.5
 """Where a larger share of the cells has changed, the camera has moved, and everything is forgotten."""
 
 
@@ -112,7 +116,7 @@ class Memory:
         self._began = now
         self._items = np.zeros((cut.height, cut.width), dtype)
         self._seen = np.zeros((cut.height, cut.width), np.float32)   # when, a second before _began is 0 [s]; 0: never
-        self._noise = math.inf   # variance of the difference of two pictures of the same scene
+        self._noise = 0.0   # variance of the difference of two pictures of the same scene; 0: never heard
 
     def _show(self, items, came, remembered, moment, share):
         shown = _choose(remembered, self._items, items)
@@ -124,27 +128,30 @@ class Memory:
     def _changed(self, new, old, came, known, side):
         """Which cells changed, (rows, columns) bool, and how many pairs each has, float32."""
         squares, pairs = _differences(new, old, came & known, side)
-        self._hear(squares, pairs, new, came)
+        noise = self._hear(squares, pairs, new, came)
         with np.errstate(divide='ignore', invalid='ignore'):
             # the chi-square distribution's far end, by Wilson and Hilferty
             freedom = pairs * new.shape[2]
             spread = 2 / (9 * freedom)
-            most = MARGIN * self._noise * freedom * (1 - spread + CERTAIN * np.sqrt(spread)) ** 3
+            most = MARGIN * noise * freedom * (1 - spread + CERTAIN * np.sqrt(spread)) ** 3
             return (squares > most) & (pairs > 0), pairs
 
     def _hear(self, squares, pairs, new, came):
-        """Estimate the noise: as much as most cells changed by.
+        """The variance of a difference that is the noise's: as much as most cells changed by.
 
         If all of them moved, that is too much. But neighbours in one picture differ by the noise and by what is
         seen: the noise is no more than that, give or take what a camera does to make neighbours alike.
         """
-        if not pairs.any():
-            return
-        few = slice(None, None, 8)   # rows, enough of them
-        beside = _differences(new[few, 1:], new[few, :-1], came[few, 1:] & came[few, :-1], SMALLEST_CELL)
-        noise = min(_usual(squares, pairs), 4 * _usual(*beside)) / new.shape[2]
-        floor = ROUNDING if new.dtype.kind in 'ui' else 0.0
-        self._noise = max(min(noise, self._noise * RISE), floor)
+        least = LEAST if new.dtype.kind == 'u' else 0.0
+        if pairs.any():
+            few = slice(None, None, 7)   # rows, enough of them, and of all subimages
+            beside = _differences(new[few, 1:], new[few, :-1], came[few, 1:] & came[few, :-1], SMALLEST_CELL)
+            noise = min(_usual(squares, pairs), ALIKE * _usual(*beside)) / new.shape[2]
+            if not self._noise:
+                self._noise = max(noise, least) if math.isfinite(noise) else 0.0
+            elif noise:   # else the camera repeats itself, which tells nothing
+                self._noise = max(min(noise, self._noise * RISE), least)
+        return max(self._noise, least)
 
 
 def received(have, cut):
@@ -174,7 +181,7 @@ def _differences(first, second, both, side):
 
     :param both: (height, width) bool
     :return: their sums, and how many pairs of pixels, both (rows, columns) float32; of what is no number in
-             one of them only, MUCH
+             one of them only, MUCH squared
     """
     weights = both.astype(np.float32)
     with np.errstate(invalid='ignore', over='ignore'):
@@ -188,10 +195,9 @@ def _differences(first, second, both, side):
 
 def _settle(difference, first, second):
     """What is no number, as where a depth camera sees nothing, differs from numbers only, and much."""
-    strange = ~np.isfinite(difference)
+    strange = ~(np.abs(difference) < MUCH)
     if strange.any():
-        unlike = np.isfinite(first[strange]) != np.isfinite(second[strange])
-        difference[strange] = np.where(unlike, MUCH, 0)
+        difference[strange] = np.where(np.isfinite(first[strange]) | np.isfinite(second[strange]), MUCH, 0)
 
 
 def _cells(pixels, side):
@@ -200,12 +206,12 @@ def _cells(pixels, side):
     if below or beside:
         pixels = np.pad(pixels, ((0, below), (0, beside)))
     rows, columns = (height + below) // side, (width + beside) // side
-    return pixels.reshape(rows, side, -1).sum(axis=1).reshape(rows, columns, side).sum(axis=2)
+    return pixels.reshape(rows, side, width + beside).sum(axis=1).reshape(rows, columns, side).sum(axis=2)
 
 
 def _usual(squares, pairs):
-    """The mean squared difference of the median cell; infinite where there is none."""
-    some = pairs >= min(PAIRS_WANTED, pairs.max(initial=1))
+    """The mean squared difference of the median cell of numbers; infinite where there is none."""
+    some = (pairs >= min(PAIRS_WANTED, pairs.max(initial=1))) & (squares < MUCH)
     return float(np.median(squares[some] / pairs[some])) if some.any() else math.inf
 
 
@@ -227,9 +233,8 @@ def _choose(mask, chosen, others):
     By bits: a branch for each pixel, which no processor foresees in such a mask, takes ten times as long.
     """
     word = chosen.dtype if chosen.dtype.kind == 'u' else np.dtype(np.uint8)
-    words = chosen.dtype.itemsize // word.itemsize
-    bits = np.negative(mask.astype(word))
-    if words > 1:
-        bits = np.repeat(bits, words, axis=1)
-    result = others.view(word)
-    return (result ^ ((result ^ chosen.view(word)) & bits)).view(chosen.dtype)
+    old, new = _numbers(others, word), _numbers(chosen, word)
+    bits = np.empty(new.shape, word)
+    for i in range(new.shape[2]):   # np.repeat takes ten times as long, too
+        np.negative(mask, out=bits[..., i], dtype=word, casting='unsafe')
+    return (old ^ ((old ^ new) & bits)).view(chosen.dtype).reshape(mask.shape)

@@ -12,12 +12,12 @@ class Stillness:
 
     :param speed: slower is standing [m/s]
     :param turn_rate: slower is standing [rad/s]
-    :param changed: of the pictures' cells, a share of at most so much changes while it stands, 0..1: people, flames
+    :param changed: while it stands at most this share of the pictures' cells changes, 0..1: people, small flames
     :param hold: [s]
     :param silence: a source that was silent for longer is not believed until it has spoken for `hold` again [s]
     """
 
-    def __init__(self, speed=0.02, turn_rate=0.02, changed=0.2, hold=0.5, silence=1.0):
+    def __init__(self, speed=0.02, turn_rate=0.02, changed=0.05, hold=0.5, silence=1.0):
         self.speed, self.turn_rate, self.changed = speed, turn_rate, changed
         self.hold, self.silence = hold, silence
         self._latest = {}   # {source: when it spoke last [s]}
