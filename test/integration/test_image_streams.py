@@ -20,6 +20,7 @@ from waiting import Collector, stamps, wait_for
 
 from smokebot_udp import udpros
 from smokebot_udp.codecs.pixels import item_type
+from smokebot_udp.codecs.view import COLOURS, FRESH, FROZEN, OLD
 from smokebot_udp.msg import ImageSegment
 
 THERMAL = pathlib.Path(__file__).resolve().parents[3] / 'shared' / 'data' / 'thermal'
@@ -159,6 +160,23 @@ class ImageStreams(unittest.TestCase):
         clips = [np.load(str(file))['frames'] for file in sorted(THERMAL.glob('seq_lepton*/*.npz'))]
         self.assertGreater(len(clips), 3)
         self.check_exact(self.play([frame for clip in clips for frame in clip[:10]], 20.0))
+
+    def test_a_frozen_picture_never_looks_live(self):
+        views = []
+        subscriber = rospy.Subscriber('/operator/thermal/view', Image, views.append, queue_size=20)
+        self.addCleanup(subscriber.unregister)
+        wait_for(subscriber.get_num_connections, what='operator_receiver')
+        picture = np.full((480, 640), 7000, np.uint16)
+        stamp = rospy.Time.now()
+        self.source.publish(image(picture.tobytes(), 480, 640, 'mono16', stamp))
+        wait_for(lambda: any(view.header.stamp == stamp for view in views), 5, 'its view')
+
+        def frame():
+            view = next(view for view in reversed(views) if view.header.stamp == stamp)
+            return tuple(np.frombuffer(view.data, np.uint8)[:3]), view.encoding
+        self.assertEqual(frame(), (COLOURS[FRESH], 'bgr8'))
+        for state in (OLD, FROZEN):
+            wait_for(lambda expected=state: frame()[0] == COLOURS[expected], 5, 'the picture as %s' % state)
 
     def test_bad_images_are_told_of_and_the_next_good_one_comes(self):
         good = bytes(range(16))
