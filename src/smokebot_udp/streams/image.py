@@ -19,6 +19,10 @@ from .parameters import ROBOT, Parameter
 from .segments import as_bytes, room, write_header
 
 
+LARGEST_REMEMBERED = 1920 * 1200
+"""Larger pictures are not integrated over time: it takes some 8 ms a megapixel, and 20 bytes a pixel [pixel]."""
+
+
 class ImageSender(RobotStream):
     """Cuts each picture so that every datagram shows all of it, coarsely."""
     MESSAGE, SEGMENT = Image, ImageSegment
@@ -131,7 +135,7 @@ class ImageReceiver(GatheringReceiver):
         """The picture with what is remembered of earlier ones (D6.3, section 4.2), where that is wanted; and the share
         of its pixels that were received, now or then."""
         when = self.settings['integrate']
-        if when == 'never':
+        if when == 'never' or head.height * head.width > LARGEST_REMEMBERED:
             self._memory.forget()
             return items, picture.completeness
         use = when == 'always' or self.link.motion.stands()
