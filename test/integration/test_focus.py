@@ -144,6 +144,12 @@ class Focus(StreamsCase):
         wait_for(lambda: any(words in error for error in self.errors), 5, words)
         wait_for(lambda: rospy.get_param(name) == before, 5, 'the old value')
 
+    def test_by_default_it_is_as_streams_yaml_has_it(self):
+        by_service('default')
+        wait_for(lambda: self.told().focus == 'default', 5, 'the status')
+        self.assertEqual({stream.name: stream.rate for stream in self.told().streams}['odom'], 15.0)
+        self.assertEqual(rospy.get_param('/robot_sender/odom/rate'), 15.0)
+
     def test_wrong_values_are_refused_and_set_back(self):
         by_service('default')
         time.sleep(0.5)

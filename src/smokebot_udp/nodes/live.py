@@ -149,7 +149,7 @@ class _Server(Server):
                          namespace=settings.name and '~' + settings.name)
 
     def _copy_from_parameter_server(self):
-        pass    # LiveSettings.adopt did
+        self.config.update(self._settings.values)    # LiveSettings.adopt asked the parameter server
 
     def _copy_to_parameter_server(self):
         self._settings.publish({name: self.config[name] for name in self._settings.table})
