@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 import threading
+import time
 
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smokebot_udp.streams.rate import NewestWorker, RateLimiter
+from smokebot_udp.streams.rate import NewestWorker, RateLimiter, Repeater
 
 
 def passed(limiter, times):
@@ -66,3 +67,47 @@ def test_the_newest_wins_and_errors_do_not_end_the_thread():
     worker.stop()
     assert worked == ['first', 'newest'] and worker.replaced == 2
     assert [str(error) for error in errors] == ['first']
+
+
+class Times:
+    """Work that notes when it was done, and may fail."""
+
+    def __init__(self, failing=()):
+        self.times, self.errors, self._failing, self._done = [], [], failing, threading.Semaphore(0)
+
+    def __call__(self):
+        self.times.append(time.monotonic())
+        self._done.release()
+        if len(self.times) in self._failing:
+            raise ValueError('time %d' % len(self.times))
+
+    def wait(self, count):
+        assert all(self._done.acquire(timeout=10) for _ in range(count))
+
+
+def test_the_same_again_and_again_in_spite_of_errors():
+    work = Times(failing=(1, 2))
+    repeater = Repeater('repeater', work, work.errors.append, 0.05)
+    began = time.monotonic()
+    repeater.start()
+    work.wait(4)
+    repeater.stop()
+    gaps = [after - before for before, after in zip([began] + work.times, work.times)]
+    assert min(gaps) >= 0.049 and [str(error) for error in work.errors] == ['time 1', 'time 2']
+
+
+def test_wake_does_it_at_once_and_stop_waits_for_no_period():
+    work = Times()
+    repeater = Repeater('repeater', work, work.errors.append, 1000.0)
+    repeater.wake()       # before it starts counts, too
+    began = time.monotonic()
+    repeater.start()
+    work.wait(1)
+    repeater.wake()
+    work.wait(1)
+    repeater.stop()
+    assert time.monotonic() - began < 10 and len(work.times) == 2 and not work.errors
+
+
+def test_what_never_started_can_be_stopped():
+    Repeater('repeater', None, None, 1.0).stop()

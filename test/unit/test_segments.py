@@ -3,9 +3,10 @@ import io
 
 import numpy as np
 import pytest
+from std_msgs.msg import Header
 
 from smokebot_udp.msg import CloudChunk, GridSegment, ImageSegment, ScanSegment
-from smokebot_udp.streams.segments import head_of, room, same_head, stamps_of
+from smokebot_udp.streams.segments import as_bytes, head_of, room, same_head, stamps_of, write_header
 from smokebot_udp.udpros import Frame
 from smokebot_udp.udpros.datagram import OVERHEAD
 
@@ -52,3 +53,64 @@ def test_nan_is_equal_to_itself():
     some = records(2)
     some['info']['resolution'] = np.nan
     assert same_head(some, np.arange(2), ('info',)).all()
+
+
+@pytest.mark.parametrize('max_datagram_size', [200, 576, 9000])
+def test_room_beside_texts_of_any_letters(max_datagram_size):
+    segment = ImageSegment(encoding='mono16', header=Header(frame_id='k\u00e9p'))
+    left = room(ImageSegment, max_datagram_size, segment.header.frame_id.encode(), segment.encoding.encode())
+    segment.data = bytes(left)
+    buffer = io.BytesIO()
+    segment.serialize(buffer)
+    assert buffer.tell() + OVERHEAD == max_datagram_size
+
+
+def test_the_last_byte_of_room():
+    used = 1472 - room(ImageSegment, 1472)
+    assert room(ImageSegment, used + 1) == 1
+    with pytest.raises(ValueError, match='no room'):
+        room(ImageSegment, used)
+
+
+def image_records(count):
+    frame = Frame(ImageSegment, count, {'header.frame_id': 4, 'encoding': 5, 'data': 1})
+    header = Header(frame_id='k\u00e9p')
+    header.stamp.secs, header.stamp.nsecs = 4294967295, 999999999
+    write_header(frame.records, header)
+    frame.records['encoding'] = as_bytes('mono8')
+    return frame.records
+
+
+def test_a_header_is_written_into_all_records():
+    for record in image_records(2):
+        segment = ImageSegment().deserialize(record.tobytes())
+        assert (segment.header.frame_id, segment.header.stamp.to_nsec()) == ('k\u00e9p', 4294967295999999999)
+
+
+def test_texts_are_texts_and_stamps_do_not_overflow():
+    records = image_records(3)
+    head = head_of(records[0], ImageSegment, ('encoding', 'height'))
+    assert vars(head) == {'stamp': 4294967295999999999, 'frame_id': 'k\u00e9p', 'encoding': 'mono8', 'height': 0}
+    assert stamps_of(records, np.array([0, 2])).tolist() == [4294967295999999999] * 2
+    records['encoding'][2] = as_bytes('bgra8')
+    assert same_head(records, np.arange(3), ('encoding',)).tolist() == [True, True, False]
+    assert same_head(records, np.arange(3), ()).all()
+    records['header']['frame_id'][1] = as_bytes('lens')
+    assert same_head(records, np.arange(3), ()).tolist() == [True, False, True]
+    assert same_head(records, np.array([1, 0]), ()).tolist() == [True, False]    # the first of the rows counts
+
+
+def test_texts_that_are_none_and_texts_of_no_length():
+    records = image_records(1)
+    records['encoding'] = as_bytes(b'\xff\xfe' + b'abc')
+    assert head_of(records[0], ImageSegment, ('encoding',)).encoding == '\ufffd\ufffdabc'
+    empty = Frame(ScanSegment, 2, {}).records
+    assert head_of(empty[0], ScanSegment, ()).frame_id == '' and same_head(empty, np.arange(2), ()).all()
+
+
+def test_whole_arrays_are_tuples():
+    chunks = Frame(CloudChunk, 2, {}).records
+    chunks['origin'] = [[1, -2, 3], [1, -2, 4]]
+    head = head_of(chunks[0], CloudChunk, ('origin', 'step'))
+    assert (head.origin, head.step) == ((1, -2, 3), 0.0) and type(head.step) is float
+    assert same_head(chunks, np.arange(2), ('origin',)).tolist() == [True, False]

@@ -58,14 +58,16 @@ def test_one_point_and_one_box(way):
 
 @pytest.mark.parametrize('way', WAYS)
 @settings(deadline=None)
-@given(points=st.lists(st.tuples(*[st.integers(-40, 40)] * 3), min_size=1, max_size=60), per_box=st.sampled_from([1, 4, 16]))
+@given(points=st.lists(st.tuples(*[st.integers(-40, 40)] * 3), min_size=1, max_size=60),
+       per_box=st.sampled_from([1, 4, 16]))
 def test_each_box_has_its_points_mean_in_order(way, points, per_box):
     """On a grid of 1/64 m sums are exact, and a quarter of the points lies on borders."""
     boxes = collections.defaultdict(list)
     for number, point in enumerate(points):
         boxes[tuple(k // per_box for k in reversed(point))].append((*point, number))
     expected = [np.mean(boxes[box], axis=0) / (64, 64, 64, 1) for box in sorted(boxes)]
-    centroids, mean = filtered(way, np.float32(points) / np.float32(64), per_box / 64, np.arange(len(points), dtype='f4'))
+    numbers = np.arange(len(points), dtype=np.float32)
+    centroids, mean = filtered(way, np.float32(points) / np.float32(64), per_box / 64, numbers)
     np.testing.assert_allclose(np.column_stack([centroids, mean]), expected, rtol=1e-6)
 
 
@@ -100,7 +102,7 @@ def test_numpy_gives_pcls_answer(scene, leaf):
         assert 1 < len(by_pcl[0]) < len(points)
         np.testing.assert_allclose(by_numpy[0], by_pcl[0], rtol=0, atol=ULP)
         if values is not None:
-            np.testing.assert_allclose(by_numpy[1], by_pcl[1], rtol=1e-6, atol=1e-6)
+            np.testing.assert_allclose(by_numpy[1], by_pcl[1], rtol=2e-6)
 
 
 def test_what_is_left_of_the_simulated_scene():
@@ -137,7 +139,7 @@ def test_both_ways_to_order_boxes_agree():
 
 def test_a_small_cloud_far_away():
     """PCL counts from the origin too, in 32 bits."""
-    points = array((1e9, 0, 0), (1e9, 0, 0), (1e9 + 64, 0, 0), (1e9 + 128, 0, 0))
+    points = array((1e9, 0, 0), (1e9, 0, 0), (1e9 + 1024, 0, 0), (1e9 + 2048, 0, 0))
     assert voxel_filter(points, 0.1)[0].tolist() == points[1:].tolist()
 
 

@@ -3,9 +3,11 @@
 import numpy as np
 
 from . import interleave
-from .interleave import MAX_SIDE
+from .interleave import MAX_DEPTH, MAX_SIDE
 
 UNKNOWN = -1
+DEEPEST = 1 << MAX_DEPTH
+"""The side of the largest block."""
 
 
 def as_cells(data, height, width, resolution):
@@ -30,12 +32,11 @@ def reduce_by(cells, factor):
     :param cells: (height, width) int8; -1: unknown
     :return: (ceil(height / factor), ceil(width / factor)) int8; blocks at the far borders may be cut off
     """
-    starts = [np.arange(0, side, factor) for side in cells.shape]
     # by rows first: whole rows at once, and what is left for the columns is little
-    return np.maximum.reduceat(_highest_rows(cells, factor, starts[0]), starts[1], axis=1)
+    return np.maximum.reduceat(_highest_rows(cells, factor), np.arange(0, cells.shape[1], factor), axis=1)
 
 
-def _highest_rows(cells, factor, starts):
+def _highest_rows(cells, factor):
     whole = len(cells) // factor * factor
     rows = cells[:whole].reshape(-1, factor, cells.shape[1]).max(axis=1) if whole else cells[:0]
     return rows if whole == len(cells) else np.concatenate([rows, cells[whole:].max(axis=0, keepdims=True)])
@@ -51,9 +52,12 @@ def fit(height, width, room, max_cells, max_segments):
     room = min(room, max_cells)
     factor = max(1, int(np.sqrt(height * width / (max_segments * room))))
     while True:
-        cut, per_segment = interleave.fit(-(-height // factor), -(-width // factor), 1, room)
-        if -(-len(cut) // per_segment) <= max_segments:
-            return factor, cut, per_segment
+        rows, columns = -(-height // factor), -(-width // factor)
+        # the deepest cut has the smallest subimages: one of them must fit
+        if -(-rows // DEEPEST) * -(-columns // DEEPEST) <= room:
+            cut, per_segment = interleave.fit(rows, columns, 1, room)
+            if -(-len(cut) // per_segment) <= max_segments:
+                return factor, cut, per_segment
         factor += 1
 
 

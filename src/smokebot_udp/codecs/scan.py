@@ -9,7 +9,7 @@ MINUS_INF, PLUS_INF, NAN = 65533, 65534, 65535
 """REP-117's too close, nothing there, and erroneous, among the millimetres."""
 
 MAX_RANGES = 1 << 18
-"""A longer scan is refused on arrival."""
+"""A longer scan is not sent, and refused on arrival."""
 
 FLOAT, SHORT, BYTE, NONE = 4, 2, 1, 0
 """Bytes of a value: float32; millimetres or uint16; uint8; no values."""
@@ -56,7 +56,7 @@ def write_intensities(intensities):
         with np.errstate(invalid='ignore', over='ignore'):
             whole = np.clip(np.nan_to_num(intensities), 0, np.iinfo(dtype).max).astype(dtype)
         if whole.astype(np.float32).tobytes() == intensities.tobytes():
-            return whole.view(np.uint8).reshape(len(whole), -1)
+            return whole.view(np.uint8).reshape(-1, whole.itemsize)
     return intensities.astype('<f4', copy=False).view(np.uint8).reshape(-1, FLOAT)
 
 
@@ -71,11 +71,13 @@ def fit(total, size, room):
 
     :param size: bytes of a range with its intensity; room: bytes of them in a datagram
     """
+    if total > MAX_RANGES:
+        raise ValueError('%d ranges are more than %d' % (total, MAX_RANGES))
+    if room < size:
+        raise ValueError('a range of %d bytes does not fit in %d' % (size, room))
     parts = min(2, total)
     while -(-total // parts) * size > room:
-        if room < size:
-            raise ValueError('a range of %d bytes does not fit in %d' % (size, room))
-        parts *= 2
+        parts = min(2 * parts, total)
     return parts
 
 

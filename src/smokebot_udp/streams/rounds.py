@@ -40,7 +40,9 @@ class Rounds:
         :param now: [s] on any steady clock
         """
         count = len(segments[0])
-        if self._head is not None and 0 < self._head.stamp - head.stamp < RESTART * 1e9:
+        # only what was overtaken on the way is late: a map whose stamp stays as it is would be late for ever
+        if (self._head is not None and 0 < self._head.stamp - head.stamp < RESTART * 1e9
+                and now - self._latest < RESTART):
             self.dropped['late'] += count
             return
         grid = self._map
