@@ -8,7 +8,7 @@ import io
 import threading
 
 import rospy
-from roslib.message import get_message_class
+from genpy.message import get_message_class
 
 from .. import udpros
 from ..udpros.datagram import OVERHEAD
