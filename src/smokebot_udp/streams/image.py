@@ -18,7 +18,6 @@ from .gather import GatheringReceiver
 from .parameters import ROBOT, Parameter
 from .segments import as_bytes, room, write_header
 
-
 LARGEST_REMEMBERED = 1920 * 1200
 """Larger pictures are not integrated over time: it takes some 8 ms a megapixel, and 20 bytes a pixel [pixel]."""
 
