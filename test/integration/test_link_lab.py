@@ -15,8 +15,7 @@ import rostest
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 import waiting  # noqa: F401  (it lets skipped tests be told)
 
-from smokebot_udp.link_lab.cli import MASTER
-from smokebot_udp.link_lab.lab import ADDRESSES, Lab, LabError
+from smokebot_udp.link_lab.lab import ADDRESSES, Lab, LabError, environment
 
 HERE = pathlib.Path(__file__).resolve().parent
 TOPICS = '/operator/thermal/image_raw', '/operator/lidar/points'
@@ -74,8 +73,7 @@ class LinkLab(unittest.TestCase):
 
     @classmethod
     def start(cls, side, *command):
-        environment = dict(os.environ, ROS_IP=ADDRESSES[side], ROS_MASTER_URI=MASTER)
-        process = cls.lab.popen(side, list(command), env=environment, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+        process = cls.lab.popen(side, list(command), env=environment(side), stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
                                 stdin=subprocess.DEVNULL, start_new_session=True)
         cls.processes.append(process)
         return process
@@ -83,8 +81,8 @@ class LinkLab(unittest.TestCase):
     @classmethod
     def until_the_master_answers(cls):
         for _ in range(100):
-            listed = cls.lab.run('robot', ['rosnode', 'list'], env=dict(os.environ, ROS_MASTER_URI=MASTER),
-                                 stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+            listed = cls.lab.run('robot', ['rosnode', 'list'], env=environment('robot'), stdout=subprocess.PIPE,
+                                 stderr=subprocess.DEVNULL)
             if listed.returncode == 0:
                 return
             time.sleep(0.2)

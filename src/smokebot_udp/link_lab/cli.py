@@ -21,10 +21,9 @@ import threading
 import time
 
 from . import course as courses
-from .lab import ADDRESSES, Lab, LabError
+from .lab import Lab, LabError, environment
 
 SOCKET = '/run/smokebot_link_lab.sock'
-MASTER = 'http://%s:11311' % ADDRESSES['robot']
 
 
 def parse(words):
@@ -102,9 +101,8 @@ def _ask(message):
 
 def run(side, command):
     """Become a command on a side."""
-    environment = dict(os.environ, ROS_IP=ADDRESSES[side], ROS_MASTER_URI=MASTER)
     arguments = _ask({'side': side})['command'] + command
-    os.execvpe(arguments[0], arguments, environment)
+    os.execvpe(arguments[0], arguments, environment(side))
 
 
 def show():

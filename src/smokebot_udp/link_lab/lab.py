@@ -33,6 +33,10 @@ QUEUE = 10000
 """Packets that the kernel holds until this process takes them; more than it ever is late for."""
 
 
+MASTER = 'http://%s:11311' % ADDRESSES['robot']
+"""The ROS master is the robot's."""
+
+
 class LabError(Exception):
     """The lab cannot be built here; the message says why."""
 
@@ -111,6 +115,13 @@ class Lab:
 
     def __exit__(self, *_):
         self.close()
+
+
+def environment(side):
+    """os.environ for a ROS node on a side."""
+    # ROS_HOSTNAME would count before ROS_IP
+    rest = {name: value for name, value in os.environ.items() if name != 'ROS_HOSTNAME'}
+    return {**rest, 'ROS_IP': ADDRESSES[side], 'ROS_MASTER_URI': MASTER}
 
 
 def make_side(side, congestion_control):
