@@ -73,8 +73,8 @@ class LinkLab(unittest.TestCase):
 
     @classmethod
     def start(cls, side, *command):
-        process = cls.lab.popen(side, list(command), env=environment(side), stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
-                                stdin=subprocess.DEVNULL, start_new_session=True)
+        process = cls.lab.popen(side, list(command), env=environment(side), stdin=subprocess.DEVNULL,
+                                stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True)
         cls.processes.append(process)
         return process
 
