@@ -191,7 +191,7 @@ def receiver():
     stream = GridReceiver('map', check({'operator_topic': '/map', 'fill': 'unknown'}, GridReceiver.PARAMETERS),
                           Link(1472))
     stream.shown = queue.Queue()
-    stream.publish = stream.shown.put
+    stream.publish = lambda message, stamp, completeness: stream.shown.put(message)
     stream.subscriber = stream._publisher = SimpleNamespace(unregister=lambda: None)
     stream._thread.start()
     yield stream

@@ -146,7 +146,7 @@ def test_nothing_is_kept_for_nobody_but_what_is_latched():
 
 def test_latched_transforms_are_shown_with_all_before_them_and_once():
     stream, shown = relay(RelayReceiver, message_type='tf2_msgs/TFMessage', latch=True), []
-    stream.publish = shown.append
+    stream.publish = lambda message, stamp: shown.append(message)
     for message in (transforms(('base', 'laser')), transforms(('base', 'camera')), transforms(('base', 'laser')),
                     transforms(('base', 'laser'), x=1.0)):
         stream._take(message)

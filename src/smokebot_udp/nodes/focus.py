@@ -49,14 +49,15 @@ class FocusControl:
 
     :param streams: {name: RobotStream}, started
     :param profiles: {name: supervisor.focus.Profile}
+    :param tell: f(problem), told what is refused
     """
 
-    def __init__(self, streams, profiles):
-        self._streams = streams
+    def __init__(self, streams, profiles, tell):
+        self._streams, self._tell_problem = streams, tell
         profiles = {AS_CONFIGURED: Profile(AS_CONFIGURED, 'As streams.yaml has it.'), **profiles}
         self._profiles, problems = valid_profiles(profiles, streams)
         for problem in problems:
-            rospy.logerr(problem)
+            tell(problem)
         self._lock = threading.RLock()     # one for all: a switch changes many parts
         self._modified, self._switching = set(), False
         self._request, self._refusal = 0, ''
@@ -67,9 +68,9 @@ class FocusControl:
         self._show = Repeater('settings', self._show_all, lambda error: rospy.logerr('settings: %s', error), None)
         focus = {'focus': Parameter(AS_CONFIGURED, '', 'the mission focus', choices=tuple(self._profiles))}
         self._focus = LiveSettings('', focus, {'focus': AS_CONFIGURED}, lambda values: self._switch(values['focus']),
-                                   self._lock)
+                                   self._lock, tell)
         self._parts = {name: LiveSettings(name, live(stream.PARAMETERS), stream.settings,
-                                          lambda values, name=name: self._configure(name, values), self._lock)
+                                          lambda values, name=name: self._configure(name, values), self._lock, tell)
                        for name, stream in streams.items()}
         # a stream's own parameters count before the focus
         self._watch = ParameterWatch([self._focus, *self._parts.values()], background=False)
@@ -96,7 +97,7 @@ class FocusControl:
                 try:
                     part.set({**self._configured[stream], **self._profiles[name][stream]})
                 except ValueError as error:
-                    rospy.logerr("profile %r, stream '%s' stays as it is: %s", name, stream, error)
+                    self._tell_problem("profile %r, stream '%s' stays as it is: %s" % (name, stream, error))
             self._switching = False
             self._modified.clear()
         rospy.loginfo('focus: %s', name)
@@ -118,7 +119,7 @@ class FocusControl:
         try:
             self.set_focus(request.focus)
         except ValueError as error:
-            rospy.logerr('~set_focus: %s', error)
+            self._tell_problem('~set_focus: %s' % error)
             return SetFocusResponse(False, str(error))
         self._tell()
         return SetFocusResponse(True, 'the focus is ' + request.focus)
@@ -131,7 +132,7 @@ class FocusControl:
                 try:
                     self.set_focus(request.focus)
                 except ValueError as error:
-                    rospy.logerr("the operator's request: %s", error)
+                    self._tell_problem("the operator's request: %s" % error)
                     self._refusal = str(error)
         self._tell()
 

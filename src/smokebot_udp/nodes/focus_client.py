@@ -35,6 +35,12 @@ class FocusClient:
             self._status = status
             self._answered.notify_all()
 
+    def sent(self):
+        """{stream: StreamStatus}: what the robot said last that it sends."""
+        with self._answered:
+            status = self._status
+        return {stream.name: stream for stream in status.streams} if status else {}
+
     def _serve(self, asked):
         if self._subscriber is None:
             return SetFocusResponse(False, 'no answer can come: streams.yaml has no relay of smokebot_udp/RobotStatus')

@@ -55,13 +55,15 @@ class LiveSettings:
     :param values: {name: value} at the start, at least of the table
     :param apply: f({name: value} with all of the table), at once when one changed; ValueError refuses
     :param lock: an RLock, shared by parts whose apply changes another
+    :param tell: f(problem), told what is refused
     """
 
-    def __init__(self, name, table, values, apply, lock):
+    def __init__(self, name, table, values, apply, lock, tell):
         self.name, self.table = name, table
         self.values = {key: values[key] for key in table}
         self._apply = apply
         self._lock = lock
+        self._tell = tell
         self._published = {}    # what the parameter server was told
         self._server = None
 
@@ -72,7 +74,7 @@ class LiveSettings:
                 try:
                     self.set({name: found[name]})
                 except ValueError as error:
-                    rospy.logerr('%s refused, it is %r: %s', self.key(name), self.values[name], error)
+                    self._tell('%s refused, it is %r: %s' % (self.key(name), self.values[name], error))
         self._published = dict(self.values)
 
     def serve(self):
@@ -107,7 +109,7 @@ class LiveSettings:
             try:
                 self.set({name: config[name] for name in self.table})
             except ValueError as error:
-                rospy.logerr('%s: %s', self.key('')[:-1], error)
+                self._tell('%s: %s' % (self.key('')[:-1], error))
             config.update(self.values)
         return config
 
@@ -135,7 +137,7 @@ class LiveSettings:
             try:
                 self.set({name: value})
             except ValueError as error:
-                rospy.logerr('%s refused, %r stays: %s', self.key(name), self.values[name], error)
+                self._tell('%s refused, %r stays: %s' % (self.key(name), self.values[name], error))
                 self._publish(name, self.values[name])
         return bool(news)
 

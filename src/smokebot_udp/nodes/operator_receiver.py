@@ -27,31 +27,42 @@ from ..msg import RobotStatus
 from ..streams import operator_class
 from ..streams.base import Link
 from ..streams.parameters import live
+from .clock_sync import ClockClient
 from .common import load_streams, number_parameter
+from .diagnostics import operator_diagnostics
 from .focus_client import FocusClient
 from .live import LiveSettings, ParameterWatch
 from .motion import Motion
+from .problems import Problems
 
 
 class OperatorReceiver:
     """Hosts the operator's streams; lives as long as its node."""
 
     def __init__(self):
-        size = int(number_parameter('~max_datagram_size', 1472, least=256, most=65507))
-        buffer = int(number_parameter('~receive_buffer', 4 << 20, least=4096, most=1 << 30))
-        loss = number_parameter('~loss', 0.0, least=0.0, most=1.0)
-        drop = _demonstrate(loss, int(number_parameter('~loss_seed', 0, least=0))) if loss else None
+        self.problems = Problems()
+        tell = self.problems.tell
+        size = int(number_parameter('~max_datagram_size', 1472, least=256, most=65507, tell=tell))
+        buffer = int(number_parameter('~receive_buffer', 4 << 20, least=4096, most=1 << 30, tell=tell))
+        loss = number_parameter('~loss', 0.0, least=0.0, most=1.0, tell=tell)
+        drop = _demonstrate(loss, int(number_parameter('~loss_seed', 0, least=0, tell=tell))) if loss else None
         self._motion = Motion(rospy.get_param('~odom_topic', '/operator/odom'),
                               rospy.get_param('~cmd_vel_topic', '/cmd_vel'))
-        self.streams = load_streams(operator_class, Link(size, receive_buffer=buffer, drop=drop, motion=self._motion))
-        parts = [LiveSettings(name, live(stream.PARAMETERS), stream.settings, stream.configure, threading.RLock())
+        self.streams = load_streams(
+            operator_class, Link(size, receive_buffer=buffer, drop=drop, motion=self._motion), tell)
+        parts = [LiveSettings(name, live(stream.PARAMETERS), stream.settings, stream.configure, threading.RLock(), tell)
                  for name, stream in self.streams.items() if live(stream.PARAMETERS)]
         self._watch = ParameterWatch(parts, background=True)
         status = [stream.topic for stream in self.streams.values() if stream.MESSAGE is RobotStatus]
-        self._focus = FocusClient(status[0] if status else None, number_parameter('~focus_patience', 10.0, least=0.1))
+        patience = number_parameter('~focus_patience', 10.0, least=0.1, tell=tell)
+        self._focus = FocusClient(status[0] if status else None, patience)
+        self._clock = ClockClient()
+        self._diagnostics = operator_diagnostics(self.streams, self._clock, self.problems, self._focus.sent)
         rospy.on_shutdown(self.close)
 
     def close(self):
+        self._diagnostics.close()
+        self._clock.close()
         self._focus.close()
         self._watch.stop()
         self._motion.close()

@@ -23,23 +23,32 @@ from .. import udpros
 from ..streams import robot_class
 from ..streams.base import Link
 from ..supervisor import focus
+from .clock_sync import ClockServer
 from .common import load_streams, number_parameter, read_file
+from .diagnostics import robot_diagnostics
 from .focus import FocusControl
+from .problems import Problems
 
 
 class RobotSender:
     """Hosts the robot's streams; lives as long as its node."""
 
     def __init__(self):
-        size = int(number_parameter('~max_datagram_size', 1472, least=256, most=65507))
-        rate = number_parameter('~pacing_rate', 400.0, least=0.0)
-        burst = number_parameter('~pacing_burst', 16, least=1)
+        self.problems = Problems()
+        tell = self.problems.tell
+        size = int(number_parameter('~max_datagram_size', 1472, least=256, most=65507, tell=tell))
+        rate = number_parameter('~pacing_rate', 400.0, least=0.0, tell=tell)
+        burst = number_parameter('~pacing_burst', 16, least=1, tell=tell)
         pacer = udpros.Pacer(rate * 1e6 / 8 if rate else None, int(burst) * size)
-        self.streams = load_streams(robot_class, Link(size, pacer=pacer))
-        self.focus = FocusControl(self.streams, read_file('~focus_file', 'focus.yaml', focus.load))
+        self.streams = load_streams(robot_class, Link(size, pacer=pacer), tell)
+        self.focus = FocusControl(self.streams, read_file('~focus_file', 'focus.yaml', focus.load, tell), tell)
+        self._clock = ClockServer()
+        self._diagnostics = robot_diagnostics(self.streams, self.problems)
         rospy.on_shutdown(self.close)
 
     def close(self):
+        self._diagnostics.close()
+        self._clock.close()
         self.focus.close()
         for stream in self.streams.values():
             stream.close()

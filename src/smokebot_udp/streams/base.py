@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What the streams of every kind have in common, on either side."""
+import collections
 from dataclasses import dataclass
 from typing import Any, Callable, Optional
 
@@ -8,6 +9,9 @@ import rospy
 from .. import udpros
 from .parameters import OPERATOR, ROBOT
 from .rate import NewestWorker
+
+SHOWN = 512
+"""Of so many messages at most it is kept, until it is asked for, how old and how complete they were."""
 
 
 @dataclass
@@ -39,12 +43,14 @@ class RobotStream(rospy.SubscribeListener):
     MESSAGE = SEGMENT = None
     PARAMETERS = ROBOT
     QUEUE_SIZE = 1
+    STEADY = True   # a silent source is a fault
 
     def __init__(self, name, settings, link):
         self.name, self.topic = name, rospy.resolve_name(settings['robot_topic'])
         self.settings = dict(settings)
         self.link = link
-        self.sent = 0   # messages of the source
+        self.received, self.sent = 0, 0     # messages of the source
+        self._wrong = 0
         self._stamp = None   # of the last message sent
         self._worker = NewestWorker(name, self._send, self._report, settings['rate'])
         self.prepare()
@@ -55,7 +61,7 @@ class RobotStream(rospy.SubscribeListener):
             wire_topic(self.name), self.SEGMENT, subscriber_listener=self, queue_size=10, pacer=self.link.pacer,
             max_datagram_size=self.link.max_datagram_size)
         self._worker.start()
-        self._subscriber = rospy.Subscriber(self.topic, self.MESSAGE, self._receive,
+        self._subscriber = rospy.Subscriber(self.topic, self.MESSAGE, self._count,
                                             queue_size=self.QUEUE_SIZE, buff_size=1 << 24, tcp_nodelay=True)
 
     def configure(self, changes):
@@ -85,6 +91,17 @@ class RobotStream(rospy.SubscribeListener):
         """Whether there is anybody to send to."""
         return self.settings['enabled'] and self._publisher.get_num_connections() > 0
 
+    def figures(self):
+        """What the stream does and did, for diagnostics: all counts only grow, see nodes.diagnostics."""
+        return {'in': self.received, 'out': self.sent, 'enabled': self.settings['enabled'],
+                'rate': self.settings['rate'], 'steady': self.STEADY,
+                'dropped': {'a newer one came': self._worker.replaced, 'wrong': self._wrong},
+                'connections': self._publisher.connections()}
+
+    def _count(self, message):
+        self.received += 1
+        self._receive(message)
+
     def _receive(self, message):
         if self.wanted:
             self._worker.give(message)
@@ -104,6 +121,7 @@ class RobotStream(rospy.SubscribeListener):
         return message
 
     def _report(self, error):
+        self._wrong += 1
         if not rospy.is_shutdown():
             rospy.logerr_throttle_identical(5, "stream '%s': a message of %s is not sent: %s" % (
                 self.name, self.topic, error))
@@ -122,12 +140,14 @@ class OperatorStream:
     MESSAGE = SEGMENT = None
     PARAMETERS = OPERATOR
     LATCH = False
+    STEADY = True   # a silent robot is a fault
 
     def __init__(self, name, settings, link):
         self.name, self.topic = name, rospy.resolve_name(settings['operator_topic'])
         self.settings = dict(settings)
         self.link = link
-        self.published = 0
+        self.received, self.published = 0, 0
+        self._shown = collections.deque(maxlen=SHOWN)
 
     def start(self):
         """Begin to receive; apart from making a stream, which needs no ROS."""
@@ -145,9 +165,26 @@ class OperatorStream:
     def take(self, records, mask):
         raise NotImplementedError
 
-    def publish(self, message):
+    def publish(self, message, stamp, completeness=None):
+        """Show a message.
+
+        :param stamp: rospy.Time of what it shows, by the robot's clock; zero: unknown
+        :param completeness: which share of it was received, 0..1; None: unknown
+        """
         self._publisher.publish(message)
         self.published += 1
+        self._shown.append(((rospy.Time.now() - stamp).to_sec() if stamp else None, completeness))
+
+    def figures(self):
+        """What the stream does and did, for diagnostics, see nodes.diagnostics; `shown` since the last call."""
+        shown = [self._shown.popleft() for _ in range(len(self._shown))]
+        return {'in': self.received, 'out': self.published, 'steady': self.STEADY, 'shown': shown,
+                'dropped': dict(self.dropped), 'connections': self.subscriber.connections()}
+
+    @property
+    def dropped(self):
+        """{reason: count} of the segments that changed nothing."""
+        return {}
 
     def report(self, problem):
         rospy.logerr_throttle_identical(5, "stream '%s': %s" % (self.name, problem))

@@ -68,6 +68,10 @@ class GatheringReceiver(OperatorStream):
         picture.head = head
         return picture
 
+    @property
+    def dropped(self):
+        return self._sequence.dropped
+
     def configure(self, changes):
         super().configure(changes)
         with self._changed:
@@ -94,11 +98,12 @@ class GatheringReceiver(OperatorStream):
                 if self._ended:
                     return
                 picture = self._finished.popleft().picture
+            self.received += 1
             try:
                 message = self.message(picture.head, picture)
                 message.header.frame_id = picture.head.frame_id
                 message.header.stamp = rospy.Time(*divmod(picture.head.stamp, 10 ** 9))
-                self.publish(message)
+                self.publish(message, message.header.stamp, picture.completeness)
             except Exception as error:
                 self.report('a message is not shown: %s' % error)
 

@@ -28,6 +28,7 @@ FILLS = {'unknown': grid.unknown, **fill.METHODS}
 
 class GridSender(RobotStream):
     """Sends a changed map at once, and the same one in rounds."""
+    STEADY = False
     MESSAGE, SEGMENT = numpy_msg(OccupancyGrid), GridSegment
     PARAMETERS = {
         **ROBOT,
@@ -132,7 +133,7 @@ def write_info(records, info, cut, factor):
 class GridReceiver(OperatorStream):
     """Publishes the map, latched, as far as its rounds have brought it; in a thread of its own."""
     MESSAGE, SEGMENT = numpy_msg(OccupancyGrid), GridSegment
-    LATCH = True
+    LATCH, STEADY = True, False
     HEAD = 'info', 'depth'
     PARAMETERS = {
         **OPERATOR,
@@ -144,7 +145,7 @@ class GridReceiver(OperatorStream):
 
     def __init__(self, name, settings, link):
         self._rounds = Rounds(settings['max_wait'])
-        self._shown = None     # the last message published
+        self._last = None      # content of the last map published
         self._changed = threading.Condition()
         self._ended = False
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
@@ -158,6 +159,10 @@ class GridReceiver(OperatorStream):
         super().configure(changes)
         with self._changed:
             self._rounds.max_wait = self.settings['max_wait']
+
+    @property
+    def dropped(self):
+        return self._rounds.dropped
 
     def take(self, records, mask):
         """Sort a batch of segments by their map; the transport's thread."""
@@ -188,24 +193,27 @@ class GridReceiver(OperatorStream):
                 if self._ended:
                     return
                 head, picture = self._rounds.poll(now)
+                completeness = picture.completeness
                 cells = picture.items(FILLS[self.settings['fill']]).view(np.int8)
             try:
-                self._show(head, cells)
+                self._show(head, cells, completeness)
             except Exception as error:
                 self.report('a map is not shown: %s' % error)
 
-    def _show(self, head, cells):
+    def _show(self, head, cells, completeness):
         """Publish a map, unless it is what is shown already: rounds repeat it."""
+        self.received += 1
         content = head.frame_id, head.info, zlib.crc32(cells)
-        if content == self._shown:
+        if content == self._last:
             return
-        self._shown = content
+        self._last = content
         load_time, resolution, width, height, (position, orientation) = head.info
+        stamp = rospy.Time(*divmod(head.stamp, 10 ** 9))
         self.publish(self.MESSAGE(
-            header=Header(stamp=rospy.Time(*divmod(head.stamp, 10 ** 9)), frame_id=head.frame_id),
+            header=Header(stamp=stamp, frame_id=head.frame_id),
             info=MapMetaData(rospy.Time(*load_time), resolution, width, height,
                              Pose(Point(*position), Quaternion(*orientation))),
-            data=cells.reshape(-1)))
+            data=cells.reshape(-1)), stamp, completeness)
 
     def close(self):
         with self._changed:

@@ -82,6 +82,13 @@ class Merged:
         return messages
 
 
+def stamp_of(message):
+    """When what a message tells of was so, rospy.Time; None where it does not tell."""
+    if hasattr(message, 'transforms'):
+        return max((transform.header.stamp for transform in message.transforms), default=None)
+    return message.header.stamp if message._has_header else None
+
+
 def size_of(message):
     """Its bytes on the wire."""
     buffer = io.BytesIO()
@@ -101,6 +108,7 @@ class RelaySender(RobotStream):
     def __init__(self, name, settings, link):
         self._merged = Merged(settings['message_type'], settings['latch'])
         self.MESSAGE = self.SEGMENT = self._merged.class_
+        self.STEADY = not settings['latch']
         self._room = link.max_datagram_size - OVERHEAD
         self._rounds = Repeater(name + ' rounds', lambda: self._worker.give(True), self._report,
                                 1.0 / settings['repeat_rate'])
@@ -151,14 +159,15 @@ class RelayReceiver(OperatorStream):
     def __init__(self, name, settings, link):
         self._merged = Merged(settings['message_type'], settings['latch'])
         self.MESSAGE = self.SEGMENT = self._merged.class_
-        self.LATCH = settings['latch']
-        self._shown = None      # the last latched transforms
+        self.LATCH, self.STEADY = settings['latch'], not settings['latch']
+        self._last = None       # latched transforms
         super().__init__(name, settings, link)
 
     def subscribe(self, **options):
         return udpros.Subscriber(wire_topic(self.name), self.SEGMENT, self._take, queue_size=QUEUE, **options)
 
     def _take(self, message):
+        self.received += 1
         if self._merged.is_tf and self._merged.keep:
             # of latched messages only the last one is kept, so it has to have all of them
             try:
@@ -166,7 +175,7 @@ class RelayReceiver(OperatorStream):
             except ValueError as error:
                 self.report(error)
             message, = self._merged.take(float('inf'))
-            if message == self._shown:
+            if message == self._last:
                 return      # it is sent again and again
-            self._shown = message
-        self.publish(message)
+            self._last = message
+        self.publish(message, stamp_of(message))
