@@ -1,86 +1,164 @@
 # SPDX-License-Identifier: BSD-3-Clause
+import math
+
 import cv2
 import numpy as np
 import pytest
 
-from smokebot_udp.codecs.view import COLOURS, FRESH, FROZEN, OLD, View, seconds, state_of
+from smokebot_udp.codecs import view
+from smokebot_udp.codecs.colouring import MARKS, SHADES, Coloured, Colouring
+from smokebot_udp.codecs.view import BLACK, COLOURS, FRESH, FROZEN, OLD, Limits, duration, framed, layout
+
+LIMITS = Limits(old_after=0.5, frozen_after=2.0, least_complete=0.5)
+KELVIN = {'counts_per_unit': 25.0, 'zero': -273.15, 'unit': 'degC'}
+GREY = Coloured(np.full((480, 640, 3), 100, np.uint8))
 
 
-@pytest.mark.parametrize('age, completeness, state', [
-    (0.1, 1.0, FRESH), (-5.0, 1.0, FRESH), (0.1, 0.2, OLD), (0.5, 1.0, OLD), (2.0, 1.0, FROZEN), (1e9, 1.0, FROZEN),
-    (float('nan'), 1.0, FROZEN)])
-def test_states(age, completeness, state):
-    assert state_of(age, completeness, 0.5, 2.0) == state
+def middle_of_border(picture):
+    """Colours of the border: left, top, right; and of the strip's corner below."""
+    height, width = picture.shape[:2]
+    return [tuple(picture[at].tolist()) for at in ((height // 2, 1), (1, width // 2), (height // 2, width - 2),
+                                                  (height - 2, 2))]
 
 
-@pytest.mark.parametrize('age, words', [(0.08, '0.08 s'), (63.2, '63 s'), (3600, '60 min')])
-def test_ages_in_few_letters(age, words):
-    assert seconds(age) == words
+@pytest.mark.parametrize('age, completeness, silence, state', [
+    (0.0, 1.0, 0.0, FRESH), (0.12, 0.87, 0.0, FRESH), (0.49, 0.5, 0.0, FRESH), (-0.05, 1.0, 0.0, FRESH),
+    (0.5, 1.0, 0.0, OLD), (1.99, 1.0, 0.0, OLD), (0.1, 0.49, 0.0, OLD), (0.1, 0.0, 0.0, OLD),
+    (-3.0, 1.0, 0.0, OLD), (-math.inf, 1.0, 0.0, OLD),
+    (2.0, 1.0, 0.0, FROZEN), (1e9, 1.0, 0.0, FROZEN), (math.inf, 0.0, math.inf, FROZEN), (math.nan, 1.0, 0.0, FROZEN),
+    (-100.0, 1.0, 0.4, OLD), (-100.0, 1.0, 0.6, OLD), (-100.0, 1.0, 2.0, FROZEN), (0.0, 1.0, 3.0, FROZEN),
+    (math.nan, 1.0, 0.6, OLD), (math.nan, 1.0, 9.0, FROZEN), (9.0, 1.0, 0.6, FROZEN)])
+def test_colours_of_the_states(age, completeness, silence, state):
+    assert middle_of_border(framed(GREY, age, completeness, LIMITS, silence)) == [COLOURS[state]] * 4
 
 
-def inside(picture, height, width):
-    """The picture without the frame."""
-    edge = max(1, width // 160)
-    return picture[edge:height - edge, edge:width - edge]
+@pytest.mark.parametrize('completeness', [-0.01, 1.01, math.nan])
+def test_bad_completeness(completeness):
+    with pytest.raises(ValueError, match='completeness is'):
+        framed(GREY, 0.1, completeness, LIMITS)
 
 
-@pytest.mark.parametrize('order', ['<u2', '>u2'])
-def test_a_fixed_range_in_units_takes_the_whole_palette(order):
-    pixels = np.full((60, 80), 6829 + 50 * 25, order)       # 50 degrees in the middle of 0 to 100
-    picture = View('hot', 0.0, 100.0, 25.0, -273.15, 'C').render(pixels, 'mono16', 0.1, 1.0, FRESH)
-    expected = cv2.applyColorMap(np.array([[127]], np.uint8), cv2.COLORMAP_HOT)[0, 0].astype(int)
-    assert np.abs(inside(picture, 60, 80).astype(int) - expected).max() <= 3
+@pytest.mark.parametrize('age', [0.1, 0.9])
+def test_no_pixel_is_covered(age):
+    pixels = np.random.RandomState(1).randint(0, 256, (480, 640, 3)).astype(np.uint8)
+    picture = framed(Coloured(pixels, np.zeros((254, 3), np.uint8), ('1',) * 5, 'degC'), age, 0.9, LIMITS)
+    place = layout(480, 640)
+    assert place == (1, (0, 0, 0, 0), 6, 54)
+    assert picture.shape == (480 + 6 + 54, 640 + 12, 3)
+    assert np.array_equal(picture[6:486, 6:646], pixels)
 
 
-def test_a_fire_does_not_take_the_palette():
-    pixels = np.tile(np.arange(7000, 7100, dtype=np.uint16), (100, 1))
-    pixels[:10, :10] = 20000
-    picture = View('bone').render(pixels, 'mono16', 0.1, 1.0, FRESH)
-    grey = inside(picture, 100, 100).mean(axis=2)
-    assert grey[50, 5] < 30 and grey[50, 90] > 220
+def test_small_pictures_are_enlarged():
+    pixels = np.random.RandomState(1).randint(0, 256, (120, 160, 3)).astype(np.uint8)
+    picture = framed(Coloured(pixels), 0.1, 1.0, LIMITS)
+    assert layout(120, 160) == (3, (0, 0, 0, 0), 4, 41)
+    assert np.array_equal(picture[4:364, 4:484], pixels.repeat(3, axis=0).repeat(3, axis=1))
 
 
-def test_the_automatic_range_follows_slowly():
-    view = View('bone')
-    dark, bright = (np.tile(np.arange(k, k + 100, dtype=np.uint16), (100, 1)) for k in (1000, 5000))
-    view.render(dark, 'mono16', 0.1, 1.0, FRESH)
-    before = view._range
-    view.render(bright, 'mono16', 0.1, 1.0, FRESH)
-    assert before[0] < view._range[0] < before[0] + 0.25 * 4000
+@pytest.mark.parametrize('height, width, shape', [
+    (1, 1, (480 + 4 + 41, 488)), (1200, 1, (1200 + 4 + 41, 488)), (1, 1200, (120 + 12 + 102, 1224)),
+    (240, 320, (480 + 6 + 54, 652)), (1200, 1920, (1200 + 19 + 163, 1958))])
+@pytest.mark.parametrize('age', [0.1, 9.0])
+def test_shapes(height, width, shape, age):
+    coloured = Colouring()(np.full((height, width), 7000, np.uint16), 'mono16', 0.0)
+    assert framed(coloured, age, 1.0, LIMITS, silence=age).shape == shape + (3,)
 
 
-@pytest.mark.parametrize('encoding, pixel, bgr', [
-    ('bgr8', (1, 2, 3), (1, 2, 3)), ('rgb8', (1, 2, 3), (3, 2, 1)), ('bgra8', (1, 2, 3, 9), (1, 2, 3)),
-    ('rgba8', (1, 2, 3, 9), (3, 2, 1)), ('mono8', 7, (7, 7, 7))])
-def test_what_has_8_bits_stays_as_it_is(encoding, pixel, bgr):
-    pixels = np.empty((40, 50) + np.shape(pixel), np.uint8)
-    pixels[:] = pixel
-    before = pixels.copy()
-    picture = View().render(pixels, encoding, 0.1, 1.0, FRESH)
-    assert (inside(picture, 40, 50) == bgr).all() and picture.shape[1] == 50 and picture.shape[0] > 40
-    assert (pixels == before).all()
+def test_narrow_pictures_are_padded_with_black():
+    picture = framed(Coloured(np.full((600, 2, 3), 200, np.uint8)), 0.1, 1.0, LIMITS)[4:604, 4:-4]
+    assert (picture[:, 239:241] == 200).all() and not picture[:, :239].any() and not picture[:, 241:].any()
 
 
-@pytest.mark.parametrize('state', [FRESH, OLD, FROZEN])
-def test_frame_and_strip_tell_the_state(state):
-    picture = View().render(np.full((480, 640, 3), 200, np.uint8), 'bgr8', 0.1, 1.0, state)
-    assert tuple(picture[0, 0]) == tuple(picture[470, 639]) == tuple(picture[-1, 320]) == COLOURS[state]
+def test_the_scale_shows_the_palette_under_the_picture():
+    coloured = Colouring('jet', 1000.0, 2000.0)(np.full((480, 640), 1500, np.uint16), 'mono16', 0.0)
+    picture = framed(coloured, 0.1, 1.0, LIMITS)
+    bar = picture[486 + 8]
+    left, right = int(646 * 0.46), int(646 * 0.89)
+    for share in (0.1, 0.4, 0.6, 0.9):       # between the marks
+        at, expected = int(left + share * (right - left)), coloured.palette[int(share * SHADES)]
+        assert np.abs(bar[at].astype(int) - expected).max() <= 8
+    for share in MARKS:
+        assert (bar[int(left + share * (right - 1 - left))] == 255).all()
+    assert not np.array_equal(picture[486:, 300:646], framed(GREY, 0.1, 1.0, LIMITS)[486:, 300:646])
 
 
-def test_what_is_frozen_is_grey_and_dark():
-    colours = np.zeros((480, 640, 3), np.uint8)
-    colours[..., 2] = 255
-    picture = View().render(colours, 'bgr8', 3.0, 1.0, FROZEN)
-    corner = picture[20:60, 20:60].astype(int)
-    assert corner.max() < 110 and (corner[..., 0] == corner[..., 2]).all()
-    assert (picture[200:280] == COLOURS[FROZEN]).all(axis=2).any()     # the words
+def test_a_frozen_pictures_scale_has_no_colours_either():
+    coloured = Colouring('jet', 1000.0, 2000.0)(np.full((480, 640), 1500, np.uint16), 'mono16', 0.0)
+    bar = framed(coloured, 3.0, 1.0, LIMITS)[486 + 8, 300:570].astype(int)
+    assert (bar == bar[:, :1]).all() and len(np.unique(bar)) > 20
 
 
-@pytest.mark.parametrize('pixels, encoding', [
-    (np.full((1, 1), 5, np.uint16), 'mono16'), (np.zeros((3, 2, 3), np.uint8), 'bgr8'),
-    (np.full((30, 40), np.nan, np.float32), '32FC1'), (np.full((30, 40), np.inf, np.float32), '32FC1'),
-    (np.full((30, 40), 3.5, np.float32), '32FC1'), (np.zeros((1080, 1920), np.uint16), 'mono16')])
-def test_odd_pictures(pixels, encoding):
-    for state in (FRESH, FROZEN):
-        picture = View().render(pixels, encoding, 1e6, 0.0, state)
-        assert picture.dtype == np.uint8 and picture.shape[1:] == (pixels.shape[1], 3)
+def strip_of(*arguments, **options):
+    return framed(GREY, *arguments, LIMITS, **options)[486:]
+
+
+def test_the_strip_tells_age_and_completeness_apart():
+    first, older, poorer = strip_of(0.12, 0.87), strip_of(0.13, 0.87), strip_of(0.12, 0.86)
+    assert np.array_equal(first, strip_of(0.12, 0.87))
+    assert (first != older).any(axis=(0, 2)).nonzero()[0].max() < 0.22 * 652
+    assert (first != poorer).any(axis=(0, 2)).nonzero()[0].min() >= 0.22 * 652
+
+
+def test_what_is_wrong_is_marked():
+    def black(strip):
+        return [bool((strip[20:34, columns] == BLACK).all(axis=2).sum() > 300)
+                for columns in (slice(7, 140), slice(144, 270))]
+    assert black(strip_of(0.1, 1.0)) == [False, False]
+    assert black(strip_of(0.9, 1.0)) == [True, False]
+    assert black(strip_of(0.1, 0.2)) == [False, True]
+    assert black(strip_of(-3.0, 0.2)) == [True, True]
+
+
+def test_a_lost_pixel_is_never_all_of_them(monkeypatch):
+    written = texts_of(monkeypatch, 0.1, 0.9999)
+    assert written == ['0.10 s', '99 %']
+
+
+def texts_of(monkeypatch, *arguments, **options):
+    written = []
+    monkeypatch.setattr(view, '_write', lambda image, text, *rest: written.append(text))
+    framed(options.pop('coloured', GREY), *arguments, LIMITS, **options)
+    return list(dict.fromkeys(written))
+
+
+@pytest.mark.parametrize('age, completeness, silence, texts', [
+    (0.12, 0.87, 0.0, ['0.12 s', '87 %']), (-0.05, 0.29, 0.0, ['0.00 s', '29 %']),
+    (-3.0, 1.0, 0.0, ['-3.0 s', '100 %']),
+    (3.2, 1.0, 3.1, ['3.2 s', '100 %', 'NO DATA 3.2 s']), (12.0, 1.0, 0.0, ['12.0 s', '100 %', 'LATE 12.0 s']),
+    (-50.0, 1.0, 3.1, ['3.1 s', '100 %', 'NO DATA 3.1 s']), (math.nan, 1.0, 0.0, ['? s', '100 %', 'LATE ? s']),
+    (math.inf, 0.0, math.inf, ['? s', '0 %', 'NO DATA YET'])])
+def test_texts(monkeypatch, age, completeness, silence, texts):
+    assert texts_of(monkeypatch, age, completeness, silence=silence) == texts
+
+
+def test_numbers_and_unit_are_written(monkeypatch):
+    coloured = Colouring('jet', 20.0, 120.0, **KELVIN)(np.uint16([[8000]]), 'mono16', 0.0)
+    assert texts_of(monkeypatch, 0.1, 1.0, coloured=coloured)[2:] == ['20', '45', '70', '95', '120', 'degC']
+
+
+@pytest.mark.parametrize('seconds, text', [
+    (0, '0.00 s'), (0.123, '0.12 s'), (0.999, '1.00 s'), (1, '1.0 s'), (3.21, '3.2 s'), (99.9, '99.9 s'),
+    (130, '2 min'), (5.2 * 3600, '5 h'), (1e9, '> 99 h'), (-4.0, '-4.0 s'), (math.inf, '? s'), (math.nan, '? s')])
+def test_durations(seconds, text):
+    assert duration(seconds) == text
+
+
+def test_a_frozen_picture_is_grey_and_dim():
+    pixels = np.zeros((480, 640, 3), np.uint8)
+    pixels[:] = 0, 0, 255
+    picture = framed(Coloured(pixels), 3.2, 1.0, LIMITS, silence=3.2)
+    b, g, r = picture[50, 50].tolist()
+    assert b == g == r and r < 140
+    banner = picture[200:290, 6:646].astype(int)
+    assert ((banner[..., 2] - banner[..., 1]) > 100).sum() > 3000      # large, and across it
+    assert np.abs(banner - banner[..., :1]).max(axis=(0, 2)).nonzero()[0].min() < 80
+    assert np.abs(banner - banner[..., :1]).max(axis=(0, 2)).nonzero()[0].max() > 560
+
+
+@pytest.mark.parametrize('height, width', [(120, 160), (480, 640), (1200, 1920)])
+def test_text_is_as_large_as_the_view(height, width, monkeypatch):
+    heights = []
+    monkeypatch.setattr(cv2, 'putText', lambda image, text, at, font, scale, *rest: heights.append(21 * scale))
+    coloured = Colouring(**KELVIN)(np.full((height, width), 7000, np.uint16), 'mono16', 0.0)
+    view_width = framed(coloured, 0.12, 0.87, LIMITS).shape[1]
+    assert min(heights[:2]) > view_width / 40 and min(heights) > view_width / 70

@@ -1,142 +1,141 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A picture for the operator's eyes: in 8-bit colours, with how old it is and how much of it was received.
+"""A picture for an operator's eyes: framed, with its scale, its age, and how much of it was received.
 
-Nothing of the picture is covered: a strip below it has the scale of the palette and the words, and its colour and
-the frame's tell the state. What is frozen is grey and crossed by words: it must never look live.
+Nothing of the picture is covered: a strip below it has the scale and the words, and its colour and the frame's tell
+the state. What is frozen is grey and crossed by words: it must never look live.
 """
+import math
+from dataclasses import dataclass
+from typing import NamedTuple, Tuple
+
 import cv2
 import numpy as np
 
+from .colouring import MARKS
+
 FRESH, OLD, FROZEN = 'fresh', 'old', 'frozen'
-COLOURS = {FRESH: (60, 150, 60), OLD: (0, 200, 230), FROZEN: (40, 40, 220)}
-"""{state: (b, g, r)}"""
-
-PALETTES = {'inferno': cv2.COLORMAP_INFERNO, 'jet': cv2.COLORMAP_JET, 'hot': cv2.COLORMAP_HOT,
-            'bone': cv2.COLORMAP_BONE, 'magma': cv2.COLORMAP_MAGMA, 'viridis': cv2.COLORMAP_VIRIDIS}
-DARKEST, BRIGHTEST = 1.0, 97.0
-"""Automatic range: these percentiles of a picture; a fire is brighter, and must not take all of the palette."""
-
-FOLLOWS = 0.2
-"""So much of a change the automatic range takes at once: it must not flicker."""
-
-LEAST_SPAN = 1e-3
-
-ROOM_FOR_SCALE = 320
-"""Narrower pictures have no room for a scale beside the words [pixel]."""
-FEW = 0.3
-"""A picture of which less was received counts as old: its details are guesses."""
+COLOURS = {FRESH: (60, 170, 40), OLD: (0, 220, 255), FROZEN: (30, 30, 220)}   # {state: [b, g, r]}
+BLACK, WHITE = (0, 0, 0), (255, 255, 255)
+LEAST_WIDTH, LEAST_HEIGHT = 480, 120   # [pixel]; smaller pictures are enlarged and then padded: text needs room
+SKEW = 0.1   # so much a picture may seem to come from the future [s]: clocks hardly agree better
 
 
-def state_of(age, completeness, old_after, frozen_after):
-    """FRESH, OLD or FROZEN of a picture's age [s] and the share of it that was received."""
-    if not age < frozen_after:
-        return FROZEN
-    return OLD if age >= old_after or completeness < FEW else FRESH
+@dataclass(frozen=True)
+class Limits:
+    """When a picture no longer passes for a live one."""
+    old_after: float = 0.5        # yellow from this age [s]
+    frozen_after: float = 2.0     # red from this age, and without its colours [s]
+    least_complete: float = 0.5   # yellow below this share of received pixels
+
+    def state(self, age, completeness):
+        """FRESH, OLD or FROZEN; so is an age that is not a number, while one from the future is OLD."""
+        if not age < self.frozen_after:
+            return FROZEN
+        return FRESH if 0 <= age < self.old_after and completeness >= self.least_complete else OLD
 
 
-class View:
-    """Renders the pictures of one stream.
+class Layout(NamedTuple):
+    """Where everything lies in a view [pixel]: a border around the picture, a strip below, and nothing covered."""
+    factor: int   # by which the picture is enlarged
+    padding: Tuple[int, int, int, int]   # above, below, left, right
+    border: int
+    strip: int   # its height
 
-    :param palette: one of PALETTES, for pictures of one channel with more than 8 bits
-    :param low, high: of the palette, in units; equal: automatic
-    :param per_unit, zero: a pixel's value is value / per_unit + zero in units
-    :param unit: its name, below the scale
+
+def layout(height, width):
+    """The Layout of a picture's view."""
+    factor = max(1, min(-(-LEAST_WIDTH // width), -(-LEAST_WIDTH // height)))
+    rows, columns = max(0, LEAST_HEIGHT - height * factor), max(0, LEAST_WIDTH - width * factor)
+    inner = width * factor + columns
+    return Layout(factor, (rows // 2, rows - rows // 2, columns // 2, columns - columns // 2),
+                  max(4, inner // 100), round(0.085 * inner))
+
+
+def framed(coloured, age, completeness, limits, silence=0.0):
+    """The view: a picture in a frame that tells by its colour whether it is live, and in its strip how old it is.
+
+    :param coloured: Coloured
+    :param age: since the picture was taken [s]; below 0 where the clocks disagree; infinite: there never was one
+    :param completeness: share of its pixels that were received, 0..1
+    :param limits: Limits
+    :param silence: since it came [s]; so old it is at least, whatever the clocks say
+    :return: (height, width, 3) uint8, bgr; see layout
+    :raises ValueError: where completeness is not from 0 to 1
     """
-
-    def __init__(self, palette='inferno', low=0.0, high=0.0, per_unit=1.0, zero=0.0, unit=''):
-        self.palette, self.fixed = PALETTES[palette], (low, high) if low < high else None
-        self.per_unit, self.zero, self.unit = per_unit, zero, unit
-        self._range = None
-
-    def render(self, pixels, encoding, age, completeness, state):
-        """One picture.
-
-        :param pixels: (height, width) or (height, width, channels) array, see pixels.as_pixels
-        :param age: [s]; completeness: 0..1; state: of state_of
-        :return: (height + strip, width, 3) uint8, bgr
-        """
-        scale = None
-        if pixels.ndim == 3:
-            colours = pixels[..., :3] if encoding.startswith(('bgr', '8UC')) else pixels[..., 2::-1]
-        elif pixels.dtype == np.uint8:
-            colours = np.repeat(pixels[..., np.newaxis], 3, axis=2)
-        else:
-            scale = self._range_of(pixels)
-            colours = cv2.applyColorMap(_to_bytes(pixels, *self._in_counts(scale)), self.palette)
-        picture = np.ascontiguousarray(colours)
-        if state == FROZEN:
-            picture = (picture.mean(axis=2, keepdims=True) * 0.4).astype(np.uint8).repeat(3, axis=2)
-            _across(picture, 'NO DATA %s' % seconds(age))
-        elif picture is pixels or picture.base is not None:
-            picture = picture.copy()
-        cv2.rectangle(picture, (0, 0), (picture.shape[1] - 1, picture.shape[0] - 1), COLOURS[state],
-                      max(1, picture.shape[1] // 160))
-        return np.vstack([picture, self._strip(picture.shape[1], scale, age, completeness, state)])
-
-    def _range_of(self, pixels):
-        """(low, high) of the palette in units."""
-        if self.fixed:
-            return self.fixed
-        step = max(1, int(np.sqrt(pixels.size / 5000)))
-        some = pixels[::step, ::step].astype(np.float64)
-        some = some[np.isfinite(some)]
-        low, high = np.percentile(some, (DARKEST, BRIGHTEST)) if len(some) else (0.0, 1.0)
-        seen = np.array([low, max(high, low + LEAST_SPAN)]) / self.per_unit + self.zero
-        self._range = seen if self._range is None else self._range + FOLLOWS * (seen - self._range)
-        return tuple(self._range)
-
-    def _in_counts(self, scale):
-        return tuple((value - self.zero) * self.per_unit for value in scale)
-
-    def _strip(self, width, scale, age, completeness, state):
-        height = max(12, width // 20)
-        strip = np.full((height, width, 3), COLOURS[state], np.uint8)
-        words = '%s  %d %%' % (seconds(age), round(100 * completeness))
-        ink = (30, 30, 30) if state == OLD else (255, 255, 255)
-        _write(strip, words, width - 4, ink, right=True)
-        if scale is not None and width >= ROOM_FOR_SCALE:
-            low, high = ('%.0f' % value for value in scale)
-            begin = 4 + _write(strip, low, 4, ink) + 4
-            end = begin + width // 4
-            ramp = np.linspace(0, 255, end - begin).astype(np.uint8)[np.newaxis]
-            strip[3:-3, begin:end] = cv2.applyColorMap(ramp, self.palette)
-            _write(strip, high + ' ' + self.unit, end + 4, ink)
-        return strip
+    if not 0 <= completeness <= 1:
+        raise ValueError('completeness is %r, must be from 0 to 1' % completeness)
+    if silence >= limits.old_after:
+        age = max(silence, age)   # in this order it is silence also where age is not a number
+    elif -SKEW <= age < 0:
+        age = 0.0
+    state = limits.state(age, completeness)
+    place = layout(*coloured.pixels.shape[:2])
+    pixels = coloured.pixels if state != FROZEN else _dimmed(coloured.pixels)
+    if place.factor > 1:
+        pixels = cv2.resize(pixels, None, fx=place.factor, fy=place.factor, interpolation=cv2.INTER_NEAREST)
+    if any(place.padding):
+        pixels = cv2.copyMakeBorder(pixels, *place.padding, cv2.BORDER_CONSTANT, value=BLACK)
+    view = cv2.copyMakeBorder(pixels, place.border, place.strip, place.border, place.border, cv2.BORDER_CONSTANT,
+                              value=COLOURS[state])
+    strip = view[-place.strip:]
+    _draw_texts(strip, state, (
+        (duration(age), not 0 <= age < limits.old_after),
+        ('%d %%' % math.floor(100 * completeness + 1e-6), completeness < limits.least_complete)))
+    if coloured.palette is not None:
+        _draw_scale(strip[:-place.border, :-place.border], coloured, state == FROZEN)
+    if state == FROZEN:
+        word = 'NO DATA' if silence >= limits.old_after else 'LATE'
+        _draw_banner(view[:-place.strip], 'NO DATA YET' if age == math.inf else '%s %s' % (word, duration(age)))
+    return view
 
 
-def seconds(age):
-    """An age in few letters."""
-    return '%.2f s' % age if age < 10 else '%.0f s' % age if age < 600 else '%.0f min' % (age / 60)
+def duration(seconds):
+    """A time as short as it can be read: '0.12 s', '3.2 s', '2 min', '5 h'."""
+    for most, unit, digits, name in ((1, 1, 2, 's'), (100, 1, 1, 's'), (6000, 60, 0, 'min'), (360000, 3600, 0, 'h')):
+        if abs(seconds) < most:
+            return '%.*f %s' % (digits, seconds / unit, name)
+    return '> 99 h' if math.isfinite(seconds) else '? s'
 
 
-def _to_bytes(pixels, low, high):
-    """(height, width) uint8: low becomes 0, high 255."""
-    factor = 255.0 / max(high - low, 1e-9)
-    if pixels.dtype.kind == 'u':    # one look-up is faster than the reckoning
-        table = np.clip((np.arange(65536) - low) * factor, 0, 255).astype(np.uint8)
-        return table[pixels]
-    with np.errstate(invalid='ignore', over='ignore'):
-        return np.nan_to_num(np.clip((pixels.astype(np.float32) - low) * factor, 0, 255)).astype(np.uint8)
+def _dimmed(pixels):
+    grey = cv2.convertScaleAbs(cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY), alpha=0.4, beta=30)
+    return cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
 
 
-def _font(height):
-    return cv2.FONT_HERSHEY_SIMPLEX, height / 32.0, max(1, height // 16)
+def _draw_texts(strip, state, texts):
+    height, width = strip.shape[:2]
+    pad = height // 8
+    for (text, bad), left, right in zip(texts, (0.0, 0.22), (0.22, 0.42)):   # bad: why the view is not green
+        box = int(width * left) + pad, pad, int(width * (right - left)) - 2 * pad, height - 2 * pad
+        if bad:
+            cv2.rectangle(strip, box, BLACK, -1)
+        _write(strip, text, box, BLACK if state == OLD and not bad else WHITE)
 
 
-def _write(strip, words, column, ink, right=False):
-    """Write into a strip; returns how wide it is [pixel]."""
-    face, size, thickness = _font(strip.shape[0])
-    (width, height), _ = cv2.getTextSize(words, face, size, thickness)
-    at = column - width if right else column, (strip.shape[0] + height) // 2
-    cv2.putText(strip, words, at, face, size, ink, thickness, cv2.LINE_AA)
-    return width
+def _draw_scale(strip, coloured, dimmed):
+    height, width = strip.shape[:2]
+    strip[:, int(width * 0.42):] = BLACK
+    left, right, half, room = int(width * 0.46), int(width * 0.89), height // 2, int(width * 0.1)
+    bar = cv2.resize(coloured.palette[np.newaxis], (right - left, half - 3), interpolation=cv2.INTER_NEAREST)
+    strip[3:half, left:right] = _dimmed(bar) if dimmed else bar
+    for middle, number in zip(np.linspace(left, right - 1, len(MARKS)).astype(int), coloured.numbers):
+        strip[3:half, middle] = WHITE
+        _write(strip, number, (middle - room // 2, half, room, height - half), WHITE)
+    _write(strip, coloured.unit, (right + 6, 0, width - right - 6, half), WHITE)
 
 
-def _across(picture, words):
-    """Large words across the middle."""
-    face, size, thickness = _font(max(16, picture.shape[1] // 8))
-    (width, height), _ = cv2.getTextSize(words, face, size, thickness)
-    size *= min(1.0, 0.9 * picture.shape[1] / width)
-    (width, height), _ = cv2.getTextSize(words, face, size, thickness)
-    at = (picture.shape[1] - width) // 2, (picture.shape[0] + height) // 2
-    cv2.putText(picture, words, at, face, size, COLOURS[FROZEN], thickness, cv2.LINE_AA)
+def _draw_banner(picture, text):
+    height, width = picture.shape[:2]
+    box = width // 16, (height - width // 6) // 2, width - width // 8, width // 6
+    _write(picture, text, box, BLACK, 4)
+    _write(picture, text, box, (80, 80, 255))
+
+
+def _write(image, text, box, ink, boldness=1):
+    """Text as large as fits into the middle of a box (column, row, width, height)."""
+    column, row, width, height = box
+    (length, up), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 1.0, 1)
+    scale = min(0.96 * width / length, 0.55 * height / up)
+    at = int(column + (width - scale * length) / 2), int(row + (height + scale * up) / 2)
+    cv2.putText(image, text, at, cv2.FONT_HERSHEY_SIMPLEX, scale, ink, max(1, round(2 * scale)) * boldness,
+                cv2.LINE_AA)

@@ -72,6 +72,11 @@ class ClockClient:
                 return None
             return Estimate(self._clock.offset, self._clock.round_trip, self._clock.uncertainty(now))
 
+    def offset(self):
+        """How far the robot's clock is ahead [s]; where it is not known both are taken to agree."""
+        estimate = self.estimate
+        return estimate.offset if estimate else 0.0
+
     @property
     def counts(self):
         """{what: how often}: jumps of a clock, and answers refused by reason; unasked may be other operators'."""

@@ -48,26 +48,26 @@ class OperatorReceiver:
         drop = _demonstrate(loss, int(number_parameter('~loss_seed', 0, least=0, tell=tell))) if loss else None
         self._motion = Motion(rospy.get_param('~odom_topic', '/operator/odom'),
                               rospy.get_param('~cmd_vel_topic', '/cmd_vel'))
-        self.streams = load_streams(
-            operator_class, Link(size, receive_buffer=buffer, drop=drop, motion=self._motion), tell)
+        self._clock = ClockClient()
+        self.streams = load_streams(operator_class, Link(
+            size, receive_buffer=buffer, drop=drop, motion=self._motion, clock_offset=self._clock.offset), tell)
         parts = [LiveSettings(name, live(stream.PARAMETERS), stream.settings, stream.configure, threading.RLock(), tell)
                  for name, stream in self.streams.items() if live(stream.PARAMETERS)]
         self._watch = ParameterWatch(parts, background=True)
         status = [stream.topic for stream in self.streams.values() if stream.MESSAGE is RobotStatus]
         patience = number_parameter('~focus_patience', 10.0, least=0.1, tell=tell)
         self._focus = FocusClient(status[0] if status else None, patience)
-        self._clock = ClockClient()
         self._diagnostics = operator_diagnostics(self.streams, self._clock, self.problems, self._focus.sent)
         rospy.on_shutdown(self.close)
 
     def close(self):
         self._diagnostics.close()
-        self._clock.close()
         self._focus.close()
         self._watch.stop()
         self._motion.close()
         for stream in self.streams.values():
             stream.close()
+        self._clock.close()
 
 
 def _demonstrate(loss, seed):

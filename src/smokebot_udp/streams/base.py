@@ -27,6 +27,8 @@ class Link:
     """Loses datagrams on purpose, see udpros.Subscriber."""
     motion: Any = None
     """Tells the operator's streams whether the robot stands(), and is told by pictures(changed) of theirs."""
+    clock_offset: Callable = lambda: 0.0
+    """f() -> how far the robot's clock is ahead of the operator's [s]."""
 
 
 def wire_topic(name):

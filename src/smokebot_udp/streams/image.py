@@ -106,8 +106,13 @@ class ImageReceiver(GatheringReceiver):
 
     def start(self):
         if self.settings['view_topic']:
-            self._view = view.ViewPublisher(self.settings)
+            self._view = view.ViewPublisher(self.settings, self.link.clock_offset)
         super().start()
+
+    def configure(self, changes):
+        super().configure(changes)
+        if self._view is not None:
+            self._view.configure(self.settings)
 
     def close(self):
         super().close()

@@ -1,0 +1,194 @@
+# SPDX-License-Identifier: BSD-3-Clause
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from smokebot_udp.codecs.colouring import Coloured
+from smokebot_udp.codecs.view import COLOURS, FRESH, FROZEN, OLD
+
+PICTURE = np.full((1, 1), 7000, np.uint16)
+
+
+class FakePublisher:
+    made = None
+
+    def __init__(self, topic, message_class, **options):
+        self.name, self.connections, self.sent = topic, 1, []
+        self.changed = threading.Condition()
+        FakePublisher.made = self
+
+    def get_num_connections(self):
+        return self.connections
+
+    def publish(self, message):
+        with self.changed:
+            self.sent.append((time.monotonic(), message))
+            self.changed.notify()
+
+    def unregister(self):
+        self.connections = 0
+
+    def wait_for_frame(self, frame='thermal'):
+        """The index of the first message with this frame_id."""
+        def index():
+            return next((i for i, (_, m) in enumerate(self.sent) if m.header.frame_id == frame), None)
+        with self.changed:
+            assert self.changed.wait_for(lambda: index() is not None, 10)
+        return index()
+
+    def wait_for(self, count):
+        with self.changed:
+            assert self.changed.wait_for(lambda: len(self.sent) >= count, 10)
+        return self.sent
+
+
+@pytest.fixture
+def publisher(monkeypatch):
+    streams_view = pytest.importorskip('smokebot_udp.streams.view')
+    monkeypatch.setattr(streams_view.rospy, 'Publisher', FakePublisher)
+    monkeypatch.setattr(streams_view, 'REMINDED', 0.05)
+    made = []
+
+    def make(connections=1, offset=0.0, **settings):
+        settings = {**defaults(), 'view_topic': 'view', **settings}
+        monkeypatch.setattr(FakePublisher, 'get_num_connections', lambda self: connections)
+        made.append(streams_view.ViewPublisher(settings, lambda: offset, 'camera'))
+        return made[-1]
+    yield make
+    for one in made:
+        one.close()
+
+
+def header(stamp=100.0, frame='thermal'):
+    import rospy
+    from std_msgs.msg import Header
+    return Header(stamp=rospy.Time.from_sec(stamp), frame_id=frame)
+
+
+def state(message):
+    picture = np.frombuffer(message.data, np.uint8).reshape(message.height, message.width, 3)
+    colours = {tuple(picture[0, 0].tolist()), tuple(picture[-1, 0].tolist())}
+    assert len(colours) == 1 and message.encoding == 'bgr8' and message.step == 3 * message.width
+    colour = colours.pop()
+    return next(name for name, value in COLOURS.items() if value == colour)
+
+
+def test_no_data_yet(publisher):
+    publisher()
+    (_, first), (_, second) = FakePublisher.made.wait_for(2)[:2]
+    assert state(first) == state(second) == FROZEN and first.header.frame_id == 'camera'
+
+
+def test_a_picture_comes_out_at_once_and_grows_old(publisher):
+    views = publisher(old_after=0.2, frozen_after=0.4)
+    source = header()
+    views.show(PICTURE, 'mono16', source, 1.0, 100.1)
+    at = FakePublisher.made.wait_for_frame()
+    began, first = FakePublisher.made.sent[at]
+    assert state(first) == FRESH and first.header.frame_id == 'thermal' and first.header is not source
+    sent = FakePublisher.made.wait_for(at + 9)[at + 1:]
+    states = [state(message) for _, message in sent]
+    assert states[0] == OLD and states[-1] == FROZEN and states == sorted(states, reverse=True)
+    assert sent[0][0] - began > 0.15
+    assert all(message.header.stamp == source.stamp for _, message in sent)
+
+
+def test_it_grows_old_from_the_age_at_which_it_came(publisher):
+    views = publisher(old_after=0.2, frozen_after=0.8)
+    views.show(PICTURE, 'mono16', header(), 1.0, 100.7)
+    at = FakePublisher.made.wait_for_frame()
+    assert [state(message) for _, message in FakePublisher.made.wait_for(at + 2)[at:at + 2]] == [OLD, FROZEN]
+
+
+def test_a_stream_that_runs_is_published_once_each(publisher):
+    views = publisher(old_after=5.0, frozen_after=9.0)
+    for turn in range(20):
+        views.show(PICTURE, 'mono16', header(100.0 + turn), 1.0, 100.1 + turn)
+        FakePublisher.made.wait_for_frame()
+        wait_until(lambda turn=turn: FakePublisher.made.sent[-1][1].header.stamp.to_sec() == 100 + turn)
+    states = [state(message) for _, message in FakePublisher.made.sent if message.header.frame_id == 'thermal']
+    assert states == [FRESH] * 20
+
+
+def wait_until(condition):
+    until = time.monotonic() + 10
+    while not condition():
+        assert time.monotonic() < until
+        time.sleep(0.002)
+
+
+def test_a_slow_viewer_does_not_hold_up_who_shows(publisher, monkeypatch):
+    views, go = publisher(), threading.Event()
+    grey = Coloured(np.full((480, 640, 3), 100, np.uint8))
+    monkeypatch.setattr(views, '_colouring', lambda *source: go.wait(10) and grey)
+    for turn in range(3):
+        began = time.monotonic()
+        views.show(PICTURE, 'mono16', header(100.0 + turn), 1.0, 100.1 + turn)
+        assert time.monotonic() - began < 1.0
+        time.sleep(0.05)
+    go.set()
+    wait_until(lambda: FakePublisher.made.sent and FakePublisher.made.sent[-1][1].header.stamp.to_sec() == 102)
+    stamps = {message.header.stamp.to_sec() for _, message in FakePublisher.made.sent}
+    assert stamps <= {0.0, 100.0, 102.0}      # 101 was never the newest when there was time for it
+
+
+@pytest.mark.parametrize('offset, now, expected', [(5.0, 95.1, FRESH), (0.0, 95.1, OLD), (-3.0, 103.1, FRESH),
+                                                   (0.0, 103.1, FROZEN)])
+def test_the_robots_clock(publisher, offset, now, expected):
+    views = publisher(offset=offset)
+    views.show(np.uint8([[7]]), 'mono8', header(), 1.0, now)
+    assert state(FakePublisher.made.sent[FakePublisher.made.wait_for_frame()][1]) == expected
+
+
+def test_nobody_looks_and_then_somebody_does(publisher, monkeypatch):
+    views = publisher(connections=0)
+    monkeypatch.setattr(views, '_colouring', None)     # would fail if it were used
+    for _ in range(3):
+        views.show(PICTURE, 'mono16', header(), 1.0, 100.1)
+    time.sleep(0.15)
+    assert not FakePublisher.made.sent
+    views.configure({**defaults(), 'old_after': 0.1})
+    monkeypatch.setattr(FakePublisher, 'get_num_connections', lambda self: 1)
+    (_, message), = FakePublisher.made.wait_for(1)[:1]
+    assert state(message) == OLD and message.header.frame_id == 'thermal'
+
+
+def defaults():
+    from smokebot_udp.streams import parameters
+    from smokebot_udp.streams.view import PARAMETERS
+    return parameters.check({}, PARAMETERS)
+
+
+def test_a_picture_that_cannot_be_shown_does_not_keep_the_last_one_alive(publisher, monkeypatch):
+    errors = []
+    monkeypatch.setattr('rospy.logerr_throttle_identical', lambda period, text: errors.append(text))
+    views = publisher(old_after=0.1, frozen_after=0.2)
+    views.show(PICTURE, 'mono16', header(), 1.0, 100.1)
+    FakePublisher.made.wait_for_frame()
+    until = time.monotonic() + 0.6
+    while time.monotonic() < until:
+        views.show(PICTURE, 'yuv422', header(101.0), 1.0, 101.1)
+        time.sleep(0.02)
+        views.show(PICTURE, 'mono16', header(101.0), 2.0, 101.1)
+        time.sleep(0.02)
+    time.sleep(0.2)
+    assert state(FakePublisher.made.sent[-1][1]) == FROZEN
+    assert FakePublisher.made.sent[-1][1].header.stamp.to_sec() == 100.0
+    assert {text.split()[6] for text in errors} == {'encoding', 'completeness'}
+
+
+def test_settings_change_while_it_runs(publisher):
+    views = publisher()
+    views.configure({**defaults(), 'old_after': 0.05})
+    views.show(PICTURE, 'mono16', header(), 1.0, 100.1)
+    assert state(FakePublisher.made.sent[FakePublisher.made.wait_for_frame()][1]) == OLD
+
+
+def test_closed_it_is_silent(publisher):
+    views = publisher()
+    views.close()
+    count = len(FakePublisher.made.sent)
+    time.sleep(0.15)
+    assert len(FakePublisher.made.sent) == count
