@@ -13,6 +13,9 @@ Parameters
 | ~odom_topic | str | /operator/odom | | nav_msgs/Odometry that tells whether the robot stands |
 | ~cmd_vel_topic | str | /cmd_vel | | geometry_msgs/Twist that tells it where odometry is silent; else the pictures do |
 | ~focus_patience | double | 10 | s | so long ~set_focus asks the robot |
+| ~stale_after | double | 2 | s | rviz' 3D view says NO DATA where nothing came for so long |
+| ~stale_topic | str | /operator/stale | | visualization_msgs/Marker that says it |
+| ~base_frame | str | base_link | | the robot's, above which it stands |
 | ~<stream>/<setting> | | as in streams.yaml | | dynamic: the settings of a stream that may change while it runs |
 
 Each stream subscribes smokebot_udp/<stream>/segments and publishes its operator_topic. Service: ~set_focus, the robot's
@@ -34,6 +37,7 @@ from .focus_client import FocusClient
 from .live import LiveSettings, ParameterWatch
 from .motion import Motion
 from .problems import Problems
+from .stale import StaleMarker
 
 
 class OperatorReceiver:
@@ -58,9 +62,13 @@ class OperatorReceiver:
         patience = number_parameter('~focus_patience', 10.0, least=0.1, tell=tell)
         self._focus = FocusClient(status[0] if status else None, patience)
         self._diagnostics = operator_diagnostics(self.streams, self._clock, self.problems, self._focus.sent)
+        self._stale = StaleMarker(
+            self.streams, self._focus.sent, rospy.get_param('~stale_topic', '/operator/stale'),
+            rospy.get_param('~base_frame', 'base_link'), number_parameter('~stale_after', 2.0, least=0.1, tell=tell))
         rospy.on_shutdown(self.close)
 
     def close(self):
+        self._stale.close()
         self._diagnostics.close()
         self._focus.close()
         self._watch.stop()

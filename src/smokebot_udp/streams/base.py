@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What the streams of every kind have in common, on either side."""
 import collections
+import time
 from dataclasses import dataclass
 from typing import Any, Callable, Optional
 
@@ -149,6 +150,7 @@ class OperatorStream:
         self.settings = dict(settings)
         self.link = link
         self.received, self.published = 0, 0
+        self.last_shown = None      # when, by time.monotonic() [s]
         self._shown = collections.deque(maxlen=SHOWN)
 
     def start(self):
@@ -175,6 +177,7 @@ class OperatorStream:
         """
         self._publisher.publish(message)
         self.published += 1
+        self.last_shown = time.monotonic()
         self._shown.append(((rospy.Time.now() - stamp).to_sec() if stamp else None, completeness))
 
     def figures(self):

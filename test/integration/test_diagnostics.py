@@ -1,0 +1,137 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""What both sides tell on /diagnostics, at 20 % loss, with an operator's clock that is an hour slow."""
+import pathlib
+import subprocess
+import sys
+import threading
+import time
+import unittest
+
+import numpy as np
+import rospy
+import rostest
+from diagnostic_msgs.msg import DiagnosticArray
+from sensor_msgs.msg import Image
+from std_msgs.msg import Float32
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+from waiting import Collector, wait_for
+
+from smokebot_udp.codecs.view import COLOURS, FRESH, FROZEN
+
+OK, WARN, ERROR = 0, 1, 2
+RATE = 10.0
+"""Of the camera [Hz]."""
+
+
+class Camera(threading.Thread):
+    """Publishes pictures while it is on, and gas all the time."""
+
+    def __init__(self):
+        super().__init__(daemon=True)
+        self.on = True
+        self._pictures = rospy.Publisher('/thermal/image_raw', Image, queue_size=1)
+        self._gas = rospy.Publisher('/gas', Float32, queue_size=1)
+        self._message = Image(height=120, width=160, encoding='mono16', step=320,
+                              data=np.random.RandomState(0).bytes(120 * 320))
+
+    def run(self):
+        due = time.monotonic()
+        while not rospy.is_shutdown():
+            time.sleep(max(0.0, due - time.monotonic()))
+            due += 1 / RATE
+            self._gas.publish(0.5)
+            if self.on:
+                self._message.header.stamp = rospy.Time.now()
+                self._pictures.publish(self._message)
+
+
+class Diagnostics(unittest.TestCase):
+
+    @classmethod
+    def setUpClass(cls):
+        rospy.init_node('test_diagnostics')
+        cls.statuses = {}
+        rospy.Subscriber('/diagnostics', DiagnosticArray, cls.take, queue_size=20)
+        cls.view = Collector('/operator/thermal/image_color', Image)
+        cls.camera = Camera()
+        cls.camera.start()
+
+    @classmethod
+    def take(cls, message):
+        cls.statuses.update((status.name, status) for status in message.status)
+
+    def status(self, name, level, **limits):
+        """A status' {key: text}, as soon as it has this level, and each value (_ for a blank) its (least, most)."""
+        def found():
+            status = self.statuses.get(name)
+            if status is None or status.level != level:
+                return None
+            values = {pair.key.split(' [')[0].replace(' ', '_'): pair.value for pair in status.values}
+            good = all(key in values and least <= float(values[key]) <= most for key, (least, most) in limits.items())
+            return good and {**values, 'message': status.message}
+        try:
+            return wait_for(found, what='%s with level %d and %s' % (name, level, limits))
+        except AssertionError as error:
+            raise AssertionError('%s; it is\n%s' % (error, self.statuses.get(name))) from None
+
+    def test_a_stream_tells_its_rates_its_loss_and_its_age(self):
+        robot = self.status('robot_sender: thermal', OK, rate_in=(9, 11), rate_out=(9, 11))
+        self.assertEqual((robot['side'], robot['topic']), ('robot', '/thermal/image_raw'))
+        # its loss is above its limit; ages are by the robot's clock, an hour ahead
+        operator = self.status('operator_receiver: thermal', WARN, rate_out=(9, 11), loss=(15, 25),
+                               completeness=(65, 95), age_p50=(0, 400), age_p99=(0, 2000))
+        self.assertIn('% lost', operator['message'])
+        self.assertEqual(operator['kernel_drops'], '0')
+        self.status('operator_receiver: gas', OK, rate_out=(6, 10))
+        sent, came = (self.status('%s: thermal, %s' % (one, other), level)
+                      for one, other, level in (('robot_sender', '/operator_receiver', OK),
+                                                ('operator_receiver', '/robot_sender', WARN)))
+        self.assertGreater(float(sent['datagrams/s']), float(came['datagrams/s']))
+
+    def test_the_robots_clock_is_known(self):
+        clock = self.status('operator_receiver: clock', OK, offset=(3.5999e6, 3.6001e6), round_trip=(0, 1000))
+        self.assertLess(abs(float(clock['offset']) - 3.6e6), float(clock['uncertainty']) + 5.0)
+
+    def test_what_is_set_wrongly_is_told_and_set_back(self):
+        rospy.set_param('/robot_sender/thermal/rate', -5)
+        message = self.status('robot_sender: settings', WARN, problems=(2, 2))['message']
+        self.assertIn('/robot_sender/thermal/rate refused, 10.0 stays: rate is -5', message)
+        wait_for(lambda: rospy.get_param('/robot_sender/thermal/rate') == 10.0, what='the old rate')
+        rospy.set_param('/robot_sender/focus', 'nonsense')
+        values = self.status('robot_sender: settings', WARN, problems=(3, 3))
+        self.assertIn("focus is 'nonsense'", values['message'])
+        self.assertIn("warn_loss is 'much'", values['problem_1'])
+        self.status('robot_sender: thermal', OK, rate_out=(9, 11))
+
+    def test_a_silent_camera_is_an_error_on_both_sides_and_looks_frozen(self):
+        self.view.wait_connected()
+        wait_for(lambda: self.frame() == COLOURS[FRESH], what='a fresh picture')
+        self.camera.on = False
+        try:
+            self.assertIn('its source is silent', self.status('robot_sender: thermal', ERROR)['message'])
+            self.assertIn('nothing is shown', self.status('operator_receiver: thermal', ERROR)['message'])
+            wait_for(lambda: self.frame() == COLOURS[FROZEN], what='a frozen picture')
+        finally:
+            self.camera.on = True
+        wait_for(lambda: self.frame() == COLOURS[FRESH], what='a fresh picture again')
+        self.status('robot_sender: thermal', OK, rate_out=(9, 11))
+        self.status('operator_receiver: gas', OK)
+
+    def frame(self):
+        """The colour of the view's frame, [b, g, r]."""
+        message = list(self.view.messages.values())[-1] if self.view.messages else None
+        return message and tuple(np.frombuffer(message.data, np.uint8)[:3].tolist())
+
+    def test_link_top_prints_both_sides(self):
+        self.status('operator_receiver: thermal', WARN, rate_out=(9, 11))
+        text = subprocess.run(['rosrun', 'smokebot_udp', 'link_top', '--once'], check=True, timeout=60,
+                              stdout=subprocess.PIPE).stdout.decode()
+        line, = (line for line in text.splitlines() if ' thermal ' in line and '/' not in line)
+        self.assertEqual(line.split()[0], 'WARN')
+        self.assertTrue(all(9 <= float(rate) <= 11 for rate in line.split()[2:6]), line)
+
+
+if __name__ == '__main__':
+    rostest.rosrun('smokebot_udp', 'diagnostics', Diagnostics)
