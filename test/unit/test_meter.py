@@ -123,6 +123,14 @@ def test_silence_is_too_long_from_the_limit_on():
     assert silence.too_long(12.9, 4.0) is None
 
 
+def test_what_fell_silent_soon_is_silent_too_long_all_the_same():
+    silence = Silence(0.0)
+    for second in range(20):
+        silence.read(min(3, second), float(second))
+    assert silence.too_long(5.9, 2.0) is None and silence.too_long(6.1, 2.0) == pytest.approx(3.1)
+    assert silence.too_long(19.0, 2.0) == 16.0
+
+
 def test_what_speaks_rarely_may_be_silent_for_longer():
     silence = Silence(0.0)
     for second in range(41):

@@ -124,10 +124,12 @@ class Silence:
 
     def read(self, total, now):
         """Take a reading; None is none."""
-        if total and total != self._total:
+        counted = total and total != self._total
+        if counted:
             self._since = now
+        if counted or self._total is None:
+            self._usual.read(total, now)    # a silence that lasts must not become what is usual
         self._total = total
-        self._usual.read(total, now)
 
     def forgive(self, now):
         """Until now nothing was to be expected."""
