@@ -62,7 +62,7 @@ class LinkLab(unittest.TestCase):
         cls.processes = []
         cls.addClassCleanup(cls.end)
         cls.lab.set({'delay': 0.02})
-        cls.start('robot', 'roscore')
+        cls.start('robot', 'rosmaster', '--core')   # roscore's own children would outlive it
         cls.until_the_master_answers()
         cls.start('robot', 'rosrun', 'smokebot_udp', 'simulated_robot', '__name:=simulated_robot', '_camera_rate:=0')
         cls.start('robot', 'rosrun', 'smokebot_udp', 'robot_sender', '__name:=robot_sender')
