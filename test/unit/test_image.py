@@ -5,7 +5,8 @@ import pytest
 from smokebot_udp.codecs.fill import nearest
 from smokebot_udp.codecs.image import Picture
 from smokebot_udp.codecs.interleave import fit
-from smokebot_udp.codecs.pixels import item_type
+from smokebot_udp.codecs.kriging import kriging
+from smokebot_udp.codecs.pixels import item_type, pixel_type
 
 HEIGHT, WIDTH = 45, 60
 
@@ -59,6 +60,24 @@ def test_missing_segments_are_filled_and_received_pixels_exact():
     came = cut.merge(np.repeat(picture.have, cut.shape[0] * cut.shape[1]).reshape((-1,) + cut.shape))
     assert 0.4 < came.mean() < 0.6
     assert (picture.items(nearest)[came] == items[came]).all()
+
+
+@pytest.mark.parametrize('encoding', ['mono16', 'bgr8', '32FC1'])
+@pytest.mark.parametrize('is_bigendian', [False, True])
+def test_a_fill_that_reckons_gets_the_numbers_of_the_pixels(encoding, is_bigendian):
+    items, cut, segments = segments_of(encoding)
+    picture = empty(cut, encoding)
+    take(picture, *segments[::2])
+    channel, channels = pixel_type(encoding, is_bigendian)
+    seen = []
+    filled = picture.items(lambda *arguments: seen.append(arguments) or kriging(*arguments), channel)
+    subimages, have, _ = seen[0]
+    numbers = items.view(channel).reshape(HEIGHT, WIDTH, channels)
+    assert subimages.dtype == channel
+    assert subimages[have].tobytes() == cut.split(numbers)[have].tobytes()
+    assert filled.dtype == items.dtype
+    expected = cut.merge(kriging(subimages, have, cut))
+    assert filled.tobytes() == expected.tobytes()
 
 
 def test_duplicates_are_counted_and_change_nothing():

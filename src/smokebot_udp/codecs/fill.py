@@ -7,7 +7,9 @@ received one is near is worked out once on a block, and the pixels then move by 
 import numpy as np
 from scipy import ndimage
 
+from .blocks import moved
 from .interleave import table
+from .kriging import kriging, kriging_clamped
 
 
 def nearest(subimages, have, cut):
@@ -16,10 +18,10 @@ def nearest(subimages, have, cut):
     Nearest by Euclidean distance between pixels; of those equally near, scipy's choice, always the same. At
     the picture's border, where the nearest would lie outside, it is the nearest of the same subimage inside.
 
-    :param subimages: (n, rows, columns) array of any dtype, in cut.order
+    :param subimages: (n, rows, columns, ...) array of any dtype, in cut.order
     :param have: (n,) bool, which of them were received; the others' values do not matter
     :param cut: Interleave
-    :return: (n, rows, columns) array: all of them; zero where nothing was received
+    :return: an array like subimages: all of them; zero where nothing was received
     """
     if have.all():
         return subimages
@@ -29,14 +31,10 @@ def nearest(subimages, have, cut):
     source, block = _nearest_received(have, cut)
     received = np.flatnonzero(have)
     rank = np.cumsum(have) - 1
-    ringed = np.pad(subimages[received], ((0, 0), (1, 1), (1, 1)), mode='edge')
-    rows, columns = cut.shape
-    plane, row, column = ringed.strides
-    windows = np.lib.stride_tricks.as_strided(   # [received subimage, blocks down, blocks right] shifted by -1..1
-        ringed, (len(received), 3, 3, rows, columns), (plane, row, column, row, column), writeable=False)
     filled = np.empty_like(subimages)
     filled[received] = subimages[received]
-    filled[missing] = windows[rank[source[missing]], 1 + block[missing, 0], 1 + block[missing, 1]]
+    filled[missing] = moved(subimages[received], 1)[
+        rank[source[missing]], 1 + block[missing, 0], 1 + block[missing, 1]]
     return filled
 
 
@@ -59,5 +57,8 @@ def _nearest_received(have, cut):
     return source, block
 
 
-METHODS = {'nearest': nearest}
-"""{name: f(subimages, have, cut) -> subimages}"""
+METHODS = {'nearest': nearest, 'kriging': kriging, 'kriging_clamped': kriging_clamped}
+"""{name: f(subimages, have, cut) -> subimages}, see `nearest`; all but it reckon with the subimages' numbers"""
+
+BEST = 'kriging_clamped'
+"""doc/fill.md"""

@@ -71,11 +71,14 @@ class Picture:
             self.ending |= bool(places.max() >= self.total - ENDING * count)
         return good
 
-    def items(self, fill):
+    def items(self, fill, channel=None):
         """The picture, its missing pixels filled.
 
         :param fill: one of fill.METHODS
+        :param channel: dtype of a pixel's numbers, in their byte order, see pixels.pixel_type; None: of no matter
         :return: (height, width) array of `item`; received pixels are as they were sent
         """
-        subimages = self._subimages.reshape((-1,) + self.cut.shape)
-        return self.cut.merge(fill(subimages, self.have, self.cut))
+        shape = (len(self.cut),) + self.cut.shape
+        subimages = self._subimages.view(channel or self.item).reshape(shape + (-1,))
+        filled = fill(subimages, self.have, self.cut)
+        return self.cut.merge(filled.view(self.item).reshape(shape))

@@ -23,7 +23,7 @@ from .rounds import Rounds
 from .segments import head_of, room, same_head, stamps_of, write_header
 
 CELL = pixels.item_type('mono8')
-FILLS = {'unknown': grid.unknown, **fill.METHODS}
+FILLS = {'unknown': grid.unknown, 'nearest': fill.nearest}
 
 
 class GridSender(RobotStream):

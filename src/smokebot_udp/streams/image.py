@@ -94,8 +94,7 @@ class ImageReceiver(GatheringReceiver):
         'integrate': Parameter('when_still', '', 'when pixels of earlier pictures stand in for missing ones, unless '
                                'the scene changed there', choices=('never', 'when_still', 'always'), live=True),
         'remember': Parameter(5.0, 's', 'how old such a pixel may be', above=0.0, most=3600.0, live=True),
-        'fill': Parameter('nearest', '', 'how missing pixels are filled', choices=tuple(fill.METHODS),
-                          live=True),
+        'fill': Parameter(fill.BEST, '', 'how missing pixels are filled', choices=tuple(fill.METHODS), live=True),
         **view.PARAMETERS,
     }
 
@@ -126,7 +125,9 @@ class ImageReceiver(GatheringReceiver):
         return records['index'].astype(int), records['count'], records['data']
 
     def message(self, head, picture):
-        items, completeness = self._integrated(head, picture, picture.items(fill.METHODS[self.settings['fill']]))
+        channel, _ = pixels.pixel_type(head.encoding, head.is_bigendian)
+        items = picture.items(fill.METHODS[self.settings['fill']], channel)
+        items, completeness = self._integrated(head, picture, items, channel)
         message = Image(height=head.height, width=head.width, encoding=head.encoding, is_bigendian=head.is_bigendian,
                         step=items.strides[0], data=items.tobytes())
         if self._view is not None:
@@ -135,7 +136,7 @@ class ImageReceiver(GatheringReceiver):
                                              head.is_bigendian), head.encoding, header, completeness)
         return message
 
-    def _integrated(self, head, picture, items):
+    def _integrated(self, head, picture, items, channel):
         """The picture with what is remembered of earlier ones (D6.3, section 4.2), where that is wanted; and the share
         of its pixels that were received, now or then."""
         when = self.settings['integrate']
@@ -144,7 +145,6 @@ class ImageReceiver(GatheringReceiver):
             return items, picture.completeness
         use = when == 'always' or self.link.motion.stands()
         self._memory.max_age = self.settings['remember']
-        channel, _ = pixels.pixel_type(head.encoding, head.is_bigendian)
         integrated = self._memory.complete(items, picture.have, picture.cut, channel, time.monotonic(), use)
         self.link.motion.pictures(integrated.changed)
         return integrated.items, integrated.share

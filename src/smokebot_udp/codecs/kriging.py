@@ -1,0 +1,182 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Fills missing pixels by ordinary kriging: the best linear estimate from the received ones (G. Matheron, 1963).
+
+Two pixels are thought to differ, squared and in the mean, by their distance to the power of 1.5: a power variogram. Of
+all weights w_i that sum to 1, so that brightness does not matter, kriging takes those for the received neighbours z_i
+with which sum w_i z_i is least off.
+
+Such a model has no length to estimate: pictures look alike at any scale, and so the weights depend only on where the
+received pixels lie, not on the picture. All its blocks have received the same, so a missing subimage is estimated as a
+whole, by one set of weights. The power is fixed, as the best one for each picture gains little (doc/fill.md).
+"""
+import functools
+from typing import NamedTuple
+
+import numpy as np
+from scipy import sparse, spatial
+
+from .blocks import moved
+from .interleave import table
+
+NEIGHBOURS = 12
+"""So many received pixels estimate a missing one; with twice as many it is 0.1 dB better, and takes twice as long."""
+
+CLAMPING = 5
+"""An estimate is clamped to the range of so many nearest neighbours; with 4 to 12 it is as good."""
+
+REACH = 2
+"""Neighbours are looked for so many blocks away: at a single received subimage this finds NEIGHBOURS."""
+
+PLANS_KEPT = 8
+"""Weights are kept for so many sets of received subimages: without loss, they are the same for each picture."""
+
+
+def kriging(subimages, have, cut):
+    """Each missing pixel is the best linear estimate from the received ones nearest to it.
+
+    Beyond the picture's border its subimages' last pixels repeat. An estimate may exceed its neighbours, as where an
+    edge or a peak lies between them. Where a neighbour is no finite number, as in a depth picture, the nearest
+    received pixel is taken.
+
+    :param subimages: (n, rows, columns, ...) array of numbers, of any byte order, in cut.order
+    :param have: (n,) bool, which of them were received; the others' values do not matter
+    :param cut: Interleave
+    :return: an array like subimages: all of them; zero where nothing was received
+    """
+    return _fill(subimages, have, cut, clamp=False)
+
+
+def kriging_clamped(subimages, have, cut):
+    """The same, but no estimate exceeds the range of the received pixels nearest to it: it invents no peak."""
+    return _fill(subimages, have, cut, clamp=True)
+
+
+def _fill(subimages, have, cut, clamp):
+    if have.all():
+        return subimages
+    if not have.any():
+        return np.zeros_like(subimages)
+    plan = _plan(cut, have.tobytes())
+    numbers = _sources(subimages, plan)
+    estimates = _rounded(plan.weights @ numbers.astype(np.float32), numbers.dtype)
+    if clamp:
+        np.clip(estimates, *_range(numbers, plan.nearest), out=estimates)
+    if estimates.dtype.kind == 'f':
+        strange = ~np.isfinite(estimates)
+        estimates[strange] = numbers[plan.nearest[0]][strange]
+    filled = np.empty_like(subimages)
+    filled[have] = subimages[have]
+    filled[~have] = estimates.reshape((-1,) + subimages.shape[1:])
+    return filled
+
+
+class _Plan(NamedTuple):
+    """How to fill what is missing of a cut.
+
+    Sources are received subimages, each moved by whole blocks so that its pixels fall on the blocks they are
+    neighbours of.
+    """
+    subimage: np.ndarray
+    """(s,) int: of each source."""
+    block: np.ndarray
+    """(s, 2) int, -REACH..REACH: from which block, down and right, its pixels come."""
+    weights: sparse.csr_matrix
+    """(missing subimages, s) float32."""
+    nearest: np.ndarray
+    """(at most CLAMPING, missing subimages) int: the sources nearest to each, the nearest first."""
+
+
+@functools.lru_cache(maxsize=PLANS_KEPT)
+def _plan(cut, have):
+    """:param have: the bytes of (n,) bool"""
+    p, have = cut.p, np.frombuffer(have, bool)
+    position = cut.positions[table(cut.depth)]          # (p, p), -1: no subimage
+    place = np.empty((len(cut), 2), int)
+    place[position[position >= 0]] = np.argwhere(position >= 0)
+    neighbours = _neighbours(have, place, p)
+    block, within = np.divmod(neighbours, p)
+    subimage = position[within[..., 0], within[..., 1]]
+    side = 2 * REACH + 1
+    key = (subimage * side + block[..., 0] + REACH) * side + block[..., 1] + REACH
+    used = np.zeros(len(cut) * side * side, bool)
+    used[key] = True
+    source = (np.cumsum(used) - 1)[key]                 # (missing, k)
+    subimage, block = np.divmod(np.flatnonzero(used), side * side)
+    weights = weigh(neighbours - place[~have][:, np.newaxis])
+    rows = np.arange(len(source) + 1) * source.shape[1]
+    return _Plan(
+        subimage, np.stack(np.divmod(block, side), axis=1) - REACH,
+        sparse.csr_matrix((weights.ravel(), source.ravel(), rows), (len(source), len(subimage))),
+        np.ascontiguousarray(source[:, :CLAMPING].T))
+
+
+def _neighbours(have, place, p):
+    """The received pixels nearest to each missing one of a block, in this block and those around it.
+
+    :param place: (n, 2) int, where in a block each subimage has its pixel
+    :return: (missing, k) rows and columns, (missing, k, 2) int; the nearest first
+    """
+    received, missing = place[have], place[~have]
+    # so far that a disc at the block's corner holds twice the neighbours
+    radius = np.sqrt(2 * NEIGHBOURS / (np.pi * len(received))) * p
+    margin = min(int(np.ceil(radius)) + 1, REACH * p)
+    block = np.zeros((p, p), bool)
+    block[received[:, 0], received[:, 1]] = True
+    around = np.arange(-margin, p + margin) % p
+    points = np.argwhere(block[around][:, around]) - margin
+    k = min(NEIGHBOURS, len(points))
+    _, indexes = spatial.cKDTree(points).query(missing, k)
+    return points[indexes.reshape(len(missing), k)]
+
+
+def weigh(offsets):
+    """The weights of ordinary kriging.
+
+    What is estimated is how much the missing pixel differs from its first neighbour, by how much the others do: then
+    the weights sum to 1 by themselves.
+
+    :param offsets: (m, k, 2) int, where each one's k neighbours lie, seen from it; no two at the same place
+    :return: (m, k) float32; each row sums to 1
+    """
+    down, right = np.ascontiguousarray(np.moveaxis(offsets, 2, 0), np.float32)
+    missing = _variogram(down, right)
+    pairs = _variogram(*(at[:, :, np.newaxis] - at[:, np.newaxis] for at in (down, right)))
+    first = pairs[:, 0, 1:]
+    # the covariances, twice, of differences from the first: of two neighbours, and of one and the missing pixel
+    among = first[:, :, np.newaxis] + first[:, np.newaxis] - pairs[:, 1:, 1:]
+    to_missing = missing[:, :1] + first - missing[:, 1:]
+    others = np.linalg.solve(among, to_missing[..., np.newaxis])[..., 0]
+    return np.concatenate([1 - others.sum(axis=1, keepdims=True), others], axis=1)
+
+
+def _variogram(down, right):
+    """The mean squared difference of pixels so far apart, up to a factor."""
+    squared = down * down + right * right
+    return np.sqrt(squared * np.sqrt(squared))      # np.power takes ten times as long
+
+
+def _sources(subimages, plan):
+    """The plan's sources: (s, pixels' numbers) array in the machine's byte order."""
+    received, rank = np.unique(plan.subimage, return_inverse=True)
+    native = subimages[received].astype(subimages.dtype.newbyteorder('='), copy=False)
+    down, right = (plan.block + REACH).T
+    return moved(native, REACH)[rank, down, right].reshape(len(rank), -1)
+
+
+def _range(numbers, nearest):
+    """The least and the greatest of some sources, for each missing subimage."""
+    low, high = numbers[nearest[0]], numbers[nearest[0]]
+    for source in nearest[1:]:
+        others = numbers[source]
+        np.minimum(low, others, out=low)
+        np.maximum(high, others, out=high)
+    return low, high
+
+
+def _rounded(estimates, dtype):
+    """Estimates, float32, as numbers of this type, which they are clipped to."""
+    if dtype.kind == 'f':
+        return estimates.astype(dtype, copy=False)
+    limits = np.iinfo(dtype)
+    np.rint(np.clip(estimates, limits.min, limits.max, out=estimates), out=estimates)
+    return estimates.astype(dtype)

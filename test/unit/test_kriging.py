@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: BSD-3-Clause
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from smokebot_udp.codecs.fill import nearest
+from smokebot_udp.codecs.interleave import Interleave
+from smokebot_udp.codecs.kriging import CLAMPING, kriging, kriging_clamped, weigh
+
+BOTH = pytest.mark.parametrize('method', [kriging, kriging_clamped])
+TYPES = ['u1', '<u2', '>u2', '<f4', '>f4']
+
+
+def received_pixels(cut, have):
+    """(height, width) bool: which pixels came."""
+    return cut.merge(np.repeat(have, cut.shape[0] * cut.shape[1]).reshape((-1,) + cut.shape))
+
+
+def a_set(cut, share, seed):
+    """(n,) bool: some subimages, at least one, not all."""
+    assume(len(cut) > 1)
+    random = np.random.RandomState(seed)
+    have = random.random_sample(len(cut)) < share
+    have[random.permutation(len(cut))[:2]] = True, False
+    return have
+
+
+def filled(method, picture, have, cut):
+    return cut.merge(method(cut.split(picture), have, cut))
+
+
+cuts = st.builds(Interleave, st.integers(1, 40), st.integers(1, 40), st.integers(0, 4))
+any_case = given(cuts, st.floats(0, 1), st.integers(0, 999))
+many = settings(max_examples=150, deadline=None)
+
+
+@pytest.mark.parametrize('offsets, weights', [
+    ([(3, 4)], [1]),
+    ([(0, -1), (0, 1)], [1 / 2, 1 / 2]),
+    ([(0, -1), (0, 1), (-1, 0), (1, 0)], [1 / 4] * 4),
+    # one behind the other, at 1 and 2: 2 w = 1 + 1 - 2^1.5 for the farther one, so they are 2^0.5 and 1 - 2^0.5
+    ([(0, 1), (0, 2)], [2 ** 0.5, 1 - 2 ** 0.5]),
+    # at 1 on one side and 2 on the other, 3 apart: w (2 * 3^1.5) = 1 + 3^1.5 - 2^1.5
+    ([(-1, 0), (2, 0)], [0.5 + (2 ** 1.5 - 1) / (2 * 3 ** 1.5), 0.5 - (2 ** 1.5 - 1) / (2 * 3 ** 1.5)]),
+])
+def test_weights_by_hand(offsets, weights):
+    assert weigh(np.array([offsets])).tolist() == [pytest.approx(weights, abs=1e-6)]
+
+
+@given(st.lists(st.tuples(st.integers(-9, 9), st.integers(-9, 9)), min_size=1, max_size=12, unique=True))
+@settings(deadline=None)
+def test_weights_solve_the_equations_of_ordinary_kriging(offsets):
+    """With the Lagrange multiplier that the textbooks have; ours are the differences of their rows."""
+    points, k = np.array(offsets, float), len(offsets)
+    equations = np.ones((k + 1, k + 1))
+    equations[:k, :k] = np.linalg.norm(points[:, np.newaxis] - points, axis=2) ** 1.5
+    equations[k, k] = 0
+    right = np.append(np.linalg.norm(points, axis=1) ** 1.5, 1)
+    np.testing.assert_allclose(weigh(np.array([offsets]))[0], np.linalg.solve(equations, right)[:k], atol=1e-4)
+
+
+@BOTH
+def test_a_row_by_hand(method):
+    """What lies left and right of the first missing pixel mirrors: the weights of both sides sum to 1/2."""
+    cut = Interleave(1, 4, 1)
+    picture = np.array([[10, 99, 20, 99]], np.uint8)
+    assert filled(method, picture, np.array([True, False]), cut)[0, :3].tolist() == [10, 15, 20]
+
+
+@BOTH
+def test_a_slope_is_a_slope_where_neighbours_lie_all_around(method):
+    cut = Interleave(32, 32, 2)
+    picture = np.add.outer(200 * np.arange(32), 30 * np.arange(32)).astype(np.uint16)
+    for missing in range(len(cut)):
+        result = filled(method, picture, np.arange(len(cut)) != missing, cut)
+        assert (result[4:-4, 4:-4] == picture[4:-4, 4:-4]).all()
+
+
+def test_an_estimate_may_exceed_its_neighbours_but_not_when_clamped():
+    """A ridge: 200 200 ? 200 200 in each row, 0 above and below."""
+    picture = np.zeros((16, 16), np.uint8)
+    picture[6:9] = 200
+    cut = Interleave(16, 16, 2)
+    have = np.arange(len(cut)) != 5
+    came = received_pixels(cut, have)
+    assert filled(kriging, picture, have, cut)[~came].max() > 200
+    assert set(filled(kriging_clamped, picture, have, cut)[~came]) <= set(range(201))
+
+
+@BOTH
+@any_case
+@many
+def test_a_constant_picture_stays_constant(method, cut, share, seed):
+    have = a_set(cut, share, seed)
+    for kind, value in (('u1', 255), ('u1', 0), ('>u2', 65535), ('u2', 29315), ('f4', 0.1)):
+        picture = np.full((cut.height, cut.width), value, kind)
+        result = filled(method, picture, have, cut)
+        assert result.dtype == picture.dtype
+        np.testing.assert_allclose(result, picture, rtol=0 if kind != 'f4' else 1e-5)
+
+
+@BOTH
+@any_case
+@many
+def test_received_pixels_are_untouched_whatever_came(method, cut, share, seed):
+    have = a_set(cut, share, seed)
+    came = received_pixels(cut, have)
+    for kind in TYPES:
+        picture = np.frombuffer(np.random.RandomState(seed).bytes(cut.height * cut.width * np.dtype(kind).itemsize),
+                                kind).reshape(cut.height, cut.width)
+        subimages = cut.split(picture)
+        subimages[~have] = 99      # of no matter
+        result = cut.merge(method(subimages, have, cut))
+        assert result.dtype == picture.dtype
+        assert result[came].tobytes() == picture[came].tobytes()
+
+
+@any_case
+@many
+def test_clamped_stays_within_its_nearest_neighbours(cut, share, seed):
+    have = a_set(cut, share, seed)
+    came = received_pixels(cut, have)
+    picture = np.random.RandomState(seed).choice(np.array([0, 7, 65535], np.uint16), (cut.height, cut.width))
+    result = filled(kriging_clamped, picture, have, cut)
+    assert np.isin(result[came], picture).all()
+    rows, columns = np.nonzero(came)
+    for row, column in np.argwhere(~came):
+        distance = np.hypot(rows - row, columns - column)
+        reach = np.sort(distance)[:CLAMPING][-1]
+        border = min(row, column, cut.height - 1 - row, cut.width - 1 - column)
+        if border < max(reach, 2 * cut.p):
+            continue      # near the border subimages repeat
+        near = distance <= reach
+        low, high = (extreme(picture[rows[near], columns[near]]) for extreme in (np.min, np.max))
+        assert low <= result[row, column] <= high
+
+
+@pytest.mark.parametrize('kind', ['u1', 'u2'])
+def test_estimates_beyond_the_type_are_its_limits(kind):
+    most = np.iinfo(kind).max
+    picture = (np.add.outer(np.arange(32) // 3, np.arange(32) // 3) % 2 * most).astype(kind)
+    cut = Interleave(32, 32, 2)
+    have = np.arange(len(cut)) % 3 > 0
+    came = received_pixels(cut, have)
+    result = filled(kriging, picture, have, cut)[~came]
+    exact = filled(kriging, picture.astype('f8'), have, cut)[~came]
+    assert exact.max() > most + 1 and exact.min() < -1
+    assert result.tolist() == np.rint(np.clip(exact, 0, most)).astype(kind).tolist()
+
+
+@BOTH
+@pytest.mark.parametrize('channels', [1, 2, 3, 4])
+def test_channels_are_filled_each_for_itself_in_any_byte_order(method, channels):
+    cut = Interleave(21, 34, 3)
+    picture = np.random.RandomState(0).randint(0, 65536, (21, 34, channels)).astype('<u2')
+    have = np.random.RandomState(1).random_sample(len(cut)) < 0.4
+    result = filled(method, picture, have, cut)
+    assert (filled(method, picture.astype('>u2'), have, cut) == result).all()
+    for channel in range(channels):
+        assert (filled(method, picture[..., channel], have, cut) == result[..., channel]).all()
+
+
+@BOTH
+def test_where_a_neighbour_is_no_number_the_nearest_counts(method):
+    cut = Interleave(24, 24, 2)
+    picture = np.full((24, 24), 2.5, 'f4')
+    picture[8:16, 8:16] = np.nan
+    picture[:4, :4] = np.inf
+    have = np.arange(len(cut)) % 2 > 0
+    result = filled(method, picture, have, cut)
+    assert np.isnan(result[11:13, 11:13]).all() and np.isposinf(result[:2, :2]).all()
+    numbers = result[np.isfinite(result)]
+    np.testing.assert_allclose(numbers, 2.5, rtol=1e-6)
+    assert len(numbers) > 450
+
+
+@BOTH
+@pytest.mark.parametrize('count', [1, 2, 5, 13, 30, 50, 63])
+def test_pictures_are_better_than_with_the_nearest(method, count):
+    waves = np.sin(np.arange(160) / 9)
+    noise = 30 * np.random.RandomState(0).randn(120, 160)
+    picture = (30000 + 20000 * np.outer(waves[:120], waves) + noise).astype(np.uint16)
+    cut = Interleave(120, 160, 3)
+    have = np.random.RandomState(count).permutation(len(cut)) < count
+    error, error_of_nearest = (np.std(filled(f, picture, have, cut) - picture.astype(float)) for f in (method, nearest))
+    assert error < 0.8 * error_of_nearest
