@@ -209,6 +209,14 @@ def test_loss_is_judged(lost, level):
     assert (level == OK) == ('lost' not in stream.message)
 
 
+def test_what_a_stream_says_of_itself_is_told():
+    good = {'in': tenfold, 'out': tenfold, 'connections': connection(received=tenfold, lost=0)}
+    stream, _ = watch(OPERATOR, problem='filled by nearest', **good)
+    assert (stream.level, stream.message) == (WARN, 'filled by nearest')
+    stream, _ = watch(OPERATOR, problem=None, **good)
+    assert stream.level == OK
+
+
 def test_loss_of_a_few_messages_is_chance():
     for rate, level in ((3, OK), (6, ERROR)):
         stream, _ = watch(OPERATOR, out=tenfold, connections=connection(received=0, lost=lambda s, rate=rate: rate * s))

@@ -22,6 +22,7 @@ A stream tells of itself in `figures()`, a dict; what a side does not know is le
 * dropped: {reason: count}, what came to nothing
 * shown: [(age [s] by this machine's clock, completeness 0..1), ...] since the last call, None for what is unknown
 * connections: as of udpros.Publisher or udpros.Subscriber
+* problem: in words, what else is worth a WARN now
 
 All counts only grow.
 """
@@ -156,6 +157,8 @@ class StreamWatch:
         if figures['enabled']:
             self._judge_silence(verdict, figures, now)
             self._judge(verdict, completeness, age if figures['steady'] else None)
+        if figures.get('problem'):
+            verdict.find(WARN, figures['problem'])
         loss = judge_connections(verdict, watches, self.limits)
         return Status(self.stream.name, verdict.level, str(verdict) or ('fine' if figures['enabled'] else 'off'), {
             'side': self.side, 'stream': self.stream.name, 'topic': self.stream.topic,
