@@ -11,6 +11,7 @@ import numpy as np
 import rosgraph
 import rospy
 import rostest
+from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import Image
@@ -117,6 +118,25 @@ class ImageStreams(unittest.TestCase):
                 error = (np.frombuffer(self.out[loss].messages[stamp].data, np.uint16).astype(int)
                          - np.frombuffer(message.data, np.uint16))
                 self.assertLess(np.abs(error).mean(), most)
+
+    def test_a_fill_that_takes_too_long_gives_way_and_says_so(self):
+        statuses = []
+        self.addCleanup(rospy.Subscriber('/diagnostics', DiagnosticArray, lambda array: statuses.extend(
+            status for status in array.status if 'takes too long' in status.message)).unregister)
+        receiver = '/loss50/operator_receiver/thermal/fill_time'
+        self.addCleanup(rospy.set_param, receiver, rospy.get_param(receiver))
+        rospy.set_param(receiver, 1e-6)
+        random = np.random.RandomState(3).randint(7000, 9000, (480, 640)).astype(np.uint16)
+
+        def inventions():
+            """The last picture's share of pixels of values that were not sent: nearest invents none."""
+            sent = self.play([random % 2 * 1000] * 5, 10.0)
+            last = wait_for(lambda: self.out[50].messages.get(max(sent)), 5, 'the last picture')
+            return np.mean(~np.isin(np.frombuffer(last.data, np.uint16), [0, 1000]))
+        wait_for(lambda: inventions() == 0, 5, 'pictures filled by the nearest')
+        status = wait_for(lambda: statuses and statuses[-1], 5, 'its status')
+        self.assertIn('filled by nearest, for kriging_clamped takes too long', status.message)
+        self.assertGreater(status.level, 0)
 
     def test_a_standing_robots_picture_fills_in_and_a_moving_ones_is_new(self):
         odometry = rospy.Publisher('/operator/odom', Odometry, queue_size=1)

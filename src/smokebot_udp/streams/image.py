@@ -14,6 +14,7 @@ from ..msg import ImageSegment
 from ..udpros import Frame
 from . import view
 from .base import RobotStream
+from .fill_time import CHEAPEST, PATIENCE, FillTime
 from .gather import GatheringReceiver
 from .parameters import ROBOT, Parameter
 from .segments import as_bytes, room, write_header
@@ -95,12 +96,15 @@ class ImageReceiver(GatheringReceiver):
                                'the scene changed there', choices=('never', 'when_still', 'always'), live=True),
         'remember': Parameter(5.0, 's', 'how old such a pixel may be', above=0.0, most=3600.0, live=True),
         'fill': Parameter(fill.BEST, '', 'how missing pixels are filled', choices=tuple(fill.METHODS), live=True),
+        'fill_time': Parameter(0.1, 's', 'that may take so long, and no longer than pictures come apart; else they are '
+                               'filled by %s for %g s' % (CHEAPEST, PATIENCE), above=0.0, most=60.0, live=True),
         **view.PARAMETERS,
     }
 
     def __init__(self, name, settings, link):
         self._memory = Memory()
         self._view = None
+        self._fill_time = FillTime(settings['fill'])
         super().__init__(name, settings, link)
 
     def start(self):
@@ -110,6 +114,7 @@ class ImageReceiver(GatheringReceiver):
 
     def configure(self, changes):
         super().configure(changes)
+        self._fill_time = FillTime(self.settings['fill'])    # what was too slow may be tried again
         if self._view is not None:
             self._view.configure(self.settings)
 
@@ -118,7 +123,14 @@ class ImageReceiver(GatheringReceiver):
         if self._view is not None:
             self._view.close()
 
+    def figures(self):
+        problem = None
+        if self._fill_time.method(time.monotonic()) != self.settings['fill']:
+            problem = 'filled by %s, for %s takes too long' % (CHEAPEST, self.settings['fill'])
+        return {**super().figures(), 'problem': problem}
+
     def begin(self, head):
+        self._fill_time.came(head.stamp)
         return Picture(head.height, head.width, head.depth, pixels.item_type(head.encoding), head.total)
 
     def parts(self, records):
@@ -126,8 +138,7 @@ class ImageReceiver(GatheringReceiver):
 
     def message(self, head, picture):
         channel, _ = pixels.pixel_type(head.encoding, head.is_bigendian)
-        items = picture.items(fill.METHODS[self.settings['fill']], channel)
-        items, completeness = self._integrated(head, picture, items, channel)
+        items, completeness = self._integrated(head, picture, self._filled(picture, channel), channel)
         message = Image(height=head.height, width=head.width, encoding=head.encoding, is_bigendian=head.is_bigendian,
                         step=items.strides[0], data=items.tobytes())
         if self._view is not None:
@@ -135,6 +146,17 @@ class ImageReceiver(GatheringReceiver):
             self._view.show(pixels.as_pixels(message.data, head.height, head.width, message.step, head.encoding,
                                              head.is_bigendian), head.encoding, header, completeness)
         return message
+
+    def _filled(self, picture, channel):
+        times, limit = self._fill_time, self.settings['fill_time']
+        begun = time.monotonic()
+        method = times.method(begun)
+        items = picture.items(fill.METHODS[method], channel)
+        now = time.monotonic()
+        if times.took(now - begun, limit, now):
+            rospy.logwarn_throttle(60, "stream '%s': filled by %s for a while: %s took %.0f ms" % (
+                self.name, CHEAPEST, method, 1e3 * (now - begun)))
+        return items
 
     def _integrated(self, head, picture, items, channel):
         """The picture with what is remembered of earlier ones (D6.3, section 4.2), where that is wanted; and the share
