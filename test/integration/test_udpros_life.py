@@ -10,6 +10,7 @@ import sys
 import threading
 import time
 import unittest
+import unittest.mock
 import xmlrpc.client
 
 import rosgraph
@@ -21,7 +22,8 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from waiting import wait_for
 
 from smokebot_udp import udpros
-from smokebot_udp.udpros import rospy_binding
+from smokebot_udp.srv import SetFocus, SetFocusResponse
+from smokebot_udp.udpros import registration, rospy_binding
 
 HERE = pathlib.Path(__file__).resolve().parent
 NODE = '/udpros_life'
@@ -154,6 +156,40 @@ class Life(unittest.TestCase):
         for _ in range(5):
             use()
         wait_for(lambda: in_use() <= (before + 1, 0), what='everything freed: at most %d files, no thread' % before)
+
+    def registered(self):
+        """What of ours the master knows: a set of (publisher, subscriber or service, name)."""
+        state = rosgraph.Master('/test').getSystemState()
+        return {(kind, name) for kind, names in zip(('pub', 'sub', 'srv'), state)
+                for name, nodes in names if NODE in nodes and 'together' in name}
+
+    def check_registering_together(self):
+        """The master is told of all at the end, and of nothing that ended before; then they find each other."""
+        got = []
+        with udpros.registered_together():
+            publisher, plain = self.publisher('/together'), rospy.Publisher('/together_plain', Header, queue_size=1)
+            subscriber = udpros.Subscriber('/together', Header, got.append, transport='udp')
+            with udpros.registered_together():
+                listener = rospy.Subscriber('/together_plain', Header, got.append)
+            service = rospy.Service('/together_asked', SetFocus, lambda _: SetFocusResponse(True, 'here'))
+            rospy.Publisher('/together_never', Header, queue_size=1).unregister()
+            self.assertEqual(self.registered(), set())
+        self.assertEqual(self.registered(), {
+            ('pub', '/together'), ('sub', '/together'), ('pub', '/together_plain'), ('sub', '/together_plain'),
+            ('srv', '/together_asked')})
+        self.published_until(publisher, lambda: got, 'a message')
+        self.assertEqual(rospy.ServiceProxy('/together_asked', SetFocus)('').message, 'here')
+        for one in (subscriber, publisher, listener, plain):
+            one.unregister()
+        service.shutdown()
+        wait_for(lambda: not self.registered(), what='the end of all')
+
+    def test_topics_and_services_are_registered_together(self):
+        self.check_registering_together()
+
+    def test_what_the_master_does_not_take_together_is_registered_one_by_one(self):
+        with unittest.mock.patch.dict(registration.CALLS, pub='noSuchMethod', srv='noSuchMethod'):
+            self.check_registering_together()
 
     def test_an_outage_leaves_no_backlog(self):
         """A subscriber that could not run for a while goes on with fresh messages, not with all it missed."""

@@ -18,8 +18,8 @@ MAY_IMPORT = {
 }
 """Each room of the package, and the rooms it may know."""
 
-KNOW_ROSPY_INSIDE = {('udpros', 'rospy_binding'), ('udpros', 'rospy_transports'), ('udpros', 'topics'),
-                     ('nodes', 'live')}
+KNOW_ROSPY_INSIDE = {('udpros', 'registration'), ('udpros', 'rospy_binding'), ('udpros', 'rospy_transports'),
+                     ('udpros', 'topics'), ('nodes', 'live')}
 
 PURE = {'datagram', 'frame', 'negotiation', 'pacer', 'reassembly', 'records', 'sequence'}
 """udpros' protocol core: without sockets, rospy or a clock."""

@@ -21,7 +21,7 @@ import rospy
 from sensor_msgs.msg import Image
 
 from ..codecs.pixels import as_pixels
-from .common import number_parameter, read_streams
+from .common import Parameters, read_streams
 
 KEPT = 64
 """So many sent pictures wait for their received ones."""
@@ -148,9 +148,9 @@ def _await_pictures(watches):
 
 def main():
     rospy.init_node('demo_report')
-    seconds = number_parameter('~seconds', 20.0, least=1.0)
-    path = rospy.get_param('~picture', '')
-    streams = read_streams()
+    parameters = Parameters()
+    seconds, path = parameters.number('seconds', 20.0, least=1.0), parameters.text('picture', '')
+    streams = read_streams(parameters)
     watches = [Watch(name, settings) for name, settings in streams.items() if settings['type'] == 'image']
     others = [RateWatch(name, settings) for name, settings in streams.items() if settings['type'] != 'image']
     _await_pictures(watches)

@@ -46,9 +46,9 @@ ENOUGH = 20
 """Of fewer messages in the window a share that was lost says little, and is not judged."""
 
 
-def read_limits(names, tell):
-    """{stream: Limits} from the node's private parameters; what is wrong is told of: f(problem)."""
-    tree = rospy.get_param(rospy.get_name(), {})    # all at once: over a bad link each call takes its time
+def read_limits(names, parameters):
+    """{stream: Limits} from the node's common.Parameters; what is wrong is told of."""
+    tree = parameters.values
     common, problems = Limits().changed(tree)
     limits = {}
     for name in names:
@@ -56,7 +56,7 @@ def read_limits(names, tell):
         limits[name], wrong = common.changed(part if isinstance(part, dict) else {})
         problems += ['%s/%s' % (name, problem) for problem in wrong]
     for problem in problems:
-        tell('~%s' % problem)
+        parameters.tell('~%s' % problem)
     return limits
 
 
@@ -257,22 +257,24 @@ class Diagnostics:
         self._thread.stop()
 
 
-def robot_diagnostics(streams, problems):
+def robot_diagnostics(streams, parameters, problems):
     """Begin to tell of the robot's side.
 
     :param streams: {name: RobotStream}, started
+    :param parameters: common.Parameters
     :param problems: problems.Problems
     :return: Diagnostics, to be closed before the streams
     """
-    looks = [watch.look for watch in _watches(ROBOT, streams, problems)]
+    looks = [watch.look for watch in _watches(ROBOT, streams, parameters)]
     return Diagnostics(looks + [lambda now: [problems_status(problems, ROBOT, now)]])
 
 
-def operator_diagnostics(streams, clock, problems, sent):
+def operator_diagnostics(streams, clock, parameters, problems, sent):
     """Begin to tell of the operator's side.
 
     :param streams: {name: OperatorStream}, started
     :param clock: clock_sync.ClockClient
+    :param parameters: common.Parameters
     :param problems: problems.Problems
     :param sent: f() -> {name: StreamStatus}, what the robot said last that it sends
     :return: Diagnostics, to be closed before the streams and the clock
@@ -281,11 +283,11 @@ def operator_diagnostics(streams, clock, problems, sent):
         status, estimate = sent().get(watch.stream.name), clock.estimate
         return watch.look(now, estimate and estimate.offset,
                           status and {'enabled': status.enabled, 'rate': status.rate})
-    looks = [functools.partial(look, watch) for watch in _watches(OPERATOR, streams, problems)]
+    looks = [functools.partial(look, watch) for watch in _watches(OPERATOR, streams, parameters)]
     return Diagnostics(looks + [lambda now: [clock_status(clock.estimate, clock.counts),
                                              problems_status(problems, OPERATOR, now)]])
 
 
-def _watches(side, streams, problems):
-    limits, now = read_limits(streams, problems.tell), time.monotonic()
+def _watches(side, streams, parameters):
+    limits, now = read_limits(streams, parameters), time.monotonic()
     return [StreamWatch(side, stream, limits[name], now) for name, stream in streams.items()]

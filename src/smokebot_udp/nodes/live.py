@@ -11,6 +11,7 @@ import rospy
 from dynamic_reconfigure.server import Server
 from rospy.impl.paramserver import get_param_server_cache
 
+from .. import udpros
 from ..streams.parameters import check_one
 
 PUBLISHING = threading.Lock()
@@ -192,8 +193,9 @@ class ParameterWatch:
         rospy.set_param('~', found)
         rospy.get_param_cached('~')     # subscribes
         get_param_server_cache().set_notifier(lambda key, value: self._changed.set())
-        for part in self._parts:
-            part.serve()
+        with udpros.registered_together():
+            for part in self._parts:
+                part.serve()
 
     def stop(self):
         self._ended = True

@@ -26,12 +26,13 @@ import threading
 import numpy as np
 import rospy
 
+from .. import udpros
 from ..msg import RobotStatus
 from ..streams import operator_class
 from ..streams.base import Link
 from ..streams.parameters import live
 from .clock_sync import ClockClient
-from .common import load_streams, number_parameter
+from .common import Parameters, load_streams
 from .diagnostics import operator_diagnostics
 from .focus_client import FocusClient
 from .live import LiveSettings, ParameterWatch
@@ -44,28 +45,33 @@ class OperatorReceiver:
     """Hosts the operator's streams; lives as long as its node."""
 
     def __init__(self):
-        self.problems = Problems()
-        tell = self.problems.tell
-        size = int(number_parameter('~max_datagram_size', 1472, least=256, most=65507, tell=tell))
-        buffer = int(number_parameter('~receive_buffer', 4 << 20, least=4096, most=1 << 30, tell=tell))
-        loss = number_parameter('~loss', 0.0, least=0.0, most=1.0, tell=tell)
-        drop = _demonstrate(loss, int(number_parameter('~loss_seed', 0, least=0, tell=tell))) if loss else None
-        self._motion = Motion(rospy.get_param('~odom_topic', '/operator/odom'),
-                              rospy.get_param('~cmd_vel_topic', '/cmd_vel'))
-        self._clock = ClockClient()
-        self.streams = load_streams(operator_class, Link(
-            size, receive_buffer=buffer, drop=drop, motion=self._motion, clock_offset=self._clock.offset), tell)
-        parts = [LiveSettings(name, live(stream.PARAMETERS), stream.settings, stream.configure, threading.RLock(), tell)
+        problems = Problems()
+        parameters = Parameters(problems.tell)
+        with udpros.registered_together():
+            self._motion = Motion(parameters.text('odom_topic', '/operator/odom'),
+                                  parameters.text('cmd_vel_topic', '/cmd_vel'))
+            self._clock = ClockClient()
+            self.streams = load_streams(parameters, operator_class, self._link(parameters))
+            status = [stream.topic for stream in self.streams.values() if stream.MESSAGE is RobotStatus]
+            self._focus = FocusClient(status[0] if status else None,
+                                      parameters.number('focus_patience', 10.0, least=0.1))
+            self._diagnostics = operator_diagnostics(self.streams, self._clock, parameters, problems, self._focus.sent)
+            self._stale = StaleMarker(
+                self.streams, self._focus.sent, parameters.text('stale_topic', '/operator/stale'),
+                parameters.text('base_frame', 'base_link'), parameters.number('stale_after', 2.0, least=0.1))
+        parts = [LiveSettings(name, live(stream.PARAMETERS), stream.settings, stream.configure, threading.RLock(),
+                              problems.tell)
                  for name, stream in self.streams.items() if live(stream.PARAMETERS)]
         self._watch = ParameterWatch(parts, background=True)
-        status = [stream.topic for stream in self.streams.values() if stream.MESSAGE is RobotStatus]
-        patience = number_parameter('~focus_patience', 10.0, least=0.1, tell=tell)
-        self._focus = FocusClient(status[0] if status else None, patience)
-        self._diagnostics = operator_diagnostics(self.streams, self._clock, self.problems, self._focus.sent)
-        self._stale = StaleMarker(
-            self.streams, self._focus.sent, rospy.get_param('~stale_topic', '/operator/stale'),
-            rospy.get_param('~base_frame', 'base_link'), number_parameter('~stale_after', 2.0, least=0.1, tell=tell))
         rospy.on_shutdown(self.close)
+
+    def _link(self, parameters):
+        loss = parameters.number('loss', 0.0, least=0.0, most=1.0)
+        seed = int(parameters.number('loss_seed', 0, least=0))
+        return Link(int(parameters.number('max_datagram_size', 1472, least=256, most=65507)),
+                    receive_buffer=int(parameters.number('receive_buffer', 4 << 20, least=4096, most=1 << 30)),
+                    drop=_demonstrate(loss, seed) if loss else None, motion=self._motion,
+                    clock_offset=self._clock.offset)
 
     def close(self):
         self._stale.close()

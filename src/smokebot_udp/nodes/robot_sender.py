@@ -24,7 +24,7 @@ from ..streams import robot_class
 from ..streams.base import Link
 from ..supervisor import focus
 from .clock_sync import ClockServer
-from .common import load_streams, number_parameter, read_file
+from .common import Parameters, load_streams, read_file
 from .diagnostics import robot_diagnostics
 from .focus import FocusControl
 from .problems import Problems
@@ -34,16 +34,18 @@ class RobotSender:
     """Hosts the robot's streams; lives as long as its node."""
 
     def __init__(self):
-        self.problems = Problems()
-        tell = self.problems.tell
-        size = int(number_parameter('~max_datagram_size', 1472, least=256, most=65507, tell=tell))
-        rate = number_parameter('~pacing_rate', 400.0, least=0.0, tell=tell)
-        burst = number_parameter('~pacing_burst', 16, least=1, tell=tell)
-        pacer = udpros.Pacer(rate * 1e6 / 8 if rate else None, int(burst) * size)
-        self.streams = load_streams(robot_class, Link(size, pacer=pacer), tell)
-        self.focus = FocusControl(self.streams, read_file('~focus_file', 'focus.yaml', focus.load, tell), tell)
-        self._clock = ClockServer()
-        self._diagnostics = robot_diagnostics(self.streams, self.problems)
+        problems = Problems()
+        parameters = Parameters(problems.tell)
+        size = int(parameters.number('max_datagram_size', 1472, least=256, most=65507))
+        rate = parameters.number('pacing_rate', 400.0, least=0.0)
+        burst = parameters.number('pacing_burst', 16, least=1)
+        profiles = read_file(parameters, 'focus_file', 'focus.yaml', focus.load)
+        with udpros.registered_together():
+            pacer = udpros.Pacer(rate * 1e6 / 8 if rate else None, int(burst) * size)
+            self.streams = load_streams(parameters, robot_class, Link(size, pacer=pacer))
+            self.focus = FocusControl(self.streams, profiles, problems.tell)
+            self._clock = ClockServer()
+            self._diagnostics = robot_diagnostics(self.streams, parameters, problems)
         rospy.on_shutdown(self.close)
 
     def close(self):

@@ -54,7 +54,7 @@ from ..simulation.scanner import Scanner
 from ..simulation.thermal import ThermalCamera
 from ..simulation.world import building
 from . import simulated_topics as topics
-from .common import number_parameter
+from .common import Parameters
 
 FIELD_OF_VIEW = np.radians(70)
 
@@ -82,12 +82,13 @@ class PeriodicSensor:
 
 class SimulatedRobot:
     def __init__(self):
-        seed = int(number_parameter('~seed', 1, least=0, most=2 ** 31 - 1))
-        size = [int(number_parameter(name, default, least=16, most=4096)) for name, default in (
-            ('~width', 640), ('~height', 480))]
-        noisy = bool(rospy.get_param('~noise', True))
-        lidar_noise = noisy * number_parameter('~lidar_noise', 0.03, least=0.0, most=10.0)
-        self._drive = drive = Drive(number_parameter('~speed', 0.7, least=0.01, most=5.0))
+        self._parameters = Parameters()
+        seed = int(self._parameters.number('seed', 1, least=0, most=2 ** 31 - 1))
+        size = [int(self._parameters.number(name, default, least=16, most=4096)) for name, default in (
+            ('width', 640), ('height', 480))]
+        noisy = bool(self._parameters.values.get('noise', True))
+        lidar_noise = noisy * self._parameters.number('lidar_noise', 0.03, least=0.0, most=10.0)
+        self._drive = drive = Drive(self._parameters.number('speed', 0.7, least=0.01, most=5.0))
         world, pinhole = building(seed), Pinhole(size[0], size[1], FIELD_OF_VIEW, mounts.CAMERA)
         self._begun = rospy.Time.now()
         self._mounts = topics.Mounts()
@@ -104,7 +105,7 @@ class SimulatedRobot:
 
     def _start(self, name, default_rate, make):
         """Start what the parameter ~NAME_rate does not switch off."""
-        rate = number_parameter('~%s_rate' % name, default_rate, least=0.0, most=1000.0)
+        rate = self._parameters.number('%s_rate' % name, default_rate, least=0.0, most=1000.0)
         if not rate:
             return
         publish = make().publish

@@ -10,6 +10,7 @@ Usable without the rest of this package. doc/wire_format.md has the protocol.
 """
 from .frame import Frame
 from .pacer import Pacer
+from .registration import registered_together
 from .topics import Publisher, Subscriber
 
-__all__ = ['Frame', 'Pacer', 'Publisher', 'Subscriber']
+__all__ = ['Frame', 'Pacer', 'Publisher', 'Subscriber', 'registered_together']

@@ -10,7 +10,7 @@ never of rospy's classes:
   publisher ended; only the master does;
 * the XML-RPC server's reader: roscpp's base64 leaves a NUL in 3 of 54 requests (ros_comm#2160).
 
-rospy_transports.py and this file are the only ones that know rospy's insides (1.14, 1.15).
+rospy_transports.py, registration.py and this file are the only ones that know rospy's insides (1.14, 1.15).
 """
 import functools
 import http.client

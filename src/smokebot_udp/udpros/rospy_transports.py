@@ -216,7 +216,7 @@ class UdpSubscriberImpl(_SubscriberImpl):
         self.batch_callbacks = []
         self.publishers = ()        # their URIs, as the master last said
         self.connecting = set()     # of them, those being asked just now
-        self.last_asked = 0.0       # when the master was last asked for them
+        self.last_asked = time.monotonic()  # when the master was last asked for them
 
     def call_batch(self, records, mask):
         for callback in self.batch_callbacks:

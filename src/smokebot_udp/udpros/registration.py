@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Registers many topics and services with the master in one call.
+
+rospy registers each by a call of its own, one after the other: over a link with 100 ms round trip and 20 % loss a node
+with a dozen streams takes half a minute for it. The master takes many calls in one (system.multicall).
+"""
+import contextlib
+import threading
+import xmlrpc.client
+from xml.parsers.expat import ExpatError
+
+import rosgraph
+import rospy
+from rospy.impl.paramserver import get_param_server_cache
+from rospy.impl.registration import RegistrationListener, RegManager, get_registration_listeners
+
+from .rospy_binding import install
+
+CALLS = {'pub': 'registerPublisher', 'sub': 'registerSubscriber', 'srv': 'registerService'}
+"""{rospy's kind: the master's method}"""
+
+STATISTICS = '/enable_statistics'
+"""rospy asks for this parameter at each Subscriber."""
+
+_one_at_a_time = threading.RLock()
+
+
+class _Postponed(RegistrationListener):
+    """Stands in for a RegManager, and notes what it would have registered."""
+
+    def __init__(self, manager):
+        self._manager = manager
+        self._notes = []    # (name, type or URI, kind)
+
+    def reg_added(self, resolved_name, data_type_or_uri, reg_type):
+        self._notes.append((resolved_name, data_type_or_uri, reg_type))
+
+    def reg_removed(self, resolved_name, data_type_or_uri, reg_type):
+        note = resolved_name, data_type_or_uri, reg_type
+        if note in self._notes:
+            self._notes.remove(note)
+        else:
+            self._manager.reg_removed(*note)
+
+    def register(self):
+        """Register all at once; what that fails for, one by one, as rospy does."""
+        for note, publishers in zip(self._notes, self._ask()):
+            if publishers is None:
+                self._manager.reg_added(*note)
+            elif note[2] == 'sub':
+                self._manager.publisher_update(note[0], publishers)
+
+    def _ask(self):
+        """What the master answers to each; None where it refuses, or nothing comes."""
+        calls = [{'methodName': CALLS[kind], 'params': [rospy.get_caller_id(), name, what, self._manager.uri]}
+                 for name, what, kind in self._notes]
+        if not calls:
+            return []
+        try:
+            with xmlrpc.client.ServerProxy(rosgraph.get_master_uri()) as master:
+                answers = master.system.multicall(calls)
+        except (OSError, xmlrpc.client.Error, ExpatError) as error:
+            rospy.logdebug('the master does not register all at once: %s', error)
+            answers = []
+        # an answer is in a list of one; a fault is a dictionary
+        values = [answer[0][2] if isinstance(answer, list) and answer[0][0] == 1 else None for answer in answers]
+        return values + [None] * (len(calls) - len(values))
+
+
+@contextlib.contextmanager
+def registered_together():
+    """In this context publishers, subscribers and services are made without a word to the master; it is told of all
+    of them at the end. Until then nobody can reach them."""
+    install()
+    with _one_at_a_time:
+        listeners = get_registration_listeners()
+        manager = next((listener for listener in listeners.listeners if isinstance(listener, RegManager)), None)
+        if manager is None:     # we are in such a context already, or the node shuts down
+            yield
+            return
+        postponed, cache = _Postponed(manager), get_param_server_cache()
+        cache.set(STATISTICS, rospy.get_param(STATISTICS, False))
+        _replace(listeners, manager, postponed)
+        try:
+            yield
+        finally:
+            cache.delete(STATISTICS)
+            _replace(listeners, postponed, manager)
+            postponed.register()
+
+
+def _replace(listeners, one, other):
+    with listeners.lock:
+        if one in listeners.listeners:      # at shutdown rospy takes them all
+            listeners.listeners[listeners.listeners.index(one)] = other
