@@ -77,6 +77,17 @@ def test_a_slope_is_a_slope_where_neighbours_lie_all_around(method):
         assert (result[4:-4, 4:-4] == picture[4:-4, 4:-4]).all()
 
 
+@BOTH
+@pytest.mark.parametrize('shape', [(64, 96), (61, 83)])
+def test_at_the_border_no_pixel_is_filled_from_afar(method, shape):
+    """Of 1024 subimages half came: each pixel has neighbours within 4 pixels, on the picture's side too."""
+    cut = Interleave(*shape, 5)
+    picture = np.add.outer(100 * np.arange(shape[0]), 100 * np.arange(shape[1])).astype(np.uint16)
+    have = np.random.RandomState(4).random_sample(len(cut)) < 0.5
+    error = filled(method, picture, have, cut) - picture.astype(int)
+    assert abs(error).max() < 500
+
+
 def test_an_estimate_may_exceed_its_neighbours_but_not_when_clamped():
     """A ridge: 200 200 ? 200 200 in each row, 0 above and below."""
     picture = np.zeros((16, 16), np.uint8)

@@ -7,9 +7,9 @@ received one is near is worked out once on a block, and the pixels then move by 
 import numpy as np
 from scipy import ndimage
 
-from .blocks import moved
 from .interleave import table
 from .kriging import kriging, kriging_clamped
+from .ring import moved, repeated
 
 
 def nearest(subimages, have, cut):
@@ -33,7 +33,7 @@ def nearest(subimages, have, cut):
     rank = np.cumsum(have) - 1
     filled = np.empty_like(subimages)
     filled[received] = subimages[received]
-    filled[missing] = moved(subimages[received], 1)[
+    filled[missing] = moved(repeated(subimages[received], 1), 1)[
         rank[source[missing]], 1 + block[missing, 0], 1 + block[missing, 1]]
     return filled
 

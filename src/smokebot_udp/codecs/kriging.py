@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy import sparse, spatial
 
-from .blocks import moved
 from .interleave import table
+from .ring import Border, border_of, continued, moved
 
 NEIGHBOURS = 12
 """So many received pixels estimate a missing one; with twice as many it is 0.1 dB better, and takes twice as long."""
@@ -34,8 +34,8 @@ PLANS_KEPT = 8
 def kriging(subimages, have, cut):
     """Each missing pixel is the best linear estimate from the received ones nearest to it.
 
-    Beyond the picture's border its subimages' last pixels repeat. An estimate may exceed its neighbours, as where an
-    edge or a peak lies between them. Where a neighbour is no finite number, as in a depth picture, the nearest
+    Beyond the picture's border the received pixels nearest to it go on. An estimate may exceed its neighbours, as where
+    an edge or a peak lies between them. Where a neighbour is no finite number, as in a depth picture, the nearest
     received pixel is taken.
 
     :param subimages: (n, rows, columns, ...) array of numbers, of any byte order, in cut.order
@@ -57,7 +57,7 @@ def _fill(subimages, have, cut, clamp):
     if not have.any():
         return np.zeros_like(subimages)
     plan = _plan(cut, have.tobytes())
-    numbers = _sources(subimages, plan)
+    numbers = _sources(subimages, have, plan)
     estimates = _rounded(plan.weights @ numbers.astype(np.float32), numbers.dtype)
     if clamp:
         np.clip(estimates, *_range(numbers, plan.nearest), out=estimates)
@@ -76,14 +76,15 @@ class _Plan(NamedTuple):
     Sources are received subimages, each moved by whole blocks so that its pixels fall on the blocks they are
     neighbours of.
     """
-    subimage: np.ndarray
-    """(s,) int: of each source."""
+    rank: np.ndarray
+    """(s,) int: which of the received subimages each source is."""
     block: np.ndarray
     """(s, 2) int, -REACH..REACH: from which block, down and right, its pixels come."""
     weights: sparse.csr_matrix
     """(missing subimages, s) float32."""
     nearest: np.ndarray
     """(at most CLAMPING, missing subimages) int: the sources nearest to each, the nearest first."""
+    border: Border
 
 
 @functools.lru_cache(maxsize=PLANS_KEPT)
@@ -105,9 +106,9 @@ def _plan(cut, have):
     weights = weigh(neighbours - place[~have][:, np.newaxis])
     rows = np.arange(len(source) + 1) * source.shape[1]
     return _Plan(
-        subimage, np.stack(np.divmod(block, side), axis=1) - REACH,
+        (np.cumsum(have) - 1)[subimage], np.stack(np.divmod(block, side), axis=1) - REACH,
         sparse.csr_matrix((weights.ravel(), source.ravel(), rows), (len(source), len(subimage))),
-        np.ascontiguousarray(source[:, :CLAMPING].T))
+        np.ascontiguousarray(source[:, :CLAMPING].T), border_of(place[have], p))
 
 
 def _neighbours(have, place, p):
@@ -155,12 +156,11 @@ def _variogram(down, right):
     return np.sqrt(squared * np.sqrt(squared))      # np.power takes ten times as long
 
 
-def _sources(subimages, plan):
+def _sources(subimages, have, plan):
     """The plan's sources: (s, pixels' numbers) array in the machine's byte order."""
-    received, rank = np.unique(plan.subimage, return_inverse=True)
-    native = subimages[received].astype(subimages.dtype.newbyteorder('='), copy=False)
+    native = subimages[have].astype(subimages.dtype.newbyteorder('='), copy=False)
     down, right = (plan.block + REACH).T
-    return moved(native, REACH)[rank, down, right].reshape(len(rank), -1)
+    return moved(continued(native, REACH, plan.border), REACH)[plan.rank, down, right].reshape(len(plan.rank), -1)
 
 
 def _range(numbers, nearest):
