@@ -7,7 +7,7 @@ import sys
 
 from .machine import describe
 
-NAMES = ('codecs', 'udpros')
+NAMES = ('codecs', 'fill', 'udpros')
 
 
 def main():
