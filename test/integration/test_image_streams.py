@@ -138,6 +138,25 @@ class ImageStreams(unittest.TestCase):
         self.assertIn('filled by nearest, for kriging_clamped takes too long', status.message)
         self.assertGreater(status.level, 0)
 
+    def test_masks_tell_what_came(self):
+        masks = {loss: Collector(topic, Image) for loss, topic in ((0, '/operator/thermal/mask'), (50, '/loss50/mask'))}
+        for collector in masks.values():
+            collector.wait_connected()
+        random = np.random.RandomState(5)
+        sent = self.play([random.randint(0, 65536, (480, 640)).astype(np.uint16) for _ in range(5)], 10.0)
+        for loss, collector in masks.items():
+            wait_for(lambda messages=collector.messages: set(sent) <= set(messages), 5, 'masks at %d %%' % loss)
+        for stamp, message in sent.items():
+            self.assertEqual(set(masks[0].messages[stamp].data), {255})
+            mask, got = masks[50].messages[stamp], self.out[50].messages[stamp]
+            self.assertEqual((mask.encoding, mask.height, mask.width, mask.step, mask.header.frame_id),
+                             ('mono8', 480, 640, 640, 'somewhere'))
+            came = np.frombuffer(mask.data, np.uint8) == 255
+            right = np.frombuffer(got.data, np.uint16) == np.frombuffer(message.data, np.uint16)
+            self.assertAlmostEqual(came.mean(), 0.5, delta=0.1)
+            self.assertTrue(right[came].all())
+            self.assertLess(right[~came].mean(), 0.01)
+
     def test_a_standing_robots_picture_fills_in_and_a_moving_ones_is_new(self):
         odometry = rospy.Publisher('/operator/odom', Odometry, queue_size=1)
         wait_for(odometry.get_num_connections, what='the receivers')

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from smokebot_udp.codecs.fill import nearest
-from smokebot_udp.codecs.image import Picture
+from smokebot_udp.codecs.image import Picture, mask_of
 from smokebot_udp.codecs.interleave import fit
 from smokebot_udp.codecs.kriging import kriging
 from smokebot_udp.codecs.pixels import item_type, pixel_type
@@ -148,3 +148,9 @@ def test_memory_is_bounded():
     with pytest.raises(ValueError, match='too many'):
         Picture(4095, 4095, 0, np.dtype('V8'), 1)
     assert Picture(4096, 4096, 8, np.dtype('u4'), 1).have.sum() == 0
+
+
+def test_a_mask_tells_received_remembered_and_filled_pixels():
+    came, known = np.array([[True, False, False]]), np.array([[True, True, False]])
+    mask = mask_of(came, known)
+    assert mask.dtype == np.uint8 and mask.tolist() == [[255, 128, 0]]

@@ -10,6 +10,9 @@ MAX_PICTURE_SIZE = 4096 * 4096 * 4
 ENDING = 4
 """So many segments at a picture's end tell that it is ending: with one alone, its loss would hide it."""
 
+RECEIVED, REMEMBERED, FILLED = 255, 128, 0
+"""What a mask says of a pixel: it came with this picture, with an earlier one, or never."""
+
 
 class Picture:
     """What has come of one picture.
@@ -82,3 +85,13 @@ class Picture:
         subimages = self._subimages.view(channel or self.item).reshape(shape + (-1,))
         filled = fill(subimages, self.have, self.cut)
         return self.cut.merge(filled.view(self.item).reshape(shape))
+
+
+def mask_of(came, known):
+    """Tells what was measured from what was filled.
+
+    :param came: (height, width) bool, the pixels that came with this picture
+    :param known: (height, width) bool, those that came with it or with an earlier one
+    :return: (height, width) uint8: RECEIVED, REMEMBERED or FILLED
+    """
+    return np.where(came, RECEIVED, np.where(known, REMEMBERED, FILLED)).astype(np.uint8)

@@ -8,8 +8,8 @@ from sensor_msgs.msg import Image
 from std_msgs.msg import Header
 
 from ..codecs import fill, interleave, pixels
-from ..codecs.image import Picture
-from ..codecs.integrate import Memory
+from ..codecs.image import Picture, mask_of
+from ..codecs.integrate import Integrated, Memory, received
 from ..msg import ImageSegment
 from ..udpros import Frame
 from . import view
@@ -98,16 +98,22 @@ class ImageReceiver(GatheringReceiver):
         'fill': Parameter(fill.BEST, '', 'how missing pixels are filled', choices=tuple(fill.METHODS), live=True),
         'fill_time': Parameter(0.1, 's', 'that may take so long, and no longer than pictures come apart; else they are '
                                'filled by %s for %g s' % (CHEAPEST, PATIENCE), above=0.0, most=60.0, live=True),
+        'publish_mask': Parameter(False, '', "whether a mask comes out beside each picture, on mask in its topic's "
+                                  'namespace: 255 where a pixel came, 128 where one of an earlier picture stands in, 0 '
+                                  'where it is filled'),
         **view.PARAMETERS,
     }
 
     def __init__(self, name, settings, link):
         self._memory = Memory()
-        self._view = None
+        self._view = self._masks = None
         self._fill_time = FillTime(settings['fill'])
         super().__init__(name, settings, link)
 
     def start(self):
+        if self.settings['publish_mask']:
+            self._masks = rospy.Publisher(rospy.names.namespace(self.topic) + 'mask', Image, queue_size=2,
+                                          tcp_nodelay=True)
         if self.settings['view_topic']:
             self._view = view.ViewPublisher(self.settings, self.link.clock_offset)
         super().start()
@@ -122,6 +128,8 @@ class ImageReceiver(GatheringReceiver):
         super().close()
         if self._view is not None:
             self._view.close()
+        if self._masks is not None:
+            self._masks.unregister()
 
     def figures(self):
         problem = None
@@ -138,13 +146,18 @@ class ImageReceiver(GatheringReceiver):
 
     def message(self, head, picture):
         channel, _ = pixels.pixel_type(head.encoding, head.is_bigendian)
-        items, completeness = self._integrated(head, picture, self._filled(picture, channel), channel)
+        came = received(picture.have, picture.cut)
+        integrated = self._integrated(head, picture, self._filled(picture, channel), channel, came)
+        items, header = integrated.items, Header(stamp=rospy.Time(*divmod(head.stamp, 10 ** 9)), frame_id=head.frame_id)
         message = Image(height=head.height, width=head.width, encoding=head.encoding, is_bigendian=head.is_bigendian,
                         step=items.strides[0], data=items.tobytes())
         if self._view is not None:
-            header = Header(stamp=rospy.Time(*divmod(head.stamp, 10 ** 9)), frame_id=head.frame_id)
             self._view.show(pixels.as_pixels(message.data, head.height, head.width, message.step, head.encoding,
-                                             head.is_bigendian), head.encoding, header, completeness)
+                                             head.is_bigendian), head.encoding, header, integrated.share)
+        if self._masks is not None and self._masks.get_num_connections():
+            mask = mask_of(came, integrated.known)
+            self._masks.publish(Image(header=header, height=head.height, width=head.width, encoding='mono8',
+                                      step=head.width, data=mask.tobytes()))
         return message
 
     def _filled(self, picture, channel):
@@ -158,15 +171,14 @@ class ImageReceiver(GatheringReceiver):
                 self.name, CHEAPEST, method, 1e3 * (now - begun)))
         return items
 
-    def _integrated(self, head, picture, items, channel):
-        """The picture with what is remembered of earlier ones (D6.3, section 4.2), where that is wanted; and the share
-        of its pixels that were received, now or then."""
+    def _integrated(self, head, picture, items, channel, came):
+        """An Integrated: with what is remembered of earlier pictures (D6.3, section 4.2), where that is wanted."""
         when = self.settings['integrate']
         if when == 'never' or head.height * head.width > LARGEST_REMEMBERED:
             self._memory.forget()
-            return items, picture.completeness
+            return Integrated(items, came, 0.0, None)
         use = when == 'always' or self.link.motion.stands()
         self._memory.max_age = self.settings['remember']
         integrated = self._memory.complete(items, picture.have, picture.cut, channel, time.monotonic(), use)
         self.link.motion.pictures(integrated.changed)
-        return integrated.items, integrated.share
+        return integrated
