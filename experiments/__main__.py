@@ -1,20 +1,38 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""./smokebot experiments [NAME ...]: run the experiments of these names, all without a name."""
+"""./smokebot experiments [NAME ...] [--quick]: run the experiments of these names, all without a name."""
 import argparse
 import importlib
+import sys
+
+from . import report
+from .runner import RESULTS, run_experiment
 
 NAMES = ('virtual_scans',)
+"""In the report's order."""
 
 
 def main():
-    parser = argparse.ArgumentParser(prog='./smokebot experiments', description='Write plots into results/.')
+    parser = argparse.ArgumentParser(
+        prog='./smokebot experiments', description='Measure, draw, and write %s/report.html.' % RESULTS)
     parser.add_argument('names', nargs='*', metavar='NAME', help='of: ' + ', '.join(NAMES))
+    parser.add_argument('--quick', action='store_true', help='less of everything: 3 minutes instead of 40')
+    parser.add_argument('--seed', type=int, default=1, help='of all that is random; default: %(default)s')
     arguments = parser.parse_args()
     unknown = set(arguments.names) - set(NAMES)
     if unknown:
         parser.error('no experiment is named %s; there are %s' % (', '.join(sorted(unknown)), ', '.join(NAMES)))
+    failed = False
     for name in arguments.names or NAMES:
-        importlib.import_module('.' + name, __package__).main([])
+        module = importlib.import_module('.' + name, __package__)
+        end = run_experiment(name, module, RESULTS, arguments.quick, arguments.seed)
+        print('%-16s %s' % (name, end), flush=True)
+        failed |= end.startswith('failed')
+    for path in report.write(RESULTS, NAMES):
+        print(path)
+    return failed
 
 
-main()
+try:
+    sys.exit(main())
+except KeyboardInterrupt:
+    sys.exit(130)

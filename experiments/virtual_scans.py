@@ -1,24 +1,29 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Pictures of virtual scans, for a person to judge: python3 -m experiments.virtual_scans [FOLDER].
-
-FOLDER holds 3D scans, .pcd or .npz with xyz, in folders of consecutive ones; without it, the simulated building.
-"""
-import argparse
+"""Pictures of virtual scans, for a person to judge."""
 import pathlib
-import sys
+from operator import itemgetter
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from smokebot_udp.codecs import virtual_scan
-from smokebot_udp.codecs.ground import GroundFinder
+from smokebot_udp.codecs.ground import GroundFinder, Plane
 from smokebot_udp.simulation.drive import Drive
 from smokebot_udp.simulation.lidar import Lidar
 from smokebot_udp.simulation.world import building
 
+from . import drawing, table
+from .runner import Figure, Table, again
+
 TOP = pathlib.Path(__file__).resolve().parent.parent
 SCANS = TOP.parent / 'shared' / 'data' / 'lidar'
-PICTURES = TOP / 'results' / 'virtual_scans'
+
+TITLE = 'Virtual 2D scans (section 6.2)'
+
+EXPLANATION = """
+A 3D scan is reduced to two 2D ones: for each half degree the nearest *obstacle* that the robot could run into, and, as
+a *landmark*, the farthest wall that is seen. The ground is found in the points and taken out first. The clouds are
+recordings where those are at hand, else the simulated building.
+"""
 
 MOUNTS = {'seq_os0-8': 1.15, 'seq_os1-128': 2.0, 'vlp16_einride': 1.05, 'fast_gicp': 1.9, 'vlp32c': 0.33, 'hesai': 0.75}
 """Heights of the sensors above the floor [m], by a part of a folder's or a file's name; looked up in the scans."""
@@ -74,8 +79,7 @@ def draw(name, xyz, plane, obstacles, landmarks, path):
     limit = TOLERANCE + SLOPE * np.hypot(x, y)
     kinds = (height > limit, '0.6', None), (np.abs(height) <= limit, '#e6d090', 'ground'), (
         height < -limit, '#90d0a0', 'below the ground')
-    figure = Figure(figsize=(11, 15))      # without pyplot it needs no screen
-    above, beside = figure.subplots(2, 1, gridspec_kw={'height_ratios': (4, 1)})
+    figure, (above, beside) = drawing.canvas(11, 15, 2, gridspec_kw={'height_ratios': (4, 1)})
     near = np.abs(y) < SLICE
     for kind, colour, label in kinds:
         above.plot(x[kind], y[kind], '.', color=colour, markersize=1, label=label)
@@ -96,25 +100,36 @@ def draw(name, xyz, plane, obstacles, landmarks, path):
     tilt = np.degrees(np.arccos(min(1.0, plane.normal[2])))
     beside.set(xlim=(-side, side), ylim=(-1, 4), xlabel='x [m]', ylabel='height above the plane [m]', title=(
         'ground: %s, %.2f m below, tilted by %.1f degrees' % (plane.source, plane.offset, tilt)))
-    figure.tight_layout()
-    figure.savefig(str(path), dpi=80)
+    drawing.save(figure, path)
 
 
-def main(arguments):
-    """Draw the scans of the folder that the command line names."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('folder', nargs='?', type=pathlib.Path, default=SCANS, help='default: %(default)s')
-    folder = parser.parse_args(arguments).folder
-    if not folder.is_dir() and folder != SCANS:
-        parser.error('there is no folder %s' % folder)
-    PICTURES.mkdir(parents=True, exist_ok=True)
-    for name, mount, xyz in recorded(folder) if folder.is_dir() else simulated():
+def run(run):
+    """Find the scans of the recordings that lie beside the checkout, else of the simulated building."""
+    clouds = list(recorded(SCANS) if SCANS.is_dir() else simulated())
+    rows = []
+    for name, mount, xyz in run.steps(clouds[::5] if run.quick else clouds, say=itemgetter(0)):
         plane = GroundFinder(mount, max_offset=0.3).find(xyz)
         points = virtual_scan.fan(xyz, plane, tolerance=TOLERANCE, slope=SLOPE, range_min=RANGE_MIN)
-        obstacles = virtual_scan.obstacle_scan(points, MAX_HEIGHT)
-        draw(name, xyz, plane, obstacles, virtual_scan.landmark_scan(points), PICTURES / (name + '.png'))
-        print('%s: %d points, ground %s' % (PICTURES / (name + '.png'), len(xyz), plane.source))
+        obstacles, landmarks = virtual_scan.obstacle_scan(points, MAX_HEIGHT), virtual_scan.landmark_scan(points)
+        np.savez_compressed(str(run.folder / (name + '.npz')), xyz=xyz, normal=plane.normal, offset=plane.offset,
+                            obstacles=obstacles, landmarks=landmarks)
+        rows.append({'name': name, 'points': len(xyz), 'ground': plane.source,
+                     'obstacle columns': int(np.isfinite(obstacles).sum()),
+                     'landmark columns': int(np.isfinite(landmarks).sum())})
+    table.write(run.folder / 'scans.csv', rows)
 
 
-if __name__ == '__main__':
-    main(sys.argv[1:])
+def plot(folder):
+    rows = table.read(folder / 'scans.csv')
+    for row in rows:
+        with np.load(str(folder / (row['name'] + '.npz'))) as found:
+            plane = Plane(found['normal'], float(found['offset']), row['ground'])
+            draw(row['name'], found['xyz'], plane, found['obstacles'], found['landmarks'],
+                 folder / (row['name'] + '.png'))
+    shown = rows[::max(1, len(rows) // 4)][:4]
+    return [Figure(row['name'] + '.png', 'Above: the scans from above. Below: the points near y = 0 from the side.')
+            for row in shown] + [Table('All of them; their pictures lie in the folder.', list(rows[0]),
+                                       [list(row.values()) for row in rows])]
+
+
+again(__name__, plot)
