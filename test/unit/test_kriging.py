@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from smokebot_udp.codecs.fill import nearest
 from smokebot_udp.codecs.interleave import Interleave
-from smokebot_udp.codecs.kriging import CLAMPING, kriging, kriging_clamped, weigh
+from smokebot_udp.codecs.kriging import CLAMPING, SMOOTH, kriging, kriging_clamped, weigh
 
 BOTH = pytest.mark.parametrize('method', [kriging, kriging_clamped])
 TYPES = ['u1', '<u2', '>u2', '<f4', '>f4']
@@ -30,6 +30,11 @@ def filled(method, picture, have, cut):
     return cut.merge(method(cut.split(picture), have, cut))
 
 
+def g(h, smooth=SMOOTH):
+    """The model: how much pixels so far apart differ."""
+    return np.sqrt(h ** 2 + smooth ** 2) - smooth
+
+
 cuts = st.builds(Interleave, st.integers(1, 40), st.integers(1, 40), st.integers(0, 4))
 any_case = given(cuts, st.floats(0, 1), st.integers(0, 999))
 many = settings(max_examples=150, deadline=None)
@@ -39,25 +44,26 @@ many = settings(max_examples=150, deadline=None)
     ([(3, 4)], [1]),
     ([(0, -1), (0, 1)], [1 / 2, 1 / 2]),
     ([(0, -1), (0, 1), (-1, 0), (1, 0)], [1 / 4] * 4),
-    # one behind the other, at 1 and 2: 2 w = 1 + 1 - 2^1.5 for the farther one, so they are 2^0.5 and 1 - 2^0.5
-    ([(0, 1), (0, 2)], [2 ** 0.5, 1 - 2 ** 0.5]),
-    # at 1 on one side and 2 on the other, 3 apart: w (2 * 3^1.5) = 1 + 3^1.5 - 2^1.5
-    ([(-1, 0), (2, 0)], [0.5 + (2 ** 1.5 - 1) / (2 * 3 ** 1.5), 0.5 - (2 ** 1.5 - 1) / (2 * 3 ** 1.5)]),
+    # one behind the other, at 1 and 2, g(1) apart: 2 g(1) w = g(1) + g(1) - g(2) for the farther one
+    ([(0, 1), (0, 2)], [g(2) / (2 * g(1)), 1 - g(2) / (2 * g(1))]),
+    # at 1 on one side and 2 on the other, 3 apart: 2 g(3) w = g(1) + g(3) - g(2) for the farther one
+    ([(-1, 0), (2, 0)], [0.5 + (g(2) - g(1)) / (2 * g(3)), 0.5 - (g(2) - g(1)) / (2 * g(3))]),
 ])
 def test_weights_by_hand(offsets, weights):
     assert weigh(np.array([offsets])).tolist() == [pytest.approx(weights, abs=1e-6)]
 
 
-@given(st.lists(st.tuples(st.integers(-9, 9), st.integers(-9, 9)), min_size=1, max_size=12, unique=True))
+@given(st.lists(st.tuples(st.integers(-32, 32), st.integers(-32, 32)), min_size=1, max_size=12, unique=True),
+       st.sampled_from([0.0, 0.5, 1.0, 3.0]))
 @settings(deadline=None)
-def test_weights_solve_the_equations_of_ordinary_kriging(offsets):
+def test_weights_solve_the_equations_of_ordinary_kriging(offsets, smooth):
     """With the Lagrange multiplier that the textbooks have; ours are the differences of their rows."""
     points, k = np.array(offsets, float), len(offsets)
     equations = np.ones((k + 1, k + 1))
-    equations[:k, :k] = np.linalg.norm(points[:, np.newaxis] - points, axis=2) ** 1.5
+    equations[:k, :k] = g(np.linalg.norm(points[:, np.newaxis] - points, axis=2), smooth)
     equations[k, k] = 0
-    right = np.append(np.linalg.norm(points, axis=1) ** 1.5, 1)
-    np.testing.assert_allclose(weigh(np.array([offsets]))[0], np.linalg.solve(equations, right)[:k], atol=1e-4)
+    right = np.append(g(np.linalg.norm(points, axis=1), smooth), 1)
+    np.testing.assert_allclose(weigh(np.array([offsets]), smooth)[0], np.linalg.solve(equations, right)[:k], atol=1e-3)
 
 
 @BOTH
