@@ -5,26 +5,33 @@ import importlib
 import sys
 
 from . import report
-from .runner import RESULTS, run_experiment
+from .runner import RESULTS, redraw, run_experiment
 
-NAMES = ('virtual_scans',)
+NAMES = (
+    'virtual_scans',
+)
 """In the report's order."""
 
 
-def main():
+def main(arguments=None):
+    """Returns whether any failed."""
     parser = argparse.ArgumentParser(
         prog='./smokebot experiments', description='Measure, draw, and write %s/report.html.' % RESULTS)
     parser.add_argument('names', nargs='*', metavar='NAME', help='of: ' + ', '.join(NAMES))
     parser.add_argument('--quick', action='store_true', help='less of everything: 3 minutes instead of 40')
+    parser.add_argument('--draw', action='store_true', help='draw anew what was measured before')
     parser.add_argument('--seed', type=int, default=1, help='of all that is random; default: %(default)s')
-    arguments = parser.parse_args()
+    arguments = parser.parse_args(arguments)
     unknown = set(arguments.names) - set(NAMES)
     if unknown:
         parser.error('no experiment is named %s; there are %s' % (', '.join(sorted(unknown)), ', '.join(NAMES)))
     failed = False
     for name in arguments.names or NAMES:
         module = importlib.import_module('.' + name, __package__)
-        end = run_experiment(name, module, RESULTS, arguments.quick, arguments.seed)
+        if arguments.draw:
+            end = 'not measured yet' if redraw(module.plot, RESULTS / name) is None else 'drawn'
+        else:
+            end = run_experiment(name, module, RESULTS, arguments.quick, arguments.seed)
         print('%-16s %s' % (name, end), flush=True)
         failed |= end.startswith('failed')
     for path in report.write(RESULTS, NAMES):
@@ -32,7 +39,8 @@ def main():
     return failed
 
 
-try:
-    sys.exit(main())
-except KeyboardInterrupt:
-    sys.exit(130)
+if __name__ == '__main__':
+    try:
+        sys.exit(main())
+    except KeyboardInterrupt:
+        sys.exit(130)

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The report of all experiments that were run: report.md, and report.html, which needs no other file."""
 import base64
-import importlib
-import json
 import platform
 import re
 import subprocess
@@ -15,7 +13,7 @@ import numpy
 
 from benchmarks.machine import describe
 
-from .runner import TOP, Figure
+from .runner import DONE, TOP, Figure, told_of
 
 STYLE = '''
 body { max-width: 60em; margin: 2em auto; padding: 0 1em; font: 16px/1.5 sans-serif; color: #222 }
@@ -28,8 +26,8 @@ em { color: #555 } h2 { border-top: 1px solid #ccc; padding-top: 1em }
 
 def write(results, names):
     """Write both reports of the experiments of these names that were run: the paths of report.md and report.html."""
-    text = '\n\n'.join([_head(), *(_section(results / name, name) for name in names
-                                   if (results / name / 'run.json').exists())]) + '\n'
+    told = {name: told_of(results / name) for name in names}
+    text = '\n\n'.join([_head(), *(_section(name, told[name]) for name in names if told[name])]) + '\n'
     plain, page = results / 'report.md', results / 'report.html'
     plain.write_text(text)
     page.write_text(html(text, results))
@@ -67,18 +65,17 @@ def versions():
         'numpy %s' % numpy.__version__, 'OpenCV %s' % cv2.__version__, 'matplotlib %s' % matplotlib.__version__]))
 
 
-def _section(folder, name):
-    module = importlib.import_module('.' + name, __package__)
-    told = json.loads((folder / 'run.json').read_text())
-    lines = ['## ' + module.TITLE, module.EXPLANATION.strip()]
-    if told['end'] != 'done':
+def _section(name, told):
+    """:param told: as told_of returns it"""
+    lines = ['## ' + told['title'], told['explanation']]
+    if told['end'] != DONE:
         return '\n\n'.join(lines + ['**This was %s**' % told['end']])
-    for item in module.plot(folder):
+    for item in told['items']:
         if isinstance(item, Figure):
             lines += ['![%s](%s/%s)' % (item.name, name, item.name), '*%s*' % item.caption]
         else:
             lines += [item.caption, _table(item)]
-    return '\n\n'.join(lines + ['*%s, seed %d, %.0f s%s; the numbers: results/experiments/%s/\\*.csv*' % (
+    return '\n\n'.join(lines + ['*%s, seed %d, %.0f s%s; the numbers lie in results/experiments/%s*' % (
         told['date'], told['seed'], told['seconds'], ', quick' if told['quick'] else '', name)])
 
 

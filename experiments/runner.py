@@ -1,15 +1,17 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Runs experiments, each into a folder of its own, and writes the report of all that lie there.
+"""Runs experiments, each into a folder of its own.
 
 An experiment is a module of this package with
 
     TITLE          one line
     EXPLANATION    Markdown: what was done, what the figures show, for a reader who does not know the paper
-    run(run)       measures; writes CSV files into run.folder. Raises Skipped, with a reason, where it cannot be done
-    plot(folder)   reads these CSV files, and writes the figures beside them as PNG:
+    run(run)       measures; writes CSV files (table.write) or arrays into run.folder. Raises Skipped, with a reason,
+                   where it cannot be done
+    plot(folder)   reads these files, and writes the figures beside them as PNG:
                    [Figure or Table, ...], in the report's order
 
 and ends with `again(__name__, plot)`, so that `python3 -m experiments.NAME` draws anew what was measured before.
+`run.json` in its folder says how it went, and has all that report.py tells of it.
 """
 import datetime
 import json
@@ -17,7 +19,7 @@ import pathlib
 import shutil
 import time
 import traceback
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import List, Sequence
 
 from tqdm import tqdm
@@ -26,6 +28,8 @@ from smokebot_udp.link_lab.lab import LabError
 
 TOP = pathlib.Path(__file__).resolve().parent.parent
 RESULTS = TOP / 'results' / 'experiments'
+TOLD = 'run.json'
+DONE = 'done'
 
 
 class Skipped(Exception):
@@ -70,25 +74,52 @@ class Run:
 
 
 def run_experiment(name, module, results, quick, seed):
-    """Run one experiment; `run.json` in its folder, which is made anew, says how it went.
+    """Run one experiment and draw its figures, in its folder, which is made anew.
 
-    :return: 'done', or 'skipped: ...' or 'failed: ...' with the reason
+    :return: DONE, or 'skipped: ...' or 'failed: ...' with the reason
     """
     folder = results / name
     shutil.rmtree(str(folder), ignore_errors=True)
     folder.mkdir(parents=True)
-    begun, end = time.monotonic(), 'done'
+    begun, end, items = time.monotonic(), DONE, []
     try:
         module.run(Run(folder, quick, seed))
+        items = module.plot(folder)
     except (Skipped, LabError) as reason:
         end = 'skipped: %s' % reason
     except Exception as error:      # the others are to be run all the same
         traceback.print_exc()
         end = 'failed: %r' % error
-    (folder / 'run.json').write_text(json.dumps({
+    _tell(folder, {
         'end': end, 'quick': quick, 'seed': seed, 'seconds': round(time.monotonic() - begun, 1),
-        'date': datetime.datetime.now(datetime.timezone.utc).strftime('%Y-%m-%d %H:%M UTC')}, indent=1))
+        'date': datetime.datetime.now(datetime.timezone.utc).strftime('%Y-%m-%d %H:%M UTC'),
+        'title': module.TITLE, 'explanation': module.EXPLANATION.strip()}, items)
     return end
+
+
+def told_of(folder):
+    """What `run.json` tells: a dict, whose `items` are Figures and Tables; None where nothing ran to its end."""
+    path = folder / TOLD
+    if not path.exists():
+        return None
+    told = json.loads(path.read_text())
+    told['items'] = [(Table if 'rows' in item else Figure)(**item) for item in told['items']]
+    return told
+
+
+def _tell(folder, told, items):
+    told = {**told, 'items': [asdict(item) for item in items]}
+    (folder / TOLD).write_text(json.dumps(told, indent=1, default=lambda number: number.item()))    # numpy's
+
+
+def redraw(plot, folder):
+    """Draw anew what was measured before: the figures' paths, or None where nothing was."""
+    told = told_of(folder)
+    if told is None or told['end'] != DONE:
+        return None
+    items = plot(folder)
+    _tell(folder, told, items)
+    return [folder / item.name for item in items if isinstance(item, Figure)]
 
 
 def again(name, plot):
@@ -96,8 +127,7 @@ def again(name, plot):
     if name == '__main__':
         import __main__
         folder = RESULTS / pathlib.Path(__main__.__file__).stem
-        if not (folder / 'run.json').exists():
+        paths = redraw(plot, folder)
+        if paths is None:
             raise SystemExit('nothing was measured yet: ./smokebot experiments %s' % folder.name)
-        for item in plot(folder):
-            if isinstance(item, Figure):
-                print(folder / item.name)
+        print(*paths, sep='\n')
