@@ -8,6 +8,7 @@ from . import report
 from .runner import RESULTS, redraw, run_experiment
 
 NAMES = (
+    'send_order',
     'virtual_scans',
 )
 """In the report's order."""

@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Orders in which the subimages of a cut may be sent: permutations of the places of a block."""
+import numpy as np
+from scipy import spatial
+
+from smokebot_udp.codecs.interleave import table
+from smokebot_udp.codecs.kriging import NEIGHBOURS, SMOOTH, weigh
+
+AROUND = np.array([(down, right) for down in range(-2, 3) for right in range(-2, 3)])
+"""Blocks in which neighbours are looked for."""
+
+ALIKE = 1e-4
+"""Variances that differ by less, relative to the greatest, are taken for equal."""
+
+GOLDEN = (np.sqrt(5) - 1) / 2
+
+
+def orders(depth, seed):
+    """{name: (n,) int, the indexes of the subimages, as Table 3 numbers them, in the order they are sent}"""
+    p = 1 << depth
+    index = table(depth)
+    bits = [sum((i >> bit & 1) << depth - 1 - bit for bit in range(depth)) for i in range(p)]
+    n = p * p
+    stride = next(s for s in range(int(GOLDEN * n), n) if np.gcd(s, n) == 1)
+    return {
+        'Table 3': np.arange(n),
+        'Z coarse first': np.array([_digits(i, depth) for i in range(n)]),     # as Table 3, of 0 1 / 2 3 for Table 2(a)
+        'bits reversed': index[np.ix_(bits, bits)].ravel(),     # rows coarse first, and in each the columns
+        'farthest point': index[tuple(farthest_point(p).T)],
+        'least certain': index[tuple(least_certain(p).T)],
+        'golden stride': np.arange(n) * stride % n,             # each far from the one before in Table 3, too
+        'random': np.random.RandomState(seed).permutation(n),
+        'by rows': index.ravel(),
+    }
+
+
+def _digits(i, depth):
+    """The subimage of Table 3 whose place has the number i where 2(a) is 0 1 / 2 3: each digit to base 4 by itself."""
+    return sum((0, 2, 3, 1)[i >> 2 * digit & 3] << 2 * digit for digit in range(depth))
+
+
+def farthest_point(p):
+    """Each place is the one farthest from all before it; of those equally far, the one with most room in the mean.
+
+    :return: (p * p, 2) int, rows and columns
+    """
+    places = np.argwhere(np.ones((p, p), bool))
+    distance = _distances(p)
+    chosen, nearest, sum_inverse = [], np.full(p * p, np.inf), np.zeros(p * p)
+    for _ in range(p * p):
+        best = np.lexsort((sum_inverse, -nearest))[0]
+        chosen.append(best)
+        nearest = np.minimum(nearest, distance[best])
+        nearest[chosen] = -1
+        with np.errstate(divide='ignore'):
+            sum_inverse = sum_inverse + 1 / distance[best] ** 2
+    return places[chosen]
+
+
+def _distances(p):
+    """(p * p, p * p): between places of a block that repeats for ever."""
+    row, column = np.divmod(np.arange(p * p), p)
+    apart = [np.abs(x - x[:, np.newaxis]) for x in (row, column)]
+    return np.hypot(*(np.minimum(x, p - x) for x in apart))
+
+
+def least_certain(p):
+    """Each place is the one that kriging is least certain of; of those alike, the one that leaves it most certain.
+
+    :return: (p * p, 2) int, rows and columns
+    """
+    places = np.argwhere(np.ones((p, p), bool))
+    have = np.zeros(p * p, bool)
+    have[0] = True
+    chosen = [0]
+    while not have.all():
+        missing = np.flatnonzero(~have)
+        uncertain = variance(places[have], places[missing], p)
+        ties = missing[uncertain >= (1 - ALIKE) * uncertain.max()]
+        left = []
+        for tie in ties if len(ties) > 1 and len(missing) > 1 else ():
+            others = missing[missing != tie]
+            left.append(variance(np.concatenate([places[have], places[[tie]]]), places[others], p).mean())
+        chosen.append(ties[np.argmin(left)] if left else ties[0])
+        have[chosen[-1]] = True
+    return places[chosen]
+
+
+def variance(received, missing, p):
+    """How far off kriging thinks its estimates are, squared.
+
+    :param received, missing: (n, 2), (m, 2) int places of a block that repeats for ever
+    :return: (m,) float
+    """
+    points = (received + p * AROUND[:, np.newaxis]).reshape(-1, 2)
+    _, nearest = spatial.cKDTree(points).query(missing, min(NEIGHBOURS, len(points)))
+    offsets = points[nearest.reshape(len(missing), -1)] - missing[:, np.newaxis]
+    weights = weigh(offsets)
+    between = _model(offsets[:, :, np.newaxis] - offsets[:, np.newaxis])
+    return 2 * (weights * _model(offsets)).sum(axis=1) - np.einsum('mi,mij,mj->m', weights, between, weights)
+
+
+def _model(offsets):
+    return np.sqrt((offsets ** 2).sum(axis=-1) + SMOOTH ** 2) - SMOOTH
