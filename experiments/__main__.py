@@ -11,6 +11,7 @@ NAMES = (
     'send_order',
     'virtual_scans',
 )
+NAMES = ('virtual_scans', 'send_order')
 """In the report's order."""
 
 
