@@ -8,17 +8,14 @@ import contextlib
 import json
 import os
 import pathlib
-import select
-import shutil
-import socket
 import statistics
 import subprocess
 import sys
 import tempfile
-import time
-import xmlrpc.client
 
 import matplotlib
+
+from .processes import Master, Peer
 
 HERE = pathlib.Path(__file__).resolve().parent
 RESULTS = HERE.parent / 'results' / 'bench'
@@ -37,58 +34,6 @@ CLIMB = (5000, 10000, 15000, 20000, 27000, 40000, 60000, 80000)
 
 KEPT_UP = 0.95
 """A sender that reaches less of the rate asked of it was too slow for it."""
-
-
-class Peer:
-    """One end, in a process of its own."""
-
-    def __init__(self, command):
-        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-                                         stderr=subprocess.DEVNULL, universal_newlines=True, bufsize=1)
-
-    def line(self, patience=60.0):
-        if not select.select([self._process.stdout], [], [], patience)[0]:
-            self.close()
-            raise RuntimeError('%s says nothing for %g s' % (self._process.args, patience))
-        line = self._process.stdout.readline()
-        if not line:
-            raise RuntimeError('%s ended with %s' % (self._process.args[:3], self._process.wait()))
-        return line.strip()
-
-    def ask(self, words):
-        self._process.stdin.write(words + '\n')
-        self._process.stdin.flush()
-        return self.line()
-
-    def close(self):
-        self._process.stdin.close()
-        self._process.terminate()
-        self._process.wait()
-
-
-class Master:
-    """A roscore for the benchmark alone."""
-
-    def __enter__(self):
-        with socket.socket() as probe:
-            probe.bind(('127.0.0.1', 0))
-            port = probe.getsockname()[1]
-        os.environ.update(ROS_MASTER_URI='http://127.0.0.1:%d' % port, ROS_IP='127.0.0.1')
-        self._logs = tempfile.mkdtemp()
-        os.environ['ROS_LOG_DIR'] = self._logs
-        self._process = subprocess.Popen(['rosmaster', '--core', '-p', str(port)], stdout=subprocess.DEVNULL,
-                                         stderr=subprocess.DEVNULL)
-        while True:
-            try:
-                xmlrpc.client.ServerProxy(os.environ['ROS_MASTER_URI']).getUri('/bench')
-                return self
-            except OSError:
-                time.sleep(0.05)
-
-    def __exit__(self, *_):
-        self._process.terminate()
-        self._process.wait()
-        shutil.rmtree(self._logs, ignore_errors=True)
 
 
 def build_roscpp_peer(folder):
