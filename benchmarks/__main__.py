@@ -3,6 +3,7 @@
 import argparse
 import importlib
 import json
+import signal
 import sys
 
 from .machine import describe
@@ -18,12 +19,15 @@ def main():
     unknown = set(arguments.names) - set(NAMES)
     if unknown:
         parser.error('no benchmark is named %s; there are %s' % (', '.join(sorted(unknown)), ', '.join(NAMES)))
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))    # end as by Ctrl-C: what was started is ended
     results = {'machine': describe()}
+    if not arguments.json:
+        print(results['machine'])
     for name in arguments.names or NAMES:
         module = importlib.import_module('.' + name, __package__)
         results[name] = module.run(log=lambda text: print(text, file=sys.stderr, flush=True))
         if not arguments.json:
-            print('\n' + module.table(results[name], results['machine']))
+            print('\n' + module.table(results[name]))
     if arguments.json:
         print(json.dumps(results, indent=1))
 

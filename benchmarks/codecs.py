@@ -128,8 +128,8 @@ def run(log):
                    'limit': limit and limit / 1e3} for name, (_, limit) in work.items()}
 
 
-def table(results, machine):
-    lines = ['one message, %d rounds, %s' % (ROUNDS, machine),
+def table(results):
+    lines = ['one message, %d rounds' % ROUNDS,
              '%-46s %12s %12s %12s' % ('', 'median [ms]', 'worst [ms]', 'goal [ms]')]
     for name, r in results.items():
         lines.append('%-46s %12.2f %12.2f %12s' % (

@@ -150,8 +150,8 @@ def run(log):
     return results
 
 
-def table(results, machine):
-    return '\n'.join(['filling missing pixels, %s' % machine, '', *_quality_lines(results['quality']), '',
+def table(results):
+    return '\n'.join(['filling missing pixels', '', *_quality_lines(results['quality']), '',
                       *_time_lines(results['times']), '', *_thermal_lines(results['thermal'])])
 
 

@@ -135,8 +135,8 @@ def climb(receiver, sender):
     return lossless
 
 
-def table(results, machine):
-    lines = ['1.4 kB messages over loopback, %s' % machine]
+def table(results):
+    lines = ['1.4 kB messages over loopback']
     for rate in RATES:
         lines += ['', '%-30s %12s %12s %14s %10s %10s %16s' % (
             'at %d messages/s' % rate, 'reached [1/s]', 'sender [us]', 'receiver [us]', 'p50 [ms]', 'p99 [ms]', 'lost')]
