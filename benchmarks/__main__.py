@@ -8,7 +8,7 @@ import sys
 
 from .machine import describe
 
-NAMES = ('codecs', 'fill', 'udpros')
+NAMES = ('codecs', 'fill', 'udpros', 'end_to_end')
 
 
 def main():
