@@ -9,6 +9,7 @@ from .runner import RESULTS, redraw, run_experiment
 
 NAMES = (
     'send_order',
+    'subimages',
     'virtual_scans',
 )
 NAMES = ('virtual_scans', 'send_order')
