@@ -10,6 +10,7 @@ from .runner import RESULTS, redraw, run_experiment
 NAMES = (
     'send_order',
     'subimages',
+    'map_reduction',
     'virtual_scans',
 )
 NAMES = ('virtual_scans', 'send_order')
