@@ -14,6 +14,9 @@ NAMES = (
     'virtual_scans',
 )
 NAMES = ('virtual_scans', 'send_order')
+    'virtual_scans',
+    'pictures_per_second',
+)
 """In the report's order."""
 
 

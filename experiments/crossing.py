@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Pictures and clouds across an emulated link, in one of several ways at a time.
+
+On the robot's side run source.py and robot_sender, on the operator's side operator_receiver and sink.py. None is
+restarted: the link changes while they run. Both sides have one clock, so a message's age is what it is.
+"""
+import json
+import os
+import statistics
+import subprocess
+import sys
+import threading
+import time
+from dataclasses import dataclass
+from typing import List, NamedTuple, Sequence
+
+from smokebot_udp.link_lab.course import SIDES
+from smokebot_udp.link_lab.stack import Stack
+
+from .runner import TOP
+
+AIR = {'rate': 54e6, 'queue': 0.1}
+"""Of all links here, in both directions: 802.11g's nominal rate [bit/s], and what may wait for it [s]."""
+
+SETTLE = 1.0
+"""What came so soon after the link changed does not count [s]."""
+
+LATE = 0.02
+"""Where one packet of a hundred left the link later than this, the machine was too busy: it is measured again [s]."""
+
+ATTEMPTS = 3
+
+
+class Heard(NamedTuple):
+    """A message that came to the operator."""
+    topic: str
+    stamp: float
+    """[s]"""
+    arrival: float
+    """[s]"""
+    amount: float
+    """See sink.KINDS."""
+
+    @property
+    def age(self):
+        return self.arrival - self.stamp
+
+
+@dataclass
+class Way:
+    """A way of sending."""
+    source: str
+    """The topic that source.py publishes."""
+    wanted: List[Sequence[str]]
+    """What sink.py subscribes, [topic, kind, transport] each; the first one shows whether anything comes."""
+
+
+PICTURES = {
+    'smokebot_udp': Way('camera/image_raw', [['operator/camera/image_raw', 'image', 'TCPROS']]),
+    'JPEG over TCPROS': Way('whole/jpeg', [['whole/jpeg', 'jpeg', 'TCPROS']]),
+    'JPEG over UDPROS': Way('whole/jpeg', [['whole/jpeg', 'jpeg', 'UDPROS']]),
+    'raw over TCPROS': Way('whole/raw', [['whole/raw', 'image', 'TCPROS']]),
+    'raw over UDPROS': Way('whole/raw', [['whole/raw', 'image', 'UDPROS']]),
+}
+"""{way: Way}: pictures of 640 x 480, mono8"""
+
+
+class Crossing:
+    """A context manager.
+
+    :param run: runner.Run
+    :raises LabError: where there can be no emulated link
+    """
+
+    def __init__(self, run, congestion_control='cubic'):
+        self._stack = Stack(run.seed, congestion_control, run.folder / 'nodes.log')
+        self._heard, self._missed = [], 0
+        try:
+            self._start()
+        except BaseException:
+            self._stack.close()
+            raise
+
+    def _start(self):
+        self._link({})
+        streams = '_streams_file:=%s' % (TOP / 'experiments' / 'streams.yaml')
+        pipes = {'cwd': str(TOP), 'stdin': subprocess.PIPE, 'stdout': subprocess.PIPE, 'universal_newlines': True}
+        self._source, self._sink = (
+            self._stack.start(side, sys.executable, '-m', 'experiments.' + name, **pipes)
+            for side, name in zip(SIDES, ('source', 'sink')))
+        self._stack.start_node('robot', 'robot_sender', streams)
+        self._stack.start_node('operator', 'operator_receiver', streams)
+        for process in (self._source, self._sink):
+            if not process.stdout.readline():
+                raise RuntimeError('a node ended: see nodes.log')
+        threading.Thread(target=self._listen, daemon=True).start()
+
+    def _listen(self):
+        for line in self._sink.stdout:
+            self._heard.append(Heard(*json.loads(line)))
+
+    def _link(self, quality):
+        self._stack.lab.set({'loss': 0.0, 'burst': 0.0, 'delay': 0.0, **AIR, **quality})
+
+    def change(self, robot, operator):
+        """Change both directions of the link: channel.Qualities."""
+        self._stack.lab.set(robot=vars(robot), operator=vars(operator))
+
+    @staticmethod
+    def _tell(process, line):
+        process.stdin.write(line + '\n')
+        process.stdin.flush()
+
+    def use(self, way, delay=0.0, seconds=30.0):
+        """Send in a way from now on, and by no other, over a link that loses nothing; until the first message came.
+
+        A TCP connection is made anew, so that it does not remember what the link was before.
+        """
+        self._link({'delay': delay})
+        self._tell(self._source, '')
+        self._tell(self._sink, json.dumps(way.wanted))
+        self._tell(self._source, way.source)
+        topic, begun, count = way.wanted[0][0], time.time(), len(self._heard)
+        while not any(heard.topic == topic and heard.stamp > begun for heard in self._heard[count:]):
+            if time.time() > begun + seconds:
+                raise RuntimeError('nothing comes on %s over a good link: see nodes.log' % topic)
+            time.sleep(0.02)
+
+    def hear(self, seconds):
+        """What comes from now on: [Heard, ...]."""
+        count = len(self._heard)
+        time.sleep(seconds)
+        return self._heard[count:]
+
+    def state(self):
+        """How the lab and the machine were since the last call, for a row of a CSV file.
+
+        :raises RuntimeError: where the lab itself lost packets: nothing that was measured counts
+        """
+        told = self._stack.lab.statistics()
+        missed = sum(told[side]['missed'] for side in SIDES)
+        if missed:
+            raise RuntimeError('the lab itself lost %d packets: the machine is too busy' % missed)
+        return {'late p99 [ms]': round(1e3 * told['late'].get('p99', 0.0), 2), 'load': round(os.getloadavg()[0], 1)}
+
+    def measure(self, way, seconds, loss, delay=0.0):
+        """What comes in a way over a bad link: ([Heard, ...], row of `state`); again where the machine was busy."""
+        attempt = 0
+        while True:
+            attempt += 1
+            self.use(way, delay)
+            self._link({'delay': delay, 'loss': loss})
+            time.sleep(SETTLE)
+            self.state()
+            heard = self.hear(seconds)
+            state = self.state()
+            if state['late p99 [ms]'] < 1e3 * LATE or attempt == ATTEMPTS:
+                return heard, {**state, 'attempts': attempt}
+
+    def close(self):
+        self._stack.close()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
+
+def summary(heard, seconds):
+    """The rate and the ages of what came, for a row of a CSV file: no age where nothing came."""
+    ages = sorted(message.age for message in heard)
+    return {'rate [Hz]': round(len(heard) / seconds, 2),
+            'age p50 [s]': round(statistics.median(ages), 4) if ages else None,
+            'age p99 [s]': round(ages[min(len(ages) - 1, int(0.99 * len(ages)))], 4) if ages else None,
+            'amount': round(statistics.mean(message.amount for message in heard), 4) if heard else None}
