@@ -8,14 +8,11 @@ from . import report
 from .runner import RESULTS, redraw, run_experiment
 
 NAMES = (
-    'send_order',
     'subimages',
     'map_reduction',
-    'virtual_scans',
-)
-NAMES = ('virtual_scans', 'send_order')
-    'virtual_scans',
     'pictures_per_second',
+    'send_order',
+    'virtual_scans',
 )
 """In the report's order."""
 
