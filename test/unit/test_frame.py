@@ -41,6 +41,17 @@ def test_a_frame_can_be_filled_again():
         assert frame.stream() == 2 * stream(LaserScan(ranges=[value, value]))
 
 
+def test_a_part_is_a_frame_on_the_same_memory():
+    frame = Frame(LaserScan, 5, {'ranges': 1})
+    frame.records['ranges'][:, 0] = range(5)
+    part = frame.part(1, 4)
+    assert (len(part), part.datagram_size, part.message_class) == (3, frame.datagram_size, LaserScan)
+    assert part.stream() == b''.join(stream(LaserScan(ranges=[value])) for value in (1, 2, 3))
+    part.records['ranges'], part.header['message_id'] = 9, 7
+    assert frame.records['ranges'].ravel().tolist() == [0, 9, 9, 9, 4]
+    assert frame.header['message_id'].tolist() == [0, 7, 7, 7, 0]
+
+
 def test_empty_messages():
     assert Frame(Empty, 2, {}).stream() == 2 * stream(Empty())
     assert Frame(String, 1, {}).stream() == stream(String())

@@ -153,6 +153,21 @@ def test_sequence_numbers_count_loss_and_stop_repeats(make):
     assert (sequence.received, sequence.lost, sequence.duplicates) == (5, 2, 1)
 
 
+@pytest.mark.parametrize('batches', [False, True])
+def test_what_arrived_is_told_once(make, batches):
+    """One by one, in batches, and in many blocks."""
+    told = []
+    peer = make(Image, batches, not batches, arrived=lambda *what: told.append(what)).start()
+    short, long = numbered(0), numbered(0, 'a' * 300)
+    peer.send_and_wait(numbered(10))
+    peer.send_and_wait(numbered(12), numbered(11), numbered(12), numbered(13))
+    peer.send_and_wait(numbered(14, 'a' * 300), numbered(14, 'a' * 300), numbered(15))
+    assert sum(count for _, _, count in told) == 6
+    assert told[0] == (10, len(short) + 12 + 28, 1) and told[-1][0] in (14, 15)
+    assert {seq for seq, _, _ in told} <= set(range(10, 16))
+    assert sum(size for _, size, _ in told) == 5 * (len(short) + 40) + len(long)
+
+
 def test_repeats_of_long_messages_stop_too(make):
     peer = make(Image).start()
     peer.send_and_wait(numbered(1, 'a' * 300), numbered(1, 'b' * 300), numbered(2))

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A frame's messages of one type and size as datagrams ready to be sent: one row each."""
+import copy
+
 import numpy as np
 
 from .datagram import HEADER, HEADER_DTYPE, OVERHEAD, UDP_MAX_PAYLOAD, Op
@@ -32,6 +34,13 @@ class Frame:
         self.header = np.ndarray((count,), HEADER_DTYPE, self.rows, 0, (size,))
         self.header['op'], self.header['block'] = Op.DATA0, 1
         np.ndarray((count,), '<u4', self.rows, HEADER.size, (size,))[:] = dtype.itemsize
+
+    def part(self, start, stop):
+        """Some of its messages, as a Frame on the same memory."""
+        part = copy.copy(self)
+        part.rows, part.records, part.header = (
+            array[start:stop] for array in (self.rows, self.records, self.header))
+        return part
 
     def __len__(self):
         return len(self.rows)

@@ -115,7 +115,8 @@ class SubscriberTransport(UdpTransport):
         self.publisher_pid = None
         self._impl = impl
         self.subscription = Subscription(receiver, reply, hosts, self, impl.data_class, impl.queue_size,
-                                         impl.options.coalesce if impl.batch_callbacks else 0.0, impl.options.drop)
+                                         impl.options.coalesce if impl.batch_callbacks else 0.0, impl.options.drop,
+                                         impl.options.arrived)
         self._thread = threading.Thread(target=self._run, name='UDPROS ' + impl.resolved_name, daemon=True)
 
     def start(self):

@@ -8,7 +8,7 @@ import time
 import numpy as np
 
 from .datagram import HEADER, LENGTH, OVERHEAD, Op
-from .endpoints import addresses_of
+from .endpoints import IP_UDP_HEADERS, addresses_of
 from .reassembly import Inbox
 from .records import LayoutError, has_header, lengths_of, record_dtype, same_layout
 from .sequence import SequenceTracker
@@ -85,9 +85,13 @@ class Subscription:
     :param coalesce: wait so long after the first datagram of a batch for more of them [s]: fewer, larger
         batches cost less; 0 where single messages are to come at once
     :param drop: None, or a function of n that gives (n,) bool of datagrams to lose, for demonstrations
+    :param arrived: None, or f(seq, size, count), told of numbered messages that came together and never before: one of
+        their sequence numbers, mostly the highest, their bytes as packets of IP (of those of many blocks: the messages'
+        own), and how many they are
     """
 
-    def __init__(self, receiver, reply, hosts, deliver, message_class, queue_size=None, coalesce=0.0, drop=None):
+    def __init__(self, receiver, reply, hosts, deliver, message_class, queue_size=None, coalesce=0.0, drop=None,
+                 arrived=None):
         self.receiver = receiver
         self.inbox = Inbox(reply.connection_id)
         self.sequence = SequenceTracker() if has_header(message_class) else None
@@ -95,7 +99,7 @@ class Subscription:
         self.last_arrival = time.monotonic()
         self._source = Source(hosts)
         self._deliver, self._message_class = deliver, message_class
-        self._coalesce, self._drop = coalesce, drop
+        self._coalesce, self._drop, self._arrived = coalesce, drop, arrived
         self._waiting = collections.deque(maxlen=queue_size)
         self._layouts = {}   # {datagram length: dtype last seen with it}
         self._ended = threading.Event()
@@ -157,6 +161,8 @@ class Subscription:
         self.datagrams += 1
         self.bytes += length
         self._waiting.append(datagram[OVERHEAD:])
+        if self._arrived is not None and self.sequence is not None:
+            self._arrived(seq, length + IP_UDP_HEADERS, 1)
         return True
 
     def _take(self, count, first=0):
@@ -201,10 +207,16 @@ class Subscription:
             self.inbox.dropped['message'] += int(np.count_nonzero(~numbered))
             rows = rows[numbered]
         seqs = np.ndarray((len(datagrams),), SEQ, datagrams, OVERHEAD, (datagrams.shape[1],))[rows]
-        rows = rows[self.sequence.add(seqs)]
+        fresh = self.sequence.add(seqs)
+        rows = rows[fresh]
+        if self._arrived is not None and len(rows):
+            self._arrived(int(seqs[fresh][-1]), int(lengths[rows].sum()) + IP_UDP_HEADERS * len(rows), len(rows))
         if messages:
-            fresh = self.sequence.add([int.from_bytes(message[:SEQ.itemsize], 'little') for _, message in messages])
-            messages = [message for message, new in zip(messages, fresh) if new]
+            seqs = [int.from_bytes(message[:SEQ.itemsize], 'little') for _, message in messages]
+            fresh = self.sequence.add(seqs)
+            messages, seqs = ([one for one, new in zip(of_all, fresh) if new] for of_all in (messages, seqs))
+            if self._arrived is not None and messages:
+                self._arrived(seqs[-1], sum(len(message) for _, message in messages), len(messages))
         return rows, messages
 
     def _take_records(self, datagrams, lengths, left):

@@ -26,6 +26,7 @@ class _Options:
     receive_buffer: int = 0
     coalesce: float = 0.0
     drop: Optional[Callable] = None
+    arrived: Optional[Callable] = None
 
 
 def _options(transport, max_datagram_size, **others):
@@ -102,14 +103,17 @@ class Subscriber(rospy.Subscriber):
     :param receive_buffer: asked of the kernel [byte]; `connections` tells what it granted
     :param coalesce: with a batch_callback, how long to wait for a batch to grow [s]
     :param drop: None, or f(n) giving (n,) bool of datagrams to lose, to demonstrate a bad link
+    :param arrived: None, or f(seq, size, count), told in the transport's thread what came, see Subscription
     :raises ValueError: on an unknown transport, an impossible size, or a batch_callback for a type whose
         messages have no record layout
     """
 
     def __init__(self, name, data_class, callback=None, callback_args=None, queue_size=None,
                  buff_size=DEFAULT_BUFF_SIZE, tcp_nodelay=False, transport='prefer_udp', batch_callback=None,
-                 max_datagram_size=DEFAULT_MAX_DATAGRAM_SIZE, receive_buffer=4 << 20, coalesce=2e-3, drop=None):
-        options = _options(transport, max_datagram_size, receive_buffer=receive_buffer, coalesce=coalesce, drop=drop)
+                 max_datagram_size=DEFAULT_MAX_DATAGRAM_SIZE, receive_buffer=4 << 20, coalesce=2e-3, drop=None,
+                 arrived=None):
+        options = _options(transport, max_datagram_size, receive_buffer=receive_buffer, coalesce=coalesce, drop=drop,
+                           arrived=arrived)
         if batch_callback is not None:
             record_dtype(data_class, {})    # raises where the type has no layout
         self._batch_callback = batch_callback
