@@ -1,4 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
+from types import SimpleNamespace
+
 import pytest
 from geometry_msgs.msg import TransformStamped
 from hypothesis import given
@@ -120,6 +122,10 @@ class Published(list):
         return 1
 
     publish = list.append
+
+    @property
+    def impl(self):
+        return SimpleNamespace(seq=len(self))
 
 
 def test_many_publishers_transforms_go_in_one_datagram():

@@ -22,7 +22,10 @@ import rospy
 from .. import udpros
 from ..streams import robot_class
 from ..streams.base import Link
+from ..streams.outbox import Outbox
 from ..supervisor import focus
+from ..supervisor.pace import Pace
+from ..udpros.endpoints import IP_UDP_HEADERS
 from .clock_sync import ClockServer
 from .common import Parameters, load_streams, read_file
 from .diagnostics import robot_diagnostics
@@ -41,8 +44,10 @@ class RobotSender:
         burst = parameters.number('pacing_burst', 16, least=1)
         profiles = read_file(parameters, 'focus_file', 'focus.yaml', focus.load)
         with udpros.registered_together():
-            pacer = udpros.Pacer(rate * 1e6 / 8 if rate else None, int(burst) * size)
-            self.streams = load_streams(parameters, robot_class, Link(size, pacer=pacer))
+            self._outbox = Outbox(Pace(rate * 1e6 / 8 if rate else None, int(burst) * (size + IP_UDP_HEADERS)),
+                                  on_error=_tell)
+            self._outbox.start()
+            self.streams = load_streams(parameters, robot_class, Link(size, outbox=self._outbox))
             self.focus = FocusControl(self.streams, profiles, problems.tell)
             self._clock = ClockServer()
             self._diagnostics = robot_diagnostics(self.streams, parameters, problems)
@@ -54,6 +59,12 @@ class RobotSender:
         self.focus.close()
         for stream in self.streams.values():
             stream.close()
+        self._outbox.stop()
+
+
+def _tell(stream, error):
+    if not rospy.is_shutdown():
+        rospy.logerr_throttle(5, "stream '%s' cannot be sent: %s" % (stream, error))
 
 
 def main():

@@ -2,12 +2,13 @@
 """What the streams of every kind have in common, on either side."""
 import collections
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Callable, Optional
 
 import rospy
 
 from .. import udpros
+from .outbox import Outbox
 from .parameters import OPERATOR, ROBOT
 from .rate import NewestWorker
 
@@ -20,8 +21,8 @@ class Link:
     """How a node's streams reach the other side."""
     max_datagram_size: int
     """[byte of UDP payload]"""
-    pacer: Optional[udpros.Pacer] = None
-    """Shared by the robot's streams: they share the air."""
+    outbox: Outbox = field(default_factory=Outbox)
+    """Through which the robot's streams send."""
     receive_buffer: int = 4 << 20
     """Asked of the operator's kernel for each stream [byte]."""
     drop: Optional[Callable] = None
@@ -61,7 +62,7 @@ class RobotStream(rospy.SubscribeListener):
     def start(self):
         """Begin to send; apart from making a stream, which needs no ROS."""
         self._publisher = udpros.Publisher(
-            wire_topic(self.name), self.SEGMENT, subscriber_listener=self, queue_size=10, pacer=self.link.pacer,
+            wire_topic(self.name), self.SEGMENT, subscriber_listener=self, queue_size=10,
             max_datagram_size=self.link.max_datagram_size)
         self._worker.start()
         self._subscriber = rospy.Subscriber(self.topic, self.MESSAGE, self._count,
@@ -81,6 +82,8 @@ class RobotStream(rospy.SubscribeListener):
             self.settings = before
             self.prepare()
             raise
+        if not self.settings['enabled']:
+            self.link.outbox.drop(self.name)
 
     def prepare(self):
         """Make what depends on the settings; ValueError where they contradict each other."""
@@ -98,7 +101,8 @@ class RobotStream(rospy.SubscribeListener):
         """What the stream does and did, for diagnostics: all counts only grow, see nodes.diagnostics."""
         return {'in': self.received, 'out': self.sent, 'enabled': self.settings['enabled'],
                 'rate': self.settings['rate'], 'steady': self.STEADY,
-                'dropped': {'a newer one came': self._worker.replaced, 'wrong': self._wrong},
+                'dropped': {'a newer one came': self._worker.replaced, 'wrong': self._wrong,
+                            'datagrams of older ones': self.link.outbox.dropped(self.name)},
                 'connections': self._publisher.connections()}
 
     def _count(self, message):
@@ -110,8 +114,12 @@ class RobotStream(rospy.SubscribeListener):
             self._worker.give(message)
 
     def _send(self, message):
-        self._publisher.publish_frames(*self.frames(self._told_apart(message)))
+        self.put(self.frames(self._told_apart(message)))
         self.sent += 1
+
+    def put(self, frames):
+        """Hand over the frames that carry a message, to be sent in their turn."""
+        self.link.outbox.put(self.name, self._publisher, frames)
 
     def _told_apart(self, message):
         """Segments belong together by their stamp, so a message that has none gets one, and none may come twice."""
@@ -132,6 +140,7 @@ class RobotStream(rospy.SubscribeListener):
     def close(self):
         self._subscriber.unregister()
         self._worker.stop()
+        self.link.outbox.drop(self.name)
         self._publisher.unregister()
 
 

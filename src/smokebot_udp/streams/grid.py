@@ -39,10 +39,9 @@ class GridSender(RobotStream):
     }
 
     def __init__(self, name, settings, link):
-        self._lock = threading.Lock()
         self._last = None       # the newest map
         self._content = None    # what the frames carry
-        self._frames = []
+        self._frames, self._header = [], None
         self._rounds = Repeater(name + ' rounds', self._send_round, self._report, 1.0 / settings['repeat_rate'])
         super().__init__(name, settings, link)
 
@@ -72,7 +71,7 @@ class GridSender(RobotStream):
     def _send(self, message):
         frames = self.frames(message)
         if frames is not None:
-            self._frames = frames
+            self._frames, self._header = frames, message.header
             self.sent += 1
             self._rounds.wake()
 
@@ -88,9 +87,7 @@ class GridSender(RobotStream):
         cells = grid.reduce_by(cells, factor)
         content = frame_id, str(info.origin), info.resolution, factor, cut, zlib.crc32(cells.tobytes())
         if content == self._content:
-            with self._lock:
-                for frame in self._frames:
-                    write_header(frame.records, message.header)
+            self._header = message.header
             return None
         self._content = content
         subimages = cut.split(cells).reshape(len(cut), -1)
@@ -102,9 +99,11 @@ class GridSender(RobotStream):
         return [frame for _, frame in frames]
 
     def _send_round(self):
-        with self._lock:
-            if self._frames and self.wanted:
-                self._publisher.publish_frames(*self._frames)
+        frames = self._frames
+        if frames and self.wanted and not self.link.outbox.sends(self.name, frames):
+            for frame in frames:
+                write_header(frame.records, self._header)
+            self.put(frames)
 
     def close(self):
         self._rounds.stop()

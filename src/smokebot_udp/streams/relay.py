@@ -144,7 +144,7 @@ class RelaySender(RobotStream):
                 rospy.logwarn_throttle_identical(
                     60, "stream '%s': a message of %s has %d bytes and takes %d datagrams: each one lost loses it" % (
                         self.name, self.topic, size, -(-size // self._room)))
-            self._publisher.publish(message)
+            self.link.outbox.publish(self.name, self._publisher, message, size)
             self.sent += 1
 
     def close(self):

@@ -151,7 +151,7 @@ class VirtualScanSender(RobotStream):
         scan = self.scan(self._told_apart(message))
         self._scans.publish(scan)
         if super().wanted:
-            self._publisher.publish_frames(*scan_frames(scan, False, self.link.max_datagram_size))
+            self.put(scan_frames(scan, False, self.link.max_datagram_size))
             self.sent += 1
 
     def scan(self, message):

@@ -73,6 +73,7 @@ class Publisher(rospy.Publisher):
     def publish_frames(self, *frames):
         """Send all messages of some Frames; much cheaper than `publish` for each. Blocks while the pacer does.
 
+        :return: the first message's sequence number; the others' follow it
         :raises ValueError: where a frame is of another type than the topic
         """
         if self.impl is None:
@@ -82,7 +83,9 @@ class Publisher(rospy.Publisher):
                 raise ValueError('[%s] publishes %s, not %s' % (
                     self.resolved_name, self.data_class._type, frame.message_class._type))
         with self.impl.publock:
+            first = self.impl.seq + 1
             self.impl.publish_frames(frames)
+        return first
 
     def connections(self):
         """What `rosnode info` does not tell: [{peer, address, datagrams, bytes, failures, ...}] by UDPROS."""

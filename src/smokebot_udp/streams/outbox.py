@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The robot's way out: one thread sends what all streams have to send, as supervisor/pace.py decides."""
+import math
+import threading
+import time
+
+from ..supervisor.pace import Pace
+from ..udpros.endpoints import IP_UDP_HEADERS
+
+
+class Outbox:
+    """Shared by a node's streams: they share the air.
+
+    :param pace: a supervisor.pace.Pace
+    :param departed: f(stream, seq, count, size, now), told of numbered datagrams that left: the first one's
+        sequence number (None: it has none), how many they are, and the bytes of each as a packet of IP
+    :param on_error: f(stream, exception), called for what sending raises; the others go on
+    """
+
+    def __init__(self, pace=None, departed=lambda *_: None, on_error=lambda *_: None):
+        self._pace = pace or Pace()
+        self._departed, self._on_error = departed, on_error
+        self._changed = threading.Condition()
+        self._ended = False
+        self._thread = threading.Thread(target=self._run, name='outbox', daemon=True)
+
+    def start(self):
+        self._thread.start()
+
+    def stop(self):
+        with self._changed:
+            self._ended = True
+            self._changed.notify()
+        if self._thread.ident:
+            self._thread.join()
+
+    def put(self, stream, publisher, frames):
+        """Send a message's udpros.Frames; what did not leave yet of the stream's last message never does."""
+        with self._changed:
+            self._pace.put(stream, (publisher, frames), [
+                (len(frame), frame.datagram_size + IP_UDP_HEADERS) for frame in frames])
+            self._changed.notify()
+
+    def sends(self, stream, frames):
+        """Whether these very frames are still leaving."""
+        with self._changed:
+            leaving = self._pace.sending(stream)
+            return leaving is not None and leaving[1] is frames
+
+    def publish(self, stream, publisher, message, size):
+        """Send one message at once, before all that waits: small ones are never held back.
+
+        :param size: of the serialised message [byte]
+        """
+        publisher.publish(message)
+        size += IP_UDP_HEADERS
+        with self._changed:
+            now = time.monotonic()
+            self._pace.charge(size, now)
+            self._departed(stream, publisher.impl.seq if message._has_header else None, 1, size, now)
+
+    def drop(self, stream):
+        """Nothing more of a stream's message leaves."""
+        with self._changed:
+            self._pace.drop(stream)
+
+    def dropped(self, stream):
+        """Datagrams of a stream that a newer message replaced."""
+        return self._pace.dropped.get(stream, 0)
+
+    def change(self, change):
+        """Call change(pace)."""
+        with self._changed:
+            change(self._pace)
+            self._changed.notify()
+
+    def _run(self):
+        while True:
+            with self._changed:
+                wait = self._pace.wait(time.monotonic())
+                while wait > 0 and not self._ended:
+                    self._changed.wait(None if wait == math.inf else wait)
+                    wait = self._pace.wait(time.monotonic())
+                if self._ended:
+                    return
+                chunk = self._pace.take(time.monotonic())
+            try:
+                self._send(chunk)
+            except Exception as error:      # one stream's fault is not the others'
+                self._on_error(chunk.stream, error)
+
+    def _send(self, chunk):
+        publisher, frames = chunk.work
+        frame = frames[chunk.part].part(chunk.start, chunk.stop)
+        now = time.monotonic()
+        first = publisher.publish_frames(frame)
+        self._departed(chunk.stream, first, len(frame), frame.datagram_size + IP_UDP_HEADERS, now)

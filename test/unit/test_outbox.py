@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: BSD-3-Clause
+import threading
+
+import pytest
+from sensor_msgs.msg import LaserScan
+from std_msgs.msg import Float32
+
+from smokebot_udp.streams.outbox import Outbox
+from smokebot_udp.supervisor.pace import Pace
+from smokebot_udp.udpros import Frame
+
+WAIT = 10.0     # longer than any of it takes [s]
+
+
+class Publisher:
+    """Keeps what it is given, and numbers it as udpros.Publisher does."""
+
+    def __init__(self):
+        self.sent, self.impl = [], self
+        self.seq = 0
+        self._new = threading.Condition()
+
+    def publish_frames(self, *frames):
+        first = self.seq + 1
+        for frame in frames:
+            with self._new:
+                self.sent += frame.records['ranges'].ravel().tolist()
+                self.seq += len(frame)
+                self._new.notify_all()
+        return first
+
+    def publish(self, message):
+        self.sent.append(message)
+        self.seq += 1
+
+    def wait_for(self, last):
+        with self._new:
+            assert self._new.wait_for(lambda: last in self.sent, WAIT)
+
+
+@pytest.fixture
+def make():
+    made = []
+
+    def make_one(*args, **kwargs):
+        made.append(Outbox(*args, **kwargs))
+        return made[-1]
+
+    yield make_one
+    for outbox in made:
+        outbox.stop()
+
+
+def frames(*lengths):
+    """Frames of so many messages, which hold 0, 1, 2, ..."""
+    made, value = [], 0
+    for length in lengths:
+        made.append(Frame(LaserScan, length, {'ranges': 1}))
+        made[-1].records['ranges'][:, 0] = range(value, value + length)
+        value += length
+    return made
+
+
+def test_frames_leave_in_their_order_and_are_told_of(make):
+    told, publisher = [], Publisher()
+    outbox = make(Pace(1e6, burst=300), lambda *what: told.append(what))
+    outbox.start()
+    outbox.put('scan', publisher, frames(20, 3))
+    publisher.wait_for(22)
+    assert publisher.sent == list(range(23))
+    outbox.stop()
+    size = frames(1)[0].datagram_size + 28
+    assert [what[:2] for what in told] == [('scan', first) for first in (1 + sum(t[2] for t in told[:i])
+                                                                        for i in range(len(told)))]
+    assert sum(count for _, _, count, _, _ in told) == 23 and {what[3] for what in told} == {size}
+    assert len(told) > 5        # they were spread
+
+
+def test_an_older_message_is_given_up_and_the_same_one_goes_on(make):
+    outbox, publisher, old, new = make(), Publisher(), frames(4), frames(2)     # not started: nothing leaves
+    outbox.put('scan', publisher, old)
+    assert outbox.sends('scan', old) and not outbox.sends('scan', new)
+    outbox.put('scan', publisher, new)
+    assert outbox.sends('scan', new) and outbox.dropped('scan') == 4
+    outbox.drop('scan')
+    assert not outbox.sends('scan', new) and outbox.dropped('scan') == 6
+
+
+def test_small_messages_do_not_wait(make):
+    told, publisher = [], Publisher()
+    outbox = make(Pace(1.0, burst=1), lambda *what: told.append(what[:4]))      # 1 byte/s
+    outbox.start()
+    outbox.put('scan', publisher, frames(5))
+    outbox.publish('gas', publisher, Float32(1.0), 12)
+    outbox.publish('scan', publisher, LaserScan(), 40)
+    assert publisher.sent[-2:] == [Float32(1.0), LaserScan()]
+    assert told[-2:] == [('gas', None, 1, 40), ('scan', publisher.seq, 1, 68)]
+
+
+def test_a_stream_that_cannot_be_sent_stops_no_other(make):
+    class Broken:
+        def publish_frames(self, frame):
+            raise OSError('no way')
+
+    told, publisher = [], Publisher()
+    outbox = make(on_error=lambda stream, error: told.append((stream, str(error))))
+    outbox.put('broken', Broken(), frames(3))
+    outbox.put('scan', publisher, frames(3))
+    outbox.start()
+    publisher.wait_for(2)
+    assert told == [('broken', 'no way')]
+
+
+def test_a_new_rate_counts_at_once(make):
+    outbox, publisher = make(Pace(1.0, burst=1)), Publisher()
+    outbox.start()
+    outbox.put('scan', publisher, frames(50))
+    outbox.change(lambda pace: pace.set_rate(None))
+    publisher.wait_for(49)
+
+
+def test_stop_before_the_beginning(make):
+    make().stop()
