@@ -11,6 +11,7 @@ NAMES = (
     'subimages',
     'map_reduction',
     'pictures_per_second',
+    'fill_model',
     'send_order',
     'virtual_scans',
 )
