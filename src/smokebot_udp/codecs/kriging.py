@@ -14,9 +14,10 @@ import functools
 from typing import NamedTuple
 
 import numpy as np
-from scipy import sparse, spatial
+from scipy import sparse
 
 from .interleave import table
+from .neighbours import neighbours
 from .ring import Border, border_of, continued, moved
 
 SMOOTH = 1.0
@@ -99,40 +100,21 @@ def _plan(cut, have, smooth):
     position = cut.positions[table(cut.depth)]          # (p, p), -1: no subimage
     place = np.empty((len(cut), 2), int)
     place[position[position >= 0]] = np.argwhere(position >= 0)
-    neighbours = _neighbours(have, place, p)
-    block, within = np.divmod(neighbours, p)
+    nearest = neighbours(place[have], place[~have], p, NEIGHBOURS, REACH)
+    block, within = nearest >> cut.depth, nearest & p - 1
     subimage = position[within[..., 0], within[..., 1]]
     side = 2 * REACH + 1
     key = (subimage * side + block[..., 0] + REACH) * side + block[..., 1] + REACH
     used = np.zeros(len(cut) * side * side, bool)
     used[key] = True
-    source = (np.cumsum(used) - 1)[key]                 # (missing, k)
+    source = (np.cumsum(used, dtype=np.int32) - 1)[key]         # (missing, k)
     subimage, block = np.divmod(np.flatnonzero(used), side * side)
-    weights = weigh(neighbours - place[~have][:, np.newaxis], smooth)
-    rows = np.arange(len(source) + 1) * source.shape[1]
+    weights = weigh(nearest - place[~have][:, np.newaxis], smooth)
+    rows = np.arange(len(source) + 1, dtype=np.int32) * source.shape[1]
     return _Plan(
         (np.cumsum(have) - 1)[subimage], np.stack(np.divmod(block, side), axis=1) - REACH,
         sparse.csr_matrix((np.ravel(weights), source.ravel(), rows), (len(source), len(subimage))),
         np.ascontiguousarray(source[:, :CLAMPING].T), border_of(place[have], p))
-
-
-def _neighbours(have, place, p):
-    """The received pixels nearest to each missing one of a block, in this block and those around it.
-
-    :param place: (n, 2) int, where in a block each subimage has its pixel
-    :return: (missing, k) rows and columns, (missing, k, 2) int; the nearest first
-    """
-    received, missing = place[have], place[~have]
-    # so far that a disc at the block's corner holds twice the neighbours
-    radius = np.sqrt(2 * NEIGHBOURS / (np.pi * len(received))) * p
-    margin = min(int(np.ceil(radius)) + 1, REACH * p)
-    block = np.zeros((p, p), bool)
-    block[received[:, 0], received[:, 1]] = True
-    around = np.arange(-margin, p + margin) % p
-    points = np.argwhere(block[around][:, around]) - margin
-    k = min(NEIGHBOURS, len(points))
-    _, indexes = spatial.cKDTree(points).query(missing, k)
-    return points[indexes.reshape(len(missing), k)]
 
 
 def weigh(offsets, smooth=SMOOTH):
