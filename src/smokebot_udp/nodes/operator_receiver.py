@@ -31,6 +31,7 @@ from ..msg import RobotStatus
 from ..streams import operator_class
 from ..streams.base import Link
 from ..streams.parameters import live
+from . import memory
 from .clock_sync import ClockClient
 from .common import Parameters, load_streams
 from .diagnostics import operator_diagnostics
@@ -91,6 +92,7 @@ def _demonstrate(loss, seed):
 
 
 def main():
+    memory.keep_freed()
     rospy.init_node('operator_receiver')
     receiver = OperatorReceiver()
     rospy.loginfo('operator_receiver: receiving %s', ', '.join(receiver.streams) or 'nothing: no stream is right')

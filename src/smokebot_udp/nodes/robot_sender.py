@@ -26,6 +26,7 @@ from ..streams.outbox import Outbox
 from ..supervisor import focus
 from ..supervisor.pace import Pace
 from ..udpros.endpoints import IP_UDP_HEADERS
+from . import memory
 from .clock_sync import ClockServer
 from .common import Parameters, load_streams, read_file
 from .diagnostics import robot_diagnostics
@@ -68,6 +69,7 @@ def _tell(stream, error):
 
 
 def main():
+    memory.keep_freed()
     rospy.init_node('robot_sender')
     sender = RobotSender()
     rospy.loginfo('robot_sender: sending %s', ', '.join(sender.streams) or 'nothing: no stream is right')
