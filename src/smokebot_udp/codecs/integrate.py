@@ -81,7 +81,7 @@ class Memory:
         """Show a picture as well as it is known, and remember what came of it.
 
         :param items: (height, width) array of whole pixels, C-contiguous: the picture, its missing pixels filled;
-                      not changed
+                      not changed, but kept: it must stay as it is
         :param have: (n,) bool, which subimages were received, in cut.order
         :param cut: Interleave of the picture
         :param channel: dtype of a pixel's numbers, in their byte order, see pixels.pixel_type
@@ -100,6 +100,10 @@ class Memory:
         changed, pairs = self._changed(_numbers(items, channel), _numbers(self._items, channel), came, known, side)
         compared = np.count_nonzero(pairs)
         share = float(np.count_nonzero(changed)) / compared if compared else None
+        if have.all():    # nothing remembered is shown, and everything is remembered anew
+            self._items = items
+            self._seen.fill(moment)
+            return Integrated(items, came, 0.0, share)
         if not use or (compared and share > MOVED):
             self._seen.fill(0)
             known = np.zeros_like(came)
