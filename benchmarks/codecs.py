@@ -66,7 +66,7 @@ def gather(receiver, parts_of_frames):
     picture = receiver.begin(head)
     for records in parts_of_frames:
         picture.add(*receiver.parts(records))
-    return receiver.message(head, picture)
+    receiver.shown(head, picture, receiver.message(head, picture))
 
 
 def cases():

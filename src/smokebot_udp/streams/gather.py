@@ -24,6 +24,7 @@ class GatheringReceiver(OperatorStream):
     * begin(head): what the segments are gathered in, as PictureSequence wants it; ValueError where that is impossible
     * parts(records): what its add() takes, of an array of segments
     * message(head, picture): what is published
+    * shown(head, picture, message): what is left to do once that is published; nothing, unless it says otherwise
     """
     HEAD = ()
     PARAMETERS = {
@@ -86,6 +87,9 @@ class GatheringReceiver(OperatorStream):
     def message(self, head, picture):
         raise NotImplementedError
 
+    def shown(self, head, picture, message):
+        pass
+
     def _run(self):
         while True:
             with self._changed:
@@ -104,6 +108,7 @@ class GatheringReceiver(OperatorStream):
                 message.header.frame_id = picture.head.frame_id
                 message.header.stamp = rospy.Time(*divmod(picture.head.stamp, 10 ** 9))
                 self.publish(message, message.header.stamp, picture.completeness)
+                self.shown(picture.head, picture, message)
             except Exception as error:
                 self.report('a message is not shown: %s' % error)
 

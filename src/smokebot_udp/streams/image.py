@@ -146,8 +146,10 @@ class ImageReceiver(GatheringReceiver):
 
     def message(self, head, picture):
         channel, _ = pixels.pixel_type(head.encoding, head.is_bigendian)
-        came = received(picture.have, picture.cut)
-        integrated = self._integrated(head, picture, self._filled(picture, channel), channel, came)
+        items, came = self._filled(picture, channel), received(picture.have, picture.cut)
+        # nothing earlier stands in for a pixel of a whole picture: it need not wait for the memory, see `shown`
+        integrated = (Integrated(items, came, 0.0, None) if picture.have.all()
+                      else self._integrated(head, picture, items, channel, came))
         items, header = integrated.items, Header(stamp=rospy.Time(*divmod(head.stamp, 10 ** 9)), frame_id=head.frame_id)
         message = Image(height=head.height, width=head.width, encoding=head.encoding, is_bigendian=head.is_bigendian,
                         step=items.strides[0], data=items.tobytes())
@@ -159,6 +161,12 @@ class ImageReceiver(GatheringReceiver):
             self._masks.publish(Image(header=header, height=head.height, width=head.width, encoding='mono8',
                                       step=head.width, data=mask.tobytes()))
         return message
+
+    def shown(self, head, picture, message):
+        if picture.have.all():
+            channel, _ = pixels.pixel_type(head.encoding, head.is_bigendian)
+            items = pixels.as_items(message.data, head.height, head.width, message.step, head.encoding)
+            self._integrated(head, picture, items, channel, received(picture.have, picture.cut))
 
     def _filled(self, picture, channel):
         times, limit = self._fill_time, self.settings['fill_time']
