@@ -10,6 +10,7 @@ from .runner import RESULTS, redraw, run_experiment
 NAMES = (
     'subimages',
     'map_reduction',
+    'cloud_loss',
     'pictures_per_second',
     'fill_model',
     'send_order',
