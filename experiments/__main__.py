@@ -15,6 +15,11 @@ NAMES = (
     'fill_model',
     'send_order',
     'virtual_scans',
+    'virtual_scans',
+    'bandwidth',
+    'pictures_per_second',
+    'received_packets',
+    'cloud_points',
 )
 """In the report's order."""
 

@@ -65,6 +65,18 @@ PICTURES = {
 """{way: Way}: pictures of 640 x 480, mono8"""
 
 
+def lab_state(lab):
+    """How a lab and the machine were since the last call, for a row of a CSV file.
+
+    :raises RuntimeError: where the lab itself lost packets: nothing that was measured counts
+    """
+    told = lab.statistics()
+    missed = sum(told[side]['missed'] for side in SIDES)
+    if missed:
+        raise RuntimeError('the lab itself lost %d packets: the machine is too busy' % missed)
+    return {'late p99 [ms]': round(1e3 * told['late'].get('p99', 0.0), 2), 'load': round(os.getloadavg()[0], 1)}
+
+
 class Crossing:
     """A context manager.
 
@@ -74,7 +86,7 @@ class Crossing:
 
     def __init__(self, run, congestion_control='cubic'):
         self._stack = Stack(run.seed, congestion_control, run.folder / 'nodes.log')
-        self._heard, self._missed = [], 0
+        self._heard = []
         try:
             self._start()
         except BaseException:
@@ -133,18 +145,11 @@ class Crossing:
         return self._heard[count:]
 
     def state(self):
-        """How the lab and the machine were since the last call, for a row of a CSV file.
-
-        :raises RuntimeError: where the lab itself lost packets: nothing that was measured counts
-        """
-        told = self._stack.lab.statistics()
-        missed = sum(told[side]['missed'] for side in SIDES)
-        if missed:
-            raise RuntimeError('the lab itself lost %d packets: the machine is too busy' % missed)
-        return {'late p99 [ms]': round(1e3 * told['late'].get('p99', 0.0), 2), 'load': round(os.getloadavg()[0], 1)}
+        """lab_state of this link."""
+        return lab_state(self._stack.lab)
 
     def measure(self, way, seconds, loss, delay=0.0):
-        """What comes in a way over a bad link: ([Heard, ...], row of `state`); again where the machine was busy."""
+        """What comes in a way over a bad link: ([Heard, ...], `state`); again where the machine was busy."""
         attempt = 0
         while True:
             attempt += 1

@@ -32,7 +32,9 @@ def subscribe(topic, kind, transport):
 
     def take(message):
         arrival = time.time()
-        print(json.dumps([topic, message.header.stamp.to_sec(), arrival, amount(message)]), flush=True)
+        # in one piece: print would write the line's end by itself, and topics have threads of their own
+        sys.stdout.write(json.dumps([topic, message.header.stamp.to_sec(), arrival, amount(message)]) + '\n')
+        sys.stdout.flush()
 
     # with udpros' own class for both: it, too, comes by TCPROS where that is asked for
     return udpros.Subscriber(topic, message_class, take, queue_size=2, buff_size=1 << 22, tcp_nodelay=True,
