@@ -52,7 +52,7 @@ class Way:
     source: str
     """The topic that source.py publishes."""
     wanted: List[Sequence[str]]
-    """What sink.py subscribes, [topic, kind, transport] each; the first one shows whether anything comes."""
+    """What sink.py subscribes, [topic, kind, transport] each."""
 
 
 PICTURES = {
@@ -124,7 +124,7 @@ class Crossing:
         process.stdin.flush()
 
     def use(self, way, delay=0.0, seconds=30.0):
-        """Send in a way from now on, and by no other, over a link that loses nothing; until the first message came.
+        """Send in a way from now on, and by no other, over a link that loses nothing; until its first messages came.
 
         A TCP connection is made anew, so that it does not remember what the link was before.
         """
@@ -132,11 +132,14 @@ class Crossing:
         self._tell(self._source, '')
         self._tell(self._sink, json.dumps(way.wanted))
         self._tell(self._source, way.source)
-        topic, begun, count = way.wanted[0][0], time.time(), len(self._heard)
-        while not any(heard.topic == topic and heard.stamp > begun for heard in self._heard[count:]):
+        begun, count = time.time(), len(self._heard)
+        # of all topics: subscribing takes calls to the master, which is on the other side
+        missing = {topic for topic, *_ in way.wanted}
+        while missing:
             if time.time() > begun + seconds:
-                raise RuntimeError('nothing comes on %s over a good link: see nodes.log' % topic)
+                raise RuntimeError('nothing comes on %s over a good link: see nodes.log' % ', '.join(missing))
             time.sleep(0.02)
+            missing -= {heard.topic for heard in self._heard[count:] if heard.stamp > begun}
 
     def hear(self, seconds):
         """What comes from now on: [Heard, ...]."""
