@@ -8,18 +8,16 @@ from . import report
 from .runner import RESULTS, redraw, run_experiment
 
 NAMES = (
+    'bandwidth',
     'subimages',
     'map_reduction',
-    'cloud_loss',
-    'pictures_per_second',
-    'fill_model',
-    'send_order',
-    'virtual_scans',
-    'virtual_scans',
-    'bandwidth',
     'pictures_per_second',
     'received_packets',
     'cloud_points',
+    'cloud_loss',
+    'fill_model',
+    'send_order',
+    'virtual_scans',
 )
 """In the report's order."""
 
