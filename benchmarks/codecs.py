@@ -61,12 +61,14 @@ def stream(class_of, kind, **settings):
 
 
 def gather(receiver, parts_of_frames):
-    """What the receiver's threads do with what came of one message's segments."""
+    """What the receiver's threads do with what came of one message's segments: the message that is published."""
     head = head_of(parts_of_frames[0][0], receiver.SEGMENT, receiver.HEAD)
     picture = receiver.begin(head)
     for records in parts_of_frames:
         picture.add(*receiver.parts(records))
-    receiver.shown(head, picture, receiver.message(head, picture))
+    message = receiver.message(head, picture)
+    receiver.shown(head, picture, message)
+    return message
 
 
 def cases():
