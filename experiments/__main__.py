@@ -11,6 +11,8 @@ NAMES = (
     'bandwidth',
     'subimages',
     'map_reduction',
+    'cloud_loss',
+    'image_quality',
     'pictures_per_second',
     'received_packets',
     'cloud_points',

@@ -62,3 +62,8 @@ def message_of(picture):
 def picture_of(message):
     """The inverse."""
     return np.frombuffer(message.data, np.uint8).reshape(message.height, message.width)
+
+
+def passed(channel, count):
+    """Which of so many datagrams come through a link_lab.channel.Channel, sent one after the other: (count,) bool."""
+    return np.array([bool(channel.fate(0.0, 1)) for _ in range(count)])

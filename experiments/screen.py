@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""A camera that moves, and how good it is what the operator sees of it."""
+import numpy as np
+from skimage.metrics import peak_signal_noise_ratio, structural_similarity
+
+WIDTH, HEIGHT = 320, 240
+PAN = 8
+"""[pixel a picture]"""
+
+BEST_PSNR = 60.0
+"""What is nearer to the truth than this is not told apart [dB]."""
+
+GREY = 128
+LOOKED_AT = 4
+"""SSIM takes long: only of each so manieth picture."""
+
+
+def clip(photograph, count):
+    """[(HEIGHT, WIDTH) uint8, ...] pictures of a camera that pans."""
+    return [np.ascontiguousarray(photograph[:, PAN * i:PAN * i + WIDTH]) for i in range(count)]
+
+
+class Screen:
+    """What the operator sees, and how good it is on average."""
+
+    def __init__(self):
+        self.shown = np.full((HEIGHT, WIDTH), GREY, np.uint8)
+        self._new, self._psnr, self._ssim = [], [], []
+
+    def show(self, picture, truth):
+        """:param picture: that came, or None"""
+        self._new.append(picture is not None)
+        self.shown = self.shown if picture is None else picture
+        same = np.array_equal(self.shown, truth)
+        self._psnr.append(BEST_PSNR if same else min(BEST_PSNR, peak_signal_noise_ratio(truth, self.shown)))
+        if len(self._psnr) % LOOKED_AT == 0:
+            self._ssim.append(structural_similarity(truth, self.shown))
+
+    def row(self):
+        return {'PSNR [dB]': round(np.mean(self._psnr), 3), 'SSIM': round(np.mean(self._ssim), 4),
+                'new pictures [%]': 100 * np.mean(self._new)}
