@@ -101,6 +101,10 @@ def test_each_experiment_has_what_the_frame_asks_for(name):
     assert callable(module.run) and callable(module.plot)
 
 
+def test_each_experiment_is_run_once():
+    assert len(set(NAMES)) == len(NAMES)
+
+
 def test_an_unknown_name_is_refused(capsys):
     with pytest.raises(SystemExit) as end:
         main(['no_such'])
