@@ -82,6 +82,10 @@ class Channel:
         self._air_free = -math.inf    # when the air has sent all that is queued [s]
         self._latest = -math.inf      # when the last packet in order comes out [s]
 
+    def waits(self, now):
+        """How long a packet that enters now waits for the air [s]."""
+        return max(0.0, self._air_free - now)
+
     def fate(self, now, size):
         """When a packet that enters now comes out: at none, one or two times [s].
 

@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""How long datagrams wait in the link's queue, told by what their way takes beyond the least it took."""
+import math
+
+import numpy as np
+
+KEEPS = 5.0
+"""A base that nothing came near to for so long is measured anew [s]."""
+
+NEAR = 0.0015
+"""What is no farther from the base confirms it [s]."""
+
+SMOOTHING = 8
+"""Reports over which noise is averaged."""
+
+RECENT = 0.05
+"""Of the points of so long the one in the middle speaks for all: links jitter, and some datagrams overtake [s]."""
+
+
+class QueueDelay:
+    """The least delay of the way, and what comes on top of it.
+
+    A delay is one way, but for a constant. It contains the time that the datagram itself takes on the air, which is
+    taken off: a full datagram is no queue beside a short one.
+    """
+
+    def __init__(self):
+        self.noise = 0.0
+        """How much delays differ from one datagram to the next, whatever the queue does [s]."""
+        self.base = None
+        """The report.Point with the least delay; None at the beginning, and where the clock began anew."""
+        self._base_capacity = 0.0   # the greatest known since the base was measured: what was less was a mistake
+        self._confirmed = math.inf
+
+    def note(self, points, capacity, now):
+        """Take new points.
+
+        :param points: [report.Point, ...] in the order they left
+        :param capacity: as far as it is known [byte/s]
+        """
+        point = typical(points, capacity)
+        self._base_capacity = max(self._base_capacity, capacity)
+        waits = self._beyond(point, capacity) if self.base else -1.0
+        if waits < 0:
+            self.base, self._base_capacity = point, capacity
+        if waits < NEAR + self.noise:
+            self._confirmed = now
+
+    def note_noise(self, points):
+        """Points between which the queue grew or shrank evenly, if at all."""
+        if len(points) > 4:
+            sent, delay = (np.array([getattr(point, name) for point in points]) for name in ('sent', 'delay'))
+            sent, delay = sent - sent.mean(), delay - delay.mean()
+            left = delay - sent * (sent @ delay) / max(sent @ sent, 1e-9)
+            self.noise += (float(np.abs(left).mean()) - self.noise) / SMOOTHING
+
+    def expired(self, now):
+        """Whether the base is not confirmed any more."""
+        return now - self._confirmed > KEEPS
+
+    def believe(self, points, capacity, now):
+        """The least of these is the base from now on."""
+        self.base, self._base_capacity = min(points, key=lambda point: point.delay), capacity
+        self._confirmed = now
+
+    def of(self, point, capacity):
+        """How long a datagram waited [s]."""
+        return max(0.0, self._beyond(point, capacity))
+
+    def _beyond(self, point, capacity):
+        return point.delay - point.size / capacity - (self.base.delay - self.base.size / self._base_capacity)
+
+
+def typical(points, capacity):
+    """The point that speaks for the newest of some points.
+
+    :param points: [report.Point, ...] in the order they left
+    :param capacity: as far as it is known [byte/s]
+    """
+    newest = points[-1].arrived
+    recent = sorted((point for point in points if newest - point.arrived <= RECENT),
+                    key=lambda point: point.delay - point.size / capacity)
+    return recent[(len(recent) - 1) // 2]
