@@ -6,11 +6,13 @@ of their own. What is simulated is sizes and times; no pictures.
 """
 import heapq
 import itertools
+import math
 import random
 
+from ..supervisor.allocate import datagram_size
 from ..supervisor.departures import Departures
 from ..supervisor.estimate import Estimator, Limits
-from ..supervisor.pace import PaceQueue, datagram_size
+from ..supervisor.pace import Pace
 from ..supervisor.report import Arrivals, Reports
 
 REPORTS_APART = 0.1
@@ -44,7 +46,7 @@ class Robot:
 
     :param events: Events
     :param there, back: Channels: datagrams, reports
-    :param load: f(robot), called at the start: puts frames into robot.queue and calls robot.wake()
+    :param load: f(robot), called at the start: has it put frames and publish messages
     :param clocks: what the robot's and the operator's steady clocks show at the beginning [s]
     """
 
@@ -55,12 +57,12 @@ class Robot:
         self.departures = Departures()
         self.reports = Reports(self.departures)
         self.estimator = Estimator(self.robot_time, limits)
-        self.queue = PaceQueue(self.estimator.rate, self.robot_time)
+        self.pace = Pace(self.estimator.rate)
         self.arrivals = Arrivals(lambda: draw.getrandbits(32))
         self.wanted = float('inf')
         self.sent, self.came, self.history = [], [], []
-        """(when, size, air time that waited before it) of what left; (when, stream, frame, index, size, when it left)
-        of what came; (when, Link's values, rate) at each report."""
+        """(when, size, air time that waited before it) of what left; (when, stream, frame, index, when it left) of what
+        came; (when, Link's values, rate) at each report."""
         self._seq, self._next = {}, None
         phase = draw.uniform(0, REPORTS_APART)
         events.at(phase, self._report)
@@ -71,11 +73,20 @@ class Robot:
     def robot_time(self):
         return self.robots_clock + self.events.now
 
-    def wake(self):
-        """There may be something to send."""
-        when = self.queue.next_time()
-        if when < float('inf'):
-            at = max(self.events.now, when - self.robots_clock)
+    def put(self, stream, frame, parts):
+        """A frame is to leave: [(datagrams, bytes of each), ...]."""
+        self.pace.put(stream, frame, parts)
+        self._wake()
+
+    def publish(self, stream, frame, size):
+        """A protected message leaves at once [byte]."""
+        self.pace.charge(size, self.robot_time)
+        self._depart(stream, frame, 0, 1, size)
+
+    def _wake(self):
+        wait = self.pace.wait(self.robot_time)
+        if wait < math.inf:
+            at = self.events.now + wait
             if self._next is None or at < self._next:
                 self._next = at
                 self.events.at(at, self._send, at)
@@ -84,20 +95,25 @@ class Robot:
         if planned != self._next:
             return
         self._next = None
-        now = self.events.now
-        item = self.queue.pop(self.robot_time + 1e-9)
-        if item is not None:
-            seq = self._seq[item.stream] = self._seq.get(item.stream, 0) + 1
-            self.departures.note(item.stream, seq, 1, item.size, self.robot_time)
-            self.sent.append((now, item.size, self.there.waits(now)))
-            for time in self.there.fate(now, item.size)[:1]:
-                self.events.at(time, self._arrive, item, seq, now)
-        self.wake()
+        chunk = self.pace.take(self.robot_time + 1e-9)
+        if chunk is not None:
+            self._depart(chunk.stream, chunk.work, chunk.start, chunk.stop, chunk.size // (chunk.stop - chunk.start))
+        self._wake()
 
-    def _arrive(self, item, seq, left):
+    def _depart(self, stream, frame, start, stop, size):
+        now, first = self.events.now, self._seq.get(stream, 0) + 1
+        self._seq[stream] = first + stop - start - 1
+        self.departures.note(stream, first, stop - start, size, self.robot_time)
+        for index in range(start, stop):
+            waits = self.there.waits(now)
+            for time in self.there.fate(now, size)[:1]:
+                self.events.at(time, self._arrive, stream, first + index - start, frame, index, size, now)
+            self.sent.append((now, size, waits))
+
+    def _arrive(self, stream, seq, frame, index, size, left):
         now = self.events.now
-        self.came.append((now, item.stream, item.frame, item.index, item.size, left))
-        self.arrivals.note(item.stream, seq, item.size, self.operators_clock + now)
+        self.came.append((now, stream, frame, index, left))
+        self.arrivals.note(stream, seq, size, self.operators_clock + now)
 
     def _report(self):
         now = self.events.now
@@ -114,7 +130,7 @@ class Robot:
             train = self.estimator.take(evidence, now, self.wanted)
             self._follow()
             if train is not None:
-                self.queue.start_train(train)
+                self.pace.train(train.rate, train.size)
 
     def _poll(self):
         self.estimator.poll(self.robot_time)
@@ -122,26 +138,16 @@ class Robot:
         self.events.at(self.events.now + REPORTS_APART, self._poll)
 
     def _follow(self):
-        self.queue.set_rate(self.estimator.rate, self.robot_time)
+        self.pace.set_rate(self.estimator.rate)
         link = self.estimator.link
         self.history.append((self.events.now, link.capacity, self.estimator.rate, link.queue_delay, link.loss))
-        self.wake()
+        self._wake()
 
 
 def greedy(robot):
-    """A load that always has more."""
-    robot.queue.put('greedy', None, _Endless(robot))
-    robot.wake()
-
-
-class _Endless:
-    """Datagrams without end, as a sequence of their sizes."""
-
-    def __init__(self, robot):
-        self._robot = robot
-
-    def __len__(self):
-        return 1 << 60
-
-    def __getitem__(self, index):
-        return datagram_size(self._robot.estimator.link.capacity, FULL)
+    """A load that always has more: datagrams as long as is right for the link."""
+    def more():
+        size = datagram_size(robot.estimator.link.capacity, FULL)
+        robot.put('greedy', None, [(max(4, int(robot.estimator.rate * 0.2 / size)), size)])
+        robot.events.at(robot.events.now + 0.05, more)
+    more()
