@@ -69,28 +69,32 @@ class ImageStreams(unittest.TestCase):
         for collector in self.out.values():
             collector.clear()
 
-    def play(self, pictures, rate, encoding='mono16'):
+    def play(self, pictures, rate, losses=(0, 50, 90)):
+        """Send mono16 pictures, `rate` a second, or as many as the machine bears while others keep it busy.
+
+        Each is shown at all these losses before the next but one is sent, and without loss before the next.
+
+        :return: {stamp: message}
+        """
         sent = {}
         for stamp, picture in zip(stamps(len(pictures), rate), pictures):
-            message = image(picture.tobytes(), picture.shape[0], picture.shape[1], encoding, stamp)
+            before = list(sent)
+            self.await_shown(before[-1:], {0} & set(losses))
+            self.await_shown(before[-2:-1], losses)     # where segments are lost, the next picture may be what ends one
+            message = image(picture.tobytes(), picture.shape[0], picture.shape[1], 'mono16', stamp)
             self.source.publish(message)
             sent[stamp] = message
         return sent
 
+    def await_shown(self, wanted, losses):
+        for loss in losses:
+            wait_for(lambda shown=self.out[loss]: set(wanted) <= set(shown.messages), 5, 'a picture at %d %%' % loss)
+
     def check_exact(self, sent):
         """Without loss every picture arrives, bit for bit."""
-        wait_for(lambda: set(sent) <= set(self.out[0].messages), 5, 'every picture')
+        self.await_shown(sent, (0,))
         for stamp, message in sent.items():
             self.assertEqual(self.out[0].messages[stamp].data, message.data)
-
-    def check_rates(self, sent, rate):
-        """With 50 % and 90 % loss every picture arrives too, at the source's rate."""
-        for loss in (50, 90):
-            out = self.out[loss]
-            wait_for(lambda messages=out.messages: set(sent) <= set(messages), 5, 'every picture at %d %%' % loss)
-            # without a next picture to end it, the last one may wait for its time to be over
-            arrivals = sorted(out.arrivals[stamp] for stamp in sent)[:-1]
-            self.assertAlmostEqual((len(arrivals) - 1) / (arrivals[-1] - arrivals[0]), rate, delta=0.1 * rate)
 
     def test_every_encoding_is_bit_exact(self):
         for encoding, (height, width) in SIZES.items():
@@ -111,7 +115,7 @@ class ImageStreams(unittest.TestCase):
         before = fragments()
         sent = self.play(pictures, 10.0)
         self.check_exact(sent)
-        self.check_rates(sent, 10.0)
+        self.await_shown(sent, (50, 90))
         self.assertEqual(fragments(), before)
         for loss, most in ((50, 12), (90, 40)):   # counts; the gradient is 5 a pixel
             for stamp, message in sent.items():
@@ -126,17 +130,19 @@ class ImageStreams(unittest.TestCase):
         receiver = '/loss50/operator_receiver/thermal/fill_time'
         self.addCleanup(rospy.set_param, receiver, rospy.get_param(receiver))
         rospy.set_param(receiver, 1e-6)
-        random = np.random.RandomState(3).randint(7000, 9000, (480, 640)).astype(np.uint16)
+        random = np.random.RandomState(3)
 
         def inventions():
             """The last picture's share of pixels of values that were not sent: nearest invents none."""
-            sent = self.play([random % 2 * 1000] * 5, 10.0)
+            sent = self.play([random.choice([0, 1000], (480, 640)).astype(np.uint16) for _ in range(5)], 10.0)
             last = wait_for(lambda: self.out[50].messages.get(max(sent)), 5, 'the last picture')
             return np.mean(~np.isin(np.frombuffer(last.data, np.uint16), [0, 1000]))
         wait_for(lambda: inventions() == 0, 5, 'pictures filled by the nearest')
         status = wait_for(lambda: statuses and statuses[-1], 5, 'its status')
         self.assertIn('filled by nearest, for kriging_clamped takes too long', status.message)
         self.assertGreater(status.level, 0)
+        rospy.set_param(receiver, 60.0)
+        wait_for(lambda: inventions() > 0.1, 5, 'pictures filled by kriging again')
 
     def test_masks_tell_what_came(self):
         masks = {loss: Collector(topic, Image) for loss, topic in ((0, '/operator/thermal/mask'), (50, '/loss50/mask'))}
@@ -191,14 +197,14 @@ class ImageStreams(unittest.TestCase):
         self.assertGreater(len(pictures), 20)
         sent = self.play(pictures, 10.0)
         self.check_exact(sent)
-        self.check_rates(sent, 10.0)
+        self.await_shown(sent, (50, 90))
 
     @unittest.skipUnless(THERMAL.is_dir(), 'the thermal recordings are not on this machine')
     def test_small_thermal_clips_are_bit_exact(self):
         """160 x 120: too few datagrams for every picture to survive 90 % loss, so only the clean link counts."""
         clips = [np.load(str(file))['frames'] for file in sorted(THERMAL.glob('seq_lepton*/*.npz'))]
         self.assertGreater(len(clips), 3)
-        self.check_exact(self.play([frame for clip in clips for frame in clip[:10]], 20.0))
+        self.check_exact(self.play([frame for clip in clips for frame in clip[:10]], 20.0, (0,)))
 
     def test_a_frozen_picture_never_looks_live(self):
         views = []
