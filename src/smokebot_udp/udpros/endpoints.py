@@ -155,7 +155,7 @@ class DatagramReceiver:
     :raises OSError: where this machine has no such address
     """
 
-    def __init__(self, address, max_datagram_size, receive_buffer=4 << 20, batch=128, recvmmsg=True):
+    def __init__(self, address, max_datagram_size, receive_buffer=4 << 20, batch=512, recvmmsg=True):
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             self.socket.setblocking(False)

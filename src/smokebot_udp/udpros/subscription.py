@@ -27,7 +27,7 @@ MESSAGE_SIZE_MIN = EXPECTED.size - OVERHEAD
 FEW = 8
 """Up to so many single messages are quicker taken one by one than by numpy."""
 
-DRAIN = 16
+DRAIN = 4
 """Batches taken from the socket before messages are delivered, so that the newest are among them."""
 
 MAX_LAYOUTS = 256
