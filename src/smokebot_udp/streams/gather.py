@@ -10,7 +10,7 @@ import rospy
 from .base import OperatorStream
 from .parameters import OPERATOR, Parameter
 from .pictures import PictureSequence
-from .segments import head_of, same_head, stamps_of
+from .segments import head_of, picked, same_head, stamps_of
 
 SHOWN_AT_MOST = 2
 """Finished pictures that wait to be made and published; older ones give way."""
@@ -62,7 +62,7 @@ class GatheringReceiver(OperatorStream):
         self._sequence.dropped['contradiction'] += int(np.count_nonzero(~same))
         self._finished.extend(self._sequence.add(
             head.stamp, lambda: self._begin(head), lambda picture: picture.head == head,
-            self.parts(records[rows[same]]), time.monotonic()))
+            self.parts(picked(records, rows[same])), time.monotonic()))
 
     def _begin(self, head):
         picture = self.begin(head)

@@ -69,6 +69,13 @@ def same_head(records, rows, fields):
     return same
 
 
+def picked(records, rows):
+    """records[rows], of rows ascending; not copied where they follow each other."""
+    if rows[-1] - rows[0] + 1 == len(rows):
+        return records[rows[0]:rows[-1] + 1]
+    return records[rows]
+
+
 def _equal_to_first(values):
     # byte by byte: a NaN is equal to itself
     raw = np.ascontiguousarray(values).view(np.uint8).reshape(len(values), -1)
