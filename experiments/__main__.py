@@ -19,6 +19,8 @@ NAMES = (
     'fill_model',
     'send_order',
     'virtual_scans',
+    'out_of_range',
+    'link_cut',
 )
 """In the report's order."""
 

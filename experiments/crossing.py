@@ -86,7 +86,7 @@ class Crossing:
 
     def __init__(self, run, congestion_control='cubic'):
         self._stack = Stack(run.seed, congestion_control, run.folder / 'nodes.log')
-        self._heard = []
+        self.heard = []     # all that came so far
         try:
             self._start()
         except BaseException:
@@ -109,13 +109,13 @@ class Crossing:
 
     def _listen(self):
         for line in self._sink.stdout:
-            self._heard.append(Heard(*json.loads(line)))
+            self.heard.append(Heard(*json.loads(line)))
 
     def _link(self, quality):
         self._stack.lab.set({'loss': 0.0, 'burst': 0.0, 'delay': 0.0, **AIR, **quality})
 
     def change(self, robot, operator):
-        """Change both directions of the link: channel.Qualities."""
+        """Change the link to two channel.Quality: of what the robot sends, and the operator."""
         self._stack.lab.set(robot=vars(robot), operator=vars(operator))
 
     @staticmethod
@@ -132,20 +132,20 @@ class Crossing:
         self._tell(self._source, '')
         self._tell(self._sink, json.dumps(way.wanted))
         self._tell(self._source, way.source)
-        begun, count = time.time(), len(self._heard)
+        begun, count = time.time(), len(self.heard)
         # of all topics: subscribing takes calls to the master, which is on the other side
         missing = {topic for topic, *_ in way.wanted}
         while missing:
             if time.time() > begun + seconds:
                 raise RuntimeError('nothing comes on %s over a good link: see nodes.log' % ', '.join(missing))
             time.sleep(0.02)
-            missing -= {heard.topic for heard in self._heard[count:] if heard.stamp > begun}
+            missing -= {heard.topic for heard in self.heard[count:] if heard.stamp > begun}
 
     def hear(self, seconds):
         """What comes from now on: [Heard, ...]."""
-        count = len(self._heard)
+        count = len(self.heard)
         time.sleep(seconds)
-        return self._heard[count:]
+        return self.heard[count:]
 
     def state(self):
         """lab_state of this link."""
