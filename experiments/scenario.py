@@ -18,8 +18,8 @@ WAYS = {
     'JPEG over UDPROS': PICTURES['JPEG over UDPROS'],
 }
 
-CAPTION = ('From above: the link; how many pictures come; how old the newest one is that the operator has; and how much of '
-           'each was received and not filled.')
+CAPTION = ('From above: the link; how many pictures come; how old the newest one is that the operator has; and how '
+           'much of each was received and not filled.')
 
 WINDOW = 1.0
 """Pictures are counted over so long [s]."""
@@ -84,9 +84,9 @@ def draw(folder, name):
     times = np.arange(WINDOW, at[-1], STEP)
     figure, axes = drawing.canvas(9, 9, rows=4, sharex=True, gridspec_kw={'height_ratios': (1.2, 1, 1, 1)})
     quality, rate, age, completeness = axes
-    for key, factor, colour, label in (('loss', 100, '#d62728', 'loss [%]'), ('delay', 1e3, '#1f77b4', 'delay [ms]'),
-                                       ('rate', 1e-6, '0.5', 'rate [Mbit/s]')):
-        quality.step(at, [row[key] * factor for row in link], where='post', color=colour, linestyle='--', label=label)
+    for key, factor, style, label in (('loss', 100, '-', 'loss [%]'), ('delay', 1e3, '--', 'delay [ms]'),
+                                      ('rate', 1e-6, ':', 'rate [Mbit/s]')):
+        quality.step(at, [row[key] * factor for row in link], where='post', color='black', linestyle=style, label=label)
     quality.set_ylabel('the link')
     for way, (stamps, arrivals, masks) in messages(folder).items():
         counts, ages = shown(stamps, arrivals, times)
