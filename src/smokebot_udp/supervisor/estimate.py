@@ -194,7 +194,9 @@ class Estimator:
         :param drains: what of a queue must have drained while these points left, by that capacity [s]
         """
         link = self.link
-        if now < self._dip_ends:
+        if queue > FULL:        # is drained anyway, and no dip is long enough
+            self._dip_ends, self._dip_points = -math.inf, []
+        elif now < self._dip_ends:
             self._dip_points.append(typical(points, link.capacity))
         elif self._dip_points:
             self._delay.believe(self._dip_points, link.capacity, now)
