@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from smokebot_udp.codecs.fill import METHODS
 from smokebot_udp.codecs.interleave import Interleave
 
-LOSSES = 0.2, 0.5, 0.8, 0.9
+LOSSES = 0.2, 0.5, 0.8
 """Of the sheet."""
 
 CLOSE = 100, 140
@@ -36,9 +36,9 @@ def plot(quality, goals, path):
 def sheet(photographs, recordings, path):
     """The middle of some pictures: a row for each loss, a column for each method.
 
-    :param photographs, recordings: {name: (height, width) array}; of the recordings two
+    :param photographs, recordings: {name: (height, width) array}
     """
-    chosen = {**photographs, **{name: recordings[name] for name in sorted(recordings)[-2:]}}
+    chosen = {**photographs, **recordings}
     names = list(METHODS)
     figure = Figure(figsize=(3 * (len(names) + 1), 2.2 * len(LOSSES) * len(chosen)))
     axes = figure.subplots(len(LOSSES) * len(chosen), len(names) + 1)
@@ -52,7 +52,7 @@ def sheet(photographs, recordings, path):
             for axis, one, words in zip(axes[i * len(LOSSES) + j], shown, titles):
                 _show(axis, one, picture, words)
     figure.tight_layout()
-    figure.savefig(str(path), dpi=80)
+    figure.savefig(str(path), dpi=80, pil_kwargs={'quality': 80})
 
 
 def _show(axis, picture, original, title):
