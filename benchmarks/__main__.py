@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""./smokebot bench [NAME ...] [--json]: run the benchmarks of these names, all without a name."""
+"""./smokebot bench [NAME ...] [--json] [--quick]: run the benchmarks of these names, all without a name."""
 import argparse
 import importlib
 import json
@@ -15,6 +15,7 @@ def main():
     parser = argparse.ArgumentParser(prog='./smokebot bench', description='Measure, side by side, on this machine.')
     parser.add_argument('names', nargs='*', metavar='NAME', help='of: ' + ', '.join(NAMES))
     parser.add_argument('--json', action='store_true', help='print the numbers as JSON instead of tables')
+    parser.add_argument('--quick', action='store_true', help='a look in some minutes: fewer rounds, less certain')
     arguments = parser.parse_args()
     unknown = set(arguments.names) - set(NAMES)
     if unknown:
@@ -25,7 +26,8 @@ def main():
         print(results['machine'])
     for name in arguments.names or NAMES:
         module = importlib.import_module('.' + name, __package__)
-        results[name] = module.run(log=lambda text: print(text, file=sys.stderr, flush=True))
+        results[name] = module.run(log=lambda text: print(text, file=sys.stderr, flush=True),
+                                   quick=arguments.quick)
         if not arguments.json:
             print('\n' + module.table(results[name]))
     if arguments.json:

@@ -19,6 +19,9 @@ from . import fill_plots, pictures
 
 LOSSES = 0.05, 0.1, 0.2, 0.5, 0.8, 0.9, 0.95
 PATTERNS = 20
+QUICK, QUICK_THERMAL = ('camera', 'motorcycle_left'), ('simulated',)
+"""Of these pictures only, where it must be quick."""
+
 LOOKED_AT = 4
 """SSIM and inpainting take long: so many patterns only."""
 
@@ -31,7 +34,7 @@ BEST_PSNR = 60.0
 SIZES = {(240, 320, 3): 3.0, (480, 640, 3): 6.0, (480, 640, 4): 15.0, (480, 640, 5): 15.0}
 """{(height, width, depth): goal for a picture [ms]}"""
 
-ROUNDS = 40
+ROUNDS, QUICK_ROUNDS = 40, 8
 ROOM = 1400
 """Bytes of pixels in a datagram."""
 
@@ -97,7 +100,7 @@ def _timed(fill, *arguments):
     return filled, time.process_time() - begun
 
 
-def times():
+def times(rounds):
     """[{'size', 'subimages', 'bits', 'loss', 'goal' [ms], method: median [ms], ...}]; each picture lost others."""
     rows = []
     for (height, width, depth), goal in SIZES.items():
@@ -110,7 +113,7 @@ def times():
                        'loss': loss, 'goal': goal}
                 for method, fill in METHODS.items():
                     row[method] = 1e3 * statistics.median(
-                        _timed(fill, subimages, have, cut)[1] for have in patterns(cut, loss, ROUNDS))
+                        _timed(fill, subimages, have, cut)[1] for have in patterns(cut, loss, rounds))
                 rows.append(row)
     return rows
 
@@ -152,15 +155,24 @@ def _rms(errors):
     return float(np.sqrt(np.mean(errors ** 2)))
 
 
-def run(log):
+def run(log, quick=False):
     """{'quality', 'times', 'thermal': as those functions return}"""
     photographs, recordings = pictures.grey(320, 240), pictures.thermal()
-    results = {'quality': quality(photographs, log), 'times': times(), 'thermal': thermal(recordings, log)}
+    if quick:
+        photographs, recordings = ({name: some[name] for name in names} for some, names in (
+            (photographs, QUICK), (recordings, QUICK_THERMAL)))
+    results = {'quality': quality(photographs, log), 'times': times(QUICK_ROUNDS if quick else ROUNDS),
+               'thermal': thermal(recordings, log)}
     folder = pictures.TOP / 'results' / 'bench'
     folder.mkdir(parents=True, exist_ok=True)
     fill_plots.plot(results['quality'], GOALS, folder / 'fill.png')
+<<<<<<< HEAD
     fill_plots.sheet({name: photographs[name] for name in ('camera', 'motorcycle_left')},
                      {name: recordings[name] for name in SHOWN if name in recordings}, folder / 'fill_sheet.jpg')
+=======
+    fill_plots.sheet({name: photographs[name] for name in QUICK},
+                     recordings, folder / 'fill_sheet.png')
+>>>>>>> 81c0f78 (bench --quick: fewer rounds and pictures)
     log('see %s/fill*.png' % folder)
     return results
 
