@@ -46,8 +46,8 @@ def test_codes():
 
 def test_the_code_that_knows_the_loss_adds_none_without_and_much_with_it():
     ladder = jpeg.Ladder(cv2.GaussianBlur(PICTURE, (0, 0), 2))
-    assert jpeg.for_loss(20 * 1500, 0.0, [ladder])[:2] == (20, 20)
-    assert 1 < jpeg.for_loss(20 * 1500, 0.5, [ladder]).data < 10
+    assert jpeg.for_loss(12 * 1500, 0.0, [ladder])[:2] == (12, 12)
+    assert 1 < jpeg.for_loss(12 * 1500, 0.5, [ladder]).data < 6
 
 
 def test_the_best_jpeg_is_the_best_that_fits():
