@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Renews the pictures of doc/experiments.md from what was measured: python3 -m experiments.doc_pictures.
+
+None shows a recording: those are not this project's.
+"""
+import cv2
+
+from .runner import RESULTS, TOP
+
+FOLDER = TOP / 'doc' / 'images'
+
+PICTURES = {
+    'few_segments.jpg': 'subimages/few.png',
+    'more_segments.jpg': 'subimages/more.png',
+    'segments_psnr.png': 'subimages/psnr.png',
+    'map_reduction.png': 'map_reduction/simulated_building.png',
+    'cloud_loss.jpg': 'cloud_loss/simulated.png',
+    'cloud_loss_points.png': 'cloud_loss/points.png',
+    'image_quality.png': 'image_quality/psnr.png',
+    'image_quality_bursts.png': 'image_quality/bursts.png',
+    'image_quality_shown.jpg': 'image_quality/shown.png',
+    'virtual_scans.jpg': 'virtual_scans/simulated_000.png',
+}
+"""{picture in doc/images: what it is made of, in the results}"""
+
+MOST = 150000
+"""[byte]"""
+
+WIDTHS = 1600, 1400, 1200, 1000, 800, 600
+"""The widest that is small enough is taken [pixel]."""
+
+
+def shrunk(image, suffix):
+    """The picture as a file: uint8 array."""
+    for width in WIDTHS:
+        factor = min(1.0, width / image.shape[1])
+        data = cv2.imencode(suffix, cv2.resize(image, None, fx=factor, fy=factor, interpolation=cv2.INTER_AREA),
+                            [cv2.IMWRITE_JPEG_QUALITY, 85, cv2.IMWRITE_PNG_COMPRESSION, 9])[1]
+        if len(data) <= MOST:
+            return data
+    raise ValueError('not even %d pixels wide it has only %d bytes' % (WIDTHS[-1], MOST))
+
+
+def main():
+    for name, source in PICTURES.items():
+        image = cv2.imread(str(RESULTS / source))
+        if image is None:
+            print('%-26s stays: %s was not measured' % (name, source))
+            continue
+        (FOLDER / name).write_bytes(shrunk(image, (FOLDER / name).suffix).tobytes())
+        print('%-26s %d bytes' % (name, (FOLDER / name).stat().st_size))
+
+
+if __name__ == '__main__':
+    main()
