@@ -151,9 +151,10 @@ def mean(rows, way, segments, burst, what):
 def draw(rows, panels, what, path):
     figure, grid = drawing.canvas(5 * len(panels), 4.6, 1, len(panels), sharey=True)
     for axes, (title, segments, burst) in zip(grid, panels):
-        for way, colour in WAYS.items():
+        for above, (way, colour) in zip(range(len(WAYS) + 2, 2, -1), WAYS.items()):     # ours is seen where lines meet
             values = mean(rows, way, segments, burst, what)
-            axes.plot([100 * loss for loss in values], list(values.values()), '.-', color=colour, label=way)
+            axes.plot([100 * loss for loss in values], list(values.values()), '.-', color=colour, label=way,
+                      zorder=above)
         axes.set(title=title, xlabel='packets lost [%]', xlim=(0, 100))
     grid[0].set_ylabel(what)
     figure.legend(*grid[0].get_legend_handles_labels(), loc='outside lower center', ncols=3)

@@ -16,7 +16,7 @@ from benchmarks.machine import describe
 from .runner import DONE, TOP, Figure, told_of
 
 STYLE = '''
-body { max-width: 60em; margin: 2em auto; padding: 0 1em; font: 16px/1.5 sans-serif; color: #222 }
+body { max-width: 75em; margin: 2em auto; padding: 0 1em; font: 16px/1.5 sans-serif; color: #222 }
 img { max-width: 100% } table { border-collapse: collapse; margin: 1em 0 }
 td, th { border: 1px solid #ccc; padding: .2em .6em; text-align: right }
 td:first-child, th:first-child { text-align: left }
