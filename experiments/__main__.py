@@ -21,6 +21,7 @@ NAMES = (
     'virtual_scans',
     'out_of_range',
     'link_cut',
+    'start_up',
 )
 """In the report's order."""
 

@@ -22,7 +22,7 @@ come with 5 Hz at 10 % and almost never at 20 %, with a delay of 2 ms.
 then none of a cloud's comes.
 """
 
-LOSSES = 0, 1, 2, 5, 10, 20, 30, 50, 70, 90
+LOSSES = 0, 1, 2, 5, 10, 20, 50, 90
 DELAYS = 2, 50
 QUICK_LOSSES, QUICK_DELAYS = (0, 10, 50, 90), (50,)
 

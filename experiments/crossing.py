@@ -1,20 +1,19 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Pictures and clouds across an emulated link, in one of several ways at a time.
 
-On the robot's side run source.py and robot_sender, on the operator's side operator_receiver and sink.py. None is
-restarted: the link changes while they run. Both sides have one clock, so a message's age is what it is.
+On the robot's side run source.py and robot_sender, on the operator's side operator_receiver and link_lab's listener.
+None is restarted: the link changes while they run. Both sides have one clock, so a message's age is what it is.
 """
-import json
 import os
 import statistics
 import subprocess
 import sys
-import threading
 import time
 from dataclasses import dataclass
-from typing import List, NamedTuple, Sequence
+from typing import List, Sequence
 
 from smokebot_udp.link_lab.course import SIDES
+from smokebot_udp.link_lab.listener import Listener
 from smokebot_udp.link_lab.stack import Stack
 
 from .runner import TOP
@@ -31,28 +30,13 @@ LATE = 0.02
 ATTEMPTS = 3
 
 
-class Heard(NamedTuple):
-    """A message that came to the operator."""
-    topic: str
-    stamp: float
-    """[s]"""
-    arrival: float
-    """[s]"""
-    amount: float
-    """See sink.KINDS."""
-
-    @property
-    def age(self):
-        return self.arrival - self.stamp
-
-
 @dataclass
 class Way:
     """A way of sending."""
     source: str
     """The topic that source.py publishes."""
     wanted: List[Sequence[str]]
-    """What sink.py subscribes, [topic, kind, transport] each."""
+    """What the operator's side subscribes, [topic, kind, transport] each."""
 
 
 PICTURES = {
@@ -86,7 +70,6 @@ class Crossing:
 
     def __init__(self, run, congestion_control='cubic'):
         self._stack = Stack(run.seed, congestion_control, run.folder / 'nodes.log')
-        self.heard = []     # all that came so far
         try:
             self._start()
         except BaseException:
@@ -96,20 +79,13 @@ class Crossing:
     def _start(self):
         self._link({})
         streams = '_streams_file:=%s' % (TOP / 'experiments' / 'streams.yaml')
-        pipes = {'cwd': str(TOP), 'stdin': subprocess.PIPE, 'stdout': subprocess.PIPE, 'universal_newlines': True}
-        self._source, self._sink = (
-            self._stack.start(side, sys.executable, '-m', 'experiments.' + name, **pipes)
-            for side, name in zip(SIDES, ('source', 'sink')))
+        self._source = self._stack.start('robot', sys.executable, '-m', 'experiments.source', cwd=str(TOP),
+                                         stdin=subprocess.PIPE, stdout=subprocess.PIPE, universal_newlines=True)
         self._stack.start_node('robot', 'robot_sender', streams)
         self._stack.start_node('operator', 'operator_receiver', streams)
-        for process in (self._source, self._sink):
-            if not process.stdout.readline():
-                raise RuntimeError('a node ended: see nodes.log')
-        threading.Thread(target=self._listen, daemon=True).start()
-
-    def _listen(self):
-        for line in self._sink.stdout:
-            self.heard.append(Heard(*json.loads(line)))
+        self.listener = Listener(self._stack)
+        if not self._source.stdout.readline():
+            raise RuntimeError('the source ended: see nodes.log')
 
     def _link(self, quality):
         self._stack.lab.set({'loss': 0.0, 'burst': 0.0, 'delay': 0.0, **AIR, **quality})
@@ -118,10 +94,9 @@ class Crossing:
         """Change the link to two channel.Quality: of what the robot sends, and the operator."""
         self._stack.lab.set(robot=vars(robot), operator=vars(operator))
 
-    @staticmethod
-    def _tell(process, line):
-        process.stdin.write(line + '\n')
-        process.stdin.flush()
+    def _send(self, topic):
+        self._source.stdin.write(topic + '\n')
+        self._source.stdin.flush()
 
     def use(self, way, delay=0.0, seconds=30.0):
         """Send in a way from now on, and by no other, over a link that loses nothing; until its first messages came.
@@ -129,23 +104,13 @@ class Crossing:
         A TCP connection is made anew, so that it does not remember what the link was before.
         """
         self._link({'delay': delay})
-        self._tell(self._source, '')
-        self._tell(self._sink, json.dumps(way.wanted))
-        self._tell(self._source, way.source)
-        begun, count = time.time(), len(self.heard)
-        # of all topics: subscribing takes calls to the master, which is on the other side
-        missing = {topic for topic, *_ in way.wanted}
-        while missing:
-            if time.time() > begun + seconds:
-                raise RuntimeError('nothing comes on %s over a good link: see nodes.log' % ', '.join(missing))
-            time.sleep(0.02)
-            missing -= {heard.topic for heard in self.heard[count:] if heard.stamp > begun}
-
-    def hear(self, seconds):
-        """What comes from now on: [Heard, ...]."""
-        count = len(self.heard)
-        time.sleep(seconds)
-        return self.heard[count:]
+        self._send('')
+        self.listener.subscribe(way.wanted)
+        self._send(way.source)
+        topics = {topic for topic, *_ in way.wanted}
+        missing = topics - set(self.listener.first(topics, seconds))
+        if missing:
+            raise RuntimeError('nothing comes on %s over a good link: see nodes.log' % ', '.join(missing))
 
     def state(self):
         """lab_state of this link."""
@@ -160,7 +125,7 @@ class Crossing:
             self._link({'delay': delay, 'loss': loss})
             time.sleep(SETTLE)
             self.state()
-            heard = self.hear(seconds)
+            heard = self.listener.during(seconds)
             state = self.state()
             if state['late p99 [ms]'] < 1e3 * LATE or attempt == ATTEMPTS:
                 return heard, {**state, 'attempts': attempt}

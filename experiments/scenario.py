@@ -48,7 +48,7 @@ def run(run, course, seconds, haste=1.0):
             time.sleep(max(0.0, begun + seconds / haste - time.time()))
             rows += [{'way': name, 'topic': heard.topic, 'stamp [s]': round(heard.stamp - begun, 4),
                       'arrival [s]': round(heard.arrival - begun, 4), 'amount': round(heard.amount, 4)}
-                     for heard in crossing.heard if begun < heard.arrival < begun + seconds / haste]
+                     for heard in crossing.listener.heard if begun < heard.arrival < begun + seconds / haste]
             states.append({'way': name, **crossing.state()})
     table.write(run.folder / 'messages.csv', rows)
     table.write(run.folder / 'state.csv', states)
