@@ -1,0 +1,155 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""The whole stack, robot and operator in network namespaces of their own, joined by a bad link."""
+import math
+import pathlib
+import signal
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+
+import psutil
+import rostest
+import yaml
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+import waiting  # noqa: F401  (it lets skipped tests be told)
+
+from smokebot_udp.link_lab.lab import ADDRESSES, LabError, environment
+from smokebot_udp.link_lab.listener import Listener
+from smokebot_udp.link_lab.stack import Stack
+
+STREAMS = pathlib.Path(__file__).resolve().parents[2] / 'config' / 'streams.yaml'
+PERFECT = {'loss': 0.0, 'delay': 0.0}
+BAD = {'loss': 0.2, 'delay': 0.05}
+
+PATIENCE = 60.0
+"""A start or a restart over the bad link is to come to its end within this; it takes some 10 s [s]."""
+
+DATAGRAMS = {'thermal': 50, 'camera': 50, 'lidar': 10, 'obstacle_scan': 2, 'landmark_scan': 2, 'scan': 2, 'odom': 1,
+             'gas': 1}
+"""{stream with a steady source: so many datagrams, at least, one message of it takes}"""
+
+HOLD = """
+import time
+from smokebot_udp.link_lab.stack import Stack
+stack = Stack()
+stack.start('robot', 'sleep', '600')
+stack.start_node('operator', 'operator_receiver')
+print('up', flush=True)
+time.sleep(600)
+"""
+
+
+class LabStreams(unittest.TestCase):
+
+    @classmethod
+    def setUpClass(cls):
+        try:
+            cls.stack = Stack(seed=5)
+        except LabError as error:
+            raise unittest.SkipTest(str(error)) from None
+        cls.addClassCleanup(cls.stack.close)
+        with open(str(STREAMS)) as file:
+            cls.streams = yaml.safe_load(file)['streams']
+        cls.streams['thermal']['publish_mask'] = True
+        cls.folder = tempfile.TemporaryDirectory()
+        cls.addClassCleanup(cls.folder.cleanup)
+        cls.file = pathlib.Path(cls.folder.name) / 'streams.yaml'
+        cls.file.write_text(yaml.safe_dump({'streams': cls.streams}))
+        # it hardly moves: every cloud has as many points
+        cls.stack.start_node('robot', 'simulated_robot', '_width:=320', '_height:=240', '_speed:=0.01')
+        # who listens subscribes before there is loss: it is to tell what the receiver publishes, on its own side
+        cls.listener = Listener(cls.stack)
+        cls.topics = {name: stream['operator_topic'] for name, stream in cls.streams.items()}
+        cls.listener.subscribe([[topic, 'cloud' if name == 'lidar' else 'any', 'TCPROS'] for name, topic in
+                                cls.topics.items()] + [['/operator/thermal/mask', 'mask', 'TCPROS']])
+        cls.stack.lab.run('robot', ['rostopic', 'echo', '-n', '1', '/battery'], env=environment('robot'), timeout=60,
+                          stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, check=True)
+        cls.stack.lab.set(BAD)
+        cls.nodes = {side: cls.start(side) for side in ADDRESSES}
+        cls.first_start = cls.listener.first(cls.topics.values(), PATIENCE)
+
+    @classmethod
+    def start(cls, side):
+        return cls.stack.start_node(side, {'robot': 'robot_sender', 'operator': 'operator_receiver'}[side],
+                                    '_streams_file:=%s' % cls.file)
+
+    def tearDown(self):
+        self.stack.lab.set(PERFECT)
+        self.assertEqual([self.stack.lab.statistics()[side]['missed'] for side in ADDRESSES], [0, 0])
+
+    def assert_all_come(self, found, but=()):
+        """:param found: {topic: [s]} as Listener.first tells"""
+        wanted = {topic for name, topic in self.topics.items() if name not in but}
+        self.assertEqual(wanted - set(found), set(), 'nothing came of these in %g s' % PATIENCE)
+        print('%s: first picture after %.1f s, all streams after %.1f s' % (
+            self.id().split('.')[-1], min(found[self.topics[name]] for name in ('thermal', 'camera')),
+            max(found[topic] for topic in wanted)), file=sys.stderr)
+
+    def restart(self, side):
+        """{topic: [s] until its first message} after a side failed at once, and was started again."""
+        self.stack.lab.set(BAD)
+        self.stack.end(self.nodes[side])
+        time.sleep(1.0)     # what was on its way has come
+        self.nodes[side] = self.start(side)
+        return self.listener.first(self.topics.values(), PATIENCE)
+
+    def test_both_sides_start_over_a_bad_link(self):
+        self.assert_all_come(self.first_start)
+
+    def test_the_robots_side_starts_again_over_a_bad_link(self):
+        # latched transforms that have not changed are not published again
+        self.topics = {name: topic for name, topic in self.topics.items() if name != 'tf_static'}
+        self.assert_all_come(self.restart('robot'))
+
+    def test_the_operators_side_starts_again_over_a_bad_link(self):
+        self.assert_all_come(self.restart('operator'))
+
+    def test_rates_and_completeness_follow_from_the_loss(self):
+        seconds, points = 5.0, None
+        for loss in (0.0, 0.2, 0.5, 0.9):
+            self.stack.lab.set({'loss': loss, 'delay': 0.02})
+            self.listener.during(1.0)
+            heard = self.listener.during(seconds)
+            for name, datagrams in DATAGRAMS.items():
+                sent = self.streams[name]['rate'] * seconds
+                shown = 1 - loss ** datagrams   # of which each datagram alone makes a message
+                count = sum(message.topic == self.topics[name] for message in heard)
+                # five standard deviations, and a fifth for a machine that does other things, too
+                least = 0.8 * sent * shown - 5 * math.sqrt(sent * shown * (1 - shown)) - 1
+                self.assertGreaterEqual(count, least, (loss, name))
+                self.assertLessEqual(count, 1.2 * sent + 1, (loss, name))
+            shares = [message.amount for message in heard if message.topic == '/operator/thermal/mask']
+            self.assertAlmostEqual(statistics.mean(shares), 1 - loss, delta=0.05, msg=loss)
+            clouds = [message.amount for message in heard if message.topic == self.topics['lidar']]
+            points = points or statistics.mean(clouds)
+            if loss < 0.9:      # there clouds of which nothing comes would count
+                self.assertAlmostEqual(statistics.mean(clouds) / points, 1 - loss, delta=0.1, msg=loss)
+
+    def test_after_a_cut_the_pictures_come_back(self):
+        topics = [self.topics['thermal'], self.topics['lidar']]
+        self.stack.lab.set({'loss': 1.0})
+        time.sleep(12.0)     # longer than a silent topic is waited for
+        self.stack.lab.set(PERFECT)
+        found = self.listener.first(topics, 20.0)
+        self.assertEqual(set(found), set(topics))
+
+    def test_nothing_is_left_of_a_stack_that_ends_in_any_way(self):
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
+            process = subprocess.Popen([sys.executable, '-c', HOLD], stdout=subprocess.PIPE,
+                                       stderr=subprocess.DEVNULL)
+            self.assertEqual(process.stdout.readline(), b'up\n')
+            children = psutil.Process(process.pid).children(recursive=True)
+            self.assertGreaterEqual(len(children), 4)   # the link, the master, and what was started
+            process.send_signal(number)
+            process.communicate()
+            left = psutil.wait_procs(children, timeout=20)[1]
+            self.assertEqual(left, [], number)
+
+
+if __name__ == '__main__':
+    rostest.rosrun('smokebot_udp', 'lab_streams', LabStreams)
