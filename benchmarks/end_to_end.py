@@ -38,7 +38,7 @@ every message [s]."""
 LEAF_SIZE = 0.1
 """Of the clouds that are thinned, as in config/streams.yaml [m]."""
 
-UNPACED = '_pacing_rate:=0'
+UNPACED = '_adapt:=false', '_max_rate:=0'
 
 LOADS = {
     'Table 1, raw: 640 x 480 mono16 at 50 Hz and 23 040 points at 10 Hz': {'image': 50.0, 'cloud': 10.0},
@@ -103,10 +103,10 @@ def ways(folder):
     clouds = _relays('cloud')
     return [
         _ours('raw', 'ours, paced as by default', folder, raw, len(finite)),
-        _ours('raw_unpaced', 'ours, unpaced', folder, raw, len(finite), UNPACED),
-        _ours('thin_unpaced', 'ours, thinned, float32, unpaced', folder, thinned, thin, UNPACED),
+        _ours('raw_unpaced', 'ours, unpaced', folder, raw, len(finite), *UNPACED),
+        _ours('thin_unpaced', 'ours, thinned, float32, unpaced', folder, thinned, thin, *UNPACED),
         _ours('packed_unpaced', 'ours, thinned, packed, unpaced', folder, {**thinned, 'encoding': 'packed'}, thin,
-              UNPACED),
+              *UNPACED),
         Way('tcp', 'roscpp relays, TCPROS', *_together(_relays('image'), clouds), len(cloud)),
         Way('udp', 'roscpp relays, UDPROS', *_together(*(_relays(kind, '_unreliable:=true') for kind in KINDS)),
             len(cloud)),

@@ -31,6 +31,14 @@ class Parameters:
             rospy.resolve_name('~' + name), value, ' '.join(limits), default))
         return default
 
+    def flag(self, name, default):
+        """True or false."""
+        value = self.values.get(name, default)
+        if isinstance(value, bool):
+            return value
+        self.tell('%s is %r, must be true or false: %r is used' % (rospy.resolve_name('~' + name), value, default))
+        return default
+
     def text(self, name, default):
         """A text, such as a topic or a file."""
         value = self.values.get(name, default)

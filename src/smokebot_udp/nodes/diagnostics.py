@@ -213,6 +213,12 @@ def clock_status(estimate, counts):
     return Status('clock', level, message, {'side': OPERATOR, **values, **counts})
 
 
+def link_status(control, now):
+    """The status of the link, by a link_control.LinkControl."""
+    problem, values = control.figures(now)
+    return Status('link', WARN if problem else OK, problem or 'fine', {'side': ROBOT, **values})
+
+
 def problems_status(problems, side, now):
     """The status of what the node was told wrongly."""
     level, message, values = problems.verdict(now)
@@ -257,16 +263,17 @@ class Diagnostics:
         self._thread.stop()
 
 
-def robot_diagnostics(streams, parameters, problems):
+def robot_diagnostics(streams, control, parameters, problems):
     """Begin to tell of the robot's side.
 
     :param streams: {name: RobotStream}, started
+    :param control: link_control.LinkControl, started
     :param parameters: common.Parameters
     :param problems: problems.Problems
     :return: Diagnostics, to be closed before the streams
     """
     looks = [watch.look for watch in _watches(ROBOT, streams, parameters)]
-    return Diagnostics(looks + [lambda now: [problems_status(problems, ROBOT, now)]])
+    return Diagnostics(looks + [lambda now: [link_status(control, now), problems_status(problems, ROBOT, now)]])
 
 
 def operator_diagnostics(streams, clock, parameters, problems, sent):

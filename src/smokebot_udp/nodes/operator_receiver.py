@@ -36,6 +36,7 @@ from .clock_sync import ClockClient
 from .common import Parameters, load_streams
 from .diagnostics import operator_diagnostics
 from .focus_client import FocusClient
+from .link_reporter import LinkReporter
 from .live import LiveSettings, ParameterWatch
 from .motion import Motion
 from .problems import Problems
@@ -52,6 +53,7 @@ class OperatorReceiver:
             self._motion = Motion(parameters.text('odom_topic', '/operator/odom'),
                                   parameters.text('cmd_vel_topic', '/cmd_vel'))
             self._clock = ClockClient()
+            self._reporter = LinkReporter()
             self.streams = load_streams(parameters, operator_class, self._link(parameters))
             status = [stream.topic for stream in self.streams.values() if stream.MESSAGE is RobotStatus]
             self._focus = FocusClient(status[0] if status else None,
@@ -72,7 +74,7 @@ class OperatorReceiver:
         return Link(int(parameters.number('max_datagram_size', 1472, least=256, most=65507)),
                     receive_buffer=int(parameters.number('receive_buffer', 4 << 20, least=4096, most=1 << 30)),
                     drop=_demonstrate(loss, seed) if loss else None, motion=self._motion,
-                    clock_offset=self._clock.offset)
+                    arrived=self._reporter.arrived, clock_offset=self._clock.offset)
 
     def close(self):
         self._stale.close()
@@ -82,6 +84,7 @@ class OperatorReceiver:
         self._motion.close()
         for stream in self.streams.values():
             stream.close()
+        self._reporter.close()
         self._clock.close()
 
 

@@ -8,8 +8,10 @@ Parameters
 | ~streams_file | str | config/streams.yaml of this package | | the streams by name |
 | ~focus_file | str | config/focus.yaml of this package | | the profiles by name |
 | ~max_datagram_size | int | 1472 | byte | longest datagram: UDP payload, so that 1472 fills an Ethernet frame |
-| ~pacing_rate | double | 400 | Mbit/s | all streams together leave no faster; 0: as fast as they come |
-| ~pacing_burst | int | 16 | datagrams | so many may leave at once |
+| ~adapt | bool | true | | whether the rate follows what the link carries, as operators report it; else it is max_rate |
+| ~max_rate | double | 400 | Mbit/s | all streams together leave no faster; 0: as fast as they come |
+| ~min_rate | double | 0.1 | Mbit/s | nor slower, whatever is reported, or where nothing is |
+| ~start_rate | double | 0.5 | Mbit/s | until the first report |
 | ~focus | str | default | | dynamic: the mission focus, a profile of focus_file; default: as streams.yaml has it |
 | ~<stream>/<setting> | | as in streams.yaml | | dynamic: the settings of a stream that may change while it runs |
 
@@ -17,6 +19,8 @@ Each stream subscribes its robot_topic and publishes smokebot_udp/<stream>/segme
 and what each stream sends, ~focus/modified (latched) whether any of it was set by hand since the focus was switched.
 Service: ~set_focus.
 """
+import math
+
 import rospy
 
 from .. import udpros
@@ -24,6 +28,7 @@ from ..streams import robot_class
 from ..streams.base import Link
 from ..streams.outbox import Outbox
 from ..supervisor import focus
+from ..supervisor.estimate import MBIT, Limits
 from ..supervisor.pace import Pace
 from ..udpros.endpoints import IP_UDP_HEADERS
 from . import memory
@@ -31,7 +36,11 @@ from .clock_sync import ClockServer
 from .common import Parameters, load_streams, read_file
 from .diagnostics import robot_diagnostics
 from .focus import FocusControl
+from .link_control import LinkControl
 from .problems import Problems
+
+BURST = 16
+"""Datagrams that may leave at once on a fast link: roscpp's receiver holds 92, a Wi-Fi driver's queue not many more."""
 
 
 class RobotSender:
@@ -41,17 +50,17 @@ class RobotSender:
         problems = Problems()
         parameters = Parameters(problems.tell)
         size = int(parameters.number('max_datagram_size', 1472, least=256, most=65507))
-        rate = parameters.number('pacing_rate', 400.0, least=0.0)
-        burst = parameters.number('pacing_burst', 16, least=1)
         profiles = read_file(parameters, 'focus_file', 'focus.yaml', focus.load)
         with udpros.registered_together():
-            self._outbox = Outbox(Pace(rate * 1e6 / 8 if rate else None, int(burst) * (size + IP_UDP_HEADERS)),
-                                  on_error=_tell)
+            self._link = LinkControl(*_rates(parameters))
+            self._outbox = Outbox(Pace(self._link.start_rate, BURST * (size + IP_UDP_HEADERS)), self._link.departed,
+                                  _tell)
             self._outbox.start()
+            self._link.start(self._outbox)
             self.streams = load_streams(parameters, robot_class, Link(size, outbox=self._outbox))
             self.focus = FocusControl(self.streams, profiles, problems.tell)
             self._clock = ClockServer()
-            self._diagnostics = robot_diagnostics(self.streams, parameters, problems)
+            self._diagnostics = robot_diagnostics(self.streams, self._link, parameters, problems)
         rospy.on_shutdown(self.close)
 
     def close(self):
@@ -60,7 +69,16 @@ class RobotSender:
         self.focus.close()
         for stream in self.streams.values():
             stream.close()
+        self._link.close()
         self._outbox.stop()
+
+
+def _rates(parameters):
+    """(supervisor.estimate.Limits, adapt)"""
+    most = parameters.number('max_rate', 400.0, least=0.0) or math.inf
+    least = parameters.number('min_rate', 0.1, least=0.01)
+    start = parameters.number('start_rate', 0.5, least=0.01)
+    return Limits(min(least, most) * MBIT, start * MBIT, most * MBIT), parameters.flag('adapt', True)
 
 
 def _tell(stream, error):

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What the streams of every kind have in common, on either side."""
 import collections
+import functools
 import time
 from dataclasses import dataclass, field
 from typing import Any, Callable, Optional
@@ -29,6 +30,8 @@ class Link:
     """Loses datagrams on purpose, see udpros.Subscriber."""
     motion: Any = None
     """Tells the operator's streams whether the robot stands(), and is told by pictures(changed) of theirs."""
+    arrived: Callable = lambda *_: None
+    """f(stream, seq, size, count), told what comes of the operator's streams, see udpros.Subscriber."""
     clock_offset: Callable = lambda: 0.0
     """f() -> how far the robot's clock is ahead of the operator's [s]."""
 
@@ -166,7 +169,8 @@ class OperatorStream:
         """Begin to receive; apart from making a stream, which needs no ROS."""
         self._publisher = rospy.Publisher(self.topic, self.MESSAGE, queue_size=2, latch=self.LATCH, tcp_nodelay=True)
         self.subscriber = self.subscribe(max_datagram_size=self.link.max_datagram_size,
-                                         receive_buffer=self.link.receive_buffer, drop=self.link.drop)
+                                         receive_buffer=self.link.receive_buffer, drop=self.link.drop,
+                                         arrived=functools.partial(self.link.arrived, self.name))
 
     def configure(self, changes):
         """Change settings while it runs: {name: value}, checked each."""

@@ -20,6 +20,8 @@ class Outbox:
     def __init__(self, pace=None, departed=lambda *_: None, on_error=lambda *_: None):
         self._pace = pace or Pace()
         self._departed, self._on_error = departed, on_error
+        self.offered = 0
+        """Bytes that all streams ever had to send."""
         self._changed = threading.Condition()
         self._ended = False
         self._thread = threading.Thread(target=self._run, name='outbox', daemon=True)
@@ -36,9 +38,10 @@ class Outbox:
 
     def put(self, stream, publisher, frames):
         """Send a message's udpros.Frames; what did not leave yet of the stream's last message never does."""
+        parts = [(len(frame), frame.datagram_size + IP_UDP_HEADERS) for frame in frames]
         with self._changed:
-            self._pace.put(stream, (publisher, frames), [
-                (len(frame), frame.datagram_size + IP_UDP_HEADERS) for frame in frames])
+            self.offered += sum(count * size for count, size in parts)
+            self._pace.put(stream, (publisher, frames), parts)
             self._changed.notify()
 
     def sends(self, stream, frames):
@@ -56,6 +59,7 @@ class Outbox:
         size += IP_UDP_HEADERS
         with self._changed:
             now = time.monotonic()
+            self.offered += size
             self._pace.charge(size, now)
             self._departed(stream, publisher.impl.seq if message._has_header else None, 1, size, now)
 
