@@ -94,7 +94,7 @@ def test_small_messages_do_not_wait(make):
     outbox.publish('gas', publisher, Float32(1.0), 12)
     outbox.publish('scan', publisher, LaserScan(), 40)
     assert publisher.sent[-2:] == [Float32(1.0), LaserScan()]
-    assert told[-2:] == [('gas', None, 1, 40), ('scan', publisher.seq, 1, 68)]
+    assert told[-2:] == [('gas', None, 1, 12 + 12 + 28), ('scan', publisher.seq, 1, 40 + 12 + 28)]
 
 
 def test_a_stream_that_cannot_be_sent_stops_no_other(make):

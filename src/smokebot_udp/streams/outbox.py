@@ -5,6 +5,7 @@ import threading
 import time
 
 from ..supervisor.pace import Pace
+from ..udpros.datagram import OVERHEAD
 from ..udpros.endpoints import IP_UDP_HEADERS
 
 
@@ -56,7 +57,7 @@ class Outbox:
         :param size: of the serialised message [byte]
         """
         publisher.publish(message)
-        size += IP_UDP_HEADERS
+        size += OVERHEAD + IP_UDP_HEADERS
         with self._changed:
             now = time.monotonic()
             self.offered += size
