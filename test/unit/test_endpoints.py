@@ -3,6 +3,7 @@
 import os
 import socket
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -266,3 +267,24 @@ def test_addresses_of():
 @pytest.mark.parametrize('host', [None, 'no.such.host.invalid', 'x' * 70, 'a\0b', 'two..dots'])
 def test_addresses_of_nobody(host):
     assert addresses_of(host) == set()
+
+
+def test_when_a_datagram_came_does_not_depend_on_when_it_is_taken(receiver, make):
+    make(DatagramSender, '127.0.0.1', receiver.address[1]).send_one(b'first')
+    sent = time.monotonic()
+    time.sleep(0.2)
+    assert receiver.receive() == 1
+    if receiver._recvmmsg:
+        assert receiver.arrival(0) < sent + 0.2
+    else:
+        assert receiver.arrival(0) >= sent + 0.2      # nobody says
+
+
+@pytest.mark.parametrize('step', [3600.0, -3600.0])
+def test_a_clock_that_was_set_makes_no_arrival_strange(receiver, make, monkeypatch, step):
+    before = time.monotonic()
+    make(DatagramSender, '127.0.0.1', receiver.address[1]).send_one(b'first')
+    assert receiver.wait(5) and receiver.receive() == 1
+    clock = time.time
+    monkeypatch.setattr(time, 'time', lambda: clock() + step)
+    assert before <= receiver.arrival(0) <= time.monotonic()

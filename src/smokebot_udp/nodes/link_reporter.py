@@ -35,11 +35,10 @@ class LinkReporter:
         self._reports = Repeater('link reports', self._report, self._tell, PERIOD)
         self._reports.start()
 
-    def arrived(self, stream, seq, size, count):
+    def arrived(self, stream, seq, size, count, when):
         """Datagrams of a stream came, see udpros.Subscriber; any thread."""
-        now = time.monotonic()
         with self._lock:
-            self._arrivals.note(stream, seq, size, now, count)
+            self._arrivals.note(stream, seq, size, when, count)
 
     def _report(self):
         with self._lock:

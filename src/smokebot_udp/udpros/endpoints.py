@@ -141,6 +141,13 @@ class _MMsgHdr(ctypes.Structure):
     _fields_ = [('hdr', _MsgHdr), ('len', ctypes.c_uint)]
 
 
+TIMESTAMP = struct.Struct('@Nii2l')
+"""A control message with a struct timespec: length, level, type, seconds, nanoseconds."""
+
+SO_TIMESTAMPNS = 35
+OLDEST = 1.0
+"""A datagram that seems to have waited for longer in this machine did not: its clock was set [s]."""
+
 SOCKADDR_IN = np.dtype([('family', '=u2'), ('port', '>u2'), ('address', '>u4'), ('zero', 'u1', (8,))])
 
 
@@ -189,6 +196,11 @@ class DatagramReceiver:
         header['iov'] = self._iovecs.ctypes.data + self._iovecs.strides[0] * np.arange(self.batch)
         header['iovlen'] = 1
         self._lengths = view['len']
+        self._control = np.zeros((self.batch, TIMESTAMP.size), np.uint8)
+        header['control'] = self._control.ctypes.data + self._control.strides[0] * np.arange(self.batch)
+        self._control_lengths = header['controllen']
+        with contextlib.suppress(OSError):
+            self.socket.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
 
     def wait(self, timeout):
         """Whether there is something to receive within timeout [s] (or an error to be cleared)."""
@@ -198,6 +210,7 @@ class DatagramReceiver:
         """Take what has come, without waiting; returns how many datagrams, at most `batch`."""
         if self._recvmmsg is None:
             return self._receive_one_by_one()
+        self._control_lengths[:] = TIMESTAMP.size
         count = self._recvmmsg(self.socket.fileno(), self._headers, self.batch, socket.MSG_DONTWAIT, None)
         if count < 0:
             number = ctypes.get_errno()
@@ -206,6 +219,15 @@ class DatagramReceiver:
             raise OSError(number, 'recvmmsg')
         self.lengths[:count] = self._lengths[:count]
         return count
+
+    def arrival(self, row):
+        """When a row's datagram reached this machine, by time.monotonic(), however late it was taken [s]."""
+        now = time.monotonic()
+        if self._recvmmsg is None or self._control_lengths[row] < TIMESTAMP.size:
+            return now
+        _, _, _, seconds, nanoseconds = TIMESTAMP.unpack(self._control[row])
+        age = time.time() - (seconds + 1e-9 * nanoseconds)
+        return now - age if 0 <= age <= OLDEST else now
 
     def _receive_one_by_one(self):
         for count in range(self.batch):

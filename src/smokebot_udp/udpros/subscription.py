@@ -85,9 +85,9 @@ class Subscription:
     :param coalesce: wait so long after the first datagram of a batch for more of them [s]: fewer, larger
         batches cost less; 0 where single messages are to come at once
     :param drop: None, or a function of n that gives (n,) bool of datagrams to lose, for demonstrations
-    :param arrived: None, or f(seq, size, count), told of numbered messages that came together and never before: one of
-        their sequence numbers, mostly the highest, their bytes as packets of IP (of those of many blocks: the messages'
-        own), and how many they are
+    :param arrived: None, or f(seq, size, count, when), told of numbered messages that came together and never before:
+        one of their sequence numbers, mostly the highest, their bytes as packets of IP (of those of many blocks: the
+        messages' own), how many they are, and when that one reached this machine, by time.monotonic() [s]
     """
 
     def __init__(self, receiver, reply, hosts, deliver, message_class, queue_size=None, coalesce=0.0, drop=None,
@@ -162,12 +162,12 @@ class Subscription:
         self.bytes += length
         self._waiting.append(datagram[OVERHEAD:])
         if self._arrived is not None and self.sequence is not None:
-            self._arrived(seq, length + IP_UDP_HEADERS, 1)
+            self._arrived(seq, length + IP_UDP_HEADERS, 1, self.receiver.arrival(row))
         return True
 
     def _take(self, count, first=0):
         datagrams, lengths = self.receiver.datagrams[first:count], self.receiver.lengths[first:count]
-        sources = self.receiver.sources[first:count]
+        sources, slots = self.receiver.sources[first:count], range(first, count)
         trusted = self._source.trusts(sources)
         if self._drop is not None:
             lost = self._drop(count)
@@ -176,6 +176,7 @@ class Subscription:
             if not len(kept):
                 return
             datagrams, lengths, sources, trusted = datagrams[kept], lengths[kept], sources[kept], trusted[kept]
+            slots = kept + first
         now = time.monotonic()
         whole, messages = self.inbox.sort(datagrams, lengths, trusted, now)
         count = int(np.count_nonzero(trusted))
@@ -189,7 +190,7 @@ class Subscription:
             return
         self._source.settle(sources, rows[0] if len(rows) else messages[0][0])
         if self.sequence is not None:
-            rows, messages = self._drop_repeated(datagrams, lengths, rows, messages)
+            rows, messages = self._drop_repeated(datagrams, lengths, rows, messages, slots)
         if self._deliver.wants_batches:
             left = np.zeros(len(datagrams), bool)
             left[rows] = True
@@ -200,8 +201,11 @@ class Subscription:
             singles = [(row, datagrams[row, OVERHEAD:lengths[row]].tobytes()) for row in rows.tolist()]
             self._waiting.extend(message for _, message in sorted(singles + messages))
 
-    def _drop_repeated(self, datagrams, lengths, rows, messages):
-        """Count the sequence numbers; return the rows and the messages without those seen before."""
+    def _drop_repeated(self, datagrams, lengths, rows, messages, slots):
+        """Count the sequence numbers; return the rows and the messages without those seen before.
+
+        :param slots: where the receiver has each row
+        """
         if lengths.min() < OVERHEAD + SEQ.itemsize:
             numbered = lengths[rows] >= OVERHEAD + SEQ.itemsize
             self.inbox.dropped['message'] += int(np.count_nonzero(~numbered))
@@ -210,13 +214,15 @@ class Subscription:
         fresh = self.sequence.add(seqs)
         rows = rows[fresh]
         if self._arrived is not None and len(rows):
-            self._arrived(int(seqs[fresh][-1]), int(lengths[rows].sum()) + IP_UDP_HEADERS * len(rows), len(rows))
+            self._arrived(int(seqs[fresh][-1]), int(lengths[rows].sum()) + IP_UDP_HEADERS * len(rows), len(rows),
+                          self.receiver.arrival(slots[rows[-1]]))
         if messages:
             seqs = [int.from_bytes(message[:SEQ.itemsize], 'little') for _, message in messages]
             fresh = self.sequence.add(seqs)
             messages, seqs = ([one for one, new in zip(of_all, fresh) if new] for of_all in (messages, seqs))
             if self._arrived is not None and messages:
-                self._arrived(seqs[-1], sum(len(message) for _, message in messages), len(messages))
+                self._arrived(seqs[-1], sum(len(message) for _, message in messages), len(messages),
+                              self.receiver.arrival(slots[-1]))
         return rows, messages
 
     def _take_records(self, datagrams, lengths, left):
