@@ -13,10 +13,13 @@ CHUNK_LASTS = 0.002
 """Datagrams leave together that fill the link for so long at most [s],"""
 
 BURST_LASTS = 0.005
-"""and after a pause no longer than this,"""
+"""and after a pause no longer than this."""
+
+LATE = 0.02
+"""While datagrams wait, who asks later than they might have left may catch up on so much [s]."""
 
 LONGEST_CHUNK = 65507
-"""and so many bytes at most: what a kernel takes at once."""
+"""A chunk has so many bytes at most: what a kernel takes at once."""
 
 
 class Chunk(NamedTuple):
@@ -70,6 +73,7 @@ class Pace:
         self.dropped = {}
         """{stream: datagrams that a newer message replaced}"""
         self._train_rate, self._train_left = None, 0.0
+        self._waited = False            # whether something was left to send when something was sent last
         self._full_at = -math.inf       # when the bucket is full again, if nothing more leaves
         self._flows = {}
         self._virtual = 0.0
@@ -94,13 +98,16 @@ class Pace:
         :param parts: [(datagrams, bytes of each), ...]
         """
         flow = self._flow(stream)
-        self.drop(stream)
-        if not flow.parts:
-            flow.start = max(flow.start, self._virtual)
+        self._forget(stream)
+        flow.start = max(flow.start, self._virtual)
         flow.work, flow.parts, flow.part, flow.at = work, [part for part in parts if part[0]], 0, 0
 
     def drop(self, stream):
         """Nothing more of a stream's message leaves."""
+        self._forget(stream)
+        self._waited &= self._waiting()
+
+    def _forget(self, stream):
         flow = self._flow(stream)
         if flow.parts:
             self.dropped[stream] = self.dropped.get(stream, 0) + flow.left
@@ -133,6 +140,7 @@ class Pace:
         if rate is not None:
             self._spend(size, now, rate)
             self._train_left -= size
+        self._waited = self._waiting()
         return chunk
 
     def _next(self, now):
@@ -150,8 +158,11 @@ class Pace:
         bucket = max(count * size, min(self.burst, rate * BURST_LASTS))
         return max(0.0, self._full_at + (count * size - bucket) / rate - now), name, count
 
+    def _waiting(self):
+        return any(flow.parts for flow in self._flows.values())
+
     def _spend(self, size, now, rate):
-        self._full_at = max(now, self._full_at) + size / rate
+        self._full_at = max(now - LATE * self._waited, self._full_at) + size / rate
 
     def _rate(self):
         return self._train_rate if self.rate is not None and self._train_left > 0 else self.rate
