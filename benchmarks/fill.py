@@ -166,13 +166,8 @@ def run(log, quick=False):
     folder = pictures.TOP / 'results' / 'bench'
     folder.mkdir(parents=True, exist_ok=True)
     fill_plots.plot(results['quality'], GOALS, folder / 'fill.png')
-<<<<<<< HEAD
     fill_plots.sheet({name: photographs[name] for name in ('camera', 'motorcycle_left')},
                      {name: recordings[name] for name in SHOWN if name in recordings}, folder / 'fill_sheet.jpg')
-=======
-    fill_plots.sheet({name: photographs[name] for name in QUICK},
-                     recordings, folder / 'fill_sheet.png')
->>>>>>> 81c0f78 (bench --quick: fewer rounds and pictures)
     log('see %s/fill*.png' % folder)
     return results
 

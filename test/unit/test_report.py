@@ -10,8 +10,7 @@ from smokebot_udp.msg import ArrivalMark as ArrivalMarkMessage
 from smokebot_udp.msg import LinkReport
 from smokebot_udp.msg import StreamArrivals as StreamArrivalsMessage
 from smokebot_udp.supervisor.departures import Departures
-from smokebot_udp.supervisor.report import (CONFIRMED, MOST_MARKS, ArrivalMark, Arrivals, Report, Reports,
-                                            StreamArrivals)
+from smokebot_udp.supervisor.report import CONFIRMED, MOST_MARKS, ArrivalMark, Arrivals, Report, Reports, StreamArrivals
 
 AHEAD = 3600.0
 """The operator's steady clock beside the robot's [s]."""
@@ -134,7 +133,8 @@ def test_a_steady_clock_that_jumps_for_good_is_believed(jump):
 numbers = st.one_of(st.integers(-1, 2 ** 64), st.floats(), st.none(), st.booleans())
 any_report = st.builds(
     Report, numbers, numbers,
-    st.lists(st.builds(StreamArrivals, st.sampled_from(['thermal', 'camera', '']), numbers, numbers, numbers), max_size=3),
+    st.lists(st.builds(StreamArrivals, st.sampled_from(['thermal', 'camera', '']), numbers, numbers, numbers),
+             max_size=3),
     st.lists(st.builds(ArrivalMark, numbers, numbers, numbers), max_size=3))
 
 

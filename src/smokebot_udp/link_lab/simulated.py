@@ -11,7 +11,7 @@ import random
 
 from ..supervisor.allocate import datagram_size
 from ..supervisor.departures import Departures
-from ..supervisor.estimate import Estimator, Limits
+from ..supervisor.estimate import LIMITS, Estimator
 from ..supervisor.pace import Pace
 from ..supervisor.report import Arrivals, Reports
 
@@ -50,7 +50,7 @@ class Robot:
     :param clocks: what the robot's and the operator's steady clocks show at the beginning [s]
     """
 
-    def __init__(self, events, there, back, load, seed=0, limits=Limits(), clocks=(1000.0, 5000.0)):
+    def __init__(self, events, there, back, load, seed=0, limits=LIMITS, clocks=(1000.0, 5000.0)):
         self.events, self.there, self.back = events, there, back
         self.robots_clock, self.operators_clock = clocks
         draw = random.Random('%s session' % seed)

@@ -16,12 +16,12 @@ What it rests on, and where that is from:
   carried since (SCReAM's bytes in flight, as seconds).
 * **The least delay, measured anew** (BBR's ProbeRTT): where nothing confirmed it for 5 s the rate dips shortly. All who
   share the air see the same valley, so their dips fall together, and the queue does drain.
-* **Trains** (GCC's probe clusters, draft-ietf-rmcat-gcc-02; packet dispersion, Dovrolis 2001): where the queue is empty and
-  more is wanted, some datagrams that are due anyway leave 2 to 4 times faster. They find a link that has become 60 times
-  wider within half a second, at the cost of some ms of queue when it has not; padding is never sent.
-* **Not loss** (against GCC's loss-based half, and TCP): a share of lost datagrams says nothing of the rate, for air time
-  is spent on them. Loss counts in one case only: beside a full queue, what is lost beyond what was lost while the queue
-  was short never was on the air, and is taken off the delivered rate.
+* **Trains** (GCC's probe clusters, draft-ietf-rmcat-gcc-02; packet dispersion, Dovrolis 2001): where the queue is
+  empty and more is wanted, some datagrams that are due anyway leave 2 to 4 times faster. They find a link that has
+  become 60 times wider within half a second, at the cost of some ms of queue when it has not; padding is never sent.
+* **Not loss** (against GCC's loss-based half, and TCP): a share of lost datagrams says nothing of the rate, for air
+  time is spent on them. Loss counts in one case only: beside a full queue, what is lost beyond what was lost while
+  the queue was short never was on the air, and is taken off the delivered rate.
 """
 import math
 import statistics
@@ -78,6 +78,9 @@ class Limits(NamedTuple):
     max_rate: float = 400 * MBIT
 
 
+LIMITS = Limits()
+
+
 @dataclass
 class Link:
     """What is known of the link."""
@@ -103,7 +106,7 @@ class Estimator:
     :param limits: Limits
     """
 
-    def __init__(self, now, limits=Limits()):
+    def __init__(self, now, limits=LIMITS):
         self.limits = limits
         self.link = Link(min(limits.start, limits.max_rate))
         self.rate = self.link.capacity
@@ -227,7 +230,8 @@ def peak(chain, noise):
     :param chain: [report.Point, ...] in the order they left
     :param noise: times differ by so much for other reasons [s]
     """
-    sent, arrived, total = (np.array([getattr(point, name) for point in chain]) for name in ('sent', 'arrived', 'total'))
+    sent, arrived, total = (np.array([getattr(point, name) for point in chain])
+                            for name in ('sent', 'arrived', 'total'))
     size = max(point.size for point in chain)
     first, last = np.triu_indices(len(chain), 1)
     carried = total[last] - total[first]

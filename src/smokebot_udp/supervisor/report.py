@@ -32,7 +32,7 @@ LATE = 4096
 """A number so far behind the highest is of another counting: the sender began anew."""
 
 CLOCK_SLACK = 1.0
-"""The steady clocks of both sides may disagree by so much about the time between two reports, which wait in queues [s]."""
+"""Reports wait in queues: about the time between two the sides' steady clocks may disagree by so much [s]."""
 
 CONFIRMED = 3
 """So many reports in a row that contradict what was before, but not one another, are right."""
