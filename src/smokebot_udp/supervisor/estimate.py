@@ -57,8 +57,17 @@ BUSY = 0.002
 DIP, DIP_LASTS = 0.5, 0.2
 """A dip: the rate's factor, and how long [s]."""
 
-SILENCE, HALVES = 0.5, 0.5
-"""Without reports for so long the rate halves, and again and again after so long [s]."""
+SILENCE = 0.5
+"""Without reports for so long the rate halves, again and again [s]."""
+
+REPORTS_APART = 0.1
+"""[s]"""
+
+UNLIKELY = 0.01
+"""Reports are lost like datagrams: silence is longer where it is more likely than this that all of them were."""
+
+MOST_LOSS = 0.95
+"""More is a link that is gone, as far as silence is concerned."""
 
 FULL = 0.06
 """Beside a longer queue than this what is lost may never have been on the air [s]."""
@@ -154,7 +163,9 @@ class Estimator:
 
     def poll(self, now):
         """Whether reports stay away: call it some times a second."""
-        while now - self._came > SILENCE + self.missing * HALVES and self.link.capacity > self.limits.floor:
+        loss = min(max(self.link.loss, UNLIKELY), MOST_LOSS)
+        silence = max(SILENCE, REPORTS_APART * math.log(UNLIKELY) / math.log(loss))
+        while now - self._came > silence * (1 + self.missing) and self.link.capacity > self.limits.floor:
             self.missing += 1
             self.link.capacity = max(self.link.capacity / 2, self.limits.floor)
         self._set_rate(now)
