@@ -58,10 +58,14 @@ class QueueDelay:
         """Whether the base is not confirmed any more."""
         return now - self._confirmed > KEEPS
 
-    def believe(self, points, capacity, now):
-        """The least of these is the base from now on."""
-        self.base, self._base_capacity = min(points, key=lambda point: point.delay), capacity
-        self._confirmed = now
+    def believe(self, point, capacity, now):
+        """This point is the base from now on."""
+        self.base, self._base_capacity, self._confirmed = point, capacity, now
+
+    def raise_to(self, point, capacity, most, now):
+        """The base is no lower than this point's, but it rises by `most` at once [s]."""
+        above = self._beyond(point, capacity)
+        self.believe(point._replace(arrived=point.arrived - max(0.0, above - most)), capacity, now)
 
     def of(self, point, capacity):
         """How long a datagram waited [s]."""

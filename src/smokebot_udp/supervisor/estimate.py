@@ -14,14 +14,16 @@ What it rests on, and where that is from:
   scaling, Kumar et al., SIGCOMM 2020): of those who share an air the fast wants a shorter queue than the slow.
 * **The queue as it will be** when the rate takes effect: what left since the newest report, less what the air has
   carried since (SCReAM's bytes in flight, as seconds).
-* **The least delay, measured anew** (BBR's ProbeRTT): where nothing confirmed it for 5 s the rate dips shortly. All who
-  share the air see the same valley, so their dips fall together, and the queue does drain.
+* **The least delay, measured anew** (BBR's ProbeRTT; LEDBAT++'s slowdowns): where nothing confirmed it for 5 s the rate
+  dips shortly. A queue that has become long is drained by all who share the air at the same time, for all see it, and all
+  learn the true least delay then; so who comes late, and takes a queue for the way, is put right. What a drain leaves
+  of a delay is the way itself, which has become longer.
 * **Trains** (GCC's probe clusters, draft-ietf-rmcat-gcc-02; packet dispersion, Dovrolis 2001): where the queue is
   empty and more is wanted, some datagrams that are due anyway leave 2 to 4 times faster. They find a link that has
   become 60 times wider within half a second, at the cost of some ms of queue when it has not; padding is never sent.
 * **Not loss** (against GCC's loss-based half, and TCP): a share of lost datagrams says nothing of the rate, for air
-  time is spent on them. Loss counts in one case only: beside a full queue, what is lost beyond what was lost while
-  the queue was short never was on the air, and is taken off the delivered rate.
+  time is spent on them. More loss than before is a reason to ask: the rate is halved for a moment. What is lost then, too, the
+  air loses (loss.py); what is not was dropped by a queue too short to be seen, and is taken off the delivered rate.
 """
 import math
 import statistics
@@ -31,7 +33,9 @@ from typing import NamedTuple
 import numpy as np
 
 from .delay import QueueDelay, typical
+from .loss import Loss
 from .probe import Trains
+from .quiet import Quiet
 
 MBIT = 1e6 / 8
 """[byte/s]"""
@@ -52,10 +56,7 @@ HARDEST, GENTLEST = 0.5, 1.1
 """The rate is so much of the capacity at least and at most."""
 
 BUSY = 0.002
-"""What queues for longer queued: the air was busy [s]."""
-
-DIP, DIP_LASTS = 0.5, 0.2
-"""A dip: the rate's factor, and how long [s]."""
+"""What waits longer queued: the air was busy [s]."""
 
 SILENCE = 0.5
 """Without reports for so long the rate halves, again and again [s]."""
@@ -70,13 +71,7 @@ MOST_LOSS = 0.95
 """More is a link that is gone, as far as silence is concerned."""
 
 FULL = 0.06
-"""Beside a longer queue than this what is lost may never have been on the air [s]."""
-
-LOSS_LASTS = 200
-"""Datagrams over which loss is averaged."""
-
-STUCK = 0.1
-"""Where so much of a queue should have drained and did not, the way itself has become longer [s]."""
+"""A queue as long as this is drained; what is lost beside it may never have been on the air [s]."""
 
 
 class Limits(NamedTuple):
@@ -121,45 +116,43 @@ class Estimator:
         self.rate = self.link.capacity
         """What may leave now, of all streams together [byte/s]."""
         self.missing = 0
-        """So often the rate was halved since reports stay away; """
-        self._delay, self._trains = QueueDelay(), Trains()
-        self._newest = None             # Point
-        self._came = now                # when the last report came
-        self._dip_ends = -math.inf
-        self._dip_points = []
-        self._air_loss = 0.0            # while the queue was short
-        self._stood = 0.0, self.link.capacity   # the queue and the capacity since when
-        self._drained = 0.0             # so much should have drained [s]
+        """So often the rate was halved since reports stay away."""
+        self._delay, self._loss, self._trains, self._quiet = QueueDelay(), Loss(), Trains(), Quiet()
+        self._newest = None     # Point
+        self._came = now        # when the last report came
 
     def take(self, evidence, now, wanted=math.inf):
         """Take what a report says.
 
         :param evidence: report.Evidence
         :param wanted: what the streams would send if the link had room for it [byte/s]
-        :return: a Train for the pacer, or None
+        :return: a Train for the pace, or None
         """
         self._came, self.missing = now, 0
         if evidence.anew:
-            self._delay.base = None
-            self._newest = None
+            self._delay.base = self._newest = None
         if not evidence.points:
+            self._set_rate(now)
             return None
         link, points = self.link, evidence.points
         chain = ([self._newest] if self._newest else []) + points
-        self._newest = points[-1]
+        self._newest, link.round_trip = points[-1], evidence.round_trip
         self._delay.note(points, link.capacity, now)
-        queue = self._delay.of(typical(points, link.capacity), link.capacity)
-        link.round_trip = evidence.round_trip
-        drains = max(0.0, chain[-1].sent - chain[0].sent - (chain[-1].total - chain[0].total) / link.capacity)
-        before = link.capacity
-        self._learn(chain, queue, self._lost(evidence, queue))
-        self._check_base(points, queue, before, drains, now)
-        waits = now - self._newest.sent - queue
-        link.queue_delay = max(0.0, evidence.unreported / link.capacity - waits)
+        middle = typical(points, link.capacity)
+        queue = self._delay.of(middle, link.capacity)
+        self._loss.note(evidence, self._quiet.holds(chain[0].sent) and queue < FULL)
+        link.loss = self._loss.all
+        self._learn(chain, queue)
+        if self._quiet.go_on(self._delay, middle, queue, self._target(), link.capacity, now):
+            self._loss.settle()
+        if self._loss.excess and queue < FULL and self._quiet.asked(now):
+            link.capacity = max(link.capacity * (1 - self._loss.excess), self.limits.floor)
+            self._loss.settle()
+        self._quiet.begin(self._delay.expired(now), queue > FULL, self._loss.excess > 0, now)
+        passed = now - self._newest.sent - queue    # since the newest datagram was on the air
+        link.queue_delay = max(0.0, evidence.unreported / link.capacity - passed)
         self._set_rate(now)
-        usual = statistics.median(self._delay.of(point, link.capacity) for point in points)
-        empty = usual < self._target() / 2 + self._delay.noise and now > self._dip_ends
-        return self._trains.next(link.capacity, empty, wanted > self.rate, self._newest, evidence.unreported, now)
+        return self._train(points, wanted, evidence.unreported, now)
 
     def poll(self, now):
         """Whether reports stay away: call it some times a second."""
@@ -173,22 +166,11 @@ class Estimator:
     def _target(self):
         return target(self.link.capacity) + min(2 * self._delay.noise, MOST_NOISE)
 
-    def _lost(self, evidence, queue):
-        """The share of datagrams that never were on the air."""
-        if not evidence.expected:
-            return 0.0
-        loss, weight = 1 - evidence.received / evidence.expected, min(1.0, evidence.expected / LOSS_LASTS)
-        self.link.loss += weight * (loss - self.link.loss)
-        if queue < FULL:
-            self._air_loss += weight * (loss - self._air_loss)
-            return 0.0
-        return max(0.0, (loss - self._air_loss) / (1 - self._air_loss)) if self._air_loss < 1 else 0.0
-
-    def _learn(self, chain, queue, lost):
+    def _learn(self, chain, queue):
         """The capacity, from how the chain of points came."""
-        link = self.link
-        carried, busy, whole = 0, 0.0, chain[-1].arrived - chain[0].arrived
+        link, lost = self.link, self._loss.excess if queue > FULL else 0.0
         waited = [self._delay.of(point, link.capacity) > BUSY + 2 * self._delay.noise for point in chain]
+        carried, busy, whole = 0, 0.0, chain[-1].arrived - chain[0].arrived
         for at, (before, after) in enumerate(zip(chain, chain[1:])):
             if waited[at + 1] and (waited[at] or after.total - before.total == after.size):
                 carried += after.total - before.total
@@ -196,43 +178,24 @@ class Estimator:
         if busy > whole / 4 and busy > 0.01:
             weight = min(1.0, busy / HORIZON * 2)
             link.capacity += weight * (carried * (1 - lost) / busy - link.capacity)
-        if queue < FULL:
+        if queue < FULL and not self._loss.excess:
             link.capacity = max(link.capacity, peak(chain, 2 * self._delay.noise))
             self._delay.note_noise(chain)
         link.capacity = min(max(link.capacity, self.limits.floor), self.limits.max_rate)
 
-    def _check_base(self, points, queue, before, drains, now):
-        """Measure the least delay anew where it is old, or has moved.
-
-        :param before: the capacity that the last rate was made for [byte/s]
-        :param drains: what of a queue must have drained while these points left, by that capacity [s]
-        """
-        link = self.link
-        if queue > FULL:        # is drained anyway, and no dip is long enough
-            self._dip_ends, self._dip_points = -math.inf, []
-        elif now < self._dip_ends:
-            self._dip_points.append(typical(points, link.capacity))
-        elif self._dip_points:
-            self._delay.believe(self._dip_points, link.capacity, now)
-            self._dip_points = []
-        elif self._delay.expired(now):
-            self._dip_ends = now + DIP_LASTS
-        stood = abs(queue - self._stood[0]) < STUCK / 20 + self._drained / 3
-        if queue < 2 * self._target() or not stood:
-            self._stood, self._drained = (queue, before), 0.0
-            return
-        self._drained += drains
-        if self._drained > STUCK:
-            link.capacity = max(link.capacity, self._stood[1])
-            self._delay.believe([typical(points, link.capacity)], link.capacity, now)
-            self._drained = 0.0
-
     def _set_rate(self, now):
         link, limits = self.link, self.limits
         factor = min(max(1 + (self._target() - link.queue_delay) / HORIZON, HARDEST), GENTLEST)
-        if now < self._dip_ends:
-            factor = min(factor, DIP)
+        if self._quiet.lasts(now):
+            factor = min(factor, HARDEST)
         self.rate = min(max(link.capacity * factor, limits.floor), limits.max_rate)
+
+    def _train(self, points, wanted, unreported, now):
+        if self._quiet.lasts(now) or self._loss.excess:
+            return None
+        capacity = self.link.capacity
+        usual = statistics.median(self._delay.of(point, capacity) for point in points)
+        return self._trains.next(capacity, usual < self._target() / 2, wanted > self.rate, self._newest, unreported, now)
 
 
 def peak(chain, noise):

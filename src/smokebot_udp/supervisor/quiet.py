@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Moments in which less is sent, to learn what the way is like without a queue: its least delay, and what it loses."""
+import math
+
+DIP = 0.2
+"""A dip lasts so long [s];"""
+
+RISE = 0.001
+"""afterwards the least delay is higher by so much at most: two clocks drift by less [s]."""
+
+DRAIN = 0.6
+"""A drain lasts so long [s], or until the queue is gone,"""
+
+SETTLES = 0.15
+"""but so long at the least [s]."""
+
+ASKS = 3.0
+"""Loss is asked after no oftener than this [s]."""
+
+
+class Quiet:
+    """A dip or a drain, or none."""
+
+    def __init__(self):
+        self._began, self._ends, self._drains = -math.inf, -math.inf, False
+        self._asked = -math.inf
+        self._least = None      # the Point of least delay that was sent in it
+
+    def lasts(self, now):
+        return now < self._ends
+
+    def holds(self, sent):
+        """Whether a datagram left in it: not only now."""
+        return self._began <= sent < self._ends + 1e-9
+
+    def asked(self, now):
+        """Whether of late less was sent, and the air lost less than now: then a full queue drops."""
+        return now - self._asked < ASKS and not self.lasts(now)
+
+    def begin(self, expired, long, more_loss, now):
+        """Begin one where there is a reason.
+
+        :param expired: whether nothing confirmed the least delay for long
+        :param long: whether the queue is
+        :param more_loss: whether more is lost than the air is known to lose
+        """
+        if self.lasts(now) or self._least is not None:
+            return
+        asks = more_loss and now - self._asked > ASKS
+        if not (expired or long or asks):
+            return
+        self._began, self._drains = now, long or asks
+        self._ends = now + (DRAIN if self._drains else DIP)
+        if asks:
+            self._asked = now
+
+    def go_on(self, delay, point, queue, target, capacity, now):
+        """Take what a report says while one lasts, or has just ended.
+
+        :param delay: a delay.QueueDelay, put right at the end
+        :param point: that speaks for the report
+        :param queue: how long it waited [s]
+        :param target: no queue is shorter than this for long [s]
+        :return: whether a drain has ended
+        """
+        if point.sent >= self._began and (self.lasts(now) or self._least is not None):
+            if self._least is None or point.delay < self._least.delay:
+                self._least = point
+            if self._drains and queue < target and now - self._began > SETTLES:
+                self._ends = min(self._ends, now)
+        if self.lasts(now) or self._least is None:
+            return False
+        if not self._drains:
+            delay.raise_to(self._least, capacity, RISE, now)
+        elif queue >= target:
+            delay.believe(self._least, capacity, now)       # the way has become longer
+        self._least = None
+        return self._drains
