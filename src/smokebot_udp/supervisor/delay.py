@@ -10,6 +10,9 @@ KEEPS = 5.0
 NEAR = 0.0015
 """What is no farther from the base confirms it [s]."""
 
+REMEMBERS = 10.0
+"""The air's speed is forgotten in so long [s]."""
+
 SMOOTHING = 8
 """Reports over which noise is averaged."""
 
@@ -21,7 +24,8 @@ class QueueDelay:
     """The least delay of the way, and what comes on top of it.
 
     A delay is one way, but for a constant. It contains the time that the datagram itself takes on the air, which is
-    taken off: a full datagram is no queue beside a short one.
+    taken off: a full datagram is no queue beside a short one. The air's speed is the greatest capacity of late: what
+    one of many gets of it is less than what it is.
     """
 
     def __init__(self):
@@ -29,7 +33,8 @@ class QueueDelay:
         """How much delays differ from one datagram to the next, whatever the queue does [s]."""
         self.base = None
         """The report.Point with the least delay; None at the beginning, and where the clock began anew."""
-        self._base_capacity = 0.0   # the greatest known since the base was measured: what was less was a mistake
+        self._speed = 0.0       # of the air [byte/s]
+        self._noted = -math.inf
         self._confirmed = math.inf
 
     def note(self, points, capacity, now):
@@ -38,11 +43,12 @@ class QueueDelay:
         :param points: [report.Point, ...] in the order they left
         :param capacity: as far as it is known [byte/s]
         """
-        point = typical(points, capacity)
-        self._base_capacity = max(self._base_capacity, capacity)
-        waits = self._beyond(point, capacity) if self.base else -1.0
+        self._speed *= max(0.0, 1 - (now - self._noted) / REMEMBERS) if self._noted > -math.inf else 1.0
+        self._speed, self._noted = max(self._speed, capacity), now
+        point = typical(points)
+        waits = self._beyond(point) if self.base else -1.0
         if waits < 0:
-            self.base, self._base_capacity = point, capacity
+            self.base = point
         if waits < NEAR + self.noise:
             self._confirmed = now
 
@@ -58,30 +64,28 @@ class QueueDelay:
         """Whether the base is not confirmed any more."""
         return now - self._confirmed > KEEPS
 
-    def believe(self, point, capacity, now):
+    def believe(self, point, now):
         """This point is the base from now on."""
-        self.base, self._base_capacity, self._confirmed = point, capacity, now
+        self.base, self._confirmed = point, now
 
-    def raise_to(self, point, capacity, most, now):
+    def raise_to(self, point, most, now):
         """The base is no lower than this point's, but it rises by `most` at once [s]."""
-        above = self._beyond(point, capacity)
-        self.believe(point._replace(arrived=point.arrived - max(0.0, above - most)), capacity, now)
+        above = self._beyond(point)
+        self.believe(point._replace(arrived=point.arrived - max(0.0, above - most)), now)
 
-    def of(self, point, capacity):
+    def of(self, point):
         """How long a datagram waited [s]."""
-        return max(0.0, self._beyond(point, capacity))
+        return max(0.0, self._beyond(point))
 
-    def _beyond(self, point, capacity):
-        return point.delay - point.size / capacity - (self.base.delay - self.base.size / self._base_capacity)
+    def _beyond(self, point):
+        return point.delay - self.base.delay - (point.size - self.base.size) / self._speed
 
 
-def typical(points, capacity):
-    """The point that speaks for the newest of some points.
+def typical(points):
+    """The point that speaks for the newest of some points: that of middling delay.
 
     :param points: [report.Point, ...] in the order they left
-    :param capacity: as far as it is known [byte/s]
     """
     newest = points[-1].arrived
-    recent = sorted((point for point in points if newest - point.arrived <= RECENT),
-                    key=lambda point: point.delay - point.size / capacity)
+    recent = sorted((point for point in points if newest - point.arrived <= RECENT), key=lambda point: point.delay)
     return recent[(len(recent) - 1) // 2]

@@ -74,6 +74,13 @@ FULL = 0.06
 """A queue as long as this is drained; what is lost beside it may never have been on the air [s]."""
 
 
+LONG, STANDS = 1.5, 1.0
+"""So is one that is longer than it is to be by this factor for so long [s]: less is sent all the time, so it is none."""
+
+PUSHES = 1.25
+"""Beside a queue, a train that came faster may only have pushed others aside: it counts up to this factor."""
+
+
 class Limits(NamedTuple):
     """Between which rates the estimate moves [byte/s]."""
     floor: float = 0.1 * MBIT
@@ -120,6 +127,7 @@ class Estimator:
         self._delay, self._loss, self._trains, self._quiet = QueueDelay(), Loss(), Trains(), Quiet()
         self._newest = None     # Point
         self._came = now        # when the last report came
+        self._short = now       # when the queue was last as short as it is to be
 
     def take(self, evidence, now, wanted=math.inf):
         """Take what a report says.
@@ -138,17 +146,20 @@ class Estimator:
         chain = ([self._newest] if self._newest else []) + points
         self._newest, link.round_trip = points[-1], evidence.round_trip
         self._delay.note(points, link.capacity, now)
-        middle = typical(points, link.capacity)
-        queue = self._delay.of(middle, link.capacity)
+        middle = typical(points)
+        queue = self._delay.of(middle)
         self._loss.note(evidence, self._quiet.holds(chain[0].sent) and queue < FULL)
         link.loss = self._loss.all
         self._learn(chain, queue)
-        if self._quiet.go_on(self._delay, middle, queue, self._target(), link.capacity, now):
+        if self._quiet.go_on(self._delay, middle, queue, self._target(), now):
             self._loss.settle()
         if self._loss.excess and queue < FULL and self._quiet.asked(now):
             link.capacity = max(link.capacity * (1 - self._loss.excess), self.limits.floor)
             self._loss.settle()
-        self._quiet.begin(self._delay.expired(now), queue > FULL, self._loss.excess > 0, now)
+        if queue < LONG * self._target():
+            self._short = now
+        long = queue > FULL or now - self._short > STANDS
+        self._quiet.begin(self._delay.expired(now), long, self._loss.excess > 0, now)
         passed = now - self._newest.sent - queue    # since the newest datagram was on the air
         link.queue_delay = max(0.0, evidence.unreported / link.capacity - passed)
         self._set_rate(now)
@@ -169,7 +180,7 @@ class Estimator:
     def _learn(self, chain, queue):
         """The capacity, from how the chain of points came."""
         link, lost = self.link, self._loss.excess if queue > FULL else 0.0
-        waited = [self._delay.of(point, link.capacity) > BUSY + 2 * self._delay.noise for point in chain]
+        waited = [self._delay.of(point) > BUSY + 2 * self._delay.noise for point in chain]
         carried, busy, whole = 0, 0.0, chain[-1].arrived - chain[0].arrived
         for at, (before, after) in enumerate(zip(chain, chain[1:])):
             if waited[at + 1] and (waited[at] or after.total - before.total == after.size):
@@ -179,7 +190,8 @@ class Estimator:
             weight = min(1.0, busy / HORIZON * 2)
             link.capacity += weight * (carried * (1 - lost) / busy - link.capacity)
         if queue < FULL and not self._loss.excess:
-            link.capacity = max(link.capacity, peak(chain, 2 * self._delay.noise))
+            most = math.inf if busy < whole * 3 / 4 else PUSHES * link.capacity
+            link.capacity = max(link.capacity, min(most, peak(chain, 2 * self._delay.noise)))
             self._delay.note_noise(chain)
         link.capacity = min(max(link.capacity, self.limits.floor), self.limits.max_rate)
 
@@ -194,7 +206,7 @@ class Estimator:
         if self._quiet.lasts(now) or self._loss.excess:
             return None
         capacity = self.link.capacity
-        usual = statistics.median(self._delay.of(point, capacity) for point in points)
+        usual = statistics.median(self._delay.of(point) for point in points)
         return self._trains.next(capacity, usual < self._target() / 2, wanted > self.rate, self._newest, unreported, now)
 
 

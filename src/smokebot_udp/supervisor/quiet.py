@@ -54,7 +54,7 @@ class Quiet:
         if asks:
             self._asked = now
 
-    def go_on(self, delay, point, queue, target, capacity, now):
+    def go_on(self, delay, point, queue, target, now):
         """Take what a report says while one lasts, or has just ended.
 
         :param delay: a delay.QueueDelay, put right at the end
@@ -71,8 +71,8 @@ class Quiet:
         if self.lasts(now) or self._least is None:
             return False
         if not self._drains:
-            delay.raise_to(self._least, capacity, RISE, now)
+            delay.raise_to(self._least, RISE, now)
         elif queue >= target:
-            delay.believe(self._least, capacity, now)       # the way has become longer
+            delay.believe(self._least, now)       # the way has become longer
         self._least = None
         return self._drains
