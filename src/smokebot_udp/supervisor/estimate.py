@@ -187,8 +187,9 @@ class Estimator:
                 carried += after.total - before.total
                 busy += after.arrived - before.arrived
         if busy > whole / 4 and busy > 0.01:
-            weight = min(1.0, busy / HORIZON * 2)
-            link.capacity += weight * (carried * (1 - lost) / busy - link.capacity)
+            more = min(1.0, 2 * busy / HORIZON) * (carried * (1 - lost) / busy - link.capacity)
+            if more > 0 or queue > self._target() / 2:      # without a queue less was offered, not carried
+                link.capacity += more
         if queue < FULL and not self._loss.excess:
             most = math.inf if busy < whole * 3 / 4 else PUSHES * link.capacity
             link.capacity = max(link.capacity, min(most, peak(chain, 2 * self._delay.noise)))
