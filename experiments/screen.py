@@ -24,18 +24,23 @@ class Screen:
     """What the operator sees, and how good it is on average."""
 
     def __init__(self):
-        self.shown = np.full((HEIGHT, WIDTH), GREY, np.uint8)
+        self.shown = [np.full((HEIGHT, WIDTH), GREY, np.uint8)]
         self._new, self._psnr, self._ssim = [], [], []
 
     def show(self, picture, truth):
         """:param picture: that came, or None"""
         self._new.append(picture is not None)
-        self.shown = self.shown if picture is None else picture
-        same = np.array_equal(self.shown, truth)
-        self._psnr.append(BEST_PSNR if same else min(BEST_PSNR, peak_signal_noise_ratio(truth, self.shown)))
+        self.shown.append(self.shown[-1] if picture is None else picture)
+        same = np.array_equal(self.shown[-1], truth)
+        self._psnr.append(BEST_PSNR if same else min(BEST_PSNR, peak_signal_noise_ratio(truth, self.shown[-1])))
         if len(self._psnr) % LOOKED_AT == 0:
-            self._ssim.append(structural_similarity(truth, self.shown))
+            self._ssim.append(structural_similarity(truth, self.shown[-1]))
 
     def row(self):
         return {'PSNR [dB]': round(np.mean(self._psnr), 3), 'SSIM': round(np.mean(self._ssim), 4),
                 'new pictures [%]': 100 * np.mean(self._new)}
+
+    def typical(self):
+        """What was shown when it was as good as half of the time: the picture, its PSNR [dB], whether it was new."""
+        at = np.argsort(self._psnr, kind='stable')[len(self._psnr) // 2]
+        return self.shown[at + 1], self._psnr[at], self._new[at]

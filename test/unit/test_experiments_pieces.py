@@ -64,13 +64,15 @@ def test_the_best_jpeg_is_the_best_that_fits():
 def test_what_is_not_shown_stays_and_is_compared_with_now():
     screen, black, white = Screen(), *(np.full((HEIGHT, WIDTH), value, np.uint8) for value in (0, 255))
     screen.show(None, white)
-    assert (screen.shown == GREY).all()
+    assert (screen.shown[-1] == GREY).all()
     screen.show(black, black)
     screen.show(None, white)
     screen.show(None, black)
     row = screen.row()
     assert row['new pictures [%]'] == 25 and row['SSIM'] == 1.0
     grey = 20 * np.log10(255 / (255 - GREY))
+    picture, psnr, new = screen.typical()
+    assert (picture == black).all() and psnr == BEST_PSNR and new
     assert row['PSNR [dB]'] == pytest.approx((grey + BEST_PSNR + 0 + BEST_PSNR) / 4, abs=1e-3)
 
 
