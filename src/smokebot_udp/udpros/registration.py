@@ -14,10 +14,14 @@ import rospy
 from rospy.impl.paramserver import get_param_server_cache
 from rospy.impl.registration import RegistrationListener, RegManager, get_registration_listeners
 
+from . import rpc
 from .rospy_binding import install
 
 CALLS = {'pub': 'registerPublisher', 'sub': 'registerSubscriber', 'srv': 'registerService'}
 """{rospy's kind: the master's method}"""
+
+PATIENCE = 15.0
+"""So long the master may take to answer; to ask for all one by one would take longer [s]."""
 
 STATISTICS = '/enable_statistics'
 """rospy asks for this parameter at each Subscriber."""
@@ -57,7 +61,7 @@ class _Postponed(RegistrationListener):
         if not calls:
             return []
         try:
-            with xmlrpc.client.ServerProxy(rosgraph.get_master_uri()) as master:
+            with xmlrpc.client.ServerProxy(rosgraph.get_master_uri(), transport=rpc.Transport(PATIENCE)) as master:
                 answers = master.system.multicall(calls)
         except (OSError, xmlrpc.client.Error, ExpatError) as error:
             rospy.logdebug('the master does not register all at once: %s', error)

@@ -13,13 +13,10 @@ never of rospy's classes:
 rospy_transports.py, registration.py and this file are the only ones that know rospy's insides (1.14, 1.15).
 """
 import functools
-import http.client
 import itertools
 import threading
 import time
 import urllib.parse
-import xmlrpc.client
-from xml.parsers.expat import ExpatError
 
 import rosgraph.network
 import rospy
@@ -29,6 +26,7 @@ from rospy.impl.registration import RegManager, get_registration_listeners, get_
 from rospy.impl.tcpros import get_tcpros_handler
 from rospy.impl.transport import ProtocolHandler
 
+from . import rpc
 from .datagram import MIN_MAX_DATAGRAM_SIZE, ROSCPP_MAX_DATAGRAM_SIZE
 from .endpoints import DatagramReceiver, path_payload
 from .negotiation import PROTOCOL, Refused, Reply, Request
@@ -36,49 +34,11 @@ from .rospy_transports import PublisherTransport, SubscriberTransport, UdpPublis
 
 TCPROS = 'TCPROS'
 
-RPC_TIMEOUT = 5.0
-"""How long a publisher or the master may take to answer [s]."""
-
-MAX_ANSWER = 4 << 20
-"""More of an answer is not read [byte]."""
-
 RETRY_FIRST, RETRY_MOST = 0.2, 2.0
 """Pauses between attempts to reach a publisher that the master names [s]."""
 
 SILENCE = 5.0
 """A topic silent for so long is asked after: at the master, and at its publishers [s]."""
-
-
-class Unreachable(Exception):
-    """The other side of an XML-RPC call does not answer, or not in XML-RPC."""
-
-
-class _LenientTransport(xmlrpc.client.Transport):
-    """XML-RPC's client side that overlooks roscpp's NULs, and neither waits nor reads for ever."""
-    accept_gzip_encoding = False   # parse_response reads what was sent
-
-    def make_connection(self, host):
-        connection = super().make_connection(host)
-        connection.timeout = RPC_TIMEOUT
-        return connection
-
-    def parse_response(self, response):
-        parser, unmarshaller = self.getparser()
-        parser.feed(response.read(MAX_ANSWER).replace(b'\0', b''))
-        parser.close()
-        return unmarshaller.close()
-
-
-def _rpc(uri, method, *args):
-    """Call a node's or the master's API; returns the value. Raises Unreachable, or Refused where it says no."""
-    try:
-        with xmlrpc.client.ServerProxy(uri, transport=_LenientTransport()) as proxy:
-            code, message, value = getattr(proxy, method)(rospy.names.get_caller_id(), *args)
-    except (OSError, http.client.HTTPException, xmlrpc.client.Error, ExpatError, TypeError, ValueError) as error:
-        raise Unreachable('%s: %s' % (method, error)) from error
-    if code != 1:
-        raise Refused('%s: %s' % (method, message))
-    return value
 
 
 class UdprosHandler(ProtocolHandler):
@@ -175,7 +135,7 @@ class UdprosHandler(ProtocolHandler):
             except Refused as refusal:
                 rospy.logerr_throttle_identical(10, '[%s]: %s refuses: %s' % (impl.resolved_name, uri, refusal))
                 return 0, str(refusal), 0
-            except Unreachable as error:
+            except rpc.Unreachable as error:
                 rospy.logdebug('[%s]: %s does not answer, asking again: %s', impl.resolved_name, uri, error)
             self._ended.wait(pause)
             pause = min(2 * pause, RETRY_MOST)
@@ -230,9 +190,9 @@ class UdprosHandler(ProtocolHandler):
                 if isinstance(impl, UdpSubscriberImpl) and _silent(impl, time.monotonic()):
                     impl.last_asked = time.monotonic()
                     try:
-                        uris = _rpc(rosgraph.get_master_uri(), 'registerSubscriber', impl.resolved_name, impl.type,
+                        uris = rpc.call(rosgraph.get_master_uri(), 'registerSubscriber', impl.resolved_name, impl.type,
                                     rospy.core.get_node_uri())
-                    except (Unreachable, Refused) as error:
+                    except (rpc.Unreachable, Refused) as error:
                         rospy.logdebug('the master does not answer: %s', error)
                         break
                     if not impl.closed:
@@ -247,11 +207,11 @@ def _silent(impl, now):
 def _request(uri, topic, offers):
     """Ask a publisher for one of the offers; a publisher that stumbles over UDPROS is asked for TCPROS alone."""
     try:
-        return _checked(_rpc(uri, 'requestTopic', topic, offers))
+        return _checked(rpc.call(uri, 'requestTopic', topic, offers))
     except Refused:
         if offers[-1] != [TCPROS] or len(offers) == 1:
             raise
-        return _checked(_rpc(uri, 'requestTopic', topic, offers[-1:]))
+        return _checked(rpc.call(uri, 'requestTopic', topic, offers[-1:]))
 
 
 def _checked(params):
@@ -266,13 +226,13 @@ def _still_serves(connection):
     One that does not answer may be behind a link that is down just now: it keeps its connection.
     """
     try:
-        pid = _rpc(connection.endpoint_id, 'getPid')
+        pid = rpc.call(connection.endpoint_id, 'getPid')
         if connection.publisher_pid not in (None, pid):
             return False
         connection.publisher_pid = pid
-        bus = _rpc(connection.endpoint_id, 'getBusInfo')
+        bus = rpc.call(connection.endpoint_id, 'getBusInfo')
         return any(entry[1:5] == [rospy.names.get_caller_id(), 'o', PROTOCOL, connection.name] for entry in bus)
-    except (Unreachable, Refused):
+    except (rpc.Unreachable, Refused):
         return True
 
 

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""TCP connections that race, against real sockets."""
+import contextlib
+import socket
+import threading
+import xmlrpc.client
+from xmlrpc.server import SimpleXMLRPCServer
+
+import pytest
+
+from smokebot_udp.udpros import rpc
+
+
+@pytest.fixture
+def server():
+    with socket.create_server(('127.0.0.1', 0), backlog=0) as listening:
+        yield listening
+
+
+@pytest.fixture
+def attempts(monkeypatch):
+    """The sockets that connect makes."""
+    made, real = [], socket.socket
+
+    class Noted(real):
+        def __init__(self, *args, **kwargs):
+            super().__init__(*args, **kwargs)
+            if kwargs.get('fileno') is None:
+                made.append(self)
+
+    monkeypatch.setattr(rpc.socket, 'socket', Noted)
+    return made
+
+
+@contextlib.contextmanager
+def full(listening):
+    """In this context the kernel drops whoever wants to connect, as a bad link does; [socket, ...] that wait."""
+    with contextlib.ExitStack() as waiting:
+        for _ in range(2):
+            one = waiting.enter_context(socket.socket())
+            one.setblocking(False)
+            one.connect_ex(listening.getsockname())
+        yield
+
+
+def test_it_connects_at_the_first_attempt_where_the_way_is_good(server, attempts):
+    with rpc.connect(*server.getsockname(), timeout=5) as connection:
+        assert connection.gettimeout() == 5
+        accepted, _ = server.accept()
+        with accepted:
+            connection.sendall(b'hello')
+            assert accepted.recv(5) == b'hello'
+    assert len(attempts) == 1
+
+
+def test_an_attempt_that_gets_no_answer_is_raced_by_others_and_all_are_closed(server, attempts):
+    with full(server):
+        del attempts[:]
+        with pytest.raises(socket.timeout):
+            rpc.connect(*server.getsockname(), timeout=1.0)
+    assert len(attempts) > 1
+    assert all(attempt.fileno() == -1 for attempt in attempts)
+
+
+def test_one_that_comes_through_later_is_taken_and_the_others_are_closed(server, attempts):
+    accepted = []
+
+    def make_room():
+        accepted.extend(server.accept()[0] for _ in range(3))
+
+    with full(server):
+        del attempts[:]
+        room = threading.Timer(0.5, make_room)
+        room.start()
+        with rpc.connect(*server.getsockname(), timeout=20) as connection:
+            assert connection.getpeername() == server.getsockname()
+        room.join()
+    assert all(attempt.fileno() == -1 for attempt in attempts)
+    for one in accepted:
+        one.close()
+
+
+def test_a_refusal_is_told_at_once():
+    with socket.create_server(('127.0.0.1', 0)) as closed:
+        address = closed.getsockname()
+    with pytest.raises(ConnectionRefusedError):
+        rpc.connect(*address, timeout=60)
+
+
+def test_of_several_addresses_one_that_answers_is_taken(server, monkeypatch):
+    with socket.create_server(('127.0.0.1', 0)) as closed:
+        refusing = closed.getsockname()
+    monkeypatch.setattr(rpc.socket, 'getaddrinfo', lambda *args, **kwargs: [
+        (socket.AF_INET, socket.SOCK_STREAM, 6, '', address) for address in (refusing, server.getsockname())])
+    with rpc.connect('two', 1, timeout=20) as connection:
+        assert connection.getpeername() == server.getsockname()
+
+
+def test_an_unreachable_network_is_told(monkeypatch):
+    monkeypatch.setattr(rpc.socket, 'getaddrinfo', lambda *args, **kwargs: [
+        (socket.AF_INET, socket.SOCK_STREAM, 6, '', ('255.255.255.255', 1))])
+    with pytest.raises(OSError, match='unreachable|denied'):
+        rpc.connect('nowhere', 1, timeout=20)
+
+
+def test_a_call_goes_by_it_and_nuls_are_overlooked():
+    with SimpleXMLRPCServer(('127.0.0.1', 0), logRequests=False) as server:
+        server.register_function(lambda caller: [1, '', caller], 'getPid')
+        server._marshaled_dispatch = lambda *args: SimpleXMLRPCServer._marshaled_dispatch(server, *args) + b'\0'
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        proxy = xmlrpc.client.ServerProxy('http://127.0.0.1:%d' % server.server_address[1], transport=rpc.Transport())
+        with proxy:
+            assert proxy.getPid('/me') == [1, '', '/me']
+        server.shutdown()
