@@ -187,6 +187,25 @@ class Life(unittest.TestCase):
     def test_topics_and_services_are_registered_together(self):
         self.check_registering_together()
 
+    def test_subscribers_hear_of_their_only_publisher_from_itself(self):
+        """The master tells them one topic after the other, over the link where that is between them."""
+        told = []
+
+        def call(uri, *args):
+            told.append((uri, *args))
+            return []
+        one, two = (rospy.Subscriber(topic, Header) for topic in ('/of_one', '/of_two'))
+        self.run_script('udpros_talker.py', '/of_two', 'the_other')
+        wait_for(two.get_num_connections, what='the other publisher')
+        with unittest.mock.patch.object(registration.rpc, 'call', call):
+            with udpros.registered_together():
+                publishers = [rospy.Publisher(topic, Header, queue_size=1) for topic in ('/of_one', '/of_two')]
+            here = rospy.core.get_node_uri()
+            told_of = wait_for(lambda: [word for word in told if word[1] == 'publisherUpdate'], what='its word')
+            self.assertEqual(told_of, [(here, 'publisherUpdate', '/of_one', [here])])
+        for topic in (one, two, *publishers):
+            topic.unregister()
+
     def test_what_the_master_does_not_take_together_is_registered_one_by_one(self):
         with unittest.mock.patch.dict(registration.CALLS, pub='noSuchMethod', srv='noSuchMethod'):
             self.check_registering_together()

@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Registers many topics and services with the master in one call.
+"""Registers many topics and services with the master in one call, and tells their subscribers.
 
 rospy registers each by a call of its own, one after the other: over a link with 100 ms round trip and 20 % loss a node
-with a dozen streams takes half a minute for it. The master takes many calls in one (system.multicall).
+with a dozen streams takes half a minute for it. The master takes many calls in one (system.multicall). But it tells a
+topic's subscribers of a new publisher one topic after the other, over that link even where they are beside the
+publisher: so they hear it from the publisher, too, all at once.
 """
 import contextlib
 import threading
@@ -15,6 +17,7 @@ from rospy.impl.paramserver import get_param_server_cache
 from rospy.impl.registration import RegistrationListener, RegManager, get_registration_listeners
 
 from . import rpc
+from .negotiation import Refused
 from .rospy_binding import install
 
 CALLS = {'pub': 'registerPublisher', 'sub': 'registerSubscriber', 'srv': 'registerService'}
@@ -48,18 +51,24 @@ class _Postponed(RegistrationListener):
 
     def register(self):
         """Register all at once; what that fails for, one by one, as rospy does."""
-        for note, publishers in zip(self._notes, self._ask()):
-            if publishers is None:
-                self._manager.reg_added(*note)
-            elif note[2] == 'sub':
-                self._manager.publisher_update(note[0], publishers)
+        answers, publishers = self._ask()
+        for (name, what, kind), answer in zip(self._notes, answers):
+            if answer is None:
+                self._manager.reg_added(name, what, kind)
+            elif kind == 'sub':
+                self._manager.publisher_update(name, answer)
+            # who else publishes is known by name only: then the master alone tells of all of them
+            elif kind == 'pub' and publishers.get(name) == [rospy.get_caller_id()]:
+                for subscriber in answer:
+                    threading.Thread(target=self._tell, args=(subscriber, name), daemon=True).start()
 
     def _ask(self):
-        """What the master answers to each; None where it refuses, or nothing comes."""
-        calls = [{'methodName': CALLS[kind], 'params': [rospy.get_caller_id(), name, what, self._manager.uri]}
-                 for name, what, kind in self._notes]
-        if not calls:
-            return []
+        """What the master answers to each, None where it refuses, or nothing comes; {topic: [publisher's name]}."""
+        if not self._notes:
+            return [], {}
+        name = rospy.get_caller_id()
+        calls = [{'methodName': CALLS[kind], 'params': [name, topic, what, self._manager.uri]}
+                 for topic, what, kind in self._notes] + [{'methodName': 'getSystemState', 'params': [name]}]
         try:
             with xmlrpc.client.ServerProxy(rosgraph.get_master_uri(), transport=rpc.Transport(PATIENCE)) as master:
                 answers = master.system.multicall(calls)
@@ -68,7 +77,15 @@ class _Postponed(RegistrationListener):
             answers = []
         # an answer is in a list of one; a fault is a dictionary
         values = [answer[0][2] if isinstance(answer, list) and answer[0][0] == 1 else None for answer in answers]
-        return values + [None] * (len(calls) - len(values))
+        values += [None] * (len(calls) - len(values))
+        return values[:-1], dict(values[-1][0]) if values[-1] else {}
+
+    def _tell(self, subscriber, topic):
+        """Tell a subscriber, by its URI, that this node is its topic's publisher."""
+        try:
+            rpc.call(subscriber, 'publisherUpdate', topic, [self._manager.uri])
+        except (rpc.Unreachable, Refused) as error:
+            rospy.logdebug('[%s]: the subscriber %s will hear it from the master: %s', topic, subscriber, error)
 
 
 @contextlib.contextmanager
