@@ -112,3 +112,27 @@ def test_a_call_goes_by_it_and_nuls_are_overlooked():
         with proxy:
             assert proxy.getPid('/me') == [1, '', '/me']
         server.shutdown()
+
+
+def test_long_lists_to_and_from_the_master_are_compressed():
+    with SimpleXMLRPCServer(('127.0.0.1', 0), logRequests=False) as server:
+        encodings = []
+
+        class Handler(server.RequestHandlerClass):
+            def do_POST(self):
+                encodings.append(self.headers.get('Content-Encoding'))
+                super().do_POST()
+
+            def send_header(self, name, value):
+                if name == 'Content-Encoding':
+                    encodings.append(value)
+                super().send_header(name, value)
+        server.RequestHandlerClass = Handler
+        server.register_function(lambda topics: topics, 'echo')
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        uri = 'http://127.0.0.1:%d' % server.server_address[1]
+        topics = ['/operator/topic/%d' % i for i in range(100)]
+        with xmlrpc.client.ServerProxy(uri, transport=rpc.MasterTransport()) as master:
+            assert master.echo(topics) == topics
+        server.shutdown()
+    assert encodings == ['gzip', 'gzip']

@@ -70,7 +70,8 @@ class _Postponed(RegistrationListener):
         calls = [{'methodName': CALLS[kind], 'params': [name, topic, what, self._manager.uri]}
                  for topic, what, kind in self._notes] + [{'methodName': 'getSystemState', 'params': [name]}]
         try:
-            with xmlrpc.client.ServerProxy(rosgraph.get_master_uri(), transport=rpc.Transport(PATIENCE)) as master:
+            transport = rpc.MasterTransport(PATIENCE)
+            with xmlrpc.client.ServerProxy(rosgraph.get_master_uri(), transport=transport) as master:
                 answers = master.system.multicall(calls)
         except (OSError, xmlrpc.client.Error, ExpatError) as error:
             rospy.logdebug('the master does not register all at once: %s', error)
