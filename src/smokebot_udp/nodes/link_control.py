@@ -156,9 +156,10 @@ class LinkControl:
                 refused.update(operator.reports.dropped)
             worst = self._worst(now)
             missing = self._adapt and worst is not None and worst[1].estimator.missing
-        values = {name + unit: getattr(status, name) for name, unit in (
-            ('state', ''), ('rate', ' [Mbit/s]'), ('sent', ' [Mbit/s]'), ('wanted', ' [Mbit/s]'),
-            ('capacity', ' [Mbit/s]'), ('loss', ''), ('queue_delay', ' [s]'), ('round_trip', ' [s]'))}
+        values = {'state': status.state, **{'%s [Mbit/s]' % name: getattr(status, name)
+                                            for name in ('rate', 'sent', 'wanted', 'capacity')},
+                  'loss [%]': 100 * status.loss, 'queue delay [ms]': 1e3 * status.queue_delay,
+                  'round trip [ms]': 1e3 * status.round_trip}
         values.update({'reports refused, ' + reason: count for reason, count in sorted(refused.items())})
         if self._strangers:
             values['reports refused, too many operators'] = self._strangers

@@ -113,11 +113,11 @@ def lines(board, now):
     if age is None:
         return [Line('smokebot_udp link: no report on /diagnostics yet')], []
     statuses = list(board.statuses(now))
-    streams, connections, clocks, settings = ([status for status in statuses if key in status.values]
-                                              for key in ('topic', 'peer', 'jumps', 'problems'))
+    streams, connections, clocks, links, settings = ([status for status in statuses if key in status.values]
+                                                     for key in ('topic', 'peer', 'jumps', 'state', 'problems'))
     top = [Line('smokebot_udp link: last report %.1f s ago%s' % (
         age, ''.join(', no report of the %s' % side for side in ('robot', 'operator') if side not in board.sides)))]
-    top += [_clock_line(clock) for clock in clocks]
+    top += [_link_line(link) for link in links] + [_clock_line(clock) for clock in clocks]
     top += [Line('%-6s %s: %s' % (LEVELS[status.level], status.node, status.message), status.level)
             for status in settings if status.level]
     body = [Line(_row(HEADS, [head for head, _ in HEADS]))] + _stream_lines(streams)
@@ -125,6 +125,14 @@ def lines(board, now):
         body += [Line(''), Line(_row(CONNECTION_HEADS, [head for head, _ in CONNECTION_HEADS]))]
         body += [_connection_line(connection) for connection in connections]
     return top, body
+
+
+def _link_line(status):
+    values = status.values
+    told = [_number(values, '%s [Mbit/s]' % name, 1) for name in ('sent', 'rate', 'wanted', 'capacity')]
+    told += [_number(values, name, 0) for name in ('queue delay [ms]', 'loss [%]', 'round trip [ms]')]
+    return Line('%-6s link: %s of %s Mbit/s sent, %s wanted, %s carried; queue %s ms, loss %s %%, round trip %s ms; %s' % (
+        LEVELS[status.level], *told, status.message if status.level == STALE else values['state']), status.level)
 
 
 def _clock_line(status):
