@@ -20,13 +20,28 @@ def picture(seconds, pixels):
     return message
 
 
+def sender():
+    return ImageSender('thermal', check({'robot_topic': '/in'}, ImageSender.PARAMETERS), Link(1472))
+
+
+def noise(seed):
+    return np.random.RandomState(seed).randint(0, 65536, (120, 160)).astype(np.uint16)
+
+
+def test_a_picture_that_is_leaving_is_not_touched_by_the_next_one():
+    stream = sender()
+    leaving = stream.frames(picture(1, noise(1)))
+    before = [frame.rows.copy() for frame in leaving]
+    stream.frames(picture(2, noise(2)))
+    assert all((frame.rows == rows).all() for frame, rows in zip(leaving, before))
+
+
 def test_a_whole_picture_is_remembered_for_the_next_one():
-    pixels = np.random.RandomState(0).randint(0, 65536, (120, 160)).astype(np.uint16)
-    sender = ImageSender('thermal', check({'robot_topic': '/in'}, ImageSender.PARAMETERS), Link(1472))
+    pixels, stream = noise(0), sender()
     receiver = ImageReceiver('thermal', check({'operator_topic': '/out'}, ImageReceiver.PARAMETERS),
                              Link(1472, motion=STANDS))
     for seconds, step in ((1, 1), (2, 2)):      # of the second one half comes
-        for frame in sender.frames(picture(seconds, pixels)):
+        for frame in stream.frames(picture(seconds, pixels)):
             receiver.take(frame.records, np.arange(len(frame)) % step == 0)
         dated = receiver._finished.pop() if receiver._finished else receiver._sequence.poll(float('inf'))
         message = receiver.message(dated.picture.head, dated.picture)

@@ -34,10 +34,6 @@ class ImageSender(RobotStream):
                                    most=65536, live=True),
     }
 
-    def __init__(self, name, settings, link):
-        self._frames = {}   # {layout: subimage_frames}, of the last picture only
-        super().__init__(name, settings, link)
-
     def frames(self, message):
         items = self._items(message)
         frame_id, encoding = message.header.frame_id.encode(), message.encoding.encode()
@@ -45,18 +41,17 @@ class ImageSender(RobotStream):
         cut, per_segment = interleave.fit(items.shape[0], items.shape[1], items.dtype.itemsize, left)
         total = min(self.settings['max_subimages'] or len(cut), len(cut))
         subimages = cut.split(items).reshape(len(cut), -1).view(np.uint8)[:total]
-        key = cut, per_segment, subimages.shape, len(frame_id), len(encoding)
-        if key not in self._frames:
-            self._frames = {key: subimage_frames(ImageSegment, subimages, per_segment, {
-                'header.frame_id': len(frame_id), 'encoding': len(encoding)})}
-        for part, frame in self._frames[key]:
+        # new ones each time: those of the last picture may still be leaving
+        frames = subimage_frames(ImageSegment, subimages, per_segment, {
+            'header.frame_id': len(frame_id), 'encoding': len(encoding)})
+        for part, frame in frames:
             records = frame.records
             write_header(records, message.header)
             write_subimages(records, cut, part, subimages)
             records['height'], records['width'] = cut.height, cut.width
             records['encoding'] = as_bytes(encoding)
             records['is_bigendian'], records['total'] = bool(message.is_bigendian), total
-        return [frame for _, frame in self._frames[key]]
+        return [frame for _, frame in frames]
 
     def _items(self, message):
         """Its pixels as whole items, reduced where that is asked for."""
