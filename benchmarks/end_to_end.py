@@ -23,6 +23,10 @@ from .end_to_end_peer import HEIGHT, WIDTH, points
 from .processes import Master, Peer, end, start
 
 HERE = pathlib.Path(__file__).resolve().parent
+NODES = 'robot_sender', 'operator_receiver'
+LOST = 'lost', 'dropped, datagrams of older ones'
+"""In their diagnostics."""
+
 SCRIPTS = HERE.parent / 'scripts'
 PEER = [sys.executable, '-m', 'benchmarks.end_to_end_peer']
 
@@ -59,7 +63,7 @@ class Way(NamedTuple):
     """So many come of a cloud where nothing is lost."""
     output: str = 'out'
     counts: bool = False
-    """Whether its operator's side tells what was lost."""
+    """Whether its sides tell what was lost."""
 
     @property
     def inputs(self):
@@ -123,7 +127,7 @@ def _ours(name, title, folder, cloud_settings, cloud_size, *options):
     path = folder / (name + '.yaml')
     path.write_text(json.dumps({'streams': streams}))    # which is YAML, too
     robot, operator = ([sys.executable, str(SCRIPTS / node), '_streams_file:=%s' % path]
-                       for node in ('robot_sender', 'operator_receiver'))
+                       for node in NODES)
     return Way(name, title, [robot + list(options)], [operator], cloud_size, counts=True)
 
 
@@ -179,8 +183,8 @@ class Bench:
     def turn(self, case, seconds):
         """Give a way messages, and measure once they come.
 
-        :return: {number: value} as `figures` gives it, and 'lost': datagrams by the receiver's own count, None where
-            the way has none
+        :return: {number: value} as `figures` gives it, and 'lost': datagrams by the sides' own counts, None where the
+            way has none
         """
         way, rates = self.ways[case.way], LOADS[case.load]
         self._begin(way, rates, PATIENCE)
@@ -213,7 +217,7 @@ class Bench:
     def _lost_since(self, way):
         if not way.counts:
             return None
-        total = lost_in(self._ask(self._sink, 'diagnostics', '/%s/operator_receiver' % way.name))
+        total = sum(lost_in(self._ask(self._sink, 'diagnostics', '/%s/%s' % (way.name, node))) for node in NODES)
         before, self._lost[way.name] = self._lost.get(way.name, 0), total
         return total - before
 
@@ -238,11 +242,11 @@ def figures(sent, came, whole, window):
 
 
 def lost_in(statuses):
-    """How many datagrams a receiver's streams miss.
+    """How many datagrams came to nothing: missing on the operator's side, or left behind on the robot's by newer ones.
 
-    :param statuses: [(name, {key: text}), ...] of its diagnostics; a stream's has no peer, a connection's has
+    :param statuses: [(name, {key: text}), ...] of a node's diagnostics; a connection's have a peer, and say the same
     """
-    return sum(int(values['lost']) for _, values in statuses if 'lost' in values and 'peer' not in values)
+    return sum(int(values.get(key, 0)) for _, values in statuses if 'peer' not in values for key in LOST)
 
 
 def median(rounds):
@@ -282,7 +286,7 @@ KIND_COLUMNS = {'rate': ('[1/s]', 1, '%.1f'), 'whole': ('came [%]', 100, '%.1f')
 
 
 def table(results):
-    lines = ["from the robot's topic to the operator's: cores each, datagrams lost by the receiver's count, ages"]
+    lines = ["from the robot's topic to the operator's: cores each, datagrams lost by the sides' counts, ages"]
     for load, rates in LOADS.items():
         columns = {**COLUMNS, **{'%s.%s' % (kind, name): column for kind in rates
                                  for name, column in KIND_COLUMNS.items()}}

@@ -28,6 +28,8 @@ def test_lost_datagrams_are_counted_once_though_stream_and_connection_tell_of_th
         ('image', {'side': 'operator', 'lost': '7', 'kernel drops': '3'}),
         ('image, /robot_sender', {'peer': '/robot_sender', 'lost': '7'}),
         ('cloud', {'lost': '2'}), ('clock', {}), ('settings', {'side': 'operator'})]) == 9
+    assert end_to_end.lost_in([('image', {'side': 'robot', 'dropped, wrong': '1',
+                                          'dropped, datagrams of older ones': '5'})]) == 5
 
 
 def test_rounds_give_their_medians_and_the_sums_of_counts():
