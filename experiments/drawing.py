@@ -14,10 +14,14 @@ WAYS = {'smokebot_udp': OURS, 'JPEG over TCPROS': '#1f77b4', 'JPEG over UDPROS':
         'UDP': OURS, 'the deliverable': PAPER}
 """{way of sending: colour}"""
 
+PAD = 0.08
+"""Around axes, so that no title touches the edge or another row [inch]."""
+
 
 def canvas(width=8.0, height=4.5, rows=1, columns=1, **options):
     """(figure, its axes as pyplot.subplots returns them); sizes in inches."""
     figure = Figure(figsize=(width, height), layout='constrained')
+    figure.get_layout_engine().set(w_pad=PAD, h_pad=PAD)
     return figure, figure.subplots(rows, columns, **options)
 
 

@@ -20,8 +20,8 @@ has the same bytes a picture, headers included: as many as all 64 segments need,
   or from the nearest pixel, as the deliverable does. Nothing is compressed.
 * **Whole JPEG**: the best one that fits, scaled down where that is better. One lost packet costs the picture.
 * **JPEG with 25 % redundancy**: as long as a fifth of the packets at most is lost, an ideal code restores them.
-* **JPEG with a code that knows the loss**: the redundancy that is best for this loss, known beforehand, and an ideal
-  code. Nothing real does better.
+* **JPEG with a code that knows the loss**: the redundancy that promises the highest PSNR at this loss, known
+  beforehand, and an ideal code. Nothing real does better.
 
 Where nothing of a picture can be shown, the last one that could stays on the screen, and is compared with what the
 camera sees by then; before the first one, the screen is grey. A difference of 60 dB or more counts as 60.
