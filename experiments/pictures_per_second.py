@@ -23,7 +23,7 @@ bytes. What this package shows at 90 % loss has a tenth of its pixels measured, 
 
 LOSSES = 0, 1, 2, 5, 10, 20, 50, 90
 DELAYS = 2, 20, 50
-SECONDS = 4.0
+SECONDS = 3.0
 QUICK_LOSSES, QUICK_DELAYS, QUICK_SECONDS = (0, 10, 90), (50,), 1.5
 
 
