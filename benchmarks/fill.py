@@ -41,8 +41,9 @@ ROOM = 1400
 NEAR = np.ones((5, 5), np.uint8)
 """A peak counts as shown where a pixel as hot is shown in the square around it."""
 
-SHOWN = 't640_electrical_cabinet', 'simulated'
-"""Radiometric pictures on the sheet, where they are at hand."""
+SHEETS = {'fill_sheet.jpg': ('camera', 'motorcycle_left', 'simulated'),
+          'fill_recordings.jpg': ('t640_electrical_cabinet', 'ir_Steam_Train_Valves_Thermal_Image', 'tp_FLIR')}
+"""{file: pictures on it, where they are at hand}"""
 
 EDGES = 0.05
 """The share of pixels that lie at edges: those in whose squares the counts differ most."""
@@ -166,9 +167,10 @@ def run(log, quick=False):
     folder = pictures.TOP / 'results' / 'bench'
     folder.mkdir(parents=True, exist_ok=True)
     fill_plots.plot(results['quality'], GOALS, folder / 'fill.png')
-    fill_plots.sheet({name: photographs[name] for name in ('camera', 'motorcycle_left')},
-                     {name: recordings[name] for name in SHOWN if name in recordings}, folder / 'fill_sheet.jpg')
-    log('see %s/fill*.png' % folder)
+    for file, names in SHEETS.items():
+        shown = {**photographs, **recordings}
+        fill_plots.sheet({name: shown[name] for name in names if name in shown}, folder / file)
+    log('see %s/fill*' % folder)
     return results
 
 

@@ -10,7 +10,7 @@ LOSSES = 0.2, 0.5, 0.8
 """Of the sheet."""
 
 CLOSE = 100, 140
-"""Rows and columns of a picture's middle that the sheet shows."""
+"""Rows and columns of the part that the sheet shows: a photograph's middle, a radiometric picture's hottest."""
 
 
 def plot(quality, goals, path):
@@ -33,12 +33,11 @@ def plot(quality, goals, path):
     figure.savefig(str(path), dpi=90)
 
 
-def sheet(photographs, recordings, path):
-    """The middle of some pictures: a row for each loss, a column for each method.
+def sheet(chosen, path):
+    """A part of some pictures: a row for each loss, a column for each method.
 
-    :param photographs, recordings: {name: (height, width) array}
+    :param chosen: {name: (height, width) array}
     """
-    chosen = {**photographs, **recordings}
     names = list(METHODS)
     figure = Figure(figsize=(3 * (len(names) + 1), 2.2 * len(LOSSES) * len(chosen)))
     axes = figure.subplots(len(LOSSES) * len(chosen), len(names) + 1)
@@ -56,7 +55,11 @@ def sheet(photographs, recordings, path):
 
 
 def _show(axis, picture, original, title):
-    top, left = ((side - close) // 2 for side, close in zip(picture.shape, CLOSE))
+    centre = np.divmod(original.argmax(), original.shape[1])
+    if original.dtype == np.uint8:
+        centre = np.array(original.shape) // 2
+    top, left = (int(np.clip(at - close // 2, 0, side - close))
+                 for at, side, close in zip(centre, original.shape, CLOSE))
     part = np.s_[top:top + CLOSE[0], left:left + CLOSE[1]]
     axis.imshow(picture[part], 'gray' if picture.dtype == np.uint8 else 'inferno', interpolation='nearest',
                 vmin=original[part].min(), vmax=original[part].max())
