@@ -12,7 +12,6 @@ FOLDER = TOP / 'doc' / 'images'
 PICTURES = {
     'few_segments.jpg': 'subimages/few.png',
     'more_segments.jpg': 'subimages/more.png',
-    'segments_psnr.png': 'subimages/psnr.png',
     'map_reduction.png': 'map_reduction/simulated_building.png',
     'cloud_loss.jpg': 'cloud_loss/simulated.png',
     'cloud_loss_points.png': 'cloud_loss/points.png',

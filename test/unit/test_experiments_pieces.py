@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What the experiments without a network are made of."""
+import re
+
 import numpy as np
 import pytest
 
@@ -8,7 +10,7 @@ for library in ('cv2', 'matplotlib', 'skimage', 'tqdm'):
 
 import cv2  # noqa: E402
 
-from experiments import cloud_loss, jpeg, lossy, map_reduction  # noqa: E402
+from experiments import cloud_loss, doc_pictures, jpeg, lossy, map_reduction  # noqa: E402
 from experiments.screen import BEST_PSNR, GREY, HEIGHT, WIDTH, Screen  # noqa: E402
 
 PICTURE = np.random.RandomState(1).randint(0, 256, (240, 320)).astype(np.uint8)
@@ -96,3 +98,19 @@ def test_how_far_lost_points_are_from_those_that_came():
     assert cloud_loss.farthest(whole, whole) == 0
     assert cloud_loss.farthest(whole, whole[:2]) == pytest.approx(4, abs=0.1)
     assert cloud_loss.farthest(whole, whole[:0]) == np.inf
+
+
+def test_the_docs_show_each_picture_that_is_made_for_them():
+    shown = re.findall(r'\]\(images/([^)]+)\)', (doc_pictures.TOP / 'doc' / 'experiments.md').read_text())
+    assert set(doc_pictures.PICTURES) <= set(shown)
+    assert all((doc_pictures.FOLDER / name).stat().st_size <= doc_pictures.MOST for name in shown)
+
+
+@pytest.mark.parametrize('suffix', ['.jpg', '.png'])
+def test_pictures_for_the_docs_are_made_small(suffix):
+    noise = np.random.RandomState(2).randint(0, 256, (300, 2000, 3)).astype(np.uint8)
+    noise[:, 500:] = 255
+    small = cv2.imdecode(doc_pictures.shrunk(noise, suffix), cv2.IMREAD_COLOR)
+    assert small.shape[1] in doc_pictures.WIDTHS and small.shape[1] / small.shape[0] == pytest.approx(2000 / 300, 0.01)
+    with pytest.raises(ValueError):
+        doc_pictures.shrunk(np.random.RandomState(2).randint(0, 256, (800, 600, 3)).astype(np.uint8), suffix)
