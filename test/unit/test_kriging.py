@@ -6,9 +6,9 @@ from hypothesis import strategies as st
 
 from smokebot_udp.codecs.fill import nearest
 from smokebot_udp.codecs.interleave import Interleave
-from smokebot_udp.codecs.kriging import CLAMPING, SMOOTH, kriging, kriging_clamped, weigh
+from smokebot_udp.codecs.kriging import CLAMPING, SMOOTH, kriging, kriging_clamped, kriging_steered, weigh
 
-BOTH = pytest.mark.parametrize('method', [kriging, kriging_clamped])
+EACH = pytest.mark.parametrize('method', [kriging, kriging_clamped, kriging_steered])
 TYPES = ['u1', '<u2', '>u2', '<f4', '>f4']
 
 
@@ -66,7 +66,7 @@ def test_weights_solve_the_equations_of_ordinary_kriging(offsets, smooth):
     np.testing.assert_allclose(weigh(np.array([offsets]), smooth)[0], np.linalg.solve(equations, right)[:k], atol=1e-3)
 
 
-@BOTH
+@EACH
 def test_a_row_by_hand(method):
     """What lies left and right of the first missing pixel mirrors: the weights of both sides sum to 1/2."""
     cut = Interleave(1, 4, 1)
@@ -74,7 +74,7 @@ def test_a_row_by_hand(method):
     assert filled(method, picture, np.array([True, False]), cut)[0, :3].tolist() == [10, 15, 20]
 
 
-@BOTH
+@EACH
 def test_a_slope_is_a_slope_where_neighbours_lie_all_around(method):
     cut = Interleave(32, 32, 2)
     picture = np.add.outer(200 * np.arange(32), 30 * np.arange(32)).astype(np.uint16)
@@ -83,7 +83,7 @@ def test_a_slope_is_a_slope_where_neighbours_lie_all_around(method):
         assert (result[4:-4, 4:-4] == picture[4:-4, 4:-4]).all()
 
 
-@BOTH
+@EACH
 @pytest.mark.parametrize('shape', [(64, 96), (61, 83)])
 def test_at_the_border_no_pixel_is_filled_from_afar(method, shape):
     """Of 1024 subimages half came: each pixel has neighbours within 4 pixels, on the picture's side too."""
@@ -105,7 +105,7 @@ def test_an_estimate_may_exceed_its_neighbours_but_not_when_clamped():
     assert set(filled(kriging_clamped, picture, have, cut)[~came]) <= set(range(201))
 
 
-@BOTH
+@EACH
 @any_case
 @many
 def test_a_constant_picture_stays_constant(method, cut, share, seed):
@@ -117,7 +117,7 @@ def test_a_constant_picture_stays_constant(method, cut, share, seed):
         np.testing.assert_allclose(result, picture, rtol=0 if kind != 'f4' else 1e-5)
 
 
-@BOTH
+@EACH
 @any_case
 @many
 def test_received_pixels_are_untouched_whatever_came(method, cut, share, seed):
@@ -133,13 +133,14 @@ def test_received_pixels_are_untouched_whatever_came(method, cut, share, seed):
         assert result[came].tobytes() == picture[came].tobytes()
 
 
+@pytest.mark.parametrize('method', [kriging_clamped, kriging_steered])
 @any_case
 @many
-def test_clamped_stays_within_its_nearest_neighbours(cut, share, seed):
+def test_clamped_stays_within_its_nearest_neighbours(method, cut, share, seed):
     have = a_set(cut, share, seed)
     came = received_pixels(cut, have)
     picture = np.random.RandomState(seed).choice(np.array([0, 7, 65535], np.uint16), (cut.height, cut.width))
-    result = filled(kriging_clamped, picture, have, cut)
+    result = filled(method, picture, have, cut)
     assert np.isin(result[came], picture).all()
     rows, columns = np.nonzero(came)
     for row, column in np.argwhere(~came):
@@ -166,7 +167,7 @@ def test_estimates_beyond_the_type_are_its_limits(kind):
     assert result.tolist() == np.rint(np.clip(exact, 0, most)).astype(kind).tolist()
 
 
-@BOTH
+@pytest.mark.parametrize('method', [kriging, kriging_clamped])
 @pytest.mark.parametrize('channels', [1, 2, 3, 4])
 def test_channels_are_filled_each_for_itself_in_any_byte_order(method, channels):
     cut = Interleave(21, 34, 3)
@@ -178,7 +179,7 @@ def test_channels_are_filled_each_for_itself_in_any_byte_order(method, channels)
         assert (filled(method, picture[..., channel], have, cut) == result[..., channel]).all()
 
 
-@BOTH
+@EACH
 def test_where_a_neighbour_is_no_number_the_nearest_counts(method):
     cut = Interleave(24, 24, 2)
     picture = np.full((24, 24), 2.5, 'f4')
@@ -192,7 +193,7 @@ def test_where_a_neighbour_is_no_number_the_nearest_counts(method):
     assert len(numbers) > 450
 
 
-@BOTH
+@EACH
 @pytest.mark.parametrize('count', [1, 2, 5, 13, 30, 50, 63])
 def test_pictures_are_better_than_with_the_nearest(method, count):
     waves = np.sin(np.arange(160) / 9)

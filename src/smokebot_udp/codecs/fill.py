@@ -8,7 +8,7 @@ import numpy as np
 from scipy import ndimage
 
 from .interleave import table
-from .kriging import kriging, kriging_clamped
+from .kriging import kriging, kriging_clamped, kriging_steered
 from .ring import moved, repeated
 
 
@@ -57,7 +57,8 @@ def _nearest_received(have, cut):
     return source, block
 
 
-METHODS = {'nearest': nearest, 'kriging': kriging, 'kriging_clamped': kriging_clamped}
+METHODS = {'nearest': nearest, 'kriging': kriging, 'kriging_clamped': kriging_clamped,
+           'kriging_steered': kriging_steered}
 """{name: f(subimages, have, cut) -> subimages}, see `nearest`; all but it reckon with the subimages' numbers"""
 
 BEST = 'kriging_clamped'

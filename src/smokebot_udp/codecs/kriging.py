@@ -11,6 +11,7 @@ received the same, and a missing subimage is estimated as a whole, by one set of
 need again. The best b for each picture would gain little (doc/fill.md).
 """
 import functools
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +20,7 @@ from scipy import sparse
 from .interleave import table
 from .neighbours import neighbours
 from .ring import Border, border_of, continued, moved
+from .steering import DIRECTIONS, along, blended, edges
 
 SMOOTH = 1.0
 """Within so much pictures are smooth [pixel]."""
@@ -57,14 +59,27 @@ def kriging_clamped(subimages, have, cut, smooth=SMOOTH):
     return _fill(subimages, have, cut, smooth, clamp=True)
 
 
-def _fill(subimages, have, cut, smooth, clamp):
+def kriging_steered(subimages, have, cut, smooth=SMOOTH):
+    """As kriging_clamped, but pixels along an edge are thought to be more alike than those across it.
+
+    Where edges run is seen in what kriging makes of the picture. It takes some five to ten times as long.
+    """
+    return _fill(subimages, have, cut, smooth, clamp=True, steer=True)
+
+
+def _fill(subimages, have, cut, smooth, clamp, steer=False):
     if have.all():
         return subimages
     if not have.any():
         return np.zeros_like(subimages)
     plan = _plan(cut, have.tobytes(), float(smooth))
     numbers = _sources(subimages, have, plan)
-    estimates = _rounded(plan.weights @ numbers.astype(np.float32), numbers.dtype)
+    exact = numbers.astype(np.float32)
+    estimates = plan.weights @ exact
+    if steer:
+        with np.errstate(invalid='ignore', over='ignore'):      # of floats that are no finite numbers, or very large
+            estimates = _steered(estimates, exact, subimages, have, cut, smooth)
+    estimates = _rounded(estimates, numbers.dtype)
     if clamp:
         np.clip(estimates, *_range(numbers, plan.nearest), out=estimates)
     if estimates.dtype.kind == 'f':
@@ -74,6 +89,19 @@ def _fill(subimages, have, cut, smooth, clamp):
     filled[have] = subimages[have]
     filled[~have] = estimates.reshape((-1,) + subimages.shape[1:])
     return filled
+
+
+def _steered(estimates, exact, subimages, have, cut, smooth):
+    """:param estimates, exact: the isotropic ones of missing subimages; the sources; of all channels side by side"""
+    shape = (-1,) + cut.shape + (math.prod(subimages.shape[3:]),)
+    picture = np.empty((len(cut),) + cut.shape, np.float32)
+    picture[have] = subimages[have].reshape(shape).mean(axis=-1, dtype=np.float32)
+    picture[~have] = estimates.reshape(shape).mean(axis=-1)
+    picture[~np.isfinite(picture)] = 0
+    found = cut.split(edges(cut.merge(picture), spacing=1 / math.sqrt(have.mean())))[~have]
+    plain = estimates.reshape(shape)
+    steered = (_steered_weights(cut, have.tobytes(), float(smooth)) @ exact).reshape((DIRECTIONS,) + plain.shape)
+    return blended(plain, steered, found[:, :, :, np.newaxis]).reshape(estimates.shape)
 
 
 class _Plan(NamedTuple):
@@ -91,6 +119,8 @@ class _Plan(NamedTuple):
     nearest: np.ndarray
     """(at most CLAMPING, missing subimages) int: the sources nearest to each, the nearest first."""
     border: Border
+    offsets: np.ndarray
+    """(missing subimages, k, 2) int: where the sources of a row of weights lie, in that order."""
 
 
 @functools.lru_cache(maxsize=PLANS_KEPT)
@@ -109,12 +139,23 @@ def _plan(cut, have, smooth):
     used[key] = True
     source = (np.cumsum(used, dtype=np.int32) - 1)[key]         # (missing, k)
     subimage, block = np.divmod(np.flatnonzero(used), side * side)
-    weights = weigh(nearest - place[~have][:, np.newaxis], smooth)
+    offsets = nearest - place[~have][:, np.newaxis]
+    weights = weigh(offsets, smooth)
     rows = np.arange(len(source) + 1, dtype=np.int32) * source.shape[1]
     return _Plan(
         (np.cumsum(have) - 1)[subimage], np.stack(np.divmod(block, side), axis=1) - REACH,
         sparse.csr_matrix((np.ravel(weights), source.ravel(), rows), (len(source), len(subimage))),
-        np.ascontiguousarray(source[:, :CLAMPING].T), border_of(place[have], p))
+        np.ascontiguousarray(source[:, :CLAMPING].T), border_of(place[have], p), offsets)
+
+
+@functools.lru_cache(maxsize=PLANS_KEPT)
+def _steered_weights(cut, have, smooth):
+    """(DIRECTIONS * missing subimages, s) float32 sparse matrix; :param have: as of _plan."""
+    plan = _plan(cut, have, smooth)
+    (m, s), k = plan.weights.shape, plan.offsets.shape[1]
+    weights = weigh(along(plan.offsets).reshape(DIRECTIONS * m, k, 2), smooth)
+    rows = np.arange(DIRECTIONS * m + 1, dtype=np.int32) * k
+    return sparse.csr_matrix((weights.ravel(), np.tile(plan.weights.indices, DIRECTIONS), rows), (DIRECTIONS * m, s))
 
 
 def weigh(offsets, smooth=SMOOTH):
@@ -123,7 +164,7 @@ def weigh(offsets, smooth=SMOOTH):
     What is estimated is how much the missing pixel differs from its first neighbour, by how much the others do: then
     the weights sum to 1 by themselves.
 
-    :param offsets: (m, k, 2) int, where each one's k neighbours lie, seen from it; no two at the same place
+    :param offsets: (m, k, 2) numbers, where each one's k neighbours lie, seen from it; no two at the same place
     :param smooth: b of the model [pixel]
     :return: (m, k) float32; each row sums to 1
     """
