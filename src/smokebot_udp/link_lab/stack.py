@@ -35,7 +35,7 @@ class Stack:
 
     def start(self, side, *command, **options):
         """Start a command on a side: a subprocess.Popen. It dies when the stack is closed, or this process dies."""
-        process = self.lab.popen(side, ['setpriv', '--pdeathsig', 'KILL', *command], **{
+        process = subprocess.Popen(['setpriv', '--pdeathsig', 'KILL', *self.lab.command(side, command)], **{
             'env': environment(side), 'stdin': subprocess.DEVNULL, 'stdout': self._log, 'stderr': self._log,
             'start_new_session': True, **options})
         self._processes.append(process)
