@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """TCP connections that race, against real sockets."""
 import contextlib
+import http.client
 import socket
 import threading
 import xmlrpc.client
@@ -44,7 +45,7 @@ def full(listening):
 
 
 def test_it_connects_at_the_first_attempt_where_the_way_is_good(server, attempts):
-    with rpc.connect(*server.getsockname(), timeout=5) as connection:
+    with rpc.create_connection(server.getsockname(), timeout=5) as connection:
         assert connection.gettimeout() == 5
         accepted, _ = server.accept()
         with accepted:
@@ -57,7 +58,7 @@ def test_an_attempt_that_gets_no_answer_is_raced_by_others_and_all_are_closed(se
     with full(server):
         del attempts[:]
         with pytest.raises(socket.timeout):
-            rpc.connect(*server.getsockname(), timeout=1.0)
+            rpc.create_connection(server.getsockname(), timeout=1.0)
     assert len(attempts) > 1
     assert all(attempt.fileno() == -1 for attempt in attempts)
 
@@ -72,7 +73,7 @@ def test_one_that_comes_through_later_is_taken_and_the_others_are_closed(server,
         del attempts[:]
         room = threading.Timer(0.5, make_room)
         room.start()
-        with rpc.connect(*server.getsockname(), timeout=20) as connection:
+        with rpc.create_connection(server.getsockname(), timeout=20) as connection:
             assert connection.getpeername() == server.getsockname()
         room.join()
     assert all(attempt.fileno() == -1 for attempt in attempts)
@@ -80,11 +81,21 @@ def test_one_that_comes_through_later_is_taken_and_the_others_are_closed(server,
         one.close()
 
 
+def test_all_http_of_a_process_may_connect_so(server, attempts, monkeypatch):
+    monkeypatch.setattr(socket, 'create_connection', None)     # to be put back afterwards
+    rpc.race_all_connections()
+    connection = http.client.HTTPConnection(*server.getsockname())
+    connection.connect()
+    assert connection.sock.gettimeout() == socket.getdefaulttimeout()
+    connection.close()
+    assert len(attempts) == 1
+
+
 def test_a_refusal_is_told_at_once():
     with socket.create_server(('127.0.0.1', 0)) as closed:
         address = closed.getsockname()
     with pytest.raises(ConnectionRefusedError):
-        rpc.connect(*address, timeout=60)
+        rpc.create_connection(address, timeout=60)
 
 
 def test_of_several_addresses_one_that_answers_is_taken(server, monkeypatch):
@@ -92,7 +103,7 @@ def test_of_several_addresses_one_that_answers_is_taken(server, monkeypatch):
         refusing = closed.getsockname()
     monkeypatch.setattr(rpc.socket, 'getaddrinfo', lambda *args, **kwargs: [
         (socket.AF_INET, socket.SOCK_STREAM, 6, '', address) for address in (refusing, server.getsockname())])
-    with rpc.connect('two', 1, timeout=20) as connection:
+    with rpc.create_connection(('two', 1), timeout=20) as connection:
         assert connection.getpeername() == server.getsockname()
 
 
@@ -100,7 +111,7 @@ def test_an_unreachable_network_is_told(monkeypatch):
     monkeypatch.setattr(rpc.socket, 'getaddrinfo', lambda *args, **kwargs: [
         (socket.AF_INET, socket.SOCK_STREAM, 6, '', ('255.255.255.255', 1))])
     with pytest.raises(OSError, match='unreachable|denied'):
-        rpc.connect('nowhere', 1, timeout=20)
+        rpc.create_connection(('nowhere', 1), timeout=20)
 
 
 def test_a_call_goes_by_it_and_nuls_are_overlooked():

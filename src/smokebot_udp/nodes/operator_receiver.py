@@ -96,6 +96,7 @@ def _demonstrate(loss, seed):
 
 def main():
     memory.keep_freed()
+    udpros.race_all_connections()
     rospy.init_node('operator_receiver')
     receiver = OperatorReceiver()
     rospy.loginfo('operator_receiver: receiving %s', ', '.join(receiver.streams) or 'nothing: no stream is right')

@@ -88,6 +88,7 @@ def _tell(stream, error):
 
 def main():
     memory.keep_freed()
+    udpros.race_all_connections()
     rospy.init_node('robot_sender')
     sender = RobotSender()
     rospy.loginfo('robot_sender: sending %s', ', '.join(sender.streams) or 'nothing: no stream is right')

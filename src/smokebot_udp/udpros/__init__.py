@@ -11,6 +11,7 @@ Usable without the rest of this package. doc/wire_format.md has the protocol.
 from .frame import Frame
 from .pacer import Pacer
 from .registration import registered_together
+from .rpc import race_all_connections
 from .topics import Publisher, Subscriber
 
-__all__ = ['Frame', 'Pacer', 'Publisher', 'Subscriber', 'registered_together']
+__all__ = ['Frame', 'Pacer', 'Publisher', 'Subscriber', 'race_all_connections', 'registered_together']

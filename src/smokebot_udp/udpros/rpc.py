@@ -8,6 +8,7 @@ does not come to be is raced by another soon (as in RFC 8305, "Happy Eyeballs", 
 import contextlib
 import errno
 import http.client
+import math
 import os
 import selectors
 import socket
@@ -25,36 +26,40 @@ RPC_TIMEOUT = 5.0
 MAX_ANSWER = 4 << 20
 """More of an answer is not read [byte]."""
 
-RACE_FIRST = 0.3
-"""The second attempt to connect begins so long after the first; each pause is twice the one before [s]."""
+RACE_FIRST, RACE_MOST = 0.3, 5.0
+"""The second attempt to connect begins so long after the first; each pause is twice the one before, at most so long
+[s]."""
 
 
 class Unreachable(Exception):
     """The other side of an XML-RPC call does not answer, or not in XML-RPC."""
 
 
-def connect(host, port, timeout):
-    """A TCP connection to a host: that of several attempts which comes first.
+def create_connection(address, timeout=None, *_, **__):
+    """Stands in for socket.create_connection: that of several attempts which comes first.
 
-    :param timeout: for all of them together, and then the socket's own [s]
+    :param address: (host, port)
+    :param timeout: for all of them together, and then the socket's own [s]; None or no number: socket's default
     :return: socket.socket
     :raises OSError: where all addresses of the host refuse it; socket.timeout where one does not answer
     """
-    ways = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+    if not isinstance(timeout, (int, float)):
+        timeout = socket.getdefaulttimeout()
+    ways = socket.getaddrinfo(*address, type=socket.SOCK_STREAM)
     now = time.monotonic()
-    pause, deadline = RACE_FIRST, now + timeout
+    pause, deadline = RACE_FIRST, now + (math.inf if timeout is None else timeout)
     with contextlib.ExitStack() as attempts, selectors.DefaultSelector() as selector:
         turn = 0
         while True:
-            family, kind, protocol, _, address = way = ways[turn % len(ways)]
+            family, kind, protocol, _, place = way = ways[turn % len(ways)]
             attempt = attempts.enter_context(socket.socket(family, kind, protocol))
             attempt.setblocking(False)
-            error = attempt.connect_ex(address)
+            error = attempt.connect_ex(place)
             if error in (0, errno.EINPROGRESS):
                 selector.register(attempt, selectors.EVENT_WRITE, way)
             else:
                 ways.remove(way)
-            until, pause = min(now + pause, deadline), 2 * pause
+            until, pause = min(now + pause, deadline), min(2 * pause, RACE_MOST)
             while selector.get_map() and now < until:
                 for key, _ in selector.select(until - now):
                     selector.unregister(key.fileobj)
@@ -79,9 +84,14 @@ def _taken(attempt, timeout):
     return connected
 
 
+def race_all_connections():
+    """Let all of this process' XML-RPC, rospy's own too, connect so; for a node's main, before rospy.init_node."""
+    socket.create_connection = create_connection
+
+
 class _Connection(http.client.HTTPConnection):
     def connect(self):
-        self.sock = connect(self.host, self.port, self.timeout)
+        self.sock = create_connection((self.host, self.port), self.timeout)
 
 
 class Transport(xmlrpc.client.Transport):
