@@ -16,9 +16,13 @@ from ..srv import SetFocus, SetFocusResponse
 from ..streams.parameters import Parameter, check_one, live
 from ..streams.rate import Repeater
 from ..supervisor.focus import Profile
+from .allocation import KBIT
 from .live import LiveSettings, ParameterWatch
 
 AS_CONFIGURED = 'default'
+GRANTS_TOLD = 1.0
+"""What the link leaves of the settings is told so often, where it changes [s]."""
+
 REQUESTS = 'smokebot_udp/focus/request'
 """Where the operator's requests cross."""
 
@@ -49,11 +53,12 @@ class FocusControl:
 
     :param streams: {name: RobotStream}, started
     :param profiles: {name: supervisor.focus.Profile}
+    :param allocation: allocation.Allocation of the streams
     :param tell: f(problem), told what is refused
     """
 
-    def __init__(self, streams, profiles, tell):
-        self._streams, self._tell_problem = streams, tell
+    def __init__(self, streams, profiles, allocation, tell):
+        self._streams, self._allocation, self._tell_problem = streams, allocation, tell
         profiles = {AS_CONFIGURED: Profile(AS_CONFIGURED, 'As streams.yaml has it.'), **profiles}
         self._profiles, problems = valid_profiles(profiles, streams)
         for problem in problems:
@@ -61,7 +66,7 @@ class FocusControl:
         self._lock = threading.RLock()     # one for all: a switch changes many parts
         self._modified, self._switching = set(), False
         self._request, self._refusal = 0, ''
-        self._configured = {name: {key: stream.settings[key] for key in live(stream.PARAMETERS)}
+        self._configured = {name: {key: stream.asked[key] for key in live(stream.PARAMETERS)}
                             for name, stream in streams.items()}
         self._status = rospy.Publisher('~status', RobotStatus, queue_size=1, latch=True)
         self._modified_topic = rospy.Publisher('~focus/modified', Bool, queue_size=1, latch=True)
@@ -69,12 +74,16 @@ class FocusControl:
         focus = {'focus': Parameter(AS_CONFIGURED, '', 'the mission focus', choices=tuple(self._profiles))}
         self._focus = LiveSettings('', focus, {'focus': AS_CONFIGURED}, lambda values: self._switch(values['focus']),
                                    self._lock, tell)
-        self._parts = {name: LiveSettings(name, live(stream.PARAMETERS), stream.settings,
+        self._parts = {name: LiveSettings(name, live(stream.PARAMETERS), stream.asked,
                                           lambda values, name=name: self._configure(name, values), self._lock, tell)
                        for name, stream in streams.items()}
         # a stream's own parameters count before the focus
         self._watch = ParameterWatch([self._focus, *self._parts.values()], background=False)
         self._show.start()
+        self._granted = None        # as the status told it last
+        self._grants = Repeater('grants', self._tell_grants, lambda error: rospy.logerr('status: %s', error),
+                                GRANTS_TOLD)
+        self._grants.start()
         rospy.Service('~set_focus', SetFocus, self._serve)
         self._requests = udpros.Subscriber(REQUESTS, FocusRequest, self._requested, queue_size=5)
         self._tell()
@@ -100,6 +109,7 @@ class FocusControl:
                     self._tell_problem("profile %r, stream '%s' stays as it is: %s" % (name, stream, error))
             self._switching = False
             self._modified.clear()
+        self._allocation.forget()
         rospy.loginfo('focus: %s', name)
         self._show.wake()
 
@@ -136,8 +146,14 @@ class FocusControl:
                     self._refusal = str(error)
         self._tell()
 
+    def _tell_grants(self):
+        """Publish the status where what the link leaves has changed."""
+        if self._granted != [(stream.granted, stream.paused) for stream in self._streams.values()]:
+            self._tell()
+
     def _tell(self):
         """Publish the status."""
+        self._granted = [(stream.granted, stream.paused) for stream in self._streams.values()]
         with self._lock:
             status = RobotStatus(focus=self._focus.values['focus'], modified=bool(self._modified),
                                  profiles=list(self._profiles), request=self._request, refusal=self._refusal)
@@ -145,10 +161,12 @@ class FocusControl:
             for name, part in self._parts.items():
                 values = dict(part.values)
                 status.streams.append(StreamStatus(
-                    name=name, type=self._streams[name].settings['type'], modified=name in self._modified,
+                    name=name, type=self._streams[name].asked['type'], modified=name in self._modified,
+                    share=self._allocation.shares.get(name, 0.0) / KBIT, waits=self._streams[name].paused,
+                    granted=_told(self._streams[name].granted),
                     **{key: values.pop(key) for key in ('enabled', 'rate', 'weight', 'floor')},
-                    quality=', '.join('%s: %s' % (key, value) for key, value in values.items()
-                                      if value != part.table[key].default)))
+                    quality=_told({key: value for key, value in values.items()
+                                   if value != part.table[key].default})))
         self._status.publish(status)
         self._modified_topic.publish(status.modified)
 
@@ -156,3 +174,9 @@ class FocusControl:
         self._requests.unregister()
         self._watch.stop()
         self._show.stop()
+        self._grants.stop()
+
+
+def _told(settings):
+    return ', '.join('%s: %s' % (key, '%.3g' % value if isinstance(value, float) else value)
+                     for key, value in settings.items())

@@ -22,7 +22,7 @@ MOST_OPERATORS = 8
 GONE = 10.0
 """An operator that does not report for so long counts no more, where others do [s]."""
 
-WANTED_OVER = 1.0
+SENT_OVER = 1.0
 """[s]"""
 
 
@@ -49,7 +49,7 @@ class LinkControl:
         self._departures = Departures()
         self._operators = collections.OrderedDict()     # {node's name: Operator}, those heard last at the end
         self._strangers = 0
-        self._sent, self._offered = Rate(WANTED_OVER), Rate(WANTED_OVER)
+        self._sent = Rate(SENT_OVER)
 
     @property
     def start_rate(self):
@@ -65,9 +65,9 @@ class LinkControl:
             else:
                 self._departures.note(stream, seq, count, size, now)
 
-    def start(self, outbox):
-        """Begin to set an outbox's rate, and to tell of the link."""
-        self._outbox = outbox
+    def start(self, outbox, allocation):
+        """Begin to set an outbox's rate, to divide it by an allocation.Allocation, and to tell of the link."""
+        self._outbox, self._allocation = outbox, allocation
         self._status = rospy.Publisher('~link', LinkStatus, queue_size=1)
         self._reports = udpros.Subscriber(TOPIC, LinkReport, self._take, queue_size=10)
         self._polls = Repeater('link', self._poll, self._tell, PERIOD)
@@ -82,7 +82,7 @@ class LinkControl:
             if evidence is None:
                 return
             operator.heard = now
-            train = operator.estimator.take(evidence, now, self._offered.per_second or math.inf)
+            train = operator.estimator.take(evidence, now, self._allocation.wanted)
         if self._adapt:
             self._set_rate(now)
             if train is not None:
@@ -104,33 +104,36 @@ class LinkControl:
         heard = [item for item in self._operators.items() if now - item[1].heard <= GONE] or self._operators.items()
         return min(heard, key=lambda item: item[1].estimator.rate, default=None)
 
+    def _rate(self, now):
+        """What may leave [byte/s]; None: there is no limit."""
+        worst = self._worst(now) if self._adapt else None
+        return worst[1].estimator.rate if worst else self.start_rate
+
     def _set_rate(self, now):
         with self._lock:
-            worst = self._worst(now)
-            rate = worst[1].estimator.rate if worst else self.start_rate
+            rate = self._rate(now)
         self._outbox.change(lambda pace: pace.set_rate(rate))
 
     def _poll(self):
         now = time.monotonic()
         with self._lock:
             self._sent.read(self._departures.total, now)
-            self._offered.read(self._outbox.offered, now)
             for operator in self._operators.values():
                 operator.estimator.poll(now)
-        if self._adapt:
-            self._set_rate(now)
+            rate = self._rate(now)
+        self._outbox.change(lambda pace: pace.set_rate(rate))
+        self._allocation.divide(rate, now)
         self._status.publish(self.status(now))
 
     def status(self, now):
         """LinkStatus."""
         with self._lock:
             worst = self._worst(now)
-            estimator = worst and worst[1].estimator
-            link = estimator and estimator.link
-            rate = (estimator.rate if estimator else self.start_rate) if self._adapt else self._limits.max_rate
+            link = worst and worst[1].estimator.link
+            rate = self._rate(now)
             status = LinkStatus(
-                state=self._state(worst, now), rate=0.0 if rate in (None, math.inf) else rate / MBIT,
-                sent=(self._sent.per_second or 0.0) / MBIT, wanted=(self._offered.per_second or 0.0) / MBIT,
+                state=self._state(worst, now), rate=(rate or 0.0) / MBIT,
+                sent=(self._sent.per_second or 0.0) / MBIT, wanted=self._allocation.wanted / MBIT,
                 capacity=link.capacity / MBIT if link else math.nan, loss=link.loss if link else math.nan,
                 queue_delay=link.queue_delay if link else math.nan,
                 round_trip=link.round_trip if link else math.nan)

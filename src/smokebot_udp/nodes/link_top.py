@@ -131,8 +131,9 @@ def _link_line(status):
     values = status.values
     told = [_number(values, '%s [Mbit/s]' % name, 1) for name in ('sent', 'rate', 'wanted', 'capacity')]
     told += [_number(values, name, 0) for name in ('queue delay [ms]', 'loss [%]', 'round trip [ms]')]
-    return Line('%-6s link: %s of %s Mbit/s sent, %s wanted, %s carried; queue %s ms, loss %s %%, round trip %s ms; %s' % (
-        LEVELS[status.level], *told, status.message if status.level == STALE else values['state']), status.level)
+    told.append(status.message if status.level == STALE else values['state'])
+    return Line('%-6s link: %s of %s Mbit/s sent, %s wanted, %s carried; queue %s ms, loss %s %%, round trip %s ms; '
+                '%s' % (LEVELS[status.level], *told), status.level)
 
 
 def _clock_line(status):

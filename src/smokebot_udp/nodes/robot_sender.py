@@ -32,6 +32,7 @@ from ..supervisor.estimate import MBIT, Limits
 from ..supervisor.pace import Pace
 from ..udpros.endpoints import IP_UDP_HEADERS
 from . import memory
+from .allocation import Allocation
 from .clock_sync import ClockServer
 from .common import Parameters, load_streams, read_file
 from .diagnostics import robot_diagnostics
@@ -56,9 +57,10 @@ class RobotSender:
             self._outbox = Outbox(Pace(self._link.start_rate, BURST * (size + IP_UDP_HEADERS)), self._link.departed,
                                   _tell)
             self._outbox.start()
-            self._link.start(self._outbox)
             self.streams = load_streams(parameters, robot_class, Link(size, outbox=self._outbox))
-            self.focus = FocusControl(self.streams, profiles, problems.tell)
+            allocation = Allocation(self.streams, self._outbox)
+            self.focus = FocusControl(self.streams, profiles, allocation, problems.tell)
+            self._link.start(self._outbox, allocation)
             self._clock = ClockServer()
             self._diagnostics = robot_diagnostics(self.streams, self._link, parameters, problems)
         rospy.on_shutdown(self.close)

@@ -2,6 +2,7 @@
 """What the streams of every kind have in common, on either side."""
 import collections
 import functools
+import threading
 import time
 from dataclasses import dataclass, field
 from typing import Any, Callable, Optional
@@ -45,18 +46,22 @@ class RobotStream(rospy.SubscribeListener):
     """Sends the newest messages of a robot's topic as segments.
 
     A kind derives from it: MESSAGE and SEGMENT are its message classes, and `frames(message)` makes the
-    udpros.Frames that carry a message, or raises ValueError where the message is wrong.
+    udpros.Frames that carry a message, or raises ValueError where the message is wrong. `settings` are those in
+    force: as they are asked for, but for what the link leaves of them.
     """
     MESSAGE = SEGMENT = None
     PARAMETERS = ROBOT
+    PROTECTED = False   # whether the link's other users wait for it, and it for none
     QUEUE_SIZE = 1
     STEADY = True   # a silent source is a fault
 
     def __init__(self, name, settings, link):
         self.name, self.topic = name, rospy.resolve_name(settings['robot_topic'])
+        self.asked, self.granted, self.paused = dict(settings), {}, False
         self.settings = dict(settings)
         self.link = link
         self.received, self.sent = 0, 0     # messages of the source
+        self._changing = threading.Lock()
         self._wrong = 0
         self._stamp = None   # of the last message sent
         self._worker = NewestWorker(name, self._send, self._report, settings['rate'])
@@ -77,16 +82,42 @@ class RobotStream(rospy.SubscribeListener):
         :param changes: {name: value}, checked each
         :raises ValueError: where they contradict each other; none is changed then
         """
-        before = self.settings
-        self.settings = {**before, **changes}
-        try:
-            self.prepare()
-        except ValueError:
-            self.settings = before
-            self.prepare()
-            raise
+        self._change(lambda: ({**self.asked, **changes},
+                              {name: value for name, value in self.granted.items() if name not in changes}))
         if not self.settings['enabled']:
             self.link.outbox.drop(self.name)
+
+    def levels(self, rate):
+        """What the stream could do with less of the link than all it is asked for, see supervisor.levels.
+
+        :param rate: of the source [Hz]
+        :return: [Level, ...], the cheapest first; empty where nothing is known of its messages yet
+        """
+        return []
+
+    def refine(self, settings, spare):
+        """The settings of a level, bettered by what the link has to spare [byte/s]; it may change with each call."""
+        return settings
+
+    def grant(self, settings):
+        """What the link leaves of the settings: {name: value}; None: nothing at all, the stream waits."""
+        self.paused = settings is None
+        if settings is not None and settings != self.granted:
+            self._change(lambda: (self.asked, settings))
+
+    def _change(self, make):
+        """Set what is asked and granted, as make() says; ValueError changes nothing."""
+        with self._changing:
+            before = self.asked, self.granted
+            try:
+                self._set(*make())
+            except ValueError:
+                self._set(*before)
+                raise
+
+    def _set(self, asked, granted):
+        self.asked, self.granted, self.settings = asked, granted, {**asked, **granted}
+        self.prepare()
 
     def prepare(self):
         """Make what depends on the settings; ValueError where they contradict each other."""
@@ -97,8 +128,13 @@ class RobotStream(rospy.SubscribeListener):
 
     @property
     def wanted(self):
-        """Whether there is anybody to send to."""
-        return self.settings['enabled'] and self._publisher.get_num_connections() > 0
+        """Whether there is anybody to send to, and leave to."""
+        return self.settings['enabled'] and not self.paused and self.heard
+
+    @property
+    def heard(self):
+        """Whether anybody listens."""
+        return self._publisher.get_num_connections() > 0
 
     def figures(self):
         """What the stream does and did, for diagnostics: all counts only grow, see nodes.diagnostics."""
@@ -106,7 +142,8 @@ class RobotStream(rospy.SubscribeListener):
                 'rate': self.settings['rate'], 'steady': self.STEADY,
                 'dropped': {'a newer one came': self._worker.replaced, 'wrong': self._wrong,
                             'datagrams of older ones': self.link.outbox.dropped(self.name)},
-                'connections': self._publisher.connections()}
+                'connections': self._publisher.connections(),
+                'problem': 'the link is too slow for it, beside the others' if self.paused else None}
 
     def _count(self, message):
         self.received += 1

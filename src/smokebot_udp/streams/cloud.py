@@ -10,9 +10,11 @@ from ..codecs import cloud
 from ..codecs.points import as_points
 from ..codecs.voxel import voxel_filter
 from ..msg import CloudChunk
+from ..supervisor.levels import cloud_levels, rate_levels
 from ..udpros import Frame
 from .base import RobotStream
 from .gather import GatheringReceiver
+from .outbox import size_of
 from .parameters import ROBOT, Parameter
 from .segments import room, write_header
 
@@ -41,6 +43,14 @@ class CloudSender(RobotStream):
                                             least=-FAR, most=FAR, live=True) for side, axis in SIDES},
     }
 
+    _finest = None  # bytes on the air of a cloud as it is asked for
+
+    def levels(self, rate):
+        if self._finest is None:
+            return []
+        leaf = self.asked['leaf_size']
+        return cloud_levels(rate, leaf, self._finest) if leaf else rate_levels(rate, self._finest)
+
     def prepare(self):
         super().prepare()
         self._low, self._high = (np.array([self.settings['%s_%s' % (side, axis)] for axis in 'xyz'], np.float32)
@@ -68,6 +78,9 @@ class CloudSender(RobotStream):
         for field in ('step', 'origin', 'bits', 'intensity_min', 'intensity_step'):
             records[field] = getattr(point_format, field)
         records['data'] = dealt[order].reshape(len(dealt), -1)
+        # what a LiDAR sees is surfaces: as many boxes as their side's square has room for
+        leaf, asked = self.settings['leaf_size'], self.asked['leaf_size']
+        self._finest = size_of([frame]) * ((leaf / asked) ** 2 if asked else 1.0)
         return [frame]
 
     def _reduced(self, message):

@@ -15,6 +15,8 @@ from std_msgs.msg import Header
 from ..codecs import fill, grid, pixels
 from ..codecs.image import Picture
 from ..msg import GridSegment
+from ..supervisor.levels import map_levels
+from ..udpros.endpoints import IP_UDP_HEADERS
 from .base import OperatorStream, RobotStream
 from .image import subimage_frames, write_subimages
 from .parameters import OPERATOR, ROBOT, Parameter
@@ -41,6 +43,7 @@ class GridSender(RobotStream):
     def __init__(self, name, settings, link):
         self._last = None       # the newest map
         self._content = None    # what the frames carry
+        self._whole = None      # (segments of the map as it is asked for, bytes of each on the air)
         self._frames, self._header = [], None
         self._rounds = Repeater(name + ' rounds', self._send_round, self._report, 1.0 / settings['repeat_rate'])
         super().__init__(name, settings, link)
@@ -52,7 +55,6 @@ class GridSender(RobotStream):
     def prepare(self):
         super().prepare()
         self._rounds.period = 1.0 / self.settings['repeat_rate']
-        self._content = None    # the map is cut anew, as the settings have it now
 
     def peer_subscribe(self, topic_name, topic_publish, peer_publish):
         """Who came late gets the map at once."""
@@ -63,10 +65,13 @@ class GridSender(RobotStream):
         self._last = message
         self._worker.give(message)
 
-    def configure(self, changes):
-        super().configure(changes)
+    def _change(self, make):
+        super()._change(make)
         if self._last is not None:
-            self._worker.give(self._last)
+            self._worker.give(self._last)   # it is cut anew where the settings now have it otherwise
+
+    def levels(self, rate):
+        return map_levels(self.asked['repeat_rate'], *self._whole) if self._whole else []
 
     def _send(self, message):
         frames = self.frames(message)
@@ -81,17 +86,18 @@ class GridSender(RobotStream):
         cells = grid.as_cells(message.data, info.height, info.width, info.resolution)
         check_origin(info.origin)
         frame_id = message.header.frame_id.encode()
-        factor, cut, per_segment = grid.fit(
+        (factor, cut, per_segment), (_, whole, in_each) = (grid.fit(
             info.height, info.width, room(GridSegment, self.link.max_datagram_size, frame_id),
-            self.settings['max_cells'], self.settings['max_segments'])
+            settings['max_cells'], settings['max_segments']) for settings in (self.settings, self.asked))
         cells = grid.reduce_by(cells, factor)
-        content = frame_id, str(info.origin), info.resolution, factor, cut, zlib.crc32(cells.tobytes())
+        content = frame_id, str(info.origin), info.resolution, factor, cut, per_segment, zlib.crc32(cells.tobytes())
         if content == self._content:
             self._header = message.header
             return None
         self._content = content
         subimages = cut.split(cells).reshape(len(cut), -1)
         frames = subimage_frames(GridSegment, subimages, per_segment, {'header.frame_id': len(frame_id)})
+        self._whole = -(-len(whole) // in_each), frames[0][1].datagram_size + IP_UDP_HEADERS
         for part, frame in frames:
             write_header(frame.records, message.header)
             write_subimages(frame.records, cut, part, subimages)

@@ -11,7 +11,9 @@ from ..codecs import fill, interleave, pixels
 from ..codecs.image import Picture, mask_of
 from ..codecs.integrate import Integrated, Memory, received
 from ..msg import ImageSegment
+from ..supervisor.levels import image_levels
 from ..udpros import Frame
+from ..udpros.endpoints import IP_UDP_HEADERS
 from . import view
 from .base import RobotStream
 from .fill_time import CHEAPEST, PATIENCE, FillTime
@@ -32,18 +34,32 @@ class ImageSender(RobotStream):
                            most=16, live=True),
         'max_subimages': Parameter(0, '', 'so many subimages are sent of a picture, coarse first; 0: all', least=0,
                                    most=65536, live=True),
+        'taste': Parameter(0.75, '', 'what gives way on a slow link: 1: subimages, 0: pictures; between: both',
+                           least=0.0, most=1.0, live=True),
     }
+    _whole = None   # (subimages of a whole picture, subimages in a datagram, its bytes on the air)
+
+    def levels(self, rate):
+        return image_levels(rate, *self._whole, self.asked['taste']) if self._whole else []
+
+    def refine(self, settings, spare):
+        subimages, per_segment, size = self._whole
+        count = settings['max_subimages'] or subimages
+        more = int(spare / (settings['rate'] * size)) * per_segment
+        return {**settings, 'max_subimages': 0 if count + more >= subimages else count + more}
 
     def frames(self, message):
         items = self._items(message)
         frame_id, encoding = message.header.frame_id.encode(), message.encoding.encode()
         left = room(ImageSegment, self.link.max_datagram_size, frame_id, encoding)
         cut, per_segment = interleave.fit(items.shape[0], items.shape[1], items.dtype.itemsize, left)
-        total = min(self.settings['max_subimages'] or len(cut), len(cut))
+        total, asked = (min(settings['max_subimages'] or len(cut), len(cut))
+                        for settings in (self.settings, self.asked))
         subimages = cut.split(items).reshape(len(cut), -1).view(np.uint8)[:total]
         # new ones each time: those of the last picture may still be leaving
         frames = subimage_frames(ImageSegment, subimages, per_segment, {
             'header.frame_id': len(frame_id), 'encoding': len(encoding)})
+        self._whole = asked, per_segment, frames[0][1].datagram_size + IP_UDP_HEADERS
         for part, frame in frames:
             records = frame.records
             write_header(records, message.header)

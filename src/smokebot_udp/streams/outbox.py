@@ -9,6 +9,11 @@ from ..udpros.datagram import OVERHEAD
 from ..udpros.endpoints import IP_UDP_HEADERS
 
 
+def size_of(frames):
+    """Bytes of udpros.Frames on the air: of whole IP packets."""
+    return sum(len(frame) * (frame.datagram_size + IP_UDP_HEADERS) for frame in frames)
+
+
 class Outbox:
     """Shared by a node's streams: they share the air.
 
@@ -21,8 +26,8 @@ class Outbox:
     def __init__(self, pace=None, departed=lambda *_: None, on_error=lambda *_: None):
         self._pace = pace or Pace()
         self._departed, self._on_error = departed, on_error
-        self.offered = 0
-        """Bytes that all streams ever had to send."""
+        self.protected = 0
+        """Bytes that ever left at once."""
         self._changed = threading.Condition()
         self._ended = False
         self._thread = threading.Thread(target=self._run, name='outbox', daemon=True)
@@ -41,7 +46,6 @@ class Outbox:
         """Send a message's udpros.Frames; what did not leave yet of the stream's last message never does."""
         parts = [(len(frame), frame.datagram_size + IP_UDP_HEADERS) for frame in frames]
         with self._changed:
-            self.offered += sum(count * size for count, size in parts)
             self._pace.put(stream, (publisher, frames), parts)
             self._changed.notify()
 
@@ -60,7 +64,7 @@ class Outbox:
         size += OVERHEAD + IP_UDP_HEADERS
         with self._changed:
             now = time.monotonic()
-            self.offered += size
+            self.protected += size
             self._pace.charge(size, now)
             self._departed(stream, publisher.impl.seq if message._has_header else None, 1, size, now)
 

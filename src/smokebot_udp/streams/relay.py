@@ -98,7 +98,7 @@ def size_of(message):
 
 class RelaySender(RobotStream):
     """Sends small messages, at most `rate` a second, always the newest."""
-    QUEUE_SIZE = QUEUE
+    QUEUE_SIZE, PROTECTED = QUEUE, True
     PARAMETERS = {
         **ROBOT, **RELAY,
         'repeat_rate': Parameter(1.0, 'Hz', 'with latch: the last message is sent again so often', above=0.0,

@@ -6,6 +6,7 @@ serves localisation and navigation. It crosses like any scan: its ranges are who
 """
 import math
 import threading
+import time
 
 import numpy as np
 import rospy
@@ -17,8 +18,11 @@ from ..codecs.ground import GroundFinder
 from ..codecs.points import as_points
 from ..codecs.scan import in_millimetres
 from ..msg import ScanSegment
+from ..supervisor.levels import rate_levels
 from .base import RobotStream
+from .outbox import size_of
 from .parameters import ROBOT, Parameter
+from .rate import RateLimiter
 from .scan import ScanReceiver, scan_frames
 
 Scan = numpy_msg(LaserScan)
@@ -133,8 +137,15 @@ class VirtualScanSender(RobotStream):
         super().__init__(name, settings, link)
         self._fans = FANS.setdefault(self.topic, Fans())
 
+    _size = None    # bytes of a scan on the air
+
+    def levels(self, rate):
+        return rate_levels(rate, self._size) if self._size else []
+
     def prepare(self):
-        super().prepare()
+        # however slow the link is, the robot has all scans that are asked for
+        self._worker.set_rate(self.asked['rate'])
+        self._limiter = RateLimiter(self.settings['rate'])
         for low, high in (('min_height', 'max_height'), ('range_min', 'range_max')):
             if self.settings[low] >= self.settings[high]:
                 raise ValueError('%s is %g, not below %s, %g' % (low, self.settings[low], high, self.settings[high]))
@@ -150,8 +161,11 @@ class VirtualScanSender(RobotStream):
     def _send(self, message):
         scan = self.scan(self._told_apart(message))
         self._scans.publish(scan)
-        if super().wanted:
-            self.put(scan_frames(scan, False, self.link.max_datagram_size))
+        if super().wanted and not self._limiter.wait(time.monotonic()):
+            self._limiter.take(time.monotonic())
+            frames = scan_frames(scan, False, self.link.max_datagram_size)
+            self._size = size_of(frames)
+            self.put(frames)
             self.sent += 1
 
     def scan(self, message):
