@@ -67,11 +67,11 @@ class RobotSender:
 
     def close(self):
         self._diagnostics.close()
+        self._link.close()
         self._clock.close()
         self.focus.close()
         for stream in self.streams.values():
             stream.close()
-        self._link.close()
         self._outbox.stop()
 
 
