@@ -89,8 +89,8 @@ def test_datagrams_are_short_where_the_link_is_slow():
     assert datagram_size(1000, 1472) == 400
 
 
-demand = st.builds(Demand, st.lists(st.floats(1, 1e6), min_size=1, max_size=8).map(lambda costs: levels(*sorted(costs))),
-                   st.floats(0, 10), st.floats(0, 1e5))
+some_levels = st.lists(st.floats(1, 1e6), min_size=1, max_size=8).map(lambda costs: levels(*sorted(costs)))
+demand = st.builds(Demand, some_levels, st.floats(0, 10), st.floats(0, 1e5))
 everything = st.dictionaries(st.sampled_from('abcdef'), demand, max_size=6)
 
 

@@ -19,15 +19,15 @@ def test_a_picture_gives_way_in_subimages_and_in_pictures():
     levels = image_levels(rate=10.0, subimages=64, per_datagram=1, datagram=1000, taste=0.5, least_rate=2.0)
     assert levels[-1] == ({'max_subimages': 0, 'rate': 10.0}, 640000.0)
     # a quarter of the bytes: half of the subimages, half of the pictures
-    assert levels[-5].settings == {'max_subimages': 32, 'rate': pytest.approx(5.0)}
-    assert levels[-5].cost == pytest.approx(160000)
-    assert levels[0] == ({'max_subimages': 1, 'rate': 2.0}, 2000.0)
+    assert levels[-9].settings == {'max_subimages': 32, 'rate': pytest.approx(5.0)}
+    assert levels[-9].cost == pytest.approx(160000)
+    assert levels[0] == ({'max_subimages': 1, 'rate': pytest.approx(2.0)}, pytest.approx(2000.0))
 
 
 def test_with_taste_1_all_pictures_come_as_long_as_they_can():
     levels = image_levels(rate=8.0, subimages=16, per_datagram=1, datagram=1000, taste=1.0, least_rate=2.0)
-    assert all(level.settings['rate'] == pytest.approx(8.0, rel=STEP - 1) for level in levels if level.cost >= 8000)
-    assert levels[0] == ({'max_subimages': 1, 'rate': 2.0}, 2000.0)
+    assert all(level.settings['rate'] == pytest.approx(8.0, rel=0.5) for level in levels if level.cost >= 8000)
+    assert levels[0] == ({'max_subimages': 1, 'rate': pytest.approx(2.0)}, pytest.approx(2000.0))
 
 
 def test_with_taste_0_pictures_stay_whole_as_long_as_they_can():
@@ -45,8 +45,8 @@ def test_a_thermal_picture_on_the_slowest_link():
 def test_a_cloud_gets_larger_boxes_and_comes_less_often():
     levels = cloud_levels(rate=10.0, leaf_size=0.1, size=40000)
     assert levels[-1] == ({'leaf_size': 0.1, 'rate': 10.0}, 400000.0)
-    assert levels[-5].settings == {'leaf_size': pytest.approx(0.1414, abs=1e-4), 'rate': pytest.approx(5.0)}
-    assert levels[-5].cost == pytest.approx(100000)
+    assert levels[-9].settings == {'leaf_size': pytest.approx(0.1414, abs=1e-4), 'rate': pytest.approx(5.0)}
+    assert levels[-9].cost == pytest.approx(100000)
     assert levels[0] == ({'leaf_size': 1.0, 'rate': 1.0}, pytest.approx(400.0))
 
 
@@ -59,7 +59,7 @@ def test_a_map_leaves_out_rounds_first():
 
 def test_a_scan_comes_less_often():
     assert [level.cost for level in rate_levels(rate=4.0, size=1000)] == pytest.approx(
-        [1000, 1000 * STEP, 2000, 2000 * STEP, 4000])
+        [1000 * STEP ** step for step in range(9)])
 
 
 @given(rates, st.integers(1, 4096), st.integers(1, 40), st.integers(300, 1500), st.floats(0, 1), rates)

@@ -8,6 +8,7 @@ import heapq
 import itertools
 import math
 import random
+from dataclasses import replace
 
 from ..supervisor.allocate import datagram_size
 from ..supervisor.departures import Departures
@@ -58,11 +59,12 @@ class Robot:
         self.reports = Reports(self.departures)
         self.estimator = Estimator(self.robot_time, limits)
         self.pace = Pace(self.estimator.rate)
+        self.wanted = math.inf
+        """What the load would send [byte/s]."""
         self.arrivals = Arrivals(lambda: draw.getrandbits(32))
-        self.wanted = float('inf')
         self.sent, self.came, self.history = [], [], []
         """(when, size, air time that waited before it) of what left; (when, stream, frame, index, when it left) of what
-        came; (when, Link's values, rate) at each report."""
+        came; (when, rate, Link) as it was concluded."""
         self._seq, self._next = {}, None
         phase = draw.uniform(0, REPORTS_APART)
         events.at(phase, self._report)
@@ -124,13 +126,11 @@ class Robot:
 
     def take(self, report):
         """A report came to the robot."""
-        now = self.robot_time
-        evidence = self.reports.take(report, now)
-        if evidence is not None:
-            train = self.estimator.take(evidence, now, self.wanted)
-            self._follow()
-            if train is not None:
-                self.pace.train(train.rate, train.size)
+        evidence = self.reports.take(report, self.robot_time)
+        train = evidence and self.estimator.take(evidence, self.robot_time, self.wanted)
+        self._follow()
+        if train is not None:
+            self.pace.train(train.rate, train.size)
 
     def _poll(self):
         self.estimator.poll(self.robot_time)
@@ -139,8 +139,7 @@ class Robot:
 
     def _follow(self):
         self.pace.set_rate(self.estimator.rate)
-        link = self.estimator.link
-        self.history.append((self.events.now, link.capacity, self.estimator.rate, link.queue_delay, link.loss))
+        self.history.append((self.events.now, self.estimator.rate, replace(self.estimator.link)))
         self._wake()
 
 

@@ -18,6 +18,9 @@ MARGIN = 1.15
 HOLD = 1.0
 """and has been for so long [s]."""
 
+BUDGET = 0.95
+"""Of the capacity so much is to be divided: what is left is for what came unforeseen."""
+
 DATAGRAM_TAKES, LEAST_DATAGRAM = 0.015, 400
 """A datagram is to take so long of the link at most [s], but is no shorter than this [byte]."""
 
@@ -117,8 +120,8 @@ class Allocator:
         levels = {name: _affordable(demand.levels, granted[name]) for name, demand in demands.items()}
         left = budget - math.fsum(_cost(demands[name], level) for name, level in levels.items())
         # what one had before it keeps sooner than another gets more
-        for name in sorted(demands, key=lambda name: (self._levels.get(name, -1) <= levels[name], -demands[name].weight)):
-            demand = demands[name]
+        for name, demand in sorted(demands.items(), key=lambda item: (
+                self._levels.get(item[0], -1) <= levels[item[0]], -item[1].weight)):
             if demand.weight > 0:
                 better = _affordable(demand.levels, _cost(demand, levels[name]) + left * (1 - 1e-9))
                 left -= _cost(demand, better) - _cost(demand, levels[name])

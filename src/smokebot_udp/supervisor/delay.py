@@ -10,7 +10,7 @@ KEEPS = 5.0
 NEAR = 0.0015
 """What is no farther from the base confirms it [s]."""
 
-REMEMBERS = 10.0
+REMEMBERS = 5.0
 """The air's speed is forgotten in so long [s]."""
 
 SMOOTHING = 8
@@ -78,7 +78,8 @@ class QueueDelay:
         return max(0.0, self._beyond(point))
 
     def _beyond(self, point):
-        return point.delay - self.base.delay - (point.size - self.base.size) / self._speed
+        # the speed may be far from true: a shorter datagram is not to seem to have waited for that
+        return point.delay - self.base.delay - max(0, point.size - self.base.size) / self._speed
 
 
 def typical(points):

@@ -5,9 +5,9 @@ What it rests on, and where that is from:
 
 * **Delivered rate** (BBR, draft-cardwell-iccrg-bbr-congestion-control, and draft-cheng-iccrg-delivery-rate-estimation):
   between two datagrams that came, the bytes that left over the longer of the times in which they left and came are a
-  rate that the link carries at the least; it never exceeds what was offered, so neither clumped arrivals nor forged
-  reports can push it up. Where the later one had to queue, the air was busy between both, and bytes over the time in
-  which they came are the capacity itself, even while sources pause: no "application-limited" marks are needed.
+  rate that the link carries at the least; it never exceeds what was offered, so clumped arrivals do not push it up.
+  Where the later one had to queue, the air was busy between both, and bytes over the time in which they came are the
+  capacity itself, even while sources pause: no "application-limited" marks are needed.
 * **A standing queue of a few ms as the target** (LEDBAT, RFC 6817; SCReAM, RFC 8298): while it is there the air is busy
   and the capacity is measured all the time; a rate in proportion to what the queue lacks keeps it. LEDBAT's constant
   target is unfair to who came earlier and has no fixed shares, so the target falls with the rate (as Swift's flow
@@ -15,15 +15,15 @@ What it rests on, and where that is from:
 * **The queue as it will be** when the rate takes effect: what left since the newest report, less what the air has
   carried since (SCReAM's bytes in flight, as seconds).
 * **The least delay, measured anew** (BBR's ProbeRTT; LEDBAT++'s slowdowns): where nothing confirmed it for 5 s the rate
-  dips shortly. A queue that has become long is drained by all who share the air at the same time, for all see it, and all
-  learn the true least delay then; so who comes late, and takes a queue for the way, is put right. What a drain leaves
-  of a delay is the way itself, which has become longer.
-* **Trains** (GCC's probe clusters, draft-ietf-rmcat-gcc-02; packet dispersion, Dovrolis 2001): where the queue is
-  empty and more is wanted, some datagrams that are due anyway leave 2 to 4 times faster. They find a link that has
-  become 60 times wider within half a second, at the cost of some ms of queue when it has not; padding is never sent.
+  dips shortly. A queue that has become long is drained by all who share the air at the same time, for all see it, and
+  all learn the true least delay then; so who comes late, and takes a queue for the way, is put right. What a drain
+  leaves of a delay is the way itself, which has become longer.
+* **Trains** (GCC's probe clusters, draft-ietf-rmcat-gcc-02; packet dispersion, Dovrolis 2001): where the queue is empty
+  and more is wanted, some datagrams that are due anyway leave 2 to 4 times faster. They find a link that has become
+  60 times wider within a second, at the cost of some ms of queue when it has not; padding is never sent.
 * **Not loss** (against GCC's loss-based half, and TCP): a share of lost datagrams says nothing of the rate, for air
-  time is spent on them. More loss than before is a reason to ask: the rate is halved for a moment. What is lost then, too, the
-  air loses (loss.py); what is not was dropped by a queue too short to be seen, and is taken off the delivered rate.
+  time is spent on them. More loss than before is a reason to ask: the rate is halved for a moment. What is lost then, too,
+  the air loses (loss.py); what is not was dropped by a queue too short to be seen, and the rate goes down by it.
 """
 import math
 import statistics
@@ -75,10 +75,15 @@ FULL = 0.06
 
 
 LONG, STANDS = 1.5, 1.0
-"""So is one that is longer than it is to be by this factor for so long [s]: less is sent all the time, so it is none."""
+"""So is one longer than it is to be by this factor for so long [s]: less is sent all the time, so it is none."""
 
 PUSHES = 1.25
 """Beside a queue, a train that came faster may only have pushed others aside: it counts up to this factor."""
+
+
+GROWS, REACHES, HOPES = 1.05, 1.5, 3.0
+"""Where the queue is empty because little is sent, the capacity is supposed to be so much more from report to report,
+up to so much more than was sent, or so many times the floor: else who has nothing to send would never be allowed to."""
 
 
 class Limits(NamedTuple):
@@ -87,9 +92,6 @@ class Limits(NamedTuple):
     """Safe: what is sent when nothing is known."""
     start: float = 0.5 * MBIT
     max_rate: float = 400 * MBIT
-
-
-LIMITS = Limits()
 
 
 @dataclass
@@ -103,6 +105,9 @@ class Link:
     """The least of late; NaN: unknown [s]."""
     loss: float = 0.0
     """Share of datagrams lost of late."""
+
+
+LIMITS = Limits()
 
 
 def target(rate):
@@ -166,7 +171,7 @@ class Estimator:
         return self._train(points, wanted, evidence.unreported, now)
 
     def poll(self, now):
-        """Whether reports stay away: call it some times a second."""
+        """Go on without a report: call it some times a second."""
         loss = min(max(self.link.loss, UNLIKELY), MOST_LOSS)
         silence = max(SILENCE, REPORTS_APART * math.log(UNLIKELY) / math.log(loss))
         while now - self._came > silence * (1 + self.missing) and self.link.capacity > self.limits.floor:
@@ -194,21 +199,24 @@ class Estimator:
             most = math.inf if busy < whole * 3 / 4 else PUSHES * link.capacity
             link.capacity = max(link.capacity, min(most, peak(chain, 2 * self._delay.noise)))
             self._delay.note_noise(chain)
+            if queue < self._target() / 2:
+                offered = (chain[-1].total - chain[0].total) / max(chain[-1].sent - chain[0].sent, 1e-3)
+                reach = max(HOPES * self.limits.floor, REACHES * offered)
+                link.capacity = max(link.capacity, min(reach, link.capacity * GROWS))
         link.capacity = min(max(link.capacity, self.limits.floor), self.limits.max_rate)
 
     def _set_rate(self, now):
         link, limits = self.link, self.limits
         factor = min(max(1 + (self._target() - link.queue_delay) / HORIZON, HARDEST), GENTLEST)
-        if self._quiet.lasts(now):
-            factor = min(factor, HARDEST)
-        self.rate = min(max(link.capacity * factor, limits.floor), limits.max_rate)
+        self.rate = min(max(link.capacity * min(factor, self._quiet.most(now)), limits.floor), limits.max_rate)
 
     def _train(self, points, wanted, unreported, now):
         if self._quiet.lasts(now) or self._loss.excess:
             return None
         capacity = self.link.capacity
         usual = statistics.median(self._delay.of(point) for point in points)
-        return self._trains.next(capacity, usual < self._target() / 2, wanted > self.rate, self._newest, unreported, now)
+        empty = usual < self._target() / 2
+        return self._trains.next(capacity, empty, wanted > self.rate, self._newest, unreported, now)
 
 
 def peak(chain, noise):

@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What a stream can be turned down to, kind by kind: steps from the least that is of use up to all, with what each costs.
+"""What a stream can be turned down to, kind by kind: steps from the least of use up to all, with what each costs.
 
-Steps are a factor of sqrt(2) apart in bytes a second. A share of the link between two steps is one step's, and what is
-left over others get; finer steps would only flicker.
+Four steps halve the bytes a second. What a share leaves over between two steps others get.
 """
 import math
 from typing import Any, Dict, List, NamedTuple
 
-STEP = math.sqrt(2)
+STEP = 2 ** 0.25
 
 
 class Level(NamedTuple):
@@ -38,7 +37,8 @@ def image_levels(rate, subimages, per_datagram, datagram, taste=0.75, least_rate
         pictures = min(rate, max(least_rate, rate / scarcity * datagrams / count))
         count = min(count, max(1, int(datagrams * rate / scarcity / pictures + 1e-9)))
         whole = count == datagrams
-        return Level({'max_subimages': 0 if whole else count * per_datagram, 'rate': pictures}, pictures * count * datagram)
+        return Level({'max_subimages': 0 if whole else count * per_datagram, 'rate': pictures},
+                     pictures * count * datagram)
 
     return _ascending(level, rate * datagrams / least_rate)
 

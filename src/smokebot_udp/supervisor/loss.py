@@ -5,11 +5,14 @@ import math
 LASTS = 200
 """Datagrams over which loss is averaged."""
 
-FIRST = 50
-"""So many at the beginning are sent slowly enough: what they lose the air loses."""
+SUPPOSED = 20
+"""The air is supposed to lose nothing, as if so many datagrams had shown it."""
 
 MARGIN = 0.05
-"""So much more, and twice what chance makes of it, is no chance."""
+"""So much more, and what chance makes of it twice, is no chance."""
+
+MOST = 0.5
+"""The air is not believed to lose more: who shares it with many that send too much must not think so."""
 
 
 class Loss:
@@ -18,9 +21,7 @@ class Loss:
     def __init__(self):
         self.all = 0.0
         """Lost, wherever."""
-        self.air = 0.0
-        """Lost though the queue was short."""
-        self._seen = 0
+        self._count, self._quiet, self._quiet_lost = 0.0, 0.0, 0.0
 
     def note(self, evidence, quiet):
         """Take a report's counts.
@@ -28,24 +29,27 @@ class Loss:
         :param evidence: report.Evidence
         :param quiet: whether these datagrams were sent so slowly that no queue can have been full
         """
-        if not evidence.expected:
+        count, lost = evidence.expected, evidence.expected - evidence.received
+        if not count:
             return
-        loss = 1 - evidence.received / evidence.expected
-        self._seen += evidence.expected
-        weight = evidence.expected / min(max(self._seen, evidence.expected), LASTS)
-        self.all += min(1.0, weight) * (loss - self.all)
-        if quiet or self._seen <= FIRST:
-            self.air += min(1.0, 2 * weight) * (loss - self.air)
-        self.air = min(self.air, self.all)
+        self._count = min(self._count + count, LASTS)
+        self.all += min(1.0, count / self._count) * (lost / count - self.all)
+        if quiet:
+            keeps = max(0.0, 1 - count / LASTS)
+            self._quiet, self._quiet_lost = keeps * self._quiet + count, keeps * self._quiet_lost + lost
 
     def settle(self):
         """What was lost so far has been answered: only what is lost from now on tells more."""
-        self.all = self.air
+        self.all = min(self.all, self.air)
+
+    @property
+    def air(self):
+        """Lost though the queue was short."""
+        return min(MOST, self._quiet_lost / max(self._quiet, 1.0))
 
     @property
     def excess(self):
         """Of the datagrams that the air would not have lost the share that is lost all the same; 0: by chance only."""
-        chance = math.sqrt(self.all * (1 - self.all) / LASTS * 2)
-        if self.all <= self.air + MARGIN + 2 * chance:
-            return 0.0
-        return (self.all - self.air) / (1 - self.air)
+        chance = math.sqrt(self.all * (1 - self.all) * (2 / LASTS + 1 / (self._quiet + SUPPOSED)))
+        more = self.all - self.air
+        return more / (1 - self.air) if more > MARGIN + 2 * chance else 0.0

@@ -2,13 +2,13 @@
 """Moments in which less is sent, to learn what the way is like without a queue: its least delay, and what it loses."""
 import math
 
-DIP = 0.2
-"""A dip lasts so long [s];"""
+DIP, DIP_RATE = 0.2, 0.5
+"""A dip lasts so long [s], at this part of the capacity;"""
 
-RISE = 0.001
-"""afterwards the least delay is higher by so much at most: two clocks drift by less [s]."""
+RISE = 0.004
+"""afterwards the least delay is higher by so much at most: clocks drift, datagrams take longer on slower air [s]."""
 
-DRAIN = 0.6
+DRAIN, DRAIN_RATE = 0.6, 0.25
 """A drain lasts so long [s], or until the queue is gone,"""
 
 SETTLES = 0.15
@@ -28,6 +28,10 @@ class Quiet:
 
     def lasts(self, now):
         return now < self._ends
+
+    def most(self, now):
+        """The part of the capacity that may be sent."""
+        return (DRAIN_RATE if self._drains else DIP_RATE) if self.lasts(now) else math.inf
 
     def holds(self, sent):
         """Whether a datagram left in it: not only now."""
@@ -49,8 +53,8 @@ class Quiet:
         asks = more_loss and now - self._asked > ASKS
         if not (expired or long or asks):
             return
-        self._began, self._drains = now, long or asks
-        self._ends = now + (DRAIN if self._drains else DIP)
+        self._began, self._drains = now, long
+        self._ends = now + (DRAIN if long else DIP)
         if asks:
             self._asked = now
 
@@ -61,7 +65,7 @@ class Quiet:
         :param point: that speaks for the report
         :param queue: how long it waited [s]
         :param target: no queue is shorter than this for long [s]
-        :return: whether a drain has ended
+        :return: whether it has ended
         """
         if point.sent >= self._began and (self.lasts(now) or self._least is not None):
             if self._least is None or point.delay < self._least.delay:
@@ -75,4 +79,4 @@ class Quiet:
         elif queue >= target:
             delay.believe(self._least, now)       # the way has become longer
         self._least = None
-        return self._drains
+        return True

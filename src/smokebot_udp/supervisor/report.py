@@ -8,7 +8,7 @@ long they are and what left between them the sender knows itself (departures.py)
 * a lost report costs nothing, for counts are totals and marks are told twice;
 * the round trip is `now - sent - age`, with no echo of its own. The clocks' offset, for ages that people read, stays
   with msg/ClockEcho.msg and clock.py: once a second is enough for it, and it has nothing to do with the rate;
-* a forged report can at the utmost make believe that all that left came at once: no more than was sent.
+* a forged report can at the utmost make believe that all that left came, and at once; max_rate holds whatever it says.
 """
 import collections
 import math
@@ -32,7 +32,7 @@ LATE = 4096
 """A number so far behind the highest is of another counting: the sender began anew."""
 
 CLOCK_SLACK = 1.0
-"""Reports wait in queues: about the time between two the sides' steady clocks may disagree by so much [s]."""
+"""Both sides' steady clocks may disagree by so much about the time between two reports, which wait in queues [s]."""
 
 CONFIRMED = 3
 """So many reports in a row that contradict what was before, but not one another, are right."""
@@ -87,6 +87,8 @@ class Arrivals:
         :param size: of all of them [byte]
         :param now: when, by a steady clock [s]
         """
+        if self._marks and now < self._marks[-1][0] - CLOCK_SLACK:
+            self._begin()       # the clock is not as steady as it should be
         if stream not in self._streams:
             if len(self._streams) == MOST_STREAMS:
                 return
@@ -106,7 +108,7 @@ class Arrivals:
     def report(self, now):
         """The Report as it is now."""
         marks = [ArrivalMark(index, seq, round(1e6 * (now - when))) for when, index, seq in self._marks
-                 if now - when <= SPAN]
+                 if 0 <= now - when <= SPAN]
         streams = [StreamArrivals(one.name, one.highest, one.received, one.bytes) for _, one in self._streams.values()]
         return Report(self._session, round(1e6 * now), streams, marks)
 
