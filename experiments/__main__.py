@@ -9,6 +9,7 @@ from .runner import RESULTS, redraw, run_experiment
 
 NAMES = (
     'bandwidth',
+    'supervisor_simulation',
     'subimages',
     'map_reduction',
     'pictures_per_second',

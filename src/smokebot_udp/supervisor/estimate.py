@@ -22,8 +22,8 @@ What it rests on, and where that is from:
   and more is wanted, some datagrams that are due anyway leave 2 to 4 times faster. They find a link that has become
   60 times wider within a second, at the cost of some ms of queue when it has not; padding is never sent.
 * **Not loss** (against GCC's loss-based half, and TCP): a share of lost datagrams says nothing of the rate, for air
-  time is spent on them. More loss than before is a reason to ask: the rate is halved for a moment. What is lost then, too,
-  the air loses (loss.py); what is not was dropped by a queue too short to be seen, and the rate goes down by it.
+  time is spent on them. More loss than before is a reason to ask: the rate is halved for a moment. What is lost then,
+  too, the air loses (loss.py); what is not was dropped by a queue too short to be seen, and the rate goes down by it.
 """
 import math
 import statistics
