@@ -80,6 +80,8 @@ LONG, STANDS = 1.5, 1.0
 PUSHES = 1.25
 """Beside a queue, a train that came faster may only have pushed others aside: it counts up to this factor."""
 
+AFTER_QUIET = 0.6
+"""No train leaves for so long after a quiet moment: others have only been quiet, too [s]."""
 
 GROWS, REACHES, HOPES = 1.05, 1.5, 3.0
 """Where the queue is empty because little is sent, the capacity is supposed to be so much more from report to report,
@@ -211,7 +213,7 @@ class Estimator:
         self.rate = min(max(link.capacity * min(factor, self._quiet.most(now)), limits.floor), limits.max_rate)
 
     def _train(self, points, wanted, unreported, now):
-        if self._quiet.lasts(now) or self._loss.excess:
+        if self._quiet.lasts(now - AFTER_QUIET) or self._loss.excess:
             return None
         capacity = self.link.capacity
         usual = statistics.median(self._delay.of(point) for point in points)
