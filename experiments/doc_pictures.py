@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Renews the pictures of doc/experiments.md from what was measured: python3 -m experiments.doc_pictures.
+"""Renews the pictures of doc/experiments.md and doc/fill.md from results: python3 -m experiments.doc_pictures.
 
 None shows a recording: those are not this project's.
 """
@@ -19,6 +19,10 @@ PICTURES = {
     'image_quality_bursts.png': 'image_quality/bursts.png',
     'image_quality_shown.jpg': 'image_quality/shown.png',
     'virtual_scans.jpg': 'virtual_scans/simulated_000.png',
+    'fill_model.png': 'fill_model/variograms.png',
+    'send_order_bursts.png': 'send_order/bursts.png',
+    'fill.png': '../bench/fill.png',
+    'fill_sheet.jpg': '../bench/fill_sheet.jpg',
 }
 """{picture in doc/images: what it is made of, in the results}"""
 

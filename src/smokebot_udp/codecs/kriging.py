@@ -62,7 +62,7 @@ def kriging_clamped(subimages, have, cut, smooth=SMOOTH):
 def kriging_steered(subimages, have, cut, smooth=SMOOTH):
     """As kriging_clamped, but pixels along an edge are thought to be more alike than those across it.
 
-    Where edges run is seen in what kriging makes of the picture. It takes some five to ten times as long.
+    Where edges run is seen in what kriging makes of the picture. It takes about ten times as long.
     """
     return _fill(subimages, have, cut, smooth, clamp=True, steer=True)
 
