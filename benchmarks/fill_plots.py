@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from smokebot_udp.codecs.fill import METHODS
 from smokebot_udp.codecs.interleave import Interleave
 
-LOSSES = 0.2, 0.5, 0.8
+LOSSES = 0.5, 0.8
 """Of the sheet."""
 
 CLOSE = 100, 140
