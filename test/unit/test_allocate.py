@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smokebot_udp.supervisor.allocate import HOLD, MARGIN, Allocator, Demand, datagram_size, shares
+from smokebot_udp.supervisor.allocate import HOLD, LEAP, MARGIN, Allocator, Demand, datagram_size, shares
 from smokebot_udp.supervisor.levels import Level, rate_levels
 
 
@@ -50,17 +50,24 @@ def test_what_levels_leave_over_lifts_others():
 
 
 def test_down_at_once_up_with_patience():
-    allocator, demands = Allocator(), {'a': Demand(levels(100, 200, 400), 1)}
+    allocator, demands = Allocator(), {'a': Demand(levels(100, 300, 400), 1)}
 
     def at(budget, now):
         return allocator.allocate(budget, demands, 0, now)['a'].cost
     assert at(450, 0.0) == 400
-    assert at(399, 0.1) == 200
-    assert at(401, 0.2) == 200                      # not by so little
-    assert at(400 * MARGIN + 1, 1.0) == 200         # not at once
-    assert at(399, 1.5) == 200                      # it was not for long
-    assert at(400 * MARGIN + 1, 2.0) == 200
+    assert at(399, 0.1) == 300
+    assert at(401, 0.2) == 300                      # not by so little
+    assert at(400 * MARGIN + 1, 1.0) == 300         # not at once
+    assert at(399, 1.5) == 300                      # it was not for long
+    assert at(400 * MARGIN + 1, 2.0) == 300
     assert at(400 * MARGIN + 1, 2.0 + HOLD) == 400
+
+
+def test_up_at_once_where_the_link_has_become_much_wider():
+    allocator, demands = Allocator(), {'a': Demand(levels(100, 110), 1)}
+    assert allocator.allocate(100, demands, 0, 0.0)['a'].cost == 100
+    assert allocator.allocate(100 * LEAP - 1, demands, 0, 0.1)['a'].cost == 100
+    assert allocator.allocate(100 * LEAP + 1, demands, 0, 0.1)['a'].cost == 110
 
 
 def test_a_new_focus_takes_effect_at_once():

@@ -4,7 +4,7 @@
 What is protected is served first. Then each stream gets its floor, and what is left goes by weights; what a stream
 cannot use flows to the others. A share is turned into the best level (levels.py) that it pays for; where levels leave
 something over, it lifts others. Down goes it at once, for the link has no more; up only where the link would pay for
-more than the next level, and has for a while.
+more than the next level, and has for a while, or for much more.
 """
 import math
 from dataclasses import dataclass
@@ -12,11 +12,14 @@ from typing import Any, Dict, List, NamedTuple, Optional
 
 from .levels import Level
 
-MARGIN = 1.15
+MARGIN = 1.05
 """A level above the present one is taken where the share is so much more than it costs,"""
 
 HOLD = 1.0
-"""and has been for so long [s]."""
+"""and has been for so long [s],"""
+
+LEAP = 1.5
+"""or at once where the budget is so much more than all that is granted."""
 
 BUDGET = 0.95
 """Of the capacity so much is to be divided: what is left is for what came unforeseen."""
@@ -106,9 +109,10 @@ class Allocator:
         cautious = shares(budget / MARGIN, demands)
         best = self._levels_for(budget, granted, demands)
         sure = self._levels_for(budget / MARGIN, cautious, demands)
+        leaps = budget > LEAP * math.fsum(_cost(demand, self._levels.get(name, -1)) for name, demand in demands.items())
         grants = {}
         for name, demand in demands.items():
-            level = self._steady(name, best[name], sure[name], now)
+            level = self._steady(name, best[name], sure[name], leaps, now)
             settings, cost = demand.levels[level] if level >= 0 else ({}, 0.0)
             grants[name] = Grant(granted[name], level if level >= 0 else None, settings, cost)
         self._levels = {name: -1 if grant.level is None else grant.level for name, grant in grants.items()}
@@ -128,7 +132,7 @@ class Allocator:
                 levels[name] = better
         return levels
 
-    def _steady(self, name, best, sure, now):
+    def _steady(self, name, best, sure, leaps, now):
         """The level to take: no better than `best`."""
         before = self._levels.get(name)
         if before is None or best <= before:
@@ -137,7 +141,7 @@ class Allocator:
         if sure <= before:
             self._waits.pop(name, None)
             return before
-        if now - self._waits.setdefault(name, now) < HOLD:
+        if now - self._waits.setdefault(name, now) < (0 if leaps else HOLD):
             return before
         del self._waits[name]
         return min(best, sure)
@@ -149,4 +153,4 @@ def _affordable(levels, share):
 
 
 def _cost(demand, level):
-    return demand.levels[level].cost if level >= 0 else 0.0
+    return demand.levels[min(level, len(demand.levels) - 1)].cost if level >= 0 else 0.0
