@@ -187,10 +187,12 @@ class Estimator:
     def _learn(self, chain, queue):
         """The capacity, from how the chain of points came."""
         link, lost = self.link, self._loss.excess if queue > FULL else 0.0
-        waited = [self._delay.of(point) > BUSY + 2 * self._delay.noise for point in chain]
+        waits, least = [self._delay.of(point) for point in chain], BUSY + 2 * self._delay.noise
         carried, busy, whole = 0, 0.0, chain[-1].arrived - chain[0].arrived
         for at, (before, after) in enumerate(zip(chain, chain[1:])):
-            if waited[at + 1] and (waited[at] or after.total - before.total == after.size):
+            # the later one came to a queue; and the earlier one was in it still, or nothing left between them
+            if waits[at + 1] > least and (after.sent - before.sent < waits[at] or
+                                          after.total - before.total == after.size):
                 carried += after.total - before.total
                 busy += after.arrived - before.arrived
         if busy > whole / 4 and busy > 0.01:
