@@ -74,9 +74,9 @@ class Quiet:
                 self._ends = min(self._ends, now)
         if self.lasts(now) or self._least is None:
             return False
-        if not self._drains:
+        if self._drains:
+            delay.believe(self._least, now)     # what is left is the way
+        else:
             delay.raise_to(self._least, RISE, now)
-        elif queue >= target:
-            delay.believe(self._least, now)       # the way has become longer
         self._least = None
         return True
