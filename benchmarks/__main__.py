@@ -20,7 +20,8 @@ def main():
     unknown = set(arguments.names) - set(NAMES)
     if unknown:
         parser.error('no benchmark is named %s; there are %s' % (', '.join(sorted(unknown)), ', '.join(NAMES)))
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))    # end as by Ctrl-C: what was started is ended
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda number, _: sys.exit(128 + number))     # what was started is ended on the way
     results = {'machine': describe()}
     if not arguments.json:
         print(results['machine'])

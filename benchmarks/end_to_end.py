@@ -154,18 +154,18 @@ class Bench:
     def __init__(self, ways, stack):
         self.ways = {way.name: way for way in ways}
         self._sides = {}    # {(way, side): [psutil.Process, ...]}
+        self._processes = []
+        stack.callback(lambda: end(*self._processes))
         self._lost = {}     # {way: its count at the end of its last turn}
         for way in ways:
             for side, commands in (('robot', way.robot), ('operator', way.operator)):
-                self._sides[way.name, side] = [self._start(command, way.name, stack) for command in commands]
+                self._sides[way.name, side] = [self._start(command, way.name) for command in commands]
         self._source = self._peer(['source', *(topic for way in ways for topic in way.inputs.values())], stack)
         self._sink = self._peer(['sink', *(topic for way in ways for topic in way.outputs.values())], stack)
 
-    @staticmethod
-    def _start(command, namespace, stack):
-        process = start(command + ['__ns:=/' + namespace])
-        stack.callback(end, process)
-        return psutil.Process(process.pid)
+    def _start(self, command, namespace):
+        self._processes.append(start(command + ['__ns:=/' + namespace]))
+        return psutil.Process(self._processes[-1].pid)
 
     @staticmethod
     def _peer(arguments, stack):
