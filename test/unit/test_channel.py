@@ -55,6 +55,13 @@ def test_delay_and_jitter_keep_the_order():
     assert all(0.01 - 1e-9 <= out[0] - when <= 0.03 + 1e-9 for when, out in results)
 
 
+def test_how_long_packets_waited_and_how_much_the_air_carried():
+    # 8 ms each at 1 Mbit/s, three at once: they wait 0, 8 and 16 ms; the fourth finds more than 20 ms before it
+    _, channel = fates(Quality(rate=1e6, queue=0.02, loss=1.0), count=4, every=0.0)
+    assert channel.waited == {0: 1, 8: 1, 16: 1}
+    assert (channel.counts.carried, channel.counts.dropped, channel.counts.lost) == (3000, 1, 3)
+
+
 def test_the_rate_is_kept_and_a_full_queue_drops_its_tail():
     # 1000 bytes at 1 Mbit/s take 8 ms; one a millisecond is eight times too many
     results, channel = fates(Quality(rate=1e6, queue=0.1), count=2000)

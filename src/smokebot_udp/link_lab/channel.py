@@ -5,6 +5,7 @@ A packet first queues for the air (a rate, with a queue that drops its tail when
 two-state Markov chain: E. N. Gilbert, "Capacity of a Burst-Noise Channel", 1960), and then it travels (delay,
 jitter, reordering, duplication). Loss comes after the rate: air time is spent on lost packets, too.
 """
+import collections
 import math
 import random
 from dataclasses import dataclass, fields
@@ -64,6 +65,8 @@ class Counts:
     """By the full queue."""
     delivered: int = 0
     """Duplicates count, too."""
+    carried: int = 0
+    """By the air, what it lost included [byte]."""
 
 
 class Channel:
@@ -76,6 +79,8 @@ class Channel:
     def __init__(self, quality=None, seed=0):
         self.quality = quality or Quality()
         self.counts = Counts()
+        self.waited = collections.Counter()
+        """{whole milliseconds: packets that waited so long for the air}"""
         self._draws = [random.Random('%s %s' % (seed, effect)).random
                        for effect in ('loss', 'jitter', 'reorder', 'duplicate')]
         self._losing = False          # the chain's state
@@ -101,6 +106,8 @@ class Channel:
                 counts.dropped += 1
                 return ()
             sent = self._air_free = begins + size * 8 / quality.rate
+            self.waited[int(1e3 * (begins - now))] += 1
+        counts.carried += size
         self._losing = loss < quality.chain[self._losing]
         if self._losing:
             counts.lost += 1

@@ -80,9 +80,16 @@ class Lab:
         """
         self._ask({side: {**(both or {}), **sides.get(side, {})} for side in SIDES})
 
-    def statistics(self):
-        """{side: counts of what it sent, and `missed`: packets that this process failed to take}, `late` [s]."""
+    def counts(self):
+        """{side: counts of what it sent}, `late`: of packets since the last call [s], `waited`: {side: {ms: packets}}."""
         answer = self._ask({})
+        answer['waited'] = {side: {int(ms): count for ms, count in waited.items()}
+                            for side, waited in answer['waited'].items()}
+        return answer
+
+    def statistics(self):
+        """`counts`, and for each side `missed`: packets that this process failed to take."""
+        answer = self.counts()
         for side in SIDES:
             counters = self.run(side, ['cat', '/proc/net/dev'], stdout=subprocess.PIPE, check=True).stdout.decode()
             answer[side]['missed'] = int(counters.split(DEVICE + ':')[1].split()[11])
@@ -227,6 +234,7 @@ def _answer(carrier, changes):
     late = sorted(carrier.late)
     carrier.late.clear()
     return {**{side: dataclasses.asdict(channel.counts) for side, channel in carrier.channels.items()},
+            'waited': {side: channel.waited for side, channel in carrier.channels.items()},
             'late': {'p50': late[len(late) // 2], 'p99': late[len(late) * 99 // 100]} if late else {}}
 
 

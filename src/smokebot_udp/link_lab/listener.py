@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What comes to the operator's side of a lab, and when: a node there that tells each message, and who listens to it.
+"""What comes to a side of a lab, and when: a node there that tells each message, and who listens to it.
 
 Each line on the node's standard input is a JSON list of [topic, kind, transport] to subscribe from then on, instead of
 those before; `null` answers when that is done. Each message is told as a JSON list
@@ -14,10 +14,13 @@ from typing import NamedTuple, Optional
 
 import numpy as np
 import rospy
+from nav_msgs.msg import Odometry
 from sensor_msgs.msg import CompressedImage, Image, PointCloud2
+from tf2_msgs.msg import TFMessage
 
 from .. import udpros
 from ..codecs.image import RECEIVED
+from ..streams.relay import stamp_of
 
 KINDS = {
     'any': (rospy.AnyMsg, lambda message: len(message._buff)),
@@ -25,8 +28,13 @@ KINDS = {
     'jpeg': (CompressedImage, lambda message: len(message.data)),
     'cloud': (PointCloud2, lambda message: message.width * message.height),
     'mask': (Image, lambda message: float(np.mean(np.frombuffer(message.data, np.uint8) == RECEIVED))),
+    'odometry': (Odometry, lambda message: 1),
+    'transforms': (TFMessage, lambda message: len(message.transforms)),
 }
-"""{kind: (type, f(message) -> amount: bytes, points, or the share of the pixels that was received)}"""
+"""{kind: (type, f(message) -> amount: bytes, points, transforms, or the share of the pixels that was received)}"""
+
+LARGE = {Image, CompressedImage, PointCloud2}
+"""Of these only a few wait to be told."""
 
 TRANSPORTS = {'TCPROS': 'tcp', 'UDPROS': 'udp'}
 
@@ -48,17 +56,19 @@ class Heard(NamedTuple):
 
 
 class Listener:
-    """The node on the operator's side, and all that it heard.
+    """The node, and all that it heard.
 
     :param stack: stack.Stack, of which it becomes a part
+    :param side: where the node is
+    :param module: what is run there, with its arguments: this one, or one that adds to KINDS
     :raises RuntimeError: where the node does not start
     """
 
-    def __init__(self, stack):
+    def __init__(self, stack, side='operator', module=(__name__,)):
         self.heard = []
         self._subscribed = threading.Event()
-        self._process = stack.start('operator', sys.executable, '-m', __name__, stdin=subprocess.PIPE,
-                                    stdout=subprocess.PIPE, universal_newlines=True)
+        self._process = stack.start(side, sys.executable, '-m', *module, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+                                    universal_newlines=True)
         if not self._process.stdout.readline():
             raise RuntimeError('the listener ended with exit code %r' % self._process.wait())
         threading.Thread(target=self._read, daemon=True).start()
@@ -115,18 +125,18 @@ def subscribe(topic, kind, transport):
     message_class, amount = KINDS[kind]
 
     def take(message):
-        header = getattr(message, 'header', None)
-        tell([topic, header and header.stamp.to_sec(), time.time(), amount(message)])
+        arrival, stamp = time.time(), stamp_of(message)
+        tell([topic, None if stamp is None else stamp.to_sec(), arrival, amount(message)])
 
     if kind == 'any':
         return rospy.Subscriber(topic, message_class, take, queue_size=100)
     # with udpros' own class for both: it, too, comes by TCPROS where that is asked for
-    return udpros.Subscriber(topic, message_class, take, queue_size=2, buff_size=1 << 22, tcp_nodelay=True,
-                             transport=TRANSPORTS[transport])
+    return udpros.Subscriber(topic, message_class, take, queue_size=2 if message_class in LARGE else 100,
+                             buff_size=1 << 22, tcp_nodelay=True, transport=TRANSPORTS[transport])
 
 
 def main():
-    rospy.init_node('listener')
+    rospy.init_node('listener', anonymous=True)     # there may be one on each side
     tell('ready')
 
     def obey():
