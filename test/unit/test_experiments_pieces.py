@@ -101,7 +101,8 @@ def test_how_far_lost_points_are_from_those_that_came():
 
 
 def test_the_docs_show_each_picture_that_is_made_for_them():
-    shown = re.findall(r'\]\(images/([^)]+)\)', (doc_pictures.TOP / 'doc' / 'experiments.md').read_text())
+    docs = ''.join(path.read_text() for path in sorted((doc_pictures.TOP / 'doc').glob('*.md')))
+    shown = re.findall(r'\]\(images/([^)]+)\)', docs)
     assert set(doc_pictures.PICTURES) <= set(shown)
     assert all((doc_pictures.FOLDER / name).stat().st_size <= doc_pictures.MOST for name in shown)
 
