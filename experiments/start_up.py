@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """How soon pictures come where both sides start, or one restarts, over a bad link."""
+import functools
+import math
 import statistics
 import subprocess
 import time
@@ -32,14 +34,15 @@ SEEDS, QUICK_SEEDS = 10, 1
 PATIENCE = 120.0
 """[s]"""
 
-UNCHANGED = '/operator/tf_static'
-"""The operator's side shows it again only where it changed; a robot that restarts has the same."""
+UNCHANGED = 'tf_static', 'map'
+"""The operator's side shows these again only where they changed: a robot's side that restarts may have the same."""
 
 DOWN = 2.0
 """A side that is killed is down for so long [s]."""
 
 EVENTS = 'both start', 'robot restarts', 'operator restarts'
-GOALS = {'first picture [s]': 10, 'all streams [s]': 20}
+GOALS = {'first picture': 10, 'all streams': 20}
+"""[s]"""
 
 
 def streams():
@@ -47,22 +50,22 @@ def streams():
     return yaml.safe_load((TOP / 'config' / 'streams.yaml').read_text())['streams']
 
 
-def expected(topics, event):
-    """Those of the topics on which something new has to come."""
-    return {topic for topic in topics if event != 'robot restarts' or topic != UNCHANGED}
+def expected(names, event):
+    """Those of the streams of which something new has to come."""
+    return [name for name in names if event != 'robot restarts' or name not in UNCHANGED]
 
 
 def one_run(run, seed, report):
     """Go through the events once.
 
-    :param report: f(event, {topic: [s] until its first message}, row of lab_state)
+    :param report: f(event, {stream: [s] until its first message, or None}, row of lab_state)
     """
-    topics = {values['operator_topic'] for values in streams().values()}
+    topics = {name: values['operator_topic'] for name, values in streams().items()}
     with Stack(seed, log=run.folder / ('nodes_%d.log' % seed)) as stack:
         stack.lab.set(AIR)
         stack.start_node('robot', 'simulated_robot', '_width:=320', '_height:=240')
         listener = Listener(stack)
-        listener.subscribe([[topic, 'any', 'TCPROS'] for topic in topics])
+        listener.subscribe([[topic, 'any', 'TCPROS'] for topic in topics.values()])
         stack.lab.run('robot', ['rostopic', 'echo', '-n', '1', '/battery'], env=environment('robot'),
                       stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, timeout=60)
         stack.lab.set({'loss': LOSS, 'delay': DELAY})
@@ -75,49 +78,56 @@ def one_run(run, seed, report):
             time.sleep(DOWN)
             for side in started:
                 nodes[side] = stack.start_node(side, sides[side])
-            report(event, listener.first(expected(topics, event), PATIENCE), lab_state(stack.lab))
+            awaited = {name: topics[name] for name in expected(topics, event)}
+            found = listener.first(awaited.values(), PATIENCE)
+            report(event, {name: found.get(topic) for name, topic in awaited.items()}, lab_state(stack.lab))
 
 
 def run(run):
-    names = {values['operator_topic']: name for name, values in streams().items()}
-    pictures = [values['operator_topic'] for values in streams().values() if values['type'] == 'image']
-    rows, waits = [], []
+    waits, states = [], []
+
+    def report(seed, event, found, state):
+        waits.extend({'seed': seed, 'event': event, 'stream': name, 'wait [s]': wait and round(wait, 2)}
+                     for name, wait in found.items())
+        states.append({'seed': seed, 'event': event, **state})
+        table.write(run.folder / 'waits.csv', waits)
+        table.write(run.folder / 'state.csv', states)
+
     for seed in run.steps(range(run.seed, run.seed + (QUICK_SEEDS if run.quick else SEEDS)), say='seed {}'.format):
-        def report(event, found, state, seed=seed):
-            rows.append({'seed': seed, 'event': event,
-                         'first picture [s]': _latest([min([found[p] for p in pictures if p in found], default=None)]),
-                         'all streams [s]': _latest([found.get(topic) for topic in expected(names, event)]), **state})
-            waits.extend({'seed': seed, 'event': event, 'stream': name, 'wait [s]': _latest([found.get(topic)])}
-                         for topic, name in names.items() if topic in expected(names, event))
-            table.write(run.folder / 'starts.csv', rows)
-            table.write(run.folder / 'waits.csv', waits)
-        one_run(run, seed, report)
+        one_run(run, seed, functools.partial(report, seed))
 
 
-def _latest(waits):
-    """The longest; None where one of them never ended."""
-    return None if None in waits else round(max(waits), 2)
+def starts(waits):
+    """{event: [(first picture [s], all streams [s]), ...]}, of each seed, inf where something never came.
+
+    :param waits: rows of waits.csv
+    """
+    pictures = {name for name, values in streams().items() if values['type'] == 'image'}
+    found = {event: [] for event in EVENTS}
+    for event, seed in sorted({(row['event'], row['seed']) for row in waits}):
+        of = {row['stream']: math.inf if row['wait [s]'] is None else row['wait [s]'] for row in waits
+              if (row['event'], row['seed']) == (event, seed) and row['stream'] in expected(streams(), event)}
+        found[event].append((min(of[name] for name in pictures), max(of.values())))
+    return found
 
 
 def plot(folder):
-    rows = table.read(folder / 'starts.csv')
+    found = starts(table.read(folder / 'waits.csv'))
     figure, axes = drawing.canvas(9, 3.8, columns=2, sharey=True)
-    summary = []
-    for (key, goal), ax in zip(GOALS.items(), axes):
-        for i, event in enumerate(EVENTS):
-            times = sorted(row[key] for row in rows if row['event'] == event and row[key] is not None)
-            count = sum(row['event'] == event for row in rows)
-            ax.plot(times, [i] * len(times), 'o', color=drawing.OURS, alpha=0.5)
-            if times:
-                summary.append([event, key[:-4], count, statistics.median(times), times[-1] if len(times) == count else
-                                'never', goal, sum(time <= goal for time in times)])
-        ax.axvline(goal, color='0.3', linestyle='--', linewidth=1)
-        ax.text(goal, len(EVENTS) - 0.55, ' the goal', fontsize=9, color='0.3')
-        ax.set(xlabel='[s] after the start', title=key[:-4], xlim=(0, None), ylim=(-0.5, len(EVENTS) - 0.4))
+    rows = []
+    for i, (until, goal) in enumerate(GOALS.items()):
+        for height, event in enumerate(EVENTS):
+            times = sorted(run[i] for run in found[event])
+            axes[i].plot(times, [height] * len(times), 'o', color=drawing.OURS, alpha=0.5)
+            rows.append([event, until, len(times), statistics.median(times), times[-1], goal,
+                         sum(time <= goal for time in times)])
+        axes[i].axvline(goal, color='0.3', linestyle='--', linewidth=1)
+        axes[i].text(goal, len(EVENTS) - 0.55, ' the goal', fontsize=9, color='0.3')
+        axes[i].set(xlabel='[s] after the start', title=until, xlim=(0, None), ylim=(-0.5, len(EVENTS) - 0.4))
     axes[0].set_yticks(range(len(EVENTS)), EVENTS)
     drawing.save(figure, folder / 'starts.png')
     return [Figure('starts.png', 'Each dot is one run with another seed.'),
-            Table('In seconds.', ['event', 'until', 'runs', 'median', 'worst', 'goal', 'runs within it'], summary)]
+            Table('In seconds.', ['event', 'until', 'runs', 'median', 'worst', 'goal', 'runs within it'], rows)]
 
 
 again(__name__, plot)
