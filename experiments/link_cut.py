@@ -10,8 +10,8 @@ TITLE = 'A link that is cut for 30 s'
 EXPLANATION = """
 For 30 s nothing crosses at all, as where a robot drives through a shielded door; before and after that the link is good
 (20 ms, 2 % of loss). What matters is how soon after the cut the operator sees the present again. TCP waits ever longer
-between its attempts, up to twice as long as the cut has lasted, and then brings first what it kept: pictures of half a
-minute ago.
+between its attempts, each time twice as long: it goes on somewhere between at once and as late again as the cut was
+long, as chance has it, and brings first what it kept: pictures from before the cut.
 """
 
 COURSE = """

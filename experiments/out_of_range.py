@@ -13,8 +13,8 @@ until almost nothing crosses; then it comes back the same way. A camera's ten pi
 cross by this package, by JPEG over TCPROS and by JPEG over UDPROS, one after the other through the same course. The
 third row counts: how old is what the operator looks at? A picture that is seconds old shows where the robot was.
 
-From 24 Mbit/s down the link carries less than the pictures' 25 Mbit/s, which this package sends unchanged and at their
-full rate: of each it shows what fits. A JPEG needs 1.2 Mbit/s.
+From 24 Mbit/s down the link carries less than the pictures' 25 Mbit/s. This package sends of each what fits: the rate
+follows what the operator's side reports to have arrived. A JPEG needs 1.2 Mbit/s, all of it.
 """
 
 COURSE = """
