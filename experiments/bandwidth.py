@@ -27,7 +27,7 @@ especially at higher latencies; and of its Figure 8: 20, 18 and about 16 Mbit/s 
 DELAYS, FEW_DELAYS, LOSSES = (0, 2, 10, 20, 50), (2, 50), (0, 1, 2, 5, 10, 20)
 """[ms], of cubic; of the others; [%]"""
 
-QUICK_DELAYS, QUICK_LOSSES = (2, 50), (0, 10)
+QUICK_DELAYS, QUICK_LOSSES = (50,), (0, 10)
 KINDS = {'cubic': ['-C', 'cubic'], 'bbr': ['-C', 'bbr'], 'UDP': ['-u', '-b', '20M']}
 """{name: iperf3's arguments}"""
 

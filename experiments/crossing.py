@@ -21,7 +21,7 @@ from .runner import TOP
 AIR = {'rate': 54e6, 'queue': 0.1}
 """Of all links here, in both directions: 802.11g's nominal rate [bit/s], and what may wait for it [s]."""
 
-SETTLE = 1.0
+SETTLE, QUICK_SETTLE = 1.0, 0.3
 """What came so soon after the link changed does not count [s]."""
 
 LATE = 0.02
@@ -69,6 +69,7 @@ class Crossing:
     """
 
     def __init__(self, run, congestion_control='cubic'):
+        self._settle = QUICK_SETTLE if run.quick else SETTLE
         self._stack = Stack(run.seed, congestion_control, run.folder / 'nodes.log')
         try:
             self._start()
@@ -123,7 +124,7 @@ class Crossing:
             attempt += 1
             self.use(way, delay)
             self._link({'delay': delay, 'loss': loss})
-            time.sleep(SETTLE)
+            time.sleep(self._settle)
             self.state()
             heard = self.listener.during(seconds)
             state = self.state()

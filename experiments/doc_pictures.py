@@ -23,6 +23,14 @@ PICTURES = {
     'send_order_bursts.png': 'send_order/bursts.png',
     'fill.png': '../bench/fill.png',
     'fill_sheet.jpg': '../bench/fill_sheet.jpg',
+    'bandwidth.png': 'bandwidth/bandwidth.png',
+    'picture_rates.png': 'pictures_per_second/rates.png',
+    'picture_ages.png': 'pictures_per_second/ages.png',
+    'received_packets.png': 'received_packets/packets.png',
+    'cloud_points.png': 'cloud_points/points.png',
+    'out_of_range.png': 'out_of_range/out_of_range.png',
+    'link_cut.png': 'link_cut/link_cut.png',
+    'start_up.png': 'start_up/starts.png',
 }
 """{picture in doc/images: what it is made of, in the results}"""
 

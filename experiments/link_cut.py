@@ -23,7 +23,7 @@ course:
 """
 
 SECONDS = 80.0
-QUICK_HASTE = 10.0
+QUICK_HASTE = 16.0
 
 FRESH = 1.0
 """What is younger shows the present [s]."""

@@ -32,7 +32,7 @@ course:
 """
 
 SECONDS = 95.0
-QUICK_HASTE = 12.0
+QUICK_HASTE = 20.0
 
 
 def run(run):

@@ -24,7 +24,7 @@ DELAY = 0.02
 """[s]"""
 
 LOSSES = 0, 1, 2, 5, 10, 20, 30, 40, 50, 60, 70, 80, 90
-QUICK_LOSSES = 0, 10, 50, 90
+QUICK_LOSSES = 0, 50, 90
 
 WAY = Way('small/image_raw', [['operator/small/mask', 'mask', 'TCPROS'],
                               ['operator/small/image_raw', 'image', 'TCPROS']])
@@ -32,7 +32,7 @@ WAY = Way('small/image_raw', [['operator/small/mask', 'mask', 'TCPROS'],
 
 
 def run(run):
-    losses, seconds = (QUICK_LOSSES, 1.5) if run.quick else (LOSSES, 6.0)
+    losses, seconds = (QUICK_LOSSES, 1.0) if run.quick else (LOSSES, 6.0)
     rows = []
     with Crossing(run) as crossing:
         for loss in run.steps(losses, say='{} %'.format):
