@@ -38,7 +38,7 @@ STYLES = {OURS: 'o-', PACKED: 'o:', TCP: 's-', UDP: 's-'}
 
 
 def run(run):
-    losses, delays, seconds = (QUICK_LOSSES, QUICK_DELAYS, 0.8) if run.quick else (LOSSES, DELAYS, 4.0)
+    losses, delays, seconds = (QUICK_LOSSES, QUICK_DELAYS, 1.0) if run.quick else (LOSSES, DELAYS, 4.0)
     rows = []
     with Crossing(run) as crossing:
         for delay, names, loss in run.steps(product(delays, WAYS, losses), say=str):
@@ -60,15 +60,15 @@ def plot(folder):
     left.plot(losses, points, 'o', color=drawing.OURS, label='smokebot_udp, measured')
     left.plot(losses, [start + slope * loss for loss in losses], '-', color=drawing.OURS, linewidth=1,
               label='straight line, R² = %.4f' % fit)
-    left.set(xlabel='packets lost [%]', ylabel='points of a received cloud', ylim=(0, None), title='points')
-    left.legend(loc='lower left')
+    left.set(xlabel='packets lost [%]', ylabel='points', ylim=(0, 1.25 * max(points)), title='points of each cloud')
+    left.legend(loc='upper right')
     for delay, axes in zip(delays, right):
         for name, style in STYLES.items():
             cells = [row for row in rows if (row['way'], row['delay [ms]']) == (name, delay)]
             axes.plot([row['loss [%]'] for row in cells], [row['rate [Hz]'] for row in cells], style, markersize=4,
                       color=drawing.WAYS.get(name, drawing.OURS), label=name)
         axes.set(xlabel='packets lost [%]', ylabel='clouds a second', ylim=(-0.3, RATE * 1.1),
-                 title='clouds a second, delay %d ms' % delay)
+                 title='delay %d ms each way' % delay)
     right[-1].legend(loc='center left', bbox_to_anchor=(1.0, 0.5))
     drawing.save(figure, folder / 'points.png')
     shown = sorted({row['loss [%]'] for row in rows})

@@ -21,8 +21,8 @@ from .runner import TOP
 AIR = {'rate': 54e6, 'queue': 0.1}
 """Of all links here, in both directions: 802.11g's nominal rate [bit/s], and what may wait for it [s]."""
 
-SETTLE, QUICK_SETTLE = 1.0, 0.3
-"""What came so soon after the link changed does not count [s]."""
+SETTLE, QUICK_SETTLE = 1.5, 0.8
+"""What came so soon after the link changed does not count: the sender finds what it carries [s]."""
 
 LATE = 0.02
 """Where one packet of a hundred left the link later than this, the machine was too busy: it is measured again [s]."""

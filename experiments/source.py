@@ -32,8 +32,8 @@ JPEG_QUALITY = 80
 LEAF = 0.1
 """Of the voxel grid that thins clouds [m]."""
 
-SCENES = 20
-"""So many pictures and clouds come again and again."""
+SCENES = 10
+"""So many pictures and clouds come again and again, all in a second: the clouds differ in their points."""
 
 
 def scenes():
