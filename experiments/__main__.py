@@ -21,6 +21,7 @@ NAMES = (
     'send_order',
     'virtual_scans',
     'out_of_range',
+    'adaptation',
     'link_cut',
     'start_up',
 )

@@ -15,7 +15,7 @@ from typing import NamedTuple, Optional
 import numpy as np
 import rospy
 from nav_msgs.msg import Odometry
-from sensor_msgs.msg import CompressedImage, Image, PointCloud2
+from sensor_msgs.msg import CompressedImage, Image, LaserScan, PointCloud2
 from tf2_msgs.msg import TFMessage
 
 from .. import udpros
@@ -28,10 +28,11 @@ KINDS = {
     'jpeg': (CompressedImage, lambda message: len(message.data)),
     'cloud': (PointCloud2, lambda message: message.width * message.height),
     'mask': (Image, lambda message: float(np.mean(np.frombuffer(message.data, np.uint8) == RECEIVED))),
+    'scan': (LaserScan, lambda message: len(message.ranges)),
     'odometry': (Odometry, lambda message: 1),
     'transforms': (TFMessage, lambda message: len(message.transforms)),
 }
-"""{kind: (type, f(message) -> amount: bytes, points, transforms, or the share of the pixels that was received)}"""
+"""{kind: (type, f(message) -> amount: bytes, points, ranges, transforms, or the share of the pixels that was received)}"""
 
 LARGE = {Image, CompressedImage, PointCloud2}
 """Of these only a few wait to be told."""
