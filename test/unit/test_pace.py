@@ -43,34 +43,11 @@ def test_a_newer_message_replaces_what_did_not_leave():
     pace = Pace(rate=1000)
     pace.put('a', 'old', [(5, 100), (2, 50)])
     assert pace.take(0.0).work == 'old'
-    assert pace.sending('a') == ['old']
+    assert pace.sending('a') == 'old'
     pace.put('a', 'new', [(1, 100)])
     assert pace.dropped == {'a': 6}
     assert [chunk.work for _, chunk in sent(pace)] == ['new']
-    assert pace.sending('a') == []
-
-
-def test_a_newer_message_waits_for_what_leaves_soon():
-    pace = Pace(rate=100000, burst=1000)        # a datagram each 10 ms
-    pace.put('a', 'old', [(3, 1000)])
-    assert pace.take(0.0).start == 0
-    pace.put('a', 'replaced', [(1, 1000)])      # two are left, which is SOON
-    pace.put('a', 'new', [(0, 10), (2, 1000)])
-    assert pace.sending('a') == ['old', 'new'] and pace.dropped == {'a': 1}
-    assert [(chunk.work, chunk.part, chunk.start) for _, chunk in sent(pace)] == [
-        ('old', 0, 1), ('old', 0, 2), ('new', 1, 0), ('new', 1, 1)]
-
-
-def test_what_other_streams_send_counts_for_how_soon():
-    pace = Pace(rate=100000, burst=1000)
-    pace.put('a', 'old', [(1, 1000)])
-    pace.put('b', 'much', [(2, 1000)])
-    pace.put('a', 'new', [(1, 1000)])
-    assert pace.sending('a') == ['new'] and pace.dropped == {'a': 1}
-    pace.drop('b')
-    pace.put('a', 'newest', [(1, 1000)])
-    pace.drop('a')
-    assert pace.sending('a') == [] and pace.dropped == {'a': 3, 'b': 2} and pace.wait(0.0) == math.inf
+    assert pace.sending('a') is None
 
 
 def test_streams_take_turns_by_their_shares():

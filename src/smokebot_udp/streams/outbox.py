@@ -43,16 +43,17 @@ class Outbox:
             self._thread.join()
 
     def put(self, stream, publisher, frames):
-        """Send a message's udpros.Frames, soon after the rest of the stream's last message, or in its place."""
+        """Send a message's udpros.Frames; what did not leave yet of the stream's last message never does."""
         parts = [(len(frame), frame.datagram_size + IP_UDP_HEADERS) for frame in frames]
         with self._changed:
             self._pace.put(stream, (publisher, frames), parts)
             self._changed.notify()
 
     def sends(self, stream, frames):
-        """Whether these very frames are still to leave."""
+        """Whether these very frames are still leaving."""
         with self._changed:
-            return any(leaving is frames for _, leaving in self._pace.sending(stream))
+            leaving = self._pace.sending(stream)
+            return leaving is not None and leaving[1] is frames
 
     def publish(self, stream, publisher, message, size):
         """Send one message at once, before all that waits: small ones are never held back.

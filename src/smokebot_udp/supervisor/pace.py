@@ -3,11 +3,10 @@
 
 They leave evenly at the link's rate: a token bucket (RFC 2697's committed rate and burst size), so that no queue on the
 way overflows from our bursts. Streams that have something to send take turns by their shares: start-time fair queueing
-(P. Goyal, H. Vin, H. Cheng, "Start-time Fair Queueing", 1996). Of a stream only the newest message counts: what is left
-of the one before, and would not leave soon, is dropped, never sent late.
+(P. Goyal, H. Vin, H. Cheng, "Start-time Fair Queueing", 1996). Of a stream only the newest message counts: what did not
+leave of the one before is dropped, never sent late.
 """
 import math
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 CHUNK_LASTS = 0.002
@@ -18,9 +17,6 @@ BURST_LASTS = 0.005
 
 LATE = 0.02
 """While datagrams wait, who asks later than they might have left may catch up on so much [s]."""
-
-SOON = 0.02
-"""Where all that is leaving takes no longer, a newer message waits for the rest of its stream's last one [s]."""
 
 LONGEST_CHUNK = 65507
 """A chunk has so many bytes at most: what a kernel takes at once."""
@@ -40,35 +36,25 @@ class Chunk(NamedTuple):
     """Of all of them [byte]."""
 
 
-@dataclass
-class _Piece:
-    """What is left of a part of a message."""
-    work: Any
-    part: int
-    start: int
-    stop: int
-    size: int
-    """Of each datagram [byte]."""
-
-    @property
-    def count(self):
-        return self.stop - self.start
-
-
 class _Flow:
-    """One stream's message that is leaving, and the one that follows it, in pieces."""
+    """One stream's message that is leaving."""
 
     def __init__(self):
         self.share, self.start = 1.0, 0.0       # start: the virtual time at which it is its turn
-        self.leaving, self.following = [], []
+        self.work, self.parts = None, []
+        self.part = self.at = 0
+
+    @property
+    def left(self):
+        """Datagrams."""
+        return sum(count for count, _ in self.parts[self.part:]) - self.at
 
     def advance(self, count):
-        piece = self.leaving[0]
-        piece.start += count
-        if not piece.count:
-            del self.leaving[0]
-        if not self.leaving:
-            self.leaving, self.following = self.following, []
+        self.at += count
+        if self.at == self.parts[self.part][0]:
+            self.part, self.at = self.part + 1, 0
+        if self.part == len(self.parts):
+            self.work, self.parts, self.part = None, [], 0
 
 
 class Pace:
@@ -107,23 +93,14 @@ class Pace:
         self._train_rate, self._train_left = rate, size
 
     def put(self, stream, work, parts):
-        """A new message of a stream; what is left of the one before leaves first, if that is SOON, or never.
+        """A new message of a stream; of the one before nothing more leaves.
 
         :param parts: [(datagrams, bytes of each), ...]
         """
         flow = self._flow(stream)
-        pieces = [_Piece(work, part, 0, count, size) for part, (count, size) in enumerate(parts) if count]
-        if flow.leaving and self._soon():
-            self._count_dropped(stream, flow.following)
-            flow.following = pieces
-        else:
-            self._forget(stream)
-            flow.start = max(flow.start, self._virtual)
-            flow.leaving = pieces
-
-    def _soon(self):
-        left = sum(piece.count * piece.size for flow in self._flows.values() for piece in flow.leaving)
-        return self.rate is None or left <= self.rate * SOON
+        self._forget(stream)
+        flow.start = max(flow.start, self._virtual)
+        flow.work, flow.parts, flow.part, flow.at = work, [part for part in parts if part[0]], 0, 0
 
     def drop(self, stream):
         """Nothing more of a stream's message leaves."""
@@ -132,17 +109,13 @@ class Pace:
 
     def _forget(self, stream):
         flow = self._flow(stream)
-        self._count_dropped(stream, flow.leaving + flow.following)
-        flow.leaving, flow.following = [], []
-
-    def _count_dropped(self, stream, pieces):
-        if pieces:
-            self.dropped[stream] = self.dropped.get(stream, 0) + sum(piece.count for piece in pieces)
+        if flow.parts:
+            self.dropped[stream] = self.dropped.get(stream, 0) + flow.left
+            flow.work, flow.parts, flow.part, flow.at = None, [], 0, 0
 
     def sending(self, stream):
-        """What is leaving of a stream, and what follows it, as they were put: a list of none, one or two."""
-        flow = self._flow(stream)
-        return [pieces[0].work for pieces in (flow.leaving, flow.following) if pieces]
+        """What is leaving of a stream, as it was put; None: nothing."""
+        return self._flow(stream).work
 
     def charge(self, size, now):
         """Bytes left by another way, past the queue."""
@@ -159,9 +132,8 @@ class Pace:
         if wait > 0:
             return None
         flow, rate = self._flows[name], self._rate()
-        piece = flow.leaving[0]
-        size = count * piece.size
-        chunk = Chunk(name, piece.work, piece.part, piece.start, piece.start + count, size)
+        size = count * flow.parts[flow.part][1]
+        chunk = Chunk(name, flow.work, flow.part, flow.at, flow.at + count, size)
         flow.advance(count)
         self._virtual = flow.start
         flow.start += size / flow.share
@@ -173,21 +145,21 @@ class Pace:
 
     def _next(self, now):
         """(how long until it may leave [s], stream, how many datagrams)"""
-        waiting = [(flow.start, name) for name, flow in self._flows.items() if flow.leaving]
+        waiting = [(flow.start, name) for name, flow in self._flows.items() if flow.parts]
         if not waiting:
             return math.inf, None, 0
         _, name = min(waiting)
-        piece, rate = self._flows[name].leaving[0], self._rate()
-        count, size = piece.count, piece.size
+        flow, rate = self._flows[name], self._rate()
+        count, size = flow.parts[flow.part]
         if rate is None:
-            return 0.0, name, min(count, LONGEST_CHUNK // size or 1)
+            return 0.0, name, min(count - flow.at, LONGEST_CHUNK // size or 1)
         most = min(LONGEST_CHUNK, self.burst, rate * CHUNK_LASTS)
-        count = max(1, min(count, int(most // size)))
+        count = max(1, min(count - flow.at, int(most // size)))
         bucket = max(count * size, min(self.burst, rate * BURST_LASTS))
         return max(0.0, self._full_at + (count * size - bucket) / rate - now), name, count
 
     def _waiting(self):
-        return any(flow.leaving for flow in self._flows.values())
+        return any(flow.parts for flow in self._flows.values())
 
     def _spend(self, size, now, rate):
         self._full_at = max(now - LATE * self._waited, self._full_at) + size / rate
