@@ -86,6 +86,23 @@ def test_an_older_message_is_given_up_and_the_same_one_goes_on(make):
     assert not outbox.sends('scan', new) and outbox.dropped('scan') == 6
 
 
+def test_who_waits_until_a_message_has_left(make):
+    outbox, publisher = make(), Publisher()
+    outbox.await_sent('scan', WAIT)         # nothing is leaving
+    outbox.put('scan', publisher, frames(3))
+    outbox.await_sent('scan', 0.01)         # it is not started
+    assert publisher.sent == []
+    outbox.start()
+    outbox.await_sent('scan', WAIT)
+    publisher.wait_for(2)
+    dropper = threading.Timer(0.1, outbox.drop, ['slow'])
+    outbox.change(lambda pace: pace.set_rate(1e-3))
+    outbox.put('slow', publisher, frames(3))
+    dropper.start()
+    outbox.await_sent('slow', WAIT)
+    assert outbox.dropped('slow') > 0
+
+
 def test_small_messages_do_not_wait(make):
     told, publisher = [], Publisher()
     outbox = make(Pace(1.0, burst=1), lambda *what: told.append(what[:4]))      # 1 byte/s

@@ -28,7 +28,8 @@ class Outbox:
         self._departed, self._on_error = departed, on_error
         self.protected = 0
         """Bytes that ever left at once."""
-        self._changed = threading.Condition()
+        lock = threading.Lock()
+        self._changed, self._left = threading.Condition(lock), threading.Condition(lock)
         self._ended = False
         self._thread = threading.Thread(target=self._run, name='outbox', daemon=True)
 
@@ -39,6 +40,7 @@ class Outbox:
         with self._changed:
             self._ended = True
             self._changed.notify()
+            self._left.notify_all()
         if self._thread.ident:
             self._thread.join()
 
@@ -48,6 +50,11 @@ class Outbox:
         with self._changed:
             self._pace.put(stream, (publisher, frames), parts)
             self._changed.notify()
+
+    def await_sent(self, stream, patience):
+        """Wait until all of a stream's message has left, but no longer than `patience` [s]."""
+        with self._left:
+            self._left.wait_for(lambda: self._ended or self._pace.sending(stream) is None, patience)
 
     def sends(self, stream, frames):
         """Whether these very frames are still leaving."""
@@ -72,6 +79,7 @@ class Outbox:
         """Nothing more of a stream's message leaves."""
         with self._changed:
             self._pace.drop(stream)
+            self._left.notify_all()
 
     def dropped(self, stream):
         """Datagrams of a stream that a newer message replaced."""
@@ -93,6 +101,8 @@ class Outbox:
                 if self._ended:
                     return
                 chunk = self._pace.take(time.monotonic())
+                if self._pace.sending(chunk.stream) is None:
+                    self._left.notify_all()
             try:
                 self._send(chunk)
             except Exception as error:      # one stream's fault is not the others'
