@@ -24,7 +24,7 @@ LEAP = 1.5
 BUDGET = 0.95
 """Of the capacity so much is to be divided: what is left is for what came unforeseen."""
 
-DATAGRAM_TAKES, LEAST_DATAGRAM = 0.015, 400
+DATAGRAM_TAKES, LEAST_DATAGRAM = 0.012, 400
 """A datagram is to take so long of the link at most [s], but is no shorter than this [byte]."""
 
 

@@ -40,13 +40,13 @@ from .quiet import Quiet
 MBIT = 1e6 / 8
 """[byte/s]"""
 
-TARGET, REFERENCE, SHAPE = 0.005, 20 * MBIT, 0.3
+TARGET, REFERENCE, SHAPE = 0.005, 20 * MBIT, 0.25
 """The queue to keep at a rate: TARGET * (REFERENCE / rate) ** SHAPE [s]"""
 
 LEAST_TARGET, MOST_TARGET = 0.005, 0.04
 """[s]"""
 
-MOST_NOISE = 0.015
+MOST_NOISE = 0.01
 """Noise makes the queue to keep longer, by so much at most [s]."""
 
 HORIZON = 0.2
@@ -201,8 +201,10 @@ class Estimator:
                 link.capacity += more
         if queue < FULL and not self._loss.excess:
             most = math.inf if busy < whole * 3 / 4 else PUSHES * link.capacity
-            link.capacity = max(link.capacity, min(most, peak(chain, 2 * self._delay.noise)))
-            self._delay.note_noise(chain)
+            # beside a full queue what left was not all carried
+            short = max((at + 1 for at, wait in enumerate(waits) if wait > FULL), default=0)
+            link.capacity = max(link.capacity, min(most, peak(chain[short:], 2 * self._delay.noise)))
+            self._delay.note_noise(chain[short:])
             if queue < self._target() / 2:
                 offered = (chain[-1].total - chain[0].total) / max(chain[-1].sent - chain[0].sent, 1e-3)
                 reach = max(HOPES * self.limits.floor, REACHES * offered)
@@ -231,7 +233,7 @@ def peak(chain, noise):
     """
     sent, arrived, total = (np.array([getattr(point, name) for point in chain])
                             for name in ('sent', 'arrived', 'total'))
-    size = max(point.size for point in chain)
+    size = max((point.size for point in chain), default=0)
     first, last = np.triu_indices(len(chain), 1)
     carried = total[last] - total[first]
     took = np.maximum(sent[last] - sent[first], arrived[last] - arrived[first]) + noise

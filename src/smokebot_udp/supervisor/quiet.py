@@ -14,6 +14,10 @@ DRAIN, DRAIN_RATE = 0.6, 0.25
 SETTLES = 0.15
 """but so long at the least [s]."""
 
+GOES_ON, STILL, LONGEST = 0.25, 0.005, 3.0
+"""It goes on for so long [s] after a report whose delay is another than before, by so much [s]: what is left when a drain
+ends is the way, and that does not change; but it is no longer than this [s]."""
+
 ASKS = 3.0
 """Loss is asked after no oftener than this [s]."""
 
@@ -68,8 +72,11 @@ class Quiet:
         :return: whether it has ended
         """
         if point.sent >= self._began and (self.lasts(now) or self._least is not None):
+            changed = self._least is not None and abs(point.delay - self._least.delay) > STILL
             if self._least is None or point.delay < self._least.delay:
                 self._least = point
+            if self._drains and changed and now - self._began < LONGEST:
+                self._ends = max(self._ends, now + GOES_ON)
             if self._drains and queue < target and now - self._began > SETTLES:
                 self._ends = min(self._ends, now)
         if self.lasts(now) or self._least is None:
