@@ -16,8 +16,8 @@ TITLE = 'The bandwidth supervisor, simulated'
 
 EXPLANATION = """
 What is sent is to follow what the link carries. Here the package's own code for it (the receiver's reports, the
-estimate, the division among the streams, the pace) runs over the link lab's channel, event by event and faster than real
-time: datagrams have sizes and times, and no pixels.
+estimate, the division among the streams, the pace) runs over the link lab's channel, event by event and faster than
+real time: datagrams have sizes and times, and no pixels.
 
 **A link that steps**, 20 → 5 → 1 → 0.3 → 20 Mbit/s with a delay of 20 ms, a queue of 200 ms, and 0, 5 or 20 % of the
 datagrams lost at random, those of the reports, too. First with a sender that always has more, which shows the estimate
@@ -34,7 +34,7 @@ EACH, SETTLED = 10.0, 2.0
 """A step lasts so long, and is judged from then on [s]."""
 
 LOSSES = 0.0, 0.05, 0.2
-SEEDS = 20
+SEEDS = 10
 DELAY, QUEUE = 0.02, 0.2
 SHARED = 20.0
 """[Mbit/s]"""
@@ -146,9 +146,9 @@ def plot(folder):
     rows = [_row(steps, loss, number) for loss in LOSSES for number in range(len(STEPS))]
     return [
         _draw_course(folder),
-        Table('From %g s after each step, %d runs each: the median, and the worst in brackets. Asked for: 85 %% used, at '
-              'most 60 ms of queue, nothing dropped, 2 pictures a second, and of what is protected the link\'s loss, and an '
-              'age of 80 ms at most' % (SETTLED, len({row['seed'] for row in steps})),
+        Table('From %g s after each step, %d runs each: the median, and the worst in brackets. Asked for: 85 %% used, '
+              'at most 60 ms of queue, nothing dropped, 2 pictures a second, and of what is protected the link\'s '
+              'loss, and an age of 80 ms at most' % (SETTLED, len({row['seed'] for row in steps})),
               ['loss', 'Mbit/s', 'used', 'queue p95 [ms]', 'dropped', 'used by streams', 'protected lost',
                'protected age p99 [ms]', 'pictures [Hz]'], rows),
         _draw_crowds(folder),
@@ -162,9 +162,10 @@ def _row(steps, loss, number):
     def tell(what, worst, text, scale=1.0):
         values = [scale * row[what] for row in chosen]
         return '%s (%s)' % (text % np.median(values), text % worst(values))
-    return ['%g %%' % (100 * loss), '%g' % STEPS[number], tell('used', min, '%.0f %%', 100), tell('queue_p95', max, '%.0f'),
-            tell('dropped', max, '%.0f'), tell('used_streams', min, '%.0f %%', 100),
-            tell('protected_lost', max, '%.1f %%', 100), tell('protected_p99', max, '%.0f'), tell('pictures', min, '%.1f')]
+    return ['%g %%' % (100 * loss), '%g' % STEPS[number], tell('used', min, '%.0f %%', 100),
+            tell('queue_p95', max, '%.0f'), tell('dropped', max, '%.0f'), tell('used_streams', min, '%.0f %%', 100),
+            tell('protected_lost', max, '%.1f %%', 100), tell('protected_p99', max, '%.0f'),
+            tell('pictures', min, '%.1f')]
 
 
 def _draw_course(folder):
@@ -183,8 +184,8 @@ def _draw_course(folder):
     axes[0].legend(loc='lower left', ncol=2)
     axes[-1].set(xlabel='time [s]', xlim=(0, edges[-1]))
     drawing.save(figure, folder / 'course.png')
-    return Figure('course.png', 'What the link carries and what is sent, over %g s, and the longest wait in its queue: the '
-                  'dotted line is what is allowed where it has settled.' % BIN)
+    return Figure('course.png', 'What the link carries and what is sent, over %g s, and the longest wait in its queue: '
+                  'the dotted line is what is allowed where it has settled.' % BIN)
 
 
 def _draw_crowds(folder):
@@ -193,7 +194,8 @@ def _draw_crowds(folder):
     for robots in sorted({row['robots'] for row in rows}):
         own = [row for row in rows if row['robots'] == robots]
         for axis, what in zip(axes, ('used', 'jain', 'wait')):
-            axis.plot([row['second'] for row in own], [row[what] for row in own], label='%d robot%s' % (robots, 's' * (robots > 1)))
+            axis.plot([row['second'] for row in own], [row[what] for row in own],
+                      label='%d robot%s' % (robots, 's' * (robots > 1)))
     axes[0].set(ylabel='share used', ylim=(0, 1.1))
     axes[1].set(ylabel="Jain's index", ylim=(0, 1.05))
     axes[2].set(ylabel='queue p95 [ms]', ylim=(0, 210), xlabel='time [s]')
@@ -201,8 +203,8 @@ def _draw_crowds(folder):
     drawing.save(figure, folder / 'crowds.png')
     lost = ', '.join('%.1f %% with %d' % (100 * row['dropped'], row['robots'])
                      for row in table.read(folder / 'dropped.csv'))
-    return Figure('crowds.png', 'Robots that share %g Mbit/s and start within 5 s: what they use together, how fairly, and '
-                  'how long datagrams queue. The full queue dropped %s.' % (SHARED, lost))
+    return Figure('crowds.png', 'Robots that share %g Mbit/s and start within 5 s: what they use together, how fairly, '
+                  'and how long datagrams queue. The full queue dropped %s.' % (SHARED, lost))
 
 
 again(__name__, plot)

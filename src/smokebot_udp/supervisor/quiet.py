@@ -15,8 +15,8 @@ SETTLES = 0.15
 """but so long at the least [s]."""
 
 GOES_ON, STILL, LONGEST = 0.25, 0.005, 3.0
-"""It goes on for so long [s] after a report whose delay is another than before, by so much [s]: what is left when a drain
-ends is the way, and that does not change; but it is no longer than this [s]."""
+"""It goes on for so long [s] after a report whose delay is another than before, by so much [s]: what is left when a
+drain ends is the way, and that does not change; but it is no longer than this [s]."""
 
 ASKS = 3.0
 """Loss is asked after no oftener than this [s]."""
