@@ -110,3 +110,22 @@ def test_no_report_pushes_the_rate_out_of_its_limits(reports):
         estimator.poll(now)
         assert limits.floor <= estimator.rate <= limits.max_rate
         assert limits.floor <= estimator.link.capacity <= limits.max_rate
+
+
+def test_who_claims_that_all_came_at_once_gets_max_rate_and_no_more():
+    limits = Limits(floor=10000.0, start=50000.0, max_rate=200000.0)
+    departures = Departures()
+    checked, estimator, seq, rates = Reports(departures), Estimator(100.0, limits), 0, []
+    for k in range(100):
+        first, begun = seq + 1, 100.0 + 0.1 * k
+        for _ in range(int(0.1 * estimator.rate / 1000) + 2):
+            seq += 1
+            departures.note('a', seq, 1, 1000, begun + 0.001 * (seq - first) / (estimator.rate / 1e6))
+        now = begun + 0.2
+        marks = [ArrivalMark(0, at, seq - at) for at in range(max(first, seq - 50), seq + 1)]
+        evidence = checked.take(Report(1, round(1e6 * now), [StreamArrivals('a', seq, seq, 1000 * seq)], marks), now)
+        assert evidence is not None
+        estimator.take(evidence, now)
+        assert max(estimator.rate, estimator.link.capacity) <= limits.max_rate
+        rates.append(estimator.link.capacity)
+    assert max(rates) == limits.max_rate        # it does believe it
