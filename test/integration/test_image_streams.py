@@ -69,18 +69,22 @@ class ImageStreams(unittest.TestCase):
         for collector in self.out.values():
             collector.clear()
 
-    def play(self, pictures, rate, losses=(0, 50, 90)):
-        """Send mono16 pictures, `rate` a second, or as many as the machine bears while others keep it busy.
+    def due(self, count, rate, losses=(0, 50, 90)):
+        """`count` times, `rate` a second, or as many as the machine bears while others keep it busy.
 
-        Each is shown at all these losses before the next but one is sent, and without loss before the next.
-
-        :return: {stamp: message}
+        Each one's picture is shown at all these losses before the next but one is due, without loss before the next.
         """
-        sent = {}
-        for stamp, picture in zip(stamps(len(pictures), rate), pictures):
-            before = list(sent)
+        before = []
+        for stamp in stamps(count, rate):
             self.await_shown(before[-1:], {0} & set(losses))
             self.await_shown(before[-2:-1], losses)     # where segments are lost, the next picture may be what ends one
+            yield stamp
+            before.append(stamp)
+
+    def play(self, pictures, rate, losses=(0, 50, 90)):
+        """Send mono16 pictures when they are due: {stamp: message}."""
+        sent = {}
+        for stamp, picture in zip(self.due(len(pictures), rate, losses), pictures):
             message = image(picture.tobytes(), picture.shape[0], picture.shape[1], 'mono16', stamp)
             self.source.publish(message)
             sent[stamp] = message
@@ -170,7 +174,7 @@ class ImageStreams(unittest.TestCase):
         wait_for(odometry.get_num_connections, what='the receivers')
         here, there = (np.random.RandomState(seed).randint(7000, 9000, (480, 640)).astype(np.uint16) for seed in (1, 2))
         shares = []
-        for k, stamp in enumerate(stamps(26, 10.0)):
+        for k, stamp in enumerate(self.due(26, 10.0)):
             stands = k < 24
             message = Odometry()
             message.twist.twist.linear.x = 0.0 if stands else 0.5
