@@ -65,24 +65,25 @@ class Crossing:
     """A context manager.
 
     :param run: runner.Run
+    :param adapt: whether robot_sender's rate follows the link; else it sends all, as the other ways do
     :raises LabError: where there can be no emulated link
     """
 
-    def __init__(self, run, congestion_control='cubic'):
+    def __init__(self, run, adapt=False):
         self._settle = QUICK_SETTLE if run.quick else SETTLE
-        self._stack = Stack(run.seed, congestion_control, run.folder / 'nodes.log')
+        self._stack = Stack(run.seed, log=run.folder / 'nodes.log')
         try:
-            self._start()
+            self._start(adapt)
         except BaseException:
             self._stack.close()
             raise
 
-    def _start(self):
+    def _start(self, adapt):
         self._link({})
         streams = '_streams_file:=%s' % (TOP / 'experiments' / 'streams.yaml')
         self._source = self._stack.start('robot', sys.executable, '-m', 'experiments.source', cwd=str(TOP),
                                          stdin=subprocess.PIPE, stdout=subprocess.PIPE, universal_newlines=True)
-        self._stack.start_node('robot', 'robot_sender', streams)
+        self._stack.start_node('robot', 'robot_sender', streams, '_adapt:=%s' % str(adapt).lower())
         self._stack.start_node('operator', 'operator_receiver', streams)
         self.listener = Listener(self._stack)
         if not self._source.stdout.readline():

@@ -39,7 +39,7 @@ def run(run, course, seconds, haste=1.0):
     """
     steps = [replace(step, at=step.at / haste) for step in courses.load(course)[1]]
     rows, states = [], []
-    with Crossing(run) as crossing:
+    with Crossing(run, adapt=True) as crossing:
         for name in run.steps(QUICK_WAYS if run.quick else WAYS, say=str):
             crossing.use(WAYS[name])
             begun = time.time()
