@@ -38,7 +38,7 @@ class Outbox:
 
 
 def allocation(*streams):
-    return Allocation({stream.name: stream for stream in streams}, Outbox())
+    return Allocation({stream.name: stream for stream in streams}, Link(1472, Outbox()))
 
 
 def taken(stream):
@@ -86,6 +86,36 @@ def test_what_is_protected_is_served_first():
         made._outbox.protected += 3 * SIZE      # thirty datagrams a second
         made.divide(100 * SIZE, 0.1 * step)
     assert 'odom' not in made.shares and 0.8 * 70 * SIZE < taken(stream) <= 70 * SIZE
+
+
+def test_on_a_tiny_link_what_is_protected_comes_more_rarely_and_the_picture_goes_on():
+    stream = images('thermal')
+    odom = heard(RelaySender, 'odom', message_type='nav_msgs/Odometry', rate=10.0)
+    slow = heard(RelaySender, 'gas', message_type='std_msgs/Float32', rate=0.5)
+    made, now = allocation(stream, odom, slow), 0.0
+
+    def hold(budget, seconds):
+        nonlocal now
+        for _ in range(round(10 * seconds)):
+            now += 0.1
+            made._outbox.protected += odom.settings['rate'] / 10 * 750
+            made.divide(budget, now)
+    hold(75000, 10)
+    assert odom.settings['rate'] == 10 and odom.granted == {}
+    hold(10000, 10)
+    assert odom.settings['rate'] == 5 and slow.settings['rate'] == 0.5 and stream.wanted
+    hold(1000, 10)
+    assert odom.settings['rate'] == 2.5
+    hold(75000, 10)
+    assert odom.settings['rate'] == 10 and odom.granted == {}
+
+
+def test_datagrams_are_short_where_the_link_is_slow():
+    stream = images('thermal')
+    made = allocation(stream)
+    for budget, size in ((None, 1472), (1e6, 1472), (40000, 736), (60000, 736), (100000, 1472), (60000, 1472)):
+        made.divide(budget, 0.0)
+        assert made._link.datagram_size == size
 
 
 def test_who_cannot_even_have_the_least_waits_and_comes_back():

@@ -2,7 +2,7 @@
 """Gives the robot's streams their shares of the link, again and again, and turns them down to what these pay for."""
 import math
 
-from ..supervisor.allocate import Allocator, Demand
+from ..supervisor.allocate import Allocator, DatagramSize, Demand, Thinning
 from ..supervisor.meter import Rate
 
 KBIT = 1e3 / 8
@@ -19,12 +19,14 @@ class Allocation:
     """Divides the link among streams.
 
     :param streams: {name: RobotStream}, started
-    :param outbox: streams.outbox.Outbox
+    :param link: streams.base.Link, theirs
     """
 
-    def __init__(self, streams, outbox):
+    def __init__(self, streams, link):
         self._streams = {name: stream for name, stream in streams.items() if not stream.PROTECTED}
-        self._outbox = outbox
+        self._relays = [stream for stream in streams.values() if stream.PROTECTED]
+        self._link, self._outbox = link, link.outbox
+        self._datagrams, self._thinning = DatagramSize(link.max_datagram_size), Thinning()
         self._allocator = Allocator()
         self._sources = {name: Rate(OVER) for name in self._streams}
         self._protected = Rate(OVER)
@@ -39,9 +41,11 @@ class Allocation:
         :param budget: [byte/s]; None: there is no limit
         :param now: by a steady clock [s]
         """
+        self._link.datagram_size = self._datagrams.follow(math.inf if budget is None else budget)
         demands = self._demands(now)
         self._protected.read(self._outbox.protected, now)
         protected = self._protected.per_second or 0.0
+        self._thin(self._thinning.follow(math.inf if budget is None else budget, protected, now))
         self.wanted = protected + math.fsum(demand.levels[-1].cost for demand in demands.values())
         budget = self.wanted if budget is None else budget
         grants = self._allocator.allocate(budget, demands, protected, now)
@@ -61,6 +65,12 @@ class Allocation:
     def forget(self):
         """The focus has changed: all is divided anew, without a wait."""
         self._allocator.forget()
+
+    def _thin(self, part):
+        for stream in self._relays:
+            thinned = {name: max(part * stream.asked[name], min(least, stream.asked[name]))
+                       for name, least in stream.LEAST.items()}
+            stream.grant(thinned if part < 1 else {})
 
     def _demands(self, now):
         """{stream: Demand} of those that have something to send to somebody."""

@@ -57,8 +57,9 @@ class RobotSender:
             self._outbox = Outbox(Pace(self._link.start_rate, BURST * (size + IP_UDP_HEADERS)), self._link.departed,
                                   _tell)
             self._outbox.start()
-            self.streams = load_streams(parameters, robot_class, Link(size, outbox=self._outbox))
-            allocation = Allocation(self.streams, self._outbox)
+            link = Link(size, outbox=self._outbox)
+            self.streams = load_streams(parameters, robot_class, link)
+            allocation = Allocation(self.streams, link)
             self.focus = FocusControl(self.streams, profiles, allocation, problems.tell)
             self._link.start(self._outbox, allocation)
             self._clock = ClockServer()

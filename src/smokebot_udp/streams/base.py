@@ -40,6 +40,10 @@ class Link:
     clock_offset: Callable = lambda: 0.0
     """f() -> how far the robot's clock is ahead of the operator's [s]."""
 
+    def __post_init__(self):
+        self.datagram_size = self.max_datagram_size
+        """The longest that the robot's streams are to send now [byte of UDP payload]."""
+
 
 def wire_topic(name):
     """Where a stream's segments cross."""

@@ -65,7 +65,7 @@ class CloudSender(RobotStream):
         point_format = (cloud.packed(points, self.settings['error_bound'], intensity) if packed
                         else cloud.plain(intensity is not None))
         frame_id = message.header.frame_id.encode()
-        per_chunk = room(CloudChunk, self.link.max_datagram_size, frame_id) // point_format.size
+        per_chunk = room(CloudChunk, self.link.datagram_size, frame_id) // point_format.size
         if not point_format.step:
             per_chunk = min(per_chunk, self.settings['points_per_chunk'])
         dealt = cloud.deal(point_format.write(points, intensity), max(1, -(-len(points) // per_chunk)))

@@ -87,7 +87,7 @@ class GridSender(RobotStream):
         check_origin(info.origin)
         frame_id = message.header.frame_id.encode()
         (factor, cut, per_segment), (_, whole, in_each) = (grid.fit(
-            info.height, info.width, room(GridSegment, self.link.max_datagram_size, frame_id),
+            info.height, info.width, room(GridSegment, self.link.datagram_size, frame_id),
             settings['max_cells'], settings['max_segments']) for settings in (self.settings, self.asked))
         cells = grid.reduce_by(cells, factor)
         content = frame_id, str(info.origin), info.resolution, factor, cut, per_segment, zlib.crc32(cells.tobytes())

@@ -51,7 +51,7 @@ class ImageSender(RobotStream):
     def frames(self, message):
         items = self._items(message)
         frame_id, encoding = message.header.frame_id.encode(), message.encoding.encode()
-        left = room(ImageSegment, self.link.max_datagram_size, frame_id, encoding)
+        left = room(ImageSegment, self.link.datagram_size, frame_id, encoding)
         cut, per_segment = interleave.fit(items.shape[0], items.shape[1], items.dtype.itemsize, left)
         total, asked = (min(settings['max_subimages'] or len(cut), len(cut))
                         for settings in (self.settings, self.asked))

@@ -99,6 +99,7 @@ def size_of(message):
 class RelaySender(RobotStream):
     """Sends small messages, at most `rate` a second, always the newest."""
     QUEUE_SIZE, PROTECTED = QUEUE, True
+    LEAST = {'rate': 1.0, 'repeat_rate': 0.2}   # a slow link takes no more of these settings [Hz]
     PARAMETERS = {
         **ROBOT, **RELAY,
         'repeat_rate': Parameter(1.0, 'Hz', 'with latch: the last message is sent again so often', above=0.0,

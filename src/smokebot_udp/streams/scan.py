@@ -35,7 +35,7 @@ class ScanSender(RobotStream):
 
     def frames(self, message):
         check(message)
-        frames = scan_frames(message, self.settings['intensity'], self.link.max_datagram_size)
+        frames = scan_frames(message, self.settings['intensity'], self.link.datagram_size)
         self._size = size_of(frames)
         return frames
 

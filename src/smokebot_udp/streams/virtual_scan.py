@@ -163,7 +163,7 @@ class VirtualScanSender(RobotStream):
         self._scans.publish(scan)
         if super().wanted and not self._limiter.wait(time.monotonic()):
             self._limiter.take(time.monotonic())
-            frames = scan_frames(scan, False, self.link.max_datagram_size)
+            frames = scan_frames(scan, False, self.link.datagram_size)
             self._size = size_of(frames)
             self.put(frames)
             self.sent += 1

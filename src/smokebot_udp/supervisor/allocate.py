@@ -27,6 +27,13 @@ BUDGET = 0.95
 DATAGRAM_TAKES, LEAST_DATAGRAM = 0.012, 400
 """A datagram is to take so long of the link at most [s], but is no shorter than this [byte]."""
 
+PROTECTED_PART, THINNEST = 0.4, 0.25
+"""Where protected streams take more of the link than the first, they are sent more rarely, down to the second of their
+rates: a link that odometry fills shows nothing."""
+
+THINNED_FOR = 3.0
+"""So long at least: what they take is measured over 2 s [s]."""
+
 
 @dataclass
 class Demand:
@@ -57,6 +64,54 @@ def datagram_size(rate, most):
     :param most: where the link is fast [byte]
     """
     return int(min(most, max(LEAST_DATAGRAM, rate * DATAGRAM_TAKES)))
+
+
+class DatagramSize:
+    """Halves datagrams, again and again, where the link is slow; they are long again where it is surely fast.
+
+    :param most: [byte]
+    """
+
+    def __init__(self, most):
+        self._most, self._halved = most, 0
+
+    def follow(self, rate):
+        """How long datagrams are to be now [byte]: at the most twice what `datagram_size` says of the rate [byte/s]."""
+        fit, halved = datagram_size(rate, self._most), 0
+        while self._most >> halved + 1 >= fit:
+            halved += 1
+        if halved > self._halved or self._most >> max(0, self._halved - 1) <= fit:
+            self._halved = halved
+        return self._most >> self._halved
+
+
+class Thinning:
+    """Halves what protected streams send, and halves it again, where they leave too little of a slow link to others."""
+
+    def __init__(self):
+        self.part = 1.0
+        """Of their rates."""
+        self._changed, self._room_since = -math.inf, None
+
+    def follow(self, budget, protected, now):
+        """The part of their rates that protected streams are to have.
+
+        :param budget: of the link [byte/s]
+        :param protected: what they take of it, as they are thinned [byte/s]
+        :param now: by a steady clock [s]
+        """
+        if now - self._changed < THINNED_FOR:
+            return self.part        # what they take was measured before
+        whole, part = protected / self.part, THINNEST
+        while part < 1 and 2 * part * whole <= PROTECTED_PART * budget:
+            part *= 2
+        if part <= self.part:
+            self._room_since = None
+        elif self._room_since is None:
+            self._room_since = now
+        if part < self.part or (part > self.part and now - self._room_since >= THINNED_FOR):
+            self.part, self._changed, self._room_since = part, now, None
+        return self.part
 
 
 def shares(budget, demands):
