@@ -105,7 +105,7 @@ def crowd(robots, seconds, seed):
     for number, robot in enumerate(all_):
         for when, size, wait in robot.sent:
             if when < seconds:
-                bytes_[number, int(when)] += size
+                bytes_[number, int(when)] += size * (wait <= QUEUE)     # what waits longer is dropped
                 waits[int(when)].append(wait)
     rows = []
     for second in range(2, int(seconds)):
