@@ -113,7 +113,7 @@ def test_on_a_tiny_link_what_is_protected_comes_more_rarely_and_the_picture_goes
 def test_datagrams_are_short_where_the_link_is_slow():
     stream = images('thermal')
     made = allocation(stream)
-    for budget, size in ((None, 1472), (1e6, 1472), (40000, 736), (60000, 736), (100000, 1472), (60000, 1472)):
+    for budget, size in ((None, 1472), (1e6, 1472), (40000, 736), (70000, 736), (130000, 1472), (70000, 1472)):
         made.divide(budget, 0.0)
         assert made._link.datagram_size == size
 
