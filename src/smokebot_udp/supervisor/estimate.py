@@ -25,9 +25,9 @@ What it rests on, and where that is from:
   time is spent on them. More loss than before is a reason to ask: the rate is halved for a moment. What is lost then,
   too, the air loses (loss.py); what is not was dropped by a queue too short to be seen, and the rate goes down by it.
 
-Where it ends: a queue of 10 ms and less, which drops before it is seen, is overrun by some 40 % in spite of that; an air
-that loses more than half is taken for an overrun one, and left to the floor; a flow that fills the queue whatever others
-do, as TCP's cubic, gets nearly all.
+Where it ends: a queue of 10 ms, which drops before it is seen, is overrun by some 40 % in spite of that; an air that
+loses much more than half is taken for an overrun one, and left to the floor; and as all that go by delay it is no match
+for a flow that fills the queue whatever others do.
 """
 import math
 import statistics
