@@ -167,9 +167,11 @@ def run(log, quick=False):
     folder = pictures.TOP / 'results' / 'bench'
     folder.mkdir(parents=True, exist_ok=True)
     fill_plots.plot(results['quality'], GOALS, folder / 'fill.png')
+    at_hand = {**photographs, **recordings}
     for file, names in SHEETS.items():
-        shown = {**photographs, **recordings}
-        fill_plots.sheet({name: shown[name] for name in names if name in shown}, folder / file)
+        shown = {name: at_hand[name] for name in names if name in at_hand}
+        if shown:
+            fill_plots.sheet(shown, folder / file)
     log('see %s/fill*' % folder)
     return results
 
