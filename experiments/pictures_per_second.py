@@ -13,12 +13,13 @@ EXPLANATION = """
 A camera takes ten pictures a second, 640 x 480 grey ones. They cross an emulated Wi-Fi link of 54 Mbit/s, which loses
 packets independently and delays all, in five ways: as JPEG (quality 80: what `compressed_image_transport` sends) and
 as they are, each over ROS' TCP transport and, whole, over its UDP transport; and by this package, which sends pixels
-unchanged, too, but so that each datagram is of use without the others. One way at a time, the same pictures, TCP with
-*cubic*. The deliverable's Figure 9 has a text only: over both transports the rate drops, with high losses TCP is worse
-than UDP, raw pictures over UDP fail from 2 % on, those over TCP at about 20 %, and its own method stays at 10 Hz.
+unchanged, too, but so that each datagram is of use without the others, all of them at once (`adapt` is off). One way
+at a time, the same pictures, TCP with *cubic*. The deliverable's Figure 9 has a text only: over both transports the
+rate drops, with high losses TCP is worse than UDP, raw pictures over UDP fail from 2 % on, those over TCP at about 20
+%, and its own method stays at 10 Hz.
 
-What the figures do not show: on a link without loss all ways bring all pictures, and a JPEG takes about a tenth of the
-bytes. What this package shows at 90 % loss has a tenth of its pixels measured, the others filled: see Figure 10.
+What the figures do not show: on a link without loss all ways bring all pictures, and a JPEG takes about a tenth of
+the bytes. What this package shows at 90 % loss has a tenth of its pixels measured, the others filled: see Figure 10.
 """
 
 LOSSES = 0, 1, 2, 5, 10, 20, 50, 90

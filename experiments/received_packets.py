@@ -53,6 +53,7 @@ def plot(folder):
     rows = table.read(folder / 'packets.csv')
     fixed, adapted = ([row for row in rows if row['adapt'] == adapt] for adapt in (False, True))
     losses, packets, rates = ([row[key] for row in fixed] for key in ('loss [%]', 'packets', 'rate [Hz]'))
+    others = {row['loss [%]']: (row['packets'], row['rate [Hz]']) for row in adapted}
     slope, start, fit = straight_line(losses, packets)
     figure, (axes, beside) = drawing.canvas(11, 4.2, columns=2)
     axes.fill_between(losses, [row['p5'] for row in fixed], [row['p95'] for row in fixed], color=drawing.OURS,
@@ -72,8 +73,8 @@ def plot(folder):
     return [Figure('packets.png', 'Over loss. Where all is sent, R² of the straight line is %.5f.' % fit),
             Table('The same in numbers; the line is %.1f − %.3f for each percent lost.' % (start, -slope),
                   ['lost [%]', 'packets of 64', 'pictures a second', 'packets, rate adapted', 'pictures a second'],
-                  [[row['loss [%]'], row['packets'], row['rate [Hz]'], other['packets'], other['rate [Hz]']]
-                   for row, other in zip(fixed, adapted)])]
+                  [[row['loss [%]'], row['packets'], row['rate [Hz]'], *others.get(row['loss [%]'], (None, None))]
+                   for row in fixed])]
 
 
 again(__name__, plot)
