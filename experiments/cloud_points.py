@@ -52,7 +52,7 @@ def run(run):
 def plot(folder):
     rows = table.read(folder / 'points.csv')
     delays = sorted({row['delay [ms]'] for row in rows})
-    figure, (left, *right) = drawing.canvas(4.2 + 3.4 * len(delays), 4.4, columns=1 + len(delays))
+    figure, (left, *right) = drawing.canvas(6 + 3.2 * len(delays), 4.4, columns=1 + len(delays))
     ours = [row for row in rows if row['way'] == OURS and row['amount']]
     losses = sorted({row['loss [%]'] for row in ours})
     points = [statistics.mean(row['amount'] for row in ours if row['loss [%]'] == loss) for loss in losses]
