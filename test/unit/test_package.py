@@ -14,7 +14,7 @@ MAY_IMPORT = {
     'nodes': {'nodes', 'streams', 'codecs', 'udpros', 'supervisor', 'simulation', 'msg', 'srv'},
     'streams': {'streams', 'codecs', 'udpros', 'supervisor', 'msg'},
     'codecs': {'codecs'}, 'udpros': {'udpros'}, 'supervisor': {'supervisor'}, 'simulation': {'simulation'},
-    'link_lab': {'link_lab', 'supervisor', 'udpros', 'codecs'},
+    'link_lab': {'link_lab', 'streams', 'supervisor', 'udpros', 'codecs', 'msg'},
 }
 """Each room of the package, and the rooms it may know."""
 
