@@ -32,6 +32,7 @@ class Operator:
     def __init__(self, departures, limits, now):
         self.reports, self.estimator = Reports(departures), Estimator(now, limits)
         self.heard = now
+        self.known = False      # whether a report of it ever told of datagrams that came
 
 
 class LinkControl:
@@ -82,6 +83,7 @@ class LinkControl:
             if evidence is None:
                 return
             operator.heard = now
+            operator.known |= bool(evidence.points)
             train = operator.estimator.take(evidence, now, self._allocation.wanted)
         if self._adapt:
             self._set_rate(now)
@@ -100,8 +102,9 @@ class LinkControl:
         return self._operators[name]
 
     def _worst(self, now):
-        """The (name, Operator) that the rate goes by; None where none ever reported."""
-        heard = [item for item in self._operators.items() if now - item[1].heard <= GONE] or self._operators.items()
+        """The (name, Operator) that the rate goes by; None where none ever reported what came."""
+        known = [item for item in self._operators.items() if item[1].known]
+        heard = [item for item in known if now - item[1].heard <= GONE] or known
         return min(heard, key=lambda item: item[1].estimator.rate, default=None)
 
     def _rate(self, now):
