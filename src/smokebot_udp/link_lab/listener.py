@@ -10,16 +10,18 @@ import subprocess
 import sys
 import threading
 import time
-from typing import NamedTuple, Optional
+from typing import Any, NamedTuple, Optional
 
 import numpy as np
 import rospy
+from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import CompressedImage, Image, LaserScan, PointCloud2
 from tf2_msgs.msg import TFMessage
 
 from .. import udpros
 from ..codecs.image import RECEIVED
+from ..msg import LinkStatus
 from ..streams.relay import stamp_of
 
 KINDS = {
@@ -31,8 +33,13 @@ KINDS = {
     'scan': (LaserScan, lambda message: len(message.ranges)),
     'odometry': (Odometry, lambda message: 1),
     'transforms': (TFMessage, lambda message: len(message.transforms)),
+    'link': (LinkStatus, lambda message: {name: getattr(message, name) for name in (
+        'rate', 'sent', 'wanted', 'capacity', 'queue_delay', 'round_trip')}),
+    'diagnostics': (DiagnosticArray, lambda message: [status.message for status in message.status] + [
+        pair.key for status in message.status for pair in status.values if 'refused' in pair.key]),
 }
-"""{kind: (type, f(message) -> amount: bytes, points, ranges, transforms, or the share of the pixels that was received)}"""
+"""{kind: (type, f(message) -> amount: bytes, points, ranges, transforms, the share of the pixels that was received, or
+what a message says)}"""
 
 LARGE = {Image, CompressedImage, PointCloud2}
 """Of these only a few wait to be told."""
@@ -47,7 +54,7 @@ class Heard(NamedTuple):
     """[s]; None where it tells none."""
     arrival: float
     """[s], of the same clock: both sides of a lab are one machine."""
-    amount: float
+    amount: Any
     """See KINDS."""
 
     @property
