@@ -21,11 +21,11 @@ package with the rate that follows the link; the same at a fixed rate, as the de
 its best; and everything whole, one message each, as ROS does it: pictures as JPEG of quality 80, clouds thinned to
 0.1 m, odometry and transforms at 10 Hz, over UDPROS, and over TCPROS with cubic and with bbr.
 
-*Used* is what the air carried of what it could, *queue* how long packets waited for it; both of the emulated link itself,
-from 2 s after a step to its end. *Dropped* are packets that found the queue full, from 1 s after a step on. Quality is that
-of what is on the operator's screen at each instant, beside what the camera sees at that instant, in 256 greys from 23 to
-43 degC, so age costs, too. All these processes share one small machine: `late` tells how late the emulated link was itself
-(p99 of each quarter of a second, their median), `load` is the machine's.
+*Used* is what the air carried of what it could, *queue* how long packets waited for it; both told by the emulated link
+itself, from 2 s after a step to its end. *Dropped* are packets that found the queue full, from 1 s after a step on.
+Quality is that of what is on the operator's screen at each instant, beside what the camera sees at that instant, in
+256 greys from 23 to 43 degC, so age costs, too. All these processes share one small machine: *late* tells how late the
+emulated link was itself (p99 of each quarter of a second, their median), *load* is the machine's.
 """
 
 OURS = 'ours, adapting'
@@ -53,9 +53,7 @@ def run(run):
     for name in run.steps(steps.WAYS, say=str):
         with steps.Across(steps.WAYS[name], run.seed, run.folder) as across:
             for loss in losses:
-                across.link(steps.RATES[0], 0.0)
-                across.connect()
-                walked = steps.walk(across, loss, seconds)
+                walked = steps.walk_in_time(across, loss, seconds)
                 screen = steps.Screen(across)
                 rows += [{'way': name, 'loss [%]': 100 * loss, **row} for row in of_steps(across, walked, screen)]
                 times += [{'way': name, 'loss [%]': 100 * loss, **row} for row in over_time(across, walked, screen)]
@@ -92,11 +90,15 @@ def over_time(across, walked, screen):
             shown = bisect.bisect(arrivals, now) - 1
             quality = screen.psnr(now)
             yield {'time [s]': round(now - begun, 2), 'capacity [Mbit/s]': step.rate / 1e6,
-                   'carried [Mbit/s]': round(8e-6 * (b['robot']['carried'] - a['robot']['carried']) / (now - before), 3),
-                   'queue p95 [ms]': steps.waited(a, b, 0.95), 'dropped': b['robot']['dropped'] - a['robot']['dropped'],
-                   'told [Mbit/s]': round(links[last].amount[0], 3) if last >= 0 else None,
+                   'carried [Mbit/s]': round(8e-6 * grown(a, b, 'carried') / (now - before), 3),
+                   'queue p95 [ms]': steps.waited(a, b, 0.95), 'dropped': grown(a, b, 'dropped'),
+                   'told [Mbit/s]': round(links[last].amount['rate'], 3) if last >= 0 else None,
                    'age [s]': round(now - screen.came[shown].stamp, 3) if shown >= 0 else None,
                    'PSNR [dB]': None if quality is None else round(float(quality), 2)}
+
+
+def grown(before, after, key):
+    return after['robot'][key] - before['robot'][key]
 
 
 def strip(walked, screen):
@@ -117,7 +119,8 @@ def whole(run, seconds):
         row, = of_steps(across, [step], steps.Screen(across))
         since = step.begun + steps.STEADY
         heard = [heard.topic for heard in across.operator.heard if since <= heard.arrival < step.ended]
-        rates = {'%s [Hz]' % name: round(heard.count(topic) / (step.ended - since), 2) for name, topic in OTHERS.items()}
+        rates = {'%s [Hz]' % name: round(heard.count(topic) / (step.ended - since), 2)
+                 for name, topic in OTHERS.items()}
         rows.append({**row, **rates, 'maps': heard.count('operator/map')})
     table.write(run.folder / 'whole.csv', rows)
 
@@ -134,7 +137,8 @@ def switch(run):
                         and heard.amount[0] == AFTER)
         reports = [(heard.arrival - switched, heard.amount) for heard in across.operator.heard
                    if heard.topic == steps.REPORT and abs(heard.arrival - switched) < WATCHED]
-    rows = [{'time [s]': round(now, 3), 'stream': name, 'rate [kbit/s]': round(8e-3 * (count - a.get(name, 0)) / (now - then), 1)}
+    rows = [{'time [s]': round(now, 3), 'stream': name,
+             'rate [kbit/s]': round(8e-3 * (count - a.get(name, 0)) / (now - then), 1)}
             for (then, a), (now, b) in zip(reports[::2], reports[2::2]) for name, count in b.items()]
     table.write(run.folder / 'switch.csv', rows)
 
@@ -151,15 +155,16 @@ def plot(folder):
     shown = 100 * SHOWN_LOSS if 100 * SHOWN_LOSS in losses else losses[0]
     draw_times([row for row in times if row['loss [%]'] == shown], folder / 'adaptation.png')
     draw_film(np.load(str(folder / 'film.npz')), folder / 'film.png')
-    items = [Figure('adaptation.png', 'At a loss of %g %%. From above: what the link could carry (black) and what it carried; how '
-                    'long packets waited for the air; how good the picture on the operator\'s screen is, beside what the '
-                    'camera sees then; and how old it is.' % shown),
-             Figure('film.png', 'At a loss of %g %%: what the camera sees, and what the operator sees of it at that instant, '
-                    '%s s after each step of the link.' % (shown, ' and '.join('%g' % after for after in STRIP)))]
+    items = [Figure('adaptation.png', 'At a loss of %g %%. From above: what the link could carry (black) and what it '
+                    'carried; how long packets waited for the air; how good the picture on the operator\'s screen is, '
+                    'beside what the camera sees then; and how old it is.' % shown),
+             Figure('film.png', 'At a loss of %g %%: what the camera sees, and what the operator sees of it at that '
+                    'instant, %s s after each step of the link.' % (
+                        shown, ' and '.join('%g' % after for after in STRIP)))]
     for loss in losses:
         ours = [row for row in rows if (row['way'], row['loss [%]']) == (OURS, loss)]
-        items.append(Table('This package, adapting, at a loss of %g %%; it was asked for: used from 85 % %, queue p95 to 60 ms, '
-                           'none dropped, odom and tf lost like the air loses, 80 ms old at p99.' .replace('% %', '%%') % loss,
+        items.append(Table('This package, adapting, at a loss of %g %%. Asked for: used from 85 %%, queue to 60 ms, '
+                           'none dropped, odom and tf lost as the air loses, and 80 ms old at p99.' % loss,
                            list(COLUMNS), [[row[key] for key in COLUMNS.values()] for row in ours]))
     for key, caption in PEERS.items():
         items.append(Table(caption, ['way', *(('%g Mbit/s, %g %%' % (row['rate [Mbit/s]'], row['loss [%]']))
@@ -169,8 +174,9 @@ def plot(folder):
     items.append(Table('All but the colour camera over 20 Mbit/s.', list(exact), [list(exact.values())]))
     switched = table.read(folder / 'switch.csv')
     draw_switch(switched, folder / 'switch.png')
-    return [*items, Figure('switch.png', 'The focus is switched from %s to %s at 0 s, over %g Mbit/s with a loss of %g %%.' % (
-        BEFORE, AFTER, SWITCH_RATE / 1e6, 100 * SWITCH_LOSS)), of_switch(switched)]
+    caption = 'The focus is switched from %s to %s at 0 s, over %g Mbit/s with a loss of %g %%.' % (
+        BEFORE, AFTER, SWITCH_RATE / 1e6, 100 * SWITCH_LOSS)
+    return [*items, Figure('switch.png', caption), of_switch(switched)]
 
 
 COLUMNS = {'Mbit/s': 'rate [Mbit/s]', 'used [%]': 'used [%]', 'queue p50 [ms]': 'queue p50 [ms]',
@@ -200,8 +206,8 @@ def draw_times(rows, path):
                     color=COLOURS[way], label=way, linewidth=1.4, zorder=3 if way == OURS else 2)
             ax.set_ylabel(key)
     first = [row for row in rows if row['way'] == OURS]
-    axes[0].step([row['time [s]'] for row in first], [row['capacity [Mbit/s]'] for row in first], where='pre', color='black',
-                 linestyle=':', label='the link')
+    axes[0].step([row['time [s]'] for row in first], [row['capacity [Mbit/s]'] for row in first], where='pre',
+                 color='black', linestyle=':', label='the link')
     axes[0].set_yscale('log')
     axes[3].set(yscale='log', xlabel='time [s]')
     for ax in (axes[0], axes[3]):

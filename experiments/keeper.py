@@ -3,7 +3,7 @@
 
     python3 -m experiments.keeper FILE
 
-It tells of the link's status and reports, too, what steps.py needs.
+It tells what adaptation.py needs of the link's reports and of the robot's status, too.
 """
 import sys
 
@@ -12,7 +12,7 @@ import numpy as np
 from sensor_msgs.msg import CompressedImage, Image
 
 from smokebot_udp.link_lab import listener
-from smokebot_udp.msg import LinkReport, LinkStatus, RobotStatus
+from smokebot_udp.msg import LinkReport, RobotStatus
 
 WIDTH, HEIGHT = 320, 240
 
@@ -32,8 +32,9 @@ def to_counts(grey):
 
 
 def load(path):
-    """(n, HEIGHT, WIDTH) uint16 counts."""
-    return np.fromfile(str(path), '<u2').reshape(-1, HEIGHT, WIDTH)
+    """(n, HEIGHT, WIDTH) uint16 counts; one more may be being written."""
+    values = np.fromfile(str(path), '<u2')
+    return values[:len(values) // (HEIGHT * WIDTH) * HEIGHT * WIDTH].reshape(-1, HEIGHT, WIDTH)
 
 
 def main():
@@ -49,7 +50,6 @@ def main():
         'kept image': (Image, lambda message: keep(np.frombuffer(message.data, '<u2'))),
         'kept jpeg': (CompressedImage, lambda message: keep(to_counts(
             cv2.imdecode(np.frombuffer(message.data, np.uint8), cv2.IMREAD_GRAYSCALE)))),
-        'link': (LinkStatus, lambda message: [message.rate, message.capacity, message.queue_delay, message.wanted]),
         'report': (LinkReport, lambda message: {one.name: one.bytes for one in message.streams}),
         'status': (RobotStatus, lambda message: [message.focus, {one.name: one.share for one in message.streams}]),
     })

@@ -12,6 +12,7 @@ from smokebot_udp.link_lab.listener import Listener
 from smokebot_udp.link_lab.stack import Stack
 
 from . import keeper
+from .crossing import ATTEMPTS, LATE
 from .runner import TOP
 
 RATES = 20e6, 5e6, 1e6, 0.3e6, 20e6
@@ -176,6 +177,22 @@ def walk(across, loss, seconds, rates=RATES):
     return steps
 
 
+def walk_in_time(across, loss, seconds):
+    """`walk` over new connections; again where the emulated link was late."""
+    for _ in range(ATTEMPTS):
+        across.link(RATES[0], 0.0)
+        across.connect()
+        steps = walk(across, loss, seconds)
+        if max(map(late, steps)) < LATE:
+            break
+    return steps
+
+
+def late(step):
+    """So late packets left the emulated link: p99 of each EVERY, their median [s]."""
+    return percentile([told['late'].get('p99', 0.0) for _, told in step.counts[1:]], 0.5)
+
+
 def at(counts, when):
     """Of [(when, counts), ...] the first from a time on."""
     return next((told for told in counts if told[0] >= when), counts[-1])
@@ -202,7 +219,7 @@ def of_link(step):
             'queue p50 [ms]': waited(steady, end, 0.5), 'queue p95 [ms]': waited(steady, end, 0.95),
             'dropped': b['dropped'] - settled['robot']['dropped'],
             'air lost [%]': round(100 * (b['lost'] - a['lost']) / max(1, entered), 2),
-            'late p99 [ms]': round(1e3 * percentile([told['late'].get('p99', 0.0) for _, told in step.counts[1:]], 0.5), 1)}
+            'late p99 [ms]': round(1e3 * late(step), 1)}
 
 
 def percentile(values, share):
@@ -234,6 +251,7 @@ class Screen:
 
     def __init__(self, across):
         left, came = list(across.robot.heard), list(across.operator.heard)
+        # what is heard was kept before
         self._truths, self._pictures = across.kept('robot'), across.kept('operator')
         camera = [heard for heard in left if heard.topic == CAMERA]
         self._camera = [heard.stamp for heard in camera], [heard.amount for heard in camera]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the simulated robot's sensors see, sent whole as ROS does it: one message each, pictures as JPEG, clouds thinned.
+"""What the simulated robot sees, sent whole as ROS does it: one message each, pictures as JPEG, clouds thinned.
 
 A node of the robot's side. A subscriber chooses TCPROS or UDPROS.
 """

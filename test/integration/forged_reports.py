@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Reports of a link that cannot be: more came than was sent, before it left, of streams and datagrams that never were."""
+"""Reports of what cannot be: more came than was sent, before it left, of streams and datagrams that never were."""
 import contextlib
 
 import rospy
