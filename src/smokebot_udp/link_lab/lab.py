@@ -81,7 +81,7 @@ class Lab:
         self._ask({side: {**(both or {}), **sides.get(side, {})} for side in SIDES})
 
     def counts(self):
-        """{side: counts of what it sent}, `late` [s] of packets since the last call, `waited`: {side: {ms: packets}}."""
+        """{side: what it sent}, `late`: of packets since the last call [s], `waited`: {side: {ms: packets}}."""
         answer = self._ask({})
         answer['waited'] = {side: {int(ms): count for ms, count in waited.items()}
                             for side, waited in answer['waited'].items()}
