@@ -18,6 +18,7 @@ from smokebot_udp.codecs import pixels, scan, voxel
 from smokebot_udp.simulation.lidar import POINT, Lidar
 from smokebot_udp.simulation.world import building
 from smokebot_udp.streams import operator_class, robot_class
+from smokebot_udp.streams.base import Link
 from smokebot_udp.streams.config import parameters_of
 from smokebot_udp.streams.scan import scan_frames
 from smokebot_udp.streams.segments import head_of
@@ -56,8 +57,8 @@ def stream(class_of, kind, **settings):
     """A stream without its topics: what makes frames of messages, and messages of frames."""
     defaults = {name: parameter.default for name, parameter in parameters_of(kind).items()}
     topics = {'robot_topic': 'bench', 'operator_topic': 'bench'}
-    return class_of(kind)('bench', {**defaults, **topics, **settings}, SimpleNamespace(
-        max_datagram_size=1472, motion=SimpleNamespace(stands=lambda: False, pictures=lambda changed: None)))
+    return class_of(kind)('bench', {**defaults, **topics, **settings}, Link(
+        1472, motion=SimpleNamespace(stands=lambda: False, pictures=lambda changed: None)))
 
 
 def gather(receiver, parts_of_frames):
