@@ -132,3 +132,16 @@ def test_no_more_leaves_than_rate_and_burst(rate, burst, puts):
         for when, size in left[i:]:
             total += size
             assert total <= rate * (when - left[i][0]) + bucket + LATE * rate + 1e-6 * rate + 1
+
+
+def test_what_left_at_a_tiny_share_does_not_hold_a_stream_back_later():
+    pace = Pace(rate=1e6)
+    for name in ('picture', 'map'):
+        pace.set_share(name, 0.0)
+        pace.put(name, name, [(1000, 1000)])
+    assert {pace.take(now).stream for now in (0.0, 0.1)} == {'picture', 'map'}
+    pace.set_share('picture', 1000.0)
+    pace.take(0.2)
+    pace.set_share('map', 1000.0)
+    left = [pace.take(0.3 + 0.1 * step).stream for step in range(20)]
+    assert 9 <= left.count('picture') <= 11

@@ -18,6 +18,9 @@ BURST_LASTS = 0.005
 LATE = 0.02
 """While datagrams wait, who asks later than they might have left may catch up on so much [s]."""
 
+LEAST_SHARE = 1.0
+"""[byte/s]"""
+
 LONGEST_CHUNK = 65507
 """A chunk has so many bytes at most: what a kernel takes at once."""
 
@@ -85,8 +88,11 @@ class Pace:
         self.rate = rate
 
     def set_share(self, stream, share):
-        """How much of the link a stream gets beside others that have something to send, in any unit; > 0"""
-        self._flow(stream).share = max(share, 1e-9)
+        """How much of the link a stream gets beside others that have something to send [byte/s]."""
+        flow, share = self._flow(stream), max(share, LEAST_SHARE)
+        # what it was ahead of the others stays so many bytes: a datagram that left at a tiny share is no long wait
+        flow.start = self._virtual + (flow.start - self._virtual) * flow.share / share
+        flow.share = share
 
     def train(self, rate, size):
         """The next `size` bytes leave at another rate, to see whether the link carries it [byte/s]."""
