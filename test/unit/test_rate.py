@@ -35,6 +35,15 @@ def test_a_clock_set_back_costs_a_period_at_most():
     assert limiter.wait(1.0) <= 0.1 + 1e-9
 
 
+def test_the_same_rate_set_again_lets_nothing_through():
+    worker = NewestWorker('rare', lambda item: None, lambda error: None, 0.001)
+    worker._limiter.take(time.monotonic())
+    worker.set_rate(0.001)
+    assert worker._limiter.wait(time.monotonic()) > 500
+    worker.set_rate(10.0)
+    assert worker._limiter.wait(time.monotonic()) == 0
+
+
 @given(st.floats(0.1, 100.0), st.lists(st.floats(0.0, 0.5), max_size=200))
 def test_never_more_than_the_rate(rate, gaps):
     now, times = 0.0, []

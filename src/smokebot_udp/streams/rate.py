@@ -49,8 +49,9 @@ class NewestWorker:
 
     def set_rate(self, rate):
         with self._changed:
-            self._limiter = RateLimiter(rate)
-            self._changed.notify()
+            if rate != self._limiter.rate:      # else a message might go at once, again and again
+                self._limiter = RateLimiter(rate)
+                self._changed.notify()
 
     def stop(self):
         with self._changed:
