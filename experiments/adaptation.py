@@ -29,7 +29,7 @@ emulated link was itself (p99 of each quarter of a second, their median), *load*
 """
 
 OURS = 'ours, adapting'
-LOSSES, SECONDS = (0.0, 0.05, 0.2), 8.0
+LOSSES, SECONDS = (0.0, 0.05, 0.2), 6.0
 QUICK_LOSSES, QUICK_SECONDS = (0.05,), 5.0
 SHOWN_LOSS = 0.05
 

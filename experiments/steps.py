@@ -12,7 +12,7 @@ from smokebot_udp.link_lab.listener import Listener
 from smokebot_udp.link_lab.stack import Stack
 
 from . import keeper
-from .crossing import ATTEMPTS, LATE
+from .crossing import LATE
 from .runner import TOP
 
 RATES = 20e6, 5e6, 1e6, 0.3e6, 20e6
@@ -23,6 +23,8 @@ DELAY, QUEUE = 0.02, 0.2
 
 EVERY = 0.25
 """The link's counts are read so often [s]."""
+
+ATTEMPTS = 2
 
 STARTED = 60.0
 """Nodes that do not bring a picture within this will not [s]."""

@@ -21,7 +21,7 @@ from smokebot_udp.link_lab.stack import Stack
 
 FORGER = pathlib.Path(__file__).resolve().parent / 'forged_reports.py'
 LINK, TOLD = '/robot_sender/link', '/diagnostics'
-PICTURES, ODOM = '/operator/thermal/image_raw', '/operator/odom'
+PICTURES, ODOM, CLOUDS = '/operator/thermal/image_raw', '/operator/odom', '/operator/lidar/points'
 AIR = {'delay': 0.02, 'loss': 0.05, 'queue': 0.2}
 FLOOR = 0.1
 """min_rate [Mbit/s]"""
@@ -42,7 +42,7 @@ class Adaptation(unittest.TestCase):
         cls.stack.start_node('operator', 'operator_receiver')
         cls.robot, cls.operator = Listener(cls.stack, 'robot'), Listener(cls.stack)
         cls.robot.subscribe([[LINK, 'link', 'TCPROS'], [TOLD, 'diagnostics', 'TCPROS']])
-        cls.operator.subscribe([[PICTURES, 'image', 'TCPROS'], [ODOM, 'odometry', 'TCPROS']])
+        cls.operator.subscribe([[PICTURES, 'image', 'TCPROS'], [ODOM, 'odometry', 'TCPROS'], [CLOUDS, 'cloud', 'TCPROS']])
         missing = {PICTURES, ODOM} - set(cls.operator.first([PICTURES, ODOM], 60.0))
         assert not missing, 'nothing comes on %s' % missing
 
@@ -85,6 +85,8 @@ class Adaptation(unittest.TestCase):
             self.assertGreaterEqual(pictures, 4, rate)
             self.assertGreaterEqual(odometry, 5, rate)
         self.follows(5.0)
+        # what had to wait comes again
+        self.assertIn(CLOUDS, self.operator.first([CLOUDS], 20.0))
 
     def test_without_reports_the_rate_falls_to_its_floor_and_diagnostics_say_so(self):
         self.wait(lambda mean: mean >= 3.0, 15.0, 'a good link is used')
