@@ -102,6 +102,9 @@ def test_on_a_tiny_link_what_is_protected_comes_more_rarely_and_the_picture_goes
             made.divide(budget, now)
     hold(75000, 10)
     assert odom.settings['rate'] == 10 and odom.granted == {}
+    hold(1000, 0.5)     # a dip
+    hold(75000, 5)
+    assert odom.granted == {}
     hold(10000, 10)
     assert odom.settings['rate'] == 5 and slow.settings['rate'] == 0.5 and stream.wanted
     hold(1000, 10)

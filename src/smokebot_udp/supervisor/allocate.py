@@ -91,7 +91,8 @@ class Thinning:
     def __init__(self):
         self.part = 1.0
         """Of their rates."""
-        self._changed, self._room_since = -math.inf, None
+        self._changed = self._since = -math.inf
+        self._next = 1.0        # what would be right, and since when
 
     def follow(self, budget, protected, now):
         """The part of their rates that protected streams are to have.
@@ -105,12 +106,10 @@ class Thinning:
         whole, part = protected / self.part, THINNEST
         while part < 1 and 2 * part * whole <= PROTECTED_PART * budget:
             part *= 2
-        if part <= self.part:
-            self._room_since = None
-        elif self._room_since is None:
-            self._room_since = now
-        if part < self.part or (part > self.part and now - self._room_since >= THINNED_FOR):
-            self.part, self._changed, self._room_since = part, now, None
+        if part != self._next:
+            self._next, self._since = part, now
+        if part != self.part and now - self._since >= (HOLD if part < self.part else THINNED_FOR):
+            self.part, self._changed = part, now
         return self.part
 
 
