@@ -71,7 +71,7 @@ def settled():
 
 def test_a_dip_measures_the_least_delay_anew():
     delay, quiet = settled(), Quiet()
-    quiet.begin(True, False, False, 10.0)
+    quiet.begin(True, False, False, 0.0, 10.0)
     assert quiet.most(10.0 + DIP / 2) == DIP_RATE and not quiet.lasts(10.0 + DIP)
     assert quiet.holds(10.1) and not quiet.holds(9.9)
     assert not quiet.go_on(delay, point(10.05, 0.05), 0.03, 0.01, 10.1)
@@ -81,7 +81,7 @@ def test_a_dip_measures_the_least_delay_anew():
 
 def test_a_drain_ends_where_the_queue_does():
     delay, quiet = settled(), Quiet()
-    quiet.begin(False, True, False, 10.0)
+    quiet.begin(False, True, False, 0.0, 10.0)
     assert quiet.most(10.0 + DRAIN / 2) == DRAIN_RATE
     assert not quiet.go_on(delay, point(10.02, 0.1), 0.08, 0.01, 10.1)
     assert quiet.go_on(delay, point(10.1, 0.021), 0.001, 0.01, 10.05 + SETTLES)
@@ -90,7 +90,7 @@ def test_a_drain_ends_where_the_queue_does():
 
 def test_what_a_drain_leaves_is_the_way():
     delay, quiet, now = settled(), Quiet(), 10.0
-    quiet.begin(False, True, False, now)
+    quiet.begin(False, True, False, 0.0, now)
     while not quiet.go_on(delay, point(now - 0.05, 0.07), 0.05, 0.01, now):
         now += 0.1
     assert now == pytest.approx(10.0 + DRAIN, abs=0.11)
@@ -99,7 +99,7 @@ def test_what_a_drain_leaves_is_the_way():
 
 def test_a_drain_goes_on_while_the_delay_falls():
     delay, quiet, now, way = settled(), Quiet(), 10.0, 0.2
-    quiet.begin(False, True, False, now)
+    quiet.begin(False, True, False, 0.0, now)
     while not quiet.go_on(delay, point(now - 0.05, way), way - 0.02, 0.01, now):
         now, way = now + 0.1, max(0.02, way - 0.01)
     assert now > 10.0 + 2 * DRAIN and way < 0.035

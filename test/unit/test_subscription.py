@@ -164,12 +164,12 @@ def test_what_arrived_is_told_once(make, batches):
     peer.send_and_wait(numbered(10))
     peer.send_and_wait(numbered(12), numbered(11), numbered(12), numbered(13))
     peer.send_and_wait(numbered(14, 'a' * 300), numbered(14, 'a' * 300), numbered(15))
-    assert sum(count for _, _, count, _ in told) == 6
-    assert told[0][:3] == (10, len(short) + 12 + 28, 1) and told[-1][0] in (14, 15)
-    assert {seq for seq, *_ in told} <= set(range(10, 16))
+    assert sum(count for *_, count, _ in told) == 6 and len({number for number, *_ in told}) == 1
+    assert told[0][1:4] == (10, len(short) + 12 + 28, 1) and told[-1][1] in (14, 15)
+    assert {seq for _, seq, *_ in told} <= set(range(10, 16))
     whens = [when for *_, when in told]
     assert whens == sorted(whens) and begun - 0.01 < whens[0] and whens[-1] <= time.monotonic()
-    assert sum(size for _, size, *_ in told) == 5 * (len(short) + 40) + len(long)
+    assert sum(size for _, _, size, *_ in told) == 5 * (len(short) + 40) + len(long)
 
 
 def test_repeats_of_long_messages_stop_too(make):

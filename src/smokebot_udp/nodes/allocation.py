@@ -47,7 +47,11 @@ class Allocation:
         protected = self._protected.per_second or 0.0
         self._thin(self._thinning.follow(math.inf if budget is None else budget, protected, now))
         self.wanted = protected + math.fsum(demand.levels[-1].cost for demand in demands.values())
-        budget = self.wanted if budget is None else budget
+        if budget is None:
+            self.shares = {}
+            for stream in self._streams.values():
+                stream.grant({})
+            return
         grants = self._allocator.allocate(budget, demands, protected, now)
         self.shares = {name: grant.share for name, grant in grants.items()}
         self._outbox.change(lambda pace: [pace.set_share(name, share) for name, share in self.shares.items()])

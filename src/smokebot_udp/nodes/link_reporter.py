@@ -31,14 +31,19 @@ class LinkReporter:
 
     def __init__(self):
         self._arrivals, self._lock = Arrivals(lambda: int.from_bytes(os.urandom(4), 'little')), threading.Lock()
+        self._connections = {}      # {stream: number of its newest connection}
         self._publisher = udpros.Publisher(TOPIC, LinkReport, queue_size=1)
         self._reports = Repeater('link reports', self._report, self._tell, PERIOD)
         self._reports.start()
 
-    def arrived(self, stream, seq, size, count, when):
+    def arrived(self, stream, number, seq, size, count, when):
         """Datagrams of a stream came, see udpros.Subscriber; any thread."""
         with self._lock:
-            self._arrivals.note(stream, seq, size, when, count)
+            if number > self._connections.setdefault(stream, number):
+                self._connections[stream] = number
+                self._arrivals.begin()      # the robot began anew: it knows nothing of what came before
+            if number == self._connections[stream]:
+                self._arrivals.note(stream, seq, size, when, count)
 
     def _report(self):
         with self._lock:

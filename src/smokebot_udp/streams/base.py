@@ -36,7 +36,7 @@ class Link:
     motion: Any = None
     """Tells the operator's streams whether the robot stands(), and is told by pictures(changed) of theirs."""
     arrived: Callable = lambda *_: None
-    """f(stream, seq, size, count, when), told what comes of the operator's streams, see udpros.Subscriber."""
+    """f(stream, number, seq, size, count, when), told what comes of the operator's streams, see udpros.Subscriber."""
     clock_offset: Callable = lambda: 0.0
     """f() -> how far the robot's clock is ahead of the operator's [s]."""
 

@@ -65,6 +65,9 @@ BUSY = 0.002
 SILENCE = 0.5
 """Without reports for so long the rate halves, again and again [s]."""
 
+COMES_BACK = 2.0
+"""When reports come again, and show no queue, the capacity is this part of what it was before they stayed away."""
+
 REPORTS_APART = 0.1
 """[s]"""
 
@@ -137,6 +140,8 @@ class Estimator:
         self._delay, self._loss, self._trains, self._quiet = QueueDelay(), Loss(), Trains(), Quiet()
         self._newest = None     # Point
         self._came = now        # when the last report came
+        self._before = 0.0      # the capacity before they stayed away
+        self._empty = True      # whether the last report showed a short queue
         self._short = now       # when the queue was last as short as it is to be
 
     def take(self, evidence, now, wanted=math.inf):
@@ -146,10 +151,12 @@ class Estimator:
         :param wanted: what the streams would send if the link had room for it [byte/s]
         :return: a Train for the pace, or None
         """
-        self._came, self.missing = now, 0
+        self._came, missed, self.missing = now, self.missing, 0
         if evidence.anew:
             self._delay.base = self._newest = None
         if not evidence.points:
+            self._loss.note(evidence, False)
+            self.link.loss = self._loss.told
             self._set_rate(now)
             return None
         link, points = self.link, evidence.points
@@ -158,8 +165,13 @@ class Estimator:
         self._delay.note(points, link.capacity, now)
         middle = typical(points)
         queue = self._delay.of(middle)
-        self._loss.note(evidence, self._quiet.holds(chain[0].sent) and queue < FULL)
-        link.loss = self._loss.all
+        # what left while the queue was short the air lost, if anything
+        short = queue < self._target()
+        self._loss.note(evidence, short and self._empty or queue < FULL and self._quiet.holds(chain[0].sent))
+        self._empty = short
+        link.loss = self._loss.told
+        if missed and queue < self._target():   # reports were lost, as all else
+            link.capacity = max(link.capacity, self._before / COMES_BACK)
         self._learn(chain, queue)
         if self._quiet.go_on(self._delay, middle, queue, self._target(), now):
             self._loss.settle()
@@ -169,7 +181,7 @@ class Estimator:
         if queue < LONG * self._target():
             self._short = now
         long = queue > FULL or now - self._short > STANDS
-        self._quiet.begin(self._delay.expired(now), long, self._loss.excess > 0, now)
+        self._quiet.begin(self._delay.expired(now), long, self._loss.excess > 0, link.loss, now)
         passed = now - self._newest.sent - queue    # since the newest datagram was on the air
         link.queue_delay = max(0.0, evidence.unreported / link.capacity - passed)
         self._set_rate(now)
@@ -180,6 +192,7 @@ class Estimator:
         loss = min(max(self.link.loss, UNLIKELY), MOST_LOSS)
         silence = max(SILENCE, REPORTS_APART * math.log(UNLIKELY) / math.log(loss))
         while now - self._came > silence * (1 + self.missing) and self.link.capacity > self.limits.floor:
+            self._before = self._before if self.missing else self.link.capacity
             self.missing += 1
             self.link.capacity = max(self.link.capacity / 2, self.limits.floor)
         self._set_rate(now)

@@ -11,8 +11,8 @@ SUPPOSED = 20
 MARGIN = 0.05
 """So much more, and what chance makes of it twice, is no chance."""
 
-MOST = 0.5
-"""The air is not believed to lose more: who shares it with many that send too much must not think so."""
+MOST = 0.95
+"""The air is not believed to lose more."""
 
 
 class Loss:
@@ -20,7 +20,9 @@ class Loss:
 
     def __init__(self):
         self.all = 0.0
-        """Lost, wherever."""
+        """Lost, wherever, since that was answered."""
+        self.told = 0.0
+        """Lost, wherever, of late."""
         self._count, self._quiet, self._quiet_lost = 0.0, 0.0, 0.0
 
     def note(self, evidence, quiet):
@@ -33,7 +35,9 @@ class Loss:
         if not count:
             return
         self._count = min(self._count + count, LASTS)
-        self.all += min(1.0, count / self._count) * (lost / count - self.all)
+        weight = min(1.0, count / self._count)
+        self.all += weight * (lost / count - self.all)
+        self.told += weight * (lost / count - self.told)
         if quiet:
             keeps = max(0.0, 1 - count / LASTS)
             self._quiet, self._quiet_lost = keeps * self._quiet + count, keeps * self._quiet_lost + lost

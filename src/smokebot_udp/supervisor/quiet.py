@@ -18,6 +18,9 @@ GOES_ON, STILL, LONGEST = 0.25, 0.005, 3.0
 """It goes on for so long [s] after a report whose delay is another than before, by so much [s]: what is left when a
 drain ends is the way, and that does not change; but it is no longer than this [s]."""
 
+REPORT = 0.3
+"""To ask about loss a dip lasts so long, as if nothing were lost: for some reports are to come of it [s]."""
+
 ASKS = 3.0
 """Loss is asked after no oftener than this [s]."""
 
@@ -45,12 +48,13 @@ class Quiet:
         """Whether of late less was sent, and the air lost less than now: then a full queue drops."""
         return now - self._asked < ASKS and not self.lasts(now)
 
-    def begin(self, expired, long, more_loss, now):
+    def begin(self, expired, long, more_loss, loss, now):
         """Begin one where there is a reason.
 
         :param expired: whether nothing confirmed the least delay for long
         :param long: whether the queue is
         :param more_loss: whether more is lost than the air is known to lose
+        :param loss: the share that is lost, of reports likewise
         """
         if self.lasts(now) or self._least is not None:
             return
@@ -58,9 +62,9 @@ class Quiet:
         if not (expired or long or asks):
             return
         self._began, self._drains = now, long
-        self._ends = now + (DRAIN if long else DIP)
+        self._ends = now + max(DRAIN if long else DIP, REPORT / max(1 - loss, 0.05) if asks else 0.0)
         if asks:
-            self._asked = now
+            self._asked = self._ends
 
     def go_on(self, delay, point, queue, target, now):
         """Take what a report says while one lasts, or has just ended.

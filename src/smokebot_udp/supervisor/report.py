@@ -20,6 +20,9 @@ from .departures import NUMBERS
 SPAN = 0.2
 """Marks of so long go into a report: twice the period, so that one report may be lost [s]."""
 
+FEWEST = 4
+"""Or so many, though they are older."""
+
 APART = 0.003
 """Marks are so far apart at least [s]."""
 
@@ -72,9 +75,10 @@ class Arrivals:
 
     def __init__(self, session):
         self._new_session = session
-        self._begin()
+        self.begin()
 
-    def _begin(self):
+    def begin(self):
+        """All is counted anew: who sends began anew."""
         self._session = self._new_session()
         self._streams = {}                                  # {name: (index, StreamArrivals)}
         self._marks = collections.deque(maxlen=MOST_MARKS)  # (when, index, seq)
@@ -88,14 +92,14 @@ class Arrivals:
         :param now: when, by a steady clock [s]
         """
         if self._marks and now < self._marks[-1][0] - CLOCK_SLACK:
-            self._begin()       # the clock is not as steady as it should be
+            self.begin()       # the clock is not as steady as it should be
         if stream not in self._streams:
             if len(self._streams) == MOST_STREAMS:
                 return
             self._streams[stream] = len(self._streams), StreamArrivals(stream, highest=seq)
         index, known = self._streams[stream]
         if seq < known.highest - LATE:
-            self._begin()
+            self.begin()
             self.note(stream, seq, size, now, count)
             return
         known.received += count
@@ -107,8 +111,10 @@ class Arrivals:
 
     def report(self, now):
         """The Report as it is now."""
-        marks = [ArrivalMark(index, seq, round(1e6 * (now - when))) for when, index, seq in self._marks
-                 if 0 <= now - when <= SPAN]
+        told = [mark for mark in self._marks if 0 <= now - mark[0] <= SPAN]
+        if len(told) < FEWEST:      # where hardly anything comes, the last that did
+            told = [mark for mark in list(self._marks)[-FEWEST:] if 0 <= now - mark[0] <= LONGEST / 2]
+        marks = [ArrivalMark(index, seq, round(1e6 * (now - when))) for when, index, seq in told]
         streams = [StreamArrivals(one.name, one.highest, one.received, one.bytes) for _, one in self._streams.values()]
         return Report(self._session, round(1e6 * now), streams, marks)
 

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """One publisher's datagrams on the subscriber's side: from the socket to the topic's callbacks."""
 import collections
+import functools
+import itertools
 import struct
 import threading
 import time
@@ -75,6 +77,9 @@ def _endpoints(sources):
     return sources.view(np.uint64)[::2]
 
 
+_numbers = itertools.count()
+
+
 class Subscription:
     """Receives one connection's datagrams in a thread of its own and hands over what they carry.
 
@@ -85,7 +90,8 @@ class Subscription:
     :param coalesce: wait so long after the first datagram of a batch for more of them [s]: fewer, larger
         batches cost less; 0 where single messages are to come at once
     :param drop: None, or a function of n that gives (n,) bool of datagrams to lose, for demonstrations
-    :param arrived: None, or f(seq, size, count, when), told of numbered messages that came together and never before:
+    :param arrived: None, or f(number, seq, size, count, when), told of numbered messages that came together and never
+        before: the connection's number, which later ones have higher,
         one of their sequence numbers, mostly the highest, their bytes as packets of IP (of those of many blocks: the
         messages' own), how many they are, and when that one reached this machine, by time.monotonic() [s]
     """
@@ -99,7 +105,8 @@ class Subscription:
         self.last_arrival = time.monotonic()
         self._source = Source(hosts)
         self._deliver, self._message_class = deliver, message_class
-        self._coalesce, self._drop, self._arrived = coalesce, drop, arrived
+        self._coalesce, self._drop = coalesce, drop
+        self._arrived = arrived and functools.partial(arrived, next(_numbers))
         self._waiting = collections.deque(maxlen=queue_size)
         self._layouts = {}   # {datagram length: dtype last seen with it}
         self._ended = threading.Event()
