@@ -176,7 +176,7 @@ class Estimator:
         if self._quiet.go_on(self._delay, middle, queue, self._target(), now):
             self._loss.settle()
         if self._loss.excess and queue < FULL and self._quiet.asked(now):
-            link.capacity = max(link.capacity * (1 - self._loss.excess), self.limits.floor)
+            link.capacity = max(link.capacity * max(HARDEST, 1 - self._loss.excess), self.limits.floor)
             self._loss.settle()
         if queue < LONG * self._target():
             self._short = now

@@ -106,7 +106,7 @@ class Subscriber(rospy.Subscriber):
     :param receive_buffer: asked of the kernel [byte]; `connections` tells what it granted
     :param coalesce: with a batch_callback, how long to wait for a batch to grow [s]
     :param drop: None, or f(n) giving (n,) bool of datagrams to lose, to demonstrate a bad link
-    :param arrived: None, or f(number, seq, size, count, when), told in the transport's thread what came, see Subscription
+    :param arrived: None, or f(number, seq, size, count, when), told by the transport what came: see Subscription
     :raises ValueError: on an unknown transport, an impossible size, or a batch_callback for a type whose
         messages have no record layout
     """
