@@ -42,7 +42,8 @@ class Adaptation(unittest.TestCase):
         cls.stack.start_node('operator', 'operator_receiver')
         cls.robot, cls.operator = Listener(cls.stack, 'robot'), Listener(cls.stack)
         cls.robot.subscribe([[LINK, 'link', 'TCPROS'], [TOLD, 'diagnostics', 'TCPROS']])
-        cls.operator.subscribe([[PICTURES, 'image', 'TCPROS'], [ODOM, 'odometry', 'TCPROS'], [CLOUDS, 'cloud', 'TCPROS']])
+        cls.operator.subscribe([[PICTURES, 'image', 'TCPROS'], [ODOM, 'odometry', 'TCPROS'],
+                                [CLOUDS, 'cloud', 'TCPROS']])
         missing = {PICTURES, ODOM} - set(cls.operator.first([PICTURES, ODOM], 60.0))
         assert not missing, 'nothing comes on %s' % missing
 
