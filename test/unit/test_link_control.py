@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The robot's and the operator's side of the link's supervision without ROS between them."""
 import math
+import threading
 from types import SimpleNamespace
 
 import pytest
@@ -9,7 +10,7 @@ import rospy
 from smokebot_udp.msg import LinkReport
 from smokebot_udp.nodes import link_control
 from smokebot_udp.nodes.link_control import GONE, MOST_OPERATORS, LinkControl
-from smokebot_udp.nodes.link_reporter import as_message
+from smokebot_udp.nodes.link_reporter import LinkReporter, as_message
 from smokebot_udp.supervisor.estimate import MBIT, Limits
 from smokebot_udp.supervisor.report import ArrivalMark, Arrivals, Report, StreamArrivals
 
@@ -171,3 +172,16 @@ def test_operators_without_end_are_not_listened_to(control, now):
     now.time += GONE + 1
     control._take(report)
     assert len(control._operators) == 1
+
+
+def test_what_comes_of_a_robot_that_began_anew_is_counted_anew():
+    reporter = LinkReporter.__new__(LinkReporter)       # without its publisher
+    sessions = iter(range(10))
+    reporter._arrivals, reporter._lock, reporter._connections = Arrivals(lambda: next(sessions)), threading.Lock(), {}
+    reporter.arrived('thermal', 4, 500, 500 * SIZE, 500, 1.0)
+    before = reporter._arrivals.report(1.0)
+    reporter.arrived('thermal', 9, 3, 3 * SIZE, 3, 2.0)     # another connection, far from 4096 numbers behind
+    reporter.arrived('thermal', 4, 501, SIZE, 1, 2.1)       # the old one's last
+    after = reporter._arrivals.report(2.2)
+    assert after.session != before.session
+    assert [(one.highest, one.received, one.bytes) for one in after.streams] == [(3, 3, 3 * SIZE)]
