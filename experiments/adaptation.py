@@ -36,7 +36,7 @@ SHOWN_LOSS = 0.05
 COLOURS = {OURS: drawing.OURS, 'ours, fixed at 20 Mbit/s': drawing.PAPER, 'whole, over UDPROS': '#2ca02c',
            'whole, over TCPROS, cubic': '#1f77b4', 'whole, over TCPROS, bbr': '#17becf'}
 
-STRIP = 1.0, 4.5
+STRIP = 4.5
 """So long after each step the film strip has a picture [s]."""
 
 OTHERS = {'cloud': 'operator/lidar/points', 'scan': 'operator/scan'}
@@ -104,7 +104,7 @@ def grown(before, after, key):
 def strip(walked, screen):
     """(2, n, height, width) greys: what the camera saw, and what the operator saw, n times."""
     black = np.zeros((keeper.HEIGHT, keeper.WIDTH), np.uint16)
-    instants = [step.begun + after for step in walked for after in STRIP]
+    instants = [step.begun + STRIP for step in walked]
     pairs = [(screen.true(when), screen.shown(when)) for when in instants]
     return np.stack([[keeper.to_grey(black if picture is None else picture) for picture in pictures]
                      for pictures in zip(*pairs)])
@@ -158,9 +158,9 @@ def plot(folder):
     items = [Figure('adaptation.png', 'At a loss of %g %%. From above: what the link could carry (black) and what it '
                     'carried; how long packets waited for the air; how good the picture on the operator\'s screen is, '
                     'beside what the camera sees then; and how old it is.' % shown),
-             Figure('film.png', 'At a loss of %g %%: what the camera sees, and what the operator sees of it at that '
-                    'instant, %s s after each step of the link.' % (
-                        shown, ' and '.join('%g' % after for after in STRIP)))]
+             Figure('film.png', 'At a loss of %g %%: what the camera sees, and beside it what is on the operator\'s screen '
+                    'at that instant, %g s after each step of the link. The robot drives, and not the same way for all.'
+                    % (shown, STRIP))]
     for loss in losses:
         ours = [row for row in rows if (row['way'], row['loss [%]']) == (OURS, loss)]
         items.append(Table('This package, adapting, at a loss of %g %%. Asked for: used from 85 %%, queue to 60 ms, '
@@ -218,16 +218,14 @@ def draw_times(rows, path):
 
 def draw_film(film, path):
     ways = [way for way in steps.WAYS if way in film]
-    count = film[ways[0]].shape[1]
-    figure, axes = drawing.canvas(1.5 * count, 1.3 * (len(ways) + 1), rows=len(ways) + 1, columns=count)
-    for number in range(count):
-        rate = steps.RATES[number // len(STRIP)] / 1e6
-        drawing.picture(axes[0][number], film[OURS][0][number], '%g Mbit/s, %g s' % (rate, STRIP[number % len(STRIP)]),
-                        vmin=0, vmax=255)
-        for row, way in zip(axes[1:], ways):
-            drawing.picture(row[number], film[way][1][number], vmin=0, vmax=255)
-            if number == 0:
-                row[0].set_title(way, fontsize=9, loc='left')
+    figure, axes = drawing.canvas(3.0 * len(steps.RATES), 1.35 * len(ways), rows=len(ways),
+                                  columns=2 * len(steps.RATES), squeeze=False)
+    for row, way in zip(axes, ways):
+        for number, rate in enumerate(steps.RATES):
+            for ax, pictures, title in zip(row[2 * number:], film[way], ('%g Mbit/s: camera' % (rate / 1e6), 'screen')):
+                drawing.picture(ax, pictures[number], title if row is axes[0] else '', vmin=0, vmax=255)
+        row[0].set_title(way if row is not axes[0] else '%s; %s' % (way, row[0].get_title()), fontsize=9, loc='left')
+        row[0].set_title('')
     drawing.save(figure, path)
 
 

@@ -102,6 +102,15 @@ def test_the_rate_follows_what_arrives(control, now):
     assert control.figures(now.time)[0] is None
 
 
+def test_a_dip_in_the_rate_does_not_make_streams_coarser(control, now):
+    drive(control, now, [Operator(control, now, '/op', 5 * MBIT)], 5.0)
+    estimator, budgets = control._operators['/op'].estimator, []
+    control._allocation.divide = lambda budget, now: budgets.append(budget)
+    estimator.rate, estimator.link.capacity, estimator.poll = 2.5 * MBIT, 5 * MBIT, lambda now: None
+    control._poll()
+    assert budgets == [5 * MBIT] and control._outbox.rates[-1] == 2.5 * MBIT
+
+
 def test_of_several_operators_the_worst_link_counts_until_it_is_gone(control, now):
     near, far = Operator(control, now, '/near', 5 * MBIT), Operator(control, now, '/far', 1 * MBIT)
     drive(control, now, [near, far], 8.0)

@@ -112,6 +112,11 @@ class LinkControl:
         worst = self._worst(now) if self._adapt else None
         return worst[1].estimator.rate if worst else self.start_rate
 
+    def _budget(self, now):
+        """What streams may plan with [byte/s]: a dip in the rate soon passes, and is no reason for coarser pictures."""
+        worst = self._worst(now) if self._adapt else None
+        return worst[1].estimator.link.capacity if worst else self.start_rate
+
     def _set_rate(self, now):
         with self._lock:
             rate = self._rate(now)
@@ -123,9 +128,9 @@ class LinkControl:
             self._sent.read(self._departures.total, now)
             for operator in self._operators.values():
                 operator.estimator.poll(now)
-            rate = self._rate(now)
+            rate, budget = self._rate(now), self._budget(now)
         self._outbox.change(lambda pace: pace.set_rate(rate))
-        self._allocation.divide(rate, now)
+        self._allocation.divide(budget, now)
         self._status.publish(self.status(now))
 
     def status(self, now):
