@@ -156,11 +156,11 @@ def plot(folder):
     draw_times([row for row in times if row['loss [%]'] == shown], folder / 'adaptation.png')
     draw_film(np.load(str(folder / 'film.npz')), folder / 'film.png')
     items = [Figure('adaptation.png', 'At a loss of %g %%. From above: what the link could carry (black) and what it '
-                    'carried; how long packets waited for the air; how good the picture on the operator\'s screen is, '
-                    'beside what the camera sees then; and how old it is.' % shown),
-             Figure('film.png', 'At a loss of %g %%: what the camera sees, and beside it what is on the operator\'s screen '
-                    'at that instant, %g s after each step of the link. The robot drives, and not the same way for all.'
-                    % (shown, STRIP))]
+                    'carried; how long packets waited for the air; how good the picture on the screen is, beside what '
+                    'the camera sees then; and how old it is.' % shown),
+             Figure('film.png', 'At a loss of %g %%: what the camera sees, and beside it what is on the operator\'s '
+                    'screen at that instant, %g s after each step of the link. The robot drives, and is not at one '
+                    'place in all ways.' % (shown, STRIP))]
     for loss in losses:
         ours = [row for row in rows if (row['way'], row['loss [%]']) == (OURS, loss)]
         items.append(Table('This package, adapting, at a loss of %g %%. Asked for: used from 85 %%, queue to 60 ms, '
