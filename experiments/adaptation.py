@@ -158,7 +158,7 @@ def plot(folder):
     items = [Figure('adaptation.png', 'At a loss of %g %%. From above: what the link could carry (black) and what it '
                     'carried; how long packets waited for the air; how good the picture on the screen is, beside what '
                     'the camera sees then; and how old it is.' % shown),
-             Figure('film.png', 'At a loss of %g %%: what the camera sees, and beside it what is on the operator\'s '
+             Figure('film.png', 'At a loss of %g %%: left what the camera sees, right what is on the operator\'s '
                     'screen at that instant, %g s after each step of the link. The robot drives, and is not at one '
                     'place in all ways.' % (shown, STRIP))]
     for loss in losses:
@@ -221,11 +221,12 @@ def draw_film(film, path):
     figure, axes = drawing.canvas(3.0 * len(steps.RATES), 1.35 * len(ways), rows=len(ways),
                                   columns=2 * len(steps.RATES), squeeze=False)
     for row, way in zip(axes, ways):
-        for number, rate in enumerate(steps.RATES):
-            for ax, pictures, title in zip(row[2 * number:], film[way], ('%g Mbit/s: camera' % (rate / 1e6), 'screen')):
-                drawing.picture(ax, pictures[number], title if row is axes[0] else '', vmin=0, vmax=255)
-        row[0].set_title(way if row is not axes[0] else '%s; %s' % (way, row[0].get_title()), fontsize=9, loc='left')
-        row[0].set_title('')
+        for number, pictures in enumerate(zip(*film[way])):
+            for ax, picture in zip(row[2 * number:], pictures):
+                drawing.picture(ax, picture, vmin=0, vmax=255)
+        row[0].set_title(way, fontsize=9, loc='left')
+    for number, rate in enumerate(steps.RATES):
+        axes[0][2 * number + 1].set_title('%g Mbit/s' % (rate / 1e6), fontsize=9, loc='left')
     drawing.save(figure, path)
 
 

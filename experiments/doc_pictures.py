@@ -18,7 +18,7 @@ PICTURES = {
     'image_quality.png': 'image_quality/psnr.png',
     'image_quality_bursts.png': 'image_quality/bursts.png',
     'image_quality_shown.jpg': 'image_quality/shown.png',
-    'adaptation.png': 'adaptation/adaptation.png',
+    'adaptation.jpg': 'adaptation/adaptation.png',
     'adaptation_film.jpg': 'adaptation/film.png',
     'adaptation_switch.png': 'adaptation/switch.png',
     'virtual_scans.jpg': 'virtual_scans/simulated_000.png',
