@@ -101,6 +101,18 @@ def test_who_asks_late_catches_up_on_what_waited_but_not_after_a_pause():
     assert pace.take(3.0) and pace.take(3.0) is None
 
 
+def test_how_long_all_takes_that_waits():
+    pace = Pace(rate=1000)
+    assert pace.takes() == 0
+    pace.put('a', None, [(3, 100), (1, 50)])
+    pace.put('b', None, [(1, 150)])
+    assert pace.takes() == pytest.approx(0.5)
+    pace.take(0.0)
+    assert pace.takes() == pytest.approx(0.4)
+    pace.set_rate(None)
+    assert pace.takes() == 0
+
+
 def test_a_datagram_larger_than_the_burst():
     pace = Pace(rate=1000, burst=10)
     pace.put('a', None, [(2, 100)])

@@ -11,6 +11,9 @@ KBIT = 1e3 / 8
 OVER = 2.0
 """A source's rate is measured over so long [s]."""
 
+PLANNED = 0.92
+"""So much of the link is planned for: a picture that takes as long to leave as its successor to come, it cuts off."""
+
 NEARLY = 0.95
 """A rate that is granted nearly as it is asked for, or as the source has it, is no limit."""
 
@@ -55,7 +58,7 @@ class Allocation:
         grants = self._allocator.allocate(budget, demands, protected, now)
         self.shares = {name: grant.share for name, grant in grants.items()}
         self._outbox.change(lambda pace: [pace.set_share(name, share) for name, share in self.shares.items()])
-        spare = budget - protected - math.fsum(grant.cost for grant in grants.values())
+        spare = PLANNED * budget - protected - math.fsum(grant.cost for grant in grants.values())
         limited = [name for name, grant in grants.items() if grant.level is not None
                    and grant.level < len(demands[name].levels) - 1]
         weights = math.fsum(demands[name].weight for name in limited)

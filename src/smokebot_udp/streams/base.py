@@ -18,10 +18,6 @@ SHOWN = 512
 """Of so many messages at most it is kept, until it is asked for, how old and how complete they were."""
 
 
-PATIENCE = 0.1
-"""A message may take so long to leave, or as long as messages of its stream are apart [s]."""
-
-
 @dataclass
 class Link:
     """How a node's streams reach the other side."""
@@ -162,10 +158,9 @@ class RobotStream(rospy.SubscribeListener):
             self._worker.give(message)
 
     def _send(self, message):
+        self.link.outbox.await_rest(self.name)
         self.put(self.frames(self._told_apart(message)))
         self.sent += 1
-        # the next message is the newest there is then; on a link that is too slow it takes this one's place
-        self.link.outbox.await_sent(self.name, max(PATIENCE, 1 / self.settings['rate']))
 
     def put(self, frames):
         """Hand over the frames that carry a message, to be sent in their turn."""

@@ -8,6 +8,9 @@ from ..supervisor.pace import Pace
 from ..udpros.datagram import OVERHEAD
 from ..udpros.endpoints import IP_UDP_HEADERS
 
+SOON, PATIENCE = 0.02, 0.5
+"""[s]"""
+
 
 def size_of(frames):
     """Bytes of udpros.Frames on the air: of whole IP packets."""
@@ -51,10 +54,12 @@ class Outbox:
             self._pace.put(stream, (publisher, frames), parts)
             self._changed.notify()
 
-    def await_sent(self, stream, patience):
-        """Wait until all of a stream's message has left, but no longer than `patience` [s]."""
+    def await_rest(self, stream):
+        """Where all that waits leaves soon, wait until a stream's message has left whole: else the next one cuts it
+        off. On a machine that is late this takes longer than on the link, but never longer than PATIENCE."""
         with self._left:
-            self._left.wait_for(lambda: self._ended or self._pace.sending(stream) is None, patience)
+            if self._pace.takes() <= SOON:
+                self._left.wait_for(lambda: self._ended or self._pace.sending(stream) is None, PATIENCE)
 
     def sends(self, stream, frames):
         """Whether these very frames are still leaving."""

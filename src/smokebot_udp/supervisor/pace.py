@@ -123,6 +123,12 @@ class Pace:
         """What is leaving of a stream, as it was put; None: nothing."""
         return self._flow(stream).work
 
+    def takes(self):
+        """How long all that waits takes to leave, at the rate there is now [s]."""
+        left = sum((count if part > flow.part else count - flow.at) * size for flow in self._flows.values()
+                   for part, (count, size) in enumerate(flow.parts) if part >= flow.part)
+        return left / self.rate if self.rate is not None else 0.0
+
     def charge(self, size, now):
         """Bytes left by another way, past the queue."""
         if self.rate is not None:
