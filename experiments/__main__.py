@@ -36,7 +36,8 @@ def main(arguments=None):
     parser = argparse.ArgumentParser(
         prog='./smokebot experiments', description='Measure, draw, and write %s/report.html.' % RESULTS)
     parser.add_argument('names', nargs='*', metavar='NAME', help='of: ' + ', '.join(NAMES))
-    parser.add_argument('--quick', action='store_true', help='less of everything: 3 minutes instead of an hour, without ' + ', '.join(NEVER_QUICK))
+    parser.add_argument('--quick', action='store_true',
+                        help='less of everything: 3 minutes instead of an hour; without ' + ', '.join(NEVER_QUICK))
     parser.add_argument('--draw', action='store_true', help='draw anew what was measured before')
     parser.add_argument('--seed', type=int, default=1, help='of all that is random; default: %(default)s')
     arguments = parser.parse_args(arguments)
