@@ -149,6 +149,25 @@ def call(across, focus):
                          env=environment('robot'), stdout=-3)
 
 
+def beside_the_simulation(folder, rows):
+    """[Table] of what supervisor_simulation had for the same steps, where that was run, too."""
+    path = folder.parent / 'supervisor_simulation' / 'steps.csv'
+    if not path.exists():
+        return []
+    simulated, lines = table.read(path), []
+    for row in rows:
+        same = [one for one in simulated if (100 * one['loss'], one['step']) == (row['loss [%]'], row['step'])]
+        if row['way'] == OURS and same:
+            used, age, pictures = (float(np.median([one[key] for one in same]))
+                                   for key in ('used_streams', 'protected_p99', 'pictures'))
+            lines.append(['%g Mbit/s, %g %%' % (row['rate [Mbit/s]'], row['loss [%]']), row['used [%]'],
+                          round(100 * used, 1), row['odom age p99 [ms]'], round(age), row['pictures [Hz]'],
+                          round(pictures, 1)])
+    return [Table('The lab beside the simulation (supervisor_simulation; medians of its runs).', [
+        'link', 'used [%]', 'simulated', 'odom age p99 [ms]', 'protected, simulated', 'pictures [Hz]', 'simulated'],
+        lines)]
+
+
 def plot(folder):
     rows, times = table.read(folder / 'steps.csv'), table.read(folder / 'times.csv')
     losses = sorted({row['loss [%]'] for row in rows})
@@ -166,6 +185,7 @@ def plot(folder):
         items.append(Table('This package, adapting, at a loss of %g %%. Asked for: used from 85 %%, queue to 60 ms, '
                            'none dropped, odom and tf lost as the air loses, and 80 ms old at p99.' % loss,
                            list(COLUMNS), [[row[key] for key in COLUMNS.values()] for row in ours]))
+    items += beside_the_simulation(folder, rows)
     for key, caption in PEERS.items():
         items.append(Table(caption, ['way', *(('%g Mbit/s, %g %%' % (row['rate [Mbit/s]'], row['loss [%]']))
                                               for row in rows if row['way'] == OURS)],
