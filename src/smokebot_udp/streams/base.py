@@ -10,7 +10,8 @@ from typing import Any, Callable, Optional
 import rospy
 
 from .. import udpros
-from .outbox import Outbox
+from ..supervisor.levels import rate_levels
+from .outbox import Outbox, size_of
 from .parameters import OPERATOR, ROBOT
 from .rate import NewestWorker
 
@@ -68,6 +69,7 @@ class RobotStream(rospy.SubscribeListener):
         self._changing = threading.Lock()
         self._wrong = 0
         self._stamp = None   # of the last message sent
+        self._size = None    # of that, on the air [byte]
         self._worker = NewestWorker(name, self._send, self._report, settings['rate'])
         self.prepare()
 
@@ -94,10 +96,12 @@ class RobotStream(rospy.SubscribeListener):
     def levels(self, rate):
         """What the stream could do with less of the link than all it is asked for, see supervisor.levels.
 
+        Where a kind does not say otherwise its messages come more rarely.
+
         :param rate: of the source [Hz]
         :return: [Level, ...], the cheapest first; empty where nothing is known of its messages yet
         """
-        return []
+        return rate_levels(rate, self._size) if self._size else []
 
     def refine(self, settings, spare):
         """The settings of a level, bettered by what the link has to spare [byte/s]; it may change with each call."""
@@ -164,6 +168,7 @@ class RobotStream(rospy.SubscribeListener):
 
     def put(self, frames):
         """Hand over the frames that carry a message, to be sent in their turn."""
+        self._size = size_of(frames)
         self.link.outbox.put(self.name, self._publisher, frames)
 
     def _told_apart(self, message):

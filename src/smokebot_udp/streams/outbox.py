@@ -8,8 +8,11 @@ from ..supervisor.pace import Pace
 from ..udpros.datagram import OVERHEAD
 from ..udpros.endpoints import IP_UDP_HEADERS
 
-SOON, PATIENCE = 0.02, 0.5
-"""[s]"""
+SOON = 0.02
+"""What leaves in so long at the link's rate is not cut off by a newer message [s],"""
+
+PATIENCE = 0.5
+"""but no newer message waits longer than this [s]."""
 
 
 def size_of(frames):

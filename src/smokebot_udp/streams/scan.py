@@ -8,11 +8,9 @@ from sensor_msgs.msg import LaserScan
 
 from ..codecs import scan
 from ..msg import ScanSegment
-from ..supervisor.levels import rate_levels
 from ..udpros import Frame
 from .base import RobotStream
 from .gather import GatheringReceiver
-from .outbox import size_of
 from .parameters import ROBOT, Parameter
 from .segments import room, write_header
 
@@ -28,16 +26,9 @@ class ScanSender(RobotStream):
         'intensity': Parameter(False, '', 'whether intensities are sent, where the scan has them', live=True),
     }
 
-    _size = None    # bytes of a scan on the air
-
-    def levels(self, rate):
-        return rate_levels(rate, self._size) if self._size else []
-
     def frames(self, message):
         check(message)
-        frames = scan_frames(message, self.settings['intensity'], self.link.datagram_size)
-        self._size = size_of(frames)
-        return frames
+        return scan_frames(message, self.settings['intensity'], self.link.datagram_size)
 
 
 def check(message):

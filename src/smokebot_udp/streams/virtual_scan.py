@@ -18,9 +18,7 @@ from ..codecs.ground import GroundFinder
 from ..codecs.points import as_points
 from ..codecs.scan import in_millimetres
 from ..msg import ScanSegment
-from ..supervisor.levels import rate_levels
 from .base import RobotStream
-from .outbox import size_of
 from .parameters import ROBOT, Parameter
 from .rate import RateLimiter
 from .scan import ScanReceiver, scan_frames
@@ -137,11 +135,6 @@ class VirtualScanSender(RobotStream):
         super().__init__(name, settings, link)
         self._fans = FANS.setdefault(self.topic, Fans())
 
-    _size = None    # bytes of a scan on the air
-
-    def levels(self, rate):
-        return rate_levels(rate, self._size) if self._size else []
-
     def prepare(self):
         # however slow the link is, the robot has all scans that are asked for
         self._worker.set_rate(self.asked['rate'])
@@ -163,9 +156,7 @@ class VirtualScanSender(RobotStream):
         self._scans.publish(scan)
         if super().wanted and not self._limiter.wait(time.monotonic()):
             self._limiter.take(time.monotonic())
-            frames = scan_frames(scan, False, self.link.datagram_size)
-            self._size = size_of(frames)
-            self.put(frames)
+            self.put(scan_frames(scan, False, self.link.datagram_size))
             self.sent += 1
 
     def scan(self, message):
