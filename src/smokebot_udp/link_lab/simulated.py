@@ -12,12 +12,9 @@ from dataclasses import replace
 
 from ..supervisor.allocate import datagram_size
 from ..supervisor.departures import Departures
-from ..supervisor.estimate import LIMITS, Estimator
+from ..supervisor.estimate import LIMITS, REPORTS_APART, Estimator
 from ..supervisor.pace import Pace
 from ..supervisor.report import Arrivals, Reports
-
-REPORTS_APART = 0.1
-"""[s]"""
 
 FULL = 1500
 """A full datagram on the air [byte]."""

@@ -11,10 +11,10 @@ from .. import udpros
 from ..msg import LinkReport, LinkStatus
 from ..streams.rate import Repeater
 from ..supervisor.departures import Departures
-from ..supervisor.estimate import MBIT, Estimator
+from ..supervisor.estimate import MBIT, REPORTS_APART, Estimator, Link
 from ..supervisor.meter import Rate
 from ..supervisor.report import Reports
-from .link_reporter import PERIOD, TOPIC
+from .link_reporter import TOPIC
 
 MOST_OPERATORS = 8
 """Who else reports is not listened to: reports come from the network, and each operator costs memory."""
@@ -24,6 +24,8 @@ GONE = 10.0
 
 SENT_OVER = 1.0
 """[s]"""
+
+UNKNOWN = Link(math.nan, math.nan, math.nan, math.nan)
 
 
 class Operator:
@@ -48,7 +50,7 @@ class LinkControl:
         self._limits, self._adapt = limits, adapt
         self._lock = threading.Lock()
         self._departures = Departures()
-        self._operators = collections.OrderedDict()     # {node's name: Operator}, those heard last at the end
+        self._operators = {}    # {node's name: Operator}
         self._strangers = 0
         self._sent = Rate(SENT_OVER)
 
@@ -71,7 +73,7 @@ class LinkControl:
         self._outbox, self._allocation = outbox, allocation
         self._status = rospy.Publisher('~link', LinkStatus, queue_size=1)
         self._reports = udpros.Subscriber(TOPIC, LinkReport, self._take, queue_size=10)
-        self._polls = Repeater('link', self._poll, self._tell, PERIOD)
+        self._polls = Repeater('link', self._poll, self._tell, REPORTS_APART)
         self._polls.start()
 
     def _take(self, report):
@@ -128,8 +130,8 @@ class LinkControl:
             self._sent.read(self._departures.total, now)
             for operator in self._operators.values():
                 operator.estimator.poll(now)
-            rate, budget = self._rate(now), self._budget(now)
-        self._outbox.change(lambda pace: pace.set_rate(rate))
+            budget = self._budget(now)
+        self._set_rate(now)
         self._allocation.divide(budget, now)
         self._status.publish(self.status(now))
 
@@ -137,14 +139,11 @@ class LinkControl:
         """LinkStatus."""
         with self._lock:
             worst = self._worst(now)
-            link = worst and worst[1].estimator.link
-            rate = self._rate(now)
+            link = worst[1].estimator.link if worst else UNKNOWN
             status = LinkStatus(
-                state=self._state(worst, now), rate=(rate or 0.0) / MBIT,
+                state=self._state(worst, now), rate=(self._rate(now) or 0.0) / MBIT,
                 sent=(self._sent.per_second or 0.0) / MBIT, wanted=self._allocation.wanted / MBIT,
-                capacity=link.capacity / MBIT if link else math.nan, loss=link.loss if link else math.nan,
-                queue_delay=link.queue_delay if link else math.nan,
-                round_trip=link.round_trip if link else math.nan)
+                capacity=link.capacity / MBIT, loss=link.loss, queue_delay=link.queue_delay, round_trip=link.round_trip)
         status.header.stamp = rospy.Time.now()
         return status
 

@@ -9,13 +9,11 @@ import rospy
 from .. import udpros
 from ..msg import ArrivalMark, LinkReport, StreamArrivals
 from ..streams.rate import Repeater
+from ..supervisor.estimate import REPORTS_APART
 from ..supervisor.report import Arrivals
 
 TOPIC = 'smokebot_udp/link/report'
 """Where reports cross."""
-
-PERIOD = 0.1
-"""[s]"""
 
 
 def as_message(report):
@@ -33,7 +31,7 @@ class LinkReporter:
         self._arrivals, self._lock = Arrivals(lambda: int.from_bytes(os.urandom(4), 'little')), threading.Lock()
         self._connections = {}      # {stream: number of its newest connection}
         self._publisher = udpros.Publisher(TOPIC, LinkReport, queue_size=1)
-        self._reports = Repeater('link reports', self._report, self._tell, PERIOD)
+        self._reports = Repeater('link reports', self._report, self._tell, REPORTS_APART)
         self._reports.start()
 
     def arrived(self, stream, number, seq, size, count, when):

@@ -9,12 +9,13 @@ matter itself (clock.py). How nodes use it; link_lab/simulated.py does all of it
   through by `estimate.Estimator`: its rate is `pace.Pace`'s, and a `probe.Train` that it returns is for Pace.train.
   `Estimator.poll` ten times a second lets the rate fall where reports stay away. Without feedback there is no
   Estimator, and the rate is a constant.
-* Ten times a second, too, `allocate.Allocator` divides `BUDGET * estimator.link.capacity`: it takes {stream: Demand} of
-  the streams that are enabled and not protected, with the levels of `levels.py` for the stream's kind and what its
-  messages take in full; and what the protected ones (relay) take. A Grant's share is for Pace.set_share, its settings
-  for the stream's configure; without a level the stream sends nothing. After a switch of the focus:
-  `Allocator.forget`, and allocate at once. The estimator's `wanted` is the sum of the demands' greatest costs and what
-  is protected. `allocate.datagram_size` says how long datagrams had better be, on a slow link.
+* Ten times a second, too, `allocate.Allocator` divides `estimator.link.capacity` (the simulation `BUDGET` of it; the
+  nodes keep back of what levels leave over): it takes {stream: Demand} of the streams that are enabled and not
+  protected, with the levels of `levels.py` for the stream's kind and what its messages take in full; and what the
+  protected ones (relay) take. A Grant's share is for Pace.set_share, its settings are those in force; without a level
+  the stream sends nothing. After a switch of the focus: `Allocator.forget`, and allocate at once. The estimator's
+  `wanted` is the sum of the demands' greatest costs and what is protected. `allocate.datagram_size` says how long
+  datagrams had better be, on a slow link.
 
 What is used by several threads is to be locked.
 """

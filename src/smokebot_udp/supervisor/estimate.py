@@ -25,9 +25,9 @@ What it rests on, and where that is from:
   time is spent on them. More loss than before is a reason to ask: the rate is halved for a moment. What is lost then,
   too, the air loses (loss.py); what is not was dropped by a queue too short to be seen, and the rate goes down by it.
 
-Where it ends: a queue of 10 ms, which drops before it is seen, is overrun by some 40 % in spite of that; an air that
-loses much more than half is taken for an overrun one, and left to the floor; and as all that go by delay it is no match
-for a flow that fills the queue whatever others do.
+Where it ends: a queue of 10 ms, which drops before it is seen, is overrun by some 40 % in spite of that; where the air
+begins to lose nearly all at once, reports too, the rate falls for some seconds; and as all that go by delay it is no
+match for a flow that fills the queue whatever others do.
 """
 import math
 import statistics
@@ -37,7 +37,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .delay import QueueDelay, typical
-from .loss import Loss
+from .loss import MOST, Loss
 from .probe import Trains
 from .quiet import Quiet
 
@@ -69,13 +69,10 @@ COMES_BACK = 2.0
 """When reports come again, and show no queue, the capacity is this part of what it was before they stayed away."""
 
 REPORTS_APART = 0.1
-"""[s]"""
+"""Reports are made so often, and polls [s]."""
 
 UNLIKELY = 0.01
 """Reports are lost like datagrams: silence is longer where it is more likely than this that all of them were."""
-
-MOST_LOSS = 0.95
-"""More is a link that is gone, as far as silence is concerned."""
 
 FULL = 0.06
 """A queue as long as this is drained; what is lost beside it may never have been on the air [s]."""
@@ -170,7 +167,7 @@ class Estimator:
         self._loss.note(evidence, short and self._empty or queue < FULL and self._quiet.holds(chain[0].sent))
         self._empty = short
         link.loss = self._loss.told
-        if missed and queue < self._target():   # reports were lost, as all else
+        if missed and short:    # reports were lost, as all else
             link.capacity = max(link.capacity, self._before / COMES_BACK)
         self._learn(chain, queue)
         if self._quiet.go_on(self._delay, middle, queue, self._target(), now):
@@ -189,7 +186,7 @@ class Estimator:
 
     def poll(self, now):
         """Go on without a report: call it some times a second."""
-        loss = min(max(self.link.loss, UNLIKELY), MOST_LOSS)
+        loss = min(max(self.link.loss, UNLIKELY), MOST)
         silence = max(SILENCE, REPORTS_APART * math.log(UNLIKELY) / math.log(loss))
         while now - self._came > silence * (1 + self.missing) and self.link.capacity > self.limits.floor:
             self._before = self._before if self.missing else self.link.capacity

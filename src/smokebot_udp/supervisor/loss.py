@@ -12,7 +12,7 @@ MARGIN = 0.05
 """So much more, and what chance makes of it twice, is no chance."""
 
 MOST = 0.95
-"""The air is not believed to lose more."""
+"""The air is not believed to lose more: where more is lost the link is gone."""
 
 
 class Loss:

@@ -2,6 +2,8 @@
 """Moments in which less is sent, to learn what the way is like without a queue: its least delay, and what it loses."""
 import math
 
+from .loss import MOST
+
 DIP, DIP_RATE = 0.2, 0.5
 """A dip lasts so long [s], at this part of the capacity;"""
 
@@ -62,7 +64,7 @@ class Quiet:
         if not (expired or long or asks):
             return
         self._began, self._drains = now, long
-        self._ends = now + max(DRAIN if long else DIP, REPORT / max(1 - loss, 0.05) if asks else 0.0)
+        self._ends = now + max(DRAIN if long else DIP, REPORT / max(1 - loss, 1 - MOST) if asks else 0.0)
         if asks:
             self._asked = self._ends
 
