@@ -44,11 +44,12 @@ class Allocation:
         :param budget: [byte/s]; None: there is no limit
         :param now: by a steady clock [s]
         """
-        self._link.datagram_size = self._datagrams.follow(math.inf if budget is None else budget)
+        unlimited = math.inf if budget is None else budget
+        self._link.datagram_size = self._datagrams.follow(unlimited)
         demands = self._demands(now)
         self._protected.read(self._outbox.protected, now)
         protected = self._protected.per_second or 0.0
-        self._thin(self._thinning.follow(math.inf if budget is None else budget, protected, now))
+        self._thin(self._thinning.follow(unlimited, protected, now))
         self.wanted = protected + math.fsum(demand.levels[-1].cost for demand in demands.values())
         if budget is None:
             self.shares = {}
@@ -87,12 +88,16 @@ class Allocation:
             asked = stream.asked
             if not asked['enabled'] or not stream.heard:
                 continue
-            levels = stream.levels(min(asked['rate'], self._sources[name].per_second or asked['rate']))
+            levels = stream.levels(self._rate(stream))
             if levels:
                 demands[name] = Demand(levels, asked['weight'], asked['floor'] * KBIT)
         return demands
 
     def _limits(self, stream, settings):
         """Of a level's settings those that limit a stream."""
-        rate = min(stream.asked['rate'], self._sources[stream.name].per_second or stream.asked['rate'])
-        return {name: value for name, value in settings.items() if name != 'rate' or value < NEARLY * rate}
+        return {name: value for name, value in settings.items()
+                if name != 'rate' or value < NEARLY * self._rate(stream)}
+
+    def _rate(self, stream):
+        """As it is asked for, or its source's where that is slower [Hz]."""
+        return min(stream.asked['rate'], self._sources[stream.name].per_second or stream.asked['rate'])
