@@ -30,7 +30,7 @@ FRESH = 1.0
 
 
 def run(run):
-    scenario.run(run, COURSE, SECONDS, QUICK_HASTE if run.quick else 1.0)
+    scenario.run(run, COURSE, SECONDS, QUICK_HASTE)
 
 
 def plot(folder):

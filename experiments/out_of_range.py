@@ -36,7 +36,7 @@ QUICK_HASTE = 20.0
 
 
 def run(run):
-    scenario.run(run, COURSE, SECONDS, QUICK_HASTE if run.quick else 1.0)
+    scenario.run(run, COURSE, SECONDS, QUICK_HASTE)
 
 
 def plot(folder):

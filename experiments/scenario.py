@@ -30,13 +30,14 @@ STEP = 0.1
 """Of what is drawn [s]."""
 
 
-def run(run, course, seconds, haste=1.0):
+def run(run, course, seconds, quick_haste):
     """Go through a course once for each way; writes messages.csv, link.csv and state.csv.
 
     :param course: text of a link.yaml
     :param seconds: how long it takes
-    :param haste: all is done so many times as fast
+    :param quick_haste: in a quick run all is done so many times as fast
     """
+    haste = quick_haste if run.quick else 1.0
     steps = [replace(step, at=step.at / haste) for step in courses.load(course)[1]]
     rows, states = [], []
     with Crossing(run, adapt=True) as crossing:

@@ -135,20 +135,13 @@ def test_a_receiver_whose_clock_jumps_neither_stalls_nor_bursts(jump):
     assert there.counts.dropped - dropped < 20
 
 
-def test_a_way_that_becomes_longer_is_no_queue():
+@pytest.mark.parametrize('change, settled', [({'delay': 0.07}, 10), ({'loss': 0.2}, 7)])
+def test_a_way_that_becomes_longer_and_loss_that_sets_in_are_no_queue(change, settled):
     events, there, robot = link(5)
     events.run(5)
-    there.quality = replace(there.quality, delay=0.07)
+    there.quality = replace(there.quality, **change)
     events.run(15)
-    assert used(robot, 5, 10, 15) >= 0.85
-
-
-def test_loss_that_sets_in_is_no_queue():
-    events, there, robot = link(5)
-    events.run(5)
-    there.quality = replace(there.quality, loss=0.2)
-    events.run(15)
-    assert used(robot, 5, 7, 15) >= 0.85
+    assert used(robot, 5, settled, 15) >= 0.85
 
 
 def test_reports_that_stay_away_and_come_again():
