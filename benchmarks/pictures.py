@@ -13,6 +13,9 @@ from smokebot_udp.simulation.world import building
 TOP = pathlib.Path(__file__).resolve().parent.parent
 RECORDINGS = TOP.parent / 'shared' / 'data'
 
+BEST_PSNR = 60.0
+"""What is nearer to the truth than this is not told apart [dB]."""
+
 OF_SKIMAGE = ('astronaut', 'brick', 'camera', 'chelsea', 'coffee', 'coins', 'grass', 'gravel', 'hubble_deep_field',
               'moon', 'motorcycle_left', 'page', 'rocket')
 
@@ -21,6 +24,12 @@ OF_CAMERAS = {'seq_euroc_cam0_752x480_20hz': 30, 'seq_rtabmap_corridor_512x384':
 """{folder of recordings: each so manieth picture is taken}"""
 
 OF_THERMAL = {'seq_t1030sc_1024x768_30hz': 4, 'seq_sc660_640x480': 1, 'single': 1}
+
+
+def psnr(truth, shown):
+    """Of two pictures of bytes, BEST_PSNR at most [dB]."""
+    error = np.mean((truth.astype(float) - shown) ** 2)
+    return min(BEST_PSNR, 10 * np.log10(255 ** 2 / error)) if error else BEST_PSNR
 
 
 def grey(width, height):

@@ -10,6 +10,7 @@ from smokebot_udp.simulation.drive import Drive
 from smokebot_udp.simulation.lidar import Lidar
 from smokebot_udp.simulation.world import building
 from smokebot_udp.streams import operator_class
+from smokebot_udp.streams.outbox import size_of
 from smokebot_udp.udpros.datagram import HEADER
 
 from . import drawing, lossy, table
@@ -78,7 +79,7 @@ def run(run):
         sent, chunks = frames['float32'], lossy.count(frames['float32'])
         whole = points_of(lossy.came_of(receiver, sent, np.ones(chunks, bool)))
         if loss == LOSSES[0]:
-            sizes.append(size_of(name, found[name], whole, frames))
+            sizes.append(row_of(name, found[name], whole, frames))
             shown = {str(share): points_of(lossy.came_of(receiver, sent, some(chunks, share, random)))
                      for share in SHARES}
             np.savez_compressed(str(run.folder / (name + '.npz')), **shown)
@@ -100,11 +101,11 @@ def some(chunks, share, random):
     return came
 
 
-def size_of(name, scanned, whole, frames):
+def row_of(name, scanned, whole, frames):
     row = {'cloud': name, 'scanned points': len(scanned), 'thinned': len(whole)}
     for encoding, sent in frames.items():
         row['%s: datagrams' % encoding], row['%s: kB' % encoding] = (
-            lossy.count(sent), lossy.bytes_on_the_wire(sent) / 1e3)
+            lossy.count(sent), size_of(sent) / 1e3)
     return row
 
 

@@ -5,6 +5,7 @@ import numpy as np
 from benchmarks import pictures
 from smokebot_udp.codecs.fill import BEST
 from smokebot_udp.link_lab.channel import Channel, Quality
+from smokebot_udp.streams.outbox import size_of
 
 from . import drawing, jpeg, lossy, table
 from .runner import Figure, Table, again
@@ -80,7 +81,7 @@ def ways(case, truths, ladders, examples, seed):
 
 
 def budget_of(sender, truth):
-    return lossy.bytes_on_the_wire(sender.frames(lossy.message_of(truth)))
+    return size_of(sender.frames(lossy.message_of(truth)))
 
 
 def run(run):

@@ -9,8 +9,7 @@ from scipy import stats
 from skimage.metrics import peak_signal_noise_ratio
 
 from smokebot_udp.udpros.datagram import HEADER
-
-from .lossy import IP_UDP
+from smokebot_udp.udpros.endpoints import IP_UDP_HEADERS
 
 MTU = 1500
 HEAD = 60
@@ -32,7 +31,7 @@ class Code(NamedTuple):
     @property
     def room(self):
         """Bytes for the JPEG."""
-        return int(self.data * (self.size - IP_UDP - HEADER.size)) - HEAD
+        return int(self.data * (self.size - IP_UDP_HEADERS - HEADER.size)) - HEAD
 
     def restored(self, loss):
         """How likely enough packets come, where they are lost independently."""

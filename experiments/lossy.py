@@ -7,9 +7,6 @@ from benchmarks.codecs import gather, stream
 from smokebot_udp.codecs.fill import BEST
 from smokebot_udp.streams import operator_class, robot_class
 
-IP_UDP = 28
-"""Bytes of a packet's headers of IPv4 and UDP."""
-
 PATIENT = 3600.0
 """The streams' limit of time to fill a picture must not change what is seen here [s]."""
 
@@ -30,11 +27,6 @@ def images(fill):
 def count(frames):
     """Of datagrams."""
     return sum(map(len, frames))
-
-
-def bytes_on_the_wire(frames):
-    """Of whole IP packets."""
-    return sum(len(frame) * (frame.datagram_size + IP_UDP) for frame in frames)
 
 
 def records_of(frames, came):

@@ -38,17 +38,8 @@ BURSTS = 0, 2, 4, 8, 16, 32
 PATTERNS = 20
 """For each photograph: losses of so many pictures, one after the other."""
 
-MOST = 60.0
-"""A better picture counts as so good [dB]."""
-
 WORST = 5
 """So many of a hundred pictures are worse than what is told of the worst."""
-
-
-def psnr(picture, shown):
-    """Of bytes [dB]."""
-    error = np.mean((picture.astype(float) - shown) ** 2)
-    return min(MOST, 10 * np.log10(255 ** 2 / error)) if error else MOST
 
 
 def prefixes(photographs, depth, seed, step):
@@ -60,7 +51,7 @@ def prefixes(photographs, depth, seed, step):
             have = np.zeros(len(cut), bool)
             have[order[:k]] = True
             yield {'depth': depth, 'order': name, 'k': k, 'psnr': statistics.mean(
-                psnr(picture, cut.merge(METHODS[BEST](subimages[of], have, cut)))
+                pictures.psnr(picture, cut.merge(METHODS[BEST](subimages[of], have, cut)))
                 for of, picture in photographs.items())}
 
 
@@ -84,7 +75,7 @@ def bursts(photographs, loss, burst, depth, seed, count):
             for name, order in ways.items():
                 have = np.zeros(len(cut), bool)
                 have[order[arrived]] = True
-                found[name].append(psnr(picture, cut.merge(METHODS[BEST](subimages, have, cut))))
+                found[name].append(pictures.psnr(picture, cut.merge(METHODS[BEST](subimages, have, cut))))
     return [{'lost': loss, 'burst': burst, 'order': name, 'psnr': np.mean(of), 'worst': np.percentile(of, WORST)}
             for name, of in found.items()]
 

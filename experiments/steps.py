@@ -8,6 +8,7 @@ from typing import List, Sequence
 
 import numpy as np
 
+from benchmarks.pictures import psnr
 from smokebot_udp.link_lab.listener import Listener
 from smokebot_udp.link_lab.stack import Stack
 
@@ -291,13 +292,3 @@ class Screen:
                 'age p50 [ms]': round(1e3 * percentile(ages, 0.5)) if came else None,
                 'age p99 [ms]': round(1e3 * percentile(ages, 0.99)) if came else None,
                 'PSNR [dB]': round(float(np.mean(qualities)), 2) if qualities else None}
-
-
-BEST = 60.0
-"""What is nearer than this is not told apart [dB]."""
-
-
-def psnr(truth, picture):
-    """Of two uint8 pictures [dB]."""
-    error = np.mean((truth.astype(np.float32) - picture) ** 2)
-    return min(BEST, 10 * np.log10(255 ** 2 / max(error, 1e-9)))

@@ -10,8 +10,9 @@ for library in ('cv2', 'matplotlib', 'skimage', 'tqdm'):
 
 import cv2  # noqa: E402
 
+from benchmarks.pictures import BEST_PSNR  # noqa: E402
 from experiments import cloud_loss, doc_pictures, jpeg, lossy, map_reduction  # noqa: E402
-from experiments.screen import BEST_PSNR, GREY, HEIGHT, WIDTH, Screen  # noqa: E402
+from experiments.screen import GREY, HEIGHT, WIDTH, Screen  # noqa: E402
 
 PICTURE = np.random.RandomState(1).randint(0, 256, (240, 320)).astype(np.uint8)
 
