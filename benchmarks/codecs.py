@@ -14,7 +14,8 @@ import numpy as np
 from nav_msgs.msg import OccupancyGrid
 from sensor_msgs.msg import Image, LaserScan, PointCloud2, PointField
 
-from smokebot_udp.codecs import pixels, scan, voxel
+from smokebot_udp.codecs.perception import voxel
+from smokebot_udp.codecs.wire import pixels, scan
 from smokebot_udp.simulation.lidar import POINT, Lidar
 from smokebot_udp.simulation.world import building
 from smokebot_udp.streams import operator_class, robot_class

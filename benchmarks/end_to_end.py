@@ -17,7 +17,7 @@ from typing import Dict, List, NamedTuple
 import numpy as np
 import psutil
 
-from smokebot_udp.codecs.voxel import voxel_filter
+from smokebot_udp.codecs.perception.voxel import voxel_filter
 
 from .end_to_end_peer import HEIGHT, WIDTH, points
 from .processes import Master, Peer, end, start

@@ -17,7 +17,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import CompressedImage, Image, PointCloud2
 from std_msgs.msg import Header
 
-from smokebot_udp.codecs import pixels
+from smokebot_udp.codecs.wire import pixels
 from smokebot_udp.nodes.simulated_topics import cloud
 from smokebot_udp.simulation import mounts
 from smokebot_udp.simulation.lidar import Lidar

@@ -11,9 +11,9 @@ import cv2
 import numpy as np
 from skimage.metrics import structural_similarity
 
-from smokebot_udp.codecs.fill import BEST, METHODS
-from smokebot_udp.codecs.integrate import received
-from smokebot_udp.codecs.interleave import Interleave, fit
+from smokebot_udp.codecs.concealment.fill import BEST, METHODS
+from smokebot_udp.codecs.concealment.temporal import received
+from smokebot_udp.codecs.wire.interleave import Interleave, fit
 
 from . import fill_plots, pictures
 

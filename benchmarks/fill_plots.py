@@ -3,8 +3,8 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from smokebot_udp.codecs.fill import METHODS
-from smokebot_udp.codecs.interleave import Interleave
+from smokebot_udp.codecs.concealment.fill import METHODS
+from smokebot_udp.codecs.wire.interleave import Interleave
 
 LOSSES = 0.5, 0.8
 """Of the sheet."""

@@ -5,8 +5,8 @@ from skimage.metrics import peak_signal_noise_ratio
 
 from benchmarks import pictures
 from benchmarks.fill import patterns
-from smokebot_udp.codecs.interleave import Interleave
-from smokebot_udp.codecs.kriging import SMOOTH, kriging_clamped
+from smokebot_udp.codecs.concealment.kriging import SMOOTH, kriging_clamped
+from smokebot_udp.codecs.wire.interleave import Interleave
 
 from . import drawing, table
 from .runner import Figure, Table, again

@@ -3,7 +3,7 @@
 import numpy as np
 
 from benchmarks import pictures
-from smokebot_udp.codecs.fill import BEST
+from smokebot_udp.codecs.concealment.fill import BEST
 from smokebot_udp.link_lab.channel import Channel, Quality
 from smokebot_udp.streams.outbox import size_of
 

@@ -4,7 +4,7 @@ import numpy as np
 from sensor_msgs.msg import Image
 
 from benchmarks.codecs import gather, stream
-from smokebot_udp.codecs.fill import BEST
+from smokebot_udp.codecs.concealment.fill import BEST
 from smokebot_udp.streams import operator_class, robot_class
 
 PATIENT = 3600.0

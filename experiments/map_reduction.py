@@ -6,7 +6,7 @@ from nav_msgs.msg import OccupancyGrid
 from scipy import ndimage
 
 from benchmarks.pictures import RECORDINGS
-from smokebot_udp.codecs.grid import UNKNOWN
+from smokebot_udp.codecs.wire.grid import UNKNOWN
 from smokebot_udp.simulation.drive import Drive
 from smokebot_udp.simulation.mapping import RESOLUTION, Mapper
 from smokebot_udp.simulation.world import building

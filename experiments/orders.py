@@ -3,8 +3,8 @@
 import numpy as np
 from scipy import spatial
 
-from smokebot_udp.codecs.interleave import table
-from smokebot_udp.codecs.kriging import NEIGHBOURS, SMOOTH, weigh
+from smokebot_udp.codecs.concealment.kriging import NEIGHBOURS, SMOOTH, weigh
+from smokebot_udp.codecs.wire.interleave import table
 
 AROUND = np.array([(down, right) for down in range(-2, 3) for right in range(-2, 3)])
 """Blocks in which neighbours are looked for."""

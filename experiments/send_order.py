@@ -5,8 +5,8 @@ import statistics
 import numpy as np
 
 from benchmarks import pictures
-from smokebot_udp.codecs.fill import BEST, METHODS
-from smokebot_udp.codecs.interleave import Interleave
+from smokebot_udp.codecs.concealment.fill import BEST, METHODS
+from smokebot_udp.codecs.wire.interleave import Interleave
 from smokebot_udp.link_lab.channel import Channel, Quality
 
 from . import drawing, table

@@ -14,7 +14,7 @@ import rospy
 from sensor_msgs.msg import CompressedImage, Image, PointCloud2, PointField
 
 from smokebot_udp import udpros
-from smokebot_udp.codecs.voxel import voxel_filter
+from smokebot_udp.codecs.perception.voxel import voxel_filter
 from smokebot_udp.simulation import mounts
 from smokebot_udp.simulation.camera import Camera
 from smokebot_udp.simulation.drive import Drive

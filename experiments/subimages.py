@@ -4,8 +4,8 @@ import numpy as np
 from skimage.metrics import peak_signal_noise_ratio
 
 from benchmarks import pictures
-from smokebot_udp.codecs.integrate import received
-from smokebot_udp.codecs.interleave import Interleave
+from smokebot_udp.codecs.concealment.temporal import received
+from smokebot_udp.codecs.wire.interleave import Interleave
 
 from . import drawing, lossy, table
 from .runner import Figure, again

@@ -5,8 +5,8 @@ from operator import itemgetter
 
 import numpy as np
 
-from smokebot_udp.codecs import virtual_scan
-from smokebot_udp.codecs.ground import ASSUMED, FRESH, GroundFinder, Plane
+from smokebot_udp.codecs.perception import virtual_scan
+from smokebot_udp.codecs.perception.ground import ASSUMED, FRESH, GroundFinder, Plane
 from smokebot_udp.simulation.drive import Drive
 from smokebot_udp.simulation.lidar import Lidar
 from smokebot_udp.simulation.world import building

@@ -14,8 +14,8 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from streams_case import LOSSES, StreamsCase
 from waiting import Collector, stamps, wait_for
 
-from smokebot_udp.codecs.points import as_points
-from smokebot_udp.codecs.voxel import voxel_filter
+from smokebot_udp.codecs.perception.voxel import voxel_filter
+from smokebot_udp.codecs.wire.points import as_points
 from smokebot_udp.msg import CloudChunk, ScanSegment
 from smokebot_udp.simulation.lidar import POINT, RINGS, Lidar
 from smokebot_udp.simulation.world import building

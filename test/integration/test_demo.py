@@ -15,7 +15,7 @@ from sensor_msgs.msg import CameraInfo, Image
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from waiting import Collector, wait_for
 
-from smokebot_udp.codecs.pixels import as_pixels
+from smokebot_udp.codecs.wire.pixels import as_pixels
 
 TOPICS = {'thermal': 'mono16', 'camera': 'bgr8'}
 

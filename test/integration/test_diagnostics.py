@@ -18,7 +18,7 @@ from std_msgs.msg import Float32
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from waiting import Collector, wait_for
 
-from smokebot_udp.codecs.view import COLOURS, FRESH, FROZEN
+from smokebot_udp.codecs.display.view import COLOURS, FRESH, FROZEN
 
 OK, WARN, ERROR = 0, 1, 2
 RATE = 10.0

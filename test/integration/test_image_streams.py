@@ -20,8 +20,8 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from waiting import Collector, stamps, wait_for
 
 from smokebot_udp import udpros
-from smokebot_udp.codecs.pixels import item_type
-from smokebot_udp.codecs.view import COLOURS, FRESH, FROZEN, OLD
+from smokebot_udp.codecs.display.view import COLOURS, FRESH, FROZEN, OLD
+from smokebot_udp.codecs.wire.pixels import item_type
 from smokebot_udp.msg import ImageSegment
 
 THERMAL = pathlib.Path(__file__).resolve().parents[3] / 'shared' / 'data' / 'thermal'

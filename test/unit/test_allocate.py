@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smokebot_udp.supervisor.allocate import HOLD, LEAP, MARGIN, Allocator, Demand, datagram_size, shares
-from smokebot_udp.supervisor.levels import Level, rate_levels
+from smokebot_udp.congestion.allocation import HOLD, LEAP, MARGIN, Allocator, Demand, datagram_size, shares
+from smokebot_udp.congestion.operating_points import Level, rate_levels
 
 
 def levels(*costs):

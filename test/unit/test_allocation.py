@@ -4,12 +4,12 @@ from types import SimpleNamespace
 
 import pytest
 
+from smokebot_udp.mission.parameters import check
 from smokebot_udp.nodes.allocation import Allocation
 from smokebot_udp.streams.base import Link
 from smokebot_udp.streams.cloud import CloudSender
 from smokebot_udp.streams.grid import GridSender
 from smokebot_udp.streams.image import ImageSender
-from smokebot_udp.streams.parameters import check
 from smokebot_udp.streams.relay import RelaySender
 
 SIZE = 1500     # of a datagram on the air

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smokebot_udp.supervisor.clock import CONFIRMED, DRIFT, KEPT, SLACK, ClockOffset
+from smokebot_udp.monitoring.clock_offset import CONFIRMED, DRIFT, KEPT, SLACK, ClockOffset
 
 EPOCH = 1.7e9
 HOUR = 3600.0

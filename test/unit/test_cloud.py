@@ -10,15 +10,24 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sensor_msgs.msg import PointCloud2, PointField
 
-from smokebot_udp.codecs.cloud import ENDING, MAX_POINTS, CloudParts, PointFormat, deal, packed, plain, sending_order
-from smokebot_udp.codecs.points import as_points
-from smokebot_udp.codecs.voxel import voxel_filter
+from smokebot_udp.codecs.perception.voxel import voxel_filter
+from smokebot_udp.codecs.wire.cloud import (
+    ENDING,
+    MAX_POINTS,
+    CloudParts,
+    PointFormat,
+    deal,
+    packed,
+    plain,
+    sending_order,
+)
+from smokebot_udp.codecs.wire.points import as_points
+from smokebot_udp.mission.parameters import check
 from smokebot_udp.msg import CloudChunk
 from smokebot_udp.simulation.lidar import POINT, Lidar
 from smokebot_udp.simulation.world import building
 from smokebot_udp.streams.base import Link
 from smokebot_udp.streams.cloud import CloudReceiver, CloudSender
-from smokebot_udp.streams.parameters import check
 from smokebot_udp.udpros.datagram import OVERHEAD
 from smokebot_udp.udpros.records import record_dtype
 

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from smokebot_udp.codecs.colouring import (
+from smokebot_udp.codecs.display.colouring import (
     NO_READING,
     PALETTES,
     SETTLING,
@@ -15,7 +15,7 @@ from smokebot_udp.codecs.colouring import (
     Colouring,
     numbers,
 )
-from smokebot_udp.codecs.pixels import ENCODINGS, as_pixels, pixel_type
+from smokebot_udp.codecs.wire.pixels import ENCODINGS, as_pixels, pixel_type
 
 KELVIN = {'counts_per_unit': 25.0, 'zero': -273.15, 'unit': 'degC'}
 

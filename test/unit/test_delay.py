@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 import pytest
 
-from smokebot_udp.supervisor.delay import KEEPS, QueueDelay, typical
-from smokebot_udp.supervisor.quiet import DIP, DIP_RATE, DRAIN, DRAIN_RATE, RISE, SETTLES, Quiet
-from smokebot_udp.supervisor.report import Point
+from smokebot_udp.congestion.delay import KEEPS, QueueDelay, typical
+from smokebot_udp.congestion.feedback import Point
+from smokebot_udp.congestion.probe_rtt import DIP, DIP_RATE, DRAIN, DRAIN_RATE, RISE, SETTLES, Quiet
 
 CAPACITY = 1e6
 """[byte/s]"""

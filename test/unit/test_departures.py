@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-from smokebot_udp.supervisor.departures import KEPT, Departures
+from smokebot_udp.congestion.sent_history import KEPT, Departures
 
 
 def test_a_datagram_is_found_with_what_had_left_by_then():

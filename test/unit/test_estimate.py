@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smokebot_udp.supervisor.departures import Departures
-from smokebot_udp.supervisor.estimate import FULL, MBIT, SILENCE, Estimator, Limits, peak, target
-from smokebot_udp.supervisor.loss import Loss
-from smokebot_udp.supervisor.probe import GAINS, LASTS, PAUSE, Trains
-from smokebot_udp.supervisor.report import ArrivalMark, Evidence, Point, Report, Reports, StreamArrivals
+from smokebot_udp.congestion.estimator import FULL, MBIT, SILENCE, Estimator, Limits, peak, target
+from smokebot_udp.congestion.feedback import ArrivalMark, Evidence, Point, Report, Reports, StreamArrivals
+from smokebot_udp.congestion.loss import Loss
+from smokebot_udp.congestion.probing import GAINS, LASTS, PAUSE, Trains
+from smokebot_udp.congestion.sent_history import Departures
 
 
 def points(*ways, size=1000):

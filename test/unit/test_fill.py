@@ -4,8 +4,8 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from smokebot_udp.codecs.fill import METHODS, nearest
-from smokebot_udp.codecs.interleave import Interleave
+from smokebot_udp.codecs.concealment.fill import METHODS, nearest
+from smokebot_udp.codecs.wire.interleave import Interleave
 
 
 def received_pixels(cut, have):

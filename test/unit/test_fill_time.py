@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 import pytest
 
-from smokebot_udp.codecs.fill import METHODS
+from smokebot_udp.codecs.concealment.fill import METHODS
 from smokebot_udp.streams.fill_time import CHEAPEST, LONGEST_PERIOD, PATIENCE, FillTime
 
 SLOW, QUICK = 0.08, 0.01

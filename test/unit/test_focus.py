@@ -4,9 +4,9 @@ from types import SimpleNamespace
 
 import pytest
 
+from smokebot_udp.mission.focus import load
 from smokebot_udp.nodes.focus import valid_profiles
 from smokebot_udp.streams import config, robot_class
-from smokebot_udp.supervisor.focus import load
 
 CONFIG = pathlib.Path(__file__).parents[2] / 'config'
 

@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from nav_msgs.msg import OccupancyGrid
 
-from smokebot_udp.codecs import interleave
-from smokebot_udp.codecs.grid import as_cells, fit, reduce_by, unknown
-from smokebot_udp.codecs.interleave import Interleave
+from smokebot_udp.codecs.wire import interleave
+from smokebot_udp.codecs.wire.grid import as_cells, fit, reduce_by, unknown
+from smokebot_udp.codecs.wire.interleave import Interleave
+from smokebot_udp.mission.parameters import check
 from smokebot_udp.msg import GridSegment
 from smokebot_udp.streams.base import Link
 from smokebot_udp.streams.grid import GridReceiver, GridSender, begin, check_origin
-from smokebot_udp.streams.parameters import check
 from smokebot_udp.streams.rounds import QUIET
 from smokebot_udp.udpros.datagram import OVERHEAD
 

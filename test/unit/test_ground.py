@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smokebot_udp.codecs import ground
-from smokebot_udp.codecs.ground import ASSUMED, FRESH, LAST, GroundFinder, Plane, fit_by_numpy, fit_by_pcl
+from smokebot_udp.codecs.perception import ground
+from smokebot_udp.codecs.perception.ground import ASSUMED, FRESH, LAST, GroundFinder, Plane, fit_by_numpy, fit_by_pcl
 from smokebot_udp.simulation.drive import Drive
 from smokebot_udp.simulation.lidar import Lidar
 from smokebot_udp.simulation.world import building

@@ -2,11 +2,11 @@
 import numpy as np
 import pytest
 
-from smokebot_udp.codecs.fill import nearest
-from smokebot_udp.codecs.image import Picture, mask_of
-from smokebot_udp.codecs.interleave import fit
-from smokebot_udp.codecs.kriging import kriging
-from smokebot_udp.codecs.pixels import item_type, pixel_type
+from smokebot_udp.codecs.concealment.fill import nearest
+from smokebot_udp.codecs.concealment.kriging import kriging
+from smokebot_udp.codecs.wire.interleave import fit
+from smokebot_udp.codecs.wire.partial_image import Picture, mask_of
+from smokebot_udp.codecs.wire.pixels import item_type, pixel_type
 
 HEIGHT, WIDTH = 45, 60
 

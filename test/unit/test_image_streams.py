@@ -6,9 +6,9 @@ import numpy as np
 from genpy import Time
 from sensor_msgs.msg import Image
 
+from smokebot_udp.mission.parameters import check
 from smokebot_udp.streams.base import Link
 from smokebot_udp.streams.image import ImageReceiver, ImageSender
-from smokebot_udp.streams.parameters import check
 
 STANDS = SimpleNamespace(stands=lambda: True, pictures=lambda changed: None)
 

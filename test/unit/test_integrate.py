@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from smokebot_udp.codecs import interleave
-from smokebot_udp.codecs.fill import nearest
-from smokebot_udp.codecs.integrate import Memory, received
-from smokebot_udp.codecs.interleave import Interleave
-from smokebot_udp.codecs.pixels import item_type, pixel_type
+from smokebot_udp.codecs.concealment.fill import nearest
+from smokebot_udp.codecs.concealment.temporal import Memory, received
+from smokebot_udp.codecs.wire import interleave
+from smokebot_udp.codecs.wire.interleave import Interleave
+from smokebot_udp.codecs.wire.pixels import item_type, pixel_type
 from smokebot_udp.simulation.camera import Camera
 from smokebot_udp.simulation.pinhole import Pinhole
 from smokebot_udp.simulation.thermal import ThermalCamera

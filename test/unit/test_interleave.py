@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from smokebot_udp.codecs.interleave import MAX_DEPTH, Interleave, fit, table
+from smokebot_udp.codecs.wire.interleave import MAX_DEPTH, Interleave, fit, table
 
 TABLE_3A = [[0, 8, 2, 10],
             [12, 4, 14, 6],

@@ -4,9 +4,9 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from smokebot_udp.codecs.fill import nearest
-from smokebot_udp.codecs.interleave import Interleave
-from smokebot_udp.codecs.kriging import CLAMPING, SMOOTH, kriging, kriging_clamped, kriging_steered, weigh
+from smokebot_udp.codecs.concealment.fill import nearest
+from smokebot_udp.codecs.concealment.kriging import CLAMPING, SMOOTH, kriging, kriging_clamped, kriging_steered, weigh
+from smokebot_udp.codecs.wire.interleave import Interleave
 
 EACH = pytest.mark.parametrize('method', [kriging, kriging_clamped, kriging_steered])
 TYPES = ['u1', '<u2', '>u2', '<f4', '>f4']

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smokebot_udp.supervisor.levels import STEP, cloud_levels, image_levels, map_levels, rate_levels
+from smokebot_udp.congestion.operating_points import STEP, cloud_levels, image_levels, map_levels, rate_levels
 
 rates = st.floats(0.5, 30)
 

@@ -7,12 +7,12 @@ from types import SimpleNamespace
 import pytest
 import rospy
 
+from smokebot_udp.congestion.estimator import MBIT, Limits
+from smokebot_udp.congestion.feedback import ArrivalMark, Arrivals, Report, StreamArrivals
 from smokebot_udp.msg import LinkReport
 from smokebot_udp.nodes import link_control
 from smokebot_udp.nodes.link_control import GONE, MOST_OPERATORS, LinkControl
 from smokebot_udp.nodes.link_reporter import LinkReporter, as_message
-from smokebot_udp.supervisor.estimate import MBIT, Limits
-from smokebot_udp.supervisor.report import ArrivalMark, Arrivals, Report, StreamArrivals
 
 LIMITS = Limits(floor=0.1 * MBIT, start=0.5 * MBIT, max_rate=10 * MBIT)
 SIZE = 1500

@@ -2,8 +2,8 @@
 """What dynamic_reconfigure is told of a table; the ways in themselves run in integration/focus.test."""
 from dynamic_reconfigure.encoding import decode_description, encode_description
 
+from smokebot_udp.mission.parameters import Parameter, live
 from smokebot_udp.nodes.live import config_type
-from smokebot_udp.streams.parameters import Parameter, live
 
 TABLE = {'rate': Parameter(10.0, 'Hz', 'how often', above=0.0, most=1000.0, live=True),
          'count': Parameter(3, '', 'how many', least=1, live=True),

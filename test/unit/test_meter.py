@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from smokebot_udp.monitoring.windows import ERROR, OK, WARN, Limits, Rate, Rates, Samples, Silence, Verdict, share
 from smokebot_udp.nodes import diagnostics
 from smokebot_udp.nodes.clock_sync import Estimate
 from smokebot_udp.nodes.diagnostics import OPERATOR, ROBOT, StreamWatch
-from smokebot_udp.supervisor.meter import ERROR, OK, WARN, Limits, Rate, Rates, Samples, Silence, Verdict, share
 
 
 def test_a_rate_is_growth_over_time():

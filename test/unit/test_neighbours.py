@@ -4,7 +4,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from smokebot_udp.codecs.neighbours import SPARSE, neighbours
+from smokebot_udp.codecs.concealment.neighbours import SPARSE, neighbours
 
 COUNT, REACH = 12, 2
 

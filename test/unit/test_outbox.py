@@ -5,8 +5,8 @@ import pytest
 from sensor_msgs.msg import LaserScan
 from std_msgs.msg import Float32
 
+from smokebot_udp.congestion.packet_scheduler import Pace
 from smokebot_udp.streams.outbox import Outbox
-from smokebot_udp.supervisor.pace import Pace
 from smokebot_udp.udpros import Frame
 
 WAIT = 10.0     # longer than any of it takes [s]

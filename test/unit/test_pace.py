@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smokebot_udp.supervisor.pace import BURST_LASTS, CHUNK_LASTS, LATE, Chunk, Pace
+from smokebot_udp.congestion.packet_scheduler import BURST_LASTS, CHUNK_LASTS, LATE, Chunk, Pace
 
 
 def sent(pace, until=math.inf):

@@ -11,10 +11,11 @@ TOP = pathlib.Path(__file__).resolve().parents[2]
 SOURCE = TOP / 'src' / 'smokebot_udp'
 MODULES = sorted(SOURCE.rglob('*.py'))
 MAY_IMPORT = {
-    'nodes': {'nodes', 'streams', 'codecs', 'udpros', 'supervisor', 'simulation', 'msg', 'srv'},
-    'streams': {'streams', 'codecs', 'udpros', 'supervisor', 'msg'},
-    'codecs': {'codecs'}, 'udpros': {'udpros'}, 'supervisor': {'supervisor'}, 'simulation': {'simulation'},
-    'link_lab': {'link_lab', 'streams', 'supervisor', 'udpros', 'codecs', 'msg'},
+    'nodes': {'nodes', 'streams', 'codecs', 'udpros', 'congestion', 'mission', 'monitoring', 'simulation', 'msg', 'srv'},
+    'streams': {'streams', 'codecs', 'udpros', 'congestion', 'mission', 'msg'},
+    'codecs': {'codecs'}, 'udpros': {'udpros'}, 'simulation': {'simulation'},
+    'congestion': {'congestion'}, 'mission': {'mission'}, 'monitoring': {'monitoring'},
+    'link_lab': {'link_lab', 'streams', 'congestion', 'udpros', 'codecs', 'msg'},
 }
 """Each room of the package, and the rooms it may know."""
 
@@ -48,9 +49,9 @@ def test_a_room_knows_only_those_below_it(path):
         parts = name.split('.')
         if parts[0] == 'smokebot_udp' and len(parts) > 1:
             assert parts[1] in MAY_IMPORT[room], name
-        if room in ('codecs', 'simulation', 'supervisor'):
+        if room in ('codecs', 'simulation', 'congestion', 'mission', 'monitoring'):
             assert parts[0] not in ('rospy', 'socket', 'rosgraph', 'sensor_msgs'), name
-        if room == 'supervisor':
+        if room in ('congestion', 'mission', 'monitoring'):
             assert parts[0] != 'time', name
         if room == 'udpros' and path.stem in PURE:
             assert parts[0] not in ('rospy', 'socket', 'time', 'rosgraph', 'select'), name

@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 
-from smokebot_udp.codecs.image import ENDING, Picture
+from smokebot_udp.codecs.wire.partial_image import ENDING, Picture
 from smokebot_udp.streams.pictures import QUIET, PictureSequence
 
 S = 10 ** 9

@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 
-from smokebot_udp.codecs.pixels import ENCODINGS, as_items, as_pixels, item_type, reduce_by
+from smokebot_udp.codecs.wire.pixels import ENCODINGS, as_items, as_pixels, item_type, reduce_by
 
 
 @pytest.mark.parametrize('encoding, size', [('mono8', 1), ('8UC1', 1), ('mono16', 2), ('16UC1', 2), ('bgr8', 3),

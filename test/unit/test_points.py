@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from smokebot_udp.codecs.points import as_points
+from smokebot_udp.codecs.wire.points import as_points
 
 pytestmark = pytest.mark.filterwarnings('error')
 

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from nav_msgs.msg import Odometry
 from tf2_msgs.msg import TFMessage
 
+from smokebot_udp.mission.parameters import check
 from smokebot_udp.streams.base import Link
-from smokebot_udp.streams.parameters import check
 from smokebot_udp.streams.relay import MAX_PAIRS, Merged, RelayReceiver, RelaySender, message_class, size_of
 
 

@@ -6,11 +6,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from smokebot_udp.congestion.feedback import (
+    CONFIRMED,
+    MOST_MARKS,
+    ArrivalMark,
+    Arrivals,
+    Report,
+    Reports,
+    StreamArrivals,
+)
+from smokebot_udp.congestion.sent_history import Departures
 from smokebot_udp.msg import ArrivalMark as ArrivalMarkMessage
 from smokebot_udp.msg import LinkReport
 from smokebot_udp.msg import StreamArrivals as StreamArrivalsMessage
-from smokebot_udp.supervisor.departures import Departures
-from smokebot_udp.supervisor.report import CONFIRMED, MOST_MARKS, ArrivalMark, Arrivals, Report, Reports, StreamArrivals
 
 AHEAD = 3600.0
 """The operator's steady clock beside the robot's [s]."""

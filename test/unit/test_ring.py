@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 
-from smokebot_udp.codecs.ring import border_of, continued, moved, repeated
+from smokebot_udp.codecs.concealment.ring import border_of, continued, moved, repeated
 
 
 def test_repeated_and_moved_by_hand():

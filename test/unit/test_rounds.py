@@ -4,9 +4,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from smokebot_udp.codecs.fill import nearest
-from smokebot_udp.codecs.grid import fit
-from smokebot_udp.codecs.image import Picture
+from smokebot_udp.codecs.concealment.fill import nearest
+from smokebot_udp.codecs.wire.grid import fit
+from smokebot_udp.codecs.wire.partial_image import Picture
 from smokebot_udp.streams.pictures import RESTART
 from smokebot_udp.streams.rounds import QUIET, Rounds
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sensor_msgs.msg import LaserScan
 
-from smokebot_udp.codecs.scan import (
+from smokebot_udp.codecs.wire.scan import (
     MAX_RANGES,
     ScanParts,
     densest_comb,
@@ -19,8 +19,8 @@ from smokebot_udp.codecs.scan import (
     write_intensities,
     write_ranges,
 )
+from smokebot_udp.mission import parameters
 from smokebot_udp.msg import ScanSegment
-from smokebot_udp.streams import parameters
 from smokebot_udp.streams.base import Link
 from smokebot_udp.streams.scan import FIXED, ScanReceiver, check, scan_frames
 from smokebot_udp.udpros.datagram import OVERHEAD

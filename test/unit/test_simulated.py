@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from smokebot_udp.congestion.estimator import MBIT, Limits
+from smokebot_udp.congestion.feedback import CONFIRMED
 from smokebot_udp.link_lab.channel import Channel, Quality
 from smokebot_udp.link_lab.simulated import Events, Robot, greedy
 from smokebot_udp.link_lab.simulated_streams import Streams, cloud, grid, navigation, picture, scan
-from smokebot_udp.supervisor.estimate import MBIT, Limits
-from smokebot_udp.supervisor.report import CONFIRMED
 
 STEPS = 20, 5, 1, 0.3, 20
 """[Mbit/s]"""

@@ -6,7 +6,7 @@ import rospy
 import tf2_ros
 from std_msgs.msg import Header
 
-from smokebot_udp.codecs.points import as_points
+from smokebot_udp.codecs.wire.points import as_points
 from smokebot_udp.nodes import simulated_topics
 from smokebot_udp.simulation import battery, mounts, scanner
 from smokebot_udp.simulation.drive import Drive

@@ -2,9 +2,9 @@
 import numpy as np
 import pytest
 
-from smokebot_udp.codecs.interleave import Interleave
-from smokebot_udp.codecs.kriging import kriging_clamped, kriging_steered
-from smokebot_udp.codecs.steering import DIRECTIONS, STRETCH, along, blended, edges
+from smokebot_udp.codecs.concealment.kriging import kriging_clamped, kriging_steered
+from smokebot_udp.codecs.concealment.steering import DIRECTIONS, STRETCH, along, blended, edges
+from smokebot_udp.codecs.wire.interleave import Interleave
 
 ROWS, COLUMNS = np.mgrid[:96, :128]
 STRIPES = {0: ROWS, 1: COLUMNS - ROWS, 2: COLUMNS, 3: COLUMNS + ROWS}

@@ -5,9 +5,9 @@ import cv2
 import numpy as np
 import pytest
 
-from smokebot_udp.codecs import view
-from smokebot_udp.codecs.colouring import MARKS, SHADES, Coloured, Colouring
-from smokebot_udp.codecs.view import BLACK, COLOURS, FRESH, FROZEN, OLD, Limits, duration, framed, layout
+from smokebot_udp.codecs.display import view
+from smokebot_udp.codecs.display.colouring import MARKS, SHADES, Coloured, Colouring
+from smokebot_udp.codecs.display.view import BLACK, COLOURS, FRESH, FROZEN, OLD, Limits, duration, framed, layout
 
 LIMITS = Limits(old_after=0.5, frozen_after=2.0, least_complete=0.5)
 KELVIN = {'counts_per_unit': 25.0, 'zero': -273.15, 'unit': 'degC'}

@@ -5,8 +5,8 @@ import time
 import numpy as np
 import pytest
 
-from smokebot_udp.codecs.colouring import Coloured
-from smokebot_udp.codecs.view import COLOURS, FRESH, FROZEN, OLD
+from smokebot_udp.codecs.display.colouring import Coloured
+from smokebot_udp.codecs.display.view import COLOURS, FRESH, FROZEN, OLD
 
 PICTURE = np.full((1, 1), 7000, np.uint16)
 
@@ -156,7 +156,7 @@ def test_nobody_looks_and_then_somebody_does(publisher, monkeypatch):
 
 
 def defaults():
-    from smokebot_udp.streams import parameters
+    from smokebot_udp.mission import parameters
     from smokebot_udp.streams.view import PARAMETERS
     return parameters.check({}, PARAMETERS)
 

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smokebot_udp.codecs.ground import GroundFinder, Plane
-from smokebot_udp.codecs.virtual_scan import ANGLE_MIN, COLUMNS, INCREMENT, fan, landmark_scan, obstacle_scan
+from smokebot_udp.codecs.perception.ground import GroundFinder, Plane
+from smokebot_udp.codecs.perception.virtual_scan import ANGLE_MIN, COLUMNS, INCREMENT, fan, landmark_scan, obstacle_scan
 from smokebot_udp.simulation.drive import Drive
 from smokebot_udp.simulation.lidar import COLUMNS as AZIMUTHS
 from smokebot_udp.simulation.lidar import RINGS, Lidar

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from smokebot_udp.codecs import voxel
-from smokebot_udp.codecs.voxel import voxel_filter
+from smokebot_udp.codecs.perception import voxel
+from smokebot_udp.codecs.perception.voxel import voxel_filter
 from smokebot_udp.simulation.lidar import Lidar
 from smokebot_udp.simulation.world import building
 

@@ -20,7 +20,7 @@ from sensor_msgs.msg import CompressedImage, Image, LaserScan, PointCloud2
 from tf2_msgs.msg import TFMessage
 
 from .. import udpros
-from ..codecs.image import RECEIVED
+from ..codecs.wire.partial_image import RECEIVED
 from ..msg import LinkStatus
 from ..streams.relay import stamp_of
 

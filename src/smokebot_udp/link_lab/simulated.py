@@ -10,11 +10,11 @@ import math
 import random
 from dataclasses import replace
 
-from ..supervisor.allocate import datagram_size
-from ..supervisor.departures import Departures
-from ..supervisor.estimate import LIMITS, REPORTS_APART, Estimator
-from ..supervisor.pace import Pace
-from ..supervisor.report import Arrivals, Reports
+from ..congestion.allocation import datagram_size
+from ..congestion.estimator import LIMITS, REPORTS_APART, Estimator
+from ..congestion.feedback import Arrivals, Reports
+from ..congestion.packet_scheduler import Pace
+from ..congestion.sent_history import Departures
 
 FULL = 1500
 """A full datagram on the air [byte]."""

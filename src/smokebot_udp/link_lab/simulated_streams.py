@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import Any, Callable, Dict
 
-from ..supervisor.allocate import BUDGET, Allocator, Demand, datagram_size
-from ..supervisor.levels import cloud_levels, image_levels, map_levels, rate_levels
+from ..congestion.allocation import BUDGET, Allocator, Demand, datagram_size
+from ..congestion.operating_points import cloud_levels, image_levels, map_levels, rate_levels
 from .simulated import FULL
 
 HEADERS = 110

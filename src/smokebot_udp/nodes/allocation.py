@@ -2,8 +2,8 @@
 """Gives the robot's streams their shares of the link, again and again, and turns them down to what these pay for."""
 import math
 
-from ..supervisor.allocate import Allocator, DatagramSize, Demand, Thinning
-from ..supervisor.meter import Rate
+from ..congestion.allocation import Allocator, DatagramSize, Demand, Thinning
+from ..monitoring.windows import Rate
 
 KBIT = 1e3 / 8
 """[byte/s]"""

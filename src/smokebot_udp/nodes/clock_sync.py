@@ -11,9 +11,9 @@ from typing import NamedTuple
 import rospy
 
 from .. import udpros
+from ..monitoring.clock_offset import ClockOffset
 from ..msg import ClockEcho
 from ..streams.rate import Repeater
-from ..supervisor.clock import ClockOffset
 
 ASK = 'smokebot_udp/clock/ask'
 ANSWER = 'smokebot_udp/clock/answer'

@@ -20,7 +20,7 @@ import numpy as np
 import rospy
 from sensor_msgs.msg import Image
 
-from ..codecs.pixels import as_pixels
+from ..codecs.wire.pixels import as_pixels
 from .common import Parameters, read_streams
 
 KEPT = 64

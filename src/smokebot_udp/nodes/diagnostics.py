@@ -35,8 +35,8 @@ import diagnostic_updater
 import rospy
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
+from ..monitoring.windows import ERROR, OK, WARN, Limits, Rates, Samples, Silence, Verdict, share
 from ..streams.rate import Repeater
-from ..supervisor.meter import ERROR, OK, WARN, Limits, Rates, Samples, Silence, Verdict, share
 
 ROBOT, OPERATOR = 'robot', 'operator'
 PERIOD = 1.0

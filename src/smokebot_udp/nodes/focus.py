@@ -11,11 +11,11 @@ import rospy
 from std_msgs.msg import Bool
 
 from .. import udpros
+from ..mission.focus import Profile
+from ..mission.parameters import Parameter, check_one, live
 from ..msg import FocusRequest, RobotStatus, StreamStatus
 from ..srv import SetFocus, SetFocusResponse
-from ..streams.parameters import Parameter, check_one, live
 from ..streams.rate import Repeater
-from ..supervisor.focus import Profile
 from .allocation import KBIT
 from .live import LiveSettings, ParameterWatch
 

@@ -8,12 +8,12 @@ import time
 import rospy
 
 from .. import udpros
+from ..congestion.estimator import MBIT, REPORTS_APART, Estimator, Link
+from ..congestion.feedback import Reports
+from ..congestion.sent_history import Departures
+from ..monitoring.windows import Rate
 from ..msg import LinkReport, LinkStatus
 from ..streams.rate import Repeater
-from ..supervisor.departures import Departures
-from ..supervisor.estimate import MBIT, REPORTS_APART, Estimator, Link
-from ..supervisor.meter import Rate
-from ..supervisor.report import Reports
 from .link_reporter import TOPIC
 
 MOST_OPERATORS = 8

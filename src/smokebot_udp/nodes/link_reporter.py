@@ -7,10 +7,10 @@ import time
 import rospy
 
 from .. import udpros
+from ..congestion.estimator import REPORTS_APART
+from ..congestion.feedback import Arrivals
 from ..msg import ArrivalMark, LinkReport, StreamArrivals
 from ..streams.rate import Repeater
-from ..supervisor.estimate import REPORTS_APART
-from ..supervisor.report import Arrivals
 
 TOPIC = 'smokebot_udp/link/report'
 """Where reports cross."""

@@ -12,7 +12,7 @@ from dynamic_reconfigure.server import Server
 from rospy.impl.paramserver import get_param_server_cache
 
 from .. import udpros
-from ..streams.parameters import check_one
+from ..mission.parameters import check_one
 
 PUBLISHING = threading.Lock()
 """Held while this node writes parameters, and while it looks what others wrote."""

@@ -27,10 +27,10 @@ import numpy as np
 import rospy
 
 from .. import udpros
+from ..mission.parameters import live
 from ..msg import RobotStatus
 from ..streams import operator_class
 from ..streams.base import Link
-from ..streams.parameters import live
 from . import memory
 from .clock_sync import ClockClient
 from .common import Parameters, load_streams

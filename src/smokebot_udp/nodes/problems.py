@@ -6,7 +6,7 @@ import time
 
 import rospy
 
-from ..supervisor.meter import OK, WARN
+from ..monitoring.windows import OK, WARN
 
 REMEMBERED = 5
 """Problems."""

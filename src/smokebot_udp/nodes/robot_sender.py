@@ -24,12 +24,12 @@ import math
 import rospy
 
 from .. import udpros
+from ..congestion.estimator import MBIT, Limits
+from ..congestion.packet_scheduler import Pace
+from ..mission import focus
 from ..streams import robot_class
 from ..streams.base import Link
 from ..streams.outbox import Outbox
-from ..supervisor import focus
-from ..supervisor.estimate import MBIT, Limits
-from ..supervisor.pace import Pace
 from ..udpros.endpoints import IP_UDP_HEADERS
 from . import memory
 from .allocation import Allocation

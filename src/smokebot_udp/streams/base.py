@@ -10,9 +10,9 @@ from typing import Any, Callable, Optional
 import rospy
 
 from .. import udpros
-from ..supervisor.levels import rate_levels
+from ..congestion.operating_points import rate_levels
+from ..mission.parameters import OPERATOR, ROBOT
 from .outbox import Outbox, size_of
-from .parameters import OPERATOR, ROBOT
 from .rate import NewestWorker
 
 SHOWN = 512

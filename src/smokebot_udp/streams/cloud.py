@@ -6,16 +6,16 @@ import time
 import numpy as np
 from sensor_msgs.msg import PointCloud2, PointField
 
-from ..codecs import cloud
-from ..codecs.points import as_points
-from ..codecs.voxel import voxel_filter
+from ..codecs.perception.voxel import voxel_filter
+from ..codecs.wire import cloud
+from ..codecs.wire.points import as_points
+from ..congestion.operating_points import cloud_levels, rate_levels
+from ..mission.parameters import ROBOT, Parameter
 from ..msg import CloudChunk
-from ..supervisor.levels import cloud_levels, rate_levels
 from ..udpros import Frame
 from .base import RobotStream
 from .gather import GatheringReceiver
 from .outbox import size_of
-from .parameters import ROBOT, Parameter
 from .segments import room, write_header
 
 FAR = 1000.0

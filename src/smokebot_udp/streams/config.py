@@ -7,8 +7,8 @@ import re
 
 import yaml
 
+from ..mission.parameters import Parameter, check
 from . import KINDS, operator_class, robot_class
-from .parameters import Parameter, check
 
 NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]*$')
 TYPE = Parameter(None, '', 'the kind of stream', choices=tuple(sorted(KINDS)))

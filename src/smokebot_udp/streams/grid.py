@@ -12,14 +12,15 @@ from nav_msgs.msg import MapMetaData, OccupancyGrid
 from rospy.numpy_msg import numpy_msg
 from std_msgs.msg import Header
 
-from ..codecs import fill, grid, pixels
-from ..codecs.image import Picture
+from ..codecs.concealment import fill
+from ..codecs.wire import grid, pixels
+from ..codecs.wire.partial_image import Picture
+from ..congestion.operating_points import map_levels
+from ..mission.parameters import OPERATOR, ROBOT, Parameter
 from ..msg import GridSegment
-from ..supervisor.levels import map_levels
 from ..udpros.endpoints import IP_UDP_HEADERS
 from .base import OperatorStream, RobotStream
 from .image import subimage_frames, write_subimages
-from .parameters import OPERATOR, ROBOT, Parameter
 from .rate import Repeater
 from .rounds import Rounds
 from .segments import head_of, room, same_head, stamps_of, write_header

@@ -7,18 +7,19 @@ import rospy
 from sensor_msgs.msg import Image
 from std_msgs.msg import Header
 
-from ..codecs import fill, interleave, pixels
-from ..codecs.image import Picture, mask_of
-from ..codecs.integrate import Integrated, Memory, received
+from ..codecs.concealment import fill
+from ..codecs.concealment.temporal import Integrated, Memory, received
+from ..codecs.wire import interleave, pixels
+from ..codecs.wire.partial_image import Picture, mask_of
+from ..congestion.operating_points import image_levels
+from ..mission.parameters import ROBOT, Parameter
 from ..msg import ImageSegment
-from ..supervisor.levels import image_levels
 from ..udpros import Frame
 from ..udpros.endpoints import IP_UDP_HEADERS
 from . import view
 from .base import RobotStream
 from .fill_time import CHEAPEST, PATIENCE, FillTime
 from .gather import GatheringReceiver
-from .parameters import ROBOT, Parameter
 from .segments import as_bytes, room, write_header
 
 LARGEST_REMEMBERED = 1920 * 1200

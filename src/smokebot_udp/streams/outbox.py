@@ -4,7 +4,7 @@ import math
 import threading
 import time
 
-from ..supervisor.pace import Pace
+from ..congestion.packet_scheduler import Pace
 from ..udpros.datagram import OVERHEAD
 from ..udpros.endpoints import IP_UDP_HEADERS
 

@@ -11,9 +11,9 @@ import rospy
 from sensor_msgs.msg import Image
 from std_msgs.msg import Header
 
-from ..codecs.colouring import PALETTES, Coloured, Colouring
-from ..codecs.view import Limits, framed
-from .parameters import Parameter
+from ..codecs.display.colouring import PALETTES, Coloured, Colouring
+from ..codecs.display.view import Limits, framed
+from ..mission.parameters import Parameter
 
 PARAMETERS = {
     'view_topic': Parameter('', '', "the operator's topic of its view: a picture for eyes, in colours, with its age "

@@ -13,13 +13,13 @@ import rospy
 from rospy.numpy_msg import numpy_msg
 from sensor_msgs.msg import LaserScan, PointCloud2
 
-from ..codecs import virtual_scan
-from ..codecs.ground import GroundFinder
-from ..codecs.points import as_points
-from ..codecs.scan import in_millimetres
+from ..codecs.perception import virtual_scan
+from ..codecs.perception.ground import GroundFinder
+from ..codecs.wire.points import as_points
+from ..codecs.wire.scan import in_millimetres
+from ..mission.parameters import ROBOT, Parameter
 from ..msg import ScanSegment
 from .base import RobotStream
-from .parameters import ROBOT, Parameter
 from .rate import RateLimiter
 from .scan import ScanReceiver, scan_frames
 

@@ -15,7 +15,7 @@ import math
 from dataclasses import dataclass, field
 from typing import List, NamedTuple
 
-from .departures import NUMBERS
+from .sent_history import NUMBERS
 
 SPAN = 0.2
 """Marks of so long go into a report: twice the period, so that one report may be lost [s]."""

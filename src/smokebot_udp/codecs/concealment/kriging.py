@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import sparse
 
-from .interleave import table
+from ..wire.interleave import table
 from .neighbours import neighbours
 from .ring import Border, border_of, continued, moved
 from .steering import DIRECTIONS, along, blended, edges

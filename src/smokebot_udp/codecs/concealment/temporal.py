@@ -10,7 +10,7 @@ from typing import NamedTuple, Optional
 
 import numpy as np
 
-from .interleave import table
+from ..wire.interleave import table
 
 SMALLEST_CELL, LARGEST_CELL = 8, 64
 """The side of a cell [pixel], a power of two between them: the less came, the larger, so that each has pairs."""

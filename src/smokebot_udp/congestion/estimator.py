@@ -38,8 +38,8 @@ import numpy as np
 
 from .delay import QueueDelay, typical
 from .loss import MOST, Loss
-from .probe import Trains
-from .quiet import Quiet
+from .probe_rtt import Quiet
+from .probing import Trains
 
 MBIT = 1e6 / 8
 """[byte/s]"""

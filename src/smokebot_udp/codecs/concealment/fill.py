@@ -7,7 +7,7 @@ received one is near is worked out once on a block, and the pixels then move by 
 import numpy as np
 from scipy import ndimage
 
-from .interleave import table
+from ..wire.interleave import table
 from .kriging import kriging, kriging_clamped, kriging_steered
 from .ring import moved, repeated
 

@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 from typing import Any, Dict, List, NamedTuple, Optional
 
-from .levels import Level
+from .operating_points import Level
 
 MARGIN = 1.05
 """A level above the present one is taken where the share is so much more than it costs,"""
