@@ -84,16 +84,3 @@ def check_one(name, value, table):
 def live(table):
     """Of a table {name: Parameter} what may change while the stream runs."""
     return {name: parameter for name, parameter in table.items() if parameter.live}
-
-
-ROBOT = {
-    'robot_topic': Parameter(None, '', "the robot's topic that this stream sends"),
-    'rate': Parameter(10.0, 'Hz', 'at most so many messages a second are sent; always the newest', above=0.0,
-                      most=1000.0, live=True),
-    'enabled': Parameter(True, '', 'whether the stream is sent', live=True),
-    'weight': Parameter(1.0, '', "its share of the link beside the other streams'", least=0.0, most=1000.0, live=True),
-    'floor': Parameter(0.0, 'kbit/s', 'the least it may get of the link', least=0.0, most=1e6, live=True),
-}
-OPERATOR = {
-    'operator_topic': Parameter(None, '', "the operator's topic on which it comes out"),
-}

@@ -11,8 +11,8 @@ import rospy
 
 from .. import udpros
 from ..congestion.operating_points import rate_levels
-from ..mission.parameters import OPERATOR, ROBOT
 from .outbox import Outbox, size_of
+from .parameters import OPERATOR, ROBOT
 from .rate import NewestWorker
 
 SHOWN = 512

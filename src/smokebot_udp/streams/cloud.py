@@ -10,12 +10,13 @@ from ..codecs.perception.voxel import voxel_filter
 from ..codecs.wire import cloud
 from ..codecs.wire.points import as_points
 from ..congestion.operating_points import cloud_levels, rate_levels
-from ..mission.parameters import ROBOT, Parameter
+from ..mission.parameters import Parameter
 from ..msg import CloudChunk
 from ..udpros import Frame
 from .base import RobotStream
 from .gather import GatheringReceiver
 from .outbox import size_of
+from .parameters import ROBOT
 from .segments import room, write_header
 
 FAR = 1000.0

@@ -7,8 +7,9 @@ import time
 import numpy as np
 import rospy
 
-from ..mission.parameters import OPERATOR, Parameter
+from ..mission.parameters import Parameter
 from .base import OperatorStream
+from .parameters import OPERATOR
 from .pictures import PictureSequence
 from .segments import head_of, picked, same_head, stamps_of
 

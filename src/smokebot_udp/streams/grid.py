@@ -16,11 +16,12 @@ from ..codecs.concealment import fill
 from ..codecs.wire import grid, pixels
 from ..codecs.wire.partial_image import Picture
 from ..congestion.operating_points import map_levels
-from ..mission.parameters import OPERATOR, ROBOT, Parameter
+from ..mission.parameters import Parameter
 from ..msg import GridSegment
 from ..udpros.endpoints import IP_UDP_HEADERS
 from .base import OperatorStream, RobotStream
 from .image import subimage_frames, write_subimages
+from .parameters import OPERATOR, ROBOT
 from .rate import Repeater
 from .rounds import Rounds
 from .segments import head_of, room, same_head, stamps_of, write_header

@@ -12,7 +12,7 @@ from ..codecs.concealment.temporal import Integrated, Memory, received
 from ..codecs.wire import interleave, pixels
 from ..codecs.wire.partial_image import Picture, mask_of
 from ..congestion.operating_points import image_levels
-from ..mission.parameters import ROBOT, Parameter
+from ..mission.parameters import Parameter
 from ..msg import ImageSegment
 from ..udpros import Frame
 from ..udpros.endpoints import IP_UDP_HEADERS
@@ -20,6 +20,7 @@ from . import view
 from .base import RobotStream
 from .fill_time import CHEAPEST, PATIENCE, FillTime
 from .gather import GatheringReceiver
+from .parameters import ROBOT
 from .segments import as_bytes, room, write_header
 
 LARGEST_REMEMBERED = 1920 * 1200

@@ -11,9 +11,10 @@ import rospy
 from genpy.message import get_message_class
 
 from .. import udpros
-from ..mission.parameters import OPERATOR, ROBOT, Parameter
+from ..mission.parameters import Parameter
 from ..udpros.datagram import OVERHEAD
 from .base import OperatorStream, RobotStream, wire_topic
+from .parameters import OPERATOR, ROBOT
 from .rate import Repeater
 
 TF_TYPES = 'tf2_msgs/TFMessage', 'tf/tfMessage'

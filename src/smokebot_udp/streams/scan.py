@@ -7,11 +7,12 @@ from rospy.numpy_msg import numpy_msg
 from sensor_msgs.msg import LaserScan
 
 from ..codecs.wire import scan
-from ..mission.parameters import ROBOT, Parameter
+from ..mission.parameters import Parameter
 from ..msg import ScanSegment
 from ..udpros import Frame
 from .base import RobotStream
 from .gather import GatheringReceiver
+from .parameters import ROBOT
 from .segments import room, write_header
 
 FIXED = 'angle_min', 'angle_max', 'angle_increment', 'time_increment', 'scan_time', 'range_min', 'range_max'

@@ -17,9 +17,10 @@ from ..codecs.perception import virtual_scan
 from ..codecs.perception.ground import GroundFinder
 from ..codecs.wire.points import as_points
 from ..codecs.wire.scan import in_millimetres
-from ..mission.parameters import ROBOT, Parameter
+from ..mission.parameters import Parameter
 from ..msg import ScanSegment
 from .base import RobotStream
+from .parameters import ROBOT
 from .rate import RateLimiter
 from .scan import ScanReceiver, scan_frames
 
