@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What this package costs and gains, measured beside what one would use instead: ./smokebot bench."""
+"""The costs and gains of this package, measured beside the usual alternatives: ./smokebot bench."""

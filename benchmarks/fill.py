@@ -1,104 +1,106 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""How well missing pixels are filled, and how fast: the methods of codecs/fill.py beside OpenCV's inpainting.
+"""The quality and the speed of the methods of codecs/concealment/fill.py, beside OpenCV's inpainting.
 
-Photographs at 320 x 240 in 64 subimages, of which random ones are lost, the same for each method; radiometric
-pictures at their own size, cut as a stream cuts them. results/bench gets a plot and a sheet of pictures to look at.
+Photographs at 320 x 240 in 64 subimages; random ones are lost, the same for each method; radiometric images
+at their own size, split as by a stream. Writes a plot and sheets of images to results/bench.
 """
 import statistics
 import time
+from typing import Any, Callable, Dict, Iterable, Iterator, List, Mapping, Tuple
 
 import cv2
 import numpy as np
-from skimage.metrics import structural_similarity
 
+from evaluation import TOP, quality, recordings
+from evaluation.losses import patterns
+from smokebot_udp.arrays import Array, BoolArray, FloatArray, UInt8Array
 from smokebot_udp.codecs.concealment.fill import BEST, METHODS
-from smokebot_udp.codecs.concealment.temporal import received
 from smokebot_udp.codecs.wire.interleave import Interleave, fit
 
-from . import fill_plots, pictures
+from . import fill_plots
 
 LOSSES = 0.05, 0.1, 0.2, 0.5, 0.8, 0.9, 0.95
+THERMAL_LOSSES = 0.1, 0.2, 0.5, 0.8, 0.9
 PATTERNS = 20
 QUICK, QUICK_THERMAL = ('camera', 'motorcycle_left'), ('simulated',)
-"""Of these pictures only, where it must be quick."""
+"""The images of a quick run."""
 
-LOOKED_AT = 4
-"""SSIM and inpainting take long: so many patterns only."""
+SLOW_PATTERNS = 4
+"""The number of patterns for SSIM and inpainting, which are slow, and for radiometric images."""
 
 GOALS = {0.1: 38.0, 0.2: 35.0, 0.5: 29.5, 0.8: 25.0, 0.9: 23.0}
-"""[dB], of the best method"""
+"""{loss: PSNR of the best method [dB]}"""
 
 SIZES = {(240, 320, 3): 3.0, (480, 640, 3): 6.0, (480, 640, 4): 15.0, (480, 640, 5): 15.0}
-"""{(height, width, depth): goal for a picture [ms]}"""
+"""{(height, width, depth): goal for the time of one fill [ms]}"""
 
 ROUNDS, QUICK_ROUNDS = 40, 8
 ROOM = 1400
 """Bytes of pixels in a datagram."""
 
-NEAR = np.ones((5, 5), np.uint8)
+NEIGHBOURHOOD = np.ones((5, 5), np.uint8)
 """A peak counts as shown where a pixel as hot is shown in the square around it."""
 
 SHEETS = {'fill_sheet.jpg': ('camera', 'motorcycle_left', 'simulated'),
           'fill_recordings.jpg': ('t640_electrical_cabinet', 'ir_Steam_Train_Valves_Thermal_Image', 'tp_FLIR')}
-"""{file: pictures on it, where they are at hand}"""
+"""{file: its images, where they are at hand}"""
 
 EDGES = 0.05
-"""The share of pixels that lie at edges: those in whose squares the counts differ most."""
+"""The share of pixels that count as edges: those with the largest differences in their neighbourhood."""
+
+Fill = Callable[[Array, BoolArray, Interleave], Array]
+Measures = Dict[str, Dict[float, Dict[str, Dict[str, float]]]]
+"""{method: {loss: {image: {measure: value}}}}"""
 
 
-def inpaint(subimages, have, cut):
-    """OpenCV's, after Telea; of bytes only."""
-    filled = cv2.inpaint(cut.merge(subimages), (~received(have, cut)).astype(np.uint8), 2, cv2.INPAINT_TELEA)
+def inpaint(subimages: UInt8Array, have: BoolArray, cut: Interleave) -> UInt8Array:
+    """OpenCV's inpainting after Telea; for bytes only."""
+    filled = cv2.inpaint(cut.merge(subimages), (~cut.pixel_mask(have)).astype(np.uint8), 2, cv2.INPAINT_TELEA)
     return cut.split(filled)
 
 
-ALL = {**METHODS, 'inpainting': inpaint}
+ALL: Dict[str, Fill] = {**METHODS, 'inpainting': inpaint}
 
 
-def patterns(cut, loss, count):
-    """So many (n,) bool: what came, at least one subimage; always the same."""
-    random = np.random.RandomState(1)
-    while count:
-        have = random.random_sample(len(cut)) >= loss
-        if have.any():
-            yield have
-            count -= 1
-
-
-def quality(photographs, log):
-    """{method: {loss: {picture: {'psnr' [dB], 'ssim', 'ms': of this picture's fills, medians}}}}"""
-    results = {method: {loss: {} for loss in LOSSES} for method in ALL}
-    for name, picture in photographs.items():
+def measure_quality(photographs: Mapping[str, UInt8Array], log: Callable[[str], None]) -> Measures:
+    """Means of 'psnr' [dB] and 'ssim', and the median of 'ms', for each method, loss and photograph."""
+    results: Measures = {method: {loss: {} for loss in LOSSES} for method in ALL}
+    for name, image in photographs.items():
         log(name)
-        cut = Interleave(*picture.shape, 3)
-        subimages = cut.split(picture)
+        height, width = image.shape
+        cut = Interleave(height, width, 3)
+        subimages = cut.split(image)
         for loss in LOSSES:
             for method, fill in ALL.items():
-                few = LOOKED_AT if method == 'inpainting' else PATTERNS
-                results[method][loss][name] = _measured(picture, subimages, cut, fill, patterns(cut, loss, few))
+                count = SLOW_PATTERNS if method == 'inpainting' else PATTERNS
+                results[method][loss][name] = _measured(image, subimages, cut, fill, patterns(cut, loss, count))
     return results
 
 
-def _measured(picture, subimages, cut, fill, haves):
-    psnr, ssim, seconds = [], [], []
+def _measured(image: UInt8Array, subimages: UInt8Array, cut: Interleave, fill: Fill,
+              haves: Iterable[BoolArray]) -> Dict[str, float]:
+    psnr: List[float] = []
+    ssim: List[float] = []
+    seconds: List[float] = []
     for have in haves:
         filled, took = _timed(fill, subimages, have, cut)
         shown = cut.merge(filled)
-        psnr.append(pictures.psnr(picture, shown))
-        if len(ssim) < LOOKED_AT:
-            ssim.append(structural_similarity(picture, shown))
+        psnr.append(quality.psnr(image, shown))
+        if len(ssim) < SLOW_PATTERNS:
+            ssim.append(quality.ssim(image, shown))
         seconds.append(took)
     return {'psnr': statistics.mean(psnr), 'ssim': statistics.mean(ssim), 'ms': 1e3 * statistics.median(seconds)}
 
 
-def _timed(fill, *arguments):
-    begun = time.process_time()     # what else this machine does is of no matter
-    filled = fill(*arguments)
+def _timed(fill: Fill, subimages: Array, have: BoolArray, cut: Interleave) -> Tuple[Array, float]:
+    """The filled subimages, and the processor time it took [s]."""
+    begun = time.process_time()
+    filled = fill(subimages, have, cut)
     return filled, time.process_time() - begun
 
 
-def times(rounds):
-    """[{'size', 'subimages', 'bits', 'loss', 'goal' [ms], method: median [ms], ...}]; each picture lost others."""
+def measure_times(rounds: int) -> List[Dict[str, Any]]:
+    """[{'size', 'subimages', 'bits', 'loss', 'goal' [ms], method: median [ms], ...}]; each round loses others."""
     rows = []
     for (height, width, depth), goal in SIZES.items():
         cut = Interleave(height, width, depth)
@@ -115,55 +117,58 @@ def times(rounds):
     return rows
 
 
-def thermal(recordings, log):
-    """{loss: {method: {picture: {'rms', 'edges', '99.9 %', 'most', 'invented', 'hidden' [count]}}}}
+def measure_thermal(images: Mapping[str, Array],
+                    log: Callable[[str], None]) -> Dict[float, Dict[str, Dict[str, Dict[str, float]]]]:
+    """Errors of missing pixels [count]: {loss: {method: {image: {measure: value}}}}.
 
-    Errors of the missing pixels: edges is the rms error of those at edges, most the greatest of all; invented is by how
-    much a pixel is hotter than all around it truly are, hidden by how much one truly is hotter than all that are shown
-    around it.
+    'rms', of those at edges ('edges'), '99.9 %' and 'most'; 'invented' is by how much a shown pixel exceeds all true
+    ones around it, 'hidden' by how much a true one exceeds all shown ones around it.
     """
     results = {}
-    for loss in (0.1, 0.2, 0.5, 0.8, 0.9):
+    for loss in THERMAL_LOSSES:
         log('thermal, %g %% lost' % (100 * loss))
-        results[loss] = {method: {name: _counts(picture, fill, loss) for name, picture in recordings.items()}
+        results[loss] = {method: {name: _errors(image, fill, loss) for name, image in images.items()}
                          for method, fill in METHODS.items()}
     return results
 
 
-def _counts(picture, fill, loss):
-    cut, _ = fit(*picture.shape, 2, ROOM)
-    subimages, hottest = cut.split(picture), cv2.dilate(picture, NEAR).astype(int)
-    contrast = hottest - cv2.erode(picture, NEAR)
+def _errors(image: Array, fill: Fill, loss: float) -> Dict[str, float]:
+    height, width = image.shape
+    cut, _ = fit(height, width, 2, ROOM)
+    subimages, hottest = cut.split(image), cv2.dilate(image, NEIGHBOURHOOD).astype(int)
+    contrast = hottest - cv2.erode(image, NEIGHBOURHOOD)
     edge = contrast >= np.quantile(contrast, 1 - EDGES)
     errors, at_edges, invented, hidden = [], [], 0, 0
-    for have in patterns(cut, loss, LOOKED_AT):
+    for have in patterns(cut, loss, SLOW_PATTERNS):
         shown = cut.merge(fill(subimages, have, cut))
-        missing, error = ~received(have, cut), np.abs(shown - picture.astype(float))
+        missing, error = ~cut.pixel_mask(have), np.abs(shown - image.astype(float))
         errors.append(error[missing])
         at_edges.append(error[missing & edge])
         invented = max(invented, int((shown - hottest).max()))
-        hidden = max(hidden, int((picture.astype(int) - cv2.dilate(shown, NEAR)).max()))
-    errors, at_edges = np.concatenate(errors), np.concatenate(at_edges)
-    return {'rms': _rms(errors), 'edges': _rms(at_edges), '99.9 %': float(np.percentile(errors, 99.9)),
-            'most': int(errors.max()), 'invented': invented, 'hidden': hidden}
+        hidden = max(hidden, int((image.astype(int) - cv2.dilate(shown, NEIGHBOURHOOD)).max()))
+    together = np.concatenate(errors)
+    return {'rms': _rms(together), 'edges': _rms(np.concatenate(at_edges)),
+            '99.9 %': float(np.percentile(together, 99.9)), 'most': int(together.max()), 'invented': invented,
+            'hidden': hidden}
 
 
-def _rms(errors):
+def _rms(errors: FloatArray) -> float:
     return float(np.sqrt(np.mean(errors ** 2)))
 
 
-def run(log, quick=False):
-    """{'quality', 'times', 'thermal': as those functions return}"""
-    photographs, recordings = pictures.grey(320, 240), pictures.thermal()
+def run(log: Callable[[str], None], quick: bool = False) -> Dict[str, Any]:
+    """{'quality', 'times', 'thermal'}: what measure_quality, measure_times and measure_thermal return."""
+    photographs, thermal = recordings.photographs(320, 240), recordings.thermal()
     if quick:
-        photographs, recordings = ({name: some[name] for name in names} for some, names in (
-            (photographs, QUICK), (recordings, QUICK_THERMAL)))
-    results = {'quality': quality(photographs, log), 'times': times(QUICK_ROUNDS if quick else ROUNDS),
-               'thermal': thermal(recordings, log)}
-    folder = pictures.TOP / 'results' / 'bench'
+        photographs = {name: photographs[name] for name in QUICK}
+        thermal = {name: thermal[name] for name in QUICK_THERMAL}
+    results: Dict[str, Any] = {
+        'quality': measure_quality(photographs, log), 'times': measure_times(QUICK_ROUNDS if quick else ROUNDS),
+        'thermal': measure_thermal(thermal, log)}
+    folder = TOP / 'results' / 'bench'
     folder.mkdir(parents=True, exist_ok=True)
     fill_plots.plot(results['quality'], GOALS, folder / 'fill.png')
-    at_hand = {**photographs, **recordings}
+    at_hand = {**photographs, **thermal}
     for file, names in SHEETS.items():
         shown = {name: at_hand[name] for name in names if name in at_hand}
         if shown:
@@ -172,17 +177,18 @@ def run(log, quick=False):
     return results
 
 
-def table(results):
+def table(results: Dict[str, Any]) -> str:
+    """The results as text."""
     return '\n'.join(['filling missing pixels', '', *_quality_lines(results['quality']), '',
                       *_time_lines(results['times']), '', *_thermal_lines(results['thermal'])])
 
 
-def mean(of_pictures, what):
-    """The mean over pictures."""
-    return statistics.mean(measured[what] for measured in of_pictures.values())
+def mean(of_images: Mapping[str, Mapping[str, float]], measure: str) -> float:
+    """Over images."""
+    return statistics.mean(measured[measure] for measured in of_images.values())
 
 
-def _quality_lines(results):
+def _quality_lines(results: Measures) -> Iterator[str]:
     count = len(results[BEST][LOSSES[0]])
     yield '%d photographs, 320 x 240, 64 subimages, %d losses each: PSNR [dB], in brackets SSIM' % (count, PATTERNS)
     yield '%-18s' % 'lost' + ''.join('%13s' % ('%g %%' % (100 * loss)) for loss in LOSSES)
@@ -198,8 +204,8 @@ def _quality_lines(results):
         for method, of_losses in results.items())
 
 
-def _time_lines(rows):
-    yield 'a picture, each time with another loss, median of %d [ms of CPU]' % ROUNDS
+def _time_lines(rows: List[Dict[str, Any]]) -> Iterator[str]:
+    yield 'one image, each time with other losses, median of %d [ms of CPU]' % ROUNDS
     yield '%-12s%10s%6s%8s' % ('size', 'subimages', 'bits', 'lost') + ''.join(
         '%17s' % method for method in METHODS) + '%8s' % 'goal'
     for row in rows:
@@ -207,13 +213,13 @@ def _time_lines(rows):
             '%17.2f' % row[method] for method in METHODS) + '%8g' % row['goal']
 
 
-def _thermal_lines(results):
-    yield '%d radiometric pictures, missing pixels\' errors [count]: mean over pictures, and the most of all' % (
+def _thermal_lines(results: Dict[float, Dict[str, Dict[str, Dict[str, float]]]]) -> Iterator[str]:
+    yield '%d radiometric images, errors of missing pixels [count]: mean over images; from "most" on, the maximum' % (
         len(results[0.1][BEST]))
-    means, most = ('rms', 'edges', '99.9 %'), ('most', 'invented', 'hidden')
-    yield '%-8s%-18s' % ('lost', '') + ''.join('%10s' % what for what in ('rms', 'at edges', '99.9 %', *most))
+    means, maxima = ('rms', 'edges', '99.9 %'), ('most', 'invented', 'hidden')
+    yield '%-8s%-18s' % ('lost', '') + ''.join('%10s' % head for head in ('rms', 'at edges', '99.9 %', *maxima))
     for loss, of_methods in results.items():
-        for method, of in of_methods.items():
-            numbers = ['%10.1f' % mean(of, what) for what in means] + [
-                '%10d' % max(measured[what] for measured in of.values()) for what in most]
+        for method, of_images in of_methods.items():
+            numbers = ['%10.1f' % mean(of_images, measure) for measure in means] + [
+                '%10d' % max(measured[measure] for measured in of_images.values()) for measure in maxima]
             yield '%-8s%-18s' % ('%g %%' % (100 * loss), method) + ''.join(numbers)

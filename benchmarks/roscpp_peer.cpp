@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The roscpp side of the UDPROS benchmark: one end of a topic, told what to do on stdin, see udpros_peer.py.
+// The roscpp side of the UDPROS benchmark: one end of a topic, controlled by commands on stdin, see udpros_peer.py.
 #include <ros/callback_queue.h>
 #include <ros/ros.h>
 #include <smokebot_udp/ImageSegment.h>

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""UDPROS beside TCPROS, roscpp and the bare sockets: CPU, rate without loss, latency of 1.4 kB messages.
+"""UDPROS compared with TCPROS, roscpp and bare sockets: CPU time, highest rate without loss, and latency.
 
-Every way is measured at the same rates, because a process's waking costs more than a message, and is shared by
-the more of them the more there are. The ways take turns, so that a busy moment of the machine meets them all.
+Messages have 1.4 kB. All transports are measured at the same rates, because waking a process costs more than a message,
+and at a higher rate more messages share that cost. The transports take turns, so that a busy moment of the machine
+affects all of them.
 """
 import contextlib
 import json
@@ -12,10 +13,11 @@ import statistics
 import subprocess
 import sys
 import tempfile
+from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
 
 import matplotlib
 
-from .processes import Master, Peer
+from evaluation.processes import Master, Peer
 
 HERE = pathlib.Path(__file__).resolve().parent
 RESULTS = HERE.parent / 'results' / 'bench'
@@ -24,20 +26,26 @@ MODES = {'rospy TCPROS, queue_size=1000': 'tcp', 'rospy TCPROS, no queue': 'tcp_
          'ours, by the message': 'message', 'ours, by the frame': 'frame', 'bare sockets (GSO, recvmmsg)': 'bare'}
 
 TABLE_1 = 27000
-"""The deliverable's Table 1, raw [messages/s]."""
+"""Rate of raw images in Table 1 of deliverable 6.3 [messages/s]."""
 
 RATES, SECONDS, ROUNDS, QUICK_ROUNDS = (5000, TABLE_1), 2, 3, 1
-"""CPU and latency are measured at each of these rates [messages/s] for so long; the median of the rounds counts."""
+"""CPU time and latency are measured at these rates [messages/s], for this duration [s], in this number of rounds."""
 
 CLIMB, QUICK_CLIMB = (5000, 10000, 15000, 20000, 27000, 40000, 60000, 80000), (TABLE_1,)
-"""Rates that are tried for one without loss [messages/s]."""
+"""Rates tried in this order to find the highest one without loss [messages/s]."""
 
-KEPT_UP = 0.95
-"""A sender that reaches less of the rate asked of it was too slow for it."""
+MIN_REACHED = 0.95
+"""A sender that reaches a lower share of the requested rate is too slow for it."""
+
+Numbers = Dict[str, Any]
+"""What one round measures, see `one_round`."""
+
+Ends = Tuple[Peer, Peer]
+"""Receiver and sender."""
 
 
-def build_roscpp_peer(folder):
-    """Compile roscpp_peer.cpp with catkin's flags; None where roscpp cannot be built against."""
+def build_roscpp_peer(folder: pathlib.Path) -> Optional[str]:
+    """Compile roscpp_peer.cpp; returns its path, or None if roscpp's development files are missing."""
     flags = subprocess.run(['pkg-config', '--cflags', '--libs', 'roscpp'], stdout=subprocess.PIPE,
                            stderr=subprocess.DEVNULL, text=True)
     if flags.returncode:
@@ -52,12 +60,12 @@ def build_roscpp_peer(folder):
     return target
 
 
-def pair(mode, roscpp):
-    """(receiver, sender), connected."""
+def pair(mode: str, roscpp: Optional[str]) -> Ends:
+    """Start both ends of a transport, and wait until they are connected."""
     # a name's length matters to roscpp: 3 in 54 do not connect (ros_comm#2160)
     topic = '/bench/segments/' + mode
     script = [sys.executable, str(HERE / 'udpros_peer.py')]
-    commands = {role: [roscpp, role, topic] if mode == 'roscpp' else script + [role, mode, topic]
+    commands = {role: [str(roscpp), role, topic] if mode == 'roscpp' else script + [role, mode, topic]
                 for role in ('receive', 'send')}
     receiver = Peer(commands['receive'])
     if mode == 'bare':
@@ -68,7 +76,8 @@ def pair(mode, roscpp):
     return receiver, sender
 
 
-def one_round(receiver, sender, rate, seconds):
+def one_round(receiver: Peer, sender: Peer, rate: float, seconds: float) -> Numbers:
+    """Rates [messages/s], counts, latencies [s], and CPU time per message [us] and per second [cores] of both sides."""
     receiver.ask('begin')
     sent = json.loads(sender.ask('send %g %g' % (rate, seconds)))
     received = json.loads(receiver.ask('report'))
@@ -79,15 +88,15 @@ def one_round(receiver, sender, rate, seconds):
             'sender_cores': sent['cpu'] / sent['seconds'], 'receiver_cores': received['cpu'] / sent['seconds']}
 
 
-def run(log, quick=False):
-    """{way: {'at': {rate: numbers}, 'lossless': messages/s}}"""
+def run(log: Callable[[str], None], quick: bool = False) -> Dict[str, Any]:
+    """{transport: {'at': {rate: Numbers}, 'lossless': messages/s}}"""
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory())
         stack.enter_context(Master())
         roscpp = build_roscpp_peer(pathlib.Path(folder))
         if roscpp is None:
-            log('roscpp is left out: pkg-config does not find it (install libroscpp-dev)')
-        pairs = {}
+            log('roscpp is skipped: pkg-config does not find it (install libroscpp-dev)')
+        pairs: Dict[str, Ends] = {}
         for name, mode in MODES.items():
             if mode != 'roscpp' or roscpp is not None:
                 pairs[name] = pair(mode, roscpp)
@@ -103,9 +112,9 @@ def run(log, quick=False):
     return results
 
 
-def measure(pairs, count, log):
-    """{(way, rate): [numbers of each round]}"""
-    rounds = {(name, rate): [] for name in pairs for rate in RATES}
+def measure(pairs: Dict[str, Ends], count: int, log: Callable[[str], None]) -> Dict[Tuple[str, int], List[Numbers]]:
+    """{(transport, rate): [Numbers of each round]}"""
+    rounds: Dict[Tuple[str, int], List[Numbers]] = {(name, rate): [] for name in pairs for rate in RATES}
     for ends in pairs.values():
         one_round(*ends, RATES[0], 0.5)     # caches, branch predictors, the processor's clock
     for number in range(count):
@@ -115,20 +124,20 @@ def measure(pairs, count, log):
     return rounds
 
 
-def median(rounds):
-    """The rounds' medians, but what was sent and lost in all of them."""
+def median(rounds: List[Numbers]) -> Numbers:
+    """The medians of the rounds; of the messages sent and lost, the sums."""
     result = {key: None if rounds[0][key] is None else statistics.median(r[key] for r in rounds) for key in rounds[0]}
     result.update({key: sum(r[key] for r in rounds) for key in ('sent', 'lost')})
     return result
 
 
-def climb(receiver, sender, rates):
-    """The highest rate reached without loss [messages/s]; each is tried twice, for the machine has others to serve."""
+def climb(receiver: Peer, sender: Peer, rates: Sequence[int]) -> int:
+    """The highest rate reached without loss [messages/s]. Each is tried twice, as the machine may be busy."""
     lossless = 0
     for rate in rates:
         for _ in range(2):
             attempt = one_round(receiver, sender, rate, 1.0)
-            if attempt['lost'] == 0 and attempt['reached'] > KEPT_UP * rate:
+            if attempt['lost'] == 0 and attempt['reached'] > MIN_REACHED * rate:
                 lossless = rate
                 break
         else:
@@ -136,7 +145,8 @@ def climb(receiver, sender, rates):
     return lossless
 
 
-def table(results):
+def table(results: Dict[str, Any]) -> str:
+    """The results as text."""
     lines = ['1.4 kB messages over loopback']
     for rate in RATES:
         lines += ['', '%-30s %12s %12s %14s %10s %10s %16s' % (
@@ -162,8 +172,8 @@ def table(results):
     return '\n'.join(lines)
 
 
-def plot(results):
-    """Bars of both sides' CPU at each rate, written to results/bench/udpros.png."""
+def plot(results: Dict[str, Any]) -> None:
+    """Write bars of both sides' CPU time at each rate to results/bench/udpros.png."""
     matplotlib.use('Agg')
     from matplotlib import pyplot
     RESULTS.mkdir(parents=True, exist_ok=True)
@@ -176,7 +186,7 @@ def plot(results):
             axes.bar_label(bars, ['%.1f' % value for value in values], padding=3)
         axes.set_yticks(range(len(names)), names)
         axes.margins(x=0.12)
-        axes.set_title('%d messages/s asked' % rate)
+        axes.set_title('%d messages/s requested' % rate)
         axes.set_xlabel('CPU for each 1.4 kB message [us]')
     panels[-1].legend()
     figure.tight_layout()

@@ -1,59 +1,67 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""./smokebot experiments [NAME ...] [--quick]: run the experiments of these names, all without a name."""
+"""./smokebot experiments [NAME ...] [--quick] [--draw]: run the experiments of these names, or all."""
 import argparse
 import importlib
 import sys
+from typing import Any, Optional, Sequence
 
 from . import report
 from .runner import RESULTS, redraw, run_experiment
 
-NAMES = (
-    'bandwidth',
-    'supervisor_simulation',
-    'subimages',
-    'map_reduction',
-    'pictures_per_second',
-    'received_packets',
-    'cloud_points',
-    'cloud_loss',
-    'image_quality',
-    'fill_model',
-    'send_order',
-    'virtual_scans',
-    'out_of_range',
-    'adaptation',
-    'link_cut',
-    'start_up',
-)
-"""In the report's order."""
+EXPERIMENTS = {
+    'bandwidth': 'link',
+    'supervisor_simulation': 'simulated',
+    'subimages': 'offline',
+    'map_reduction': 'offline',
+    'pictures_per_second': 'link',
+    'received_packets': 'link',
+    'cloud_points': 'link',
+    'cloud_loss': 'offline',
+    'image_quality': 'offline',
+    'fill_model': 'offline',
+    'send_order': 'offline',
+    'virtual_scans': 'offline',
+    'out_of_range': 'link',
+    'adaptation': 'link',
+    'link_cut': 'link',
+    'start_up': 'link',
+}
+"""{name: folder}, in the report's order."""
 
 NEVER_QUICK = ('adaptation',)
-"""Left out of a quick run of all: it compares what takes its time, some minutes at the least."""
+"""Left out of a quick run of all: it takes minutes even with --quick."""
 
 
-def main(arguments=None):
-    """Returns whether any failed."""
+def load(name: str) -> Any:
+    """The module of an experiment, see runner."""
+    return importlib.import_module('.%s.%s' % (EXPERIMENTS[name], name), __package__)
+
+
+def main(arguments: Optional[Sequence[str]] = None) -> bool:
+    """Run the command line; whether any experiment failed."""
     parser = argparse.ArgumentParser(
-        prog='./smokebot experiments', description='Measure, draw, and write %s/report.html.' % RESULTS)
-    parser.add_argument('names', nargs='*', metavar='NAME', help='of: ' + ', '.join(NAMES))
-    parser.add_argument('--quick', action='store_true',
-                        help='less of everything: 3 minutes instead of an hour; without ' + ', '.join(NEVER_QUICK))
-    parser.add_argument('--draw', action='store_true', help='draw anew what was measured before')
-    parser.add_argument('--seed', type=int, default=1, help='of all that is random; default: %(default)s')
-    arguments = parser.parse_args(arguments)
-    unknown = set(arguments.names) - set(NAMES)
+        prog='./smokebot experiments',
+        description='Measure, draw the figures and write %s/report.html.' % RESULTS)
+    parser.add_argument('names', nargs='*', metavar='NAME', help='one of ' + ', '.join(EXPERIMENTS))
+    parser.add_argument('--quick', action='store_true', help='fewer and shorter measurements: 3 minutes instead of an '
+                        'hour; without ' + ', '.join(NEVER_QUICK))
+    parser.add_argument('--draw', action='store_true', help='do not measure: redraw the figures of the last results')
+    parser.add_argument('--seed', type=int, default=1, help='of all random numbers; default: %(default)s')
+    options = parser.parse_args(arguments)
+    unknown = set(options.names) - set(EXPERIMENTS)
     if unknown:
-        parser.error('no experiment is named %s; there are %s' % (', '.join(sorted(unknown)), ', '.join(NAMES)))
+        parser.error('no experiment is named %s; there are %s' % (
+            ', '.join(sorted(unknown)), ', '.join(EXPERIMENTS)))
     failed = False
-    for name in arguments.names or [name for name in NAMES if not (arguments.quick and name in NEVER_QUICK)]:
-        module = importlib.import_module('.' + name, __package__)
-        if arguments.draw:
-            end = 'not measured yet' if redraw(module.plot, RESULTS / name) is None else 'drawn'
+    for name in options.names or [name for name in EXPERIMENTS if not (options.quick and name in NEVER_QUICK)]:
+        module = load(name)
+        if options.draw:
+            outcome = 'not measured yet' if redraw(module.plot, RESULTS / name) is None else 'drawn'
         else:
-            end = run_experiment(name, module, RESULTS, arguments.quick, arguments.seed)
-        print('%-16s %s' % (name, end), flush=True)
-        failed |= end.startswith('failed')
-    for path in report.write(RESULTS, NAMES):
+            outcome = run_experiment(name, module, RESULTS, options.quick, options.seed)
+        print('%-16s %s' % (name, outcome), flush=True)
+        failed |= outcome.startswith('failed')
+    for path in report.write(RESULTS, list(EXPERIMENTS)):
         print(path)
     return failed
 

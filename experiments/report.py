@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The report of all experiments that were run: report.md, and report.html, which needs no other file."""
+"""The report of all experiments with results: report.md, and report.html, which needs no other file."""
 import base64
+import pathlib
 import platform
 import re
 import subprocess
+from typing import Any, Dict, Match, Sequence, Tuple
 from xml.etree import ElementTree
 
 import cv2
@@ -11,9 +13,10 @@ import markdown
 import matplotlib
 import numpy
 
-from benchmarks.machine import describe
+from evaluation import TOP
+from evaluation.machine import describe
 
-from .runner import DONE, TOP, Figure, told_of
+from .runner import DONE, Figure, Table, read_summary
 
 STYLE = '''
 body { max-width: 75em; margin: 2em auto; padding: 0 1em; font: 16px/1.5 sans-serif; color: #222 }
@@ -24,21 +27,25 @@ em { color: #555 } h2 { border-top: 1px solid #ccc; padding-top: 1em }
 '''
 
 
-def write(results, names):
-    """Write both reports of the experiments of these names that were run: the paths of report.md and report.html."""
-    told = {name: told_of(results / name) for name in names}
-    text = '\n\n'.join([_head(), *(_section(name, told[name]) for name in names if told[name])]) + '\n'
+def write(results: pathlib.Path, names: Sequence[str]) -> Tuple[pathlib.Path, pathlib.Path]:
+    """Write both reports of those experiments that have results: the paths of report.md and report.html."""
+    summaries = {name: read_summary(results / name) for name in names}
+    sections = [_section(name, summary) for name, summary in summaries.items() if summary]
+    text = '\n\n'.join([_head(), *sections]) + '\n'
     plain, page = results / 'report.md', results / 'report.html'
     plain.write_text(text)
     page.write_text(html(text, results))
     return plain, page
 
 
-def html(text, folder):
-    """A page of Markdown text, with the pictures it names, relative to a folder, in the page itself."""
+def html(text: str, folder: pathlib.Path) -> str:
+    """A page made of Markdown, with the images embedded.
+
+    :param folder: to which the paths of the images are relative
+    """
     body = markdown.markdown(text.replace('\n## ', '\n[TOC]\n\n## ', 1), extensions=['tables', 'toc'])
 
-    def embedded(match):
+    def embedded(match: Match[str]) -> str:
         data = base64.b64encode((folder / match.group(1)).read_bytes()).decode()
         return 'src="data:image/png;base64,%s"' % data
 
@@ -47,16 +54,16 @@ def html(text, folder):
             '<style>%s</style></head>\n<body>\n%s\n</body></html>\n' % (STYLE, body))
 
 
-def _head():
+def _head() -> str:
     return '\n\n'.join([
         '# smokebot_udp: the experiments',
-        'SmokeBot\'s deliverable 6.3 measured, in its section 7, how pictures and point clouds cross a bad Wi-Fi. '
-        'These are its experiments, done again with this package, beside what one would use instead.',
+        'Section 7 of SmokeBot\'s deliverable 6.3 measures how images and point clouds cross a bad Wi-Fi. '
+        'These are its experiments, repeated with this package and compared with the usual alternatives.',
         'Machine: %s. Versions: %s.' % (describe(), versions())])
 
 
-def versions():
-    """One line."""
+def versions() -> str:
+    """One line: this package, Python and the libraries."""
     version = ElementTree.parse(str(TOP / 'package.xml')).findtext('version')
     commit = subprocess.run(['git', '-C', str(TOP), 'describe', '--always', '--dirty'], stdout=subprocess.PIPE,
                             stderr=subprocess.DEVNULL).stdout.decode().strip()
@@ -65,24 +72,26 @@ def versions():
         'numpy %s' % numpy.__version__, 'OpenCV %s' % cv2.__version__, 'matplotlib %s' % matplotlib.__version__]))
 
 
-def _section(name, told):
-    """:param told: as told_of returns it"""
-    lines = ['## ' + told['title'], told['explanation']]
-    if told['end'] != DONE:
-        return '\n\n'.join(lines + ['**This was %s**' % told['end']])
-    for item in told['items']:
+def _section(name: str, summary: Dict[str, Any]) -> str:
+    """One experiment as Markdown; summary: see read_summary."""
+    lines = ['## ' + summary['title'], summary['explanation']]
+    if summary['end'] != DONE:
+        return '\n\n'.join([*lines, '**This was %s**' % summary['end']])
+    for item in summary['items']:
         if isinstance(item, Figure):
             lines += ['![%s](%s/%s)' % (item.name, name, item.name), '*%s*' % item.caption]
         else:
             lines += [item.caption, _table(item)]
-    return '\n\n'.join(lines + ['*%s, seed %d, %.0f s%s; the numbers lie in results/experiments/%s*' % (
-        told['date'], told['seed'], told['seconds'], ', quick' if told['quick'] else '', name)])
+    return '\n\n'.join([*lines, '*%s, seed %d, %.0f s%s; the numbers are in results/experiments/%s*' % (
+        summary['date'], summary['seed'], summary['seconds'], ', quick' if summary['quick'] else '', name)])
 
 
-def _table(table):
+def _table(table: Table) -> str:
     rows = [table.head, ['---'] * len(table.head), *table.rows]
     return '\n'.join('| %s |' % ' | '.join(map(_cell, row)) for row in rows)
 
 
-def _cell(value):
-    return '' if value is None else '%.4g' % value if isinstance(value, float) else str(value)
+def _cell(value: Any) -> str:
+    if value is None:
+        return ''
+    return '%.4g' % value if isinstance(value, float) else str(value)

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""All of this checkout's checks and tests: `run_tests.py WORKSPACE [PYTEST_ARG ...]`, for ./smokebot test.
+"""All checks and tests of this checkout: `run_tests.py WORKSPACE [PYTEST_ARG ...]`, for ./smokebot test.
 
-ruff, vermin, catkin_lint, then the workspace's tests by catkin, which exits with 0 even where tests fail: what
-counts is in the JUnit files they leave. With PYTEST_ARGs only pytest runs, with these.
+Runs ruff, mypy, vermin and catkin_lint, then the workspace's tests by catkin.
+catkin exits with 0 even where tests fail, so the JUnit files that the tests write decide. With PYTEST_ARGs only pytest
+runs, with these.
 """
 import fcntl
 import pathlib
@@ -10,48 +11,65 @@ import shutil
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
+from typing import Dict, Iterable, List, Tuple
 
 TOP = pathlib.Path(__file__).resolve().parent.parent
 
 
-def checks(workspace):
-    # by its place in the workspace: a checkout's folder may have any name
+def checks(workspace: pathlib.Path) -> Dict[str, List[str]]:
+    """The command of each check."""
+    # by its path in the workspace: a checkout's folder may have any name
     package = str(workspace / 'src' / 'smokebot_udp')
-    # vermin, because ruff and ast know Python 3.8's grammar but not its library (str.removeprefix, functools.cache)
+    # ruff and mypy know Python 3.8's grammar, vermin also its library (str.removeprefix, functools.cache)
     return {'ruff': ['ruff', 'check', '.'],
+            'mypy': ['mypy'],
             'vermin': ['vermin', '--target=3.8-', '--no-tips', '--violations', '--quiet', '.'],
             'catkin_lint': ['catkin_lint', '-W2', '--strict', '--quiet', '--offline', package]}
 
 
-def say(text):
+def say(text: str) -> None:
+    """Write a line about the progress."""
     print('smokebot: ' + text, file=sys.stderr, flush=True)
 
 
-def run_checks(workspace):
-    """Run the checks: (how many pass, how many fail)."""
-    failed = 0
+def run_checks(workspace: pathlib.Path) -> Tuple[int, int]:
+    """Run the checks; the numbers of those that passed and failed."""
+    passed = failed = 0
     for name, command in checks(workspace).items():
         say(name)
         if subprocess.run(command, cwd=TOP).returncode:
             failed += 1
             say('FAILED %s' % name)
-    return len(checks(workspace)) - failed, failed
+        else:
+            passed += 1
+    return passed, failed
 
 
-def run_workspace_tests(workspace):
-    """Run catkin's tests one after the other: (whether that came to its end, their JUnit files, none older)."""
+def run_workspace_tests(workspace: pathlib.Path) -> Tuple[bool, List[pathlib.Path]]:
+    """Run catkin's tests one after the other; whether all ran, and their JUnit files, none older."""
     results = workspace / 'build' / 'test_results'
     shutil.rmtree(results, ignore_errors=True)
     say('the tests')
-    ended = subprocess.run(['catkin_make', '-C', str(workspace), '--no-color', '-j1', 'run_tests'],
-                           stdin=subprocess.DEVNULL).returncode == 0
-    if not ended:
+    finished = subprocess.run(['catkin_make', '-C', str(workspace), '--no-color', '-j1', 'run_tests'],
+                              stdin=subprocess.DEVNULL).returncode == 0
+    if not finished:
         say('FAILED catkin_make run_tests')
-    return ended, sorted(results.rglob('*.xml'))
+    return finished, sorted(results.rglob('*.xml'))
 
 
-def count(files):
-    """(passed, failed, skipped) of the JUnit files; says which tests failed. A file without a test is a failure."""
+def outcome(case: ElementTree.Element) -> str:
+    """Of a JUnit testcase: 'failed', 'skipped: ' and the reason, 'passed', or '' where it is no test."""
+    if case.find('failure') is not None or case.find('error') is not None:
+        return 'failed'
+    skipped = case.find('skipped')
+    if skipped is not None:
+        return 'skipped: ' + skipped.get('message', 'no reason given')
+    # rostest's own case only says that a test was run
+    return '' if case.get('classname') == 'rostest.runner.RosTest' else 'passed'
+
+
+def count(files: Iterable[pathlib.Path]) -> Tuple[int, int, int]:
+    """The numbers of tests in JUnit files that passed, failed and were skipped. A file without a test is a failure."""
     passed = failed = skipped = 0
     for file in files:
         try:
@@ -62,33 +80,32 @@ def count(files):
             say('FAILED %s: no result in it' % file.name)
             failed += 1
         for case in cases:
-            name = '%s.%s' % (case.get('classname'), case.get('name'))
-            if case.find('failure') is not None or case.find('error') is not None:
-                failed += 1
+            name, result = '%s.%s' % (case.get('classname'), case.get('name')), outcome(case)
+            if result == 'failed':
                 say('FAILED %s (%s)' % (name, file.name))
-            elif case.find('skipped') is not None:
-                skipped += 1
-                say('skipped %s: %s' % (name, case.find('skipped').get('message', 'no reason given')))
-            elif case.get('classname') != 'rostest.runner.RosTest':  # that one says only that a test was run
-                passed += 1
+            elif result.startswith('skipped'):
+                say('skipped %s%s' % (name, result[len('skipped'):]))
+            passed, failed = passed + (result == 'passed'), failed + (result == 'failed')
+            skipped += result.startswith('skipped')
     return passed, failed, skipped
 
 
-def main(workspace, *pytest_args):
+def main(workspace_path: str, *pytest_args: str) -> int:
+    """Run everything, or pytest; the exit status."""
     if pytest_args:
         return subprocess.run([sys.executable, '-m', 'pytest', *pytest_args], cwd=TOP).returncode
-    workspace = pathlib.Path(workspace)
+    workspace = pathlib.Path(workspace_path)
     with open(str(workspace / 'tests.lock'), 'w') as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             say('waiting for another ./smokebot test')
             fcntl.flock(lock, fcntl.LOCK_EX)
-        good_checks, failed_checks = run_checks(workspace)
-        ended, files = run_workspace_tests(workspace)
+        passed_checks, failed_checks = run_checks(workspace)
+        finished, files = run_workspace_tests(workspace)
         passed, failed, skipped = count(files)
-    failed += failed_checks + (not ended)
-    say('%d of %d checks passed, and of the tests:' % (good_checks, good_checks + failed_checks))
+    failed += failed_checks + (not finished)
+    say('%d of %d checks passed, and of the tests:' % (passed_checks, passed_checks + failed_checks))
     print('%d passed, %d failed, %d skipped' % (passed, failed, skipped), flush=True)
     return 0 if passed and not failed else 1
 

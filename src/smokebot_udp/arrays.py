@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Names of array types for annotations.
+"""Type aliases for annotations of numpy arrays.
 
-numpy.typing came with numpy 1.20, Ubuntu 20.04 has 1.17: at run time all of these are np.ndarray. Shapes are in the
-docstrings.
+numpy.typing is new in numpy 1.20, and Ubuntu 20.04 has 1.17: at run time all array aliases are np.ndarray. Shapes, and
+dtypes where the alias is `Array`, are given in the docstrings.
 """
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Union
 
 import numpy as np
 
@@ -17,5 +17,10 @@ if TYPE_CHECKING:
     Float32Array = NDArray[np.float32]
     UInt8Array = NDArray[np.uint8]
     Records = NDArray[np.void]
+    DType = np.dtype[Any]
 else:
     Array = BoolArray = IntArray = FloatArray = Float32Array = UInt8Array = Records = np.ndarray
+    DType = np.dtype
+
+Buffer = Union[bytes, bytearray, memoryview, Array]
+"""Bytes of a message's field, as rospy or rospy.numpy_msg reads it."""

@@ -19,7 +19,7 @@ FORGED = (
 )
 
 
-def main():
+def main() -> None:
     rospy.init_node('forger')
     publisher = udpros.Publisher('smokebot_udp/link/report', LinkReport, queue_size=10)
     rate = rospy.Rate(50)

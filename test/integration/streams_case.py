@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the tests of the streams in world_streams.yaml have in common."""
+"""What the tests of the streams in world_streams.yaml share."""
 import unittest
 import xmlrpc.client
+from typing import Any, Callable, List
 
 import rosgraph
 import rospy
@@ -16,11 +17,11 @@ LOSSES = {0: '/operator', 50: '/loss50', 90: '/loss90'}
 
 class StreamsCase(unittest.TestCase):
     """A test case at the robot's side of receivers with 0, 50 and 90 % loss."""
-    errors = None
+    errors: List[str]
 
     @classmethod
-    def listen(cls, *streams):
-        """Note errors, and wait until every stream reaches all three receivers."""
+    def listen(cls, *streams: str) -> None:
+        """Record errors, and wait until every stream reaches all three receivers."""
         cls.errors = []
         cls.log = rospy.Subscriber('/rosout', Log, lambda log: cls.errors.append(log.msg)
                                    if log.level >= Log.ERROR else None)
@@ -28,8 +29,8 @@ class StreamsCase(unittest.TestCase):
             wait_for(lambda name=stream: cls.receivers(name) == len(LOSSES), what='the receivers of ' + stream)
 
     @staticmethod
-    def receivers(stream):
-        """How many nodes robot_sender sends this stream to by UDP."""
+    def receivers(stream: str) -> int:
+        """The number of nodes to which robot_sender sends this stream by UDP."""
         try:
             uri = rosgraph.Master('/test').lookupNode('/robot_sender')
         except rosgraph.MasterError:
@@ -38,14 +39,14 @@ class StreamsCase(unittest.TestCase):
             return sum(entry[3:5] == ['UDPROS', '/smokebot_udp/%s/segments' % stream]
                        for entry in node.getBusInfo('/test')[2])
 
-    def refused(self, publisher, message, stream, words):
-        """A bad message is told of with the stream and what is wrong."""
+    def refused(self, publisher: Any, message: Any, stream: str, words: str) -> None:
+        """A bad message is reported with the stream and what is wrong."""
         del self.errors[:]
         publisher.publish(message)
         wait_for(lambda: any("stream '%s'" % stream in error and words in error for error in self.errors), 5, words)
 
-    def flood(self, stream, message_class, forge, count=300):
-        """Forged segments to all receivers of a stream."""
+    def flood(self, stream: str, message_class: Any, forge: Callable[[], Any], count: int = 300) -> None:
+        """Send forged segments to all receivers of a stream."""
         hostile = udpros.Publisher('/smokebot_udp/%s/segments' % stream, message_class, queue_size=10)
         wait_for(lambda: len(hostile.connections()) == len(LOSSES), what='the receivers')
         for _ in range(count):

@@ -2,22 +2,24 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What the robot sends follows what an emulated link carries, while the whole stack runs.
 
-Bounds are wide: how well it follows experiments/adaptation.py measures.
+Bounds are wide: experiments/link/adaptation.py measures how well it follows.
 """
 import math
 import pathlib
 import sys
 import time
 import unittest
+from typing import Any
 
 import rostest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-import waiting  # noqa: F401  (it lets skipped tests be told)
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
+import waiting  # noqa: F401  (it reports skipped tests)
 
+from evaluation.listener import Listener
+from evaluation.stack import Stack
 from smokebot_udp.link_lab.lab import LabError
-from smokebot_udp.link_lab.listener import Listener
-from smokebot_udp.link_lab.stack import Stack
 
 FORGER = pathlib.Path(__file__).resolve().parent / 'forged_reports.py'
 LINK, TOLD = '/robot_sender/link', '/diagnostics'
@@ -30,7 +32,7 @@ FLOOR = 0.1
 class Adaptation(unittest.TestCase):
 
     @classmethod
-    def setUpClass(cls):
+    def setUpClass(cls) -> Any:
         try:
             cls.stack = Stack(seed=7)
         except LabError as error:
@@ -47,18 +49,18 @@ class Adaptation(unittest.TestCase):
         missing = {PICTURES, ODOM} - set(cls.operator.first([PICTURES, ODOM], 60.0))
         assert not missing, 'nothing comes on %s' % missing
 
-    def setUp(self):
+    def setUp(self) -> None:
         self.link(5.0)
 
-    def link(self, rate, **sides):
+    def link(self, rate, **sides) -> None:
         """Change the link to a rate [Mbit/s]."""
         self.stack.lab.set({'rate': 1e6 * rate, **AIR}, **sides)
 
-    def told(self, since):
+    def told(self, since) -> Any:
         """What the robot told of the link since a time: [{rate, capacity, ...}, ...]."""
         return [heard.amount for heard in list(self.robot.heard) if heard.topic == LINK and heard.arrival >= since]
 
-    def wait(self, condition, seconds, what):
+    def wait(self, condition, seconds, what) -> None:
         """Until the mean of what the robot told of its rate in a second fulfils a condition [Mbit/s]."""
         deadline, rates = time.time() + seconds, []
         while time.time() < deadline:
@@ -68,17 +70,17 @@ class Adaptation(unittest.TestCase):
                 return
         self.fail('%s within %g s: the rate was %s' % (what, seconds, rates))
 
-    def counted(self, seconds):
+    def counted(self, seconds) -> Any:
         """(pictures, odometry messages) that came to the operator from now on."""
         topics = [heard.topic for heard in self.operator.during(seconds)]
         return topics.count(PICTURES), topics.count(ODOM)
 
-    def follows(self, rate):
+    def follows(self, rate) -> None:
         self.link(rate)
         self.wait(lambda mean: mean <= 1.3 * rate, 10.0, 'not above what the link carries')
         self.wait(lambda mean: mean >= 0.6 * rate, 15.0, 'most of what the link carries')
 
-    def test_the_rate_follows_the_link_down_and_up_and_something_of_all_keeps_coming(self):
+    def test_the_rate_follows_the_link_down_and_up_and_something_of_all_keeps_coming(self) -> None:
         self.wait(lambda mean: mean >= 3.0, 15.0, 'a good link is used')
         for rate in (1.0, 0.3):
             self.follows(rate)
@@ -89,7 +91,7 @@ class Adaptation(unittest.TestCase):
         # what had to wait comes again
         self.assertIn(CLOUDS, self.operator.first([CLOUDS], 20.0))
 
-    def test_without_reports_the_rate_falls_to_its_floor_and_diagnostics_say_so(self):
+    def test_without_reports_the_rate_falls_to_its_floor_and_diagnostics_say_so(self) -> None:
         self.wait(lambda mean: mean >= 3.0, 15.0, 'a good link is used')
         self.link(5.0, operator={'loss': 1.0})
         self.wait(lambda mean: mean <= 1.1 * FLOOR, 20.0, 'the floor')
@@ -104,7 +106,7 @@ class Adaptation(unittest.TestCase):
         self.link(5.0)
         self.wait(lambda mean: mean >= 3.0, 20.0, 'once reports come again')
 
-    def test_forged_reports_change_nothing(self):
+    def test_forged_reports_change_nothing(self) -> None:
         self.wait(lambda mean: mean >= 3.0, 15.0, 'a good link is used')
         forger = self.stack.start('operator', sys.executable, str(FORGER))
         begun = time.time()

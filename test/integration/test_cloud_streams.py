@@ -4,6 +4,7 @@
 import pathlib
 import sys
 import time
+from typing import Any
 
 import numpy as np
 import rospy
@@ -26,7 +27,7 @@ FIELDS = [PointField(name, POINT.fields[name][1], datatype, 1) for name, datatyp
     ('x', 7), ('y', 7), ('z', 7), ('intensity', 7), ('ring', 4))]
 
 
-def cloud(points, stamp=None):
+def cloud(points, stamp=None) -> Any:
     """A PointCloud2 of an array of lidar.POINT."""
     message = PointCloud2(height=1, width=len(points), fields=FIELDS, point_step=points.itemsize,
                           row_step=points.nbytes, data=points.tobytes())
@@ -34,13 +35,13 @@ def cloud(points, stamp=None):
     return message
 
 
-def xyz(message):
+def xyz(message) -> Any:
     """(n, 3) float32, in the message's order."""
     return as_points(message.data, message.fields, message.height, message.width, message.point_step,
                      message.row_step, message.is_bigendian)[0]
 
 
-def scan(ranges, intensities=(), stamp=None, **fields):
+def scan(ranges, intensities=(), stamp=None, **fields) -> Any:
     message = LaserScan(ranges=ranges, intensities=intensities, range_min=0.05, range_max=30.0, angle_min=-2.0,
                         angle_increment=0.005, angle_max=-2.0 + 0.005 * (len(ranges) - 1), scan_time=0.1)
     message.header.stamp, message.header.frame_id = stamp or rospy.Time.now(), 'laser'
@@ -52,7 +53,7 @@ def scan(ranges, intensities=(), stamp=None, **fields):
 class CloudStreams(StreamsCase):
 
     @classmethod
-    def setUpClass(cls):
+    def setUpClass(cls) -> Any:
         rospy.init_node('cloud_streams')
         cls.lidar = Lidar(building(1), 0.9, 1)
         cls.clouds = rospy.Publisher('/velodyne_points', PointCloud2, queue_size=5)
@@ -69,14 +70,14 @@ class CloudStreams(StreamsCase):
         cls.listen('lidar', 'packed', 'scan', 'obstacle_scan', 'landmark_scan')
         wait_for(lambda: cls.clouds.get_num_connections() and cls.scans.get_num_connections(), what='robot_sender')
 
-    def setUp(self):
+    def setUp(self) -> None:
         for collector in self.out.values():
             collector.clear()
 
-    def shown(self, message, name, loss=0):
+    def shown(self, message, name, loss=0) -> Any:
         return wait_for(lambda: self.out[name, loss].messages.get(message.header.stamp), 5, name)
 
-    def test_without_loss_a_cloud_is_the_voxel_filtered_one(self):
+    def test_without_loss_a_cloud_is_the_voxel_filtered_one(self) -> None:
         points = self.lidar.scan((1.5, 7.0, 0.3), 1.0)
         points['x'][::100] = np.nan
         message = cloud(points)
@@ -89,7 +90,7 @@ class CloudStreams(StreamsCase):
         np.testing.assert_allclose(xyz(packed), centroids, rtol=0, atol=BOUND + 1e-5)
         self.assertEqual([field.name for field in packed.fields], ['x', 'y', 'z', 'intensity'])
 
-    def test_through_loss_a_cloud_thins_evenly_at_the_sources_rate(self):
+    def test_through_loss_a_cloud_thins_evenly_at_the_sources_rate(self) -> None:
         points = self.lidar.scan((1.5, 7.0, 0.3), 1.0)
         whole = voxel_filter(xyz(cloud(points)), LEAF)[0]
         sent = {}
@@ -111,7 +112,7 @@ class CloudStreams(StreamsCase):
             self.assertAlmostEqual(took / lasted, 1, delta=0.1)
             self.check_evenly(whole, got, share)
 
-    def check_evenly(self, whole, got, share):
+    def check_evenly(self, whole, got, share) -> None:
         """Each 2 m block of the scene keeps its share, over all clouds."""
         blocks = np.floor(whole / 2).astype(int)
         for block in np.unique(blocks, axis=0):
@@ -121,7 +122,7 @@ class CloudStreams(StreamsCase):
                                 for cloud_points in got]) / there
                 self.assertAlmostEqual(kept, share, delta=0.12, msg='block %s' % block)
 
-    def test_without_loss_scans_are_exact(self):
+    def test_without_loss_scans_are_exact(self) -> None:
         random = np.random.RandomState(4)
         millimetres = (random.randint(0, 30000, 720) / 1000).astype(np.float32)
         millimetres[:3] = np.inf, -np.inf, np.nan
@@ -136,7 +137,7 @@ class CloudStreams(StreamsCase):
                           'range_max'):
                 self.assertAlmostEqual(getattr(got, field), getattr(message, field), places=5)
 
-    def test_half_a_scan_is_shown(self):
+    def test_half_a_scan_is_shown(self) -> None:
         ranges = (np.arange(1, 721) / 1000).astype(np.float32)
         for stamp in stamps(CLOUDS, 20.0):
             self.scans.publish(scan(ranges.tolist(), stamp=stamp))
@@ -154,7 +155,7 @@ class CloudStreams(StreamsCase):
                 self.assertIn(there[:2].tolist(), ([True, False], [False, True]))
         self.assertGreater(halves, 5)
 
-    def test_virtual_scans_are_the_same_on_both_sides_and_true(self):
+    def test_virtual_scans_are_the_same_on_both_sides_and_true(self) -> None:
         lidar, pose = Lidar(building(1), 0.9, 1, noise=0.0), (10.5, 7.0, 0.3)
         message = cloud(lidar.scan(pose, 1.0))
         self.clouds.publish(message)
@@ -177,7 +178,7 @@ class CloudStreams(StreamsCase):
         close = np.abs(scan - nearest) < 0.3     # the rays between may be nearer, along a wall
         self.assertGreater(close.mean(), 0.95)
 
-    def test_bad_clouds_are_told_of_and_the_next_good_one_comes(self):
+    def test_bad_clouds_are_told_of_and_the_next_good_one_comes(self) -> None:
         points = self.lidar.scan((1.5, 7.0, 0.3), 1.0)[:500]
         nothing = points.copy()
         nothing['y'] = np.nan
@@ -192,13 +193,13 @@ class CloudStreams(StreamsCase):
         self.shown(message, 'lidar/points')
 
     @staticmethod
-    def spoilt(points, **fields):
+    def spoilt(points, **fields) -> Any:
         message = cloud(points)
         for name, value in fields.items():
             setattr(message, name, value)
         return message
 
-    def test_bad_scans_are_told_of_and_the_next_good_one_comes(self):
+    def test_bad_scans_are_told_of_and_the_next_good_one_comes(self) -> None:
         good = [1.0, 2.0, 3.0]
         for message, words in ((scan(good, angle_increment=float('nan')), 'angle_increment is nan'),
                                (scan(good, angle_min=float('inf')), 'angle_min is inf'),
@@ -209,25 +210,25 @@ class CloudStreams(StreamsCase):
         self.scans.publish(message)
         self.shown(message, 'scan')
 
-    def test_messages_of_one_stamp_are_told_of(self):
+    def test_messages_of_one_stamp_are_told_of(self) -> None:
         stamp = rospy.Time.now()
         self.scans.publish(scan([1.0, 2.0], stamp=stamp))
         wait_for(lambda: stamp in self.out['scan', 0].messages, 5, 'the first')
         self.refused(self.scans, scan([3.0, 4.0], stamp=stamp), 'scan', 'cannot be told apart')
 
-    def test_what_has_no_stamp_gets_one(self):
+    def test_what_has_no_stamp_gets_one(self) -> None:
         message = scan([1.0, 2.0, 4.0])
         message.header.stamp = rospy.Time(0)
         self.scans.publish(message)
         wait_for(lambda: any(len(got.ranges) == 3 for got in list(self.out['scan', 0].messages.values())), 5, 'a scan')
 
-    def test_forged_segments_crash_nothing(self):
+    def test_forged_segments_crash_nothing(self) -> None:
         random = np.random.RandomState(3)
 
-        def numbers(*some):
+        def numbers(*some) -> Any:
             return random.choice(some)
 
-        def forge_chunk():
+        def forge_chunk() -> Any:
             chunk = CloudChunk(points=numbers(0, 1, 80, 2 ** 21, 2 ** 32 - 1), chunks=numbers(0, 1, 2, 65535),
                                index=numbers(0, 1, 65535), has_intensity=bool(random.randint(2)),
                                step=numbers(0.0, 0.025, -1.0, float('nan'), float('inf')),
@@ -236,7 +237,7 @@ class CloudStreams(StreamsCase):
             chunk.header.stamp = rospy.Time.now() - rospy.Duration(random.randint(2) * 100)
             return chunk
 
-        def forge_scan():
+        def forge_scan() -> Any:
             segment = ScanSegment(total=numbers(0, 1, 720, 2 ** 32 - 1), parts=numbers(0, 1, 2, 65535),
                                   part=numbers(0, 1, 65535), range_size=random.randint(6),
                                   intensity_size=random.randint(6), angle_increment=numbers(0.0, float('nan'), 1.0),

@@ -1,16 +1,17 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""The simulated robot's pictures at 20 % loss, and what a user may change meanwhile."""
+"""The simulated robot's images at 20 % loss, and settings that a user changes meanwhile."""
 import pathlib
 import subprocess
 import sys
 import unittest
+from typing import Any, List, Tuple
 
-import numpy as np
 import rospy
 import rostest
 from dynamic_reconfigure.client import Client
 from sensor_msgs.msg import CameraInfo, Image
+from skimage.metrics import peak_signal_noise_ratio
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from waiting import Collector, wait_for
@@ -20,7 +21,7 @@ from smokebot_udp.codecs.wire.pixels import as_pixels
 TOPICS = {'thermal': 'mono16', 'camera': 'bgr8'}
 
 
-def pixels(message):
+def pixels(message: Any) -> Any:
     return as_pixels(message.data, message.height, message.width, message.step, message.encoding,
                      message.is_bigendian).astype(float)
 
@@ -28,25 +29,26 @@ def pixels(message):
 class Demo(unittest.TestCase):
 
     @classmethod
-    def setUpClass(cls):
+    def setUpClass(cls) -> None:
         rospy.init_node('watch_demo')
         cls.sent = {name: Collector('/%s/image_raw' % name, Image) for name in TOPICS}
         cls.received = {name: Collector('/operator/%s/image_raw' % name, Image) for name in TOPICS}
         for name in TOPICS:
-            wait_for(lambda out=cls.received[name]: len(out.messages) > 2, 30, 'the first pictures')
+            wait_for(lambda out=cls.received[name]: len(out.messages) > 2, 30, 'the first images')
 
-    def pairs(self, name, count):
-        """So many pictures as sent and as received."""
-        def both():
+    def pairs(self, name: str, count: int) -> List[Tuple[Any, Any]]:
+        """At least `count` images of a stream as (sent, received)."""
+        def both() -> Any:
             sent, received = dict(self.sent[name].messages), dict(self.received[name].messages)
             common = sorted(set(sent) & set(received))
             return len(common) >= count and [(sent[stamp], received[stamp]) for stamp in common]
         self.sent[name].clear(), self.received[name].clear()
-        return wait_for(both, 20, '%d pictures of %s' % (count, name))
+        found: List[Tuple[Any, Any]] = wait_for(both, 20, '%d images of %s' % (count, name))
+        return found
 
-    def test_the_pictures_look_like_the_scene(self):
+    def test_the_images_look_like_the_scene(self) -> None:
         for name, encoding in TOPICS.items():
-            # the robot halts now and then, and what is lost would come from earlier pictures
+            # while the robot halts, lost pixels would be taken from earlier images
             Client('/operator_receiver/' + name, timeout=10).update_configuration({'integrate': 'never'})
             for sent, received in self.pairs(name, 10):
                 self.assertEqual((received.encoding, received.height, received.width), (encoding, 480, 640))
@@ -54,17 +56,16 @@ class Demo(unittest.TestCase):
                 was, came = pixels(sent), pixels(received)
                 different = (was != came).reshape(480, 640, -1).any(axis=2).mean()
                 self.assertTrue(0.05 < different < 0.3, 'a fifth was lost, and %g differs' % different)
-                peak = was.max() - was.min()
-                self.assertGreater(10 * np.log10(peak ** 2 / np.mean((was - came) ** 2)), 25.0)
+                self.assertGreater(peak_signal_noise_ratio(was, came, data_range=was.max() - was.min()), 25.0)
 
-    def test_camera_info_goes_with_the_image(self):
+    def test_camera_info_goes_with_the_image(self) -> None:
         info = Collector('/thermal/camera_info', CameraInfo)
         stamp, message = wait_for(lambda: next(iter(sorted(info.messages.items())), None), what='camera_info')
         wait_for(lambda: stamp in self.sent['thermal'].messages, what='its image')
         self.assertEqual((message.width, message.height), (640, 480))
         self.assertAlmostEqual(message.K[2], 319.5)
 
-    def test_rosnode_info_shows_udpros(self):
+    def test_rosnode_info_shows_udpros(self) -> None:
         for node in ('/robot_sender', '/operator_receiver'):
             info = subprocess.run(['rosnode', 'info', node], stdout=subprocess.PIPE, check=True).stdout.decode()
             segments = info[info.index('Connections:'):].split(' * topic: ')
@@ -72,7 +73,7 @@ class Demo(unittest.TestCase):
                 entry = next(part for part in segments if part.startswith('/smokebot_udp/%s/segments' % name))
                 self.assertIn('transport: UDPROS', entry)
 
-    def test_rate_and_enabled_take_effect_while_it_runs(self):
+    def test_rate_and_enabled_take_effect_while_it_runs(self) -> None:
         client = Client('/robot_sender/thermal', timeout=10)
         client.update_configuration({'rate': 2.0})
         self.addCleanup(client.update_configuration, {'rate': 10.0, 'enabled': True})
@@ -81,7 +82,7 @@ class Demo(unittest.TestCase):
         self.assertAlmostEqual((len(stamps) - 1) / (stamps[-1] - stamps[0]), 2.0, delta=0.4)
         client.update_configuration({'enabled': False})
         self.assertFalse(rospy.get_param('/robot_sender/thermal/enabled'))
-        # what had been sent is on the screen by the time the camera has brought ten more
+        # everything sent before is shown by the time the camera has delivered ten more images
         self.pairs('camera', 10)
         self.received['thermal'].clear()
         self.pairs('camera', 10)

@@ -1,12 +1,14 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""What both sides tell on /diagnostics, at 20 % loss, with an operator's clock that is an hour slow."""
+"""/diagnostics of both sides at 20 % loss, with an operator's clock that is an hour slow."""
+import contextlib
 import pathlib
 import subprocess
 import sys
 import threading
 import time
 import unittest
+from typing import Any, Dict, Optional, Tuple
 
 import numpy as np
 import rospy
@@ -26,17 +28,21 @@ RATE = 10.0
 
 
 class Camera(threading.Thread):
-    """Publishes pictures while it is on, and gas all the time."""
+    """Publishes images while it is on, and gas all the time."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         super().__init__(daemon=True)
         self.on = True
-        self._pictures = rospy.Publisher('/thermal/image_raw', Image, queue_size=1)
+        self._images = rospy.Publisher('/thermal/image_raw', Image, queue_size=1)
         self._gas = rospy.Publisher('/gas', Float32, queue_size=1)
         self._message = Image(height=120, width=160, encoding='mono16', step=320,
                               data=np.random.RandomState(0).bytes(120 * 320))
 
-    def run(self):
+    def run(self) -> None:
+        with contextlib.suppress(rospy.ROSException):   # the topics are closed: the test has ended
+            self._publish()
+
+    def _publish(self) -> None:
         due = time.monotonic()
         while not rospy.is_shutdown():
             time.sleep(max(0.0, due - time.monotonic()))
@@ -44,13 +50,14 @@ class Camera(threading.Thread):
             self._gas.publish(0.5)
             if self.on:
                 self._message.header.stamp = rospy.Time.now()
-                self._pictures.publish(self._message)
+                self._images.publish(self._message)
 
 
 class Diagnostics(unittest.TestCase):
+    statuses: Dict[str, Any]
 
     @classmethod
-    def setUpClass(cls):
+    def setUpClass(cls) -> None:
         rospy.init_node('test_diagnostics')
         cls.statuses = {}
         rospy.Subscriber('/diagnostics', DiagnosticArray, cls.take, queue_size=20)
@@ -59,12 +66,15 @@ class Diagnostics(unittest.TestCase):
         cls.camera.start()
 
     @classmethod
-    def take(cls, message):
+    def take(cls, message: Any) -> None:
         cls.statuses.update((status.name, status) for status in message.status)
 
-    def status(self, name, level, **limits):
-        """A status' {key: text}, as soon as it has this level, and each value (_ for a blank) its (least, most)."""
-        def found():
+    def status(self, name: str, level: int, **limits: Tuple[float, float]) -> Dict[str, str]:
+        """The {key: text} of a status as soon as it has this level, and each value is within its (least, most).
+
+        :param limits: by the values' names, with _ for blanks and without units
+        """
+        def found() -> Any:
             status = self.statuses.get(name)
             if status is None or status.level != level:
                 return None
@@ -72,14 +82,15 @@ class Diagnostics(unittest.TestCase):
             good = all(key in values and least <= float(values[key]) <= most for key, (least, most) in limits.items())
             return good and {**values, 'message': status.message}
         try:
-            return wait_for(found, what='%s with level %d and %s' % (name, level, limits))
+            values: Dict[str, str] = wait_for(found, what='%s with level %d and %s' % (name, level, limits))
+            return values
         except AssertionError as error:
             raise AssertionError('%s; it is\n%s' % (error, self.statuses.get(name))) from None
 
-    def test_a_stream_tells_its_rates_its_loss_and_its_age(self):
+    def test_a_stream_shows_its_rates_its_loss_and_its_age(self) -> None:
         robot = self.status('robot_sender: thermal', OK, rate_in=(9, 11), rate_out=(9, 11))
         self.assertEqual((robot['side'], robot['topic']), ('robot', '/thermal/image_raw'))
-        # its loss is above its limit; ages are by the robot's clock, an hour ahead
+        # the loss is above its threshold; ages are by the robot's clock, an hour ahead
         operator = self.status('operator_receiver: thermal', WARN, rate_out=(9, 11), loss=(15, 25),
                                completeness=(65, 95), age_p50=(0, 400), age_p99=(0, 2000))
         self.assertIn('% lost', operator['message'])
@@ -90,11 +101,11 @@ class Diagnostics(unittest.TestCase):
                                                 ('operator_receiver', '/robot_sender', WARN)))
         self.assertGreater(float(sent['datagrams/s']), float(came['datagrams/s']))
 
-    def test_the_robots_clock_is_known(self):
+    def test_the_robots_clock_is_known(self) -> None:
         clock = self.status('operator_receiver: clock', OK, offset=(3.5999e6, 3.6001e6), round_trip=(0, 1000))
         self.assertLess(abs(float(clock['offset']) - 3.6e6), float(clock['uncertainty']) + 5.0)
 
-    def test_what_is_set_wrongly_is_told_and_set_back(self):
+    def test_invalid_settings_are_reported_and_set_back(self) -> None:
         rospy.set_param('/robot_sender/thermal/rate', -5)
         message = self.status('robot_sender: settings', WARN, problems=(2, 2))['message']
         self.assertIn('/robot_sender/thermal/rate refused, 10.0 stays: rate is -5', message)
@@ -105,26 +116,26 @@ class Diagnostics(unittest.TestCase):
         self.assertIn("warn_loss is 'much'", values['problem_1'])
         self.status('robot_sender: thermal', OK, rate_out=(9, 11))
 
-    def test_a_silent_camera_is_an_error_on_both_sides_and_looks_frozen(self):
+    def test_a_silent_camera_is_an_error_on_both_sides_and_looks_frozen(self) -> None:
         self.view.wait_connected()
-        wait_for(lambda: self.frame() == COLOURS[FRESH], what='a fresh picture')
+        wait_for(lambda: self.frame() == COLOURS[FRESH], what='a fresh image')
         self.camera.on = False
         try:
             self.assertIn('its source is silent', self.status('robot_sender: thermal', ERROR)['message'])
             self.assertIn('nothing is shown', self.status('operator_receiver: thermal', ERROR)['message'])
-            wait_for(lambda: self.frame() == COLOURS[FROZEN], what='a frozen picture')
+            wait_for(lambda: self.frame() == COLOURS[FROZEN], what='a frozen image')
         finally:
             self.camera.on = True
-        wait_for(lambda: self.frame() == COLOURS[FRESH], what='a fresh picture again')
+        wait_for(lambda: self.frame() == COLOURS[FRESH], what='a fresh image again')
         self.status('robot_sender: thermal', OK, rate_out=(9, 11))
         self.status('operator_receiver: gas', OK)
 
-    def frame(self):
-        """The colour of the view's frame, [b, g, r]."""
+    def frame(self) -> Optional[Tuple[int, ...]]:
+        """The colour (b, g, r) of the view's frame."""
         message = list(self.view.messages.values())[-1] if self.view.messages else None
         return message and tuple(np.frombuffer(message.data, np.uint8)[:3].tolist())
 
-    def test_link_top_prints_both_sides(self):
+    def test_link_top_prints_both_sides(self) -> None:
         self.status('operator_receiver: thermal', WARN, rate_out=(9, 11))
         text = subprocess.run(['rosrun', 'smokebot_udp', 'link_top', '--once'], check=True, timeout=60,
                               stdout=subprocess.PIPE).stdout.decode()

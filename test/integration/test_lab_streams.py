@@ -10,19 +10,22 @@ import sys
 import tempfile
 import time
 import unittest
+from typing import Any
 
 import psutil
 import rostest
 import yaml
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-import waiting  # noqa: F401  (it lets skipped tests be told)
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
+import waiting  # noqa: F401  (it reports skipped tests)
 
+from evaluation import TOP
+from evaluation.listener import Listener
+from evaluation.stack import Stack
 from smokebot_udp.link_lab.lab import ADDRESSES, LabError, environment
-from smokebot_udp.link_lab.listener import Listener
-from smokebot_udp.link_lab.stack import Stack
 
-STREAMS = pathlib.Path(__file__).resolve().parents[2] / 'config' / 'streams.yaml'
+STREAMS = TOP / 'config' / 'streams.yaml'
 PERFECT = {'loss': 0.0, 'delay': 0.0}
 BAD = {'loss': 0.2, 'delay': 0.05}
 
@@ -38,7 +41,7 @@ DATAGRAMS = {'thermal': 50, 'camera': 50, 'lidar': 10, 'obstacle_scan': 2, 'land
 
 HOLD = """
 import time
-from smokebot_udp.link_lab.stack import Stack
+from evaluation.stack import Stack
 stack = Stack()
 stack.start('robot', 'sleep', '600')
 stack.start_node('operator', 'operator_receiver')
@@ -51,7 +54,7 @@ time.sleep(600)
 class LabStreams(unittest.TestCase):
 
     @classmethod
-    def setUpClass(cls):
+    def setUpClass(cls) -> Any:
         try:
             cls.stack = Stack(seed=5)
         except LabError as error:
@@ -78,15 +81,15 @@ class LabStreams(unittest.TestCase):
         cls.first_start = cls.listener.first(cls.topics.values(), PATIENCE)
 
     @classmethod
-    def start(cls, side, *arguments):
+    def start(cls, side, *arguments) -> Any:
         return cls.stack.start_node(side, {'robot': 'robot_sender', 'operator': 'operator_receiver'}[side],
                                     '_streams_file:=%s' % cls.file, *arguments)
 
-    def tearDown(self):
+    def tearDown(self) -> None:
         self.stack.lab.set(PERFECT)
         self.assertEqual([self.stack.lab.statistics()[side]['missed'] for side in ADDRESSES], [0, 0])
 
-    def assert_all_come(self, found, but=()):
+    def assert_all_come(self, found, but=()) -> None:
         """:param found: {topic: [s]} as Listener.first tells; but: streams that need not come"""
         wanted = {topic for name, topic in self.topics.items() if name not in but}
         self.assertEqual(wanted - set(found), set(), 'nothing came of these in %g s' % PATIENCE)
@@ -94,7 +97,7 @@ class LabStreams(unittest.TestCase):
             self.id().split('.')[-1], min(found[self.topics[name]] for name in ('thermal', 'camera')),
             max(found[topic] for topic in wanted)), file=sys.stderr)
 
-    def restart(self, side, link, *arguments, but=()):
+    def restart(self, side, link, *arguments, but=()) -> None:
         """A side fails at once, and is started again over a link: until all of the streams come."""
         self.stack.lab.set(link)
         self.stack.end(self.nodes[side])
@@ -103,16 +106,16 @@ class LabStreams(unittest.TestCase):
         topics = [topic for name, topic in self.topics.items() if name not in but]
         self.assert_all_come(self.listener.first(topics, PATIENCE), but)
 
-    def test_both_sides_start_over_a_bad_link(self):
+    def test_both_sides_start_over_a_bad_link(self) -> None:
         self.assert_all_come(self.first_start)
 
-    def test_the_robots_side_starts_again_over_a_bad_link(self):
+    def test_the_robots_side_starts_again_over_a_bad_link(self) -> None:
         self.restart('robot', BAD, but=UNCHANGED)
 
-    def test_the_operators_side_starts_again_over_a_bad_link(self):
+    def test_the_operators_side_starts_again_over_a_bad_link(self) -> None:
         self.restart('operator', BAD)
 
-    def test_rates_and_completeness_follow_from_the_loss(self):
+    def test_rates_and_completeness_follow_from_the_loss(self) -> None:
         # all is sent: the rate does not wait for what the operator reports
         self.restart('robot', PERFECT, '_adapt:=false', but=UNCHANGED)
         seconds, points = 5.0, None
@@ -135,7 +138,7 @@ class LabStreams(unittest.TestCase):
             if loss < 0.9:      # there clouds of which nothing comes would count
                 self.assertAlmostEqual(statistics.mean(clouds) / points, 1 - loss, delta=0.1, msg=loss)
 
-    def test_after_a_cut_the_pictures_come_back(self):
+    def test_after_a_cut_the_pictures_come_back(self) -> None:
         topics = [self.topics['thermal'], self.topics['lidar']]
         self.stack.lab.set({'loss': 1.0})
         time.sleep(12.0)     # longer than a silent topic is waited for
@@ -143,9 +146,9 @@ class LabStreams(unittest.TestCase):
         found = self.listener.first(topics, 20.0)
         self.assertEqual(set(found), set(topics))
 
-    def test_nothing_is_left_of_a_stack_that_ends_in_any_way(self):
+    def test_nothing_is_left_of_a_stack_that_ends_in_any_way(self) -> None:
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
-            process = subprocess.Popen([sys.executable, '-c', HOLD], stdout=subprocess.PIPE,
+            process = subprocess.Popen([sys.executable, '-c', HOLD], cwd=str(TOP), stdout=subprocess.PIPE,
                                        stderr=subprocess.DEVNULL)
             self.assertEqual(process.stdout.readline(), b'up\n')
             children = psutil.Process(process.pid).children(recursive=True)

@@ -4,6 +4,7 @@
 import pathlib
 import sys
 import time
+from typing import Any
 
 import numpy as np
 import rospy
@@ -22,7 +23,7 @@ REPEAT_RATE = 4.0     # in world_streams.yaml [Hz]
 MAX_WAIT = 0.5 + 0.5    # the stream's, and for what a busy machine is late [s]
 
 
-def rooms(height, width):
+def rooms(height, width) -> Any:
     """Unknown outside, free rooms inside, walls two cells thick."""
     cells = np.full((height, width), -1, np.int8)
     cells[20:-20, 20:-20] = 0
@@ -33,7 +34,7 @@ def rooms(height, width):
     return cells
 
 
-def grid(cells, resolution=0.05, origin=(-3.0, 2.0)):
+def grid(cells, resolution=0.05, origin=(-3.0, 2.0)) -> Any:
     message = OccupancyGrid(data=cells.ravel().tolist())
     message.header.stamp, message.header.frame_id = rospy.Time.now(), 'map'
     message.info.map_load_time = rospy.Time(17, 5)
@@ -43,24 +44,24 @@ def grid(cells, resolution=0.05, origin=(-3.0, 2.0)):
     return message
 
 
-def cells_of(message):
+def cells_of(message) -> Any:
     return np.array(message.data, np.int8).reshape(message.info.height, message.info.width)
 
 
 class MapStreams(StreamsCase):
 
     @classmethod
-    def setUpClass(cls):
+    def setUpClass(cls) -> Any:
         rospy.init_node('map_streams')
         cls.source = rospy.Publisher('/map', OccupancyGrid, queue_size=2)
         cls.out = {loss: Collector(where + '/map', OccupancyGrid) for loss, where in LOSSES.items()}
         cls.listen('map')
         wait_for(cls.source.get_num_connections, what='robot_sender')
 
-    def shown(self, message, loss=0):
+    def shown(self, message, loss=0) -> Any:
         return wait_for(lambda: self.out[loss].messages.get(message.header.stamp), 10, 'the map')
 
-    def test_a_map_is_exact_and_may_grow(self):
+    def test_a_map_is_exact_and_may_grow(self) -> None:
         for cells, origin in (
                 (rooms(100, 150), (-3.0, 2.0)), (rooms(300, 500), (-8.0, -4.0)), (rooms(1, 1), (0.0, 0.0))):
             message = grid(cells, origin=origin)
@@ -71,7 +72,7 @@ class MapStreams(StreamsCase):
                              (message.info.origin, message.info.map_load_time, 'map'))
             self.assertAlmostEqual(got.info.resolution, 0.05, places=6)
 
-    def test_a_large_map_is_reduced_by_its_highest_cells(self):
+    def test_a_large_map_is_reduced_by_its_highest_cells(self) -> None:
         cells = rooms(999, 1201)
         message = grid(cells)
         self.source.publish(message)
@@ -81,7 +82,7 @@ class MapStreams(StreamsCase):
         self.assertEqual(got.info.origin, message.info.origin)
         self.assertAlmostEqual(got.info.resolution, 0.1, places=6)
 
-    def test_every_wall_stands_after_some_rounds(self):
+    def test_every_wall_stands_after_some_rounds(self) -> None:
         cells = rooms(400, 600)
         message = grid(cells, origin=(1.0, 1.0))
         rounds = []
@@ -101,14 +102,14 @@ class MapStreams(StreamsCase):
             self.assertGreater((cells_of(got)[wall] == 100).mean(), 0.98, wall)
         self.assertLess((cells_of(got) != cells).mean(), 0.01)
 
-    def test_an_operator_who_comes_late_gets_the_map(self):
+    def test_an_operator_who_comes_late_gets_the_map(self) -> None:
         message = grid(rooms(200, 200), origin=(5.0, 5.0))
         self.source.publish(message)
         self.shown(message)
         late = Collector('/operator/map', OccupancyGrid)     # latched at the operator's side
         wait_for(lambda: message.header.stamp in late.messages, 5, 'the latched map')
 
-    def test_an_unchanged_map_is_shown_once(self):
+    def test_an_unchanged_map_is_shown_once(self) -> None:
         first, again = (grid(rooms(150, 150), origin=(9.0, 9.0)) for _ in range(2))
         self.source.publish(first)
         self.shown(first)
@@ -118,7 +119,7 @@ class MapStreams(StreamsCase):
         time.sleep(3 / REPEAT_RATE)   # nothing may come
         self.assertEqual(len(self.out[0].messages), shown)
 
-    def test_bad_maps_are_told_of_and_the_next_good_one_comes(self):
+    def test_bad_maps_are_told_of_and_the_next_good_one_comes(self) -> None:
         good = rooms(50, 60)
         for spoil, words in ((lambda m: setattr(m, 'data', m.data[:-1]), 'data has 2999 cells'),
                              (lambda m: setattr(m.info, 'resolution', 0.0), 'resolution is 0.0'),
@@ -133,10 +134,10 @@ class MapStreams(StreamsCase):
         self.source.publish(message)
         np.testing.assert_array_equal(cells_of(self.shown(message)), good)
 
-    def test_forged_segments_crash_nothing(self):
+    def test_forged_segments_crash_nothing(self) -> None:
         random = np.random.RandomState(3)
 
-        def forge():
+        def forge() -> Any:
             segment = GridSegment(depth=random.randint(12), index=random.randint(65536), count=random.randint(256),
                                   data=random.randint(-128, 128, random.randint(1300)).tolist())
             segment.header.stamp = rospy.Time.now() - rospy.Duration(random.randint(2) * 100)

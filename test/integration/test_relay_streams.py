@@ -5,6 +5,7 @@ import pathlib
 import sys
 import threading
 import time
+from typing import Any
 
 import rospy
 import rostest
@@ -18,7 +19,7 @@ from streams_case import LOSSES, StreamsCase
 from waiting import Collector, stamps, wait_for
 
 
-def transform(parent, child, x=0.0, stamp=None):
+def transform(parent, child, x=0.0, stamp=None) -> Any:
     message = TransformStamped(child_frame_id=child)
     message.header.frame_id, message.header.stamp = parent, stamp or rospy.Time.now()
     message.transform.translation.x, message.transform.rotation.w = x, 1.0
@@ -28,12 +29,12 @@ def transform(parent, child, x=0.0, stamp=None):
 class Transforms:
     """What came on a tf topic: {(parent, child): [(when, transform), ...]}, and how many messages."""
 
-    def __init__(self, topic):
+    def __init__(self, topic) -> None:
         self.got, self.messages = {}, 0
         self._lock = threading.Lock()
-        self._subscriber = rospy.Subscriber(topic, TFMessage, self._take, queue_size=100)
+        self.subscriber = rospy.Subscriber(topic, TFMessage, self._take, queue_size=100)
 
-    def _take(self, message):
+    def _take(self, message) -> None:
         with self._lock:
             self.messages += 1
             for one in message.transforms:
@@ -43,7 +44,7 @@ class Transforms:
 class RelayStreams(StreamsCase):
 
     @classmethod
-    def setUpClass(cls):
+    def setUpClass(cls) -> Any:
         rospy.init_node('relay_streams')
         cls.warnings = []
         cls.warned = rospy.Subscriber('/rosout', Log, lambda log: cls.warnings.append(log.msg)
@@ -57,7 +58,7 @@ class RelayStreams(StreamsCase):
         for collector in cls.out.values():
             collector.wait_connected()
 
-    def test_messages_arrive_as_they_are_at_their_rate(self):
+    def test_messages_arrive_as_they_are_at_their_rate(self) -> None:
         for collector in self.out.values():
             collector.clear()
         sent = {}
@@ -76,9 +77,9 @@ class RelayStreams(StreamsCase):
         self.assertAlmostEqual((len(arrivals) - 1) / (arrivals[-1] - arrivals[0]), 10.0, delta=1.5)   # of 50 Hz
         self.assertGreater(len(self.out[50].messages), 3)
 
-    def test_transforms_are_merged_and_throttled_by_pair(self):
+    def test_transforms_are_merged_and_throttled_by_pair(self) -> None:
         watch = Transforms('/operator/tf')
-        wait_for(watch._subscriber.get_num_connections, what='operator_receiver')
+        wait_for(watch.subscriber.get_num_connections, what='operator_receiver')
         count = 0
         for stamp in stamps(200, 100.0):
             count += 1
@@ -93,15 +94,15 @@ class RelayStreams(StreamsCase):
             self.assertAlmostEqual((len(times) - 1) / (times[-1] - times[0]), 20.0, delta=3.0)
         self.assertLess(watch.messages, 1.5 * max(map(len, watch.got.values())))
 
-    def test_many_transforms_stay_in_single_datagrams(self):
+    def test_many_transforms_stay_in_single_datagrams(self) -> None:
         watch = Transforms('/operator/tf')
-        wait_for(watch._subscriber.get_num_connections, what='operator_receiver')
+        wait_for(watch.subscriber.get_num_connections, what='operator_receiver')
         self.tf.publish(TFMessage([transform('map', 'one_of_many_%d' % k) for k in range(60)]))
         wait_for(lambda: sum('one_of_many' in child for _, child in watch.got) == 60, 5, 'all of them')
         self.assertGreater(watch.messages, 3)
         self.assertFalse([text for text in self.warnings if "'tf'" in text])
 
-    def test_static_transforms_reach_everybody(self):
+    def test_static_transforms_reach_everybody(self) -> None:
         """Latched by two nodes, lost nine times of ten, and asked for late."""
         first = rospy.Publisher('/tf_static', TFMessage, queue_size=5, latch=True)
         first.publish(TFMessage([transform('base_link', 'velodyne', 1.0)]))
@@ -113,7 +114,7 @@ class RelayStreams(StreamsCase):
                      'both at ' + where)
             self.assertEqual(late.got['base_link', 'laser'][-1][1].transform.translation.x, 2.0)
 
-    def test_a_message_of_several_datagrams_is_warned_of(self):
+    def test_a_message_of_several_datagrams_is_warned_of(self) -> None:
         message = Odometry(child_frame_id='x' * 3000)
         message.header.stamp = rospy.Time.now()
         self.odometry.publish(message)
@@ -121,7 +122,7 @@ class RelayStreams(StreamsCase):
                  'a warning')
         wait_for(lambda: message.header.stamp in self.out[0].messages, 5, 'the message')
 
-    def test_an_unknown_type_leaves_the_others(self):
+    def test_an_unknown_type_leaves_the_others(self) -> None:
         published = {topic for topic, _ in rospy.get_published_topics('/smokebot_udp')}
         self.assertIn('/smokebot_udp/odom/segments', published)
         self.assertFalse([topic for topic in published if 'unknown_type' in topic])

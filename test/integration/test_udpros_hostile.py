@@ -9,6 +9,7 @@ import socket
 import sys
 import unittest
 import xmlrpc.client
+from typing import Any
 
 import numpy as np
 import psutil
@@ -30,24 +31,24 @@ MILLION = 10 ** 6
 
 
 class Errors(logging.Handler):
-    """What rospy's own loggers, or ours, say at ERROR."""
+    """The ERROR records of rospy's loggers, which include ours."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         super().__init__(logging.ERROR)
         self.records = []
         logging.getLogger('rospy').addHandler(self)
 
-    def emit(self, record):
+    def emit(self, record) -> None:
         self.records.append(record.getMessage())
 
 
 class Hostile(unittest.TestCase):
 
     @classmethod
-    def setUpClass(cls):
+    def setUpClass(cls) -> Any:
         rospy.init_node('udpros_hostile')
 
-    def test_bad_requests_are_refused_in_words(self):
+    def test_bad_requests_are_refused_with_a_reason(self) -> None:
         publisher = udpros.Publisher('/asked', Header, queue_size=1)
         warnings = []
         log = rospy.Subscriber('/rosout', Log, lambda entry: warnings.append(entry.msg))
@@ -59,10 +60,10 @@ class Hostile(unittest.TestCase):
         for place, value, words in (
                 (3, 8, 'max_datagram_size is 8'), (3, 0, 'max_datagram_size is 0'), (3, 10 ** 9, '1000000000'),
                 (3, '1472', "max_datagram_size is '1472'"), (2, 0, 'port is 0'), (2, 70000, 'port is 70000'),
-                (2, -1, 'port is -1'), (1, '', "host is ''"), (1, 'no.such.host.invalid', 'no way to'),
+                (2, -1, 'port is -1'), (1, '', "host is ''"), (1, 'no.such.host.invalid', 'no route to'),
                 (1, 5, 'host is 5'), (0, encode_header(lacking), 'lacks "md5sum"'),
                 (0, encode_header({**header, 'md5sum': 'f' * 32}), 'not ffff'),
-                (0, b'\xff\xff\xff\xff', 'ends within'), (0, 7, 'no base64')):
+                (0, b'\xff\xff\xff\xff', 'ends within'), (0, 7, 'not base64')):
             bad = list(good)
             bad[place] = value
             with xmlrpc.client.ServerProxy(rospy.get_node_uri()) as proxy:
@@ -77,7 +78,7 @@ class Hostile(unittest.TestCase):
         self.assertEqual(publisher.get_num_connections(), 0)
         publisher.unregister(), log.unregister()
 
-    def test_a_million_bad_datagrams_between_good_ones(self):
+    def test_a_million_bad_datagrams_between_good_ones(self) -> None:
         """From strangers, and from the publisher's own socket; half of them mutations of good ones."""
         got, records_seen = [], []
         publisher = udpros.Publisher('/flooded', ImageSegment, queue_size=10, transport='udp')
@@ -111,8 +112,8 @@ class Hostile(unittest.TestCase):
         subscriber.unregister(), publisher.unregister(), stranger.close(), own.close()
 
 
-def bad_datagrams(random, count, connection_id):
-    """Datagrams of which none is a good message: random ones, and good ones with a few bytes changed."""
+def bad_datagrams(random, count, connection_id) -> Any:
+    """Datagrams that are not good messages: random ones, and good ones with a few bytes changed."""
     body = ImageSegment(encoding='mono8', data=b'evil')
     for _ in range(count):
         kind = random.randint(6)
@@ -129,13 +130,13 @@ def bad_datagrams(random, count, connection_id):
             payload = payload[:random.randint(len(payload))]
         elif kind == 4:
             payload = payload + random.bytes(random.randint(1, 50))
-        elif kind == 5:    # a whole message whose fields lie about their lengths
+        elif kind == 5:    # a whole message with wrong lengths of its fields
             at = LENGTH.size + random.choice([12, 24, 38])
             payload = payload[:at] + random.bytes(4) + payload[at + 4:]
         yield HEADER.pack(*header) + payload
 
 
-def serialized(message):
+def serialized(message) -> Any:
     import io
     buffer = io.BytesIO()
     message.serialize(buffer)

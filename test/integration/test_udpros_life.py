@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""UDPROS when peers die, restart, freeze or never hear of each other."""
+"""UDPROS when peers die, restart, freeze or are not notified of each other."""
 import gc
 import os
 import pathlib
@@ -12,6 +12,7 @@ import time
 import unittest
 import unittest.mock
 import xmlrpc.client
+from typing import Any
 
 import rosgraph
 import rospy
@@ -28,45 +29,45 @@ from smokebot_udp.udpros import registration, rospy_binding
 HERE = pathlib.Path(__file__).resolve().parent
 NODE = '/udpros_life'
 
-def start(script, topic, name):
+def start(script, topic, name) -> Any:
     return subprocess.Popen([sys.executable, str(HERE / script), topic, '__name:=' + name],
                             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
-def end(process):
+def end(process) -> None:
     if process.poll() is None:
         process.send_signal(signal.SIGCONT)
         process.kill()
         process.wait(10)
 
 
-def open_files():
+def open_files() -> Any:
     return len(os.listdir('/proc/self/fd'))
 
 
 class Life(unittest.TestCase):
 
     @classmethod
-    def setUpClass(cls):
+    def setUpClass(cls) -> Any:
         rospy.init_node('udpros_life')
 
-    def run_script(self, script, topic, name):
+    def run_script(self, script, topic, name) -> Any:
         process = start(script, topic, name)
         self.addCleanup(end, process)
         return process
 
-    def publisher(self, topic):
+    def publisher(self, topic) -> Any:
         publisher = udpros.Publisher(topic, Header, queue_size=10)
         self.addCleanup(publisher.unregister)
         return publisher
 
-    def published_until(self, publisher, condition, what):
-        def publish():
+    def published_until(self, publisher, condition, what) -> Any:
+        def publish() -> Any:
             publisher.publish(Header(frame_id='x'))
             return condition()
         return wait_for(publish, 20, what)
 
-    def test_a_killed_subscriber_is_dropped(self):
+    def test_a_killed_subscriber_is_dropped(self) -> None:
         publisher = self.publisher('/killed')
         process = self.run_script('udpros_listener.py', '/killed', 'killed_listener')
         wait_for(publisher.get_num_connections, what='the subscriber')
@@ -74,7 +75,7 @@ class Life(unittest.TestCase):
         process.wait(10)
         self.published_until(publisher, lambda: publisher.get_num_connections() == 0, 'the end of its connection')
 
-    def test_a_frozen_subscriber_blocks_nobody(self):
+    def test_a_frozen_subscriber_blocks_nobody(self) -> None:
         publisher = self.publisher('/frozen')
         process = self.run_script('udpros_listener.py', '/frozen', 'frozen_listener')
         wait_for(publisher.get_num_connections, what='the subscriber')
@@ -87,7 +88,7 @@ class Life(unittest.TestCase):
         self.assertLess(longest, 5.0)
         self.assertEqual(publisher.get_num_connections(), 1)
 
-    def test_a_restarted_subscriber_leaves_no_ghost(self):
+    def test_a_restarted_subscriber_leaves_no_ghost(self) -> None:
         publisher = self.publisher('/restarted')
         for _ in range(3):
             process = self.run_script('udpros_listener.py', '/restarted', 'restarted_listener')
@@ -97,7 +98,7 @@ class Life(unittest.TestCase):
             process.kill()
             process.wait(10)
 
-    def test_a_restarted_publisher_is_heard_again(self):
+    def test_a_restarted_publisher_is_heard_again(self) -> None:
         times = []
         subscriber = udpros.Subscriber('/talked', Header, lambda _: times.append(time.monotonic()), transport='udp')
         self.addCleanup(subscriber.unregister)
@@ -108,13 +109,13 @@ class Life(unittest.TestCase):
             told = time.monotonic()
             del times[:]
             wait_for(lambda: times, 10, 'a message of the talker')
-            print('heard again %.2f s after the master told of it' % (times[0] - told))
-            self.assertLess(times[0] - told, rospy_binding.SILENCE, 'only the care for silent topics found it')
+            print('heard again %.2f s after the notification of the master' % (times[0] - told))
+            self.assertLess(times[0] - told, rospy_binding.SILENCE_TIMEOUT, 'found by the watch of silent topics only')
             self.assertEqual(len(subscriber.connections()), 1)
             process.send_signal(how)
             process.wait(10)
 
-    def test_the_masters_lost_word_is_asked_for(self):
+    def test_the_masters_lost_word_is_asked_for(self) -> None:
         self.run_script('udpros_talker.py', '/unheard', 'unheard_talker')
         times = []
         subscriber = udpros.Subscriber('/unheard', Header, lambda _: times.append(time.monotonic()), transport='udp')
@@ -124,10 +125,10 @@ class Life(unittest.TestCase):
             proxy.publisherUpdate('/master', '/unheard', [])
         wait_for(lambda: not subscriber.connections(), what='the end of the connection')
         del times[:]
-        wait_for(lambda: times, rospy_binding.SILENCE + 10, 'the talker again')
+        wait_for(lambda: times, rospy_binding.SILENCE_TIMEOUT + 10, 'the talker again')
 
-    def test_a_publisher_that_forgot_us_is_asked_again(self):
-        """Its side of the connection is gone, ours stands: only silence tells."""
+    def test_a_publisher_that_forgot_us_is_asked_again(self) -> None:
+        """Its side of the connection is closed, ours is open: only the silence reveals it."""
         publisher = self.publisher('/forgot')
         got = []
         subscriber = udpros.Subscriber('/forgot', Header, got.append, transport='udp')
@@ -136,18 +137,18 @@ class Life(unittest.TestCase):
         for connection in publisher.impl.connections:
             connection.close()
         del got[:]
-        wait_for(lambda: publisher.get_num_connections(), rospy_binding.SILENCE + 10, 'a new connection')
+        wait_for(lambda: publisher.get_num_connections(), rospy_binding.SILENCE_TIMEOUT + 10, 'a new connection')
         self.published_until(publisher, lambda: got, 'a message again')
 
-    def test_unregistering_frees_sockets_and_threads(self):
-        def use():
+    def test_unregistering_frees_sockets_and_threads(self) -> None:
+        def use() -> None:
             publisher = udpros.Publisher('/used', Header, queue_size=10)
             got = []
             subscriber = udpros.Subscriber('/used', Header, got.append, transport='udp')
             self.published_until(publisher, lambda: got, 'a message')
             subscriber.unregister(), publisher.unregister()
 
-        def in_use():
+        def in_use() -> Any:
             gc.collect()     # rospy's poller of a topic holds itself: its epoll is closed by the collector alone
             return open_files(), sum(thread.name.startswith('UDPROS /used') for thread in threading.enumerate())
         use()
@@ -157,14 +158,14 @@ class Life(unittest.TestCase):
             use()
         wait_for(lambda: in_use() <= (before + 1, 0), what='everything freed: at most %d files, no thread' % before)
 
-    def registered(self):
-        """What of ours the master knows: a set of (publisher, subscriber or service, name)."""
+    def registered(self) -> Any:
+        """Our registrations at the master: a set of (kind, name)."""
         state = rosgraph.Master('/test').getSystemState()
         return {(kind, name) for kind, names in zip(('pub', 'sub', 'srv'), state)
                 for name, nodes in names if NODE in nodes and 'together' in name}
 
-    def check_registering_together(self):
-        """The master is told of all at the end, and of nothing that ended before; then they find each other."""
+    def check_registering_together(self) -> None:
+        """All are registered at the end, except those that ended before; then they connect to each other."""
         got = []
         with udpros.registered_together():
             publisher, plain = self.publisher('/together'), rospy.Publisher('/together_plain', Header, queue_size=1)
@@ -184,14 +185,14 @@ class Life(unittest.TestCase):
         service.shutdown()
         wait_for(lambda: not self.registered(), what='the end of all')
 
-    def test_topics_and_services_are_registered_together(self):
+    def test_topics_and_services_are_registered_together(self) -> None:
         self.check_registering_together()
 
-    def test_subscribers_hear_of_their_only_publisher_from_itself(self):
-        """The master tells them one topic after the other, over the link where that is between them."""
+    def test_subscribers_hear_of_their_only_publisher_from_itself(self) -> None:
+        """The master notifies them one topic after the other, over the link if that is between them."""
         told = []
 
-        def call(uri, *args):
+        def call(uri, *args) -> Any:
             told.append((uri, *args))
             return []
         one, two = (rospy.Subscriber(topic, Header) for topic in ('/of_one', '/of_two'))
@@ -206,12 +207,12 @@ class Life(unittest.TestCase):
         for topic in (one, two, *publishers):
             topic.unregister()
 
-    def test_what_the_master_does_not_take_together_is_registered_one_by_one(self):
+    def test_what_the_master_does_not_take_together_is_registered_one_by_one(self) -> None:
         with unittest.mock.patch.dict(registration.CALLS, pub='noSuchMethod', srv='noSuchMethod'):
             self.check_registering_together()
 
-    def test_an_outage_leaves_no_backlog(self):
-        """A subscriber that could not run for a while goes on with fresh messages, not with all it missed."""
+    def test_an_outage_leaves_no_backlog(self) -> None:
+        """A subscriber that was blocked for a while continues with fresh messages, not with all it missed."""
         got = []
         subscriber = udpros.Subscriber('/fresh', Header, got.append, transport='udp', queue_size=5,
                                        receive_buffer=1 << 22)
@@ -220,7 +221,7 @@ class Life(unittest.TestCase):
         self.published_until(publisher, lambda: got, 'a message')
         entered, leave = threading.Event(), threading.Event()
 
-        def busy(_):
+        def busy(_) -> None:
             entered.set()
             leave.wait(20)
         subscriber.impl.add_callback(busy, None)
@@ -235,7 +236,7 @@ class Life(unittest.TestCase):
         self.assertLess(len(got), 30)
 
 
-def rosgraph_uri(node):
+def rosgraph_uri(node) -> Any:
     try:
         return rosgraph.Master(NODE).lookupNode(node)
     except rosgraph.MasterError:

@@ -1,17 +1,18 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the integration tests have in common: events awaited with a deadline, never guessed at."""
+"""What the integration tests share: waiting for events with a deadline, and reports of skipped tests."""
 import threading
 import time
 import xml.etree.ElementTree as ElementTree
+from typing import Any, Callable, Dict, Iterator
 
 import rospy
 from rosunit import xmlrunner
 
 
 class ResultWithSkips(xmlrunner._XMLTestResult):
-    """A result that tells of skipped tests: rosunit itself writes them as passed, a whole class of them not at all."""
+    """Reports skipped tests: rosunit itself writes them as passed, and a whole skipped class not at all."""
 
-    def xml(self, time_taken, out, err):
+    def xml(self, time_taken: float, out: str, err: str) -> Any:
         tree = super().xml(time_taken, out, err)
         suite = tree.getroot()
         cases = {'%s.%s' % (case.get('classname'), case.get('name')): case for case in suite.iter('testcase')}
@@ -26,8 +27,8 @@ class ResultWithSkips(xmlrunner._XMLTestResult):
 xmlrunner._XMLTestResult = ResultWithSkips
 
 
-def wait_for(condition, seconds=20.0, what='the condition'):
-    """Return condition()'s first true value; AssertionError after `seconds`."""
+def wait_for(condition: Callable[[], Any], seconds: float = 20.0, what: str = 'the condition') -> Any:
+    """The first true value of condition(); AssertionError after `seconds`."""
     deadline = time.monotonic() + seconds
     while True:
         value = condition()
@@ -39,28 +40,29 @@ def wait_for(condition, seconds=20.0, what='the condition'):
 
 
 class Collector:
-    """A subscriber that keeps what it gets: {stamp: message}, and when each came."""
+    """A subscriber that keeps all messages: {stamp: message}, and when each arrived: {stamp: [s]}."""
 
-    def __init__(self, topic, message_class):
-        self.messages, self.arrivals = {}, {}
+    def __init__(self, topic: str, message_class: Any) -> None:
+        self.messages: Dict[Any, Any] = {}
+        self.arrivals: Dict[Any, float] = {}
         self._lock = threading.Lock()
         self._subscriber = rospy.Subscriber(topic, message_class, self._take, queue_size=100, buff_size=1 << 25)
 
-    def _take(self, message):
+    def _take(self, message: Any) -> None:
         with self._lock:
             self.messages[message.header.stamp] = message
             self.arrivals[message.header.stamp] = time.monotonic()
 
-    def clear(self):
+    def clear(self) -> None:
         with self._lock:
             self.messages, self.arrivals = {}, {}
 
-    def wait_connected(self):
+    def wait_connected(self) -> None:
         wait_for(self._subscriber.get_num_connections, what='a publisher of %s' % self._subscriber.name)
 
 
-def stamps(count, rate):
-    """`count` times, `rate` a second, as they come due."""
+def stamps(count: int, rate: float) -> Iterator[Any]:
+    """`count` times, `rate` per second, each yielded when it is due."""
     due = time.monotonic()
     for _ in range(count):
         time.sleep(max(0.0, due - time.monotonic()))

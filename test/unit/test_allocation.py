@@ -1,168 +1,160 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What streams make of a link that is too slow for all they are asked for."""
-from types import SimpleNamespace
+from typing import Dict, List, Tuple
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from smokebot_udp.mission.parameters import check
-from smokebot_udp.nodes.allocation import Allocation
-from smokebot_udp.streams.base import Link
-from smokebot_udp.streams.cloud import CloudSender
-from smokebot_udp.streams.grid import GridSender
-from smokebot_udp.streams.image import ImageSender
-from smokebot_udp.streams.relay import RelaySender
-
-SIZE = 1500     # of a datagram on the air
-
-
-def heard(kind, name, **settings):
-    """A stream that is not started, and has an operator."""
-    stream = kind(name, check({'robot_topic': '/in', 'weight': 1.0, **settings}, kind.PARAMETERS), Link(1472))
-    stream._publisher = SimpleNamespace(get_num_connections=lambda: 1)
-    return stream
-
-
-def images(name, **settings):
-    """A stream of pictures of 64 datagrams, ten a second."""
-    stream = heard(ImageSender, name, **settings)
-    stream._whole = 64, 1, SIZE
-    return stream
+from smokebot_udp.congestion.allocation import (
+    LEAP_FACTOR,
+    UPGRADE_DELAY,
+    UPGRADE_MARGIN,
+    Allocator,
+    DatagramSize,
+    Decimation,
+    Demand,
+    Grant,
+    datagram_size,
+    shares,
+)
+from smokebot_udp.congestion.operating_points import OperatingPoint, rate_points
 
 
-class Outbox:
-    def __init__(self):
-        self.protected, self.shares = 0, {}
-
-    def change(self, change):
-        change(SimpleNamespace(set_share=self.shares.__setitem__))
+def points(*costs: float) -> List[OperatingPoint]:
+    return [OperatingPoint({'rate': cost}, float(cost)) for cost in costs]
 
 
-def allocation(*streams):
-    return Allocation({stream.name: stream for stream in streams}, Link(1472, Outbox()))
+def costs(grants: Dict[str, Grant]) -> Dict[str, float]:
+    return {name: grant.cost for name, grant in grants.items()}
 
 
-def taken(stream):
-    """What an image stream takes of the link as it is granted [byte/s]."""
-    return stream.settings['rate'] * (stream.settings['max_subimages'] or 64) * SIZE
+def test_shares_are_proportional_to_weights() -> None:
+    assert shares(600, {'a': Demand(points(1000), 2), 'b': Demand(points(1000), 1)}) == {'a': 400, 'b': 200}
 
 
-def settled(made, budget, begin=0.0):
-    """Divide until levels have gone up."""
-    for step in range(50):
-        made.divide(budget, begin + 0.1 * step)
+def test_what_one_stream_cannot_use_goes_to_the_others() -> None:
+    assert shares(600, {'a': Demand(points(100), 4), 'b': Demand(points(1000), 1), 'c': Demand(points(1000), 1)}) == {
+        'a': 100, 'b': 250, 'c': 250}
 
 
-def test_where_there_is_room_nothing_is_limited():
-    stream = images('thermal')
-    made = allocation(stream)
-    for budget in (None, 2 * 640 * SIZE):
-        settled(made, budget)
-        assert stream.granted == {} and made.wanted == pytest.approx(640 * SIZE)
+def test_min_bitrates_come_before_weights() -> None:
+    demands = {'a': Demand(points(1000), 100), 'b': Demand(points(1000), 0.0, min_bitrate=200)}
+    assert shares(500, demands) == {'a': 300, 'b': 200}
+    assert shares(100, demands) == {'a': 0, 'b': 100}
 
 
-def test_a_slow_link_is_used_and_not_more():
-    stream = images('thermal')
-    made = allocation(stream)
-    for budget in (500 * SIZE, 100 * SIZE, 20 * SIZE, 5 * SIZE):
-        settled(made, budget)
-        assert 0.8 * budget <= taken(stream) <= budget
-        assert stream.settings['rate'] >= 2 or stream.settings['max_subimages'] == 1
+def test_min_bitrates_that_do_not_fit_are_scaled_alike() -> None:
+    assert shares(150, {'a': Demand(points(1000), 1, 200), 'b': Demand(points(1000), 9, 100)}) == {
+        'a': pytest.approx(100), 'b': pytest.approx(50)}
 
 
-def test_weights_and_floors_count():
-    much, little, floor = images('much', weight=3.0), images('little'), images('floor', weight=0.0, floor=1.5 * 8 * 40)
-    made = allocation(much, little, floor)
-    settled(made, 200 * SIZE)
-    assert taken(much) / taken(little) == pytest.approx(3, rel=0.5)
-    assert 0.5 * 40 * SIZE < taken(floor) <= 40 * SIZE and made.shares['floor'] == pytest.approx(40 * SIZE)
-    assert taken(much) + taken(little) + taken(floor) <= 200 * SIZE
-    assert made._outbox.shares == made.shares
+def test_protected_streams_come_first() -> None:
+    demands = {'a': Demand(points(100, 300), 1)}
+    assert costs(Allocator().allocate(400, demands, 50, 0.0)) == {'a': 300}
+    assert costs(Allocator().allocate(400, demands, 150, 0.0)) == {'a': 100}
+    assert Allocator().allocate(400, demands, 350, 0.0)['a'] == (50, None, {}, 0.0)
+    assert Allocator().allocate(400, demands, 500, 0.0)['a'].point is None
 
 
-def test_what_is_protected_is_served_first():
-    stream, relay = images('thermal'), heard(RelaySender, 'odom', message_type='nav_msgs/Odometry')
-    made = allocation(stream, relay)
-    for step in range(50):
-        made._outbox.protected += 3 * SIZE      # thirty datagrams a second
-        made.divide(100 * SIZE, 0.1 * step)
-    assert 'odom' not in made.shares and 0.8 * 70 * SIZE < taken(stream) <= 70 * SIZE
+def test_bandwidth_left_between_points_upgrades_others() -> None:
+    demands = {'a': Demand(points(100, 500), 1), 'b': Demand(points(100, 600), 1)}
+    # 350 each pay for 100 each; what is left for the one
+    assert costs(Allocator().allocate(700, demands, 0, 0.0)) == {'a': 500, 'b': 100}
 
 
-def test_on_a_tiny_link_what_is_protected_comes_more_rarely_and_the_picture_goes_on():
-    stream = images('thermal')
-    odom = heard(RelaySender, 'odom', message_type='nav_msgs/Odometry', rate=10.0)
-    slow = heard(RelaySender, 'gas', message_type='std_msgs/Float32', rate=0.5)
-    made, now = allocation(stream, odom, slow), 0.0
+def test_downgrades_are_immediate_and_upgrades_wait() -> None:
+    allocator, demands = Allocator(), {'a': Demand(points(100, 300, 400), 1)}
 
-    def hold(budget, seconds):
+    def at(budget: float, now: float) -> float:
+        return allocator.allocate(budget, demands, 0, now)['a'].cost
+    assert at(450, 0.0) == 400
+    assert at(399, 0.1) == 300
+    assert at(401, 0.2) == 300                      # not by so little
+    assert at(400 * UPGRADE_MARGIN + 1, 1.0) == 300         # not at once
+    assert at(399, 1.5) == 300                      # it was not for long
+    assert at(400 * UPGRADE_MARGIN + 1, 2.0) == 300
+    assert at(400 * UPGRADE_MARGIN + 1, 2.0 + UPGRADE_DELAY) == 400
+
+
+def test_upgrades_are_immediate_on_a_much_faster_link() -> None:
+    allocator, demands = Allocator(), {'a': Demand(points(100, 110), 1)}
+    assert allocator.allocate(100, demands, 0, 0.0)['a'].cost == 100
+    assert allocator.allocate(100 * LEAP_FACTOR - 1, demands, 0, 0.1)['a'].cost == 100
+    assert allocator.allocate(100 * LEAP_FACTOR + 1, demands, 0, 0.1)['a'].cost == 110
+
+
+def test_forget_makes_the_next_division_immediate() -> None:
+    allocator = Allocator()
+    before = {'thermal': Demand(rate_points(10, 10000), 9), 'lidar': Demand(rate_points(10, 10000), 1)}
+    after = {'thermal': Demand(rate_points(10, 10000), 1), 'lidar': Demand(rate_points(10, 10000), 9)}
+    first = costs(allocator.allocate(60000, before, 0, 0.0))
+    allocator.forget()
+    assert costs(allocator.allocate(60000, after, 0, 0.01)) == {'thermal': first['lidar'], 'lidar': first['thermal']}
+
+
+def test_a_trembling_budget_changes_nothing() -> None:
+    allocator = Allocator()
+    demands = {name: Demand(rate_points(10, size), weight) for name, size, weight in (
+        ('a', 20000, 4), ('b', 9000, 1), ('c', 3000, 0.5))}
+    changes, last = 0, None
+    for k in range(600):
+        now = costs(allocator.allocate(100000 * (1 + 0.06 * (-1) ** k), demands, 5000, 0.1 * k))
+        changes, last = changes + (last is not None and now != last), now
+    assert changes <= 2
+
+
+def test_datagrams_are_short_on_a_slow_link() -> None:
+    assert datagram_size(20e6 / 8, 1472) == 1472
+    assert datagram_size(0.3e6 / 8, 1472) == 450
+    assert datagram_size(1000, 1472) == 400
+
+
+def test_datagrams_are_halved_with_hysteresis() -> None:
+    size = DatagramSize(1472)
+    assert [size.update(rate) for rate in (1e6, 40000, 70000, 130000, 70000)] == [1472, 736, 736, 1472, 1472]
+
+
+def test_decimation_ignores_a_dip_and_ends_when_the_link_recovers() -> None:
+    decimation, now = Decimation(), 0.0
+
+    def hold(capacity: float, seconds: float) -> float:
         nonlocal now
         for _ in range(round(10 * seconds)):
             now += 0.1
-            made._outbox.protected += odom.settings['rate'] / 10 * 750
-            made.divide(budget, now)
-    hold(75000, 10)
-    assert odom.settings['rate'] == 10 and odom.granted == {}
-    hold(1000, 0.5)     # a dip
-    hold(75000, 5)
-    assert odom.granted == {}
-    hold(10000, 10)
-    assert odom.settings['rate'] == 5 and slow.settings['rate'] == 0.5 and stream.wanted
-    hold(1000, 10)
-    assert odom.settings['rate'] == 2.5
-    hold(75000, 10)
-    assert odom.settings['rate'] == 10 and odom.granted == {}
+            decimation.update(capacity, 7500 * decimation.part, now)
+        return decimation.part
+    assert hold(75000, 10) == 1
+    assert hold(1000, 0.5) == 1     # a dip
+    assert hold(75000, 5) == 1
+    assert hold(10000, 10) == 0.5
+    assert hold(1000, 10) == 0.25   # the limit
+    assert hold(75000, 10) == 1
 
 
-def test_datagrams_are_short_where_the_link_is_slow():
-    stream = images('thermal')
-    made = allocation(stream)
-    for budget, size in ((None, 1472), (1e6, 1472), (40000, 736), (70000, 736), (130000, 1472), (70000, 1472)):
-        made.divide(budget, 0.0)
-        assert made._link.datagram_size == size
+some_points = st.lists(st.floats(1, 1e6), min_size=1, max_size=8).map(lambda costs: points(*sorted(costs)))
+demand = st.builds(Demand, some_points, st.floats(0, 10), st.floats(0, 1e5))
+everything = st.dictionaries(st.sampled_from('abcdef'), demand, max_size=6)
 
 
-def test_who_cannot_even_have_the_least_waits_and_comes_back():
-    stream = images('thermal')
-    made = allocation(stream)
-    settled(made, 1.0)
-    assert stream.paused and not stream.wanted
-    settled(made, 100 * SIZE, 10.0)
-    assert not stream.paused and stream.wanted
+@given(st.lists(st.tuples(st.floats(0, 3e6), st.floats(0, 1e5), everything, st.floats(0, 2)), max_size=6))
+def test_the_budget_is_never_exceeded(rounds: List[Tuple[float, float, Dict[str, Demand], float]]) -> None:
+    allocator, now = Allocator(), 0.0
+    for budget, protected, demands, pause in rounds:
+        now += pause
+        grants = allocator.allocate(budget, demands, protected, now)
+        assert set(grants) == set(demands)
+        assert sum(costs(grants).values()) <= max(0, budget - protected) * (1 + 1e-6)
 
 
-def test_who_is_not_heard_off_or_unknown_leaves_the_link_to_others():
-    stream, alone, off, unknown = images('thermal'), images('alone'), images('off', enabled=False), heard(
-        ImageSender, 'unknown')
-    alone._publisher = SimpleNamespace(get_num_connections=lambda: 0)
-    made = allocation(stream, alone, off, unknown)
-    settled(made, 100 * SIZE)
-    assert set(made.shares) == {'thermal'} and taken(stream) > 80 * SIZE
-    assert not unknown.paused and unknown.granted == {}
-
-
-def test_what_is_set_by_hand_counts_at_once():
-    stream = images('thermal')
-    settled(allocation(stream), 100 * SIZE)
-    assert 'max_subimages' in stream.granted
-    stream.configure({'max_subimages': 5})
-    assert stream.settings['max_subimages'] == 5 and stream.asked['max_subimages'] == 5
-
-
-def test_a_cloud_gets_coarser_and_a_map_rarer():
-    cloud, chart = heard(CloudSender, 'lidar', leaf_size=0.1), heard(GridSender, 'map')
-    cloud._finest, chart._whole = 20 * SIZE, (40, SIZE)
-    made = allocation(cloud, chart)
-    settled(made, 60 * SIZE)
-    assert cloud.settings['leaf_size'] > 0.1 and cloud.asked['leaf_size'] == 0.1
-    settled(made, 3 * SIZE, 10.0)
-    assert chart.settings['repeat_rate'] < chart.asked['repeat_rate']
-
-
-def test_a_source_slower_than_asked_for_is_no_limit():
-    stream = images('thermal', rate=50.0)
-    made = allocation(stream)
-    for step in range(50):
-        stream.received = step      # ten a second
-        made.divide(500 * SIZE, 0.1 * step)
-    assert stream.settings['rate'] == 50 or stream.settings['rate'] < 9.5
-    assert made.wanted == pytest.approx(640 * SIZE, rel=0.05)
+@given(st.floats(0, 3e6), everything)
+def test_shares_add_up_and_honour_min_bitrates(budget: float, demands: Dict[str, Demand]) -> None:
+    granted = shares(budget, demands)
+    assert sum(granted.values()) <= budget * (1 + 1e-9) + 1e-9
+    least = {name: min(one.min_bitrate, one.points[-1].cost) for name, one in demands.items()}
+    for name, one in demands.items():
+        assert granted[name] <= one.points[-1].cost * (1 + 1e-9)
+        if sum(least.values()) <= budget:
+            assert granted[name] >= least[name] * (1 - 1e-9)
+    if all(one.weight > 0.01 for one in demands.values()):     # nothing is left lying while one could use it
+        wanted = sum(one.points[-1].cost for one in demands.values())
+        assert sum(granted.values()) >= min(budget, wanted) * (1 - 1e-6)

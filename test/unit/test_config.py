@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 import pathlib
+from typing import Any, Dict, List, Tuple
 
 import pytest
 
@@ -11,11 +12,11 @@ streams:
 '''
 
 
-def with_setting(text):
+def with_setting(text: str) -> Tuple[Dict[str, Any], List[str]]:
     return config.load(GOOD.replace('}', ', %s}' % text))
 
 
-def test_the_shipped_file_is_right():
+def test_the_shipped_file_is_right() -> None:
     path = pathlib.Path(__file__).parents[2] / 'config' / 'streams.yaml'
     streams, problems = config.load(path.read_text())
     assert not problems
@@ -23,7 +24,7 @@ def test_the_shipped_file_is_right():
     assert streams['camera']['operator_topic'] == '/operator/camera/image_raw'
 
 
-def test_defaults():
+def test_defaults() -> None:
     streams, problems = config.load(GOOD)
     assert not problems
     assert streams['thermal']['rate'] == 10.0 and streams['thermal']['enabled'] is True
@@ -41,7 +42,7 @@ def test_defaults():
     ('fill: magic', "fill is 'magic', must be one of"),
     ('max_wait: 0', 'max_wait is 0'),
     ('colour: red', 'colour: no such setting')])
-def test_a_wrong_setting_costs_its_stream_only(text, message):
+def test_a_wrong_setting_costs_its_stream_only(text, message) -> None:
     good = '\n  other: {type: image, robot_topic: a, operator_topic: b}\n'
     streams, problems = config.load(GOOD.rstrip().replace('}', ', %s}' % text) + good)
     assert list(streams) == ['other']
@@ -49,20 +50,41 @@ def test_a_wrong_setting_costs_its_stream_only(text, message):
 
 
 @pytest.mark.parametrize('text, message', [
-    ('', 'no "streams:"'), ('[1, 2]', 'no "streams:"'), ('streams: 5', 'no "streams:"'), ('a: [', 'no YAML'),
+    ('', 'no "streams:"'), ('[1, 2]', 'no "streams:"'), ('streams: 5', 'no "streams:"'), ('a: [', 'not valid YAML'),
     ('streams: {x: {type: video, robot_topic: a, operator_topic: b}}', "stream 'x': type is 'video', must be one of"),
     ('streams: {x: {type: [1], robot_topic: a, operator_topic: b}}', 'type is [1]'),
     ('streams: {x: {type: image, operator_topic: b}}', "stream 'x': robot_topic is missing"),
     ('streams: {x y: {type: image}}', "stream 'x y': a name has"),
     ('streams: {7: {type: image}}', 'stream 7: a name has'),
     ('streams: {x: thermal}', "stream 'x': its settings are 'thermal'")])
-def test_bad_files(text, message):
+def test_bad_files(text, message) -> None:
     streams, problems = config.load(text)
     assert not streams
     assert len(problems) == 1 and message in problems[0]
 
 
-def test_a_name_that_stands_twice():
+def test_a_name_that_stands_twice() -> None:
     streams, problems = config.load(GOOD + '  thermal: {type: image, robot_topic: x, operator_topic: y}\n')
     assert streams['thermal']['robot_topic'] == '/thermal/image_raw'
-    assert problems == ["'thermal' stands twice, again in line 4: the first one counts"]
+    assert problems == ["'thermal' is given twice, again in line 4: the first one counts"]
+
+
+def test_former_names_are_accepted_with_one_warning_each() -> None:
+    warnings: List[str] = []
+    streams, problems = config.load(GOOD.replace('}', ', floor: 20, taste: 0.5}'), warnings.append)
+    assert not problems
+    assert streams['thermal']['min_bitrate'] == 20.0 and streams['thermal']['degradation_preference'] == 0.5
+    assert 'floor' not in streams['thermal'] and 'taste' not in streams['thermal']
+    assert warnings == ["stream 'thermal': floor is the former name of min_bitrate",
+                        "stream 'thermal': taste is the former name of degradation_preference"]
+
+
+def test_a_former_name_beside_the_name_is_an_error() -> None:
+    streams, problems = with_setting('floor: 20, min_bitrate: 20')
+    assert not streams
+    assert problems == ["stream 'thermal': min_bitrate and its former name floor are both given"]
+
+
+def test_a_wrong_value_by_a_former_name_is_refused() -> None:
+    assert with_setting('floor: -1')[1] == [
+        "stream 'thermal': min_bitrate is -1, must be a number from 0 to 1e+06 [kbit/s]"]

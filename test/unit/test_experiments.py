@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The frame of ./smokebot experiments: files, runs that fail, and the report."""
-import importlib
+"""The runner of ./smokebot experiments: files, runs that fail, and the report."""
+import pathlib
 import re
 from types import SimpleNamespace
+from typing import Any, Callable, List
 
 import numpy as np
 import pytest
@@ -11,25 +12,26 @@ for library in ('cv2', 'markdown', 'matplotlib', 'tqdm'):
     pytest.importorskip(library)
 
 from experiments import drawing, report, runner, table  # noqa: E402
-from experiments.__main__ import NAMES, main  # noqa: E402
-from experiments.runner import DONE, Figure, Skipped, Table  # noqa: E402
+from experiments.__main__ import EXPERIMENTS, load, main  # noqa: E402
+from experiments.runner import DONE, Figure, Run, Skipped, Table  # noqa: E402
 
 
-def experiment(run=lambda run: None, plot=lambda folder: []):
+def experiment(run: Callable[[Run], Any] = lambda run: None,
+               plot: Callable[[pathlib.Path], List[Any]] = lambda folder: []) -> SimpleNamespace:
     return SimpleNamespace(TITLE='A title', EXPLANATION='\nWhat was *done*.\n', run=run, plot=plot)
 
 
-def raising(error):
-    def raises(_):
+def raising(error: BaseException) -> Callable[[Any], Any]:
+    def raises(_: Any) -> None:
         raise error
     return raises
 
 
-def run(name, module, results):
+def run(name: str, module: Any, results: pathlib.Path) -> str:
     return runner.run_experiment(name, module, results, True, 1)
 
 
-def test_rows_come_back_as_they_were_written(tmp_path):
+def test_rows_come_back_as_they_were_written(tmp_path: pathlib.Path) -> None:
     rows = [{'way': 'JPEG, quality 50', 'loss': 0.5, 'count': 3, 'shown': True, 'age': None},
             {'way': 'a "word"\nand more', 'loss': 1e-9, 'count': -1, 'shown': False, 'age': float('inf')}]
     table.write(tmp_path / 'a.csv', rows)
@@ -37,11 +39,11 @@ def test_rows_come_back_as_they_were_written(tmp_path):
     assert [type(value) for value in table.read(tmp_path / 'a.csv')[0].values()] == [str, float, int, bool, type(None)]
 
 
-def test_the_page_needs_no_other_file(tmp_path):
-    def measure(run):
+def test_the_page_needs_no_other_file(tmp_path: pathlib.Path) -> None:
+    def measure(run: Run) -> None:
         table.write(run.folder / 'a.csv', [{'x': 1}])
 
-    def plot(folder):
+    def plot(folder: pathlib.Path) -> List[Any]:
         assert table.read(folder / 'a.csv') == [{'x': 1}]
         figure, axes = drawing.canvas()
         axes.plot([0, 1])
@@ -61,7 +63,7 @@ def test_the_page_needs_no_other_file(tmp_path):
     assert '![a.png](second/a.png)' in plain.read_text()
 
 
-def test_one_that_fails_or_is_skipped_stops_no_other(tmp_path, capsys):
+def test_one_that_fails_or_is_skipped_stops_no_other(tmp_path: pathlib.Path, capsys: Any) -> None:
     assert run('broken', experiment(raising(KeyError('loss'))), tmp_path) == "failed: KeyError('loss')"
     assert 'KeyError' in capsys.readouterr().err
     assert run('barred', experiment(raising(Skipped('only root may'))), tmp_path) == 'skipped: only root may'
@@ -72,40 +74,43 @@ def test_one_that_fails_or_is_skipped_stops_no_other(tmp_path, capsys):
     assert text.count('## A title') == 4
 
 
-def test_ctrl_c_leaves(tmp_path):
+def test_ctrl_c_leaves_nothing_half_done(tmp_path: pathlib.Path) -> None:
     run('stopped', experiment(), tmp_path)
     with pytest.raises(KeyboardInterrupt):
         run('stopped', experiment(raising(KeyboardInterrupt())), tmp_path)
-    assert runner.told_of(tmp_path / 'stopped') is None      # nothing half done is told of
+    assert runner.read_summary(tmp_path / 'stopped') is None
 
 
-def test_a_run_leaves_nothing_of_the_one_before(tmp_path):
+def test_a_run_leaves_nothing_of_the_one_before(tmp_path: pathlib.Path) -> None:
     run('twice', experiment(lambda run: (run.folder / 'old.csv').touch()), tmp_path)
     run('twice', experiment(), tmp_path)
-    assert [path.name for path in (tmp_path / 'twice').iterdir()] == [runner.TOLD]
+    assert [path.name for path in (tmp_path / 'twice').iterdir()] == [runner.SUMMARY]
 
 
-def test_figures_are_drawn_anew_from_what_was_measured(tmp_path):
+def test_figures_are_redrawn_from_the_last_results(tmp_path: pathlib.Path) -> None:
     run('drawn', experiment(plot=lambda folder: [Figure('a.png', 'before')]), tmp_path)
-    told = runner.told_of(tmp_path / 'drawn')
+    summary = runner.read_summary(tmp_path / 'drawn')
+    assert summary is not None
     assert runner.redraw(lambda folder: [Figure('b.png', 'after')], tmp_path / 'drawn') == [
         tmp_path / 'drawn' / 'b.png']
-    assert runner.told_of(tmp_path / 'drawn') == {**told, 'items': [Figure('b.png', 'after')]}
+    assert runner.read_summary(tmp_path / 'drawn') == {**summary, 'items': [Figure('b.png', 'after')]}
     assert runner.redraw(lambda folder: [], tmp_path / 'never') is None
 
 
-@pytest.mark.parametrize('name', NAMES)
-def test_each_experiment_has_what_the_frame_asks_for(name):
-    module = importlib.import_module('experiments.' + name)
+@pytest.mark.parametrize('name', EXPERIMENTS)
+def test_each_experiment_has_what_the_runner_needs(name: str) -> None:
+    module = load(name)
     assert isinstance(module.TITLE, str) and module.EXPLANATION.strip()
     assert callable(module.run) and callable(module.plot)
 
 
-def test_each_experiment_is_run_once():
-    assert len(set(NAMES)) == len(NAMES)
+def test_every_experiment_has_a_name() -> None:
+    folder = pathlib.Path(runner.__file__).parent
+    found = {path.stem: path.parent.name for path in folder.glob('*/*.py') if 'TITLE = ' in path.read_text()}
+    assert found == EXPERIMENTS
 
 
-def test_an_unknown_name_is_refused(capsys):
+def test_an_unknown_name_is_refused(capsys: Any) -> None:
     with pytest.raises(SystemExit) as end:
         main(['no_such'])
     assert end.value.code == 2 and 'no experiment is named no_such' in capsys.readouterr().err

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 import io
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,14 +12,14 @@ from smokebot_udp.udpros.frame import Frame
 from smokebot_udp.udpros.records import LayoutError
 
 
-def stream(message):
+def stream(message) -> Any:
     """A message as rospy writes it on a connection: its length before it."""
     buffer = io.BytesIO()
     message.serialize(buffer)
     return len(buffer.getvalue()).to_bytes(4, 'little') + buffer.getvalue()
 
 
-def test_rows_are_the_datagrams_of_genpys_messages():
+def test_rows_are_the_datagrams_of_genpys_messages() -> None:
     frame = Frame(Image, 3, {'header.frame_id': 4, 'encoding': 5, 'data': 6})
     frame.records['header']['frame_id'] = np.frombuffer(b'lens', np.uint8)
     frame.records['encoding'] = np.frombuffer(b'mono8', np.uint8)
@@ -34,14 +35,14 @@ def test_rows_are_the_datagrams_of_genpys_messages():
     assert frame.stream() == b''.join(map(stream, images))
 
 
-def test_a_frame_can_be_filled_again():
+def test_a_frame_can_be_filled_again() -> None:
     frame = Frame(LaserScan, 2, {'ranges': 2})
     for value in (1, 2):
         frame.records['ranges'] = value
         assert frame.stream() == 2 * stream(LaserScan(ranges=[value, value]))
 
 
-def test_a_part_is_a_frame_on_the_same_memory():
+def test_a_part_is_a_frame_on_the_same_memory() -> None:
     frame = Frame(LaserScan, 5, {'ranges': 1})
     frame.records['ranges'][:, 0] = range(5)
     part = frame.part(1, 4)
@@ -52,24 +53,24 @@ def test_a_part_is_a_frame_on_the_same_memory():
     assert frame.header['message_id'].tolist() == [0, 7, 7, 7, 0]
 
 
-def test_empty_messages():
+def test_empty_messages() -> None:
     assert Frame(Empty, 2, {}).stream() == 2 * stream(Empty())
     assert Frame(String, 1, {}).stream() == stream(String())
 
 
-def test_what_fits_in_no_datagram():
+def test_a_message_too_long_for_a_datagram() -> None:
     assert Frame(String, 1, {'data': 65507 - 16}).datagram_size == 65507
-    with pytest.raises(ValueError, match='no datagram'):
+    with pytest.raises(ValueError, match='does not fit in a datagram'):
         Frame(String, 1, {'data': 65507 - 15})
 
 
 @pytest.mark.parametrize('count', [0, -1])
-def test_no_messages(count):
-    with pytest.raises(ValueError, match='needs messages'):
+def test_no_messages(count) -> None:
+    with pytest.raises(ValueError, match='needs at least one message'):
         Frame(String, count, {})
 
 
-def test_types_and_fields_without_a_layout():
+def test_types_and_fields_without_a_layout() -> None:
     with pytest.raises(LayoutError):
         Frame(UInt8MultiArray, 1, {})
     with pytest.raises(LayoutError):

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The fuzz targets of test/fuzz with a bounded number of inputs, good ones among them as seeds."""
+"""The fuzz targets of test/fuzz with a limited number of inputs, seeded with good ones."""
 import importlib.util
 import pathlib
 import random
 import xmlrpc.client
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -20,7 +21,7 @@ spec.loader.exec_module(fuzz_udpros)
 FIELDS = {'topic': '/t', 'md5sum': '*', 'callerid': '/n', 'type': 'a/B'}
 
 
-def batch(*messages):
+def batch(*messages) -> Any:
     out = b''
     for message_id, message in enumerate(messages, 1):
         joined = bytes(split(len(message).to_bytes(4, 'little') + message, fuzz_udpros.CONNECTION, message_id, 64))
@@ -42,7 +43,7 @@ SEEDS = [
 
 
 @pytest.mark.parametrize('seed', SEEDS, ids=lambda seed: fuzz_udpros.TARGETS[seed[0]].__name__)
-def test_mutated(seed):
+def test_mutated(seed) -> None:
     chance = random.Random(2)
     fuzz_udpros.one_input(seed)
     for _ in range(1000):
@@ -57,16 +58,16 @@ def test_mutated(seed):
 
 @given(st.sampled_from(range(len(fuzz_udpros.TARGETS))), st.binary(max_size=300))
 @settings(max_examples=500)
-def test_random(number, data):
+def test_random(number, data) -> None:
     fuzz_udpros.one_input(bytes([number]) + data)
 
 
-def test_the_seeds_reach_behind_the_checks():
-    """Or else the mutated ones would all be refused at the door."""
+def test_the_seeds_reach_behind_the_checks() -> None:
+    """Otherwise the mutated ones would all be refused by the first check."""
     inbox_messages = []
     original = fuzz_udpros.Inbox.sort
     try:
-        def sort(self, *args):
+        def sort(self, *args) -> Any:
             whole, messages = original(self, *args)
             inbox_messages.extend([int(whole.sum()), len(messages)])
             return whole, messages

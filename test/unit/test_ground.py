@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
+from typing import Any, Optional, Tuple
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from smokebot_udp.arrays import Array, Float32Array, FloatArray
 from smokebot_udp.codecs.perception import ground
-from smokebot_udp.codecs.perception.ground import ASSUMED, FRESH, LAST, GroundFinder, Plane, fit_by_numpy, fit_by_pcl
+from smokebot_udp.codecs.perception.ground import GroundFinder, Plane, fit_by_numpy, fit_by_pcl
 from smokebot_udp.simulation.drive import Drive
 from smokebot_udp.simulation.lidar import Lidar
 from smokebot_udp.simulation.world import building
@@ -17,31 +20,31 @@ NOWHERE = np.full((500, 3), np.nan, np.float32)
 both_fits = pytest.mark.parametrize('fit', FITS)
 
 
-def rotation(pitch=0.0, roll=0.0):
-    """(3, 3): how level points look from a sensor that is tilted [degrees]."""
+def rotation(pitch: float = 0.0, roll: float = 0.0) -> FloatArray:
+    """(3, 3): from level axes to those of a sensor that is tilted [degrees]."""
     p, r = np.radians(pitch), np.radians(roll)
     about_y = np.array([(np.cos(p), 0, np.sin(p)), (0, 1, 0), (-np.sin(p), 0, np.cos(p))])
     about_x = np.array([(1, 0, 0), (0, np.cos(r), -np.sin(r)), (0, np.sin(r), np.cos(r))])
     return about_y @ about_x
 
 
-def floor(height=-MOUNT, side=6.0, count=60):
+def floor(height: float = -MOUNT, side: float = 6.0, count: int = 60) -> Float32Array:
     """(n, 3) float32: a square grid of points, level."""
     x, y = (axis.ravel() for axis in np.meshgrid(*[np.linspace(-side, side, count)] * 2))
     return np.stack([x, y, np.full_like(x, height)], axis=1).astype(np.float32)
 
 
-def scan(time, seed=1, noise=0.03, world=1):
+def scan(time: float, seed: int = 1, noise: float = 0.03, world: int = 1) -> Float32Array:
     points = Lidar(building(world), mount=MOUNT, seed=seed, noise=noise).scan(Drive().pose(time), time)
     return np.stack([points['x'], points['y'], points['z']], axis=1)
 
 
-def angle(one, other):
+def angle(one: Array, other: Any) -> float:
     """Between two unit vectors [degrees]."""
     return np.degrees(np.arccos(np.clip(np.dot(one, other), -1, 1)))
 
 
-def test_heights_and_level_axes_by_hand():
+def test_heights_and_level_axes_by_hand() -> None:
     plane = Plane(np.array([0.6, 0.0, 0.8]), 2.0)
     points = np.array([(0, 0, 0), (0.6, 0, 0.8), (0.8, 0, -0.6), (0, 1, 0)], np.float32)
     assert plane.height(points) == pytest.approx([2, 3, 2, 2])
@@ -53,7 +56,7 @@ def test_heights_and_level_axes_by_hand():
 
 
 @given(st.floats(-40, 40), st.floats(-40, 40))
-def test_level_axes_are_right_handed_and_forward_stays_forward(pitch, roll):
+def test_level_axes_are_right_handed_and_forward_stays_forward(pitch, roll) -> None:
     axes = Plane(rotation(pitch, roll)[:, 2], 1.0).axes()
     assert axes @ axes.T == pytest.approx(np.eye(3), abs=1e-9)
     assert np.linalg.det(axes) == pytest.approx(1)
@@ -63,49 +66,52 @@ def test_level_axes_are_right_handed_and_forward_stays_forward(pitch, roll):
 
 @both_fits
 @pytest.mark.parametrize('mount', [0.0, 0.4, 1.5])
-def test_a_bare_floor(fit, mount):
-    plane = GroundFinder(mount, fit=fit).find(floor(-mount))
-    assert plane.source == FRESH
+def test_a_bare_floor(fit, mount) -> None:
+    finder = GroundFinder(mount, fit=fit)
+    plane = finder.find(floor(-mount))
+    assert finder.found
     assert plane.normal == pytest.approx([0, 0, 1], abs=1e-4)
     assert plane.offset == pytest.approx(mount, abs=1e-4)
 
 
 @both_fits
 @pytest.mark.parametrize('pitch, roll', [(10, 0), (-10, 0), (0, 10), (0, -10), (7, -7), (-3, 2)])
-def test_a_tilted_robot_finds_the_floor_of_the_building(fit, pitch, roll):
+def test_a_tilted_robot_finds_the_floor_of_the_building(fit, pitch, roll) -> None:
     tilt = rotation(pitch, roll)
     for time in range(0, 240, 15):
-        plane = GroundFinder(MOUNT, fit=fit).find(scan(time) @ tilt.T.astype(np.float32))
-        assert plane.source == FRESH
+        finder = GroundFinder(MOUNT, fit=fit)
+        plane = finder.find(scan(time) @ tilt.T.astype(np.float32))
+        assert finder.found
         assert angle(plane.normal, tilt[:, 2]) < 0.5
         assert plane.offset == pytest.approx(MOUNT, abs=0.02)
 
 
 @both_fits
 @pytest.mark.parametrize('pitch, roll', [(10, 0), (-10, 0), (0, 10), (0, -10)])
-def test_on_a_ramp_in_a_level_base_frame(fit, pitch, roll):
+def test_on_a_ramp_in_a_level_base_frame(fit, pitch, roll) -> None:
     """The base is on the ground, its frame is level: the ground is not."""
     tilt = rotation(pitch, roll)
     points = (scan(64) + np.array([0, 0, MOUNT], np.float32)) @ tilt.T.astype(np.float32)
-    plane = GroundFinder(0.0, fit=fit).find(points)
-    assert plane.source == FRESH
+    finder = GroundFinder(0.0, fit=fit)
+    plane = finder.find(points)
+    assert finder.found
     assert angle(plane.normal, tilt[:, 2]) < 0.5
     assert plane.offset == pytest.approx(0.0, abs=0.02)
 
 
 @both_fits
 @pytest.mark.parametrize('world', range(4))
-def test_walls_do_not_outvote_the_little_floor_between_them(fit, world):
+def test_walls_do_not_outvote_the_little_floor_between_them(fit, world) -> None:
     """In the rooms' middles, the lowest ring meets the floor but in the corners."""
     finder = GroundFinder(MOUNT, fit=fit)
     for time in (10, 20, 37, 70, 90, 130, 150):
         plane = finder.find(scan(time, world=world))
-        assert plane.source == FRESH
+        assert finder.found
         assert angle(plane.normal, (0, 0, 1)) < 0.5
         assert plane.offset == pytest.approx(MOUNT, abs=0.02)
 
 
-def test_candidates_are_points_of_flat_places():
+def test_candidates_are_points_of_flat_places() -> None:
     finder = GroundFinder(MOUNT)
     along, up = (axis.ravel() for axis in np.meshgrid(np.linspace(-1, 1, 20), np.linspace(-0.9, 0.5, 20)))
     wall = np.stack([np.full(400, 3.1), along, up], axis=1)
@@ -119,7 +125,7 @@ def test_candidates_are_points_of_flat_places():
 
 
 @both_fits
-def test_the_plane_has_the_least_squared_distances(fit):
+def test_the_plane_has_the_least_squared_distances(fit) -> None:
     random = np.random.RandomState(3)
     points = floor(count=30)
     points[:, 2] += random.normal(0, 0.008, len(points)).astype(np.float32)
@@ -132,7 +138,7 @@ def test_the_plane_has_the_least_squared_distances(fit):
 
 
 @both_fits
-def test_outliers_do_not_move_it(fit):
+def test_outliers_do_not_move_it(fit) -> None:
     random = np.random.RandomState(0)
     outliers = random.uniform((-5, -5, -0.8), (5, 5, 0), (1500, 3)).astype(np.float32)
     normal, offset = fit(np.concatenate([floor(count=40), outliers]), 0.04, random)
@@ -145,41 +151,45 @@ def test_outliers_do_not_move_it(fit):
     floor(-MOUNT - 0.3), floor(-MOUNT + 0.3),                # too low, too high
     floor(count=5), NOWHERE, NOWHERE[:0],                    # too few, none, nothing
     np.zeros((500, 3), np.float32)])                         # no returns
-def test_fallbacks(fit, refused):
+def test_fallbacks(fit, refused) -> None:
     finder = GroundFinder(MOUNT, fit=fit, reach=20)
     before = finder.find(refused)
-    assert before.source == ASSUMED
+    assert not finder.found
     assert before.normal.tolist() == [0, 0, 1] and before.offset == MOUNT
     good = finder.find(floor(-0.95))
-    assert good.source == FRESH
+    assert finder.found
     after = finder.find(refused)
-    assert after.source == LAST
+    assert not finder.found
     assert after.normal.tolist() == good.normal.tolist()
     assert after.offset == good.offset == pytest.approx(0.95, abs=1e-3)
-    assert finder.find(floor(-0.85)).source == FRESH
+    finder.find(floor(-0.85))
+    assert finder.found
 
 
-def test_a_refused_plane_is_tried_again_with_other_draws():
+def test_a_refused_plane_is_tried_again_with_other_draws() -> None:
     answers = [(np.array([1.0, 0.0, 0.0]), 0.0), None, (np.array([0.0, 0.0, 1.0]), MOUNT)]
     drawn = []
 
-    def fit(points, threshold, random):
+    def fit(points: Array, threshold: float, random: np.random.RandomState) -> Optional[Tuple[FloatArray, float]]:
         drawn.append(points)
         return answers[len(drawn) - 1]
 
-    assert GroundFinder(MOUNT, fit=fit).find(floor()).source == FRESH
+    finder = GroundFinder(MOUNT, fit=fit)
+    finder.find(floor())
+    assert finder.found
     assert len(drawn) == 3 and not np.array_equal(drawn[0], drawn[1])
 
 
 @both_fits
-def test_a_steeper_limit_lets_a_steeper_plane_pass(fit):
+def test_a_steeper_limit_lets_a_steeper_plane_pass(fit) -> None:
     points = floor() @ rotation(roll=13).T.astype(np.float32)
-    plane = GroundFinder(MOUNT, max_tilt=np.radians(15), fit=fit).find(points)
-    assert plane.source == FRESH and angle(plane.normal, (0, 0, 1)) == pytest.approx(13, abs=0.05)
+    finder = GroundFinder(MOUNT, max_tilt=np.radians(15), fit=fit)
+    plane = finder.find(points)
+    assert finder.found and angle(plane.normal, (0, 0, 1)) == pytest.approx(13, abs=0.05)
 
 
 @both_fits
-def test_points_that_are_not_finite_change_nothing(fit):
+def test_points_that_are_not_finite_change_nothing(fit) -> None:
     points = np.concatenate([floor(), NOWHERE, np.full((9, 3), np.inf, np.float32), np.zeros((9, 3), np.float32)])
     mixed = points[np.random.RandomState(0).permutation(len(points))]
     plane = GroundFinder(MOUNT, fit=fit).find(mixed)
@@ -187,32 +197,35 @@ def test_points_that_are_not_finite_change_nothing(fit):
 
 
 @both_fits
-def test_the_same_random_numbers_find_the_same_plane(fit):
+def test_the_same_random_numbers_find_the_same_plane(fit) -> None:
     points = scan(20)
     one, other = (GroundFinder(MOUNT, fit=fit, random=np.random.RandomState(5)).find(points) for _ in range(2))
     assert one.normal.tolist() == other.normal.tolist() and one.offset == other.offset
 
 
 @both_fits
-def test_no_plane_through_a_line(fit):
+def test_no_plane_through_a_line(fit) -> None:
     line = np.outer(np.arange(200), (0.01, 0.02, 0)).astype(np.float32) - np.array([0, 0, MOUNT], np.float32)
     finder = GroundFinder(MOUNT, fit=fit)
-    assert finder.find(line).source == ASSUMED
+    plane = finder.find(line)
+    assert not finder.found and plane.normal.tolist() == [0, 0, 1] and plane.offset == MOUNT
 
 
-def test_same_points_have_no_plane():
+def test_same_points_have_no_plane() -> None:
     assert fit_by_numpy(np.ones((100, 3), np.float32), 0.04, np.random.RandomState(0)) is None
 
 
-def test_numpy_steps_in_where_pcl_is_missing(monkeypatch):
+def test_numpy_steps_in_where_pcl_is_missing(monkeypatch) -> None:
     monkeypatch.setattr(ground, 'pcl', None)
-    assert GroundFinder(MOUNT).find(floor()).source == FRESH
+    finder = GroundFinder(MOUNT)
+    finder.find(floor())
+    assert finder.found
     with pytest.raises(ValueError, match='not installed'):
         GroundFinder(MOUNT, fit=fit_by_pcl)
 
 
 @pytest.mark.parametrize('limit', ['max_tilt', 'max_offset', 'threshold', 'reach', 'min_points'])
 @pytest.mark.parametrize('value', [0, -1, float('nan')])
-def test_impossible_limits(limit, value):
+def test_impossible_limits(limit, value) -> None:
     with pytest.raises(ValueError, match=limit):
         GroundFinder(MOUNT, **{limit: value})

@@ -4,20 +4,22 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from smokebot_udp.arrays import Array, BoolArray
 from smokebot_udp.codecs.concealment.fill import nearest
 from smokebot_udp.codecs.concealment.kriging import CLAMPING, SMOOTH, kriging, kriging_clamped, kriging_steered, weigh
 from smokebot_udp.codecs.wire.interleave import Interleave
+from smokebot_udp.codecs.wire.partial_image import FillMethod
 
 EACH = pytest.mark.parametrize('method', [kriging, kriging_clamped, kriging_steered])
 TYPES = ['u1', '<u2', '>u2', '<f4', '>f4']
 
 
-def received_pixels(cut, have):
-    """(height, width) bool: which pixels came."""
+def received_pixels(cut: Interleave, have: BoolArray) -> BoolArray:
+    """(height, width) bool"""
     return cut.merge(np.repeat(have, cut.shape[0] * cut.shape[1]).reshape((-1,) + cut.shape))
 
 
-def a_set(cut, share, seed):
+def a_set(cut: Interleave, share: float, seed: int) -> BoolArray:
     """(n,) bool: some subimages, at least one, not all."""
     assume(len(cut) > 1)
     random = np.random.RandomState(seed)
@@ -26,12 +28,12 @@ def a_set(cut, share, seed):
     return have
 
 
-def filled(method, picture, have, cut):
-    return cut.merge(method(cut.split(picture), have, cut))
+def filled(method: FillMethod, image: Array, have: BoolArray, cut: Interleave) -> Array:
+    return cut.merge(method(cut.split(image), have, cut))
 
 
-def g(h, smooth=SMOOTH):
-    """The model: how much pixels so far apart differ."""
+def g(h: Array, smooth: float = SMOOTH) -> Array:
+    """The model of the variogram."""
     return np.sqrt(h ** 2 + smooth ** 2) - smooth
 
 
@@ -49,14 +51,14 @@ many = settings(max_examples=150, deadline=None)
     # at 1 on one side and 2 on the other, 3 apart: 2 g(3) w = g(1) + g(3) - g(2) for the farther one
     ([(-1, 0), (2, 0)], [0.5 + (g(2) - g(1)) / (2 * g(3)), 0.5 - (g(2) - g(1)) / (2 * g(3))]),
 ])
-def test_weights_by_hand(offsets, weights):
+def test_weights_by_hand(offsets, weights) -> None:
     assert weigh(np.array([offsets])).tolist() == [pytest.approx(weights, abs=1e-6)]
 
 
 @given(st.lists(st.tuples(st.integers(-32, 32), st.integers(-32, 32)), min_size=1, max_size=12, unique=True),
        st.sampled_from([0.0, 0.5, 1.0, 3.0]))
 @settings(deadline=None)
-def test_weights_solve_the_equations_of_ordinary_kriging(offsets, smooth):
+def test_weights_solve_the_equations_of_ordinary_kriging(offsets, smooth) -> None:
     """With the Lagrange multiplier that the textbooks have; ours are the differences of their rows."""
     points, k = np.array(offsets, float), len(offsets)
     equations = np.ones((k + 1, k + 1))
@@ -67,81 +69,81 @@ def test_weights_solve_the_equations_of_ordinary_kriging(offsets, smooth):
 
 
 @EACH
-def test_a_row_by_hand(method):
+def test_a_row_by_hand(method) -> None:
     """What lies left and right of the first missing pixel mirrors: the weights of both sides sum to 1/2."""
     cut = Interleave(1, 4, 1)
-    picture = np.array([[10, 99, 20, 99]], np.uint8)
-    assert filled(method, picture, np.array([True, False]), cut)[0, :3].tolist() == [10, 15, 20]
+    image = np.array([[10, 99, 20, 99]], np.uint8)
+    assert filled(method, image, np.array([True, False]), cut)[0, :3].tolist() == [10, 15, 20]
 
 
 @EACH
-def test_a_slope_is_a_slope_where_neighbours_lie_all_around(method):
+def test_a_slope_is_a_slope_where_neighbours_lie_all_around(method) -> None:
     cut = Interleave(32, 32, 2)
-    picture = np.add.outer(200 * np.arange(32), 30 * np.arange(32)).astype(np.uint16)
+    image = np.add.outer(200 * np.arange(32), 30 * np.arange(32)).astype(np.uint16)
     for missing in range(len(cut)):
-        result = filled(method, picture, np.arange(len(cut)) != missing, cut)
-        assert (result[4:-4, 4:-4] == picture[4:-4, 4:-4]).all()
+        result = filled(method, image, np.arange(len(cut)) != missing, cut)
+        assert (result[4:-4, 4:-4] == image[4:-4, 4:-4]).all()
 
 
 @EACH
 @pytest.mark.parametrize('shape', [(64, 96), (61, 83)])
-def test_at_the_border_no_pixel_is_filled_from_afar(method, shape):
-    """Of 1024 subimages half came: each pixel has neighbours within 4 pixels, on the picture's side too."""
+def test_at_the_border_no_pixel_is_filled_from_afar(method, shape) -> None:
+    """Of 1024 subimages half came: each pixel has neighbours within 4 pixels, on the image's side too."""
     cut = Interleave(*shape, 5)
-    picture = np.add.outer(100 * np.arange(shape[0]), 100 * np.arange(shape[1])).astype(np.uint16)
+    image = np.add.outer(100 * np.arange(shape[0]), 100 * np.arange(shape[1])).astype(np.uint16)
     have = np.random.RandomState(4).random_sample(len(cut)) < 0.5
-    error = filled(method, picture, have, cut) - picture.astype(int)
+    error = filled(method, image, have, cut) - image.astype(int)
     assert abs(error).max() < 500
 
 
-def test_an_estimate_may_exceed_its_neighbours_but_not_when_clamped():
+def test_an_estimate_may_exceed_its_neighbours_but_not_when_clamped() -> None:
     """A ridge: 200 200 ? 200 200 in each row, 0 above and below."""
-    picture = np.zeros((16, 16), np.uint8)
-    picture[6:9] = 200
+    image = np.zeros((16, 16), np.uint8)
+    image[6:9] = 200
     cut = Interleave(16, 16, 2)
     have = np.arange(len(cut)) != 5
     came = received_pixels(cut, have)
-    assert filled(kriging, picture, have, cut)[~came].max() > 200
-    assert set(filled(kriging_clamped, picture, have, cut)[~came]) <= set(range(201))
+    assert filled(kriging, image, have, cut)[~came].max() > 200
+    assert set(filled(kriging_clamped, image, have, cut)[~came]) <= set(range(201))
 
 
 @EACH
 @any_case
 @many
-def test_a_constant_picture_stays_constant(method, cut, share, seed):
+def test_a_constant_image_stays_constant(method, cut, share, seed) -> None:
     have = a_set(cut, share, seed)
     for kind, value in (('u1', 255), ('u1', 0), ('>u2', 65535), ('u2', 29315), ('f4', 0.1)):
-        picture = np.full((cut.height, cut.width), value, kind)
-        result = filled(method, picture, have, cut)
-        assert result.dtype == picture.dtype
-        np.testing.assert_allclose(result, picture, rtol=0 if kind != 'f4' else 1e-5)
+        image = np.full((cut.height, cut.width), value, kind)
+        result = filled(method, image, have, cut)
+        assert result.dtype == image.dtype
+        np.testing.assert_allclose(result, image, rtol=0 if kind != 'f4' else 1e-5)
 
 
 @EACH
 @any_case
 @many
-def test_received_pixels_are_untouched_whatever_came(method, cut, share, seed):
+def test_received_pixels_are_untouched_whatever_came(method, cut, share, seed) -> None:
     have = a_set(cut, share, seed)
     came = received_pixels(cut, have)
     for kind in TYPES:
-        picture = np.frombuffer(np.random.RandomState(seed).bytes(cut.height * cut.width * np.dtype(kind).itemsize),
+        image = np.frombuffer(np.random.RandomState(seed).bytes(cut.height * cut.width * np.dtype(kind).itemsize),
                                 kind).reshape(cut.height, cut.width)
-        subimages = cut.split(picture)
+        subimages = cut.split(image)
         subimages[~have] = 99      # of no matter
         result = cut.merge(method(subimages, have, cut))
-        assert result.dtype == picture.dtype
-        assert result[came].tobytes() == picture[came].tobytes()
+        assert result.dtype == image.dtype
+        assert result[came].tobytes() == image[came].tobytes()
 
 
 @pytest.mark.parametrize('method', [kriging_clamped, kriging_steered])
 @any_case
 @many
-def test_clamped_stays_within_its_nearest_neighbours(method, cut, share, seed):
+def test_clamped_stays_within_its_nearest_neighbours(method, cut, share, seed) -> None:
     have = a_set(cut, share, seed)
     came = received_pixels(cut, have)
-    picture = np.random.RandomState(seed).choice(np.array([0, 7, 65535], np.uint16), (cut.height, cut.width))
-    result = filled(method, picture, have, cut)
-    assert np.isin(result[came], picture).all()
+    image = np.random.RandomState(seed).choice(np.array([0, 7, 65535], np.uint16), (cut.height, cut.width))
+    result = filled(method, image, have, cut)
+    assert np.isin(result[came], image).all()
     rows, columns = np.nonzero(came)
     for row, column in np.argwhere(~came):
         distance = np.hypot(rows - row, columns - column)
@@ -150,43 +152,43 @@ def test_clamped_stays_within_its_nearest_neighbours(method, cut, share, seed):
         if border < max(reach, 2 * cut.p):
             continue      # near the border subimages repeat
         near = distance <= reach
-        low, high = (extreme(picture[rows[near], columns[near]]) for extreme in (np.min, np.max))
+        low, high = (extreme(image[rows[near], columns[near]]) for extreme in (np.min, np.max))
         assert low <= result[row, column] <= high
 
 
 @pytest.mark.parametrize('kind', ['u1', 'u2'])
-def test_estimates_beyond_the_type_are_its_limits(kind):
+def test_estimates_beyond_the_type_are_its_limits(kind) -> None:
     most = np.iinfo(kind).max
-    picture = (np.add.outer(np.arange(32) // 3, np.arange(32) // 3) % 2 * most).astype(kind)
+    image = (np.add.outer(np.arange(32) // 3, np.arange(32) // 3) % 2 * most).astype(kind)
     cut = Interleave(32, 32, 2)
     have = np.arange(len(cut)) % 3 > 0
     came = received_pixels(cut, have)
-    result = filled(kriging, picture, have, cut)[~came]
-    exact = filled(kriging, picture.astype('f8'), have, cut)[~came]
+    result = filled(kriging, image, have, cut)[~came]
+    exact = filled(kriging, image.astype('f8'), have, cut)[~came]
     assert exact.max() > most + 1 and exact.min() < -1
     assert result.tolist() == np.rint(np.clip(exact, 0, most)).astype(kind).tolist()
 
 
 @pytest.mark.parametrize('method', [kriging, kriging_clamped])
 @pytest.mark.parametrize('channels', [1, 2, 3, 4])
-def test_channels_are_filled_each_for_itself_in_any_byte_order(method, channels):
+def test_channels_are_filled_each_for_itself_in_any_byte_order(method, channels) -> None:
     cut = Interleave(21, 34, 3)
-    picture = np.random.RandomState(0).randint(0, 65536, (21, 34, channels)).astype('<u2')
+    image = np.random.RandomState(0).randint(0, 65536, (21, 34, channels)).astype('<u2')
     have = np.random.RandomState(1).random_sample(len(cut)) < 0.4
-    result = filled(method, picture, have, cut)
-    assert (filled(method, picture.astype('>u2'), have, cut) == result).all()
+    result = filled(method, image, have, cut)
+    assert (filled(method, image.astype('>u2'), have, cut) == result).all()
     for channel in range(channels):
-        assert (filled(method, picture[..., channel], have, cut) == result[..., channel]).all()
+        assert (filled(method, image[..., channel], have, cut) == result[..., channel]).all()
 
 
 @EACH
-def test_where_a_neighbour_is_no_number_the_nearest_counts(method):
+def test_where_a_neighbour_is_no_number_the_nearest_counts(method) -> None:
     cut = Interleave(24, 24, 2)
-    picture = np.full((24, 24), 2.5, 'f4')
-    picture[8:16, 8:16] = np.nan
-    picture[:4, :4] = np.inf
+    image = np.full((24, 24), 2.5, 'f4')
+    image[8:16, 8:16] = np.nan
+    image[:4, :4] = np.inf
     have = np.arange(len(cut)) % 2 > 0
-    result = filled(method, picture, have, cut)
+    result = filled(method, image, have, cut)
     assert np.isnan(result[11:13, 11:13]).all() and np.isposinf(result[:2, :2]).all()
     numbers = result[np.isfinite(result)]
     np.testing.assert_allclose(numbers, 2.5, rtol=1e-6)
@@ -195,11 +197,11 @@ def test_where_a_neighbour_is_no_number_the_nearest_counts(method):
 
 @EACH
 @pytest.mark.parametrize('count', [1, 2, 5, 13, 30, 50, 63])
-def test_pictures_are_better_than_with_the_nearest(method, count):
+def test_images_are_better_than_with_the_nearest(method, count) -> None:
     waves = np.sin(np.arange(160) / 9)
     noise = 30 * np.random.RandomState(0).randn(120, 160)
-    picture = (30000 + 20000 * np.outer(waves[:120], waves) + noise).astype(np.uint16)
+    image = (30000 + 20000 * np.outer(waves[:120], waves) + noise).astype(np.uint16)
     cut = Interleave(120, 160, 3)
     have = np.random.RandomState(count).permutation(len(cut)) < count
-    error, error_of_nearest = (np.std(filled(f, picture, have, cut) - picture.astype(float)) for f in (method, nearest))
+    error, error_of_nearest = (np.std(filled(f, image, have, cut) - image.astype(float)) for f in (method, nearest))
     assert error < 0.8 * error_of_nearest

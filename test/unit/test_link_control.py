@@ -1,196 +1,135 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The robot's and the operator's side of the link's supervision without ROS between them."""
-import math
-import threading
+"""The nodes around the link controller, without ROS: messages, and what a plan does to streams and outbox."""
 from types import SimpleNamespace
+from typing import Any, Dict, List, Mapping
 
 import pytest
 import rospy
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import LaserScan
 
-from smokebot_udp.congestion.estimator import MBIT, Limits
-from smokebot_udp.congestion.feedback import ArrivalMark, Arrivals, Report, StreamArrivals
+from smokebot_udp.congestion.controller import Controller, Plan
+from smokebot_udp.congestion.estimator import Limits
+from smokebot_udp.congestion.feedback import ArrivalSample, ReceiveHistory, Report, StreamArrivals
+from smokebot_udp.congestion.packet_scheduler import PacketScheduler
+from smokebot_udp.mission.parameters import check
+from smokebot_udp.monitoring.stats import LinkStats
 from smokebot_udp.msg import LinkReport
-from smokebot_udp.nodes import link_control
-from smokebot_udp.nodes.link_control import GONE, MOST_OPERATORS, LinkControl
-from smokebot_udp.nodes.link_reporter import LinkReporter, as_message
-
-LIMITS = Limits(floor=0.1 * MBIT, start=0.5 * MBIT, max_rate=10 * MBIT)
-SIZE = 1500
-
-
-class Outbox:
-    """Keeps what its pace is told."""
-
-    def __init__(self):
-        self.rates, self.trains = [], []
-
-    def change(self, change):
-        change(SimpleNamespace(set_rate=self.rates.append, train=lambda *train: self.trains.append(train)))
+from smokebot_udp.nodes import link_control, link_reporter
+from smokebot_udp.nodes.link_control import LinkControl, SharedController, as_message, grant
+from smokebot_udp.nodes.outbox import Outbox
+from smokebot_udp.nodes.robot_stream import RobotLink, RobotStream
+from smokebot_udp.streams import encoder_class
+from smokebot_udp.units import MBIT
 
 
-@pytest.fixture
-def now(monkeypatch):
-    """A clock that stands until it is told otherwise: now.time; now.seq datagrams have left."""
-    clock = SimpleNamespace(time=1000.0, seq=0)
-    monkeypatch.setattr(link_control, 'time', SimpleNamespace(monotonic=lambda: clock.time))
-    monkeypatch.setattr(rospy.Time, 'now', lambda: rospy.Time(1))
-    return clock
+def stream(kind: str, link: RobotLink, **settings: Any) -> RobotStream:
+    """A RobotStream that is not started: nobody listens to it."""
+    class_ = encoder_class(kind)
+    checked = check({'robot_topic': '/source', **settings}, class_.PARAMETERS)
+    return RobotStream('unnamed', checked, class_(checked), link)
 
 
-@pytest.fixture
-def control(now):
-    return made(LIMITS, adapt=True)
+def effective(streams: Mapping[str, RobotStream], *names: str) -> Dict[str, List[Any]]:
+    return {name: [one.settings.current[setting] for setting in names] for name, one in streams.items()}
 
 
-def made(limits, adapt):
-    """A LinkControl that is not started: no ROS."""
-    control = LinkControl(limits, adapt)
-    control._outbox, control._status = Outbox(), SimpleNamespace(publish=lambda status: None)
-    control._allocation = SimpleNamespace(wanted=30 * MBIT, divide=lambda budget, now: None)
-    return control
-
-
-class Operator:
-    """An operator to whom datagrams come after `delay`, so many a second at most."""
-
-    def __init__(self, control, now, name, rate):
-        self.control, self.now, self.name, self.rate = control, now, name, rate
-        self.arrivals, self.free = Arrivals(lambda: 7), 0.0
-
-    def take(self, seq):
-        self.free = max(self.free, self.now.time) + SIZE / self.rate
-        self.arrivals.note('thermal', seq, SIZE, self.free + 0.02)
-
-    def report(self, at):
-        report = as_message(self.arrivals.report(at))
-        report._connection_header = {'callerid': self.name}
-        self.control._take(report)
-
-
-def drive(control, now, operators, seconds):
-    """Datagrams leave as fast as the control says; operators report ten times a second."""
-    until, next_report = now.time + seconds, now.time + 0.1
-    while now.time < until:
-        rate = control._outbox.rates[-1] if control._outbox.rates else control.start_rate
-        now.seq = seq = now.seq + 1
-        control.departed('thermal', seq, 1, SIZE, now.time)
-        for operator in operators:
-            operator.take(seq)
-        now.time += SIZE / rate
-        if now.time >= next_report:
-            next_report += 0.1
-            for operator in operators:
-                operator.report(max(now.time, operator.free + 0.02))
-            control._poll()
-
-
-def test_a_report_is_a_message():
-    report = Report(5, 123456, [StreamArrivals('thermal', 9, 8, 7777)], [ArrivalMark(0, 9, 1234)])
-    message = as_message(report)
+def test_a_report_is_a_message() -> None:
+    report = Report(5, 123456, [StreamArrivals('thermal', 9, 8, 7777)], [ArrivalSample(0, 9, 1234)])
+    message = link_reporter.as_message(report)
     assert isinstance(message, LinkReport) and (message.session, message.clock) == (5, 123456)
     assert [(one.name, one.highest, one.received, one.bytes) for one in message.streams] == [('thermal', 9, 8, 7777)]
     assert [(mark.stream, mark.seq, mark.age) for mark in message.marks] == [(0, 9, 1234)]
 
 
-def test_the_rate_follows_what_arrives(control, now):
-    assert control.start_rate == LIMITS.start
-    drive(control, now, [Operator(control, now, '/op', 2 * MBIT)], 8.0)
-    assert 0.8 * 2 * MBIT < control._outbox.rates[-1] < 1.2 * 2 * MBIT
-    status = control.status(now.time)
-    assert status.capacity == pytest.approx(2.0, rel=0.15) and status.state == 'as /op reports'
-    assert status.wanted == 30 and status.sent == pytest.approx(2.0, rel=0.2) and status.round_trip > 0.0
-    assert control.figures(now.time)[0] is None
+@pytest.mark.parametrize('changes, state', [
+    ({}, 'as /op reports'), ({'timeout': True, 'silence': 11.96}, 'no reports of /op for 12.0 s'),
+    ({'operator': None}, 'no operator has reported yet'), ({'adaptive': False}, 'fixed'),
+])
+def test_the_status_message_says_what_the_rate_depends_on(changes: Dict[str, Any], state: str) -> None:
+    known = {'adaptive': True, 'rate': 2 * MBIT, 'sent': MBIT, 'wanted': 30 * MBIT, 'operator': '/op', 'silence': 0.1}
+    assert as_message(LinkStats(**{**known, **changes})).state == state
 
 
-def test_a_dip_in_the_rate_does_not_make_streams_coarser(control, now):
-    drive(control, now, [Operator(control, now, '/op', 5 * MBIT)], 5.0)
-    estimator, budgets = control._operators['/op'].estimator, []
-    control._allocation.divide = lambda budget, now: budgets.append(budget)
-    estimator.rate, estimator.link.capacity, estimator.poll = 2.5 * MBIT, 5 * MBIT, lambda now: None
-    control._poll()
-    assert budgets == [5 * MBIT] and control._outbox.rates[-1] == 2.5 * MBIT
+def test_the_status_message_has_its_own_units() -> None:
+    known = LinkStats(True, 2 * MBIT, MBIT, 30 * MBIT, 2.5 * MBIT, 0.05, 0.01, 0.04)
+    status = as_message(known)
+    assert (status.rate, status.sent, status.wanted, status.capacity) == (2.0, 1.0, 30.0, 2.5)
+    assert (status.loss, status.queue_delay, status.round_trip) == (0.05, 0.01, 0.04)
+    assert as_message(LinkStats(True, None, 0.0, 0.0)).rate == 0        # unlimited
 
 
-def test_of_several_operators_the_worst_link_counts_until_it_is_gone(control, now):
-    near, far = Operator(control, now, '/near', 5 * MBIT), Operator(control, now, '/far', 1 * MBIT)
-    drive(control, now, [near, far], 8.0)
-    assert control._outbox.rates[-1] < 1.2 * MBIT and control.status(now.time).state == 'as /far reports'
-    drive(control, now, [near], GONE + 8.0)
-    assert control.status(now.time).state == 'as /near reports' and control._outbox.rates[-1] > 3 * MBIT
+def test_a_plan_reaches_the_streams() -> None:
+    link = RobotLink(1472)
+    odometry = {'message_type': 'nav_msgs/Odometry', 'repeat_rate': 1.0}
+    streams = {'thermal': stream('image', link), 'lidar': stream('cloud', link), 'off': stream('scan', link),
+               'odom': stream('relay', link, rate=10.0, **odometry), 'gas': stream('relay', link, rate=0.5, **odometry)}
+    assert streams['odom'].encoder.MESSAGE is Odometry and streams['off'].encoder.MESSAGE._type == LaserScan._type
+    grant(Plan(1e5, 736, {'thermal': 1e4}, {'thermal': {'rate': 5.0}, 'lidar': None}, 0.25), streams)
+    assert effective(streams, 'rate') == {'thermal': [5.0], 'lidar': [10.0], 'off': [10.0], 'odom': [2.5], 'gas': [0.5]}
+    assert {name for name, one in streams.items() if one.settings.current.paused} == {'lidar'}
+    relays = {name: streams[name] for name in ('odom', 'gas')}
+    assert effective(relays, 'repeat_rate') == {'odom': [0.25], 'gas': [0.25]}
+    grant(Plan(None, 1472, {}, {}, 1.0), streams)
+    assert {one.settings.current['rate'] for one in streams.values()} == {10.0, 0.5}
+    assert not any(one.settings.current.paused for one in streams.values())
 
 
-def test_without_reports_the_rate_falls_and_diagnostics_say_so(control, now):
-    drive(control, now, [Operator(control, now, '/op', 5 * MBIT)], 5.0)
-    before = control._outbox.rates[-1]
-    drive(control, now, [], 0.8)
-    assert control._outbox.rates[-1] <= before / 2
-    drive(control, now, [], 10.0)
-    assert control._outbox.rates[-1] < 1.2 * LIMITS.floor
-    problem, values = control.figures(now.time)
-    assert problem == values['state'] and problem.startswith('no reports of /op for 1')
+def test_ticks_and_reports_set_the_rate_of_the_outbox(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A LinkControl whose publisher, subscriber and thread are called by the test."""
+    ros, clock, published = SimpleNamespace(), SimpleNamespace(now=1000.0), []
+
+    def subscriber(topic: str, kind: Any, callback: Any, **_: Any) -> None:
+        ros.report = callback
+
+    def worker(name: str, work: Any, log: Any, period: float) -> Any:
+        ros.tick = work
+        return SimpleNamespace(start=lambda: None)
+    monkeypatch.setattr(rospy, 'Publisher', lambda *_, **__: SimpleNamespace(publish=published.append))
+    monkeypatch.setattr(rospy.Time, 'now', lambda: rospy.Time(1))
+    monkeypatch.setattr(link_control.udpros, 'Subscriber', subscriber)
+    monkeypatch.setattr(link_control, 'PeriodicWorker', worker)
+    monkeypatch.setattr(link_control, 'time', SimpleNamespace(monotonic=lambda: clock.now))
+
+    scheduler, arrivals = PacketScheduler(), ReceiveHistory(lambda: 7)
+    shared = SharedController(Controller(Limits(start_rate=5000.0, min_rate=4000.0), True, 1472))
+    link = RobotLink(1472, Outbox(scheduler, shared.on_sent))
+    control = LinkControl(shared, link, {})
+    ros.tick()
+    assert scheduler.rate == 5000.0 and link.datagram_size == 736
+    assert (published[-1].state, published[-1].rate) == ('no operator has reported yet', pytest.approx(0.04))
+
+    for seq in range(1, 41):
+        shared.on_sent('thermal', seq, 1, 1000, clock.now)
+        clock.now += 0.05
+        arrivals.add('thermal', seq, 1000, clock.now - 0.01)
+        report = link_reporter.as_message(arrivals.report(clock.now))
+        report._connection_header = {'callerid': '/op'}
+        ros.report(report)
+    assert scheduler.rate is not None and scheduler.rate > 10000
+    ros.tick()
+    assert published[-1].state == 'as /op reports' and not control.stats(clock.now).timeout
+    clock.now += 12.0
+    ros.tick()
+    assert control.stats(clock.now).capacity == 4000.0 and scheduler.rate <= 4400.0
+    assert control.stats(clock.now).state == 'no reports of /op for 12.0 s'
 
 
-def test_nobody_yet(control, now):
-    status = control.status(now.time)
-    assert status.state == 'no operator has reported yet' and math.isnan(status.capacity) and status.rate == 0.5
+def test_a_tick_does_not_undo_what_a_report_changes_meanwhile(monkeypatch: pytest.MonkeyPatch) -> None:
+    ticks: List[Any] = []
 
-
-def test_a_fixed_rate_stays(now):
-    control = made(LIMITS, adapt=False)
-    assert control.start_rate == LIMITS.max_rate
-    drive(control, now, [Operator(control, now, '/op', 20 * MBIT)], 1.0)
-    assert set(control._outbox.rates) == {LIMITS.max_rate} and control.status(now.time).state == 'fixed'
-    assert control.status(now.time).capacity > 5        # told all the same
-
-
-def test_unlimited_is_told_as_zero(now):
-    control = made(Limits(max_rate=math.inf), adapt=False)
-    assert control.start_rate is None and control.status(now.time).rate == 0
-
-
-def test_forged_reports_are_counted_and_change_nothing(control, now):
-    drive(control, now, [Operator(control, now, '/op', 2 * MBIT)], 5.0)
-    rate = control._outbox.rates[-1]
-    report = as_message(Report(7, 10 ** 12, [StreamArrivals('thermal', 10 ** 6, 10 ** 6, 10 ** 9)], []))
-    report._connection_header = {'callerid': '/op'}
-    control._take(report)
-    assert control._outbox.rates[-1] == rate
-    assert control.figures(now.time)[1]['reports refused, received more than sent'] == 1
-
-
-def test_who_reports_nothing_that_left_is_no_operator(control, now):
-    drive(control, now, [Operator(control, now, '/op', 5 * MBIT)], 5.0)
-    rate = control._outbox.rates[-1]
-    impossible = Report(7, 10 ** 12, [StreamArrivals('thermal', 10 ** 6, 10 ** 6, 10 ** 9)], [])
-    for report in (impossible, Report(8, 10 ** 6, [], [])):
-        message = as_message(report)
-        message._connection_header = {'callerid': '/stranger'}
-        control._take(message)
-    control._poll()
-    assert rate > 2 * LIMITS.start and control._outbox.rates[-1] >= rate
-    assert control.status(now.time).state == 'as /op reports'
-
-
-def test_operators_without_end_are_not_listened_to(control, now):
-    for number in range(MOST_OPERATORS + 5):
-        report = as_message(Report(number, 10 ** 6, [], []))
-        report._connection_header = {'callerid': '/op%d' % number}
-        control._take(report)
-    assert len(control._operators) == MOST_OPERATORS
-    assert control.figures(now.time)[1]['reports refused, too many operators'] == 5
-    now.time += GONE + 1
-    control._take(report)
-    assert len(control._operators) == 1
-
-
-def test_what_comes_of_a_robot_that_began_anew_is_counted_anew():
-    reporter = LinkReporter.__new__(LinkReporter)       # without its publisher
-    sessions = iter(range(10))
-    reporter._arrivals, reporter._lock, reporter._connections = Arrivals(lambda: next(sessions)), threading.Lock(), {}
-    reporter.arrived('thermal', 4, 500, 500 * SIZE, 500, 1.0)
-    before = reporter._arrivals.report(1.0)
-    reporter.arrived('thermal', 9, 3, 3 * SIZE, 3, 2.0)     # another connection, far from 4096 numbers behind
-    reporter.arrived('thermal', 4, 501, SIZE, 1, 2.1)       # the old one's last
-    after = reporter._arrivals.report(2.2)
-    assert after.session != before.session
-    assert [(one.highest, one.received, one.bytes) for one in after.streams] == [(3, 3, 3 * SIZE)]
+    def worker(name: str, work: Any, log: Any, period: float) -> Any:
+        ticks.append(work)
+        return SimpleNamespace(start=lambda: None)
+    monkeypatch.setattr(rospy, 'Publisher', lambda *_, **__: SimpleNamespace(publish=lambda message: None))
+    monkeypatch.setattr(rospy.Time, 'now', lambda: rospy.Time(1))
+    monkeypatch.setattr(link_control.udpros, 'Subscriber', lambda *_, **__: None)
+    monkeypatch.setattr(link_control, 'PeriodicWorker', worker)
+    scheduler, controller = PacketScheduler(), Controller(Limits(), True, 1472)
+    shared, rates = SharedController(controller), [5000.0]
+    monkeypatch.setattr(controller, 'rate', lambda now: rates[-1])
+    LinkControl(shared, RobotLink(1472, Outbox(scheduler, shared.on_sent)), {})
+    # while the plan's grants are made, a report halves the rate
+    monkeypatch.setattr(link_control, 'grant', lambda plan, streams: rates.append(plan.rate / 2))
+    ticks[0]()
+    assert scheduler.rate == 2500.0

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the experiments over the link make of what was heard, by hand."""
+"""What the experiments over the link compute from what was heard: values worked out by hand."""
 import math
+from typing import Any, Dict, List
 
 import numpy as np
 import pytest
@@ -8,46 +9,47 @@ import pytest
 for library in ('cv2', 'matplotlib', 'tqdm'):
     pytest.importorskip(library)
 
-from experiments.crossing import summary  # noqa: E402
-from experiments.scenario import shown  # noqa: E402
-from experiments.start_up import EVENTS, starts  # noqa: E402
-from experiments.straight import straight_line  # noqa: E402
-from smokebot_udp.link_lab.listener import Heard  # noqa: E402
+from evaluation.linear_fit import linear_fit  # noqa: E402
+from evaluation.link_run import summary  # noqa: E402
+from evaluation.listener import Heard  # noqa: E402
+from experiments.link.start_up import EVENTS, starts  # noqa: E402
+from experiments.link.traces import shown  # noqa: E402
 
 
-def test_a_straight_line():
-    assert straight_line([0, 50, 100], [64, 32, 0]) == pytest.approx((-0.64, 64, 1))
+def test_linear_fit() -> None:
+    assert linear_fit([0, 50, 100], [64, 32, 0]) == pytest.approx((-0.64, 64, 1))
 
 
-def test_how_well_it_fits():
+def test_how_well_a_line_fits() -> None:
     # x - 1.5 is -1.5 -0.5 0.5 1.5, y - 1 is -1 -1 1 1: the slope is (1.5 + 0.5 + 0.5 + 1.5) / 5,
     # and the line is off by 0.2 -0.6 0.6 -0.2
-    slope, start, fit = straight_line([0, 1, 2, 3], [0, 0, 2, 2])
-    assert (slope, start) == pytest.approx((0.8, -0.2))
+    slope, intercept, fit = linear_fit([0, 1, 2, 3], [0, 0, 2, 2])
+    assert (slope, intercept) == pytest.approx((0.8, -0.2))
     assert fit == pytest.approx(1 - (0.04 + 0.36 + 0.36 + 0.04) / 4)
 
 
-def test_rate_and_ages_of_what_came():
-    heard = [Heard('picture', 0.1 * i, 0.1 * i + 0.01 * (i + 1), 1000 + i) for i in range(4)]
+def test_rate_and_ages_of_what_arrived() -> None:
+    heard = [Heard('image', 0.1 * i, 0.1 * i + 0.01 * (i + 1), 1000 + i) for i in range(4)]
     assert summary(heard, 2.0) == {'rate [Hz]': 2.0, 'age p50 [s]': 0.025, 'age p99 [s]': 0.04, 'amount': 1001.5}
 
 
-def test_nothing_came():
+def test_nothing_arrived() -> None:
     assert summary([], 2.0) == {'rate [Hz]': 0.0, 'age p50 [s]': None, 'age p99 [s]': None, 'amount': None}
 
 
-def test_what_is_shown_over_time():
+def test_what_is_shown_over_time() -> None:
     stamps, arrivals = np.array([0.0, 0.5, 1.0]), np.array([0.2, 0.7, 3.0])
-    counts, ages = shown(stamps, arrivals, np.array([0.1, 1.0, 2.0, 3.0]))
-    assert counts.tolist() == [0, 2, 0, 1]
+    rates, ages = shown(stamps, arrivals, np.array([0.1, 1.0, 2.0, 3.0]))
+    assert rates.tolist() == [0, 2, 0, 1]
     assert np.isnan(ages[0])
     assert ages[1:].tolist() == [0.5, 1.5, 2.0]
 
 
-def test_a_start_is_over_with_its_last_stream_that_has_to_come():
+def test_a_start_ends_with_the_last_stream_that_has_to_arrive() -> None:
     start, restart, _ = EVENTS
-    waits = [{'seed': seed, 'event': event, 'stream': stream, 'wait [s]': wait} for seed, event, stream, wait in (
-        (1, start, 'thermal', 5.0), (1, start, 'camera', 4.0), (1, start, 'map', 9.0),
-        (2, start, 'thermal', 6.0), (2, start, 'camera', None),
-        (1, restart, 'thermal', 3.0), (1, restart, 'camera', 2.0), (1, restart, 'map', 60.0))]
+    waits: List[Dict[str, Any]] = [
+        {'seed': seed, 'event': event, 'stream': stream, 'wait [s]': wait} for seed, event, stream, wait in (
+            (1, start, 'thermal', 5.0), (1, start, 'camera', 4.0), (1, start, 'map', 9.0),
+            (2, start, 'thermal', 6.0), (2, start, 'camera', None),
+            (1, restart, 'thermal', 3.0), (1, restart, 'camera', 2.0), (1, restart, 'map', 60.0))]
     assert starts(waits) == dict(zip(EVENTS, ([(4.0, 9.0), (6.0, math.inf)], [(2.0, 3.0)], [])))

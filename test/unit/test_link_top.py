@@ -1,18 +1,24 @@
 # SPDX-License-Identifier: BSD-3-Clause
+from typing import List, Optional, Tuple
+
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smokebot_udp.nodes.link_top import MAX_NODES, SILENT, Board, as_status, clean, lines
+from smokebot_udp.monitoring.link_table import MAX_NODES, STALE_AFTER, Board, NodeStatus, printable, render
+from smokebot_udp.nodes.link_top import as_status
 
 
-def status(name, level=0, message='fine', **values):
-    return as_status(DiagnosticStatus(name=name, level=level, message=message, values=[
+def status(name: str, level: int = 0, message: str = 'fine', **values: object) -> NodeStatus:
+    found = as_status(DiagnosticStatus(name=name, level=level, message=message, values=[
         KeyValue(key, str(value)) for key, value in values.items()]))
+    assert found is not None
+    return found
 
 
-def stream(side, name='thermal', level=0, message='fine', node=None, **values):
+def stream(side: str, name: str = 'thermal', level: int = 0, message: str = 'fine', node: Optional[str] = None,
+           **values: object) -> NodeStatus:
     return status('%s: %s' % (node or '%s_node' % side, name), level, message, side=side, stream=name,
                   topic='/' + name, **values)
 
@@ -22,16 +28,16 @@ OPERATOR = {'rate in [Hz]': '9.9', 'rate out [Hz]': '9.8', 'bytes/s': '400000', 
             'completeness [%]': '87.6', 'age p50 [ms]': '123.4', 'age p99 [ms]': '456.7'}
 
 
-def shown(*reports, now=0.4):
+def shown(*reports: List[NodeStatus], now: float = 0.4) -> Tuple[List[str], List[Optional[int]]]:
     """The texts of a board that took reports at 0 s, and the levels beside them."""
     board = Board()
     for report in reports:
-        board.take(report, 0.0)
-    top, body = lines(board, now)
+        board.add(report, 0.0)
+    top, body = render(board, now)
     return [line.text for line in top + body], [line.level for line in top + body]
 
 
-def test_what_was_refused_is_told_at_the_top():
+def test_refused_settings_are_shown_at_the_top() -> None:
     bad = status('robot_node: settings', level=1, message='rate refused', side='robot', problems=3)
     fine = status('operator_node: settings', side='operator', problems=0)
     texts, levels = shown([stream('robot', **ROBOT), bad], [fine])
@@ -39,7 +45,7 @@ def test_what_was_refused_is_told_at_the_top():
     assert not any('operator_node' in text for text in texts)
 
 
-def test_both_sides_of_a_stream_stand_in_one_line():
+def test_both_sides_of_a_stream_share_a_line() -> None:
     texts, levels = shown([stream('robot', **ROBOT)], [stream('operator', **OPERATOR)])
     assert texts[0] == 'smokebot_udp link: last report 0.4 s ago'
     assert texts[1].split() == ['LEVEL', 'STREAM', 'SOURCE', 'SENT', 'CAME', 'SHOWN', 'LOSS', '%', 'COMPL', '%', 'AGE',
@@ -48,37 +54,37 @@ def test_both_sides_of_a_stream_stand_in_one_line():
     assert levels == [None, None, 0] and len(texts) == 3
 
 
-def test_columns_stand_below_their_heads():
+def test_values_are_aligned_with_their_headings() -> None:
     texts, _ = shown([stream('robot', **ROBOT)], [stream('operator', **OPERATOR)])
     for head, value in (('SOURCE', '30.0'), ('SHOWN', '9.8'), ('LOSS %', '12.3'), ('p99', '457'), ('kB/s', '400.0')):
         assert texts[1].index(head) + len(head) == texts[2].index(value) + len(value)
 
 
-def test_the_worse_side_tells_the_level_and_why():
-    texts, levels = shown([stream('robot', level=1, message='nobody takes it')],
+def test_the_worse_side_gives_the_level_and_the_reason() -> None:
+    texts, levels = shown([stream('robot', level=1, message='no subscriber')],
                           [stream('operator', level=2, message='no connection to the robot')])
     assert texts[2].startswith('ERROR  thermal') and levels[2] == 2
-    assert texts[2].endswith('robot: nobody takes it  operator: no connection to the robot')
+    assert texts[2].endswith('robot: no subscriber  operator: no connection to the robot')
 
 
-def test_one_side_alone_is_shown_and_the_other_missed():
+def test_one_side_alone_is_shown_and_the_other_is_reported_missing() -> None:
     texts, _ = shown([stream('robot', **ROBOT)])
     assert texts[0].endswith('no report of the operator')
     assert texts[2].split() == ['OK', 'thermal', '30.0', '10.0', '-', '-', '-', '-', '-', '-', '512.0']
 
 
-def test_what_is_no_number_is_a_dash():
+def test_values_that_are_not_numbers_are_a_dash() -> None:
     texts, _ = shown([stream('operator', **{
         'loss [%]': 'nan', 'bytes/s': 'inf', 'age p50 [ms]': '', 'rate in [Hz]': 'x'})])
     assert texts[2].split() == ['OK', 'thermal'] + ['-'] * 9
 
 
-def test_two_operators_have_a_line_each():
+def test_two_operators_have_a_line_each() -> None:
     texts, _ = shown([stream('robot')], [stream('operator', node='a')], [stream('operator', node='b')])
     assert [text.split()[-2:] for text in texts[2:]] == [['at', 'a'], ['at', 'b']]
 
 
-def test_connections_stand_below():
+def test_connections_are_below_the_streams() -> None:
     texts, levels = shown([stream('robot'), status(
         'robot_node: thermal, /op', 1, '7 datagrams dropped', side='robot', stream='thermal', peer='/op',
         address='10.0.0.2:4000', datagrams=1234, **{'bytes/s': '1000', 'kernel drops': '7', 'loss [%]': '50'})])
@@ -88,7 +94,7 @@ def test_connections_stand_below():
     assert levels[5] == 1
 
 
-def test_the_clock_is_told():
+def test_the_clock_s_line() -> None:
     known = status('operator_node: clock', side='operator', jumps=0, **{
         'offset [ms]': '-12.34', 'round_trip [ms]': '3', 'uncertainty [ms]': '1.6'})
     texts, levels = shown([known])
@@ -97,7 +103,7 @@ def test_the_clock_is_told():
     assert texts[1] == 'WARN   clock: not known' and levels[1] == 1
 
 
-def test_the_link_is_told():
+def test_the_link_s_line() -> None:
     known = status('robot_node: link', side='robot', state='as /op reports', **{
         'sent [Mbit/s]': '4.4', 'rate [Mbit/s]': '4.81', 'wanted [Mbit/s]': '77.62', 'capacity [Mbit/s]': '5.01',
         'queue delay [ms]': '14.4', 'loss [%]': '5.2', 'round trip [ms]': 'nan'})
@@ -105,47 +111,47 @@ def test_the_link_is_told():
     assert texts[1] == ('OK     link: 4.4 of 4.8 Mbit/s sent, 77.6 wanted, 5.0 carried; queue 14 ms, loss 5 %, '
                         'round trip - ms; as /op reports') and levels[1] == 0
     silent = status('robot_node: link', 1, 'no reports', side='robot', state='no reports')
-    texts, levels = shown([silent], now=SILENT + 1)
+    texts, levels = shown([silent], now=STALE_AFTER + 1)
     assert texts[1].startswith('STALE  link: - of') and texts[1].endswith('silent for 4 s')
 
 
-def test_a_node_that_is_silent_is_stale():
-    texts, levels = shown([stream('robot')], now=SILENT + 2)
+def test_a_node_that_is_silent_is_stale() -> None:
+    texts, levels = shown([stream('robot')], now=STALE_AFTER + 2)
     assert texts[2].startswith('STALE  thermal') and texts[2].endswith('robot: silent for 5 s') and levels[2] == 3
 
 
-def test_the_next_report_replaces_the_last():
+def test_the_next_report_replaces_the_last() -> None:
     board = Board()
-    board.take([stream('robot', 'a'), stream('robot', 'b')], 0.0)
-    board.take([stream('robot', 'b')], 1.0)
-    assert [text.split()[1] for text in (line.text for line in lines(board, 1.0)[1])] == ['STREAM', 'b']
+    board.add([stream('robot', 'a'), stream('robot', 'b')], 0.0)
+    board.add([stream('robot', 'b')], 1.0)
+    assert [text.split()[1] for text in (line.text for line in render(board, 1.0)[1])] == ['STREAM', 'b']
     assert board.age(3.0) == 2.0 and board.sides == {'robot'}
 
 
-def test_no_report_is_one_line():
-    assert [line.text for line in sum(lines(Board(), 0.0), [])] == ['smokebot_udp link: no report on /diagnostics yet']
+def test_no_report_is_one_line() -> None:
+    assert [line.text for line in sum(render(Board(), 0.0), [])] == ['smokebot_udp link: no report on /diagnostics yet']
 
 
-def test_others_diagnostics_are_passed_over():
+def test_diagnostics_of_other_packages_are_ignored() -> None:
     assert as_status(DiagnosticStatus(name='lidar: driver', values=[KeyValue('rate', '10')])) is None
     assert as_status(DiagnosticStatus(name='a: b', values=[KeyValue('side', 'left')])) is None
 
 
-def test_nodes_are_not_kept_without_end():
+def test_the_number_of_nodes_is_bounded() -> None:
     board = Board()
     for number in range(3 * MAX_NODES):
-        board.take([stream('operator', node='n%d' % number)], float(number))
+        board.add([stream('operator', node='n%d' % number)], float(number))
     assert len({found.node for found in board.statuses(0.0)}) == MAX_NODES
     assert board.age(float(3 * MAX_NODES)) == 1.0
 
 
 @given(st.text())
-def test_nothing_that_is_told_controls_the_terminal(text):
+def test_no_report_can_control_the_terminal(text: str) -> None:
     texts, _ = shown([stream('operator', text, 2, text, text, **{'loss [%]': text}),
                       status(text, 2, text, side='operator', peer=text, address=text)])
     assert all(sign == ' ' or sign.isascii() and sign.isprintable() for text in texts for sign in text)
 
 
 @pytest.mark.parametrize('dirty, good', [('a\x1b[2Jb', 'a?[2Jb'), ('ä\n', '??'), ('a b', 'a b')])
-def test_clean(dirty, good):
-    assert clean(dirty) == good
+def test_printable(dirty: str, good: str) -> None:
+    assert printable(dirty) == good

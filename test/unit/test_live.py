@@ -1,22 +1,29 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What dynamic_reconfigure is told of a table; the ways in themselves run in integration/focus.test."""
-from dynamic_reconfigure.encoding import decode_description, encode_description
+"""dynamic_reconfigure's server of live settings, without a master; the ways together run in integration/focus.test."""
+from types import SimpleNamespace
+from typing import Any, Dict, List
+
+import pytest
+from dynamic_reconfigure.client import Client
+from dynamic_reconfigure.encoding import decode_config, decode_description, encode_config, encode_description
 
 from smokebot_udp.mission.parameters import Parameter, live
-from smokebot_udp.nodes.live import config_type
+from smokebot_udp.mission.settings import SettingsStore
+from smokebot_udp.nodes.live import LiveSettings, config_type
 
 TABLE = {'rate': Parameter(10.0, 'Hz', 'how often', above=0.0, most=1000.0, live=True),
          'count': Parameter(3, '', 'how many', least=1, live=True),
          'enabled': Parameter(True, '', 'whether', live=True),
          'fill': Parameter('nearest', '', 'how', choices=('nearest', 'unknown'), live=True),
          'topic': Parameter('x', '', 'where')}
+START = {'rate': 10.0, 'count': 3, 'enabled': True, 'fill': 'nearest', 'min_bitrate': 0.0}
 
 
-def test_only_what_may_change_is_live():
+def test_only_what_may_change_is_live() -> None:
     assert list(live(TABLE)) == ['rate', 'count', 'enabled', 'fill']
 
 
-def test_dynamic_reconfigure_understands_the_description():
+def test_dynamic_reconfigure_understands_the_description() -> None:
     described = decode_description(encode_description(config_type('stream', live(TABLE))))
     by_name = {parameter['name']: parameter for parameter in described['parameters']}
     assert by_name['rate']['type'] == 'double' and by_name['rate']['description'] == 'how often [Hz]'
@@ -25,3 +32,132 @@ def test_dynamic_reconfigure_understands_the_description():
     assert by_name['enabled']['type'] == 'bool'
     choices = eval(by_name['fill']['edit_method'])['enum']     # as rqt_reconfigure reads it
     assert [choice['value'] for choice in choices] == ['nearest', 'unknown']
+
+
+class Node:
+    """Stands in for rospy and the master: a node with one stream's live settings, and what clients see of it."""
+
+    def __init__(self, monkeypatch: Any) -> None:
+        self.parameters: Dict[str, Any] = {}
+        self.topics: Dict[str, Any] = {}        # the last message on each
+        self.services: Dict[str, Any] = {}
+        self.problems: List[str] = []
+        self.warnings: List[str] = []
+        for name, value in (
+                ('get_name', lambda: '/robot'), ('resolve_name', lambda name: name.replace('~', '/robot/')),
+                ('Publisher', lambda name, *_, **__: SimpleNamespace(
+                    publish=lambda message: self.topics.update({name.replace('~', '/robot/'): message}))),
+                ('Service', lambda name, _, serve: self.services.update({name.replace('~', '/robot/'): serve})),
+                ('Subscriber', lambda name, _, callback: callback(self.topics[name])),
+                ('wait_for_service', lambda *_: None),
+                ('ServiceProxy', lambda name, _: lambda config: SimpleNamespace(
+                    config=self.services[name](SimpleNamespace(config=config)))),
+                ('get_param', lambda *_: {'thermal': {key.split('/')[-1]: value
+                                                      for key, value in self.parameters.items()}}),
+                ('set_param', self.parameters.__setitem__), ('delete_param', self.parameters.__delitem__),
+                ('logwarn', lambda *args: self.warnings.append(args[0] % args[1:]))):
+            monkeypatch.setattr('rospy.' + name, value)
+        table = {**live(TABLE), 'min_bitrate': Parameter(0.0, 'kbit/s', 'at least', least=0.0, live=True)}
+        self.store = SettingsStore(table, START)
+        self.live = LiveSettings('thermal', self.store, self.problems.append)
+        found: Dict[str, Any] = {}
+        self.live.adopt(found)
+        self.parameters.update({'/robot/thermal/' + name: value for name, value in found['thermal'].items()})
+        self.live.serve()
+
+    def set(self, **values: Any) -> Dict[str, Any]:
+        """What `rosservice call` of set_parameters answers."""
+        answer = self.services['/robot/thermal/set_parameters'](SimpleNamespace(config=encode_config(values)))
+        return {name: value for name, value in decode_config(answer).items() if name != 'groups'}
+
+    @property
+    def client(self) -> Any:
+        """dynamic_reconfigure's own, as dynparam and rqt_reconfigure have it."""
+        return Client('/robot/thermal', timeout=1.0)
+
+
+@pytest.fixture
+def node(monkeypatch: Any) -> Node:
+    return Node(monkeypatch)
+
+
+def test_all_sides_show_the_same(node: Node) -> None:
+    assert node.set(rate=7.0) == {**START, 'rate': 7.0} == node.store.current.requested
+    assert node.parameters == {'/robot/thermal/' + name: value for name, value in {**START, 'rate': 7.0}.items()}
+    assert {**START, 'rate': 7.0}.items() <= node.client.get_configuration().items()
+    node.store.request({'count': 5})
+    node.live.show()
+    assert node.parameters['/robot/thermal/count'] == 5 == node.client.get_configuration()['count']
+
+
+def test_a_client_with_old_values_brings_none_of_them_back(node: Node) -> None:
+    """Once a focus switch was reverted when dynamic_reconfigure set another value right after it."""
+    node.store.request({'rate': 4.0, 'count': 9})       # a switch; the server does not have it yet
+    assert node.set(enabled=False) == {**START, 'rate': 4.0, 'count': 9, 'enabled': False}
+    assert node.store.current.requested == {**START, 'rate': 4.0, 'count': 9, 'enabled': False}
+
+
+def test_what_a_client_names_is_set_even_where_it_has_it_already(node: Node) -> None:
+    node.set(rate=7.0)
+    node.store.request({'rate': 4.0})
+    assert node.set(rate=7.0)['rate'] == 7.0 == node.store.current['rate']
+
+
+def test_nor_does_a_client_that_sends_all_values(node: Node) -> None:
+    """As those of roscpp do, and rqt_reconfigure when it loads a file."""
+    seen = {name: value for name, value in node.client.get_configuration().items() if name != 'groups'}
+    node.store.request({'rate': 4.0})
+    node.set(**{**seen, 'count': 8})
+    assert node.store.current.requested == {**START, 'rate': 4.0, 'count': 8}
+
+
+def test_a_parameter_that_was_just_set_is_not_overwritten(node: Node) -> None:
+    node.parameters['/robot/thermal/rate'] = 3      # and the node has not read it yet
+    node.store.request({'count': 9})
+    node.live.show()
+    assert node.store.current.requested == {**START, 'rate': 3.0, 'count': 9}
+    assert node.parameters['/robot/thermal/rate'] == 3.0 == node.client.get_configuration()['rate']
+    node.parameters['/robot/thermal/rate'] = 2
+    assert node.set(enabled=False)['rate'] == 2.0
+    node.parameters['/robot/thermal/rate'] = 1
+    assert node.set(rate=5.0)['rate'] == 5.0 == node.parameters['/robot/thermal/rate']
+
+
+def test_one_value_by_dynamic_reconfigure_leaves_all_grants(node: Node) -> None:
+    node.store.grant({'rate': 2.0})
+    node.set(enabled=False)
+    assert node.store.current.granted == {'rate': 2.0} and node.store.current['rate'] == 2.0
+
+
+def test_values_are_clamped_or_refused(node: Node) -> None:
+    assert node.set(rate=5000.0, count=0) == {**START, 'rate': 1000.0, 'count': 1}
+    assert not node.problems
+    assert node.set(rate=-1.0)['rate'] == 1000.0 and node.set(fill='guess')['fill'] == 'nearest'
+    assert node.problems == [
+        '/robot/thermal: rate is 0.0, must be a number above 0 to 1000 [Hz]',
+        "/robot/thermal: fill is 'guess', must be one of nearest, unknown"]
+    assert node.set(colour='red', rate=5.0) == {**START, 'rate': 5.0, 'count': 1}
+    assert node.problems[2:] == ['/robot/thermal: colour: no such setting']
+
+
+def test_a_client_may_use_former_names(node: Node) -> None:
+    node.client.update_configuration({'floor': '50'})
+    assert node.store.current['min_bitrate'] == 50.0 == node.parameters['/robot/thermal/min_bitrate']
+    assert node.warnings == ['/robot/thermal: floor is the former name of min_bitrate']
+    node.set(floor=60.0, rate=5.0)
+    assert node.store.current.requested == {**START, 'min_bitrate': 60.0, 'rate': 5.0}
+    assert len(node.warnings) == 1
+    node.set(floor=70.0, min_bitrate=70.0)
+    assert node.store.current['min_bitrate'] == 60.0
+    assert node.problems == ['/robot/thermal: min_bitrate and its former name floor are both given']
+
+
+def test_former_names_are_described_but_not_shown(node: Node) -> None:
+    """rqt_reconfigure makes no widget of a group that is hidden; dynparam get and dump have only the values."""
+    assert 'floor' not in node.client.get_configuration() and 'floor' not in node.set()
+    group, = node.client.get_group_descriptions()['groups'].values()
+    assert group['type'] == 'hide' and [parameter['name'] for parameter in group['parameters']] == ['floor']
+    state, = node.client.get_configuration()['groups']['groups'].values()
+    assert state['name'] == group['name'] and state['state'] is False
+    node.client.update_configuration(node.client.get_configuration())     # as dynparam load does with a dump
+    assert node.store.current.requested == START and not node.problems

@@ -1,4 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
@@ -13,13 +15,13 @@ from smokebot_udp.simulation.world import Prism, World, building
 POSES = [Drive().pose(time) for time in (0.0, 11.0, 23.0, 47.0)]
 
 
-def centres(mapper, state):
+def centres(mapper, state) -> Any:
     """(n, 2) of the cells of this state [m]."""
     rows, columns = np.nonzero(mapper.cells == state)
     return np.array(mapper.origin) + (np.stack([columns, rows], axis=1) + 0.5) * RESOLUTION
 
 
-def test_a_wall_ahead_is_occupied_before_it_is_free_and_behind_it_unknown():
+def test_a_wall_ahead_is_occupied_before_it_is_free_and_behind_it_unknown() -> None:
     mapper = Mapper(World([Prism('wall', (3.0, 0.0), (2.0, 40.0), 0.0, 0.0, 2.7, 20.0, (0, 0, 0))]))
     assert mapper.update((0.02, 0.02, 0.0))
     row, column = (int(round(-origin / RESOLUTION)) for origin in mapper.origin[::-1])
@@ -29,7 +31,7 @@ def test_a_wall_ahead_is_occupied_before_it_is_free_and_behind_it_unknown():
     assert len(centres(mapper, FREE)) * RESOLUTION ** 2 < np.pi * REACH ** 2      # what is far is not known, too
 
 
-def test_what_is_lower_or_higher_than_the_mapped_level_is_no_obstacle():
+def test_what_is_lower_or_higher_than_the_mapped_level_is_no_obstacle() -> None:
     for bottom, top in ((0.0, LEVEL - 0.1), (LEVEL + 0.1, 2.7)):
         mapper = Mapper(World([Prism('box', (3.0, 0.0), (2.0, 2.0), 0.0, bottom, top, 20.0, (0, 0, 0))]))
         mapper.update((0.0, 0.0, 0.0))
@@ -37,12 +39,12 @@ def test_what_is_lower_or_higher_than_the_mapped_level_is_no_obstacle():
 
 
 @pytest.mark.parametrize('pose', POSES)
-def test_nothing_is_known_that_was_not_seen(pose):
+def test_nothing_is_known_that_was_not_seen(pose) -> None:
     world = building(1)
     mapper = Mapper(world)
     mapper.update(pose)
 
-    def look(azimuths):
+    def look(azimuths) -> Any:
         return ranges(world, pose[:2], LEVEL, azimuths, np.array([0.0]), floor=False)[0][:, 0]
     away = centres(mapper, FREE) - pose[:2]
     assert len(away) > 1000
@@ -53,7 +55,7 @@ def test_nothing_is_known_that_was_not_seen(pose):
     assert len(distance) > 100 and distance.max() < 0.9 * RESOLUTION     # half a diagonal, and a little
 
 
-def test_occupied_is_where_the_cloud_sees_walls_and_things():
+def test_occupied_is_where_the_cloud_sees_walls_and_things() -> None:
     world = building(1)
     mapper, lidar = Mapper(world), Lidar(world, mounts.LIDAR, 1, noise=0.0)
     seen = np.zeros((1000, 1000), bool)
@@ -76,7 +78,7 @@ def test_occupied_is_where_the_cloud_sees_walls_and_things():
     assert np.abs(sides.max(axis=1).min(axis=0)).max() < RESOLUTION
 
 
-def test_the_map_grows_in_steps_and_keeps_what_it_knows():
+def test_the_map_grows_in_steps_and_keeps_what_it_knows() -> None:
     drive, mapper = Drive(), Mapper(building(1))
     sizes = set()
     for time in np.arange(0.0, drive.period, 2.0):
@@ -93,7 +95,7 @@ def test_the_map_grows_in_steps_and_keeps_what_it_knows():
     assert set(np.unique(mapper.cells)) == {UNKNOWN, FREE, OCCUPIED}
 
 
-def test_a_map_tells_whether_it_changed():
+def test_a_map_tells_whether_it_changed() -> None:
     mapper = Mapper(building(1))
     assert mapper.update(POSES[0])
     assert not mapper.update(POSES[0])

@@ -4,13 +4,14 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from smokebot_udp.arrays import BoolArray
 from smokebot_udp.codecs.concealment.neighbours import SPARSE, neighbours
 
 COUNT, REACH = 12, 2
 
 
-def test_by_hand():
-    """Of a block of 2 by 2 the upper left came: around the lower right it lies 1 or 3 away, both down and right."""
+def test_by_hand() -> None:
+    """In blocks of 2 by 2 the upper left is received: around the lower right it is 1 or 3 away, both down and right."""
     (nearest,) = neighbours(np.array([[0, 0]]), np.array([[1, 1]]), 2, 4, REACH)
     assert {tuple(place) for place in nearest} == {(0, 0), (0, 2), (2, 0), (2, 2)}
     (nearest,) = neighbours(np.array([[0, 0]]), np.array([[1, 0]]), 2, 2, REACH)
@@ -21,7 +22,7 @@ def test_by_hand():
 @pytest.mark.parametrize('share', [0.0, 0.5 * SPARSE, SPARSE, 1.3 * SPARSE, 0.5, 0.95])
 @settings(max_examples=10, deadline=None)
 @given(st.integers(0, 9999))
-def test_none_is_nearer(depth, share, seed):
+def test_none_is_nearer(depth, share, seed) -> None:
     p, random = 1 << depth, np.random.RandomState(seed)
     have = random.random_sample((p, p)) < share
     have.ravel()[random.permutation(p * p)[:2]] = True, False
@@ -30,15 +31,15 @@ def test_none_is_nearer(depth, share, seed):
 
 @given(st.integers(1, 4), st.integers(1, 4))
 @settings(deadline=None)
-def test_none_is_nearer_where_all_that_came_lies_together(rows, columns):
-    """Then the mean share tells little of how far the farthest has to look."""
+def test_none_is_nearer_where_all_received_are_together(rows, columns) -> None:
+    """Then the mean ratio says little about the longest search."""
     have = np.zeros((8, 8), bool)
     have[:2 * rows, :2 * columns] = True
     assume(not have.all())
     check(have)
 
 
-def check(have):
+def check(have: BoolArray) -> None:
     p = len(have)
     received, missing = np.argwhere(have), np.argwhere(~have)[:40]
     nearest = neighbours(received, missing, p, COUNT, REACH)

@@ -5,16 +5,17 @@ import math
 import os
 import subprocess
 import sys
+from typing import Any
 
 import pytest
 
-from smokebot_udp.link_lab.channel import Channel, Quality
+from smokebot_udp.link_lab.channel import Channel, LinkConditions
 
 COUNT = 3000
-QUALITY = Quality(loss=0.2, delay=0.02)
+CONDITIONS = LinkConditions(loss=0.2, delay=0.02)
 
 NETEM = 'ip link set lo up && tc qdisc add dev lo root netem loss %g%% delay %gms limit %d' % (
-    100 * QUALITY.loss, 1e3 * QUALITY.delay, 2 * COUNT)
+    100 * CONDITIONS.loss, 1e3 * CONDITIONS.delay, 2 * COUNT)
 
 ACROSS = """
 import json, socket, time
@@ -39,13 +40,13 @@ print(json.dumps([came, least]))
 """ % (COUNT, COUNT)
 
 
-def in_a_namespace(command, *arguments):
+def in_a_namespace(command: str, *arguments: str) -> Any:
     """A shell command in a network namespace of its own."""
     return subprocess.run(['unshare', '--net', 'sh', '-c', command, *arguments], capture_output=True)
 
 
 @pytest.fixture(scope='module')
-def netem():
+def netem() -> str:
     if os.geteuid() != 0:
         pytest.skip('only root can make a network namespace')
     tried = in_a_namespace(NETEM)
@@ -54,14 +55,14 @@ def netem():
     return NETEM
 
 
-def test_the_channel_loses_and_delays_as_netem_does(netem):
+def test_the_channel_loses_and_delays_as_netem_does(netem: str) -> None:
     ran = in_a_namespace(netem + ' && exec "$0" -c "$1"', sys.executable, ACROSS)
     came, delay = json.loads(ran.stdout.decode())
-    channel = Channel(QUALITY, seed=1)
+    channel = Channel(CONDITIONS, seed=1)
     fates = [channel.fate(0.01 * number, 100) for number in range(COUNT)]
     ours = sum(map(len, fates))
-    deviation = math.sqrt(2 * COUNT * QUALITY.loss * (1 - QUALITY.loss))
+    deviation = math.sqrt(2 * COUNT * CONDITIONS.loss * (1 - CONDITIONS.loss))
     assert abs(came - ours) < 5 * deviation
-    assert delay >= QUALITY.delay
+    assert delay >= CONDITIONS.delay
     for number, fate in enumerate(fates):
-        assert not fate or fate[0] - 0.01 * number == pytest.approx(QUALITY.delay)
+        assert not fate or fate[0] - 0.01 * number == pytest.approx(CONDITIONS.delay)

@@ -1,85 +1,158 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What holds for the package as a whole: its rooms' order, its Python, its lists."""
+"""What holds for the package as a whole: its layers, its Python, its lists."""
 import ast
 import os
 import pathlib
 import re
+from typing import Dict, Iterator, List, Set
 
 import pytest
 
 TOP = pathlib.Path(__file__).resolve().parents[2]
 SOURCE = TOP / 'src' / 'smokebot_udp'
 MODULES = sorted(SOURCE.rglob('*.py'))
-MAY_IMPORT = {
-    'nodes': {'nodes', 'streams', 'codecs', 'udpros', 'congestion', 'mission', 'monitoring', 'simulation', 'msg',
-              'srv'},
-    'streams': {'streams', 'codecs', 'udpros', 'congestion', 'mission', 'msg'},
-    'codecs': {'codecs'}, 'udpros': {'udpros'}, 'simulation': {'simulation'},
-    'congestion': {'congestion'}, 'mission': {'mission'}, 'monitoring': {'monitoring'},
-    'link_lab': {'link_lab', 'streams', 'congestion', 'udpros', 'codecs', 'msg'},
+LAYERS = {
+    'nodes': {'streams', 'codecs', 'congestion', 'mission', 'monitoring', 'udpros', 'simulation', 'msg', 'srv'},
+    'streams': {'codecs', 'congestion.operating_points', 'mission.parameters', 'mission.settings', 'udpros.frame',
+                'udpros.datagram', 'msg'},
+    'congestion': {'monitoring.stats', 'monitoring.windows'},
+    'link_lab': {'udpros', 'msg'},
+    'udpros': set(), 'mission': set(), 'monitoring': set(), 'codecs': set(), 'simulation': set(),
 }
-"""Each room of the package, and the rooms it may know."""
+"""Each package, and the packages and modules below it that it may import."""
 
-KNOW_ROSPY_INSIDE = {('udpros', 'registration'), ('udpros', 'rospy_binding'), ('udpros', 'rospy_transports'),
-                     ('udpros', 'topics'), ('nodes', 'live')}
+EVERYWHERE = {'arrays', 'units'}
+PURE = {'codecs', 'congestion', 'mission', 'monitoring', 'simulation', 'streams'}
+"""Packages without threads, sockets, topics or a clock."""
 
-PURE = {'datagram', 'frame', 'negotiation', 'pacer', 'reassembly', 'records', 'sequence'}
-"""udpros' protocol core: without sockets, rospy or a clock."""
+PURE_UDPROS = {'batches', 'datagram', 'frame', 'negotiation', 'reassembly', 'records', 'sequence'}
+"""The protocol core of udpros, likewise."""
+
+IMPURE = {'rospy', 'socket', 'select', 'time', 'rosgraph', 'udpros'}
+MESSAGES_ONLY = {'rospy.numpy_msg', 'rospy.numpy_msg.numpy_msg'}
+"""A class decorator for message classes: no node is needed."""
+
+USES_ROSPY_INTERNALS = {('udpros', 'registration'), ('udpros', 'rospy_binding'), ('udpros', 'rospy_transports'),
+                        ('udpros', 'topics'), ('nodes', 'live')}
+
+BESIDE = {'evaluation': {'smokebot_udp'}, 'benchmarks': {'smokebot_udp', 'evaluation'},
+          'experiments': {'smokebot_udp', 'evaluation'}}
+"""What is not installed, and what of this checkout it may import."""
 
 
-def imports(path):
-    """Absolute names of what a module imports, relative imports resolved."""
-    package = ('smokebot_udp',) + path.relative_to(SOURCE).parent.parts
+def imports(path: pathlib.Path, top: pathlib.Path, package: str) -> Iterator[str]:
+    """Absolute names of what a module imports when it is loaded or run, relative imports resolved."""
+    parents = (package, *path.relative_to(top).parent.parts)
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom) and not node.level:
-            yield node.module
-            yield from ('%s.%s' % (node.module, alias.name) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
-            base = '.'.join(package[:len(package) - node.level + 1] + ((node.module,) if node.module else ()))
-            yield from [base] if node.module else ('%s.%s' % (base, alias.name) for alias in node.names)
+            base = node.module or ''
+            if node.level:
+                above = parents[:len(parents) - node.level + 1]
+                base = '.'.join([*above, node.module] if node.module else above)
+            yield base
+            yield from ('%s.%s' % (base, alias.name) for alias in node.names)
+
+
+def module_name(path: pathlib.Path) -> str:
+    parts = path.relative_to(SOURCE).with_suffix('').parts
+    return '.'.join(('smokebot_udp', *(parts[:-1] if parts[-1] == '__init__' else parts)))
 
 
 @pytest.mark.parametrize('path', MODULES, ids=lambda path: str(path.relative_to(SOURCE)))
-def test_a_room_knows_only_those_below_it(path):
-    room = path.relative_to(SOURCE).parts[0]
-    if room in ('__init__.py', 'arrays.py'):
+def test_a_package_imports_only_what_is_below_it(path: pathlib.Path) -> None:
+    package = path.relative_to(SOURCE).parts[0]
+    if package in ('__init__.py', 'arrays.py', 'units.py'):
         return
-    for name in imports(path):
-        parts = name.split('.')
-        if parts[0] == 'smokebot_udp' and len(parts) > 1:
-            assert parts[1] in MAY_IMPORT[room] | {'arrays'}, name
-        if room in ('codecs', 'simulation', 'congestion', 'mission', 'monitoring'):
-            assert parts[0] not in ('rospy', 'socket', 'rosgraph', 'sensor_msgs'), name
-        if room in ('congestion', 'mission', 'monitoring'):
-            assert parts[0] != 'time', name
-        if room == 'udpros' and path.stem in PURE:
-            assert parts[0] not in ('rospy', 'socket', 'time', 'rosgraph', 'select'), name
+    allowed = LAYERS[package] | EVERYWHERE | {package}
+    for name in imports(path, SOURCE, 'smokebot_udp'):
+        if name.startswith('smokebot_udp.'):
+            inner = name.split('.', 1)[1]
+            above = any(allow.startswith(inner + '.') for allow in allowed)     # the package of an allowed module
+            assert above or any(inner == allow or inner.startswith(allow + '.') for allow in allowed), name
         if name.startswith(('rospy.impl', 'rospy.topics', 'rospy.core', 'rospy.msg')):
-            assert (room, path.stem) in KNOW_ROSPY_INSIDE, name
+            assert (package, path.stem) in USES_ROSPY_INTERNALS, name
+
+
+@pytest.mark.parametrize('path', [path for path in MODULES if path.relative_to(SOURCE).parts[0] in PURE
+                                  or (path.parent.name == 'udpros' and path.stem in PURE_UDPROS)],
+                         ids=lambda path: str(path.relative_to(SOURCE)))
+def test_what_decides_has_no_threads_sockets_topics_or_clock(path: pathlib.Path) -> None:
+    for name in imports(path, SOURCE, 'smokebot_udp'):
+        root = name.split('.')[0]
+        assert name in MESSAGES_ONLY or root not in IMPURE, name
+
+
+def test_no_module_imports_itself_by_way_of_others() -> None:
+    names = {module_name(path): path for path in MODULES}
+    graph: Dict[str, Set[str]] = {}
+    for name, path in names.items():
+        found = [other for other in imports(path, SOURCE, 'smokebot_udp') if other in names and other != name]
+        # from . import module: the package is named, but nothing of its __init__ is used
+        graph[name] = {other for other in found if not any(more.startswith(other + '.') for more in found)}
+    done: Set[str] = set()
+
+    def visit(name: str, way: List[str]) -> None:
+        assert name not in way, ' -> '.join([*way, name])
+        if name not in done:
+            for other in sorted(graph[name]):
+                visit(other, [*way, name])
+            done.add(name)
+
+    for name in sorted(names):
+        visit(name, [])
+
+
+@pytest.mark.parametrize('path', sorted(path for folder in BESIDE for path in (TOP / folder).rglob('*.py')),
+                         ids=lambda path: str(path.relative_to(TOP)))
+def test_what_is_not_installed_shares_only_evaluation(path: pathlib.Path) -> None:
+    folder = path.relative_to(TOP).parts[0]
+    for name in imports(path, TOP / folder, folder):
+        root = name.split('.')[0]
+        if root in BESIDE:
+            assert root in BESIDE[folder] | {folder}, name
+
+
+@pytest.mark.parametrize('path', MODULES, ids=lambda path: str(path.relative_to(SOURCE)))
+def test_the_package_does_not_import_what_is_not_installed(path: pathlib.Path) -> None:
+    assert not {name.split('.')[0] for name in imports(path, SOURCE, 'smokebot_udp')} & {*BESIDE, 'test', 'tools'}
 
 
 @pytest.mark.parametrize('path', MODULES + sorted((TOP / 'scripts').iterdir()), ids=lambda path: path.name)
-def test_python_3_8_reads_it(path):
+def test_python_3_8_reads_it(path: pathlib.Path) -> None:
     ast.parse(path.read_text(), feature_version=(3, 8))
 
 
-def test_every_script_is_installed_and_executable():
+def test_every_script_is_installed_and_executable() -> None:
     listed = set(re.findall(r'scripts/(\w+)', (TOP / 'CMakeLists.txt').read_text()))
     assert listed == {path.name for path in (TOP / 'scripts').iterdir()}
     assert all(os.access(str(path), os.X_OK) for path in (TOP / 'scripts').iterdir())
 
 
-def test_every_integration_test_has_its_launch_file():
+def test_every_integration_test_has_its_launch_file() -> None:
     folder = TOP / 'test' / 'integration'
     wanted = {name for file in folder.glob('*.test') for name in re.findall(r'type="(test_\w+\.py)"', file.read_text())}
     assert wanted == {path.name for path in folder.glob('test_*.py')}
 
 
-def test_every_message_is_built_and_every_field_explained():
+def test_every_message_is_built_and_every_field_explained() -> None:
     listed = set(re.findall(r'(\w+\.msg)', (TOP / 'CMakeLists.txt').read_text()))
     assert listed == {path.name for path in (TOP / 'msg').glob('*.msg')}
     for path in (TOP / 'msg').glob('*.msg'):
         for line in path.read_text().splitlines():
             assert not line.strip() or '#' in line, '%s: %s' % (path.name, line)
+
+
+ROS_NAMES = {'_type', '_md5sum', '_slot_types', '_has_header', '_full_text', '_connection_header', '_replace',
+             '_asdict', '_fields', '_exit', '_TYPE', '_buff', '_marshaled_dispatch', '_XMLTestResult'}
+"""Names of ROS, the standard library and named tuples for which there are no others."""
+
+
+@pytest.mark.parametrize('path', sorted((TOP / 'test').rglob('*.py')) + sorted(
+    path for folder in BESIDE for path in (TOP / folder).rglob('*.py')), ids=lambda path: path.name)
+def test_tests_and_experiments_use_public_names_only(path: pathlib.Path) -> None:
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Attribute) and node.attr.startswith('_') and not node.attr.startswith('__'):
+            own = isinstance(node.value, ast.Name) and node.value.id in ('self', 'cls')
+            assert own or node.attr in ROS_NAMES, 'line %d: %s' % (node.lineno, node.attr)

@@ -7,22 +7,22 @@ from smokebot_udp.codecs.wire.pixels import ENCODINGS, as_items, as_pixels, item
 
 @pytest.mark.parametrize('encoding, size', [('mono8', 1), ('8UC1', 1), ('mono16', 2), ('16UC1', 2), ('bgr8', 3),
                                             ('rgb8', 3), ('bgra8', 4), ('rgba8', 4), ('32FC1', 4)])
-def test_size_of_a_pixel(encoding, size):
+def test_size_of_a_pixel(encoding, size) -> None:
     assert item_type(encoding).itemsize == size
 
 
-def test_padded_rows():
+def test_padded_rows() -> None:
     data = bytes([1, 2, 0xee, 0xee, 3, 4, 0xee, 0xee])
     assert as_pixels(data, 2, 2, 4, 'mono8', 0).tolist() == [[1, 2], [3, 4]]
     assert as_items(data, 2, 1, 4, '16UC1').tobytes() == bytes([1, 2, 3, 4])
 
 
-def test_byte_order():
+def test_byte_order() -> None:
     assert as_pixels(b'\x01\x02', 1, 1, 2, 'mono16', 1).tolist() == [[0x0102]]
     assert as_pixels(b'\x01\x02', 1, 1, 2, 'mono16', 0).tolist() == [[0x0201]]
 
 
-def test_channels_and_no_copy():
+def test_channels_and_no_copy() -> None:
     data = bytes(range(24))
     pixels = as_pixels(data, 2, 3, 12, 'bgr8', 0)
     assert pixels.shape == (2, 3, 3) and pixels[1, 2].tolist() == [18, 19, 20]
@@ -31,7 +31,7 @@ def test_channels_and_no_copy():
 
 @pytest.mark.parametrize('encoding', sorted(ENCODINGS))
 @pytest.mark.parametrize('pad', [0, 5])
-def test_items_hold_the_sources_bytes(encoding, pad):
+def test_items_hold_the_sources_bytes(encoding, pad) -> None:
     size = item_type(encoding).itemsize
     step = 7 * size + pad
     data = np.random.RandomState(3).bytes(5 * step)
@@ -46,7 +46,7 @@ def test_items_hold_the_sources_bytes(encoding, pad):
     ({'width': 0}, 'width is 0'),
     ({'width': 5000, 'step': 5000}, 'width is 5000'),
     ({'step': 1}, 'step is 1')])
-def test_bad_images(change, message):
+def test_bad_images(change, message) -> None:
     image = dict({'data': b'1234', 'height': 2, 'width': 2, 'step': 2, 'encoding': 'mono8'}, **change)
     with pytest.raises(ValueError, match=message):
         as_items(**image)
@@ -54,7 +54,7 @@ def test_bad_images(change, message):
         as_pixels(is_bigendian=0, **image)
 
 
-def test_reduced_to_the_mean_of_each_block():
+def test_reduced_to_the_mean_of_each_block() -> None:
     grey = np.array([[1, 3, 10], [5, 7, 20]], np.uint8)
     assert reduce_by(grey, 2).tolist() == [[4, 15]]      # the border repeats: (10 + 10 + 20 + 20) / 4
     colour = np.repeat(grey[:, :2, np.newaxis], 3, axis=2)
@@ -62,6 +62,6 @@ def test_reduced_to_the_mean_of_each_block():
 
 
 @pytest.mark.parametrize('order', ['<', '>'])
-def test_reduced_in_its_own_byte_order(order):
+def test_reduced_in_its_own_byte_order(order) -> None:
     pixels = np.array([[1000, 3000], [5000, 7000]], order + 'u2')
     assert reduce_by(pixels, 2).tobytes() == np.array([4000], order + 'u2').tobytes()

@@ -2,6 +2,7 @@
 import math
 import struct
 from types import SimpleNamespace
+from typing import Any, Callable, List, Optional, Sequence, Tuple
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ RANGES = {1: (-128, 127), 2: (0, 255), 3: (-2 ** 15, 2 ** 15 - 1), 4: (0, 2 ** 1
           6: (0, 2 ** 32 - 1)}
 
 
-def field(name, offset, datatype=7, count=1):
+def field(name: str, offset: int, datatype: int = 7, count: int = 1) -> SimpleNamespace:
     return SimpleNamespace(name=name, offset=offset, datatype=datatype, count=count)
 
 
@@ -26,31 +27,33 @@ XYZ = [field('x', 0), field('y', 4), field('z', 8)]
 XYZI = [*XYZ, field('intensity', 12)]
 
 
-def read(data, fields=XYZ, height=1, width=1, point_step=12, row_step=None, is_bigendian=False, intensity=False):
+def read(data: bytes, fields: Sequence[SimpleNamespace] = XYZ, height: int = 1, width: int = 1, point_step: int = 12,
+         row_step: Optional[int] = None, is_bigendian: bool = False,
+         intensity: bool = False) -> Tuple[List[List[float]], Optional[List[float]]]:
     points, values = as_points(data, fields, height, width, point_step, point_step * width if row_step is None
                                else row_step, is_bigendian, intensity)
     assert points.dtype == np.float32 and (values is None or values.dtype == np.float32)
     return points.tolist(), None if values is None else values.tolist()
 
 
-def test_by_hand():
+def test_by_hand() -> None:
     data = struct.pack('<6f', 1, 2, 3, -4, 5.5, 6)
     assert read(data, width=2) == ([[1, 2, 3], [-4, 5.5, 6]], None)
 
 
-def test_fields_in_any_order_with_gaps():
+def test_fields_in_any_order_with_gaps() -> None:
     data = struct.pack('<f2xHf1xf', 3, 77, 1, 2)
     fields = [field('z', 0), field('ring', 6, 4), field('x', 8), field('y', 13)]
     assert read(data, fields, point_step=17)[0] == [[1, 2, 3]]
 
 
-def test_float64_and_big_endian():
+def test_float64_and_big_endian() -> None:
     fields = [field('x', 0, 8), field('y', 8, 7), field('z', 12, 8), field('intensity', 20, 4)]
     data = struct.pack('>dfdH', 1.5, 2.5, -3.5, 0x0102)
     assert read(data, fields, point_step=22, is_bigendian=True, intensity=True) == ([[1.5, 2.5, -3.5]], [0x0102])
 
 
-def test_an_organised_cloud_is_read_row_by_row():
+def test_an_organised_cloud_is_read_row_by_row() -> None:
     rows = [struct.pack('<6f', *range(row, row + 6)) for row in (0, 10)]
     points = [[0, 1, 2], [3, 4, 5], [10, 11, 12], [13, 14, 15]]
     assert read(b''.join(rows), height=2, width=2)[0] == points
@@ -58,34 +61,34 @@ def test_an_organised_cloud_is_read_row_by_row():
 
 
 @pytest.mark.parametrize('row_step', [0, 1, 24, 48, 2 ** 32 - 1])
-def test_a_single_rows_step_does_not_matter(row_step):
+def test_a_single_rows_step_does_not_matter(row_step) -> None:
     assert read(struct.pack('<6f', 1, 2, 3, 4, 5, 6), width=2, row_step=row_step)[0] == [[1, 2, 3], [4, 5, 6]]
 
 
-def test_a_single_row_may_be_padded():
+def test_a_single_row_may_be_padded() -> None:
     assert read(struct.pack('<3f4x', 1, 2, 3), row_step=16)[0] == [[1, 2, 3]]
 
 
 @pytest.mark.parametrize('count', [0, 1, 3])
-def test_count_does_not_matter(count):
+def test_count_does_not_matter(count) -> None:
     fields = [field(name, offset, 7, count) for name, offset in zip('xyz', (0, 4, 8))]
     assert read(struct.pack('<3f', 1, 2, 3), fields)[0] == [[1, 2, 3]]
 
 
 @pytest.mark.parametrize('bad', [math.nan, math.inf, -math.inf])
 @pytest.mark.parametrize('axis', [0, 1, 2])
-def test_points_that_are_not_finite_are_left_out_with_their_intensity(bad, axis):
+def test_points_that_are_not_finite_are_left_out_with_their_intensity(bad, axis) -> None:
     values = np.arange(12, dtype='<f4').reshape(3, 4)
     values[1, axis] = bad
     assert read(values.tobytes(), XYZI, width=3, point_step=16, intensity=True) == ([[0, 1, 2], [8, 9, 10]], [3, 11])
 
 
-def test_an_intensity_that_is_not_finite_costs_no_point():
+def test_an_intensity_that_is_not_finite_costs_no_point() -> None:
     points, intensity = read(struct.pack('<4f', 1, 2, 3, math.nan), XYZI, point_step=16, intensity=True)
     assert points == [[1, 2, 3]] and math.isnan(intensity[0])
 
 
-def test_float64_beyond_float32_and_signalling_nans_are_quiet():
+def test_float64_beyond_float32_and_signalling_nans_are_quiet() -> None:
     fields = [field(name, 8 * i, 8) for i, name in enumerate(('x', 'y', 'z', 'intensity'))]
     data = struct.pack('<4d', 1e300, 2, 3, 4) + struct.pack('<3dQ', 1, 2, 3, 0x7ff0000000000001)
     data += struct.pack('<2dQd', 1, 2, 0x7ff0000000000001, 4) + struct.pack('<4d', 1, 2, 3, -1e300)
@@ -94,21 +97,21 @@ def test_float64_beyond_float32_and_signalling_nans_are_quiet():
     assert math.isnan(intensity[0]) and intensity[1] == -math.inf
 
 
-def test_intensity_only_where_asked_for_and_there():
+def test_intensity_only_where_asked_for_and_there() -> None:
     data = struct.pack('<4f', 1, 2, 3, 4)
     assert read(data, XYZI, point_step=16)[1] is None
     assert read(data, XYZ, point_step=16, intensity=True)[1] is None
     assert read(data, XYZI, point_step=16, intensity=True)[1] == [4]
 
 
-def values_of(datatype):
+def values_of(datatype: int) -> st.SearchStrategy:
     if datatype in RANGES:
         return st.integers(*RANGES[datatype])
     return st.floats(width=32) if datatype == 7 else st.floats()
 
 
 @st.composite
-def clouds(draw):
+def clouds(draw: Callable[..., Any]) -> Tuple[tuple, List[dict]]:
     """as_points' arguments, and each point's {name: value}: laid out at random, written by struct."""
     fields, at = [], 0
     for name in draw(st.permutations(['x', 'y', 'z', 'intensity', 'ring'])):
@@ -133,9 +136,9 @@ def clouds(draw):
 
 @settings(deadline=None)
 @given(clouds())
-def test_any_layout(cloud):
+def test_any_layout(cloud) -> None:
     arguments, points = cloud
-    with np.errstate(over='ignore', invalid='ignore'):     # signalling NaNs tell of themselves
+    with np.errstate(over='ignore', invalid='ignore'):     # signalling NaNs raise it
         expected = np.array([[point[name] for name in ('x', 'y', 'z', 'intensity')] for point in points],
                             float).astype(np.float32)
     expected = expected[np.isfinite(expected[:, :3]).all(axis=1)]
@@ -173,7 +176,7 @@ def test_any_layout(cloud):
     ({'point_step': 11}, 'field z has bytes 8 to 11, point_step is 11'),
     ({'point_step': 2 ** 31}, 'row_step is 24, width x point_step is 2 x 2147483648'),
     ({'point_step': 2 ** 32 - 1}, 'row_step is 24, width x point_step is 2 x 4294967295')])
-def test_bad_clouds(change, message):
+def test_bad_clouds(change, message) -> None:
     cloud = dict({'data': bytes(48), 'fields': XYZ, 'height': 2, 'width': 2, 'point_step': 12, 'row_step': 24,
                   'is_bigendian': 0, 'with_intensity': True}, **change)
     with pytest.raises(ValueError, match=message):
@@ -185,7 +188,7 @@ FIELDS = st.builds(field, st.sampled_from(['x', 'y', 'z', 'intensity', '']), NUM
 
 
 @given(st.lists(FIELDS, max_size=5), NUMBERS, NUMBERS, NUMBERS, NUMBERS, st.sampled_from([0, 12, 24]))
-def test_absurd_numbers_raise_nothing_else(fields, height, width, point_step, row_step, size):
+def test_absurd_numbers_raise_nothing_else(fields, height, width, point_step, row_step, size) -> None:
     try:
         points, intensity = as_points(bytes(size), XYZ + fields, height, width, point_step, row_step, 0, True)
     except ValueError:

@@ -4,14 +4,14 @@ import time
 from smokebot_udp.nodes.problems import RECENT, REMEMBERED, Problems
 
 
-def test_without_a_problem_all_is_fine():
+def test_without_a_problem_all_is_fine() -> None:
     assert Problems().verdict(0.0) == (0, 'fine', {'problems': 0})
 
 
-def test_the_last_problems_are_told_and_warned_of_for_a_while():
+def test_the_last_problems_are_told_and_warned_of_for_a_while() -> None:
     problems = Problems()
     for number in range(REMEMBERED + 2):
-        problems.tell('rate is -%d' % number)
+        problems.report('rate is -%d' % number)
     now = time.monotonic()
     level, message, values = problems.verdict(now)
     assert (level, message, values['problems']) == (1, 'rate is -6', REMEMBERED + 2)

@@ -3,6 +3,7 @@ import importlib
 import io
 import struct
 import tracemalloc
+from typing import Any
 
 import genpy
 import numpy as np
@@ -27,14 +28,14 @@ from smokebot_udp.udpros.records import (
 PACKAGES = 'geometry_msgs', 'nav_msgs', 'rosgraph_msgs', 'sensor_msgs', 'smokebot_udp', 'std_msgs'
 
 
-def message_classes():
+def message_classes() -> Any:
     for package in PACKAGES:
         module = importlib.import_module(package + '.msg')
         yield from (value for _, value in sorted(vars(module).items())
                     if isinstance(value, type) and issubclass(value, genpy.Message))
 
 
-def has_layout(message_class):
+def has_layout(message_class) -> bool:
     try:
         record_dtype(message_class, {})
     except LayoutError:
@@ -52,7 +53,7 @@ NUMBERS = {'bool': st.booleans(), 'float32': st.floats(width=32), 'float64': st.
                ('uint8', 8), ('char', 8), ('uint16', 16), ('uint32', 32), ('uint64', 64))}}
 
 
-def values(slot_type):
+def values(slot_type) -> Any:
     """What genpy takes for a field of that type."""
     if slot_type == 'string':
         return st.text(st.characters(blacklist_categories=('Cs',)), max_size=5)
@@ -70,20 +71,20 @@ def values(slot_type):
 
 
 @st.composite
-def messages(draw, message_class):
+def messages(draw, message_class) -> Any:
     message = message_class()
     for name, slot_type in zip(message_class.__slots__, message_class._slot_types):
         setattr(message, name, draw(values(slot_type)))
     return message
 
 
-def serialised(message):
+def serialised(message) -> Any:
     buffer = io.BytesIO()
     message.serialize(buffer)
     return buffer.getvalue()
 
 
-def as_record(value):
+def as_record(value) -> Any:
     """A message's field as it is assigned to a record's."""
     if isinstance(value, str):
         return np.frombuffer(value.encode(), np.uint8)
@@ -98,7 +99,7 @@ def as_record(value):
     return value
 
 
-def fill(record, message):
+def fill(record, message) -> None:
     for name in message.__slots__:
         value = getattr(message, name)
         if isinstance(value, genpy.Message):
@@ -107,7 +108,7 @@ def fill(record, message):
             record[name] = as_record(value)
 
 
-def as_value(value, slot_type):
+def as_value(value, slot_type) -> Any:
     """A record's field as genpy takes it."""
     if slot_type == 'string':
         return value.tobytes().decode()
@@ -119,7 +120,7 @@ def as_value(value, slot_type):
     return value.item() if slot_type in NUMBERS else as_message(value, genpy.message.get_message_class(slot_type))
 
 
-def as_message(record, message_class):
+def as_message(record, message_class) -> Any:
     return message_class(*(as_value(record[name], slot_type)
                            for name, slot_type in zip(message_class.__slots__, message_class._slot_types)))
 
@@ -127,7 +128,7 @@ def as_message(record, message_class):
 @pytest.mark.parametrize('message_class', WITH_LAYOUT, ids=lambda message_class: message_class._type)
 @given(st.data())
 @settings(max_examples=15, deadline=None)
-def test_bytes_equal_genpys(message_class, data):
+def test_bytes_equal_genpys(message_class, data) -> None:
     message = data.draw(messages(message_class))
     expected = serialised(message)
     lengths = lengths_of(message_class, expected)
@@ -140,7 +141,7 @@ def test_bytes_equal_genpys(message_class, data):
     assert set(lengths) == {'.'.join(path) for path in varying_fields(message_class)}
 
 
-def test_most_types_have_a_layout():
+def test_most_types_have_a_layout() -> None:
     names = {c._type for c in WITH_LAYOUT}
     assert {'std_msgs/Header', 'sensor_msgs/LaserScan', 'sensor_msgs/Image', 'nav_msgs/Odometry', 'std_msgs/Empty',
             'nav_msgs/OccupancyGrid', 'geometry_msgs/PoseArray', 'smokebot_udp/ImageSegment'} <= names
@@ -148,7 +149,7 @@ def test_most_types_have_a_layout():
             'std_msgs/UInt8MultiArray'} <= WITHOUT_LAYOUT
 
 
-def test_a_scan_by_hand():
+def test_a_scan_by_hand() -> None:
     dtype = record_dtype(LaserScan, {'header.frame_id': 5, 'ranges': 3, 'intensities': 1})
     assert dtype.itemsize == 4 + 8 + (4 + 5) + 7 * 4 + (4 + 12) + (4 + 4)
     assert dtype.names[-4:] == ('ranges_length', 'ranges', 'intensities_length', 'intensities')
@@ -162,7 +163,7 @@ def test_a_scan_by_hand():
     assert scan.intensities == (0,)
 
 
-def test_fixed_arrays_and_nested_messages():
+def test_fixed_arrays_and_nested_messages() -> None:
     dtype = record_dtype(Odometry, {'child_frame_id': 2})
     assert dtype['pose']['covariance'].shape == (36,)
     assert dtype['child_frame_id'].shape == (2,)
@@ -171,7 +172,7 @@ def test_fixed_arrays_and_nested_messages():
 
 
 @pytest.mark.parametrize('message_class', [PointCloud2, JointState, Path, UInt8MultiArray])
-def test_elements_that_vary_have_no_layout(message_class):
+def test_elements_that_vary_have_no_layout(message_class) -> None:
     """nav_msgs/Path's elements hide their string one message deeper."""
     message = message_class()
     if message_class is Path:
@@ -182,14 +183,14 @@ def test_elements_that_vary_have_no_layout(message_class):
         lengths_of(message_class, serialised(message))
 
 
-def test_unknown_names():
+def test_unknown_names() -> None:
     with pytest.raises(LayoutError, match='frame_id'):
         record_dtype(Image, {'frame_id': 3, 'data': 5})
     with pytest.raises(LayoutError):
         record_dtype(Image, {'height': 3})
 
 
-def test_impossible_lengths():
+def test_impossible_lengths() -> None:
     for length in (-1, 1 << 31, 0xffffffff):
         with pytest.raises(LayoutError):
             record_dtype(Image, {'data': length})
@@ -221,7 +222,7 @@ class Unknown(genpy.Message):
     _slot_types = ['nowhere/Nothing']
 
 
-def test_fields_named_like_lengths():
+def test_fields_named_like_lengths() -> None:
     with pytest.raises(LayoutError):
         record_dtype(Clash, {'data': 2})
     records = np.zeros(1, record_dtype(NoClash, {}))
@@ -230,17 +231,17 @@ def test_fields_named_like_lengths():
     assert records['data_length'] == 9 and same_layout(records, NoClash).all()
 
 
-def test_endless_nothing():
+def test_endless_nothing() -> None:
     with pytest.raises(LayoutError):
         lengths_of(Empties, b'\xff\xff\xff\xff')
 
 
-def test_types_that_are_not_installed():
+def test_types_that_are_not_installed() -> None:
     with pytest.raises(LayoutError, match='not installed'):
         lengths_of(Unknown, b'')
 
 
-def test_lengths_of():
+def test_lengths_of() -> None:
     assert lengths_of(Header, serialised(Header(frame_id='map'))) == {'frame_id': 3}
     assert lengths_of(Empty, b'') == {}
     grid = OccupancyGrid(data=[-1, 0, 100])
@@ -251,7 +252,7 @@ def test_lengths_of():
 
 @pytest.mark.parametrize('message', [Header(frame_id='map'), LaserScan(ranges=[1., 2.]), Image(data=bytes(9)),
                                      ColorRGBA(), String(data='hello')], ids=lambda message: message._type)
-def test_every_other_length_is_refused(message):
+def test_every_other_length_is_refused(message) -> None:
     data = serialised(message)
     for end in range(len(data)):
         with pytest.raises(LayoutError):
@@ -262,7 +263,7 @@ def test_every_other_length_is_refused(message):
 
 @given(st.sampled_from(WITH_LAYOUT), st.binary(max_size=200))
 @settings(max_examples=500)
-def test_random_bytes_give_a_layout_of_their_size_or_a_layout_error(message_class, data):
+def test_random_bytes_give_a_layout_of_their_size_or_a_layout_error(message_class, data) -> None:
     try:
         lengths = lengths_of(message_class, data)
     except LayoutError:
@@ -270,7 +271,7 @@ def test_random_bytes_give_a_layout_of_their_size_or_a_layout_error(message_clas
     assert record_dtype(message_class, lengths).itemsize == len(data)
 
 
-def test_a_length_field_costs_no_memory():
+def test_a_length_field_costs_no_memory() -> None:
     data = bytearray(serialised(Image(data=bytes(100))))
     struct.pack_into('<I', data, len(data) - 104, 0xfffffff0)
     tracemalloc.start()
@@ -282,7 +283,7 @@ def test_a_length_field_costs_no_memory():
         tracemalloc.stop()
 
 
-def test_same_layout_tells_the_rows_of_other_lengths():
+def test_same_layout_tells_the_rows_of_other_lengths() -> None:
     """Three messages of 21 bytes: only the first and the last share a layout."""
     rows = [serialised(Header(frame_id='abcde')), b'\0' * 12 + b'\4\0\0\0' + b'abcde',
             serialised(Header(frame_id='vwxyz'))]
@@ -290,7 +291,7 @@ def test_same_layout_tells_the_rows_of_other_lengths():
     assert same_layout(records, Header).tolist() == [True, False, True]
 
 
-def test_same_layout_looks_at_every_length():
+def test_same_layout_looks_at_every_length() -> None:
     records = np.zeros(3, record_dtype(Image, {'header.frame_id': 1, 'encoding': 2, 'data': 3}))
     write_lengths(records, Image)
     records['header']['frame_id_length'][0] = 2
@@ -299,6 +300,6 @@ def test_same_layout_looks_at_every_length():
     assert same_layout(records[:0], Image).tolist() == []
 
 
-def test_has_header():
+def test_has_header() -> None:
     assert has_header(Image) and has_header(Odometry)
     assert not has_header(String) and not has_header(Header)

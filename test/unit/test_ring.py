@@ -5,7 +5,7 @@ import pytest
 from smokebot_udp.codecs.concealment.ring import border_of, continued, moved, repeated
 
 
-def test_repeated_and_moved_by_hand():
+def test_repeated_and_moved_by_hand() -> None:
     subimages = np.array([[[1, 2], [3, 4]], [[5, 6], [7, 8]]])
     views = moved(repeated(subimages, 1), 1)
     assert views.shape == (2, 3, 3, 2, 2)
@@ -16,7 +16,7 @@ def test_repeated_and_moved_by_hand():
 
 
 @pytest.mark.parametrize('reach', [1, 2])
-def test_moved_of_several_channels(reach):
+def test_moved_of_several_channels(reach) -> None:
     subimages = np.random.RandomState(0).randint(0, 99, (3, 4, 5, 3))
     views = moved(repeated(subimages, reach), reach)
     for down in range(-reach, reach + 1):
@@ -26,7 +26,7 @@ def test_moved_of_several_channels(reach):
             assert (views[:, reach + down, reach + right] == subimages[:, rows][:, :, columns]).all()
 
 
-def test_continued_by_hand():
+def test_continued_by_hand() -> None:
     """Of a 4 x 4 block three pixels came, in 2 x 2 blocks; . did not:
 
         .  .  .  .   .  .  .  .
@@ -49,14 +49,14 @@ def test_continued_by_hand():
 
 @pytest.mark.parametrize('p', [1, 2, 4, 8, 16])
 @pytest.mark.parametrize('share', [0.01, 0.3, 1.0])
-def test_the_border_has_the_nearest(p, share):
+def test_the_border_has_the_nearest(p, share) -> None:
     random = np.random.RandomState(p)
     came = random.random_sample((p, p)) < share
     came[random.randint(p), random.randint(p)] = True
     place = random.permutation(np.argwhere(came))
     border = border_of(place, p)
 
-    def check(found, row, column):
+    def check(found: int, row: int, column: int) -> None:
         distances = np.linalg.norm(place - (row, column), axis=1)
         assert distances[found] == distances.min()
     for k, end in enumerate((0, p - 1)):
@@ -67,8 +67,8 @@ def test_the_border_has_the_nearest(p, share):
             check(border.corners[k, j], end, corner)
 
 
-def test_the_ring_has_pixels_from_near_the_border_only():
-    """Each pixel's value tells where it is: what continues the picture upwards comes from its first rows."""
+def test_the_ring_has_pixels_from_near_the_border_only() -> None:
+    """Each pixel's value is its place: what continues the image upwards is from its first rows."""
     p, rows, columns = 8, 4, 5
     at = np.moveaxis(np.indices((rows * p, columns * p)), 0, -1)
     place = np.random.RandomState(0).permutation(np.argwhere(np.ones((p, p))))[:20]

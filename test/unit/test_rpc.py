@@ -5,6 +5,7 @@ import http.client
 import socket
 import threading
 import xmlrpc.client
+from typing import Any
 from xmlrpc.server import SimpleXMLRPCServer
 
 import pytest
@@ -13,18 +14,18 @@ from smokebot_udp.udpros import rpc
 
 
 @pytest.fixture
-def server():
+def server() -> Any:
     with socket.create_server(('127.0.0.1', 0), backlog=0) as listening:
         yield listening
 
 
 @pytest.fixture
-def attempts(monkeypatch):
+def attempts(monkeypatch) -> Any:
     """The sockets that connect makes."""
     made, real = [], socket.socket
 
     class Noted(real):
-        def __init__(self, *args, **kwargs):
+        def __init__(self, *args, **kwargs) -> None:
             super().__init__(*args, **kwargs)
             if kwargs.get('fileno') is None:
                 made.append(self)
@@ -34,8 +35,8 @@ def attempts(monkeypatch):
 
 
 @contextlib.contextmanager
-def full(listening):
-    """In this context the kernel drops whoever wants to connect, as a bad link does; [socket, ...] that wait."""
+def full(listening) -> Any:
+    """A context in which the kernel drops every attempt to connect, as a bad link does."""
     with contextlib.ExitStack() as waiting:
         for _ in range(2):
             one = waiting.enter_context(socket.socket())
@@ -44,7 +45,7 @@ def full(listening):
         yield
 
 
-def test_it_connects_at_the_first_attempt_where_the_way_is_good(server, attempts):
+def test_on_a_good_link_the_first_attempt_connects(server, attempts) -> None:
     with rpc.create_connection(server.getsockname(), timeout=5) as connection:
         assert connection.gettimeout() == 5
         accepted, _ = server.accept()
@@ -54,7 +55,7 @@ def test_it_connects_at_the_first_attempt_where_the_way_is_good(server, attempts
     assert len(attempts) == 1
 
 
-def test_an_attempt_that_gets_no_answer_is_raced_by_others_and_all_are_closed(server, attempts):
+def test_an_attempt_without_answer_is_raced_by_others_and_all_are_closed(server, attempts) -> None:
     with full(server):
         del attempts[:]
         with pytest.raises(socket.timeout):
@@ -63,10 +64,10 @@ def test_an_attempt_that_gets_no_answer_is_raced_by_others_and_all_are_closed(se
     assert all(attempt.fileno() == -1 for attempt in attempts)
 
 
-def test_one_that_comes_through_later_is_taken_and_the_others_are_closed(server, attempts):
+def test_the_first_that_connects_is_returned_and_the_others_are_closed(server, attempts) -> None:
     accepted = []
 
-    def make_room():
+    def make_room() -> None:
         accepted.extend(server.accept()[0] for _ in range(3))
 
     with full(server):
@@ -81,7 +82,7 @@ def test_one_that_comes_through_later_is_taken_and_the_others_are_closed(server,
         one.close()
 
 
-def test_all_http_of_a_process_may_connect_so(server, attempts, monkeypatch):
+def test_all_http_of_a_process_may_connect_so(server, attempts, monkeypatch) -> None:
     monkeypatch.setattr(socket, 'create_connection', None)     # to be put back afterwards
     rpc.race_all_connections()
     connection = http.client.HTTPConnection(*server.getsockname())
@@ -91,14 +92,14 @@ def test_all_http_of_a_process_may_connect_so(server, attempts, monkeypatch):
     assert len(attempts) == 1
 
 
-def test_a_refusal_is_told_at_once():
+def test_a_refusal_is_raised_at_once() -> None:
     with socket.create_server(('127.0.0.1', 0)) as closed:
         address = closed.getsockname()
     with pytest.raises(ConnectionRefusedError):
         rpc.create_connection(address, timeout=60)
 
 
-def test_of_several_addresses_one_that_answers_is_taken(server, monkeypatch):
+def test_of_several_addresses_one_that_answers_is_used(server, monkeypatch) -> None:
     with socket.create_server(('127.0.0.1', 0)) as closed:
         refusing = closed.getsockname()
     monkeypatch.setattr(rpc.socket, 'getaddrinfo', lambda *args, **kwargs: [
@@ -107,14 +108,14 @@ def test_of_several_addresses_one_that_answers_is_taken(server, monkeypatch):
         assert connection.getpeername() == server.getsockname()
 
 
-def test_an_unreachable_network_is_told(monkeypatch):
+def test_an_unreachable_network_is_raised(monkeypatch) -> None:
     monkeypatch.setattr(rpc.socket, 'getaddrinfo', lambda *args, **kwargs: [
         (socket.AF_INET, socket.SOCK_STREAM, 6, '', ('255.255.255.255', 1))])
     with pytest.raises(OSError, match='unreachable|denied'):
         rpc.create_connection(('nowhere', 1), timeout=20)
 
 
-def test_a_call_goes_by_it_and_nuls_are_overlooked():
+def test_a_call_connects_so_and_nuls_are_ignored() -> None:
     with SimpleXMLRPCServer(('127.0.0.1', 0), logRequests=False) as server:
         server.register_function(lambda caller: [1, '', caller], 'getPid')
         server._marshaled_dispatch = lambda *args: SimpleXMLRPCServer._marshaled_dispatch(server, *args) + b'\0'
@@ -125,16 +126,16 @@ def test_a_call_goes_by_it_and_nuls_are_overlooked():
         server.shutdown()
 
 
-def test_long_lists_to_and_from_the_master_are_compressed():
+def test_long_lists_to_and_from_the_master_are_compressed() -> None:
     with SimpleXMLRPCServer(('127.0.0.1', 0), logRequests=False) as server:
         encodings = []
 
         class Handler(server.RequestHandlerClass):
-            def do_POST(self):
+            def do_POST(self) -> None:
                 encodings.append(self.headers.get('Content-Encoding'))
                 super().do_POST()
 
-            def send_header(self, name, value):
+            def send_header(self, name, value) -> None:
                 if name == 'Content-Encoding':
                     encodings.append(value)
                 super().send_header(name, value)

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The simulated robot's sensors besides its cameras, and that all of them agree by way of the transforms."""
+from typing import Any
+
 import numpy as np
 import pytest
 import rospy
@@ -12,8 +14,9 @@ from smokebot_udp.simulation import battery, mounts, scanner
 from smokebot_udp.simulation.drive import Drive
 from smokebot_udp.simulation.gas import FRESH_AIR, GasSensor, carbon_monoxide
 from smokebot_udp.simulation.lidar import COLUMNS, POINT, Lidar
-from smokebot_udp.simulation.odometry import Odometry, compose, inverse
+from smokebot_udp.simulation.odometry import Odometry
 from smokebot_udp.simulation.pinhole import Pinhole
+from smokebot_udp.simulation.pose import Pose, compose, inverse
 from smokebot_udp.simulation.rays import NOTHING
 from smokebot_udp.simulation.world import CEILING, FLOOR, ROOF, Prism, World, building
 
@@ -21,14 +24,14 @@ TIMES = 0.0, 11.0, 31.0, 77.0
 LONE_WALL = World([Prism('wall', (3.0, 0.0), (2.0, 4.0), 0.0, 0.0, CEILING, 20.0, (30, 30, 30))])
 
 
-def in_world(points, pose, height):
+def in_world(points: Any, pose: Pose, height: float) -> Any:
     """(n, 3) of a sensor's POINTs."""
     x, y, _ = compose(pose, (points['x'].astype(float), points['y'].astype(float), 0.0))
     return np.stack([x, y, points['z'] + height], axis=1)
 
 
 @pytest.mark.parametrize('time', TIMES)
-def test_lidar_points_lie_on_the_surfaces_they_met(time):
+def test_lidar_points_lie_on_the_surfaces_they_met(time: float) -> None:
     world, pose = building(1), Drive().pose(time)
     lidar = Lidar(world, mounts.LIDAR, 1, noise=0.0)
     points, surface = in_world(lidar.scan(pose, time), pose, mounts.LIDAR), lidar.look(pose)[1].reshape(-1)
@@ -43,7 +46,7 @@ def test_lidar_points_lie_on_the_surfaces_they_met(time):
         assert np.maximum(outside, np.maximum(-below, above)) == pytest.approx(0.0, abs=1e-3)
 
 
-def test_lidar_tells_ring_and_what_it_does_not_meet():
+def test_lidar_gives_rings_and_nan_where_nothing_is_in_range() -> None:
     points = Lidar(LONE_WALL, 0.9, 1, noise=0.0).scan((0.0, 0.0, 0.0), 0.0).reshape(COLUMNS, 16)
     assert (points['ring'] == np.arange(16)).all() and (points['z'][0, 8:] > 0).all()
     assert points['x'][0, 7:9] == pytest.approx(2.0)
@@ -51,14 +54,14 @@ def test_lidar_tells_ring_and_what_it_does_not_meet():
     assert np.isnan([slight['x'], slight['y'], slight['z']]).all()
 
 
-def test_lidar_noise_is_along_the_ray_and_as_wide_as_told():
+def test_lidar_noise_is_along_the_ray_with_its_deviation() -> None:
     world, pose = building(1), Drive().pose(31.0)
     exact, noisy = (Lidar(world, 0.9, 1, noise).scan(pose, 31.0) for noise in (0.0, 0.03))
     exact, noisy = (np.linalg.norm(in_world(points, (0, 0, 0), 0.0), axis=1) for points in (exact, noisy))
     assert (noisy - exact).std() == pytest.approx(0.03, rel=0.05)
 
 
-def test_the_scanner_sees_to_the_left_and_infinity_where_nothing_is():
+def test_the_scanner_sees_to_the_left_and_infinity_where_nothing_is() -> None:
     distance, intensity = scanner.Scanner(LONE_WALL, 0.3, 1, noise=0.0).scan((0.0, 0.0, -np.pi / 4), 0.0)
     left = np.argmin(np.abs(scanner.ANGLES - np.pi / 4))
     assert len(distance) == len(intensity) == 541
@@ -68,7 +71,7 @@ def test_the_scanner_sees_to_the_left_and_infinity_where_nothing_is():
     assert np.isposinf(scanner.Scanner(far, 0.3, 1).scan((0.0, 0.0, 0.0), 0.0)[0]).all()
 
 
-def test_scanner_and_lidar_see_the_same_walls():
+def test_scanner_and_lidar_see_the_same_walls() -> None:
     world, pose = building(1), Drive().pose(31.0)
     ranges, _ = scanner.Scanner(world, 1.1, 1, noise=0.0).scan(pose, 31.0)
     ring = in_world(Lidar(world, 1.1, 1, noise=0.0).scan(pose, 31.0).reshape(COLUMNS, 16)[:, 8], (0, 0, 0), 0.0)
@@ -76,7 +79,7 @@ def test_scanner_and_lidar_see_the_same_walls():
     assert np.isclose(ranges, ahead, rtol=1e-3).mean() > 0.98     # a degree upwards, and past a low edge
 
 
-def test_carbon_monoxide_is_high_at_the_fires_and_smooth():
+def test_carbon_monoxide_is_high_at_the_fires_and_smooth() -> None:
     world = building(1)
     fire, away = world.fires[0, :2], np.array([10.5, 7.0])
     way = [carbon_monoxide(world, fire + share * (away - fire), 5.0) for share in np.linspace(0, 1, 200)]
@@ -87,19 +90,19 @@ def test_carbon_monoxide_is_high_at_the_fires_and_smooth():
     assert GasSensor(World(LONE_WALL.prisms), 1, 0.0).measure((0.0, 0.0, 0.0), 5.0) == FRESH_AIR
 
 
-def test_the_battery_empties_and_is_exchanged():
-    shares = [battery.share_left(time) for time in (0.0, 3600.0, 7199.0, 7200.0)]
-    assert shares == pytest.approx([1.0, 0.5, 0.0, 1.0], abs=1e-3)
+def test_the_battery_empties_and_is_exchanged() -> None:
+    charges = [battery.state_of_charge(time) for time in (0.0, 3600.0, 7199.0, 7200.0)]
+    assert charges == pytest.approx([1.0, 0.5, 0.0, 1.0], abs=1e-3)
     assert battery.voltage(1.0) == pytest.approx(25.2)
 
 
-def test_a_pose_and_its_inverse_cancel():
+def test_a_pose_and_its_inverse_cancel() -> None:
     pose = 1.0, -2.0, 0.7
     assert compose(pose, inverse(pose)) == pytest.approx((0, 0, 0))
     assert compose((1.0, 0.0, np.pi / 2), (2.0, 0.0, 0.1)) == pytest.approx((1.0, 2.0, np.pi / 2 + 0.1))
 
 
-def test_odometry_drifts_slowly_and_only_on_the_way():
+def test_odometry_drifts_slowly_and_only_on_the_way() -> None:
     drive = Drive()
     odometry = Odometry(drive)
     assert odometry.pose(0.0) == pytest.approx(drive.pose(0.0))
@@ -112,7 +115,7 @@ def test_odometry_drifts_slowly_and_only_on_the_way():
     assert halts and np.allclose(np.diff(drift, axis=0)[halts], 0)
 
 
-def transforms(time, stamp):
+def transforms(time: float, stamp: Any) -> Any:
     """A tf2 buffer that has heard the robot at this time, under this stamp."""
     buffer = tf2_ros.BufferCore()
     for transform in simulated_topics.transforms(stamp, Odometry(Drive()), time):
@@ -122,7 +125,7 @@ def transforms(time, stamp):
     return buffer
 
 
-def matrix(transform):
+def matrix(transform: Any) -> Any:
     """(4, 4) of a TransformStamped."""
     t, q = transform.transform.translation, transform.transform.rotation
     x, y, z, w = q.x, q.y, q.z, q.w
@@ -132,14 +135,14 @@ def matrix(transform):
 
 
 @pytest.mark.parametrize('time', TIMES + (700.0,))
-def test_the_transforms_tell_the_true_pose(time):
+def test_the_transforms_give_the_true_pose(time: float) -> None:
     stamp, (x, y, yaw) = rospy.Time(1000 + time), Drive().pose(time)
     found = matrix(transforms(time, stamp).lookup_transform_core('map', 'base_link', stamp))
     c, s = np.cos(yaw), np.sin(yaw)
     assert found == pytest.approx(np.array([(c, -s, 0, x), (s, c, 0, y), (0, 0, 1, 0), (0, 0, 0, 1)]), abs=1e-9)
 
 
-def test_a_camera_s_axes_are_right_down_and_ahead():
+def test_a_camera_s_axes_are_right_down_and_ahead() -> None:
     stamp = rospy.Time(1000)
     for name in ('thermal', 'camera'):
         turn = matrix(transforms(0.0, stamp).lookup_transform_core('base_link', name + '_optical_frame', stamp))
@@ -147,7 +150,7 @@ def test_a_camera_s_axes_are_right_down_and_ahead():
 
 
 @pytest.mark.parametrize('time', TIMES)
-def test_the_cloud_falls_on_the_same_surfaces_of_the_thermal_picture(time):
+def test_the_cloud_falls_on_the_same_surfaces_of_the_thermal_image(time: float) -> None:
     """By what a receiver has: the cloud's message, tf and camera_info."""
     world, pose, stamp = building(1), Drive().pose(time), rospy.Time(1000 + time)
     lidar, eye = Lidar(world, mounts.LIDAR, 1, noise=0.0), Pinhole(320, 240, np.radians(70), mounts.CAMERA)
@@ -171,7 +174,7 @@ def test_the_cloud_falls_on_the_same_surfaces_of_the_thermal_picture(time):
     assert len(set(shown)) > 1
 
 
-def test_a_cloud_s_message_is_laid_out_as_velodyne_s():
+def test_a_cloud_s_message_is_laid_out_as_velodyne_s() -> None:
     message = simulated_topics.cloud(Header(), Lidar(LONE_WALL, 0.9, 1).scan((0.0, 0.0, 0.0), 0.0))
     assert [(field.name, field.offset, field.datatype) for field in message.fields] == [
         ('x', 0, 7), ('y', 4, 7), ('z', 8, 7), ('intensity', 12, 7), ('ring', 16, 4), ('time', 18, 7)]

@@ -1,4 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -12,18 +14,18 @@ from smokebot_udp.simulation.world import CEILING, FLOOR, ROOF, Prism, World, bu
 EYE = Pinhole(160, 120, np.radians(70), 0.6)
 
 
-def box(name='box', centre=(3.0, 0.0), size=(2.0, 4.0), bottom=0.0, top=CEILING, temperature=30.0, flicker=0.0):
+def box(name='box', centre=(3.0, 0.0), size=(2.0, 4.0), bottom=0.0, top=CEILING, temperature=30.0, flicker=0.0) -> Any:
     return Prism(name, centre, size, 0.0, bottom, top, temperature, (10, 20, 30), flicker)
 
 
-def test_a_ray_at_a_known_wall_has_a_known_length():
+def test_a_ray_at_a_known_wall_has_a_known_length() -> None:
     world = World([box()])                                    # its near face is x = 2
     distance, surface = ranges(world, (0.0, 0.0), 0.6, np.array([0.0, np.pi]), np.array([0.0]), floor=False)
     assert distance[0, 0] == pytest.approx(2.0) and surface[0, 0] == 0
     assert np.isinf(distance[1, 0]) and surface[1, 0] == NOTHING
 
 
-def test_rays_meet_floor_ceiling_and_the_top_of_low_things():
+def test_rays_meet_floor_ceiling_and_the_top_of_low_things() -> None:
     world = World([box(top=0.3)])
     slopes = np.array([-1.0, -0.1, 0.1])
     distance, surface = ranges(world, (0.0, 0.0), 0.6, np.array([0.0]), slopes)
@@ -32,7 +34,7 @@ def test_rays_meet_floor_ceiling_and_the_top_of_low_things():
 
 
 @pytest.mark.parametrize('seed', [0, 1, 7])
-def test_the_picture_and_the_rays_see_the_same(seed):
+def test_the_picture_and_the_rays_see_the_same(seed) -> None:
     world = building(seed)
     for time in (0.0, 31.0, 77.0):
         pose = Drive().pose(time)
@@ -48,13 +50,13 @@ def test_the_picture_and_the_rays_see_the_same(seed):
             assert distance[0, 0] == pytest.approx(view.depth[row, column] * stretch, rel=1e-3)
 
 
-def test_the_same_seed_is_the_same_building_fire_and_noise():
+def test_the_same_seed_is_the_same_building_fire_and_noise() -> None:
     pictures = [ThermalCamera(building(seed), EYE, seed).look(Drive().pose(20.0), 20.0) for seed in (3, 3, 4)]
     assert (pictures[0] == pictures[1]).all()
     assert (pictures[0] != pictures[2]).any()
 
 
-def test_a_fire_is_hot_where_it_stands():
+def test_a_fire_is_hot_where_it_stands() -> None:
     world = building(1)
     for fire in np.flatnonzero(world.flicker > 0):
         x, y = world.prisms[fire].centre
@@ -65,7 +67,7 @@ def test_a_fire_is_hot_where_it_stands():
         assert counts[5, 5] < to_counts(150.0)
 
 
-def test_counts_are_kelvin_by_0_04():
+def test_counts_are_kelvin_by_0_04() -> None:
     assert to_counts(0.0) == pytest.approx(6828.75)
     world = World([box(size=(2.0, 40.0), temperature=30.0)])
     counts = ThermalCamera(world, EYE, 1, noise=0.0).look((0.0, 0.0, 0.0), 0.0)
@@ -74,14 +76,14 @@ def test_counts_are_kelvin_by_0_04():
     assert abs(np.median(middle) - 32.0) < 3.0                # the wall, warmer towards the ceiling
 
 
-def test_smoke_hides_what_is_far():
+def test_smoke_hides_what_is_far() -> None:
     world = building(1)
     pose = (1.5, 7.0, 0.0)
     clear, thick = (Camera(world, EYE, 1, smoke=smoke, noise=0.0).look(pose, 0.0).astype(float) for smoke in (0.0, 0.5))
     assert thick[40:80].std() < clear[40:80].std() / 2
 
 
-def test_the_drive_touches_nothing_and_closes():
+def test_the_drive_touches_nothing_and_closes() -> None:
     drive = Drive(0.7)
     times = np.arange(0.0, drive.period, 0.1)
     for seed in range(5):
@@ -92,7 +94,7 @@ def test_the_drive_touches_nothing_and_closes():
     assert np.cos(end[2] - start[2]) == pytest.approx(1.0)
 
 
-def test_the_drive_moves_and_stands():
+def test_the_drive_moves_and_stands() -> None:
     drive = Drive(0.7)
     twists = np.array([drive.twist(time) for time in np.arange(0.05, drive.period - 0.05, 0.1)])
     assert np.abs(twists[:, 0]).max() == pytest.approx(0.7, rel=1e-3)
@@ -100,7 +102,7 @@ def test_the_drive_moves_and_stands():
     assert standing.mean() * drive.period == pytest.approx(7 * HALT, rel=0.1)
 
 
-def test_a_standing_robot_sees_the_same_picture_without_noise():
+def test_a_standing_robot_sees_the_same_picture_without_noise() -> None:
     world, drive = building(2), Drive()
     camera = ThermalCamera(world, EYE, 1, noise=0.0)
     still = next(t for t in np.arange(0.0, drive.period, 0.1) if drive.twist(t) == (0.0, 0.0)) + 0.5

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 import math
+from typing import Any, List, Tuple
 
 import cv2
 import numpy as np
 import pytest
 
-from smokebot_udp.codecs.display import view
+from smokebot_udp.arrays import UInt8Array
 from smokebot_udp.codecs.display.colouring import MARKS, SHADES, Coloured, Colouring
 from smokebot_udp.codecs.display.view import BLACK, COLOURS, FRESH, FROZEN, OLD, Limits, duration, framed, layout
 
@@ -14,10 +15,10 @@ KELVIN = {'counts_per_unit': 25.0, 'zero': -273.15, 'unit': 'degC'}
 GREY = Coloured(np.full((480, 640, 3), 100, np.uint8))
 
 
-def middle_of_border(picture):
+def middle_of_border(image: UInt8Array) -> List[Tuple[int, ...]]:
     """Colours of the border: left, top, right; and of the strip's corner below."""
-    height, width = picture.shape[:2]
-    return [tuple(picture[at].tolist()) for at in ((height // 2, 1), (1, width // 2), (height // 2, width - 2),
+    height, width = image.shape[:2]
+    return [tuple(image[at].tolist()) for at in ((height // 2, 1), (1, width // 2), (height // 2, width - 2),
                                                   (height - 2, 2))]
 
 
@@ -28,79 +29,79 @@ def middle_of_border(picture):
     (2.0, 1.0, 0.0, FROZEN), (1e9, 1.0, 0.0, FROZEN), (math.inf, 0.0, math.inf, FROZEN), (math.nan, 1.0, 0.0, FROZEN),
     (-100.0, 1.0, 0.4, OLD), (-100.0, 1.0, 0.6, OLD), (-100.0, 1.0, 2.0, FROZEN), (0.0, 1.0, 3.0, FROZEN),
     (math.nan, 1.0, 0.6, OLD), (math.nan, 1.0, 9.0, FROZEN), (9.0, 1.0, 0.6, FROZEN)])
-def test_colours_of_the_states(age, completeness, silence, state):
+def test_colours_of_the_states(age, completeness, silence, state) -> None:
     assert middle_of_border(framed(GREY, age, completeness, LIMITS, silence)) == [COLOURS[state]] * 4
 
 
 @pytest.mark.parametrize('completeness', [-0.01, 1.01, math.nan])
-def test_bad_completeness(completeness):
+def test_bad_completeness(completeness) -> None:
     with pytest.raises(ValueError, match='completeness is'):
         framed(GREY, 0.1, completeness, LIMITS)
 
 
 @pytest.mark.parametrize('age', [0.1, 0.9])
-def test_no_pixel_is_covered(age):
+def test_no_pixel_is_covered(age) -> None:
     pixels = np.random.RandomState(1).randint(0, 256, (480, 640, 3)).astype(np.uint8)
-    picture = framed(Coloured(pixels, np.zeros((254, 3), np.uint8), ('1',) * 5, 'degC'), age, 0.9, LIMITS)
+    image = framed(Coloured(pixels, np.zeros((254, 3), np.uint8), ('1',) * 5, 'degC'), age, 0.9, LIMITS)
     place = layout(480, 640)
     assert place == (1, (0, 0, 0, 0), 6, 54)
-    assert picture.shape == (480 + 6 + 54, 640 + 12, 3)
-    assert np.array_equal(picture[6:486, 6:646], pixels)
+    assert image.shape == (480 + 6 + 54, 640 + 12, 3)
+    assert np.array_equal(image[6:486, 6:646], pixels)
 
 
-def test_small_pictures_are_enlarged():
+def test_small_images_are_enlarged() -> None:
     pixels = np.random.RandomState(1).randint(0, 256, (120, 160, 3)).astype(np.uint8)
-    picture = framed(Coloured(pixels), 0.1, 1.0, LIMITS)
+    image = framed(Coloured(pixels), 0.1, 1.0, LIMITS)
     assert layout(120, 160) == (3, (0, 0, 0, 0), 4, 41)
-    assert np.array_equal(picture[4:364, 4:484], pixels.repeat(3, axis=0).repeat(3, axis=1))
+    assert np.array_equal(image[4:364, 4:484], pixels.repeat(3, axis=0).repeat(3, axis=1))
 
 
 @pytest.mark.parametrize('height, width, shape', [
     (1, 1, (480 + 4 + 41, 488)), (1200, 1, (1200 + 4 + 41, 488)), (1, 1200, (120 + 12 + 102, 1224)),
     (240, 320, (480 + 6 + 54, 652)), (1200, 1920, (1200 + 19 + 163, 1958))])
 @pytest.mark.parametrize('age', [0.1, 9.0])
-def test_shapes(height, width, shape, age):
+def test_shapes(height, width, shape, age) -> None:
     coloured = Colouring()(np.full((height, width), 7000, np.uint16), 'mono16', 0.0)
     assert framed(coloured, age, 1.0, LIMITS, silence=age).shape == shape + (3,)
 
 
-def test_narrow_pictures_are_padded_with_black():
-    picture = framed(Coloured(np.full((600, 2, 3), 200, np.uint8)), 0.1, 1.0, LIMITS)[4:604, 4:-4]
-    assert (picture[:, 239:241] == 200).all() and not picture[:, :239].any() and not picture[:, 241:].any()
+def test_narrow_images_are_padded_with_black() -> None:
+    image = framed(Coloured(np.full((600, 2, 3), 200, np.uint8)), 0.1, 1.0, LIMITS)[4:604, 4:-4]
+    assert (image[:, 239:241] == 200).all() and not image[:, :239].any() and not image[:, 241:].any()
 
 
-def test_the_scale_shows_the_palette_under_the_picture():
+def test_the_scale_shows_the_palette_under_the_image() -> None:
     coloured = Colouring('jet', 1000.0, 2000.0)(np.full((480, 640), 1500, np.uint16), 'mono16', 0.0)
-    picture = framed(coloured, 0.1, 1.0, LIMITS)
-    bar = picture[486 + 8]
+    image = framed(coloured, 0.1, 1.0, LIMITS)
+    bar = image[486 + 8]
     left, right = int(646 * 0.46), int(646 * 0.89)
     for share in (0.1, 0.4, 0.6, 0.9):       # between the marks
         at, expected = int(left + share * (right - left)), coloured.palette[int(share * SHADES)]
         assert np.abs(bar[at].astype(int) - expected).max() <= 8
     for share in MARKS:
         assert (bar[int(left + share * (right - 1 - left))] == 255).all()
-    assert not np.array_equal(picture[486:, 300:646], framed(GREY, 0.1, 1.0, LIMITS)[486:, 300:646])
+    assert not np.array_equal(image[486:, 300:646], framed(GREY, 0.1, 1.0, LIMITS)[486:, 300:646])
 
 
-def test_a_frozen_pictures_scale_has_no_colours_either():
+def test_a_frozen_images_scale_has_no_colours_either() -> None:
     coloured = Colouring('jet', 1000.0, 2000.0)(np.full((480, 640), 1500, np.uint16), 'mono16', 0.0)
     bar = framed(coloured, 3.0, 1.0, LIMITS)[486 + 8, 300:570].astype(int)
     assert (bar == bar[:, :1]).all() and len(np.unique(bar)) > 20
 
 
-def strip_of(*arguments, **options):
+def strip_of(*arguments: float, **options: float) -> UInt8Array:
     return framed(GREY, *arguments, LIMITS, **options)[486:]
 
 
-def test_the_strip_tells_age_and_completeness_apart():
+def test_the_strip_shows_age_and_completeness_apart() -> None:
     first, older, poorer = strip_of(0.12, 0.87), strip_of(0.13, 0.87), strip_of(0.12, 0.86)
     assert np.array_equal(first, strip_of(0.12, 0.87))
     assert (first != older).any(axis=(0, 2)).nonzero()[0].max() < 0.22 * 652
     assert (first != poorer).any(axis=(0, 2)).nonzero()[0].min() >= 0.22 * 652
 
 
-def test_what_is_wrong_is_marked():
-    def black(strip):
+def test_what_is_wrong_is_marked() -> None:
+    def black(strip: UInt8Array) -> List[bool]:
         return [bool((strip[20:34, columns] == BLACK).all(axis=2).sum() > 300)
                 for columns in (slice(7, 140), slice(144, 270))]
     assert black(strip_of(0.1, 1.0)) == [False, False]
@@ -109,14 +110,14 @@ def test_what_is_wrong_is_marked():
     assert black(strip_of(-3.0, 0.2)) == [True, True]
 
 
-def test_a_lost_pixel_is_never_all_of_them(monkeypatch):
+def test_a_lost_pixel_is_never_all_of_them(monkeypatch) -> None:
     written = texts_of(monkeypatch, 0.1, 0.9999)
     assert written == ['0.10 s', '99 %']
 
 
-def texts_of(monkeypatch, *arguments, **options):
-    written = []
-    monkeypatch.setattr(view, '_write', lambda image, text, *rest: written.append(text))
+def texts_of(monkeypatch: pytest.MonkeyPatch, *arguments: float, **options: Any) -> List[str]:
+    written: List[str] = []
+    monkeypatch.setattr(cv2, 'putText', lambda image, text, *rest: written.append(text))
     framed(options.pop('coloured', GREY), *arguments, LIMITS, **options)
     return list(dict.fromkeys(written))
 
@@ -127,11 +128,11 @@ def texts_of(monkeypatch, *arguments, **options):
     (3.2, 1.0, 3.1, ['3.2 s', '100 %', 'NO DATA 3.2 s']), (12.0, 1.0, 0.0, ['12.0 s', '100 %', 'LATE 12.0 s']),
     (-50.0, 1.0, 3.1, ['3.1 s', '100 %', 'NO DATA 3.1 s']), (math.nan, 1.0, 0.0, ['? s', '100 %', 'LATE ? s']),
     (math.inf, 0.0, math.inf, ['? s', '0 %', 'NO DATA YET'])])
-def test_texts(monkeypatch, age, completeness, silence, texts):
+def test_texts(monkeypatch, age, completeness, silence, texts) -> None:
     assert texts_of(monkeypatch, age, completeness, silence=silence) == texts
 
 
-def test_numbers_and_unit_are_written(monkeypatch):
+def test_numbers_and_unit_are_written(monkeypatch) -> None:
     coloured = Colouring('jet', 20.0, 120.0, **KELVIN)(np.uint16([[8000]]), 'mono16', 0.0)
     assert texts_of(monkeypatch, 0.1, 1.0, coloured=coloured)[2:] == ['20', '45', '70', '95', '120', 'degC']
 
@@ -139,24 +140,24 @@ def test_numbers_and_unit_are_written(monkeypatch):
 @pytest.mark.parametrize('seconds, text', [
     (0, '0.00 s'), (0.123, '0.12 s'), (0.999, '1.00 s'), (1, '1.0 s'), (3.21, '3.2 s'), (99.9, '99.9 s'),
     (130, '2 min'), (5.2 * 3600, '5 h'), (1e9, '> 99 h'), (-4.0, '-4.0 s'), (math.inf, '? s'), (math.nan, '? s')])
-def test_durations(seconds, text):
+def test_durations(seconds, text) -> None:
     assert duration(seconds) == text
 
 
-def test_a_frozen_picture_is_grey_and_dim():
+def test_a_frozen_image_is_grey_and_dim() -> None:
     pixels = np.zeros((480, 640, 3), np.uint8)
     pixels[:] = 0, 0, 255
-    picture = framed(Coloured(pixels), 3.2, 1.0, LIMITS, silence=3.2)
-    b, g, r = picture[50, 50].tolist()
+    image = framed(Coloured(pixels), 3.2, 1.0, LIMITS, silence=3.2)
+    b, g, r = image[50, 50].tolist()
     assert b == g == r and r < 140
-    banner = picture[200:290, 6:646].astype(int)
+    banner = image[200:290, 6:646].astype(int)
     assert ((banner[..., 2] - banner[..., 1]) > 100).sum() > 3000      # large, and across it
     assert np.abs(banner - banner[..., :1]).max(axis=(0, 2)).nonzero()[0].min() < 80
     assert np.abs(banner - banner[..., :1]).max(axis=(0, 2)).nonzero()[0].max() > 560
 
 
 @pytest.mark.parametrize('height, width', [(120, 160), (480, 640), (1200, 1920)])
-def test_text_is_as_large_as_the_view(height, width, monkeypatch):
+def test_text_is_as_large_as_the_view(height, width, monkeypatch) -> None:
     heights = []
     monkeypatch.setattr(cv2, 'putText', lambda image, text, at, font, scale, *rest: heights.append(21 * scale))
     coloured = Colouring(**KELVIN)(np.full((height, width), 7000, np.uint16), 'mono16', 0.0)

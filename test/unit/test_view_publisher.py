@@ -1,12 +1,18 @@
 # SPDX-License-Identifier: BSD-3-Clause
 import threading
 import time
+from typing import Any
 
 import numpy as np
 import pytest
+import rospy
+from std_msgs.msg import Header
 
-from smokebot_udp.codecs.display.colouring import Coloured
+from smokebot_udp.codecs.display.colouring import Coloured, Colouring
 from smokebot_udp.codecs.display.view import COLOURS, FRESH, FROZEN, OLD
+from smokebot_udp.mission.parameters import check
+from smokebot_udp.nodes import view_publisher
+from smokebot_udp.streams.image import view
 
 PICTURE = np.full((1, 1), 7000, np.uint16)
 
@@ -14,60 +20,57 @@ PICTURE = np.full((1, 1), 7000, np.uint16)
 class FakePublisher:
     made = None
 
-    def __init__(self, topic, message_class, **options):
+    def __init__(self, topic, message_class, **options) -> None:
         self.name, self.connections, self.sent = topic, 1, []
         self.changed = threading.Condition()
         FakePublisher.made = self
 
-    def get_num_connections(self):
+    def get_num_connections(self) -> Any:
         return self.connections
 
-    def publish(self, message):
+    def publish(self, message) -> None:
         with self.changed:
             self.sent.append((time.monotonic(), message))
             self.changed.notify()
 
-    def unregister(self):
+    def unregister(self) -> None:
         self.connections = 0
 
-    def wait_for_frame(self, frame='thermal'):
+    def wait_for_frame(self, frame='thermal') -> Any:
         """The index of the first message with this frame_id."""
-        def index():
+        def index() -> Any:
             return next((i for i, (_, m) in enumerate(self.sent) if m.header.frame_id == frame), None)
         with self.changed:
             assert self.changed.wait_for(lambda: index() is not None, 10)
         return index()
 
-    def wait_for(self, count):
+    def wait_for(self, count) -> Any:
         with self.changed:
             assert self.changed.wait_for(lambda: len(self.sent) >= count, 10)
         return self.sent
 
 
 @pytest.fixture
-def publisher(monkeypatch):
-    streams_view = pytest.importorskip('smokebot_udp.streams.view')
-    monkeypatch.setattr(streams_view.rospy, 'Publisher', FakePublisher)
-    monkeypatch.setattr(streams_view, 'REMINDED', 0.05)
+def publisher(monkeypatch) -> Any:
+    monkeypatch.setattr(view_publisher.rospy, 'Publisher', FakePublisher)
+    monkeypatch.setattr(view, 'REMIND_PERIOD', 0.05)
     made = []
 
-    def make(connections=1, offset=0.0, **settings):
+    def make(connections=1, offset=0.0, **settings) -> Any:
         settings = {**defaults(), 'view_topic': 'view', **settings}
         monkeypatch.setattr(FakePublisher, 'get_num_connections', lambda self: connections)
-        made.append(streams_view.ViewPublisher(settings, lambda: offset, 'camera'))
+        made.append(view_publisher.ViewPublisher(settings, lambda: offset, 'camera'))
         return made[-1]
     yield make
     for one in made:
         one.close()
 
 
-def header(stamp=100.0, frame='thermal'):
-    import rospy
-    from std_msgs.msg import Header
+def header(stamp=100.0, frame='thermal') -> Any:
     return Header(stamp=rospy.Time.from_sec(stamp), frame_id=frame)
 
 
-def state(message):
+def state(message) -> Any:
     picture = np.frombuffer(message.data, np.uint8).reshape(message.height, message.width, 3)
     colours = {tuple(picture[0, 0].tolist()), tuple(picture[-1, 0].tolist())}
     assert len(colours) == 1 and message.encoding == 'bgr8' and message.step == 3 * message.width
@@ -75,13 +78,13 @@ def state(message):
     return next(name for name, value in COLOURS.items() if value == colour)
 
 
-def test_no_data_yet(publisher):
+def test_no_data_yet(publisher) -> None:
     publisher()
     (_, first), (_, second) = FakePublisher.made.wait_for(2)[:2]
     assert state(first) == state(second) == FROZEN and first.header.frame_id == 'camera'
 
 
-def test_a_picture_comes_out_at_once_and_grows_old(publisher):
+def test_a_picture_comes_out_at_once_and_grows_old(publisher) -> None:
     views = publisher(old_after=0.2, frozen_after=0.4)
     source = header()
     views.show(PICTURE, 'mono16', source, 1.0, 100.1)
@@ -95,14 +98,14 @@ def test_a_picture_comes_out_at_once_and_grows_old(publisher):
     assert all(message.header.stamp == source.stamp for _, message in sent)
 
 
-def test_it_grows_old_from_the_age_at_which_it_came(publisher):
+def test_it_grows_old_from_the_age_at_which_it_came(publisher) -> None:
     views = publisher(old_after=0.2, frozen_after=0.8)
     views.show(PICTURE, 'mono16', header(), 1.0, 100.7)
     at = FakePublisher.made.wait_for_frame()
     assert [state(message) for _, message in FakePublisher.made.wait_for(at + 2)[at:at + 2]] == [OLD, FROZEN]
 
 
-def test_a_stream_that_runs_is_published_once_each(publisher):
+def test_a_stream_that_runs_is_published_once_each(publisher) -> None:
     views = publisher(old_after=5.0, frozen_after=9.0)
     for turn in range(20):
         views.show(PICTURE, 'mono16', header(100.0 + turn), 1.0, 100.1 + turn)
@@ -112,17 +115,17 @@ def test_a_stream_that_runs_is_published_once_each(publisher):
     assert states == [FRESH] * 20
 
 
-def wait_until(condition):
+def wait_until(condition) -> None:
     until = time.monotonic() + 10
     while not condition():
         assert time.monotonic() < until
         time.sleep(0.002)
 
 
-def test_a_slow_viewer_does_not_hold_up_who_shows(publisher, monkeypatch):
+def test_a_slow_viewer_does_not_hold_up_who_shows(publisher, monkeypatch) -> None:
     views, go = publisher(), threading.Event()
     grey = Coloured(np.full((480, 640, 3), 100, np.uint8))
-    monkeypatch.setattr(views, '_colouring', lambda *source: go.wait(10) and grey)
+    monkeypatch.setattr(Colouring, '__call__', lambda *source: go.wait(10) and grey)
     for turn in range(3):
         began = time.monotonic()
         views.show(PICTURE, 'mono16', header(100.0 + turn), 1.0, 100.1 + turn)
@@ -136,32 +139,31 @@ def test_a_slow_viewer_does_not_hold_up_who_shows(publisher, monkeypatch):
 
 @pytest.mark.parametrize('offset, now, expected', [(5.0, 95.1, FRESH), (0.0, 95.1, OLD), (-3.0, 103.1, FRESH),
                                                    (0.0, 103.1, FROZEN)])
-def test_the_robots_clock(publisher, offset, now, expected):
+def test_the_robots_clock(publisher, offset, now, expected) -> None:
     views = publisher(offset=offset)
     views.show(np.uint8([[7]]), 'mono8', header(), 1.0, now)
     assert state(FakePublisher.made.sent[FakePublisher.made.wait_for_frame()][1]) == expected
 
 
-def test_nobody_looks_and_then_somebody_does(publisher, monkeypatch):
+def test_nobody_looks_and_then_somebody_does(publisher, monkeypatch) -> None:
     views = publisher(connections=0)
-    monkeypatch.setattr(views, '_colouring', None)     # would fail if it were used
+    drawn = []
+    monkeypatch.setattr(view, 'framed', lambda *args, draw=view.framed: drawn.append(args) or draw(*args))
     for _ in range(3):
         views.show(PICTURE, 'mono16', header(), 1.0, 100.1)
     time.sleep(0.15)
-    assert not FakePublisher.made.sent
-    views.configure({**defaults(), 'old_after': 0.1})
+    assert not FakePublisher.made.sent and not drawn
+    views.configure({**defaults(), 'old_after': 0.1}, {'old_after': 0.1})
     monkeypatch.setattr(FakePublisher, 'get_num_connections', lambda self: 1)
     (_, message), = FakePublisher.made.wait_for(1)[:1]
     assert state(message) == OLD and message.header.frame_id == 'thermal'
 
 
-def defaults():
-    from smokebot_udp.mission import parameters
-    from smokebot_udp.streams.view import PARAMETERS
-    return parameters.check({}, PARAMETERS)
+def defaults() -> Any:
+    return check({}, view.PARAMETERS)
 
 
-def test_a_picture_that_cannot_be_shown_does_not_keep_the_last_one_alive(publisher, monkeypatch):
+def test_a_picture_that_cannot_be_shown_does_not_keep_the_last_one_alive(publisher, monkeypatch) -> None:
     errors = []
     monkeypatch.setattr('rospy.logerr_throttle_identical', lambda period, text: errors.append(text))
     views = publisher(old_after=0.1, frozen_after=0.2)
@@ -179,14 +181,14 @@ def test_a_picture_that_cannot_be_shown_does_not_keep_the_last_one_alive(publish
     assert {text.split()[6] for text in errors} == {'encoding', 'completeness'}
 
 
-def test_settings_change_while_it_runs(publisher):
+def test_settings_change_while_it_runs(publisher) -> None:
     views = publisher()
-    views.configure({**defaults(), 'old_after': 0.05})
+    views.configure({**defaults(), 'old_after': 0.05}, {'old_after': 0.05})
     views.show(PICTURE, 'mono16', header(), 1.0, 100.1)
     assert state(FakePublisher.made.sent[FakePublisher.made.wait_for_frame()][1]) == OLD
 
 
-def test_closed_it_is_silent(publisher):
+def test_closed_it_is_silent(publisher) -> None:
     views = publisher()
     views.close()
     count = len(FakePublisher.made.sent)

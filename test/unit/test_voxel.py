@@ -1,29 +1,32 @@
 # SPDX-License-Identifier: BSD-3-Clause
 import collections
+from typing import Any, Callable, Optional, Tuple
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from smokebot_udp.arrays import Float32Array
 from smokebot_udp.codecs.perception import voxel
-from smokebot_udp.codecs.perception.voxel import voxel_filter
+from smokebot_udp.codecs.perception.voxel import Filtered, voxel_filter
 from smokebot_udp.simulation.lidar import Lidar
 from smokebot_udp.simulation.world import building
 
 pytestmark = pytest.mark.filterwarnings('error')
 needs_pcl = pytest.mark.skipif(voxel.pcl is None, reason='python3-pcl is not installed')
-WAYS = [pytest.param(voxel._by_numpy, id='numpy'), pytest.param(voxel._by_pcl, id='pcl', marks=needs_pcl),
+WAYS = [pytest.param(voxel.filter_by_numpy, id='numpy'), pytest.param(voxel.filter_by_pcl, id='pcl', marks=needs_pcl),
         pytest.param(lambda points, leaf, intensity: voxel_filter(points, leaf, intensity), id='either')]
 ULP = 2e-6
 """float32's at the far side of a scene of 20 m, rounded up [m]."""
 
 
-def array(*rows):
+def array(*rows: Any) -> Float32Array:
     return np.array(rows, np.float32)
 
 
-def filtered(way, points, leaf, intensity=None):
+def filtered(way: Callable[..., Filtered], points: Float32Array, leaf: float,
+             intensity: Optional[Float32Array] = None) -> Filtered:
     centroids, mean = way(points, leaf, intensity)
     assert centroids.dtype == np.float32 and centroids.shape[1:] == (3,)
     assert (mean is None) == (intensity is None) and (mean is None or mean.dtype == np.float32)
@@ -31,7 +34,7 @@ def filtered(way, points, leaf, intensity=None):
 
 
 @pytest.mark.parametrize('way', WAYS)
-def test_by_hand(way):
+def test_by_hand(way) -> None:
     points = array((0.25, 0.25, 1.5),                               # box 0 0 1
                    (0.5, 0.75, 0.25), (0, 0.25, 0.75),              # box 0 0 0
                    (0.5, 1.5, 0.5), (1.5, 0.5, 0.5), (-0.5, 0.5, 0.5),     # boxes 0 1 0, 1 0 0, -1 0 0
@@ -45,13 +48,13 @@ def test_by_hand(way):
 
 
 @pytest.mark.parametrize('way', WAYS)
-def test_a_border_belongs_to_the_box_beyond_it(way):
+def test_a_border_belongs_to_the_box_beyond_it(way) -> None:
     points = array((-1, 0, 0), (-0.5, 0, 0), (0, 0, 0), (0.5, 0, 0), (1, 0, 0))
     assert filtered(way, points, 1.0)[0][:, 0].tolist() == [-0.75, 0.25, 1]
 
 
 @pytest.mark.parametrize('way', WAYS)
-def test_one_point_and_one_box(way):
+def test_one_point_and_one_box(way) -> None:
     assert filtered(way, array((1, -2, 3)), 0.1)[0].tolist() == [[1, -2, 3]]
     assert filtered(way, array(*[(0.25, 0.5, 0.75)] * 9), 100.0, array(*range(9)))[1].tolist() == [4]
 
@@ -60,7 +63,7 @@ def test_one_point_and_one_box(way):
 @settings(deadline=None)
 @given(points=st.lists(st.tuples(*[st.integers(-40, 40)] * 3), min_size=1, max_size=60),
        per_box=st.sampled_from([1, 4, 16]))
-def test_each_box_has_its_points_mean_in_order(way, points, per_box):
+def test_each_box_has_its_points_mean_in_order(way, points, per_box) -> None:
     """On a grid of 1/64 m sums are exact, and a quarter of the points lies on borders."""
     boxes = collections.defaultdict(list)
     for number, point in enumerate(points):
@@ -71,20 +74,20 @@ def test_each_box_has_its_points_mean_in_order(way, points, per_box):
     np.testing.assert_allclose(np.column_stack([centroids, mean]), expected, rtol=1e-6)
 
 
-def simulated():
+def simulated() -> Tuple[Float32Array, Float32Array]:
     """The finite points of a simulated revolution, and their intensities."""
     scan = Lidar(building(1), 0.9, 1).scan((1.5, 7, 0.3), 1.0)
     scan = scan[np.isfinite(scan['x'])]
     return np.stack([scan[name] for name in 'xyz'], axis=1), scan['intensity'].copy()
 
 
-def random_cloud(scale):
+def random_cloud(scale: float) -> Tuple[Float32Array, Float32Array]:
     random = np.random.RandomState(5)
     return ((random.rand(20000, 3) - 0.5) * scale).astype(np.float32), (random.rand(20000) * 255).astype(np.float32)
 
 
-def on_borders(leaf):
-    """Points as near to the borders of boxes as float32 comes, from both sides."""
+def on_borders(leaf: float) -> Tuple[Float32Array, Float32Array]:
+    """Points on the borders of voxels, and as near to them as float32 allows, on both sides."""
     random = np.random.RandomState(6)
     corners = (random.randint(-100, 100, (20000, 3)) * leaf).astype(np.float32)
     return np.nextafter(corners, corners + random.randint(-1, 2, corners.shape).astype(np.float32)), corners[:, 0]
@@ -95,22 +98,22 @@ def on_borders(leaf):
     *[(simulated, leaf) for leaf in (0.02, 0.05, 0.1, 0.2, 1.0)],
     *[(lambda: random_cloud(20), leaf) for leaf in (0.1, 0.3, 1.0)], (lambda: random_cloud(1), 0.1),
     *[(lambda leaf=leaf: on_borders(leaf), leaf) for leaf in (0.1, 0.05, 0.15)]])
-def test_numpy_gives_pcls_answer(scene, leaf):
+def test_numpy_gives_pcls_answer(scene, leaf) -> None:
     points, intensity = scene()
     for values in (None, intensity):
-        by_pcl, by_numpy = (filtered(way, points, leaf, values) for way in (voxel._by_pcl, voxel._by_numpy))
+        by_pcl, by_numpy = (filtered(way, points, leaf, values) for way in (voxel.filter_by_pcl, voxel.filter_by_numpy))
         assert 1 < len(by_pcl[0]) < len(points)
         np.testing.assert_allclose(by_numpy[0], by_pcl[0], rtol=0, atol=ULP)
         if values is not None:
             np.testing.assert_allclose(by_numpy[1], by_pcl[1], rtol=2e-6)
 
 
-def test_what_is_left_of_the_simulated_scene():
+def test_what_is_left_of_the_simulated_scene() -> None:
     points, intensity = simulated()
     centroids, mean = voxel_filter(points, 0.1, intensity)
-    boxes = voxel._cells(points, 0.1)
+    boxes = voxel.voxels_of(points, 0.1)
     assert len(centroids) == len(np.unique(boxes, axis=0)) < len(points) / 4
-    assert (np.lexsort(voxel._cells(centroids, 0.1).T) == np.arange(len(centroids))).all()
+    assert (np.lexsort(voxel.voxels_of(centroids, 0.1).T) == np.arange(len(centroids))).all()
     assert points.min() <= centroids.min() and centroids.max() <= points.max()
     assert intensity.min() <= mean.min() and mean.max() <= intensity.max()
 
@@ -118,7 +121,7 @@ def test_what_is_left_of_the_simulated_scene():
 @pytest.mark.parametrize('far', [
     pytest.param(1e5, id='beyond 2^31 boxes'), pytest.param(1e6, id='beyond 2^63 boxes'),
     pytest.param(1e30, id='beyond 2^63 boxes a side'), pytest.param(3e38, id='at the end of float32')])
-def test_clouds_that_span_too_much_for_pcl(far):
+def test_clouds_that_span_too_much_for_pcl(far) -> None:
     near = array((0.05, 0.05, 0.05), (0.06, 0.05, 0.05), (0.25, 0.05, 0.05), (0.05, 0.25, 0.05))
     corners = array((-far, -far, -far), (far, far, far))
     points = np.concatenate([corners[1:], near, corners[:1]])
@@ -128,34 +131,34 @@ def test_clouds_that_span_too_much_for_pcl(far):
     assert mean.tolist() == [5, 1.5, 3, 4, 0]
 
 
-def test_both_ways_to_order_boxes_agree():
+def test_both_ways_to_order_boxes_agree() -> None:
     points, intensity = simulated()
-    inside = voxel._by_numpy(points, 0.1, intensity)
+    inside = voxel.filter_by_numpy(points, 0.1, intensity)
     far = np.array([(-1e9, -1e9, -1e9), (1e9, 1e9, 1e9)], np.float32)
-    beyond = voxel._by_numpy(np.concatenate([points, far]), 0.1, np.append(intensity, (0, 0)).astype(np.float32))
+    beyond = voxel.filter_by_numpy(np.concatenate([points, far]), 0.1, np.append(intensity, (0, 0)).astype(np.float32))
     np.testing.assert_array_equal(beyond[0][1:-1], inside[0])
     np.testing.assert_array_equal(beyond[1][1:-1], inside[1])
 
 
-def test_a_small_cloud_far_away():
+def test_a_small_cloud_far_away() -> None:
     """PCL counts from the origin too, in 32 bits."""
     points = array((1e9, 0, 0), (1e9, 0, 0), (1e9 + 1024, 0, 0), (1e9 + 2048, 0, 0))
     assert voxel_filter(points, 0.1)[0].tolist() == points[1:].tolist()
 
 
-def test_a_side_that_pcl_rounds_up():
+def test_a_side_that_pcl_rounds_up() -> None:
     """2^15 boxes by 2^16 - 1: PCL finds one more in x, by which they are too many for it."""
     points = array((-16384, 0, 0), (-16384, 0, 0), (16384 - 2 ** -10, 65534, 0))
     assert voxel_filter(points, 1.0)[0].tolist() == points[1:].tolist()
 
 
 @needs_pcl
-def test_pcl_is_used_where_it_can(monkeypatch):
-    monkeypatch.setattr(voxel, '_by_numpy', None)
+def test_pcl_is_used_where_it_can(monkeypatch) -> None:
+    monkeypatch.setattr(voxel, 'filter_by_numpy', None)
     assert len(voxel_filter(*[simulated()[0], 0.1])[0]) > 1000
 
 
-def test_without_pcl(monkeypatch):
+def test_without_pcl(monkeypatch) -> None:
     monkeypatch.setattr(voxel, 'pcl', None)
-    monkeypatch.setattr(voxel, '_by_pcl', None)
+    monkeypatch.setattr(voxel, 'filter_by_pcl', None)
     assert len(voxel_filter(simulated()[0], 0.1)[0]) > 1000

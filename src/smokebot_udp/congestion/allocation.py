@@ -1,135 +1,147 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Who gets how much of the link, and what each stream makes of it.
+"""Divides the link among the streams, and turns each stream's share into an operating point.
 
-What is protected is served first. Then each stream gets its floor, and what is left goes by weights; what a stream
-cannot use flows to the others. A share is turned into the best level (levels.py) that it pays for; where levels leave
-something over, it lifts others. Down goes it at once, for the link has no more; up only where the link would pay for
-more than the next level, and has for a while, or for much more.
+Protected streams are served first. Then each stream gets its min_bitrate; the rest is divided by weight, and what a
+stream cannot use goes to the others. A share buys the best operating point that it pays for; bandwidth left over
+between points upgrades others. Downgrades are immediate, because the link has no more. An upgrade needs a link
+that would pay for more than the next point, for some time, or for much more.
 """
 import math
 from dataclasses import dataclass
-from typing import Any, Dict, List, NamedTuple, Optional
+from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional
 
-from .operating_points import Level
+from .operating_points import OperatingPoint
 
-MARGIN = 1.05
-"""A level above the present one is taken where the share is so much more than it costs,"""
+UPGRADE_MARGIN = 1.05
+"""An upgrade needs a budget that is larger than its cost by this factor,"""
 
-HOLD = 1.0
-"""and has been for so long [s],"""
+UPGRADE_DELAY = 1.0
+"""for this long [s],"""
 
-LEAP = 1.5
-"""or at once where the budget is so much more than all that is granted."""
+LEAP_FACTOR = 1.5
+"""or at once where the budget is this many times all present costs."""
 
-BUDGET = 0.95
-"""Of the capacity so much is to be divided: what is left is for what came unforeseen."""
+MAX_DATAGRAM_DURATION = 0.012
+"""A datagram occupies the link for this long at most [s],"""
 
-DATAGRAM_TAKES, LEAST_DATAGRAM = 0.012, 400
-"""A datagram is to take so long of the link at most [s], but is no shorter than this [byte]."""
+MIN_DATAGRAM_SIZE = 400
+"""but is not shorter than this [byte]."""
 
-PROTECTED_PART, THINNEST = 0.4, 0.25
-"""Where protected streams take more of the link than the first, they are sent more rarely, down to the second of their
-rates: a link that odometry fills shows nothing."""
+MAX_PROTECTED_PART = 0.4
+"""Where protected streams use more of the link than this, their rates are decimated: a link that is full of odometry
+shows no image."""
 
-THINNED_FOR = 3.0
-"""So long at least: what they take is measured over 2 s [s]."""
+MIN_DECIMATION = 0.25
+"""Part of their rates that protected streams keep, at least."""
+
+DECIMATION_HOLD = 3.0
+"""Decimation stays for this long after a change: its effect is measured over 2 s [s]."""
+
+
+def _unrefined(settings: Mapping[str, Any], spare: float) -> Dict[str, Any]:
+    return dict(settings)
 
 
 @dataclass
 class Demand:
-    """What a stream would have."""
-    levels: List[Level]
-    """The cheapest first."""
+    """What a stream would send."""
+    points: List[OperatingPoint]
+    """The cheapest first; at least one."""
     weight: float = 1.0
-    floor: float = 0.0
-    """[byte/s]"""
+    """Its part of the bandwidth left after min_bitrates, relative to the other streams' weights."""
+    min_bitrate: float = 0.0
+    """Served before weights count [byte/s]."""
+    rate: float = math.inf
+    """Messages, as requested or of the source, whichever is lower [Hz]."""
+    refine: Callable[[Mapping[str, Any], float], Dict[str, Any]] = _unrefined
+    """f(settings of a point, spare [byte/s]) -> settings, improved by bandwidth left over (Encoder.refine)."""
 
 
 class Grant(NamedTuple):
     """What a stream gets."""
     share: float
     """[byte/s]"""
-    level: Optional[int]
-    """Which of its levels; None: not even the least can be paid for."""
+    point: Optional[int]
+    """Index of the operating point; None: the share does not even pay for the cheapest."""
     settings: Dict[str, Any]
-    """The level's; empty without one."""
+    """Of the operating point; empty without one."""
     cost: float
-    """What the level takes of the link [byte/s]."""
+    """Of the operating point [byte/s]."""
 
 
-def datagram_size(rate, most):
-    """How long datagrams had better be: on a slow link short ones, for who waits behind them [byte].
+def datagram_size(rate: float, max_size: int) -> int:
+    """The size of datagrams on a link: short on a slow one, for the sake of those that wait behind [byte].
 
     :param rate: of the link [byte/s]
-    :param most: where the link is fast [byte]
+    :param max_size: on a fast link [byte]
     """
-    return int(min(most, max(LEAST_DATAGRAM, rate * DATAGRAM_TAKES)))
+    return int(min(max_size, max(MIN_DATAGRAM_SIZE, rate * MAX_DATAGRAM_DURATION)))
 
 
 class DatagramSize:
-    """Halves datagrams, again and again, where the link is slow; they are long again where it is surely fast.
+    """Halves datagrams, repeatedly, on a slow link, with hysteresis.
 
-    :param most: [byte]
+    :param max_size: [byte]
     """
 
-    def __init__(self, most):
-        self._most, self._halved = most, 0
+    def __init__(self, max_size: int) -> None:
+        self._max_size, self._halvings = max_size, 0
 
-    def follow(self, rate):
-        """How long datagrams are to be now [byte]: at the most twice what `datagram_size` says of the rate [byte/s]."""
-        fit, halved = datagram_size(rate, self._most), 0
-        while self._most >> halved + 1 >= fit:
-            halved += 1
-        if halved > self._halved or self._most >> max(0, self._halved - 1) <= fit:
-            self._halved = halved
-        return self._most >> self._halved
+    def update(self, rate: float) -> int:
+        """The size to use now: less than twice `datagram_size` of the link's rate in byte/s [byte]."""
+        fit, halvings = datagram_size(rate, self._max_size), 0
+        while self._max_size >> halvings + 1 >= fit:
+            halvings += 1
+        if halvings > self._halvings or self._max_size >> max(0, self._halvings - 1) <= fit:
+            self._halvings = halvings
+        return self._max_size >> self._halvings
 
 
-class Thinning:
-    """Halves what protected streams send, and halves it again, where they leave too little of a slow link to others."""
+class Decimation:
+    """Halves the rates of protected streams, repeatedly, where they leave too little of a slow link to the others."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.part = 1.0
-        """Of their rates."""
-        self._changed = self._since = -math.inf
-        self._next = 1.0        # what would be right, and since when
+        """Of their rates that they keep."""
+        self._changed = self._candidate_since = -math.inf
+        self._candidate = 1.0
 
-    def follow(self, budget, protected, now):
-        """The part of their rates that protected streams are to have.
+    def update(self, capacity: float, protected: float, now: float) -> float:
+        """The part of their rates that protected streams keep now.
 
-        :param budget: of the link [byte/s]
-        :param protected: what they take of it, as they are thinned [byte/s]
+        :param capacity: of the link [byte/s]
+        :param protected: what they send, as decimated now [byte/s]
         :param now: by a steady clock [s]
         """
-        if now - self._changed < THINNED_FOR:
-            return self.part        # what they take was measured before
-        whole, part = protected / self.part, THINNEST
-        while part < 1 and 2 * part * whole <= PROTECTED_PART * budget:
+        if now - self._changed < DECIMATION_HOLD:
+            return self.part        # `protected` was measured before the change took effect
+        whole, part = protected / self.part, MIN_DECIMATION
+        while part < 1 and 2 * part * whole <= MAX_PROTECTED_PART * capacity:
             part *= 2
-        if part != self._next:
-            self._next, self._since = part, now
-        if part != self.part and now - self._since >= (HOLD if part < self.part else THINNED_FOR):
+        if part != self._candidate:
+            self._candidate, self._candidate_since = part, now
+        hold = UPGRADE_DELAY if part < self.part else DECIMATION_HOLD
+        if part != self.part and now - self._candidate_since >= hold:
             self.part, self._changed = part, now
         return self.part
 
 
-def shares(budget, demands):
-    """Divide a budget: floors first, what is left by weights, nobody more than it can use.
+def shares(budget: float, demands: Mapping[str, Demand]) -> Dict[str, float]:
+    """Divide a budget: min_bitrates first, the rest by weight, no stream more than it can use (water-filling).
 
     :param budget: [byte/s]
-    :param demands: {stream: Demand}
-    :return: {stream: byte/s}, together at most the budget
+    :return: {stream: byte/s}, the budget at most in total
     """
-    most = {name: demand.levels[-1].cost for name, demand in demands.items()}
-    floors = {name: min(demand.floor, most[name]) for name, demand in demands.items()}
-    fits = min(1.0, budget / sum(floors.values())) if any(floors.values()) else 1.0
-    granted = {name: floor * fits for name, floor in floors.items()}
+    most = {name: demand.points[-1].cost for name, demand in demands.items()}
+    least = {name: min(demand.min_bitrate, most[name]) for name, demand in demands.items()}
+    scale = min(1.0, budget / sum(least.values())) if any(least.values()) else 1.0
+    granted = {name: bitrate * scale for name, bitrate in least.items()}
     left = max(0.0, budget - sum(granted.values()))
-    # fill like water: who needs least for its weight is full first
-    open_ = sorted((name for name in demands if demands[name].weight > 0),
+    # those that need least for their weight are full first
+    order = sorted((name for name in demands if demands[name].weight > 0),
                    key=lambda name: (most[name] - granted[name]) / demands[name].weight)
-    weights = math.fsum(demands[name].weight for name in open_)
-    for name in open_:
+    weights = math.fsum(demands[name].weight for name in order)
+    for name in order:
         more = min(most[name] - granted[name], left * min(1.0, demands[name].weight / weights))
         granted[name] += more
         left -= more
@@ -138,73 +150,74 @@ def shares(budget, demands):
 
 
 class Allocator:
-    """Divides the link again and again, without flicker."""
+    """Divides the link repeatedly, with hysteresis."""
 
-    def __init__(self):
-        self._levels: Dict[str, int] = {}       # as granted last; -1: none
-        self._waits: Dict[str, float] = {}      # since when a stream could have more [s]
+    def __init__(self) -> None:
+        self._points: Dict[str, int] = {}           # as granted last; -1: none
+        self._waiting_since: Dict[str, float] = {}  # since when a stream could be upgraded [s]
 
-    def forget(self):
-        """The focus has changed: all is divided anew, without a wait."""
-        self._levels.clear()
-        self._waits.clear()
+    def forget(self) -> None:
+        """Forget the last division: the mission focus changed, and the next division applies at once."""
+        self._points.clear()
+        self._waiting_since.clear()
 
-    def allocate(self, budget, demands, protected, now):
+    def allocate(self, budget: float, demands: Mapping[str, Demand], protected: float, now: float) -> Dict[str, Grant]:
         """Divide a budget.
 
-        :param budget: of the link [byte/s]
-        :param demands: {stream: Demand} of those that are enabled and not protected
-        :param protected: what protected streams take now [byte/s]
+        :param budget: for all streams [byte/s]
+        :param demands: of the streams that have something to send and are not protected
+        :param protected: what protected streams send now [byte/s]
         :param now: by a steady clock [s]
-        :return: {stream: Grant}; all costs together are at most the budget less what is protected
+        :return: all costs together are at most the budget less what is protected
         """
         budget = max(0.0, budget - protected)
-        granted = shares(budget, demands)
-        cautious = shares(budget / MARGIN, demands)
-        best = self._levels_for(budget, granted, demands)
-        sure = self._levels_for(budget / MARGIN, cautious, demands)
-        leaps = budget > LEAP * math.fsum(_cost(demand, self._levels.get(name, -1)) for name, demand in demands.items())
+        granted, cautious = shares(budget, demands), shares(budget / UPGRADE_MARGIN, demands)
+        best = self._best_points(budget, granted, demands)
+        certain = self._best_points(budget / UPGRADE_MARGIN, cautious, demands)
+        spent = math.fsum(_cost(demand, self._points.get(name, -1)) for name, demand in demands.items())
+        delay = 0.0 if budget > LEAP_FACTOR * spent else UPGRADE_DELAY
         grants = {}
         for name, demand in demands.items():
-            level = self._steady(name, best[name], sure[name], leaps, now)
-            settings, cost = demand.levels[level] if level >= 0 else ({}, 0.0)
-            grants[name] = Grant(granted[name], level if level >= 0 else None, settings, cost)
-        self._levels = {name: -1 if grant.level is None else grant.level for name, grant in grants.items()}
-        self._waits = {name: since for name, since in self._waits.items() if name in demands}
+            point = self._point(name, best[name], certain[name], delay, now)
+            settings, cost = demand.points[point] if point >= 0 else ({}, 0.0)
+            grants[name] = Grant(granted[name], point if point >= 0 else None, settings, cost)
+        self._points = {name: -1 if grant.point is None else grant.point for name, grant in grants.items()}
+        self._waiting_since = {name: since for name, since in self._waiting_since.items() if name in demands}
         return grants
 
-    def _levels_for(self, budget, granted, demands):
-        """{stream: level}, the best that shares and what they leave over pay for."""
-        levels = {name: _affordable(demand.levels, granted[name]) for name, demand in demands.items()}
-        left = budget - math.fsum(_cost(demands[name], level) for name, level in levels.items())
-        # what one had before it keeps sooner than another gets more
+    def _best_points(self, budget: float, granted: Mapping[str, float],
+                     demands: Mapping[str, Demand]) -> Dict[str, int]:
+        """{stream: index of the best point that the shares, and what they leave over, pay for; -1: none}"""
+        points = {name: _affordable(demand, granted[name]) for name, demand in demands.items()}
+        left = budget - math.fsum(_cost(demands[name], point) for name, point in points.items())
+        # a stream keeps its last point before another is upgraded
         for name, demand in sorted(demands.items(), key=lambda item: (
-                self._levels.get(item[0], -1) <= levels[item[0]], -item[1].weight)):
+                self._points.get(item[0], -1) <= points[item[0]], -item[1].weight)):
             if demand.weight > 0:
-                better = _affordable(demand.levels, _cost(demand, levels[name]) + left * (1 - 1e-9))
-                left -= _cost(demand, better) - _cost(demand, levels[name])
-                levels[name] = better
-        return levels
+                better = _affordable(demand, _cost(demand, points[name]) + left * (1 - 1e-9))
+                left -= _cost(demand, better) - _cost(demand, points[name])
+                points[name] = better
+        return points
 
-    def _steady(self, name, best, sure, leaps, now):
-        """The level to take: no better than `best`."""
-        before = self._levels.get(name)
+    def _point(self, name: str, best: int, certain: int, delay: float, now: float) -> int:
+        """The point to take, `best` at most: downgrades at once, upgrades after a delay [s]."""
+        before = self._points.get(name)
         if before is None or best <= before:
-            self._waits.pop(name, None)
+            self._waiting_since.pop(name, None)
             return best
-        if sure <= before:
-            self._waits.pop(name, None)
+        if certain <= before:
+            self._waiting_since.pop(name, None)
             return before
-        if now - self._waits.setdefault(name, now) < (0 if leaps else HOLD):
+        if now - self._waiting_since.setdefault(name, now) < delay:
             return before
-        del self._waits[name]
-        return min(best, sure)
+        del self._waiting_since[name]
+        return min(best, certain)
 
 
-def _affordable(levels, share):
-    """The best level that a share pays for; -1: none."""
-    return max((at for at, level in enumerate(levels) if level.cost <= share), default=-1)
+def _affordable(demand: Demand, share: float) -> int:
+    """Index of the best point that a share pays for; -1: none."""
+    return max((index for index, point in enumerate(demand.points) if point.cost <= share), default=-1)
 
 
-def _cost(demand, level):
-    return demand.levels[min(level, len(demand.levels) - 1)].cost if level >= 0 else 0.0
+def _cost(demand: Demand, point: int) -> float:
+    return demand.points[min(point, len(demand.points) - 1)].cost if point >= 0 else 0.0

@@ -1,92 +1,101 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""How long datagrams wait in the link's queue, told by what their way takes beyond the least it took."""
+"""Queueing delay: how much longer a datagram takes than the least delay of the path."""
 import math
+from typing import List, Optional
 
 import numpy as np
 
-KEEPS = 5.0
-"""A base that nothing came near to for so long is measured anew [s]."""
+from .feedback import PacketSample
 
-NEAR = 0.0015
-"""What is no farther from the base confirms it [s]."""
+BASE_LIFETIME = 5.0
+"""A base delay that was not approached for this long has to be measured again [s]."""
 
-REMEMBERS = 5.0
-"""The air's speed is forgotten in so long [s]."""
+CONFIRMATION_MARGIN = 0.0015
+"""A delay this near to the base confirms it [s]."""
 
-SMOOTHING = 8
-"""Reports over which noise is averaged."""
+AIR_RATE_LIFETIME = 5.0
+"""The air's rate is forgotten over this long [s]."""
 
-RECENT = 0.05
-"""Of the points of so long the one in the middle speaks for all: links jitter, and some datagrams overtake [s]."""
+NOISE_REPORTS = 8
+"""Noise is averaged over this many reports."""
+
+TYPICAL_WINDOW = 0.05
+"""The median of the samples of this long speaks for a report: links jitter, and datagrams overtake each other [s]."""
 
 
 class QueueDelay:
-    """The least delay of the way, and what comes on top of it.
+    """The base delay of the path, and the queueing delay on top of it.
 
-    A delay is one way, but for a constant. It contains the time that the datagram itself takes on the air, which is
-    taken off: a full datagram is no queue beside a short one. The air's speed is the greatest capacity of late: what
-    one of many gets of it is less than what it is.
+    One-way delays contain an unknown constant, the clock offset, and the datagram's own time on the air. The latter is
+    taken off, so that a long datagram does not look queued beside a short one. It is calculated with the highest
+    recent capacity as the air's rate: a flow's part of a shared air is less.
     """
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.noise = 0.0
-        """How much delays differ from one datagram to the next, whatever the queue does [s]."""
-        self.base = None
-        """The report.Point with the least delay; None at the beginning, and where the clock began anew."""
-        self._speed = 0.0       # of the air [byte/s]
-        self._noted = -math.inf
+        """Mean deviation of delays from one datagram to the next, apart from the queue [s]."""
+        self.base: Optional[PacketSample] = None
+        """The sample with the least delay; None: unknown, at the start and after the receiver's clock restarted."""
+        self._air_rate = 0.0        # [byte/s]
+        self._updated = -math.inf
         self._confirmed = math.inf
 
-    def note(self, points, capacity, now):
-        """Take new points.
+    def update(self, samples: List[PacketSample], capacity: float, now: float) -> None:
+        """Take new samples.
 
-        :param points: [report.Point, ...] in the order they left
-        :param capacity: as far as it is known [byte/s]
+        :param samples: in sending order
+        :param capacity: as known [byte/s]
         """
-        self._speed *= max(0.0, 1 - (now - self._noted) / REMEMBERS) if self._noted > -math.inf else 1.0
-        self._speed, self._noted = max(self._speed, capacity), now
-        point = typical(points)
-        waits = self._beyond(point) if self.base else -1.0
-        if waits < 0:
-            self.base = point
-        if waits < NEAR + self.noise:
+        if self._updated > -math.inf:
+            self._air_rate *= max(0.0, 1 - (now - self._updated) / AIR_RATE_LIFETIME)
+        self._air_rate, self._updated = max(self._air_rate, capacity), now
+        sample = typical(samples)
+        beyond = self._beyond(sample, self.base) if self.base else -1.0
+        if beyond < 0:
+            self.base = sample
+        if beyond < CONFIRMATION_MARGIN + self.noise:
             self._confirmed = now
 
-    def note_noise(self, points):
-        """Points between which the queue grew or shrank evenly, if at all."""
-        if len(points) > 4:
-            sent, delay = (np.array([getattr(point, name) for point in points]) for name in ('sent', 'delay'))
+    def update_noise(self, samples: List[PacketSample]) -> None:
+        """Measure noise as the mean deviation from a straight line: between these the queue changed evenly, if at all.
+
+        :param samples: in sending order
+        """
+        if len(samples) > 4:
+            sent, delay = (np.array([getattr(sample, name) for sample in samples]) for name in ('sent', 'delay'))
             sent, delay = sent - sent.mean(), delay - delay.mean()
-            left = delay - sent * (sent @ delay) / max(sent @ sent, 1e-9)
-            self.noise += (float(np.abs(left).mean()) - self.noise) / SMOOTHING
+            residual = delay - sent * (sent @ delay) / max(sent @ sent, 1e-9)
+            self.noise += (float(np.abs(residual).mean()) - self.noise) / NOISE_REPORTS
 
-    def expired(self, now):
-        """Whether the base is not confirmed any more."""
-        return now - self._confirmed > KEEPS
+    def expired(self, now: float) -> bool:
+        """Whether nothing confirmed the base for long."""
+        return now - self._confirmed > BASE_LIFETIME
 
-    def believe(self, point, now):
-        """This point is the base from now on."""
-        self.base, self._confirmed = point, now
+    def set_base(self, sample: PacketSample, now: float) -> None:
+        """Take this sample's delay as the base."""
+        self.base, self._confirmed = sample, now
 
-    def raise_to(self, point, most, now):
-        """The base is no lower than this point's, but it rises by `most` at once [s]."""
-        above = self._beyond(point)
-        self.believe(point._replace(arrived=point.arrived - max(0.0, above - most)), now)
+    def raise_base(self, sample: PacketSample, max_step: float, now: float) -> None:
+        """Raise the base to this sample's delay, by ``max_step`` [s] at most."""
+        excess = self._beyond(sample, self.base) if self.base else 0.0
+        self.set_base(sample._replace(arrived=sample.arrived - max(0.0, excess - max_step)), now)
 
-    def of(self, point):
-        """How long a datagram waited [s]."""
-        return max(0.0, self._beyond(point))
+    def of(self, sample: PacketSample) -> float:
+        """How long a datagram was queued [s]; a base must be known."""
+        assert self.base is not None
+        return max(0.0, self._beyond(sample, self.base))
 
-    def _beyond(self, point):
-        # the speed may be far from true: a shorter datagram is not to seem to have waited for that
-        return point.delay - self.base.delay - max(0, point.size - self.base.size) / self._speed
+    def _beyond(self, sample: PacketSample, base: PacketSample) -> float:
+        # the air's rate may be far off: a datagram shorter than the base's must not seem queued for that
+        return sample.delay - base.delay - max(0, sample.size - base.size) / self._air_rate
 
 
-def typical(points):
-    """The point that speaks for the newest of some points: that of middling delay.
+def typical(samples: List[PacketSample]) -> PacketSample:
+    """The sample of median delay among the newest.
 
-    :param points: [report.Point, ...] in the order they left
+    :param samples: in sending order, at least one
     """
-    newest = points[-1].arrived
-    recent = sorted((point for point in points if newest - point.arrived <= RECENT), key=lambda point: point.delay)
+    newest = samples[-1].arrived
+    recent = sorted((sample for sample in samples if newest - sample.arrived <= TYPICAL_WINDOW),
+                    key=lambda sample: sample.delay)
     return recent[(len(recent) - 1) // 2]

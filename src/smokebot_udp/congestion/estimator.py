@@ -1,102 +1,129 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The byte rate that the link carries now, from the rate at which datagrams arrive and from how long they queue.
+"""The byte rate that the link carries now, from delivery rate and queueing delay.
 
-What it rests on, and where that is from:
+Its parts:
 
-* **Delivered rate** (BBR, draft-cardwell-iccrg-bbr-congestion-control, and draft-cheng-iccrg-delivery-rate-estimation):
-  between two datagrams that came, the bytes that left over the longer of the times in which they left and came are a
-  rate that the link carries at the least; it never exceeds what was offered, so clumped arrivals do not push it up.
-  Where the later one had to queue, the air was busy between both, and bytes over the time in which they came are the
-  capacity itself, even while sources pause: no "application-limited" marks are needed.
-* **A standing queue of a few ms as the target** (LEDBAT, RFC 6817; SCReAM, RFC 8298): while it is there the air is busy
-  and the capacity is measured all the time; a rate in proportion to what the queue lacks keeps it. LEDBAT's constant
-  target is unfair to who came earlier and has no fixed shares, so the target falls with the rate (as Swift's flow
-  scaling, Kumar et al., SIGCOMM 2020): of those who share an air the fast wants a shorter queue than the slow.
-* **The queue as it will be** when the rate takes effect: what left since the newest report, less what the air has
+* **Delivery rate** (BBR, draft-cardwell-iccrg-bbr-congestion-control; draft-cheng-iccrg-delivery-rate-estimation):
+  between two datagrams that arrived, the bytes sent over the longer of the sending and the arrival interval are a rate
+  that the link carries at least. It never exceeds what was offered, so clumped arrivals do not inflate it. Where the
+  later datagram was queued the air was busy in between, and bytes over the arrival interval are the capacity itself,
+  even while sources pause: no marks for "application-limited" are needed.
+* **A standing queue of a few ms as the target** (LEDBAT, RFC 6817; SCReAM, RFC 8298): with it the air is busy and
+  the capacity is measured all the time; a rate correction proportional to what the queue lacks keeps it. LEDBAT's
+  constant target is unfair to early starters and has no fixed point for the shares, so the target falls with the rate
+  (Swift's flow scaling, Kumar et al., SIGCOMM 2020): of flows that share the air a fast one wants a shorter queue
+  than a slow one.
+* **The queue predicted for when the rate takes effect**: bytes sent since the newest report, less what the air has
   carried since (SCReAM's bytes in flight, as seconds).
-* **The least delay, measured anew** (BBR's ProbeRTT; LEDBAT++'s slowdowns): where nothing confirmed it for 5 s the rate
-  dips shortly. A queue that has become long is drained by all who share the air at the same time, for all see it, and
-  all learn the true least delay then; so who comes late, and takes a queue for the way, is put right. What a drain
-  leaves of a delay is the way itself, which has become longer.
-* **Trains** (GCC's probe clusters, draft-ietf-rmcat-gcc-02; packet dispersion, Dovrolis 2001): where the queue is empty
-  and more is wanted, some datagrams that are due anyway leave 2 to 4 times faster. They find a link that has become
-  60 times wider within a second, at the cost of some ms of queue when it has not; padding is never sent.
-* **Not loss** (against GCC's loss-based half, and TCP): a share of lost datagrams says nothing of the rate, for air
-  time is spent on them. More loss than before is a reason to ask: the rate is halved for a moment. What is lost then,
-  too, the air loses (loss.py); what is not was dropped by a queue too short to be seen, and the rate goes down by it.
+* **The base delay, measured again** (BBR's ProbeRTT; LEDBAT++'s slowdowns; probe_rtt.py): where nothing confirmed it
+  for 5 s the rate dips shortly. A queue that has become long is drained by all who share the air at the same time, as
+  all see it, and all learn the true base delay then; that corrects a late starter who took the queue for the path. What
+  a drain leaves of the delay is the path itself, which has become longer.
+* **Packet trains** (probing.py): where the queue is empty and more is wanted, some datagrams that are due anyway leave
+  2 to 4 times faster. They find a link that has become 60 times wider within a second, at the cost of a few ms of
+  queue when it has not.
+* **No reaction to loss as such** (unlike GCC's loss-based half, and TCP): on a lossy air the loss ratio says nothing
+  about the rate, because lost datagrams use air time, too. More loss than before is a reason to check: the rate is
+  halved for a moment. What is lost then the air loses (loss.py); the rest was dropped by a queue too short to be seen,
+  and the rate is lowered by that much.
 
-Where it ends: a queue of 10 ms, which drops before it is seen, is overrun by some 40 % in spite of that; where the air
-begins to lose nearly all at once, reports too, the rate falls for some seconds; and as all that go by delay it is no
-match for a flow that fills the queue whatever others do.
+Limits: a queue of 10 ms, which drops before it is seen, is overrun by some 40 % all the same; where the air
+begins to lose nearly everything at once, including reports, the rate falls for some seconds; and as all delay-based
+control it yields to a flow that fills the queue regardless of others.
 """
 import math
 import statistics
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import List, NamedTuple, Optional, Tuple
 
 import numpy as np
 
+from ..units import MBIT
 from .delay import QueueDelay, typical
-from .loss import MOST, Loss
-from .probe_rtt import Quiet
-from .probing import Trains
+from .feedback import Feedback, PacketSample
+from .loss import MAX_AIR_LOSS, Loss
+from .probe_rtt import ProbeRtt
+from .probing import ProbeController, ProbeTrain
 
-MBIT = 1e6 / 8
+REFERENCE_TARGET = 0.005
+"""Queueing delay to keep at REFERENCE_RATE [s];"""
+
+REFERENCE_RATE = 20 * MBIT
 """[byte/s]"""
 
-TARGET, REFERENCE, SHAPE = 0.005, 20 * MBIT, 0.25
-"""The queue to keep at a rate: TARGET * (REFERENCE / rate) ** SHAPE [s]"""
+TARGET_EXPONENT = 0.25
+"""it scales with this power of REFERENCE_RATE / rate,"""
 
-LEAST_TARGET, MOST_TARGET = 0.005, 0.04
-"""[s]"""
+MIN_TARGET = 0.005
+"""between this [s]"""
 
-MOST_NOISE = 0.01
-"""Noise makes the queue to keep longer, by so much at most [s]."""
+MAX_TARGET = 0.04
+"""and this [s]."""
+
+MAX_NOISE = 0.01
+"""Delay noise adds to the target, up to this [s]."""
 
 HORIZON = 0.2
-"""What the queue has too much or lacks is to be mended in so long [s]."""
+"""The difference between queue and target is corrected over this time [s]."""
 
-HARDEST, GENTLEST = 0.5, 1.1
-"""The rate is so much of the capacity at least and at most."""
+MIN_GAIN = 0.5
+"""Rate in capacities, at least,"""
 
-BUSY = 0.002
-"""What waits longer queued: the air was busy [s]."""
+MAX_GAIN = 1.1
+"""and at most."""
 
-SILENCE = 0.5
-"""Without reports for so long the rate halves, again and again [s]."""
+BUSY_DELAY = 0.002
+"""A datagram delayed longer was queued: the air was busy [s]."""
 
-COMES_BACK = 2.0
-"""When reports come again, and show no queue, the capacity is this part of what it was before they stayed away."""
+REPORT_INTERVAL = 0.1
+"""Reports are sent, and the estimator is polled, this often [s]."""
 
-REPORTS_APART = 0.1
-"""Reports are made so often, and polls [s]."""
+REPORT_TIMEOUT = 0.5
+"""The rate is halved each time no report came for this long [s]."""
 
-UNLIKELY = 0.01
-"""Reports are lost like datagrams: silence is longer where it is more likely than this that all of them were."""
+REPORT_LOSS_PROBABILITY = 0.01
+"""Reports are lost like datagrams: the timeout is longer where losing all of them is more probable than this."""
 
-FULL = 0.06
-"""A queue as long as this is drained; what is lost beside it may never have been on the air [s]."""
+RECOVERY_FACTOR = 2.0
+"""When reports return and show no queue, the capacity is what it was before the timeout, over this."""
 
-LONG, STANDS = 1.5, 1.0
-"""So is one longer than it is to be by this factor for so long [s]: less is sent all the time, so it is none."""
+LONG_QUEUE = 0.06
+"""A longer queue is drained; and datagrams lost beside it may never have been on the air [s]."""
 
-PUSHES = 1.25
-"""Beside a queue, a train that came faster may only have pushed others aside: it counts up to this factor."""
+STANDING_FACTOR = 1.5
+"""So is a queue longer than this many targets"""
 
-AFTER_QUIET = 0.6
-"""No train leaves for so long after a quiet moment: others have only been quiet, too [s]."""
+STANDING_TIME = 1.0
+"""for this long: less is sent all the time, so it is the path rather than a queue [s]."""
 
-GROWS, REACHES, HOPES = 1.05, 1.5, 3.0
-"""Where the queue is empty because little is sent, the capacity is supposed to be so much more from report to report,
-up to so much more than was sent, or so many times the floor: else who has nothing to send would never be allowed to."""
+MAX_PUSH_FACTOR = 1.25
+"""A train that was faster while the air was busy may only have displaced other traffic: it counts up to this factor."""
+
+PROBE_HOLDOFF = 0.6
+"""No train leaves this soon after a pause: others have only paused, too [s]."""
+
+GROWTH_FACTOR = 1.05
+"""Where the queue is empty because little is sent, the capacity is assumed to be this much higher with each report, as
+otherwise an idle sender could never ramp up;"""
+
+MAX_OFFERED_FACTOR = 1.5
+"""up to this much above what was sent,"""
+
+MAX_MIN_RATE_FACTOR = 3.0
+"""or this many times min_rate."""
 
 
 class Limits(NamedTuple):
-    """Between which rates the estimate moves [byte/s]."""
-    floor: float = 0.1 * MBIT
-    """Safe: what is sent when nothing is known."""
-    start: float = 0.5 * MBIT
+    """Bounds of the estimate [byte/s]."""
+    min_rate: float = 0.1 * MBIT
+    """A safe rate, sent when nothing is known."""
+    start_rate: float = 0.5 * MBIT
+    """Until the first report."""
     max_rate: float = 400 * MBIT
+
+    def clamp(self, rate: float) -> float:
+        """The rate between min_rate and max_rate."""
+        return min(max(rate, self.min_rate), self.max_rate)
 
 
 @dataclass
@@ -105,150 +132,181 @@ class Link:
     capacity: float
     """[byte/s]"""
     queue_delay: float = 0.0
-    """As it will be when a rate takes effect [s]."""
+    """Predicted for when the present rate takes effect [s]."""
     round_trip: float = math.nan
-    """The least of late; NaN: unknown [s]."""
+    """The shortest in the last report; NaN: unknown [s]."""
     loss: float = 0.0
-    """Share of datagrams lost of late."""
+    """Ratio of datagrams lost lately."""
 
 
 LIMITS = Limits()
 
 
-def target(rate):
-    """The queue to keep at a rate [s]."""
-    return min(max(TARGET * (REFERENCE / rate) ** SHAPE, LEAST_TARGET), MOST_TARGET)
+def target_delay(rate: float) -> float:
+    """Queueing delay to keep at a rate in byte/s [s]."""
+    scaled = REFERENCE_TARGET * math.pow(REFERENCE_RATE / rate, TARGET_EXPONENT)
+    return min(max(scaled, MIN_TARGET), MAX_TARGET)
 
 
 class Estimator:
-    """Follows one link.
+    """Estimates one link's capacity, and the rate to send at.
 
     :param now: by a steady clock [s]
-    :param limits: Limits
+    :param limits: bounds of capacity and rate
     """
 
-    def __init__(self, now, limits=LIMITS):
+    def __init__(self, now: float, limits: Limits = LIMITS) -> None:
         self.limits = limits
-        self.link = Link(min(limits.start, limits.max_rate))
+        self.link = Link(min(limits.start_rate, limits.max_rate))
         self.rate = self.link.capacity
-        """What may leave now, of all streams together [byte/s]."""
-        self.missing = 0
-        """So often the rate was halved since reports stay away."""
-        self._delay, self._loss, self._trains, self._quiet = QueueDelay(), Loss(), Trains(), Quiet()
-        self._newest = None     # Point
-        self._came = now        # when the last report came
-        self._before = 0.0      # the capacity before they stayed away
-        self._empty = True      # whether the last report showed a short queue
-        self._short = now       # when the queue was last as short as it is to be
+        """What may be sent now, of all streams together [byte/s]."""
+        self.timeouts = 0
+        """How often the rate was halved since the last report."""
+        self._delay, self._loss, self._probes, self._probe_rtt = QueueDelay(), Loss(), ProbeController(), ProbeRtt()
+        self._newest: Optional[PacketSample] = None
+        self._reported = now            # when the last report came
+        self._before_timeout = 0.0      # capacity [byte/s]
+        self._was_short = True          # whether the last report showed a short queue
+        self._last_short = now          # when the queue was last near its target
 
-    def take(self, evidence, now, wanted=math.inf):
-        """Take what a report says.
+    def on_feedback(self, feedback: Feedback, now: float, wanted: float = math.inf) -> Optional[ProbeTrain]:
+        """Update the estimate.
 
-        :param evidence: report.Evidence
+        :param feedback: of a valid report
+        :param now: by a steady clock [s]
         :param wanted: what the streams would send if the link had room for it [byte/s]
-        :return: a Train for the pace, or None
+        :return: a train for the packet scheduler, if one is due
         """
-        self._came, missed, self.missing = now, self.missing, 0
-        if evidence.anew:
+        after_timeout, self._reported, self.timeouts = self.timeouts > 0, now, 0
+        if feedback.restarted:
             self._delay.base = self._newest = None
-        if not evidence.points:
-            self._loss.note(evidence, False)
-            self.link.loss = self._loss.told
+        if not feedback.samples:
+            self._update_loss(feedback, False)
             self._set_rate(now)
             return None
-        link, points = self.link, evidence.points
-        chain = ([self._newest] if self._newest else []) + points
-        self._newest, link.round_trip = points[-1], evidence.round_trip
-        self._delay.note(points, link.capacity, now)
-        middle = typical(points)
+        link, samples = self.link, feedback.samples
+        chain = [self._newest, *samples] if self._newest else samples
+        self._newest, link.round_trip = samples[-1], feedback.round_trip
+        self._delay.update(samples, link.capacity, now)
+        middle = typical(samples)
         queue = self._delay.of(middle)
-        # what left while the queue was short the air lost, if anything
+
         short = queue < self._target()
-        self._loss.note(evidence, short and self._empty or queue < FULL and self._quiet.holds(chain[0].sent))
-        self._empty = short
-        link.loss = self._loss.told
-        if missed and short:    # reports were lost, as all else
-            link.capacity = max(link.capacity, self._before / COMES_BACK)
-        self._learn(chain, queue)
-        if self._quiet.go_on(self._delay, middle, queue, self._target(), now):
-            self._loss.settle()
-        if self._loss.excess and queue < FULL and self._quiet.asked(now):
-            link.capacity = max(link.capacity * max(HARDEST, 1 - self._loss.excess), self.limits.floor)
-            self._loss.settle()
-        if queue < LONG * self._target():
-            self._short = now
-        long = queue > FULL or now - self._short > STANDS
-        self._quiet.begin(self._delay.expired(now), long, self._loss.excess > 0, link.loss, now)
-        passed = now - self._newest.sent - queue    # since the newest datagram was on the air
-        link.queue_delay = max(0.0, evidence.unreported / link.capacity - passed)
+        paused = queue < LONG_QUEUE and self._probe_rtt.covers(chain[0].sent)
+        self._update_loss(feedback, (short and self._was_short) or paused)
+        self._was_short = short
+        if after_timeout and short:     # reports were lost like all else
+            link.capacity = max(link.capacity, self._before_timeout / RECOVERY_FACTOR)
+        self._update_capacity(chain, queue)
+        self._update_probe_rtt(middle, queue, now)
+        in_flight = feedback.unreported / link.capacity
+        since_newest = now - samples[-1].sent - queue       # since the newest datagram was on the air
+        link.queue_delay = max(0.0, in_flight - since_newest)
         self._set_rate(now)
-        return self._train(points, wanted, evidence.unreported, now)
+        return self._next_probe(samples, wanted, feedback.unreported, now)
 
-    def poll(self, now):
-        """Go on without a report: call it some times a second."""
-        loss = min(max(self.link.loss, UNLIKELY), MOST)
-        silence = max(SILENCE, REPORTS_APART * math.log(UNLIKELY) / math.log(loss))
-        while now - self._came > silence * (1 + self.missing) and self.link.capacity > self.limits.floor:
-            self._before = self._before if self.missing else self.link.capacity
-            self.missing += 1
-            self.link.capacity = max(self.link.capacity / 2, self.limits.floor)
+    def poll(self, now: float) -> None:
+        """Lower the rate where reports fail to come: to be called each REPORT_INTERVAL."""
+        loss = min(max(self.link.loss, REPORT_LOSS_PROBABILITY), MAX_AIR_LOSS)
+        timeout = max(REPORT_TIMEOUT, REPORT_INTERVAL * math.log(REPORT_LOSS_PROBABILITY) / math.log(loss))
+        while now - self._reported > timeout * (1 + self.timeouts) and self.link.capacity > self.limits.min_rate:
+            if not self.timeouts:
+                self._before_timeout = self.link.capacity
+            self.timeouts += 1
+            self.link.capacity = max(self.link.capacity / 2, self.limits.min_rate)
         self._set_rate(now)
 
-    def _target(self):
-        return target(self.link.capacity) + min(2 * self._delay.noise, MOST_NOISE)
+    def _target(self) -> float:
+        return target_delay(self.link.capacity) + min(2 * self._delay.noise, MAX_NOISE)
 
-    def _learn(self, chain, queue):
-        """The capacity, from how the chain of points came."""
-        link, lost = self.link, self._loss.excess if queue > FULL else 0.0
-        waits, least = [self._delay.of(point) for point in chain], BUSY + 2 * self._delay.noise
-        carried, busy, whole = 0, 0.0, chain[-1].arrived - chain[0].arrived
-        for at, (before, after) in enumerate(zip(chain, chain[1:])):
-            # the later one came to a queue; and the earlier one was in it still, or nothing left between them
-            if waits[at + 1] > least and (after.sent - before.sent < waits[at] or
-                                          after.total - before.total == after.size):
+    def _update_loss(self, feedback: Feedback, uncongested: bool) -> None:
+        self._loss.update(feedback, uncongested)
+        self.link.loss = self._loss.recent
+
+    def _update_capacity(self, chain: List[PacketSample], queue: float) -> None:
+        """Correct the capacity by how datagrams arrived.
+
+        :param chain: the new samples after the newest known before
+        :param queue: queueing delay of the report [s]
+        """
+        link = self.link
+        waits = [self._delay.of(sample) for sample in chain]
+        carried, busy = self._busy_period(chain, waits)
+        duration = chain[-1].arrived - chain[0].arrived
+        if busy > duration / 4 and busy > 0.01:
+            dropped = self._loss.excess if queue > LONG_QUEUE else 0.0
+            step = min(1.0, 2 * busy / HORIZON) * (carried * (1 - dropped) / busy - link.capacity)
+            if step > 0 or queue > self._target() / 2:      # without a queue less was offered, not carried
+                link.capacity += step
+        if queue < LONG_QUEUE and not self._loss.excess:
+            # what was sent beside a long queue was not all carried
+            cleared = chain[max((at + 1 for at, wait in enumerate(waits) if wait > LONG_QUEUE), default=0):]
+            ceiling = math.inf if busy < duration * 3 / 4 else MAX_PUSH_FACTOR * link.capacity
+            link.capacity = max(link.capacity, min(ceiling, peak_rate(cleared, 2 * self._delay.noise)))
+            self._delay.update_noise(cleared)
+            if queue < self._target() / 2:
+                self._grow(chain)
+        link.capacity = self.limits.clamp(link.capacity)
+
+    def _busy_period(self, chain: List[PacketSample], waits: List[float]) -> Tuple[int, float]:
+        """What the air carried while it was busy: (bytes, seconds).
+
+        It was busy between two datagrams if the later one was queued, and the earlier one still was when the later
+        one was sent, or none was sent between them.
+        """
+        threshold = BUSY_DELAY + 2 * self._delay.noise
+        carried, busy = 0, 0.0
+        for before, after, wait_before, wait_after in zip(chain, chain[1:], waits, waits[1:]):
+            overlap = after.sent - before.sent < wait_before
+            adjacent = after.total - before.total == after.size
+            if wait_after > threshold and (overlap or adjacent):
                 carried += after.total - before.total
                 busy += after.arrived - before.arrived
-        if busy > whole / 4 and busy > 0.01:
-            more = min(1.0, 2 * busy / HORIZON) * (carried * (1 - lost) / busy - link.capacity)
-            if more > 0 or queue > self._target() / 2:      # without a queue less was offered, not carried
-                link.capacity += more
-        if queue < FULL and not self._loss.excess:
-            most = math.inf if busy < whole * 3 / 4 else PUSHES * link.capacity
-            # beside a full queue what left was not all carried
-            short = max((at + 1 for at, wait in enumerate(waits) if wait > FULL), default=0)
-            link.capacity = max(link.capacity, min(most, peak(chain[short:], 2 * self._delay.noise)))
-            self._delay.note_noise(chain[short:])
-            if queue < self._target() / 2:
-                offered = (chain[-1].total - chain[0].total) / max(chain[-1].sent - chain[0].sent, 1e-3)
-                reach = max(HOPES * self.limits.floor, REACHES * offered)
-                link.capacity = max(link.capacity, min(reach, link.capacity * GROWS))
-        link.capacity = min(max(link.capacity, self.limits.floor), self.limits.max_rate)
+        return carried, busy
 
-    def _set_rate(self, now):
-        link, limits = self.link, self.limits
-        factor = min(max(1 + (self._target() - link.queue_delay) / HORIZON, HARDEST), GENTLEST)
-        self.rate = min(max(link.capacity * min(factor, self._quiet.most(now)), limits.floor), limits.max_rate)
+    def _grow(self, chain: List[PacketSample]) -> None:
+        """Assume somewhat more capacity than is used."""
+        offered = (chain[-1].total - chain[0].total) / max(chain[-1].sent - chain[0].sent, 1e-3)
+        ceiling = max(MAX_MIN_RATE_FACTOR * self.limits.min_rate, MAX_OFFERED_FACTOR * offered)
+        self.link.capacity = max(self.link.capacity, min(ceiling, self.link.capacity * GROWTH_FACTOR))
 
-    def _train(self, points, wanted, unreported, now):
-        if self._quiet.lasts(now - AFTER_QUIET) or self._loss.excess:
+    def _update_probe_rtt(self, sample: PacketSample, queue: float, now: float) -> None:
+        """End a pause and use what it measured; begin one where there is a reason."""
+        if self._probe_rtt.on_sample(sample, queue, self._target(), self._delay, now):
+            self._loss.answered()
+        if self._loss.excess and queue < LONG_QUEUE and self._probe_rtt.loss_checked(now):
+            reduced = self.link.capacity * max(MIN_GAIN, 1 - self._loss.excess)
+            self.link.capacity = max(reduced, self.limits.min_rate)
+            self._loss.answered()
+        if queue < STANDING_FACTOR * self._target():
+            self._last_short = now
+        queue_long = queue > LONG_QUEUE or now - self._last_short > STANDING_TIME
+        self._probe_rtt.begin(self._delay.expired(now), queue_long, self._loss.excess > 0, self.link.loss, now)
+
+    def _set_rate(self, now: float) -> None:
+        link = self.link
+        gain = min(max(1 + (self._target() - link.queue_delay) / HORIZON, MIN_GAIN), MAX_GAIN)
+        self.rate = self.limits.clamp(link.capacity * min(gain, self._probe_rtt.gain(now)))
+
+    def _next_probe(self, samples: List[PacketSample], wanted: float, unreported: int,
+                    now: float) -> Optional[ProbeTrain]:
+        if self._probe_rtt.active(now - PROBE_HOLDOFF) or self._loss.excess:
             return None
-        capacity = self.link.capacity
-        usual = statistics.median(self._delay.of(point) for point in points)
-        empty = usual < self._target() / 2
-        return self._trains.next(capacity, empty, wanted > self.rate, self._newest, unreported, now)
+        empty = statistics.median(self._delay.of(sample) for sample in samples) < self._target() / 2
+        return self._probes.next(self.link.capacity, empty, wanted > self.rate, samples[-1], unreported, now)
 
 
-def peak(chain, noise):
-    """The fastest that some of the points are sure to have been carried [byte/s].
+def peak_rate(chain: List[PacketSample], noise: float) -> float:
+    """The highest delivery rate between any two samples [byte/s]; 0: none is certain.
 
-    :param chain: [report.Point, ...] in the order they left
-    :param noise: times differ by so much for other reasons [s]
+    :param chain: in sending order
+    :param noise: uncertainty of intervals, for reasons other than the rate [s]
     """
-    sent, arrived, total = (np.array([getattr(point, name) for point in chain])
+    sent, arrived, total = (np.array([getattr(sample, name) for sample in chain])
                             for name in ('sent', 'arrived', 'total'))
-    size = max((point.size for point in chain), default=0)
+    size = max((sample.size for sample in chain), default=0)
     first, last = np.triu_indices(len(chain), 1)
     carried = total[last] - total[first]
-    took = np.maximum(sent[last] - sent[first], arrived[last] - arrived[first]) + noise
-    enough = (carried >= 2 * size) & (took > 1e-4)
-    return float(np.max(carried[enough] / took[enough], initial=0.0))
+    interval = np.maximum(sent[last] - sent[first], arrived[last] - arrived[first]) + noise
+    certain = (carried >= 2 * size) & (interval > 1e-4)
+    return float(np.max(carried[certain] / interval[certain], initial=0.0))

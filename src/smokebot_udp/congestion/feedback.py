@@ -1,44 +1,52 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Reports of what arrived: made on the receiver's side, and checked on the sender's before anything believes them.
+"""Receiver reports: made on the receiver's side, checked on the sender's side before anything uses them.
 
-A report tells which datagrams came and how long before the report was made (msg/LinkReport.msg). When they left, how
-long they are and what left between them the sender knows itself (departures.py). So
+A report lists datagrams that arrived and how long before the report that was (msg/LinkReport.msg; the idea is RFC
+8888's). The sender knows when they were sent, how long they are and what was sent in between (sent_history.py).
+Therefore
 
-* nothing rests on the machines' clocks: all is differences of one steady clock or the other;
-* a lost report costs nothing, for counts are totals and marks are told twice;
-* the round trip is `now - sent - age`, with no echo of its own. The clocks' offset, for ages that people read, stays
-  with msg/ClockEcho.msg and clock.py: once a second is enough for it, and it has nothing to do with the rate;
-* a forged report can at the utmost make believe that all that left came, and at once; max_rate holds whatever it says.
+* nothing depends on synchronised clocks: all values are differences of one steady clock or the other;
+* a lost report costs nothing: counters are totals, and each arrival is reported twice;
+* the round trip is ``now - sent - age``, without an echo. The clock offset, for ages shown to people, comes from
+  msg/ClockEcho.msg and is not used here;
+* a forged report can at most pretend that everything that was sent arrived at once; max_rate holds all the same.
 """
 import collections
 import math
 from dataclasses import dataclass, field
-from typing import List, NamedTuple
+from typing import Any, Callable, Counter, Deque, Dict, List, NamedTuple, Optional, Tuple
 
-from .sent_history import NUMBERS
+from .sent_history import SEQ_MODULUS, SentHistory
 
-SPAN = 0.2
-"""Marks of so long go into a report: twice the period, so that one report may be lost [s]."""
+SAMPLE_WINDOW = 0.2
+"""A report has the arrivals of this long: twice the report interval, so that one report may be lost [s],"""
 
-FEWEST = 4
-"""Or so many, though they are older."""
+MIN_SAMPLES = 4
+"""or this many, if older,"""
 
-APART = 0.003
-"""Marks are so far apart at least [s]."""
+MAX_QUIET_AGE = 5.0
+"""but none older than this [s]."""
 
-MOST_MARKS = 64
-MOST_STREAMS = 64
-LONGEST = 10.0
-"""Older marks tell nothing [s]."""
+SAMPLE_INTERVAL = 0.003
+"""Arrival samples are at least this far apart [s]."""
 
-LATE = 4096
-"""A number so far behind the highest is of another counting: the sender began anew."""
+MAX_SAMPLES = 64
+"""Arrival samples in a report."""
 
-CLOCK_SLACK = 1.0
-"""Both sides' steady clocks may disagree by so much about the time between two reports, which wait in queues [s]."""
+MAX_STREAMS = 64
+"""Streams in a report."""
 
-CONFIRMED = 3
-"""So many reports in a row that contradict what was before, but not one another, are right."""
+MAX_AGE = 10.0
+"""Older arrivals in a report are not believed [s]."""
+
+RESTART_GAP = 4096
+"""A sequence number this far behind the highest one shows that the sender restarted."""
+
+CLOCK_TOLERANCE = 1.0
+"""Both steady clocks may disagree by this about the time between two reports, which wait in queues [s]."""
+
+CLOCK_CONFIRMATIONS = 3
+"""After this many consecutive reports that agree with each other, but not with those before, the clock did jump."""
 
 
 @dataclass
@@ -51,7 +59,7 @@ class StreamArrivals:
 
 
 @dataclass
-class ArrivalMark:
+class ArrivalSample:
     """As msg/ArrivalMark.msg."""
     stream: int
     seq: int
@@ -64,210 +72,223 @@ class Report:
     session: int
     clock: int
     streams: List[StreamArrivals] = field(default_factory=list)
-    marks: List[ArrivalMark] = field(default_factory=list)
+    marks: List[ArrivalSample] = field(default_factory=list)
 
 
-class Arrivals:
+class ReceiveHistory:
     """The receiver's side: counts what arrives.
 
-    :param session: f() -> a random number of 32 bits
+    :param new_session: f() -> a random number of 32 bits
     """
 
-    def __init__(self, session):
-        self._new_session = session
-        self.begin()
+    def __init__(self, new_session: Callable[[], int]) -> None:
+        self._new_session = new_session
+        self._connections: Dict[str, int] = {}      # {stream: number of its newest connection}
+        self.restart()
 
-    def begin(self):
-        """All is counted anew: who sends began anew."""
+    def restart(self) -> None:
+        """Begin a new session: the sender restarted."""
         self._session = self._new_session()
-        self._streams = {}                                  # {name: (index, StreamArrivals)}
-        self._marks = collections.deque(maxlen=MOST_MARKS)  # (when, index, seq)
+        self._streams: Dict[str, Tuple[int, StreamArrivals]] = {}      # {name: (index in a report, counters)}
+        # (time of arrival, index of the stream, sequence number)
+        self._samples: Deque[Tuple[float, int, int]] = collections.deque(maxlen=MAX_SAMPLES)
 
-    def note(self, stream, seq, size, now, count=1):
-        """Datagrams came that did not come before.
+    def add(self, stream: str, seq: int, size: int, now: float, count: int = 1, connection: int = 0) -> None:
+        """Record datagrams that arrived for the first time.
 
         :param stream: its name
-        :param seq: the highest of their numbers
+        :param seq: the highest of their sequence numbers
         :param size: of all of them [byte]
         :param now: when, by a steady clock [s]
+        :param count: number of datagrams
+        :param connection: number of the connection that they came by. A newer one shows that the sender restarted and
+            knows nothing of the past; what an older one still delivers is ignored
         """
-        if self._marks and now < self._marks[-1][0] - CLOCK_SLACK:
-            self.begin()       # the clock is not as steady as it should be
+        if connection > self._connections.setdefault(stream, connection):
+            self._connections[stream] = connection
+            self.restart()
+        if connection < self._connections[stream]:
+            return
+        if self._samples and now < self._samples[-1][0] - CLOCK_TOLERANCE:
+            self.restart()      # the clock is not steady
         if stream not in self._streams:
-            if len(self._streams) == MOST_STREAMS:
+            if len(self._streams) == MAX_STREAMS:
                 return
             self._streams[stream] = len(self._streams), StreamArrivals(stream, highest=seq)
-        index, known = self._streams[stream]
-        if seq < known.highest - LATE:
-            self.begin()
-            self.note(stream, seq, size, now, count)
+        index, counters = self._streams[stream]
+        if seq < counters.highest - RESTART_GAP:
+            self.restart()
+            self.add(stream, seq, size, now, count, connection)
             return
-        known.received += count
-        known.bytes += size
-        if seq >= known.highest:    # a late one tells nothing of the queue now
-            known.highest = seq
-            if not self._marks or now - self._marks[-1][0] >= APART:
-                self._marks.append((now, index, seq))
+        counters.received += count
+        counters.bytes += size
+        if seq >= counters.highest:     # a reordered datagram says nothing about the queue now
+            counters.highest = seq
+            if not self._samples or now - self._samples[-1][0] >= SAMPLE_INTERVAL:
+                self._samples.append((now, index, seq))
 
-    def report(self, now):
-        """The Report as it is now."""
-        told = [mark for mark in self._marks if 0 <= now - mark[0] <= SPAN]
-        if len(told) < FEWEST:      # where hardly anything comes, the last that did
-            told = [mark for mark in list(self._marks)[-FEWEST:] if 0 <= now - mark[0] <= LONGEST / 2]
-        marks = [ArrivalMark(index, seq, round(1e6 * (now - when))) for when, index, seq in told]
+    def report(self, now: float) -> Report:
+        """Make the report of this moment.
+
+        :param now: by the same steady clock [s]
+        """
+        samples = [sample for sample in self._samples if 0 <= now - sample[0] <= SAMPLE_WINDOW]
+        if len(samples) < MIN_SAMPLES:
+            samples = [sample for sample in list(self._samples)[-MIN_SAMPLES:] if 0 <= now - sample[0] <= MAX_QUIET_AGE]
+        marks = [ArrivalSample(index, seq, round(1e6 * (now - arrived))) for arrived, index, seq in samples]
         streams = [StreamArrivals(one.name, one.highest, one.received, one.bytes) for _, one in self._streams.values()]
         return Report(self._session, round(1e6 * now), streams, marks)
 
 
-class Point(NamedTuple):
-    """A datagram whose way is known."""
+class PacketSample(NamedTuple):
+    """A datagram whose times of sending and arrival are known."""
     sent: float
     """By the sender's clock [s]."""
     arrived: float
-    """By the receiver's: differences count [s]."""
+    """By the receiver's clock; only differences count [s]."""
     size: int
     """[byte]"""
     total: int
-    """Bytes that had left with it."""
+    """Bytes of all streams sent so far, this datagram included."""
 
     @property
-    def delay(self):
-        """One way, but for a constant [s]."""
+    def delay(self) -> float:
+        """One-way delay plus the unknown, constant clock offset [s]."""
         return self.arrived - self.sent
 
 
-class Evidence(NamedTuple):
-    """What a good report says that was not known before."""
-    points: List[Point]
-    """In the order they left."""
+class Feedback(NamedTuple):
+    """The news in a valid report."""
+    samples: List[PacketSample]
+    """Those not reported before, in sending order."""
     round_trip: float
-    """The least of the points'; NaN without one [s]."""
+    """The shortest of all samples in the report; NaN: it has none [s]."""
     expected: int
-    """Datagrams that could have come since the last good report,"""
+    """Datagrams that could have arrived since the last valid report."""
     received: int
-    """and those that did."""
+    """Datagrams that did."""
     unreported: int
-    """Bytes that left after the newest point known."""
-    anew: bool
-    """Whether the receiver began anew: delays before and after are of different clocks."""
+    """Bytes sent after the newest sample."""
+    restarted: bool
+    """Whether the receiver or its clock restarted: delays before and after are not comparable."""
 
 
-class _Impossible(Exception):
+class _InvalidReport(Exception):
     """Why a report is not believed."""
 
 
-class Reports:
-    """Takes reports; what is forged or impossible is dropped and counted, and nothing is raised.
+class FeedbackReader:
+    """Checks reports of one receiver. Forged and impossible reports are dropped and counted; nothing is raised.
 
-    :param departures: a Departures
+    :param history: what was sent
     """
 
-    def __init__(self, departures):
-        self.dropped = collections.Counter()
+    def __init__(self, history: SentHistory) -> None:
+        self.dropped: Counter[str] = collections.Counter()
         """Reports that were not believed, by reason."""
-        self.loss = {}
-        """{stream: share lost between the last two good reports}"""
-        self._departures = departures
-        self._last = None           # the last good report
-        self._came = -math.inf      # when, by our clock [s]
-        self._newest = 0            # total of the newest point
-        self._contradicting = []    # (its clock [us], when it came [s])
+        self._history = history
+        self._last: Optional[Any] = None    # the last valid report
+        self._last_read = -math.inf         # when it came, by our clock [s]
+        self._newest = 0                    # total of the newest sample
+        self._jumps: List[Tuple[int, float]] = []   # (report's clock [us], when it came [s]) that contradict _last
 
-    def take(self, report, now):
-        """Take a report.
+    def read(self, report: Any, now: float) -> Optional[Feedback]:
+        """Read a report.
 
-        :param report: a Report, or a LinkReport message
+        :param report: a Report or a LinkReport message
         :param now: by the sender's steady clock [s]
-        :return: Evidence; None where it is not believed
+        :return: None: it is not believed
         """
         try:
             _check_form(report)
-            points = self._points(report, now)
-            before = self._counts(report)
-            anew = self._check_time(report, now)
-        except _Impossible as impossible:
-            self.dropped[str(impossible)] += 1
+            samples = self._samples(report, now)
+            before = self._check_counters(report)
+            restarted = self._check_clock(report, now)
+        except _InvalidReport as invalid:
+            self.dropped[str(invalid)] += 1
             return None
-        expected, received = self._difference(report, {} if anew else before)
-        self._last, self._came = report, now
-        if anew:
+        expected, received = _difference(report, {} if restarted else before)
+        self._last, self._last_read = report, now
+        if restarted:
             self._newest = 0
-        fresh = sorted((point for point, _ in points if point.total > self._newest), key=lambda point: point.total)
+        fresh = sorted((sample for sample, _ in samples if sample.total > self._newest),
+                       key=lambda sample: sample.total)
         self._newest = fresh[-1].total if fresh else self._newest
-        return Evidence(fresh, min((now - point.sent - age for point, age in points), default=math.nan),
-                        expected, received, self._departures.total - self._newest, anew)
+        round_trip = min((now - sample.sent - age for sample, age in samples), default=math.nan)
+        return Feedback(fresh, round_trip, expected, received, self._history.total - self._newest, restarted)
 
-    def _points(self, report, now):
-        """[(Point, age), ...] of the marks."""
-        points, made = [], 1e-6 * report.clock
+    def _samples(self, report: Any, now: float) -> List[Tuple[PacketSample, float]]:
+        """[(sample, its age at the time of the report [s]), ...]"""
+        samples, made = [], 1e-6 * report.clock
         for mark in report.marks:
             if mark.stream >= len(report.streams):
-                raise _Impossible('no such stream')
-            left = self._departures.find(report.streams[mark.stream].name, mark.seq)
-            if left is None:
-                raise _Impossible('never sent')
+                raise _InvalidReport('no such stream')
+            packet = self._history.find(report.streams[mark.stream].name, mark.seq)
+            if packet is None:
+                raise _InvalidReport('never sent')
             age = 1e-6 * mark.age
-            if age > LONGEST or now - left.sent < age:
-                raise _Impossible('came before it left')
-            points.append((Point(left.sent, made - age, left.size, left.total), age))
-        return points
+            if age > MAX_AGE or now - packet.sent < age:
+                raise _InvalidReport('arrived before it was sent')
+            samples.append((PacketSample(packet.sent, made - age, packet.size, packet.total), age))
+        return samples
 
-    def _counts(self, report):
-        """{stream: what the last report of the session says of it}."""
-        same = self._last is not None and self._last.session == report.session
-        before = {one.name: one for one in self._last.streams} if same else {}
+    def _check_counters(self, report: Any) -> Dict[str, Any]:
+        """{stream: its counters in the last report of this session}"""
+        same_session = self._last is not None and self._last.session == report.session
+        before = {one.name: one for one in self._last.streams} if self._last is not None and same_session else {}
         for one in report.streams:
-            count, size = self._departures.sent(one.name)
+            count, size = self._history.totals(one.name)
             if one.received > count or one.bytes > size:
-                raise _Impossible('received more than sent')
+                raise _InvalidReport('received more than sent')
             known = before.get(one.name)
             if known is not None and (one.received < known.received or one.bytes < known.bytes
-                                      or (one.highest - known.highest) % NUMBERS >= NUMBERS // 2):
-                raise _Impossible('counts go backwards')
+                                      or (one.highest - known.highest) % SEQ_MODULUS >= SEQ_MODULUS // 2):
+                raise _InvalidReport('counters go backwards')
         return before
 
-    def _check_time(self, report, now):
-        """Whether the receiver's clock began anew."""
+    def _check_clock(self, report: Any, now: float) -> bool:
+        """Whether the receiver's clock started again."""
+        reading = report.clock, now
         if self._last is None or self._last.session != report.session:
-            self._contradicting = []
+            self._jumps = []
             return True
-        if not _contradict((self._last.clock, self._came), (report.clock, now)):
-            self._contradicting = []
+        if not _contradict((self._last.clock, self._last_read), reading):
+            self._jumps = []
             return False
-        if self._contradicting and _contradict(self._contradicting[-1], (report.clock, now)):
-            self._contradicting = []
-        self._contradicting.append((report.clock, now))
-        if len(self._contradicting) < CONFIRMED:
-            raise _Impossible('time')
-        self._contradicting = []
+        if self._jumps and _contradict(self._jumps[-1], reading):
+            self._jumps = []
+        self._jumps.append(reading)
+        if len(self._jumps) < CLOCK_CONFIRMATIONS:
+            raise _InvalidReport('clock jumps')
+        self._jumps = []
         return True
 
-    def _difference(self, report, before):
-        """(expected, received) datagrams since the last report."""
-        self.loss, expected, received = {}, 0, 0
-        for one in report.streams:
-            if one.name in before:
-                could = (one.highest - before[one.name].highest) % NUMBERS
-                came = min(could, one.received - before[one.name].received)
-                self.loss[one.name] = 1 - came / could if could else 0.0
-                expected, received = expected + could, received + came
-        return expected, received
+
+def _difference(report: Any, before: Dict[str, Any]) -> Tuple[int, int]:
+    """(expected, received) datagrams since the last report."""
+    expected = received = 0
+    for one in report.streams:
+        if one.name in before:
+            could = (one.highest - before[one.name].highest) % SEQ_MODULUS
+            expected += could
+            received += min(could, one.received - before[one.name].received)
+    return expected, received
 
 
-def _check_form(report):
-    """That it consists of what the message's types allow: who reads it from elsewhere may bring a NaN."""
-    if len(report.streams) > MOST_STREAMS or len(report.marks) > MOST_MARKS:
-        raise _Impossible('too long')
+def _check_form(report: Any) -> None:
+    """Check for what the message's types allow: a Report from elsewhere may hold a NaN."""
+    if len(report.streams) > MAX_STREAMS or len(report.marks) > MAX_SAMPLES:
+        raise _InvalidReport('too long')
     numbers = [report.session, report.clock]
     for one in report.streams:
         numbers += one.highest, one.received, one.bytes
     for mark in report.marks:
         numbers += mark.stream, mark.seq, mark.age
     if not all(isinstance(number, int) and 0 <= number < 1 << 64 for number in numbers):
-        raise _Impossible('no numbers')
+        raise _InvalidReport('not unsigned integers')
 
 
-def _contradict(earlier, later):
-    """Whether two clocks that run steadily make no such pair of (report's clock [us], when it came [s])."""
+def _contradict(earlier: Tuple[int, float], later: Tuple[int, float]) -> bool:
+    """Whether two steady clocks cannot give both of these readings: (report's clock [us], when it came [s])."""
     passed = 1e-6 * (later[0] - earlier[0])
-    return passed <= 0 or abs(passed - (later[1] - earlier[1])) > CLOCK_SLACK
+    return passed <= 0 or abs(passed - (later[1] - earlier[1])) > CLOCK_TOLERANCE

@@ -1,59 +1,62 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the air loses, told from what a full queue drops: the air loses as much when less is sent."""
+"""Separates wireless loss from congestion loss: the air loses as much when less is sent, a full queue does not."""
 import math
 
-LASTS = 200
-"""Datagrams over which loss is averaged."""
+from .feedback import Feedback
 
-SUPPOSED = 20
-"""The air is supposed to lose nothing, as if so many datagrams had shown it."""
+AVERAGING_WINDOW = 200
+"""Loss is averaged over this many datagrams."""
 
-MARGIN = 0.05
-"""So much more, and what chance makes of it twice, is no chance."""
+PRIOR_COUNT = 20
+"""The prior that the air loses nothing weighs as much as this many datagrams."""
 
-MOST = 0.95
-"""The air is not believed to lose more: where more is lost the link is gone."""
+EXCESS_MARGIN = 0.05
+"""Loss beyond the air's is congestion only above this, plus twice the standard deviation."""
+
+MAX_AIR_LOSS = 0.95
+"""Above this the link is taken for gone rather than lossy."""
 
 
 class Loss:
-    """Shares of datagrams, of late."""
+    """Loss ratios of one link, averaged."""
 
-    def __init__(self):
-        self.all = 0.0
-        """Lost, wherever, since that was answered."""
-        self.told = 0.0
-        """Lost, wherever, of late."""
-        self._count, self._quiet, self._quiet_lost = 0.0, 0.0, 0.0
+    def __init__(self) -> None:
+        self.unanswered = 0.0
+        """Of all loss since `answered` was called last."""
+        self.recent = 0.0
+        """Of all loss."""
+        self._count = self._uncongested = self._uncongested_lost = 0.0
 
-    def note(self, evidence, quiet):
-        """Take a report's counts.
+    def update(self, feedback: Feedback, uncongested: bool) -> None:
+        """Take the counts of a report.
 
-        :param evidence: report.Evidence
-        :param quiet: whether these datagrams were sent so slowly that no queue can have been full
+        :param uncongested: whether its datagrams were sent so slowly that no queue can have been full
         """
-        count, lost = evidence.expected, evidence.expected - evidence.received
+        count, lost = feedback.expected, feedback.expected - feedback.received
         if not count:
             return
-        self._count = min(self._count + count, LASTS)
-        weight = min(1.0, count / self._count)
-        self.all += weight * (lost / count - self.all)
-        self.told += weight * (lost / count - self.told)
-        if quiet:
-            keeps = max(0.0, 1 - count / LASTS)
-            self._quiet, self._quiet_lost = keeps * self._quiet + count, keeps * self._quiet_lost + lost
+        self._count = min(self._count + count, AVERAGING_WINDOW)
+        gain = min(1.0, count / self._count)
+        self.unanswered += gain * (lost / count - self.unanswered)
+        self.recent += gain * (lost / count - self.recent)
+        if uncongested:
+            keep = max(0.0, 1 - count / AVERAGING_WINDOW)
+            self._uncongested = keep * self._uncongested + count
+            self._uncongested_lost = keep * self._uncongested_lost + lost
 
-    def settle(self):
-        """What was lost so far has been answered: only what is lost from now on tells more."""
-        self.all = min(self.all, self.air)
-
-    @property
-    def air(self):
-        """Lost though the queue was short."""
-        return min(MOST, self._quiet_lost / max(self._quiet, 1.0))
+    def answered(self) -> None:
+        """The rate was lowered for the excess so far: only new loss counts from now on."""
+        self.unanswered = min(self.unanswered, self.air)
 
     @property
-    def excess(self):
-        """Of the datagrams that the air would not have lost the share that is lost all the same; 0: by chance only."""
-        chance = math.sqrt(self.all * (1 - self.all) * (2 / LASTS + 1 / (self._quiet + SUPPOSED)))
-        more = self.all - self.air
-        return more / (1 - self.air) if more > MARGIN + 2 * chance else 0.0
+    def air(self) -> float:
+        """Loss ratio while the queue was short."""
+        return min(MAX_AIR_LOSS, self._uncongested_lost / max(self._uncongested, 1.0))
+
+    @property
+    def excess(self) -> float:
+        """Of the datagrams that the air let through, the ratio lost all the same; 0: within chance."""
+        deviation = math.sqrt(self.unanswered * (1 - self.unanswered)
+                              * (2 / AVERAGING_WINDOW + 1 / (self._uncongested + PRIOR_COUNT)))
+        beyond = self.unanswered - self.air
+        return beyond / (1 - self.air) if beyond > EXCESS_MARGIN + 2 * deviation else 0.0

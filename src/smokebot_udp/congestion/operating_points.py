@@ -1,104 +1,116 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What a stream can be turned down to, kind by kind: steps from the least of use up to all, with what each costs.
+"""Operating points of each kind of stream: settings and their cost, from the cheapest to those requested.
 
-Four steps halve the bytes a second. What a share leaves over between two steps others get.
+Four steps halve the byte rate. Bandwidth that is left over between two steps goes to other streams, or into refinement.
 """
 import math
-from typing import Any, Dict, List, NamedTuple
+from typing import Any, Callable, Dict, List, NamedTuple
 
 STEP = 2 ** 0.25
+"""Ratio of the costs of two neighbouring operating points, about."""
+
+TOLERANCE = 1e-9
+"""For rounding errors."""
 
 
-class Level(NamedTuple):
-    """One step."""
+class OperatingPoint(NamedTuple):
+    """Settings of a stream, and what they cost."""
     settings: Dict[str, Any]
     """As streams.yaml names them."""
     cost: float
-    """What it takes of the link [byte/s]."""
+    """Byte rate on the link [byte/s]."""
 
 
-def image_levels(rate, subimages, per_datagram, datagram, taste=0.75, least_rate=2.0):
-    """Fewer subimages, and fewer pictures.
+def image_points(rate: float, subimages: int, per_datagram: int, datagram: int, degradation_preference: float = 0.75,
+                 least_rate: float = 2.0) -> List[OperatingPoint]:
+    """Operating points of images: fewer subimages, and fewer images.
 
-    :param rate: of pictures that are wanted, at most [Hz]
-    :param subimages: a whole picture's
-    :param per_datagram: subimages that a datagram holds
-    :param datagram: [byte]
-    :param taste: what gives way where the link is slow: 1: subimages only, down to one datagram a picture, before a
-        picture is left out; 0: pictures only, down to least_rate; between, both, in such parts of the octaves
-    :param least_rate: fewer pictures than this only where they are of one datagram [Hz]
-    :return: [Level, ...] of max_subimages and rate, the cheapest first
+    :param rate: of images, as requested or of the source [Hz]
+    :param subimages: in a complete image
+    :param per_datagram: subimages in a datagram
+    :param datagram: size on the air [byte]
+    :param degradation_preference: 1: maintain the frame rate, and send fewer subimages down to one datagram an image;
+        0: maintain quality, and send fewer images down to least_rate; in between both give way, in these parts of the
+        octaves
+    :param least_rate: the rate falls below this only for images of one datagram [Hz]
+    :return: max_subimages and rate, the cheapest first
     """
     datagrams = -(-subimages // per_datagram)
     least_rate = min(rate, least_rate)
 
-    def level(scarcity):
-        count = min(datagrams, max(1, int(datagrams / scarcity ** taste + 1e-9)))
-        pictures = min(rate, max(least_rate, rate / scarcity * datagrams / count))
-        count = min(count, max(1, int(datagrams * rate / scarcity / pictures + 1e-9)))
-        whole = count == datagrams
-        return Level({'max_subimages': 0 if whole else count * per_datagram, 'rate': pictures},
-                     pictures * count * datagram)
+    def point(scarcity: float) -> OperatingPoint:
+        count = min(datagrams, max(1, int(datagrams / scarcity ** degradation_preference + TOLERANCE)))
+        images = min(rate, max(least_rate, rate / scarcity * datagrams / count))
+        count = min(count, max(1, int(datagrams * rate / scarcity / images + TOLERANCE)))
+        complete = count == datagrams
+        return OperatingPoint({'max_subimages': 0 if complete else count * per_datagram, 'rate': images},
+                              images * count * datagram)
 
-    return _ascending(level, rate * datagrams / least_rate)
+    return _ascending(point, rate * datagrams / least_rate)
 
 
-def cloud_levels(rate, leaf_size, size, most_leaf=1.0, least_rate=1.0):
-    """Larger boxes and fewer clouds alike; where no fewer clouds may come, larger boxes alone.
+def cloud_points(rate: float, leaf_size: float, size: float, max_leaf_size: float = 1.0,
+                 least_rate: float = 1.0) -> List[OperatingPoint]:
+    """Operating points of clouds: larger voxels and fewer clouds alike; at least_rate larger voxels only.
 
     :param rate: [Hz]
-    :param leaf_size: the finest that is wanted [m]
+    :param leaf_size: the finest, as requested [m]
     :param size: of a cloud at that leaf size [byte]
-    :return: [Level, ...] of leaf_size and rate, the cheapest first
+    :return: leaf_size and rate, the cheapest first
     """
-    least_rate = min(rate, least_rate)
+    least_rate, max_leaf_size = min(rate, least_rate), max(leaf_size, max_leaf_size)
 
-    def level(scarcity):
-        # what a LiDAR sees is surfaces: as many boxes as their side's square has room for
-        thinned = max(scarcity ** 0.5, scarcity * least_rate / rate)
-        leaf = min(max(leaf_size, most_leaf), leaf_size * thinned ** 0.5)
-        thinner = (leaf / leaf_size) ** 2
-        clouds = max(least_rate, rate * thinner / scarcity)
-        return Level({'leaf_size': round(leaf, 4), 'rate': clouds}, clouds * size / thinner)
+    def point(scarcity: float) -> OperatingPoint:
+        # a LiDAR sees surfaces: the number of voxels is inversely proportional to their side's square
+        reduction = max(scarcity ** 0.5, scarcity * least_rate / rate)
+        leaf = min(max_leaf_size, leaf_size * reduction ** 0.5)
+        reduction = (leaf / leaf_size) ** 2
+        clouds = max(least_rate, rate * reduction / scarcity)
+        return OperatingPoint({'leaf_size': round(leaf, 4), 'rate': clouds}, clouds * size / reduction)
 
-    return _ascending(level, rate / least_rate * (max(leaf_size, most_leaf) / leaf_size) ** 2)
+    return _ascending(point, rate / least_rate * (max_leaf_size / leaf_size) ** 2)
 
 
-def map_levels(repeat_rate, segments, size, least_repeat=0.02, least_segments=8):
-    """Fewer rounds first, for they only repair what was lost; then larger blocks.
+def map_points(repeat_rate: float, segments: int, size: float, least_repeat: float = 0.02,
+               least_segments: int = 8) -> List[OperatingPoint]:
+    """Operating points of maps: fewer refresh cycles first, as these only repair losses; then larger blocks.
 
-    :param repeat_rate: of rounds that are wanted, at most [Hz]
-    :param segments: that carry the whole map
+    :param repeat_rate: of refresh cycles, as requested [Hz]
+    :param segments: that carry the complete map
     :param size: of a segment [byte]
-    :return: [Level, ...] of repeat_rate and max_segments, the cheapest first
+    :return: repeat_rate and max_segments, the cheapest first
     """
     least_repeat, least_segments = min(repeat_rate, least_repeat), min(segments, least_segments)
 
-    def level(scarcity):
-        rounds = max(least_repeat, repeat_rate / scarcity)
-        count = max(least_segments, int(segments * repeat_rate / scarcity / rounds + 1e-9))
-        return Level({'repeat_rate': rounds, 'max_segments': count}, rounds * count * size)
+    def point(scarcity: float) -> OperatingPoint:
+        cycles = max(least_repeat, repeat_rate / scarcity)
+        count = max(least_segments, int(segments * repeat_rate / scarcity / cycles + TOLERANCE))
+        return OperatingPoint({'repeat_rate': cycles, 'max_segments': count}, cycles * count * size)
 
-    return _ascending(level, repeat_rate / least_repeat * segments / least_segments)
+    return _ascending(point, repeat_rate / least_repeat * segments / least_segments)
 
 
-def rate_levels(rate, size, least_rate=1.0):
-    """Fewer messages, for what cannot be made coarser.
+def rate_points(rate: float, size: float, least_rate: float = 1.0) -> List[OperatingPoint]:
+    """Operating points of messages that cannot be made coarser: fewer of them.
 
     :param rate: [Hz]
     :param size: of a message [byte]
-    :return: [Level, ...] of rate, the cheapest first
+    :return: rate, the cheapest first
     """
     least_rate = min(rate, least_rate)
-    return _ascending(lambda scarcity: Level({'rate': max(least_rate, rate / scarcity)},
-                                             max(least_rate, rate / scarcity) * size), rate / least_rate)
+
+    def point(scarcity: float) -> OperatingPoint:
+        messages = max(least_rate, rate / scarcity)
+        return OperatingPoint({'rate': messages}, messages * size)
+
+    return _ascending(point, rate / least_rate)
 
 
-def _ascending(level, most) -> List[Level]:
-    """The levels of all scarcities from `most` to 1, each that costs more than the one before."""
-    levels: List[Level] = []
-    for step in range(math.ceil(math.log(most, STEP) - 1e-9), -1, -1):
-        made = level(min(most, STEP ** step))
-        if not levels or made.cost > levels[-1].cost * (1 + 1e-9):
-            levels.append(made)
-    return levels
+def _ascending(point: Callable[[float], OperatingPoint], max_scarcity: float) -> List[OperatingPoint]:
+    """The points from max_scarcity to scarcity 1, without those that do not cost more than the one before."""
+    points: List[OperatingPoint] = []
+    for step in range(math.ceil(math.log(max_scarcity, STEP) - TOLERANCE), -1, -1):
+        candidate = point(min(max_scarcity, STEP ** step))
+        if not points or candidate.cost > points[-1].cost * (1 + TOLERANCE):
+            points.append(candidate)
+    return points

@@ -1,28 +1,28 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Which datagrams leave next, and when, of all streams together.
+"""Which datagram leaves next, and when, of all streams together.
 
-They leave evenly at the link's rate: a token bucket (RFC 2697's committed rate and burst size), so that no queue on the
-way overflows from our bursts. Streams that have something to send take turns by their shares: start-time fair queueing
-(P. Goyal, H. Vin, H. Cheng, "Start-time Fair Queueing", 1996). Of a stream only the newest message counts: what did not
-leave of the one before is dropped, never sent late.
+Datagrams are paced evenly at the link's rate by a token bucket (committed rate and burst size of RFC 2697), so that our
+bursts overflow no queue on the path. Streams with something to send take turns by their shares: start-time fair
+queueing (Goyal, Vin, Cheng: "Start-time Fair Queueing", SIGCOMM 1996). Of a stream only the newest message counts: the
+rest of the one before is dropped, never sent late.
 """
 import math
-from typing import Any, NamedTuple
+from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
-CHUNK_LASTS = 0.002
-"""Datagrams leave together that fill the link for so long at most [s],"""
+CHUNK_DURATION = 0.002
+"""Datagrams that leave together occupy the link for this long at most [s],"""
 
-BURST_LASTS = 0.005
-"""and after a pause no longer than this."""
+BURST_DURATION = 0.005
+"""and after a pause, for no longer than this [s]."""
 
-LATE = 0.02
-"""While datagrams wait, who asks later than they might have left may catch up on so much [s]."""
+MAX_CATCH_UP = 0.02
+"""While datagrams wait, a caller that is late may catch up on this long [s]."""
 
-LEAST_SHARE = 1.0
+MIN_SHARE = 1.0
 """[byte/s]"""
 
-LONGEST_CHUNK = 65507
-"""A chunk has so many bytes at most: what a kernel takes at once."""
+MAX_CHUNK_SIZE = 65507
+"""What a kernel accepts at once [byte]."""
 
 
 class Chunk(NamedTuple):
@@ -31,119 +31,124 @@ class Chunk(NamedTuple):
     work: Any
     """As it was put."""
     part: int
-    """Which of its parts they are of."""
+    """Index of the part that they belong to."""
     start: int
     stop: int
-    """Which of that part's datagrams: start .. stop - 1."""
+    """Datagrams start .. stop - 1 of that part."""
     size: int
     """Of all of them [byte]."""
 
 
 class _Flow:
-    """One stream's message that is leaving."""
+    """One stream's message that is being sent."""
 
-    def __init__(self):
-        self.share, self.start = 1.0, 0.0       # start: the virtual time at which it is its turn
-        self.work, self.parts = None, []
+    def __init__(self) -> None:
+        self.share = 1.0
+        self.start = 0.0        # virtual time of its next turn
+        self.work: Any = None
+        self.parts: List[Tuple[int, int]] = []
         self.part = self.at = 0
 
-    @property
-    def left(self):
-        """Datagrams."""
-        return sum(count for count, _ in self.parts[self.part:]) - self.at
+    def load(self, work: Any, parts: List[Tuple[int, int]]) -> None:
+        self.work, self.parts, self.part, self.at = work, parts, 0, 0
 
-    def advance(self, count):
+    def remaining(self) -> List[Tuple[int, int]]:
+        """The parts (datagrams, bytes of each) that have not left."""
+        if not self.parts:
+            return []
+        count, size = self.parts[self.part]
+        return [(count - self.at, size), *self.parts[self.part + 1:]]
+
+    def advance(self, count: int) -> None:
         self.at += count
         if self.at == self.parts[self.part][0]:
             self.part, self.at = self.part + 1, 0
         if self.part == len(self.parts):
-            self.work, self.parts, self.part = None, [], 0
+            self.load(None, [])
 
 
-class Pace:
-    """What is to be sent, by streams' names. Time is an argument [s, on a steady clock].
+class PacketScheduler:
+    """Paces and orders what streams send. Times are arguments, by a steady clock [s].
 
     :param rate: of the link [byte/s]; None: unlimited
     :param burst: bytes that may leave at once after a pause [byte]
     :raises ValueError: where they are not positive and finite
     """
 
-    def __init__(self, rate=None, burst=16 * 1500):
+    def __init__(self, rate: Optional[float] = None, burst: float = 16 * 1500) -> None:
         if not 0 < burst < math.inf:
             raise ValueError('burst is %r, must be positive and finite' % burst)
         self.burst = burst
         self.set_rate(rate)
-        self.dropped = {}
+        self.dropped: Dict[str, int] = {}
         """{stream: datagrams that a newer message replaced}"""
-        self._train_rate, self._train_left = None, 0.0
-        self._waited = False            # whether something was left to send when something was sent last
+        self._probe_rate, self._probe_left = 0.0, 0.0
+        self._backlogged = False        # whether datagrams were still waiting when the last one left
         self._full_at = -math.inf       # when the bucket is full again, if nothing more leaves
-        self._flows = {}
+        self._flows: Dict[str, _Flow] = {}
         self._virtual = 0.0
 
-    def set_rate(self, rate):
-        """From now on."""
+    def set_rate(self, rate: Optional[float]) -> None:
+        """Pace at another rate from now on [byte/s]; None: unlimited.
+
+        :raises ValueError: where it is not positive and finite
+        """
         if rate is not None and not 0 < rate < math.inf:
             raise ValueError('rate is %r, must be positive and finite' % rate)
         self.rate = rate
 
-    def set_share(self, stream, share):
-        """How much of the link a stream gets beside others that have something to send [byte/s]."""
-        flow, share = self._flow(stream), max(share, LEAST_SHARE)
-        # what it was ahead of the others stays so many bytes: a datagram that left at a tiny share is no long wait
+    def set_share(self, stream: str, share: float) -> None:
+        """Set a stream's share of the link beside others that have something to send [byte/s]."""
+        flow, share = self._flow(stream), max(share, MIN_SHARE)
+        # its lead over the others stays the same in bytes: what was sent at a tiny share must not block it for long
         flow.start = self._virtual + (flow.start - self._virtual) * flow.share / share
         flow.share = share
 
-    def train(self, rate, size):
-        """The next `size` bytes leave at another rate, to see whether the link carries it [byte/s]."""
-        self._train_rate, self._train_left = rate, size
+    def start_probe(self, rate: float, size: float) -> None:
+        """Send the next ``size`` bytes at another rate [byte/s]: a probing.ProbeTrain."""
+        self._probe_rate, self._probe_left = rate, size
 
-    def put(self, stream, work, parts):
-        """A new message of a stream; of the one before nothing more leaves.
+    def put(self, stream: str, work: Any, parts: Sequence[Tuple[int, int]]) -> None:
+        """Send a stream's new message; the rest of the one before is dropped.
 
+        :param work: passed on in each Chunk
         :param parts: [(datagrams, bytes of each), ...]
         """
+        self._clear(stream)
         flow = self._flow(stream)
-        self._forget(stream)
         flow.start = max(flow.start, self._virtual)
-        flow.work, flow.parts, flow.part, flow.at = work, [part for part in parts if part[0]], 0, 0
+        flow.load(work, [part for part in parts if part[0]])
 
-    def drop(self, stream):
-        """Nothing more of a stream's message leaves."""
-        self._forget(stream)
-        self._waited &= self._waiting()
+    def drop(self, stream: str) -> None:
+        """Drop the rest of a stream's message."""
+        self._clear(stream)
+        self._backlogged &= self._waiting()
 
-    def _forget(self, stream):
-        flow = self._flow(stream)
-        if flow.parts:
-            self.dropped[stream] = self.dropped.get(stream, 0) + flow.left
-            flow.work, flow.parts, flow.part, flow.at = None, [], 0, 0
-
-    def sending(self, stream):
-        """What is leaving of a stream, as it was put; None: nothing."""
+    def sending(self, stream: str) -> Any:
+        """The work of a stream that is being sent; None: nothing."""
         return self._flow(stream).work
 
-    def takes(self):
-        """How long all that waits takes to leave, at the rate there is now [s]."""
-        left = sum((count if part > flow.part else count - flow.at) * size for flow in self._flows.values()
-                   for part, (count, size) in enumerate(flow.parts) if part >= flow.part)
-        return left / self.rate if self.rate is not None else 0.0
+    def takes(self) -> float:
+        """How long sending all that waits takes at the present rate [s]."""
+        if self.rate is None:
+            return 0.0
+        return sum(count * size for flow in self._flows.values() for count, size in flow.remaining()) / self.rate
 
-    def charge(self, size, now):
-        """Bytes left by another way, past the queue."""
+    def charge(self, size: int, now: float) -> None:
+        """Account for bytes sent past the scheduler."""
         if self.rate is not None:
             self._spend(size, now, self.rate)
 
-    def wait(self, now):
-        """How long until something may leave [s]; infinite where there is nothing."""
+    def wait(self, now: float) -> float:
+        """How long until something may leave [s]; infinite where nothing waits."""
         return self._next(now)[0]
 
-    def take(self, now):
-        """The Chunk that leaves now; None where nothing may."""
+    def take(self, now: float) -> Optional[Chunk]:
+        """The chunk that leaves now; None: nothing may."""
         wait, name, count = self._next(now)
         if wait > 0:
             return None
-        flow, rate = self._flows[name], self._rate()
+        flow, rate = self._flows[name], self._pacing_rate()
         size = count * flow.parts[flow.part][1]
         chunk = Chunk(name, flow.work, flow.part, flow.at, flow.at + count, size)
         flow.advance(count)
@@ -151,33 +156,39 @@ class Pace:
         flow.start += size / flow.share
         if rate is not None:
             self._spend(size, now, rate)
-            self._train_left -= size
-        self._waited = self._waiting()
+            self._probe_left -= size
+        self._backlogged = self._waiting()
         return chunk
 
-    def _next(self, now):
-        """(how long until it may leave [s], stream, how many datagrams)"""
+    def _next(self, now: float) -> Tuple[float, str, int]:
+        """(time until it may leave [s], stream, number of datagrams)"""
         waiting = [(flow.start, name) for name, flow in self._flows.items() if flow.parts]
         if not waiting:
-            return math.inf, None, 0
+            return math.inf, '', 0
         _, name = min(waiting)
-        flow, rate = self._flows[name], self._rate()
+        flow, rate = self._flows[name], self._pacing_rate()
         count, size = flow.parts[flow.part]
         if rate is None:
-            return 0.0, name, min(count - flow.at, LONGEST_CHUNK // size or 1)
-        most = min(LONGEST_CHUNK, self.burst, rate * CHUNK_LASTS)
+            return 0.0, name, min(count - flow.at, MAX_CHUNK_SIZE // size or 1)
+        most = min(MAX_CHUNK_SIZE, self.burst, rate * CHUNK_DURATION)
         count = max(1, min(count - flow.at, int(most // size)))
-        bucket = max(count * size, min(self.burst, rate * BURST_LASTS))
+        bucket = max(count * size, min(self.burst, rate * BURST_DURATION))
         return max(0.0, self._full_at + (count * size - bucket) / rate - now), name, count
 
-    def _waiting(self):
+    def _pacing_rate(self) -> Optional[float]:
+        return self._probe_rate if self.rate is not None and self._probe_left > 0 else self.rate
+
+    def _spend(self, size: int, now: float, rate: float) -> None:
+        self._full_at = max(now - MAX_CATCH_UP * self._backlogged, self._full_at) + size / rate
+
+    def _waiting(self) -> bool:
         return any(flow.parts for flow in self._flows.values())
 
-    def _spend(self, size, now, rate):
-        self._full_at = max(now - LATE * self._waited, self._full_at) + size / rate
+    def _clear(self, stream: str) -> None:
+        flow = self._flow(stream)
+        if flow.parts:
+            self.dropped[stream] = self.dropped.get(stream, 0) + sum(count for count, _ in flow.remaining())
+            flow.load(None, [])
 
-    def _rate(self):
-        return self._train_rate if self.rate is not None and self._train_left > 0 else self.rate
-
-    def _flow(self, stream):
+    def _flow(self, stream: str) -> _Flow:
         return self._flows.setdefault(stream, _Flow())

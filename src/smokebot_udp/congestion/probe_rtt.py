@@ -1,95 +1,126 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Moments in which less is sent, to learn what the way is like without a queue: its least delay, and what it loses."""
+"""Pauses in which less is sent, to measure the path without a queue: its base delay and its loss.
+
+A *dip* is short and is BBR's ProbeRTT. A *drain* is for a queue that has become long: it is longer and deeper, goes on
+while the delay still falls, and takes the remaining delay for the path's.
+"""
 import math
+from typing import Optional
 
-from .loss import MOST
+from .delay import QueueDelay
+from .feedback import PacketSample
+from .loss import MAX_AIR_LOSS
 
-DIP, DIP_RATE = 0.2, 0.5
-"""A dip lasts so long [s], at this part of the capacity;"""
+DIP_DURATION = 0.2
+"""[s]"""
 
-RISE = 0.004
-"""afterwards the least delay is higher by so much at most: clocks drift, datagrams take longer on slower air [s]."""
+DIP_GAIN = 0.5
+"""Part of the capacity that may be sent in a dip."""
 
-DRAIN, DRAIN_RATE = 0.6, 0.25
-"""A drain lasts so long [s], or until the queue is gone,"""
+MAX_BASE_STEP = 0.004
+"""A dip raises the base delay by this at most: clocks drift, and datagrams take longer on slower air [s]."""
 
-SETTLES = 0.15
-"""but so long at the least [s]."""
+DRAIN_DURATION = 0.6
+"""A drain ends after this long, or when the queue is gone [s],"""
 
-GOES_ON, STILL, LONGEST = 0.25, 0.005, 3.0
-"""It goes on for so long [s] after a report whose delay is another than before, by so much [s]: what is left when a
-drain ends is the way, and that does not change; but it is no longer than this [s]."""
+DRAIN_GAIN = 0.25
+"""Part of the capacity that may be sent in a drain."""
 
-REPORT = 0.3
-"""To ask about loss a dip lasts so long, as if nothing were lost: for some reports are to come of it [s]."""
+MIN_DRAIN_DURATION = 0.15
+"""but not before this long [s]."""
 
-ASKS = 3.0
-"""Loss is asked after no oftener than this [s]."""
+DRAIN_EXTENSION = 0.25
+"""It goes on for this long after a report whose delay has changed [s]: the path's own delay does not change,"""
+
+SAME_DELAY = 0.005
+"""where a difference up to this is no change [s],"""
+
+MAX_DRAIN_DURATION = 3.0
+"""but a drain is not extended after this long [s]."""
+
+LOSS_CHECK_DURATION = 0.3
+"""A dip that checks for loss lasts this long without loss, and longer with it: some reports must get through [s]."""
+
+LOSS_CHECK_INTERVAL = 3.0
+"""Loss is checked at most this often [s]."""
 
 
-class Quiet:
-    """A dip or a drain, or none."""
+class ProbeRtt:
+    """The dip or drain in progress, if any."""
 
-    def __init__(self):
-        self._began, self._ends, self._drains = -math.inf, -math.inf, False
-        self._asked = -math.inf
-        self._least = None      # the Point of least delay that was sent in it
+    def __init__(self) -> None:
+        self._began = self._ends = self._loss_checked = -math.inf
+        self._draining = False
+        self._least: Optional[PacketSample] = None      # of least delay among those sent in this pause
 
-    def lasts(self, now):
+    def active(self, now: float) -> bool:
+        """Whether less is to be sent now."""
         return now < self._ends
 
-    def most(self, now):
-        """The part of the capacity that may be sent."""
-        return (DRAIN_RATE if self._drains else DIP_RATE) if self.lasts(now) else math.inf
+    def gain(self, now: float) -> float:
+        """Part of the capacity that may be sent now; infinite outside a pause."""
+        if not self.active(now):
+            return math.inf
+        return DRAIN_GAIN if self._draining else DIP_GAIN
 
-    def holds(self, sent):
-        """Whether a datagram left in it: not only now."""
+    def covers(self, sent: float) -> bool:
+        """Whether a datagram sent at that time was sent in the last pause [s]."""
         return self._began <= sent < self._ends + 1e-9
 
-    def asked(self, now):
-        """Whether of late less was sent, and the air lost less than now: then a full queue drops."""
-        return now - self._asked < ASKS and not self.lasts(now)
+    def loss_checked(self, now: float) -> bool:
+        """Whether a pause checked for loss lately: if more is lost now, a full queue drops it."""
+        return now - self._loss_checked < LOSS_CHECK_INTERVAL and not self.active(now)
 
-    def begin(self, expired, long, more_loss, loss, now):
-        """Begin one where there is a reason.
+    def begin(self, base_expired: bool, queue_long: bool, excess_loss: bool, loss: float, now: float) -> None:
+        """Begin a pause where there is a reason for one.
 
-        :param expired: whether nothing confirmed the least delay for long
-        :param long: whether the queue is
-        :param more_loss: whether more is lost than the air is known to lose
-        :param loss: the share that is lost, of reports likewise
+        :param base_expired: whether nothing confirmed the base delay for long
+        :param queue_long: whether the queue has been long
+        :param excess_loss: whether more is lost than the air is known to lose
+        :param loss: ratio of datagrams lost; reports are lost likewise
+        :param now: by a steady clock [s]
         """
-        if self.lasts(now) or self._least is not None:
+        if self.active(now) or self._least is not None:
             return
-        asks = more_loss and now - self._asked > ASKS
-        if not (expired or long or asks):
+        check_loss = excess_loss and now - self._loss_checked > LOSS_CHECK_INTERVAL
+        if not (base_expired or queue_long or check_loss):
             return
-        self._began, self._drains = now, long
-        self._ends = now + max(DRAIN if long else DIP, REPORT / max(1 - loss, 1 - MOST) if asks else 0.0)
-        if asks:
-            self._asked = self._ends
+        duration = DRAIN_DURATION if queue_long else DIP_DURATION
+        if check_loss:
+            duration = max(duration, LOSS_CHECK_DURATION / max(1 - loss, 1 - MAX_AIR_LOSS))
+        self._began, self._ends, self._draining = now, now + duration, queue_long
+        if check_loss:
+            self._loss_checked = self._ends
 
-    def go_on(self, delay, point, queue, target, now):
-        """Take what a report says while one lasts, or has just ended.
+    def on_sample(self, sample: PacketSample, queue: float, target: float, delay: QueueDelay, now: float) -> bool:
+        """Take what a report shows during a pause, or just after it.
 
-        :param delay: a delay.QueueDelay, put right at the end
-        :param point: that speaks for the report
-        :param queue: how long it waited [s]
-        :param target: no queue is shorter than this for long [s]
-        :return: whether it has ended
+        :param sample: speaks for the report
+        :param queue: its queueing delay [s]
+        :param target: queueing delay to keep; below it a drain is done [s]
+        :param delay: its base is corrected at the end of the pause
+        :param now: by a steady clock [s]
+        :return: whether the pause ended, with a measurement
         """
-        if point.sent >= self._began and (self.lasts(now) or self._least is not None):
-            changed = self._least is not None and abs(point.delay - self._least.delay) > STILL
-            if self._least is None or point.delay < self._least.delay:
-                self._least = point
-            if self._drains and changed and now - self._began < LONGEST:
-                self._ends = max(self._ends, now + GOES_ON)
-            if self._drains and queue < target and now - self._began > SETTLES:
-                self._ends = min(self._ends, now)
-        if self.lasts(now) or self._least is None:
+        if sample.sent >= self._began and (self.active(now) or self._least is not None):
+            if self._draining:
+                self._schedule_end(sample, queue, target, now)
+            if self._least is None or sample.delay < self._least.delay:
+                self._least = sample
+        if self.active(now) or self._least is None:
             return False
-        if self._drains:
-            delay.believe(self._least, now)     # what is left is the way
+        if self._draining:
+            delay.set_base(self._least, now)        # what is left is the path
         else:
-            delay.raise_to(self._least, RISE, now)
+            delay.raise_base(self._least, MAX_BASE_STEP, now)
         self._least = None
         return True
+
+    def _schedule_end(self, sample: PacketSample, queue: float, target: float, now: float) -> None:
+        """Extend a drain while the delay changes; end it when the queue is gone."""
+        elapsed = now - self._began
+        changed = self._least is not None and abs(sample.delay - self._least.delay) > SAME_DELAY
+        if changed and elapsed < MAX_DRAIN_DURATION:
+            self._ends = max(self._ends, now + DRAIN_EXTENSION)
+        if queue < target and elapsed > MIN_DRAIN_DURATION:
+            self._ends = min(self._ends, now)

@@ -1,66 +1,86 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Short trains that find out whether the link carries more: datagrams that are due anyway, sent faster."""
+"""Packet trains that probe for more capacity: datagrams that are due anyway, sent faster; padding is never sent.
+
+After GCC's probe clusters (draft-ietf-rmcat-gcc-02) and packet dispersion (Dovrolis et al., 2001).
+"""
 import math
-from typing import NamedTuple
+from typing import NamedTuple, Optional
 
-LASTS = 0.025
-"""What a train may take of the link's capacity as it is known [s]."""
+from .feedback import PacketSample
 
-LEAST = 3
-"""A train has so many datagrams at least: two ways between three."""
+DURATION = 0.025
+"""A train takes this long at the known capacity [s]."""
 
-GAINS = 2.0, 4.0
-"""How much faster a train leaves than the known capacity: the first, and one after one that got through."""
+MIN_PACKETS = 3
+"""Datagrams in a train, at least: two intervals."""
 
-THROUGH = 1.3
-"""Where the known capacity has grown by this since it left, a train got through."""
+FIRST_GAIN = 2.0
+"""Rate of a first train, in known capacities;"""
 
-PAUSE = 1.0
-"""After a train that did not [s]."""
+NEXT_GAIN = 4.0
+"""that of a train after a successful one."""
 
-REGULAR = 2.0
-"""Where the queue is not empty, for its delay may be mistaken, so much later [s]."""
+SUCCESS_FACTOR = 1.3
+"""A train was successful where the known capacity has grown by this factor since it left."""
 
-LOST = 0.5
-"""A train that tells nothing for so long is lost [s]."""
+RETRY_INTERVAL = 1.0
+"""After an unsuccessful train the next one waits this long [s],"""
+
+QUEUED_RETRY_INTERVAL = 2.0
+"""and this much longer while the queue looks occupied: its delay may be mistaken [s]."""
+
+TIMEOUT = 0.5
+"""A train that has not been reported after this long is lost [s]."""
 
 
-class Train(NamedTuple):
-    """Some of the datagrams that are due anyway are to leave faster."""
+class ProbeTrain(NamedTuple):
+    """Datagrams that are due anyway leave faster."""
     rate: float
     """[byte/s]"""
     size: float
-    """So many bytes of them [byte]."""
+    """How much of them [byte]."""
 
 
-class Trains:
-    """Decides when a train leaves: one at a time, while the queue is empty and more is wanted."""
+class _Pending(NamedTuple):
+    """A train that was not reported yet."""
+    end: float
+    """Bytes of all streams sent, the train included."""
+    capacity: float
+    """Known when it left [byte/s]."""
+    sent: float
 
-    def __init__(self):
-        self._got_through = False
+
+class ProbeController:
+    """Decides when a train leaves: one at a time, while the queue is empty and the streams want more."""
+
+    def __init__(self) -> None:
+        self._succeeded = False
         self._next = -math.inf      # not before [s]
-        self._under_way = None      # (bytes that will have left with it, the capacity then, when)
+        self._pending: Optional[_Pending] = None
 
-    def next(self, capacity, empty, wanted, newest, unreported, now):
-        """The Train that is to leave now, or None.
+    def next(self, capacity: float, empty: bool, wanted: bool, newest: PacketSample, unreported: int,
+             now: float) -> Optional[ProbeTrain]:
+        """The train that leaves now, if any.
 
         :param capacity: as known [byte/s]
         :param empty: whether the queue is
-        :param wanted: whether more would be sent than is
-        :param newest: the report.Point of the newest datagram that is known to have come
-        :param unreported: bytes that left since
+        :param wanted: whether the streams would send more than they may
+        :param newest: sample of the newest datagram that arrived
+        :param unreported: bytes sent since
+        :param now: by a steady clock [s]
         """
-        if self._under_way:
-            ends, before, left = self._under_way
-            if newest.total < ends and now - left < LOST:
+        if self._pending:
+            if newest.total < self._pending.end and now - self._pending.sent < TIMEOUT:
                 return None
-            self._under_way = None
-            self._got_through = capacity > THROUGH * before
-            if not self._got_through:
-                self._next = now + PAUSE
-        least, usual = LEAST * newest.size, capacity * LASTS
-        if not wanted or now < self._next or (not empty and (usual < least or now < self._next + REGULAR)):
+            self._succeeded = capacity > SUCCESS_FACTOR * self._pending.capacity
+            self._pending = None
+            if not self._succeeded:
+                self._next = now + RETRY_INTERVAL
+        least, usual = MIN_PACKETS * newest.size, capacity * DURATION
+        if not wanted or now < self._next:
             return None
-        train = Train(capacity * GAINS[self._got_through], max(least, usual))
-        self._under_way = newest.total + unreported + train.size, capacity, now
+        if not empty and (usual < least or now < self._next + QUEUED_RETRY_INTERVAL):
+            return None
+        train = ProbeTrain(capacity * (NEXT_GAIN if self._succeeded else FIRST_GAIN), max(least, usual))
+        self._pending = _Pending(newest.total + unreported + train.size, capacity, now)
         return train

@@ -1,86 +1,102 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What left and when, so that a receiver need only say which datagram came: the rest is known here."""
+"""What was sent and when. A receiver only needs to name a datagram: the sender looks the rest up here."""
 import bisect
-from typing import NamedTuple
+from typing import Dict, List, NamedTuple, Optional, Tuple
 
-KEPT = 4096
-"""Bursts of each stream; at full speed some seconds of them."""
+MAX_BURSTS = 4096
+"""Bursts remembered of each stream, at least: some seconds at full speed."""
 
-NUMBERS = 1 << 32
-"""std_msgs/Header.seq counts so far."""
+SEQ_MODULUS = 1 << 32
+"""std_msgs/Header.seq wraps here."""
 
 
-class Departure(NamedTuple):
+class SentPacket(NamedTuple):
+    """A datagram that was sent."""
     sent: float
     """By the sender's steady clock [s]."""
     size: int
-    """[byte]"""
+    """On the air, IP and UDP headers included [byte]."""
     total: int
-    """Bytes of all streams that had left with it."""
+    """Bytes of all streams sent so far, this datagram included."""
+
+
+class _Burst(NamedTuple):
+    """Datagrams of one stream that were sent together."""
+    packets: int
+    size: int
+    """Of each [byte]."""
+    sent: float
+    total_before: int
+    """Bytes of all streams sent before."""
 
 
 class _Stream:
-    """The bursts of one stream, by the number of their first datagram."""
+    """The bursts of one stream, in the order of their first sequence numbers."""
 
-    def __init__(self):
-        self.firsts, self.bursts = [], []   # bursts: (count, size, sent, bytes of all streams before)
+    def __init__(self) -> None:
+        self.firsts: List[int] = []
+        self.bursts: List[_Burst] = []
         self.count = self.bytes = 0
 
-    def note(self, first, count, size, sent, before):
-        if self.firsts and first < self.firsts[-1] + self.bursts[-1][0]:
-            self.firsts, self.bursts = [], []       # the numbering began anew
-        self.firsts.append(first)
-        self.bursts.append((count, size, sent, before))
-        self.count += count
-        self.bytes += count * size
-        if len(self.firsts) >= 2 * KEPT:
-            del self.firsts[:KEPT], self.bursts[:KEPT]
-
     @property
-    def last(self):
-        return self.firsts[-1] + self.bursts[-1][0] - 1
+    def last(self) -> int:
+        """The highest sequence number."""
+        return self.firsts[-1] + self.bursts[-1].packets - 1
+
+    def add(self, first: int, burst: _Burst) -> None:
+        if self.firsts and first <= self.last:
+            self.firsts, self.bursts = [], []       # the numbering started again
+        self.firsts.append(first)
+        self.bursts.append(burst)
+        self.count += burst.packets
+        self.bytes += burst.packets * burst.size
+        if len(self.firsts) >= 2 * MAX_BURSTS:
+            del self.firsts[:MAX_BURSTS], self.bursts[:MAX_BURSTS]
 
 
-class Departures:
-    """Remembers what left, in bounded memory."""
+class SentHistory:
+    """Remembers what was sent, in bounded memory."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.total = 0
-        """Bytes of all streams that left."""
-        self._streams = {}
+        """Bytes of all streams sent so far."""
+        self._streams: Dict[str, _Stream] = {}
 
-    def note(self, stream, first, count, size, now):
-        """Datagrams left.
+    def add(self, stream: str, first: int, count: int, size: int, now: float) -> None:
+        """Record datagrams that were sent together.
 
         :param stream: its name
-        :param first, count: their numbers: first, first + 1, ... (std_msgs/Header.seq, not wrapped)
-        :param size: of each on the air, UDP and IP headers included [byte]
+        :param first: sequence number of the first one; the others follow without a gap (Header.seq, not wrapped)
+        :param count: number of datagrams
+        :param size: of each on the air, IP and UDP headers included [byte]
         :param now: when, by a steady clock [s]
         """
-        self._streams.setdefault(stream, _Stream()).note(first, count, size, now, self.total)
+        self._streams.setdefault(stream, _Stream()).add(first, _Burst(count, size, now, self.total))
         self.total += count * size
 
-    def note_unnumbered(self, size):
-        """Bytes left in messages that have no number: they take their part of the link, too."""
+    def add_unnumbered(self, size: int) -> None:
+        """Record bytes of messages without a sequence number: they use the link, too."""
         self.total += size
 
-    def find(self, stream, seq):
-        """The Departure of a datagram; None where it never left, or too long ago.
+    def find(self, stream: str, seq: int) -> Optional[SentPacket]:
+        """Look a datagram up; None: it was never sent, or too long ago.
 
-        :param seq: its number, as a message has it: modulo 2^32
+        :param seq: its sequence number as in the message, modulo 2^32
         """
         known = self._streams.get(stream)
         if known is None:
             return None
-        seq = known.last - (known.last - seq) % NUMBERS
-        at = bisect.bisect_right(known.firsts, seq) - 1
-        if at < 0:
+        seq = known.last - (known.last - seq) % SEQ_MODULUS
+        index = bisect.bisect_right(known.firsts, seq) - 1
+        if index < 0:
             return None
-        count, size, sent, before = known.bursts[at]
-        place = seq - known.firsts[at] + 1
-        return Departure(sent, size, before + place * size) if place <= count else None
+        burst = known.bursts[index]
+        place = seq - known.firsts[index] + 1
+        if place > burst.packets:
+            return None
+        return SentPacket(burst.sent, burst.size, burst.total_before + place * burst.size)
 
-    def sent(self, stream):
-        """(datagrams, bytes) of a stream that ever left."""
+    def totals(self, stream: str) -> Tuple[int, int]:
+        """(datagrams, bytes) of a stream sent so far."""
         known = self._streams.get(stream)
         return (known.count, known.bytes) if known else (0, 0)

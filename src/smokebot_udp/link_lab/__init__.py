@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Bad Wi-Fi on one machine: two network namespaces joined by an emulated link."""
+"""An emulated bad link between two network namespaces of one machine. Does not need rospy."""

@@ -1,14 +1,23 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""link_lab: a bad link between a robot and an operator on this machine.
+"""Emulate a bad link between a robot and an operator on this machine (as root).
 
-    link_lab up [--seed N] [--course FILE] [NAME=VALUE ...]    build it, and hold it until Ctrl-C
+    link_lab up [--seed N] [--course FILE] [NAME=VALUE ...]    create the link and keep it until Ctrl-C
     link_lab run robot|operator -- COMMAND ...                 run a command on one side
-    link_lab set [robot|operator] NAME=VALUE ...               change it, or what one side sends
-    link_lab show                                              what its packets met so far
+    link_lab set [robot|operator] NAME=VALUE ...               change the conditions, of both directions or of one
+    link_lab show                                              print the packet counters
 
-NAME is one of loss, burst, delay, jitter, rate, queue, reorder, duplicate.
-The robot is 10.77.0.1, the operator 10.77.0.2. `run` sets ROS_IP and ROS_MASTER_URI for its side: the master is
-the robot's. Times are seconds, rates bit/s, shares 0..1.
+A direction is named by the side that sends. NAME is one of
+    loss       packet-loss ratio, 0..1
+    burst      mean length of a run of lost packets; 0: independent losses
+    delay      one-way delay [s]
+    jitter     maximum deviation of the delay [s]
+    rate       transmission rate [bit/s]; 0: unlimited
+    queue      length of the queue at this rate [s]
+    reorder    ratio of packets that overtake others, 0..1
+    duplicate  ratio of packets that are delivered twice, 0..1
+FILE is a link trace: how these values change over time (see link_lab/link_trace.py).
+The robot is 10.77.0.1, the operator 10.77.0.2. `run` sets ROS_IP and ROS_MASTER_URI for its side; the master runs
+on the robot's.
 """
 import argparse
 import contextlib
@@ -19,147 +28,152 @@ import socket
 import sys
 import threading
 import time
+from typing import Any, Dict, Mapping, NoReturn, Sequence
 
-from . import course as courses
+from .channel import LinkConditions
 from .lab import Lab, LabError, environment
+from .link_trace import CONDITIONS, SIDES, Step, load, number
 
 SOCKET = '/run/smokebot_link_lab.sock'
+"""Where the running link answers the other commands."""
 
 
-def parse(words):
+def parse(words: Sequence[str]) -> Dict[str, Any]:
     """{name: value} of NAME=VALUE words.
 
-    :raises ValueError: naming the word that is none
+    :raises ValueError: naming the word that is invalid
     """
     values = {}
     for word in words:
         name, equals, value = word.partition('=')
-        if not equals or name not in courses.QUALITIES:
-            raise ValueError('%r is no NAME=VALUE with one of %s' % (word, ', '.join(courses.QUALITIES)))
-        values[name] = courses.number(value)
+        if not equals or name not in CONDITIONS:
+            raise ValueError('%r is not NAME=VALUE with one of %s' % (word, ', '.join(CONDITIONS)))
+        values[name] = number(value)
     return values
 
 
-def up(lab, course):
-    """Serve the lab's users, and follow the course, until Ctrl-C."""
-    with socket.socket(socket.AF_UNIX) as server:
-        _bind(server)
-        threading.Thread(target=_accept, args=(server, lab), daemon=True).start()
-        print('the link is up; link_lab run robot|operator -- COMMAND uses it, Ctrl-C ends it', flush=True)
-        begun = time.monotonic()
-        for step in course:
-            time.sleep(max(0.0, begun + step.at - time.monotonic()))
-            _ask({'set': {side: vars(getattr(step, side)) for side in courses.SIDES}})
-            print('%6.1f s: %s' % (step.at, '; '.join('%s %s' % (side, _changes(getattr(step, side)))
-                                                     for side in courses.SIDES)), flush=True)
-        while True:
-            signal.pause()
-
-
-def _bind(server):
-    with contextlib.suppress(FileNotFoundError):
-        os.unlink(SOCKET)
-    server.bind(SOCKET)
-    server.listen(5)
-
-
-def _changes(quality):
-    plain = type(quality)()
-    return ', '.join('%s %g' % (name, getattr(quality, name)) for name in courses.QUALITIES
-                     if getattr(quality, name) != getattr(plain, name)) or 'perfect'
-
-
-def _accept(server, lab):
-    while True:
-        with server.accept()[0] as user, user.makefile('rw') as lines:
+def up(arguments: argparse.Namespace) -> None:
+    """Create the link, serve the other commands and play the trace, until Ctrl-C."""
+    seed = 0
+    trace: Sequence[Step] = ()
+    if arguments.course:
+        with open(arguments.course) as file:
+            seed, trace = load(file.read())
+    conditions = parse(arguments.conditions)
+    with Lab(seed if arguments.seed is None else arguments.seed, arguments.congestion_control) as lab:
+        lab.set(conditions)
+        with contextlib.suppress(FileNotFoundError):
+            os.unlink(SOCKET)
+        with socket.socket(socket.AF_UNIX) as server:
+            server.bind(SOCKET)
             try:
-                asked = json.loads(lines.readline())
-                if 'set' in asked:
-                    lab.set(**asked['set'])
-                answer = {'command': lab.command(asked['side'], [])} if 'side' in asked else lab.statistics()
+                server.listen(5)
+                threading.Thread(target=_serve, args=(server, lab), daemon=True).start()
+                print('the link is up; use it with link_lab run robot|operator -- COMMAND, end it with Ctrl-C',
+                      flush=True)
+                _play(trace)
+            except KeyboardInterrupt:
+                pass
+            finally:
+                os.unlink(SOCKET)
+
+
+def _play(trace: Sequence[Step]) -> NoReturn:
+    start = time.monotonic()
+    for step in trace:
+        time.sleep(max(0.0, start + step.at - time.monotonic()))
+        _request({'set': {side: vars(getattr(step, side)) for side in SIDES}})
+        print('%6.1f s: %s' % (step.at, '; '.join('%s %s' % (side, _summary(getattr(step, side))) for side in SIDES)),
+              flush=True)
+    while True:
+        signal.pause()
+
+
+def _summary(conditions: LinkConditions) -> str:
+    """The values that differ from a perfect link."""
+    perfect = LinkConditions()
+    return ', '.join('%s %g' % (name, getattr(conditions, name)) for name in CONDITIONS
+                     if getattr(conditions, name) != getattr(perfect, name)) or 'perfect'
+
+
+def _serve(server: socket.socket, lab: Lab) -> None:
+    """Answer the other commands, one JSON line each."""
+    while True:
+        with server.accept()[0] as client, client.makefile('rw') as lines:
+            try:
+                request = json.loads(lines.readline())
+                if 'set' in request:
+                    lab.set(**request['set'])
+                answer = {'command': lab.command(request['side'], [])} if 'side' in request else lab.statistics()
             except (ValueError, LabError) as error:
                 answer = {'error': str(error)}
             lines.write(json.dumps(answer) + '\n')
             lines.flush()
 
 
-def _ask(message):
-    """What the link that is up answers; SystemExit where there is none, or it refuses."""
-    with socket.socket(socket.AF_UNIX) as user:
+def _request(message: Mapping[str, Any]) -> Dict[str, Any]:
+    """The running link's answer; exits if there is none, or it refuses."""
+    with socket.socket(socket.AF_UNIX) as client:
         try:
-            user.connect(SOCKET)
+            client.connect(SOCKET)
         except OSError as error:
             sys.exit('link_lab: no link is up (%s): start one with link_lab up' % error.strerror)
-        with user.makefile('rw') as lines:
+        with client.makefile('rw') as lines:
             lines.write(json.dumps(message) + '\n')
             lines.flush()
-            answer = json.loads(lines.readline())
+            answer: Dict[str, Any] = json.loads(lines.readline())
     if 'error' in answer:
         sys.exit('link_lab: ' + answer['error'])
     return answer
 
 
-def run(side, command):
-    """Become a command on a side."""
-    arguments = _ask({'side': side})['command'] + command
-    os.execvpe(arguments[0], arguments, environment(side))
+def run(arguments: argparse.Namespace) -> NoReturn:
+    """Replace this process by a command on a side."""
+    command = arguments.arguments[arguments.arguments[:1] == ['--']:]
+    if not command:
+        raise ValueError('run needs a command: link_lab run robot -- COMMAND')
+    command = _request({'side': arguments.side})['command'] + command
+    os.execvpe(command[0], command, environment(arguments.side))
 
 
-def show():
-    answer = _ask({})
-    for side in courses.SIDES:
+def set_conditions(arguments: argparse.Namespace) -> None:
+    """Change the conditions of both directions or of one."""
+    one_side = arguments.words[0] in SIDES
+    values = parse(arguments.words[one_side:])
+    _request({'set': {side: values for side in (arguments.words[:1] if one_side else SIDES)}})
+
+
+def show(_: argparse.Namespace) -> None:
+    """Print the packet counters."""
+    answer = _request({})
+    for side in SIDES:
         print('%-9s %s' % (side, ', '.join('%s %d' % item for item in answer[side].items())))
     if answer['late']:
         print('packets left %.2f ms late (median), %.2f ms (p99)' % (
             1e3 * answer['late']['p50'], 1e3 * answer['late']['p99']))
 
 
-def main():
+def main() -> None:
     parser = argparse.ArgumentParser(prog='link_lab', description=__doc__,
                                      formatter_class=argparse.RawTextHelpFormatter)
     commands = parser.add_subparsers(dest='command', metavar='up | run | set | show')
     commands.required = True
-    one = commands.add_parser('up')
-    one.add_argument('--seed', type=int)
-    one.add_argument('--course')
-    one.add_argument('--congestion-control', default='cubic')
-    one.add_argument('quality', nargs='*', metavar='NAME=VALUE')
-    one = commands.add_parser('run')
-    one.add_argument('side', choices=courses.SIDES)
-    one.add_argument('arguments', nargs=argparse.REMAINDER, metavar='-- COMMAND')
-    one = commands.add_parser('set')
-    one.add_argument('words', nargs='+', metavar='[robot|operator] NAME=VALUE')
-    commands.add_parser('show')
+    command = commands.add_parser('up')
+    command.add_argument('--seed', type=int, help='of the random effects (default: that of the link trace, or 0)')
+    command.add_argument('--course', metavar='FILE', help='link trace to play')
+    command.add_argument('--congestion-control', default='cubic', help='of TCP, on both sides (default: %(default)s)')
+    command.add_argument('conditions', nargs='*', metavar='NAME=VALUE')
+    command.set_defaults(function=up)
+    command = commands.add_parser('run')
+    command.add_argument('side', choices=SIDES)
+    command.add_argument('arguments', nargs=argparse.REMAINDER, metavar='-- COMMAND')
+    command.set_defaults(function=run)
+    command = commands.add_parser('set')
+    command.add_argument('words', nargs='+', metavar='[robot|operator] NAME=VALUE')
+    command.set_defaults(function=set_conditions)
+    commands.add_parser('show').set_defaults(function=show)
     arguments = parser.parse_args()
     try:
-        obey(arguments)
+        arguments.function(arguments)
     except (ValueError, LabError, OSError) as error:
         sys.exit('link_lab: %s' % error)
-
-
-def obey(arguments):
-    if arguments.command == 'run':
-        command = [word for i, word in enumerate(arguments.arguments) if i or word != '--']
-        if not command:
-            raise ValueError('run needs a command: link_lab run robot -- COMMAND')
-        run(arguments.side, command)
-    elif arguments.command == 'set':
-        sides = [arguments.words[0]] if arguments.words[0] in courses.SIDES else courses.SIDES
-        values = parse(arguments.words[arguments.words[0] in courses.SIDES:])
-        _ask({'set': {side: values for side in sides}})
-    elif arguments.command == 'show':
-        show()
-    else:
-        seed, course = 0, []
-        if arguments.course:
-            with open(arguments.course) as file:
-                seed, course = courses.load(file.read())
-        quality = parse(arguments.quality)
-        with Lab(seed if arguments.seed is None else arguments.seed, arguments.congestion_control) as lab:
-            lab.set(quality)
-            try:
-                up(lab, course)
-            except KeyboardInterrupt:
-                pass
-            finally:
-                os.unlink(SOCKET)

@@ -1,13 +1,17 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The mission focus: profiles of what each stream is to send (D6.3, sections 1 and 3).
+"""The mission focus: profiles of what each stream sends (D6.3, sections 1 and 3).
 
-A profile names settings of streams; what it does not name stays as streams.yaml has it. Of a profile that
-extends another, each setting it names counts before the other's.
+A profile names settings of streams; all other settings are as in streams.yaml. A profile may extend another one;
+its own settings take precedence.
 """
 from dataclasses import dataclass, field
-from typing import Any, Dict
+from typing import Any, Callable, Dict, List, Mapping, Tuple
 
 import yaml
+
+from .parameters import Table, check_one, current_names
+
+KEYS = {'use', 'extends', 'streams', 'others'}
 
 
 @dataclass(frozen=True)
@@ -16,59 +20,120 @@ class Profile:
     name: str
     use: str
     """When to use it, in a sentence."""
-    streams: Dict[str, Dict[str, Any]] = field(default_factory=dict)
+    streams: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     """{stream: {setting: value}}"""
-    others: Dict[str, Any] = field(default_factory=dict)
+    others: Mapping[str, Any] = field(default_factory=dict)
     """{setting: value} of the streams that are not named."""
 
-    def of(self, stream):
+    def of(self, stream: str) -> Mapping[str, Any]:
         """{setting: value} that it names for a stream."""
         return self.streams.get(stream, self.others)
 
+    def extended(self, heir: 'Profile') -> 'Profile':
+        """This profile, overridden by one that extends it."""
+        # a stream that only the heir names still inherits this profile's `others`
+        streams = {stream: {**self.of(stream), **heir.of(stream)} for stream in {*self.streams, *heir.streams}}
+        return Profile(heir.name, heir.use or self.use, streams, {**self.others, **heir.others})
 
-def load(text):
+
+def load(text: str, warn: Callable[[str], None] = lambda warning: None) -> Tuple[Dict[str, Profile], List[str]]:
     """Read the text of a focus.yaml.
 
+    :param warn: called with each warning
     :return: ({name: Profile} of the good profiles, [problem, ...] in words)
     """
     try:
         document = yaml.safe_load(text)
     except yaml.YAMLError as error:
-        return {}, ['it is no YAML: %s' % ' '.join(str(error).split())]
+        return {}, ['not valid YAML: %s' % ' '.join(str(error).split())]
     written = document.get('profiles') if isinstance(document, dict) else None
     if not isinstance(written, dict):
         return {}, ['it has no "profiles:" with the profiles by name']
-    good, problems = {}, []
-    for name in written:
+    alone, problems = {}, {}
+    for name, values in written.items():
         try:
-            good[name] = _profile(name, written, ())
+            alone[name] = _profile(name, values, warn)
         except ValueError as error:
-            problems.append('profile %r: %s' % (name, error))
-    return good, problems
+            problems[name] = str(error)
+    good = {}
+    for name in alone:
+        try:
+            good[name] = _with_bases(name, alone, written)
+        except ValueError as error:
+            problems[name] = str(error)
+    return good, ['profile %r: %s' % (name, problems[name]) for name in written if name in problems]
 
 
-def _profile(name, written, heirs):
-    """The profile of this name with all that it extends.
+def _profile(name: Any, values: Any, warn: Callable[[str], None]) -> Profile:
+    """A profile as it is in the file, without the profiles that it extends.
 
-    :param heirs: the profiles that extend it, to find a circle
+    :raises ValueError: where it is not one
     """
     if not isinstance(name, str) or not name:
-        raise ValueError('its name is no text')
-    values = written[name]
-    if not isinstance(values, dict) or not set(values) <= {'use', 'extends', 'streams', 'others'}:
-        raise ValueError('it has to have use, extends, streams and others, not %r' % (values,))
-    streams, others = values.get('streams') or {}, values.get('others') or {}
-    for what in (streams, others, *(streams.values() if isinstance(streams, dict) else ())):
-        if not isinstance(what, dict):
-            raise ValueError('%r is no settings with values' % (what,))
-    base = values.get('extends')
-    if base is None:
-        return Profile(name, str(values.get('use', '')), streams, others)
-    if base not in written:
-        raise ValueError('it extends %r, which is not there' % (base,))
-    if base == name or base in heirs:
-        raise ValueError('it extends itself, by way of %r' % (base,))
-    basis = _profile(base, written, heirs + (name,))
-    # what the basis says of all others goes for a stream that only this one names, too
-    merged = {stream: {**basis.of(stream), **streams.get(stream, others)} for stream in {*basis.streams, *streams}}
-    return Profile(name, str(values.get('use', basis.use)), merged, {**basis.others, **others})
+        raise ValueError('its name is not a text')
+    if not isinstance(values, dict) or not set(values) <= KEYS:
+        raise ValueError('it must have use, extends, streams and others, not %r' % (values,))
+    streams = values.get('streams') or {}
+    if not isinstance(streams, dict):
+        raise ValueError('streams: %r is not settings by name' % (streams,))
+
+    def settings(where: str, some: Any) -> Dict[str, Any]:
+        return _settings(where, some, lambda warning: warn('profile %r, %s' % (name, warning)))
+    return Profile(name, str(values.get('use', '')),
+                   {stream: settings("stream '%s'" % stream, some) for stream, some in streams.items()},
+                   settings('others', values.get('others') or {}))
+
+
+def _settings(where: str, values: Any, warn: Callable[[str], None]) -> Dict[str, Any]:
+    """{setting: value} by today's names.
+
+    :raises ValueError: where it is not that, or has a setting by both names
+    """
+    if not isinstance(values, dict):
+        raise ValueError('%s: %r is not settings by name' % (where, values))
+    try:
+        settings, warnings = current_names(values)
+    except ValueError as error:
+        raise ValueError('%s: %s' % (where, error)) from None
+    for warning in warnings:
+        warn('%s: %s' % (where, warning))
+    return settings
+
+
+def _with_bases(name: str, alone: Mapping[str, Profile], written: Mapping[Any, Any]) -> Profile:
+    """A profile with all that it extends.
+
+    :param alone: {name: Profile} as each is written, of the good ones
+    :param written: {name: the file's content}
+    :raises ValueError: where it extends a profile that is missing or wrong, or itself
+    """
+    found, heirs = alone[name], [name]
+    while written[heirs[-1]].get('extends') is not None:
+        base = written[heirs[-1]]['extends']
+        if base in heirs:
+            raise ValueError('it extends itself, by way of %r' % heirs[-1])
+        if base not in list(alone):
+            raise ValueError('it extends %r, which %s' % (
+                base, 'is wrong' if base in list(written) else 'does not exist'))
+        found = alone[base].extended(found)
+        heirs.append(base)
+    return found
+
+
+def settings_of(profiles: Mapping[str, Profile], tables: Mapping[str, Table]
+                ) -> Tuple[Dict[str, Dict[str, Dict[str, Any]]], List[str]]:
+    """The settings that profiles give to the streams there are.
+
+    :param tables: {stream: {setting: Parameter}} of the settings that may change while it runs
+    :return: ({profile: {stream: {setting: value}}}, [problem, ...]); wrong settings are left out
+    """
+    found: Dict[str, Dict[str, Dict[str, Any]]] = {name: {stream: {} for stream in tables} for name in profiles}
+    problems = []
+    for name, profile in profiles.items():
+        for stream, table in tables.items():
+            for setting, value in profile.of(stream).items():
+                try:
+                    found[name][stream][setting] = check_one(setting, value, table)
+                except ValueError as error:
+                    problems.append("profile %r, stream '%s': %s" % (name, stream, error))
+    return found, problems

@@ -1,15 +1,20 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What a stream may be told in streams.yaml: one table a kind, from which values are checked."""
+"""Parameters: tables define the allowed values of each, and check them."""
 import math
 from dataclasses import dataclass
-from typing import Any, Optional, Tuple
+from typing import Any, Dict, List, Mapping, Optional, Tuple, Type
+
+FORMER_NAMES = {'floor': 'min_bitrate', 'taste': 'degradation_preference'}
+"""{former name: name} of streams' settings; `current_names` still accepts the former ones."""
+
+TYPE_NAMES = {str: 'a text', bool: 'true or false', int: 'a whole number', float: 'a number'}
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """One setting of a stream."""
+    """One parameter."""
     default: Any
-    """Its type is the parameter's; None: the parameter must be given, as a string that is not empty."""
+    """Its type is the parameter's; None: the parameter is required, a string that is not empty."""
     unit: str
     meaning: str
     above: Optional[float] = None
@@ -18,69 +23,96 @@ class Parameter:
     most: Optional[float] = None
     choices: Tuple[str, ...] = ()
     live: bool = False
-    """Whether it may change while the stream runs."""
+    """Whether it may change while the node runs."""
 
-    def check(self, value):
-        """The value in the parameter's type; ValueError says what it should be."""
-        kind = str if self.default is None else type(self.default)
-        if kind is float and isinstance(value, int) and not isinstance(value, bool):
+    @property
+    def kind(self) -> Type[Any]:
+        """str, bool, int or float."""
+        return str if self.default is None else type(self.default)
+
+    def check(self, value: Any) -> Any:
+        """The value in the parameter's type; whole numbers are numbers, too.
+
+        :raises ValueError: that says what it must be
+        """
+        if self.kind is float and type(value) is int and abs(value) < 2 ** 53:
             value = float(value)
-        if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
-            raise ValueError('must be %s' % self._wanted(kind))
-        if kind in (int, float) and not self._within(value):
-            raise ValueError('must be %s' % self._wanted(kind))
-        if kind is str and ((not value and self.default is None) or (self.choices and value not in self.choices)):
-            raise ValueError('must be %s' % self._wanted(kind))
+        if type(value) is not self.kind or not self._allows(value):
+            raise ValueError('must be ' + self.allowed)
         return value
 
-    def _within(self, value):
-        return (math.isfinite(value) and (self.above is None or value > self.above)
+    def _allows(self, value: Any) -> bool:
+        """Whether a value of the right type is among the choices, or within the limits."""
+        if self.choices:
+            return value in self.choices
+        if self.kind is str:
+            return bool(value) or self.default is not None
+        return (-math.inf < value < math.inf and (self.above is None or value > self.above)
                 and (self.least is None or value >= self.least) and (self.most is None or value <= self.most))
 
-    def _wanted(self, kind):
+    @property
+    def allowed(self) -> str:
+        """The allowed values, in words."""
         if self.choices:
             return 'one of ' + ', '.join(self.choices)
         limits = [(self.above, 'above %g'), (self.least, 'from %g'), (self.most, 'to %g')]
-        words = [{str: 'a text', bool: 'true or false', int: 'a whole number', float: 'a number'}[kind]]
-        words += [text % limit for limit, text in limits if limit is not None]
+        words = [TYPE_NAMES[self.kind]] + [text % limit for limit, text in limits if limit is not None]
         return ' '.join(words) + (' [%s]' % self.unit if self.unit else '')
 
 
-def check(values, table):
-    """Check a stream's settings against its kind's table.
+Table = Mapping[str, Parameter]
+"""{name: Parameter}"""
+
+
+def check(values: Mapping[str, Any], table: Table) -> Dict[str, Any]:
+    """Check values against a table.
 
     :param values: {name: value} as read from YAML
-    :param table: {name: Parameter}
     :return: {name: value} with every name of the table
-    :raises ValueError: naming the setting and its value
+    :raises ValueError: naming the parameter and its value
     """
     unknown = sorted(set(map(str, values)) - set(table))
     if unknown:
-        raise ValueError('%s: no such setting; there are %s' % (', '.join(unknown), ', '.join(sorted(table))))
-    checked = {}
-    for name, parameter in table.items():
-        if name not in values:
-            if parameter.default is None:
-                raise ValueError('%s is missing: %s' % (name, parameter.meaning))
-            checked[name] = parameter.default
-            continue
-        checked[name] = check_one(name, values[name], table)
-    return checked
+        raise _unknown(', '.join(unknown), table)
+    missing = [name for name, parameter in table.items() if parameter.default is None and name not in values]
+    if missing:
+        raise ValueError('%s is missing: %s' % (missing[0], table[missing[0]].meaning))
+    return {name: check_one(name, values[name], table) if name in values else parameter.default
+            for name, parameter in table.items()}
 
 
-def check_one(name, value, table):
+def check_one(name: str, value: Any, table: Table) -> Any:
     """One value in its parameter's type.
 
-    :raises ValueError: naming the setting and its value
+    :raises ValueError: naming the parameter and its value
     """
     if name not in table:
-        raise ValueError('%s: no such setting; there are %s' % (name, ', '.join(sorted(table))))
+        raise _unknown(name, table)
     try:
         return table[name].check(value)
     except ValueError as error:
         raise ValueError('%s is %r, %s' % (name, value, error)) from None
 
 
-def live(table):
-    """Of a table {name: Parameter} what may change while the stream runs."""
+def _unknown(name: str, table: Table) -> ValueError:
+    return ValueError('%s: no such setting; there are %s' % (name, ', '.join(sorted(table))))
+
+
+def current_names(values: Mapping[str, Any]) -> Tuple[Dict[str, Any], List[str]]:
+    """Rename settings that are given by a former name.
+
+    :param values: {name: value} of one stream
+    :return: ({name: value}, [warning, ...] for each former name)
+    :raises ValueError: where a setting is given by both names
+    """
+    former = [name for name in values if name in FORMER_NAMES]
+    for name in former:
+        if FORMER_NAMES[name] in values:
+            raise ValueError('%s and its former name %s are both given' % (FORMER_NAMES[name], name))
+    return ({FORMER_NAMES.get(name, name): value for name, value in values.items()},
+            ['%s is the former name of %s' % (name, FORMER_NAMES[name]) for name in former])
+
+
+def live(table: Table) -> Dict[str, Parameter]:
+    """The part of a table that may change while the node runs."""
     return {name: parameter for name, parameter in table.items() if parameter.live}

@@ -1,19 +1,20 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The settings of one stream: what is requested of it, what the link grants of that, and what is in effect."""
+"""The settings of one stream: requested by the user, granted by the link controller, and in effect."""
 import threading
 from dataclasses import dataclass, field
 from typing import Any, Callable, Dict, Iterator, Mapping, Optional
 
-from .parameters import Parameter, check_one
+from .parameters import Table, check_one
 
 
 @dataclass(frozen=True)
 class Settings(Mapping[str, Any]):
-    """The settings at one moment; as a mapping, those in effect. It never changes."""
+    """The settings at one moment; as a mapping, those in effect. Immutable."""
     requested: Mapping[str, Any]
     """By streams.yaml, the mission focus and live changes."""
     granted: Optional[Mapping[str, Any]] = field(default_factory=dict)
-    """What the link limits of them; None: the link has nothing for the stream, it is paused."""
+    """Values in effect in place of requested ones, because of the link; None: the link has no room, the stream is
+    paused."""
 
     def __getitem__(self, name: str) -> Any:
         granted = self.granted or {}
@@ -27,20 +28,20 @@ class Settings(Mapping[str, Any]):
 
     @property
     def paused(self) -> bool:
-        """Whether the link has nothing for the stream."""
+        """Whether the link has no room for the stream."""
         return self.granted is None
 
 
 class SettingsStore:
-    """Holds a stream's settings; any thread may read and change them.
+    """Holds a stream's settings. Any thread may read and change them; listeners run in the thread that changes.
 
-    :param table: {name: Parameter} of the values that may be requested while the stream runs
-    :param requested: {name: value} at the start, checked each; names beyond the table never change
+    :param table: {name: Parameter} of the settings that may be requested while the stream runs
+    :param requested: {name: value} at the start, each checked already; names that the table lacks never change
     :param check: f(requested), raises ValueError where values contradict each other
     :raises ValueError: from ``check``
     """
 
-    def __init__(self, table: Mapping[str, Parameter], requested: Mapping[str, Any],
+    def __init__(self, table: Table, requested: Mapping[str, Any],
                  check: Callable[[Mapping[str, Any]], None] = lambda requested: None) -> None:
         check(requested)
         self.table = dict(table)
@@ -55,13 +56,17 @@ class SettingsStore:
         return self._current
 
     def subscribe(self, listener: Callable[[Settings, Mapping[str, Any]], None]) -> None:
-        """Call ``listener(settings, changed)`` after each change; changed: {name: value now in effect}."""
+        """Call ``listener(settings, changed)`` after each change.
+
+        :param listener: called under the store's lock, so it must not wait for another thread that changes settings;
+            changed: {name: value} of the settings whose value in effect differs from before
+        """
         self._listeners[listener] = None
 
     def request(self, changes: Mapping[str, Any]) -> Dict[str, Any]:
-        """Request other values. A grant of a setting that changes is void; all other grants stand.
+        """Request other values. A changed setting loses its grant; all other grants stand.
 
-        :param changes: {name: value}; those that equal what is requested already are no change
+        :param changes: {name: value}; values that are requested already are no change
         :return: {name: value} that changed
         :raises ValueError: naming the setting and its value; nothing is changed then
         """
@@ -79,9 +84,9 @@ class SettingsStore:
             return delta
 
     def grant(self, limits: Optional[Mapping[str, Any]]) -> None:
-        """Limit what is requested to what the link carries.
+        """Limit the requested settings to the link's capacity. It replaces the grant before.
 
-        :param limits: {name: value} in place of what is requested; None: the stream is paused
+        :param limits: {name: value} in place of requested ones; None: the stream is paused
         """
         with self._lock:
             if limits != self._current.granted:

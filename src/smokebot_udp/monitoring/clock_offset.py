@@ -1,112 +1,130 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The other machine's clock, from echoes over a lossy link with queues: an offset, and how far it may be wrong.
+"""Estimates the offset of another machine's clock, with its uncertainty, from echoes over a lossy link with queues.
 
-As NTP (RFC 5905, 8 and 10): a question leaves here at `asked` and comes there at `received`, its answer leaves there at
-`answered` and comes here at `came`. Where both ways take the same time the offset is exact; however unlike they are it
-is wrong by at most half the round trip. So the exchange that says most is the one with the least round trip, and each
-says less as it ages, for clocks drift apart.
+The method is NTP's (RFC 5905, sections 8 and 10): a request is sent at `asked` and received at `received`, its reply is
+sent at `answered` and received at `came`. The offset is exact if both directions take the same time, and never wrong
+by more than half the round trip. The exchange with the shortest round trip is therefore the best one. Its uncertainty
+grows with its age because clocks drift.
 """
 import collections
 import math
-from typing import NamedTuple
+from typing import Counter, Deque, List, NamedTuple, Optional
 
 DRIFT = 1e-4
-"""How fast two clocks may part: 50 ppm each, what cheap crystals keep [s/s]."""
+"""Maximum relative drift of two clocks: 50 ppm each, typical of cheap crystals [s/s]."""
 
 SLACK = 1e-3
-"""Exchanges that differ by no more than this beyond what they may are no contradiction: clocks are read late [s]."""
+"""Tolerance beyond the uncertainty before two exchanges contradict each other: clocks are read late [s]."""
 
-CONFIRMED = 3
-"""So many exchanges in a row that contradict the estimate, but not one another, are right: a clock has jumped."""
+CONFIRMATIONS = 3
+"""Number of consecutive exchanges that contradict the estimate, but not one another, that prove a clock jump."""
 
-KEPT = 128
-"""Exchanges at most."""
+MAX_EXCHANGES = 128
 
 
 class Exchange(NamedTuple):
+    """One request and its reply."""
     offset: float
     """The other clock minus this one [s]."""
     round_trip: float
     """[s]"""
     at: float
-    """When its answer came, by the steady clock [s]."""
+    """When the reply was received, by the monotonic clock [s]."""
 
-    def uncertainty(self, now):
-        """How far the offset may be wrong [s]."""
+    def uncertainty(self, now: float) -> float:
+        """Maximum error of the offset [s]."""
         return self.round_trip / 2 + DRIFT * (now - self.at)
 
-    def contradicts(self, other):
-        """Whether no pair of clocks that run steadily makes both."""
+    def contradicts(self, other: 'Exchange') -> bool:
+        """Whether no pair of steadily running clocks explains both exchanges."""
         now = max(self.at, other.at)
         return abs(self.offset - other.offset) > self.uncertainty(now) + other.uncertainty(now) + SLACK
 
 
-class ClockOffset:
-    """Estimates the other machine's clock offset.
+class ClockEstimate(NamedTuple):
+    """The estimate of the other clock."""
+    offset: float
+    """The other clock minus this one [s]."""
+    round_trip: float
+    """Of the exchange that gave the offset [s]."""
+    uncertainty: float
+    """Maximum error of the offset [s]."""
 
-    :param window: exchanges older than this are forgotten, and the estimate is valid for so long [s]
-    :param longest: longer round trips are refused: a clock jumped between asking and hearing, or they tell nothing [s]
+
+class ClockOffset:
+    """Estimates the offset of the other machine's clock.
+
+    :param window: maximum age of an exchange, and validity of the estimate [s]
+    :param max_round_trip: exchanges with a longer round trip are refused: a clock jumped meanwhile, or they are
+        useless [s]
     """
 
-    def __init__(self, window=60.0, longest=10.0):
-        self.window, self.longest = window, longest
-        self.refused = collections.Counter()
-        """Exchanges that changed nothing, by reason: no time, order, round trip, contradiction."""
+    def __init__(self, window: float = 60.0, max_round_trip: float = 10.0) -> None:
+        self.window, self.max_round_trip = window, max_round_trip
+        self.refused: Counter[str] = collections.Counter()
+        """Exchanges without effect, by reason: no time, order, round trip, contradiction."""
         self.jumps = 0
-        """So often a clock was found to have jumped."""
-        self._exchanges = collections.deque(maxlen=KEPT)
-        self._contradicting = []
-        self._best = None
+        """Number of detected clock jumps."""
+        self._exchanges: Deque[Exchange] = collections.deque(maxlen=MAX_EXCHANGES)
+        self._contradicting: List[Exchange] = []
+        self._best: Optional[Exchange] = None
 
     @property
-    def offset(self):
-        """The other clock minus this one; None before the first good exchange [s]."""
-        return self._best and self._best.offset
+    def offset(self) -> Optional[float]:
+        """The other clock minus this one [s]; None before the first good exchange."""
+        return self._best.offset if self._best else None
 
     @property
-    def round_trip(self):
-        """Of the exchange that the offset is from; None before the first [s]."""
-        return self._best and self._best.round_trip
+    def round_trip(self) -> Optional[float]:
+        """Round trip of the exchange that gave the offset [s]; None before the first good exchange."""
+        return self._best.round_trip if self._best else None
 
-    def uncertainty(self, now):
-        """How far the offset may be wrong; infinite before the first exchange [s]."""
+    @property
+    def exchanges(self) -> int:
+        """Number of exchanges kept."""
+        return len(self._exchanges)
+
+    def uncertainty(self, now: float) -> float:
+        """Maximum error of the offset [s]; infinite before the first good exchange."""
         return self._best.uncertainty(now) if self._best else math.inf
 
-    def valid(self, now):
-        """Whether the offset is known, from an exchange in the window."""
-        return self._best is not None and 0 <= now - self._exchanges[-1].at <= self.window
+    def estimate(self, now: float) -> Optional[ClockEstimate]:
+        """The estimate; None without a good exchange in the window."""
+        if self._best is None or not 0 <= now - self._exchanges[-1].at <= self.window:
+            return None
+        return ClockEstimate(self._best.offset, self._best.round_trip, self._best.uncertainty(now))
 
-    def add(self, asked, received, answered, came, now):
-        """Take an exchange; what is impossible is refused and counted, and nothing is raised.
+    def add(self, asked: float, received: float, answered: float, came: float, now: float) -> bool:
+        """Add an exchange. Impossible ones are refused and counted; nothing is raised.
 
         :param asked, came: by this machine's clock [s since its epoch]
-        :param received, answered: by the other's [s since its epoch]
-        :param now: by a steady clock of this machine, which does not jump [s]
-        :return: whether it counts
+        :param received, answered: by the other machine's clock [s since its epoch]
+        :param now: by this machine's monotonic clock [s]
+        :return: whether the exchange is used
         """
         exchange = self._checked(asked, received, answered, came, now)
-        return exchange is not None and self._take(exchange, now)
+        return exchange is not None and self._use(exchange, now)
 
-    def _checked(self, asked, received, answered, came, now):
+    def _checked(self, asked: float, received: float, answered: float, came: float, now: float) -> Optional[Exchange]:
         times = asked, received, answered, came
         if not (all(map(math.isfinite, times + (now,))) and all(0 < time < 2 ** 33 for time in times)):
-            self.refused['no time'] += 1    # ROS' time is 0 where it was not set, and never above 32 bits of seconds
+            self.refused['no time'] += 1    # a ROS time is 0 if it was not set, and has at most 32 bits of seconds
         elif came < asked or answered < received:
             self.refused['order'] += 1
-        elif not 0 <= (came - asked) - (answered - received) <= self.longest:
+        elif not 0 <= (came - asked) - (answered - received) <= self.max_round_trip:
             self.refused['round trip'] += 1
         else:
             return Exchange(((received - asked) + (answered - came)) / 2, (came - asked) - (answered - received), now)
         return None
 
-    def _take(self, exchange, now):
+    def _use(self, exchange: Exchange, now: float) -> bool:
         while self._exchanges and now - self._exchanges[0].at > self.window:
             self._exchanges.popleft()
-        if self._exchanges and exchange.contradicts(self._best):
+        if self._exchanges and self._best is not None and exchange.contradicts(self._best):
             if any(map(exchange.contradicts, self._contradicting)):
                 self._contradicting.clear()
             self._contradicting.append(exchange)
-            if len(self._contradicting) < CONFIRMED:
+            if len(self._contradicting) < CONFIRMATIONS:
                 self.refused['contradiction'] += 1
                 return False
             self.jumps += 1

@@ -1,113 +1,88 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""How far the robot's clock is from the operator's: asked over the link once a second, see supervisor.clock.
+"""The offset of the robot's clock from the operator's, measured over the link once a second (monitoring.clock_offset).
 
-What is compared is the time that stamps are made of, so rospy's: the machine's clock, or a simulation's.
+The clocks compared are rospy's, from which stamps come: the machine's clock, or a simulation's.
 """
-import collections
 import threading
 import time
-from typing import NamedTuple
+from typing import Any, Dict, Optional
 
 import rospy
 
 from .. import udpros
-from ..monitoring.clock_offset import ClockOffset
+from ..monitoring.clock_client import EchoClient
+from ..monitoring.clock_offset import ClockEstimate
 from ..msg import ClockEcho
-from ..streams.rate import Repeater
+from .logging import log_error
+from .worker import PeriodicWorker
 
 ASK = 'smokebot_udp/clock/ask'
 ANSWER = 'smokebot_udp/clock/answer'
-"""Where questions and answers cross."""
+"""Wire topics of questions and answers."""
 
 PERIOD = 1.0
 """[s]"""
 
-OPEN = 16
-"""Questions that an answer may still come to: over a link that keeps it for longer it says nothing."""
-
 
 class ClockServer:
-    """The robot's side: answers, to all who listen; each finds its own."""
+    """The robot's side: publishes answers; each operator picks its own."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self._answers = udpros.Publisher(ANSWER, ClockEcho, queue_size=1)
         self._questions = udpros.Subscriber(ASK, ClockEcho, self._answer, queue_size=1)
 
-    def _answer(self, question):
+    def _answer(self, question: Any) -> None:
         answer = ClockEcho(asked=question.asked, received=rospy.Time.now())
         answer.header.stamp = rospy.Time.now()
         self._answers.publish(answer)
 
-    def close(self):
+    def close(self) -> None:
         self._questions.unregister()
         self._answers.unregister()
 
 
-class Estimate(NamedTuple):
-    """What is known of the robot's clock; all in [s]."""
-    offset: float
-    """The robot's clock minus this machine's."""
-    round_trip: float
-    uncertainty: float
-    """The offset is wrong by at most this."""
-
-
 class ClockClient:
-    """The operator's side: asks."""
+    """The operator's side: asks, and estimates the offset from the answers."""
 
-    def __init__(self):
-        self._clock, self._lock = ClockOffset(), threading.Lock()
-        self._open = collections.deque(maxlen=OPEN)     # when they were asked [ns]
+    def __init__(self) -> None:
+        self._echoes, self._lock = EchoClient(), threading.Lock()
         self._answers = udpros.Subscriber(ANSWER, ClockEcho, self._answered, queue_size=1)
         self._questions = udpros.Publisher(ASK, ClockEcho, queue_size=1)
-        self._ask = Repeater('clock', self._ask_once, self._report, PERIOD)
-        self._ask.start()
+        self._worker = PeriodicWorker('clock', self._ask, log_error("asking for the robot's clock"), PERIOD)
+        self._worker.start()
 
     @property
-    def estimate(self):
-        """An Estimate; None where the robot did not answer lately."""
-        now = time.monotonic()
+    def estimate(self) -> Optional[ClockEstimate]:
+        """The estimate of the robot's clock; None without a recent answer."""
         with self._lock:
-            if not self._clock.valid(now):
-                return None
-            return Estimate(self._clock.offset, self._clock.round_trip, self._clock.uncertainty(now))
+            return self._echoes.estimate(time.monotonic())
 
-    def offset(self):
-        """How far the robot's clock is ahead [s]; where it is not known both are taken to agree."""
+    def offset(self) -> float:
+        """The robot's clock minus this machine's [s]; 0 if it is unknown."""
         estimate = self.estimate
         return estimate.offset if estimate else 0.0
 
     @property
-    def counts(self):
-        """{what: how often}: jumps of a clock, and answers refused by reason; unasked may be other operators'."""
+    def counts(self) -> Dict[str, int]:
+        """{event: how often}, see EchoClient."""
         with self._lock:
-            return {'jumps': self._clock.jumps,
-                    **{'refused, ' + reason: count for reason, count in self._clock.refused.items()}}
+            return self._echoes.counts
 
-    def _ask_once(self):
+    def _ask(self) -> None:
         now = rospy.Time.now()
         with self._lock:
-            self._open.append(now.to_nsec())
+            self._echoes.ask(now.to_nsec())
         question = ClockEcho(asked=now)
         question.header.stamp = now
         self._questions.publish(question)
 
-    def _answered(self, answer):
+    def _answered(self, answer: Any) -> None:
         came, now = rospy.Time.now(), time.monotonic()
         with self._lock:
-            # each question counts once: what is sent twice, or made up, is nobody's answer
-            if answer.asked.to_nsec() not in self._open:
-                self._clock.refused['unasked'] += 1
-                return
-            self._open.remove(answer.asked.to_nsec())
-            self._clock.add(answer.asked.to_sec(), answer.received.to_sec(), answer.header.stamp.to_sec(),
-                            came.to_sec(), now)
+            self._echoes.answer(answer.asked.to_nsec(), answer.received.to_sec(), answer.header.stamp.to_sec(),
+                                came.to_sec(), now)
 
-    def _report(self, error):
-        if not rospy.is_shutdown():
-            rospy.logerr_throttle_identical(60, "the robot's clock cannot be asked for: %s" % error)
-
-    def close(self):
-        self._ask.stop()
+    def close(self) -> None:
+        self._worker.stop()
         self._answers.unregister()
         self._questions.unregister()

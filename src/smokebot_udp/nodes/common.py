@@ -1,91 +1,80 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the nodes of both sides do alike: read their parameters, and load the streams they name."""
-import math
+"""Common to the nodes of both sides: they read their parameters, and load the streams of streams.yaml."""
 import os
+from typing import Any, Callable, Dict, List, Tuple
 
 import rospkg
 import rospy
 
+from ..mission.parameters import Table
 from ..streams import config
+
+Load = Callable[[str, Callable[[str], None]], Tuple[Dict[str, Any], List[str]]]
+"""f(text, warn) -> ({name: valid entry}, [problem, ...])"""
 
 
 class Parameters:
-    """The node's private parameters, as they are now; asked for all at once: over a bad link each call takes its time.
+    """The node's private parameters as they were at the start; all are read in one call of the master.
 
-    :param tell: f(problem), told what is wrong
+    :param table: {name: Parameter}
+    :param report: f(problem), called with what is wrong
     """
 
-    def __init__(self, tell=rospy.logerr):
+    def __init__(self, table: Table, report: Callable[[str], None] = rospy.logerr) -> None:
         found = rospy.get_param('~', {})
-        self.values = found if isinstance(found, dict) else {}
-        self.tell = tell
+        self.table, self.report = table, report
+        self.values: Dict[str, Any] = found if isinstance(found, dict) else {}
 
-    def number(self, name, default, least=None, most=None):
-        """A number; what is no number in the limits is told of, and the default stands."""
-        value = self.values.get(name, default)
-        good = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
-        if good and (least is None or value >= least) and (most is None or value <= most):
-            return value
-        limits = ['from %g' % least] * (least is not None) + ['to %g' % most] * (most is not None)
-        self.tell('%s is %r, must be a number %s: %r is used' % (
-            rospy.resolve_name('~' + name), value, ' '.join(limits), default))
-        return default
-
-    def flag(self, name, default):
-        """True or false."""
-        value = self.values.get(name, default)
-        if isinstance(value, bool):
-            return value
-        self.tell('%s is %r, must be true or false: %r is used' % (rospy.resolve_name('~' + name), value, default))
-        return default
-
-    def text(self, name, default):
-        """A text, such as a topic or a file."""
-        value = self.values.get(name, default)
-        if isinstance(value, str):
-            return value
-        self.tell('%s is %r, must be a text: %r is used' % (rospy.resolve_name('~' + name), value, default))
-        return default
+    def __getitem__(self, name: str) -> Any:
+        """A parameter's value in its type; a wrong one is reported, and the default is used."""
+        parameter = self.table[name]
+        value = self.values.get(name, parameter.default)
+        if parameter.kind is int and isinstance(value, float) and value.is_integer():
+            value = int(value)
+        try:
+            return parameter.check(value)
+        except ValueError as error:
+            self.report('%s is %r, %s: %r is used' % (rospy.resolve_name('~' + name), value, error, parameter.default))
+            return parameter.default
 
 
-def read_file(parameters, name, default, load):
-    """The good parts of the file that a node's parameter names; what is wrong is told of.
+def read_file(parameters: Parameters, name: str, default: str, load: Load) -> Dict[str, Any]:
+    """The good parts of the file that a node's parameter names; what is wrong is reported.
 
-    :param parameters: Parameters
     :param name: of the parameter
-    :param default: its name in this package's config
-    :param load: f(text) -> (good, [problem, ...])
+    :param default: file in this package's config where the parameter is empty
     """
-    path = parameters.text(name, '') or os.path.join(
-        rospkg.RosPack().get_path('smokebot_udp'), 'config', default)
+    path = parameters[name] or os.path.join(rospkg.RosPack().get_path('smokebot_udp'), 'config', default)
     try:
         with open(path) as file:
-            good, problems = load(file.read())
+            good, problems = load(file.read(), lambda warning: rospy.logwarn('%s: %s', path, warning))
     except (OSError, UnicodeDecodeError) as error:
         good, problems = {}, ['it cannot be read: %s' % error]
     for problem in problems:
-        parameters.tell('%s: %s' % (path, problem))
+        parameters.report('%s: %s' % (path, problem))
     return good
 
 
-def read_streams(parameters):
+def read_streams(parameters: Parameters) -> Dict[str, Dict[str, Any]]:
     """The good streams of the node's ~streams_file: {name: settings}."""
     return read_file(parameters, 'streams_file', 'streams.yaml', config.load)
 
 
-def load_streams(parameters, class_of, link):
-    """Start each stream of the node's ~streams_file; one that cannot start leaves the others running.
+def load_streams(parameters: Parameters, make_stream: Callable[[str, Dict[str, Any]], Any]) -> Dict[str, Any]:
+    """Start each stream of the node's ~streams_file; if one cannot start, the others still do.
 
-    :param parameters: Parameters
-    :param class_of: streams.robot_class or streams.operator_class
+    :param make_stream: f(name, settings) -> stream with start()
     :return: {name: stream}
     """
     streams = {}
     for name, settings in read_streams(parameters).items():
+        stream = None
         try:
-            stream = class_of(settings['type'])(name, settings, link)
+            stream = make_stream(name, settings)
             stream.start()
             streams[name] = stream
         except Exception as error:
-            parameters.tell("stream '%s' (%s) does not start: %s" % (name, settings['type'], error))
+            if stream is not None:
+                stream.close()      # what it has started already
+            parameters.report("stream '%s' (%s) does not start: %s" % (name, settings['type'], error))
     return streams

@@ -1,134 +1,145 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Watches the streams on both sides for a while, and reports rates, and the pictures' quality and age.
+"""Compares the streams of both sides for a while, and reports rates, and the quality and age of images.
 
-Parameters
+Parameters: DEMO_REPORT in nodes/parameters.py.
 
-| name | type | default | unit | meaning |
-|---|---|---|---|---|
-| ~streams_file | str | config/streams.yaml of this package | | whose streams to watch |
-| ~seconds | double | 20 | s | for how long, from the first picture that arrives |
-| ~picture | str | | | where a picture is written: sent beside received, the last ones; empty: none |
-
-It needs both sides' topics, so it is for one machine. Pictures belong together by their stamp.
+It subscribes to the topics of both sides, so it is for one machine. Images are paired by their stamps.
 """
 import collections
+import math
 import threading
 import time
+from typing import Any, Counter, List, Mapping, Optional, Sequence, Tuple, Union
 
 import cv2
 import numpy as np
 import rospy
 from sensor_msgs.msg import Image
 
+from ..arrays import Array, UInt8Array
 from ..codecs.wire.pixels import as_pixels
 from .common import Parameters, read_streams
+from .parameters import DEMO_REPORT
 
-KEPT = 64
-"""So many sent pictures wait for their received ones."""
+MAX_WAITING = 64
+"""Number of sent images that wait for the received ones with the same stamps."""
 
-PATIENCE = 30.0
-"""Without any picture for so long there is nothing to report [s]."""
+FIRST_IMAGE_TIMEOUT = 30.0
+"""After this time without images from every stream the report begins anyway [s]."""
 
 
-class Watch:
-    """One stream's pictures on both sides."""
+class ImageComparison:
+    """Compares the images of one stream on both sides."""
 
-    def __init__(self, name, settings):
+    def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         self.name = name
         self.sent, self.received = 0, 0
-        self.psnr, self.ages = [], []
-        self.pair = None     # (sent, received) pixels, the last ones
-        self._waiting = collections.OrderedDict()   # {stamp: message}
+        self.pair: Optional[Tuple[Array, Array]] = None
+        """The pixels of the last image, (sent, received)."""
+        self._psnr: List[float] = []
+        self._ages: List[float] = []
+        self._waiting: collections.OrderedDict[Any, Any] = collections.OrderedDict()   # {stamp: message}
         self._lock = threading.Lock()
         self._subscribers = [
             rospy.Subscriber(settings['robot_topic'], Image, self._on_sent, queue_size=20, buff_size=1 << 24),
             rospy.Subscriber(settings['operator_topic'], Image, self._on_received, queue_size=20, buff_size=1 << 24)]
 
-    def _on_sent(self, message):
+    def _on_sent(self, message: Any) -> None:
         with self._lock:
             self.sent += 1
             self._waiting[message.header.stamp] = message
-            while len(self._waiting) > KEPT:
+            while len(self._waiting) > MAX_WAITING:
                 self._waiting.popitem(last=False)
 
-    def _on_received(self, message):
+    def _on_received(self, message: Any) -> None:
         age = (rospy.Time.now() - message.header.stamp).to_sec()
         with self._lock:
             self.received += 1
-            self.ages.append(age)
+            self._ages.append(age)
             source = self._waiting.pop(message.header.stamp, None)
         if source is not None:
             pair = _pixels(source), _pixels(message)
+            quality = psnr(*pair)
             with self._lock:
-                self.psnr.append(_psnr(*pair))
+                self._psnr.append(quality)
                 self.pair = pair
 
-    def clear(self):
+    def reset(self) -> None:
+        """Start counting anew."""
         with self._lock:
             self.sent = self.received = 0
-            del self.psnr[:], self.ages[:]
+            del self._psnr[:], self._ages[:]
 
-    def line(self, seconds):
+    def line(self, seconds: float) -> str:
+        """The report after `seconds` of comparison."""
         with self._lock:
-            if not self.ages:
-                return '%-13s no picture arrived (%d were made)' % (self.name, self.sent)
-            exact = np.isinf(self.psnr)
-            quality = 'all exact' if exact.all() else 'PSNR %.1f dB' % np.mean(np.array(self.psnr)[~exact])
+            if not self._ages:
+                return '%-13s no image received (%d sent)' % (self.name, self.sent)
+            lossy = [value for value in self._psnr if not math.isinf(value)]
+            quality = 'PSNR %.1f dB' % np.mean(lossy) if lossy else 'all exact'
             return '%-13s %5.1f Hz sent, %5.1f Hz received, %s, age p50 %.0f ms, p99 %.0f ms' % (
                 self.name, self.sent / seconds, self.received / seconds, quality,
-                1e3 * np.percentile(self.ages, 50), 1e3 * np.percentile(self.ages, 99))
+                1e3 * np.percentile(self._ages, 50), 1e3 * np.percentile(self._ages, 99))
 
 
-class RateWatch:
-    """How many messages of a stream pass on both sides."""
+class RateComparison:
+    """Counts the messages of one stream on both sides."""
 
-    def __init__(self, name, settings):
-        self.name, self.count = name, collections.Counter()
-        self._subscribers = [rospy.Subscriber(settings[side], rospy.AnyMsg, self._take, side, queue_size=100)
+    def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
+        self.name = name
+        self._counts: Counter[str] = collections.Counter()
+        self._subscribers = [rospy.Subscriber(settings[side], rospy.AnyMsg, self._count, side, queue_size=100)
                              for side in ('robot_topic', 'operator_topic')]
 
-    def _take(self, _, side):
-        self.count[side] += 1
+    def _count(self, _: Any, side: str) -> None:
+        self._counts[side] += 1
 
-    def clear(self):
-        self.count.clear()
+    def reset(self) -> None:
+        """Start counting anew."""
+        self._counts.clear()
 
-    def line(self, seconds):
+    def line(self, seconds: float) -> str:
+        """The report after `seconds` of comparison."""
         return '%-13s %5.1f Hz sent, %5.1f Hz received' % (
-            self.name, self.count['robot_topic'] / seconds, self.count['operator_topic'] / seconds)
+            self.name, self._counts['robot_topic'] / seconds, self._counts['operator_topic'] / seconds)
 
 
-def _pixels(message):
+def _pixels(message: Any) -> Array:
     return as_pixels(message.data, message.height, message.width, message.step, message.encoding, message.is_bigendian)
 
 
-def _psnr(sent, received):
-    """Peak signal to noise ratio over the sent picture's own range [dB]; infinite where they are equal."""
-    sent, received = sent.astype(np.float64), received.astype(np.float64)
-    error = np.mean((sent - received) ** 2)
-    peak = 255.0 if sent.max() <= 255 else sent.max() - sent.min()
-    return 10 * np.log10(peak ** 2 / error) if error else np.inf
+def psnr(sent: Array, received: Array) -> float:
+    """Peak signal-to-noise ratio [dB]; infinite if the images are equal.
+
+    The peak is 255 where the pixels of the sent image fit in a byte, otherwise it is the range of its pixels.
+
+    :param sent, received: (height, width) or (height, width, channels) arrays of the same type, in native byte order
+    """
+    if np.array_equal(sent, received):
+        return math.inf
+    peak = 255.0 if sent.max() <= 255 else float(sent.max()) - float(sent.min())
+    return float(cv2.PSNR(np.ascontiguousarray(sent), np.ascontiguousarray(received), peak))
 
 
-def _for_eyes(pixels, low, high):
-    """8-bit colours; what has more bits through a palette, from low to high."""
+def _for_display(pixels: Array, low: float, high: float) -> UInt8Array:
+    """(height, width, 3) uint8 BGR; pixels of more than 8 bits are coloured by a palette from `low` to `high`."""
     if pixels.dtype == np.uint8 and pixels.ndim == 3:
         return pixels[..., :3]
     if pixels.dtype == np.uint8:
-        return cv2.cvtColor(pixels, cv2.COLOR_GRAY2BGR)
+        return np.asarray(cv2.cvtColor(pixels, cv2.COLOR_GRAY2BGR))
     scaled = np.clip((pixels.astype(np.float32) - low) * (255.0 / max(high - low, 1e-6)), 0, 255)
-    return cv2.applyColorMap(scaled.astype(np.uint8), cv2.COLORMAP_INFERNO)
+    return np.asarray(cv2.applyColorMap(scaled.astype(np.uint8), cv2.COLORMAP_INFERNO))
 
 
-def _sheet(watches):
-    """(rows, columns, 3) uint8: a row a stream, sent left and received right."""
+def side_by_side(comparisons: Sequence[ImageComparison]) -> UInt8Array:
+    """(rows, columns, 3) uint8 BGR: a row for each stream, the sent image on the left, the received on the right."""
     rows = []
-    for watch in watches:
-        if watch.pair is None:
+    for comparison in comparisons:
+        if comparison.pair is None:
             continue
-        low, high = np.percentile(watch.pair[0], (0.5, 99.8))
-        row = np.hstack([_for_eyes(pixels, low, high) for pixels in watch.pair])
-        for text, column in (('%s: sent' % watch.name, 8), ('received', row.shape[1] // 2 + 8)):
+        low, high = np.percentile(comparison.pair[0], (0.5, 99.8))
+        row = np.hstack([_for_display(pixels, low, high) for pixels in comparison.pair])
+        for text, column in (('%s: sent' % comparison.name, 8), ('received', row.shape[1] // 2 + 8)):
             for colour, thickness in ((0, 3), (255, 1)):
                 cv2.putText(row, text, (column, 22), cv2.FONT_HERSHEY_SIMPLEX, 0.7, (colour,) * 3, thickness,
                             cv2.LINE_AA)
@@ -137,33 +148,34 @@ def _sheet(watches):
     return np.vstack([np.pad(row, ((0, 0), (0, width - row.shape[1]), (0, 0))) for row in rows])
 
 
-def _await_pictures(watches):
-    deadline = time.monotonic() + PATIENCE
-    while not rospy.is_shutdown() and not all(watch.received for watch in watches):
+def _wait_for_images(comparisons: Sequence[ImageComparison]) -> None:
+    deadline = time.monotonic() + FIRST_IMAGE_TIMEOUT
+    while not rospy.is_shutdown() and not all(comparison.received for comparison in comparisons):
         if time.monotonic() > deadline:
-            rospy.logerr('not every stream brought a picture within %g s', PATIENCE)
+            rospy.logerr('not every stream brought an image within %g s', FIRST_IMAGE_TIMEOUT)
             return
         time.sleep(0.1)
 
 
-def main():
+def main() -> None:
     rospy.init_node('demo_report')
-    parameters = Parameters()
-    seconds, path = parameters.number('seconds', 20.0, least=1.0), parameters.text('picture', '')
+    parameters = Parameters(DEMO_REPORT)
+    seconds, path = parameters['seconds'], parameters['picture']
     streams = read_streams(parameters)
-    watches = [Watch(name, settings) for name, settings in streams.items() if settings['type'] == 'image']
-    others = [RateWatch(name, settings) for name, settings in streams.items() if settings['type'] != 'image']
-    _await_pictures(watches)
-    for watch in watches + others:
-        watch.clear()
-    begun = time.monotonic()
-    while not rospy.is_shutdown() and time.monotonic() - begun < seconds:
+    images = [ImageComparison(name, settings) for name, settings in streams.items() if settings['type'] == 'image']
+    others = [RateComparison(name, settings) for name, settings in streams.items() if settings['type'] != 'image']
+    _wait_for_images(images)
+    comparisons: List[Union[ImageComparison, RateComparison]] = [*images, *others]
+    for comparison in comparisons:
+        comparison.reset()
+    start = time.monotonic()
+    while not rospy.is_shutdown() and time.monotonic() - start < seconds:
         time.sleep(0.1)
-    elapsed = time.monotonic() - begun
+    elapsed = time.monotonic() - start
     print('\nOver %.0f s:' % elapsed)
-    for watch in watches + others:
-        print('  ' + watch.line(elapsed))
-    if path and any(watch.pair for watch in watches):
-        cv2.imwrite(path, _sheet(watches))
+    for comparison in comparisons:
+        print('  ' + comparison.line(elapsed))
+    if path and any(comparison.pair for comparison in images):
+        cv2.imwrite(path, side_by_side(images))
         print('  sent beside received: %s' % path)
     print(flush=True)

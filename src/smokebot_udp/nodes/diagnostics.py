@@ -1,231 +1,59 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Tells /diagnostics once a second how the link is, on either side: a status for each stream, and each connection.
+"""Publishes /diagnostics once a second, on either side: a status for each stream, each connection and the link.
 
-Parameters of the node that hosts the streams; each may be given for one stream, too, as ~<stream>/warn_loss.
+Parameters of the node that hosts the streams, read when it starts. These parameters set the warning thresholds; each
+can also be set for one stream, as ~<stream>/warn_loss.
 
 | name | type | default | unit | meaning |
 |---|---|---|---|---|
-| ~warn_loss | double | 0.3 | | WARN from this share of the datagrams lost on |
-| ~error_loss | double | 0.7 | | ERROR from this share of the datagrams lost on |
-| ~warn_completeness | double | 0.5 | | WARN where half of the last messages are less complete |
-| ~warn_age | double | 0.5 | s | WARN where half of the last messages are older when they are shown |
-| ~error_age | double | 2 | s | ERROR where half of the last messages are older when they are shown |
-| ~error_silence | double | 2 | s | ERROR where nothing came for so long, and for three times what is usual |
+| ~warn_loss | double | 0.3 | | packet-loss ratio that triggers WARN |
+| ~error_loss | double | 0.7 | | packet-loss ratio that triggers ERROR |
+| ~warn_completeness | double | 0.5 | | median completeness of the messages shown below which WARN is triggered |
+| ~warn_age | double | 0.5 | s | median age of the messages shown that triggers WARN |
+| ~error_age | double | 2 | s | median age of the messages shown that triggers ERROR |
+| ~error_silence | double | 2 | s | silence that triggers ERROR, if it is also longer than three usual periods |
 
-What is latched or comes in rounds may be silent, and old: it is judged by its connection and its loss.
+Latched streams and carousels may be silent and old: only their connections and their loss are judged.
 
-A stream tells of itself in `figures()`, a dict; what a side does not know is left out:
-
-* in, out: how many messages came and left: of the source and onto the link, or off the link and shown
-* enabled, rate: whether it is sent, and at most how often [Hz]
-* steady: False where silence is no fault
-* dropped: {reason: count}, what came to nothing
-* shown: [(age [s] by this machine's clock, completeness 0..1), ...] since the last call, None for what is unknown
-* connections: as of udpros.Publisher or udpros.Subscriber
-* problem: in words, what else is worth a WARN now
-
-All counts only grow.
+What the statuses mean is decided in monitoring/, from the stats of streams, connections and the link
+(monitoring/stats.py); here they are rendered.
 """
+import dataclasses
 import functools
 import socket
 import time
-from typing import Any, Dict, NamedTuple
+from typing import Any, Callable, Dict, Iterable, List, Mapping, Sequence
 
 import diagnostic_updater
 import rospy
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
-from ..monitoring.windows import ERROR, OK, WARN, Limits, Rates, Samples, Silence, Verdict, share
-from ..streams.rate import Repeater
+from ..monitoring.link_status import clock_status, link_status
+from ..monitoring.stats import LinkStats
+from ..monitoring.status import OPERATOR, ROBOT, Status
+from ..monitoring.stream_status import StreamMonitor
+from ..monitoring.thresholds import Thresholds
+from .logging import log_error
+from .worker import PeriodicWorker
 
-ROBOT, OPERATOR = 'robot', 'operator'
 PERIOD = 1.0
 """[s]"""
 
-ENOUGH = 20
-"""Of fewer messages in the window a share that was lost says little, and is not judged."""
 
-
-def read_limits(names, parameters):
-    """{stream: Limits} from the node's common.Parameters; what is wrong is told of."""
-    tree = parameters.values
-    common, problems = Limits().changed(tree)
-    limits = {}
+def read_thresholds(names: Iterable[str], parameters: Any) -> Dict[str, Thresholds]:
+    """{stream: its thresholds} from the node's common.Parameters; invalid values are reported."""
+    common, problems = Thresholds().override(parameters.values)
+    thresholds = {}
     for name in names:
-        part = tree.get(name)
-        limits[name], wrong = common.changed(part if isinstance(part, dict) else {})
-        problems += ['%s/%s' % (name, problem) for problem in wrong]
+        own = parameters.values.get(name)
+        thresholds[name], own_problems = common.override(own if isinstance(own, dict) else {})
+        problems += ['%s/%s' % (name, problem) for problem in own_problems]
     for problem in problems:
-        parameters.tell('~%s' % problem)
-    return limits
+        parameters.report('~%s' % problem)
+    return thresholds
 
 
-class Status(NamedTuple):
-    """What a DiagnosticStatus says."""
-    name: str
-    level: int
-    message: str
-    values: Dict[str, Any]
-    """In order; what is None is not known, and not told."""
-
-
-class ConnectionWatch:
-    """One UDPROS connection over time."""
-
-    def __init__(self):
-        self._rates = Rates('bytes', 'datagrams', 'received', 'expected', 'kernel_drops', 'failed')
-        self.growth, self.per_second = self._rates.growth, self._rates.per_second
-
-    def read(self, connection, now):
-        """:param connection: one of udpros.Publisher.connections() or Subscriber.connections()"""
-        readings = {**connection, 'failed': sum(connection.get('failures', {}).values())}
-        if connection.get('received') is not None:
-            # lost ones that come late are lost no longer: of the counts only this sum never falls
-            readings['expected'] = connection['received'] + connection['lost']
-        self._rates.read(readings, now)
-
-    def status(self, name, side, connection, limits):
-        verdict = Verdict()
-        loss = judge_connections(verdict, [self], limits)
-        return Status('%s, %s' % (name, connection['peer']), verdict.level, str(verdict) or 'connected', {
-            'side': side, 'stream': name, 'peer': connection['peer'],
-            'address': '%s:%s' % tuple(connection['address'][:2]), 'datagrams': connection['datagrams'],
-            'datagrams/s': self.per_second('datagrams'), 'bytes/s': self.per_second('bytes'),
-            'lost': connection.get('lost'), 'loss [%]': _times(100, loss), 'idle [s]': connection.get('idle'),
-            'kernel drops': connection.get('kernel_drops'), 'receive buffer [byte]': connection.get('receive_buffer'),
-            'longest datagram [byte]': connection.get('max_datagram_size'),
-            **_by_reason('dropped', connection.get('dropped')), **_by_reason('not sent', connection.get('failures'))})
-
-
-def judge_connections(verdict, watches, limits):
-    """Judge ConnectionWatches together; returns the share of their messages that were lost, None where none came."""
-    expected, received = (sum(watch.growth(name) for watch in watches) for name in ('expected', 'received'))
-    loss = share(max(0, expected - received), expected)
-    verdict.at_least(loss if expected >= ENOUGH else None, limits.warn_loss, limits.error_loss, '%.0f %% lost', 100)
-    for problem, name in (('dropped by the kernel', 'kernel_drops'), ('not sent', 'failed')):
-        count = sum(watch.growth(name) for watch in watches)
-        if count:
-            verdict.find(WARN, '%d datagrams %s' % (count, problem))
-    return loss
-
-
-class StreamWatch:
-    """One stream over time.
-
-    :param side: 'robot' or 'operator'
-    :param stream: see this file's head
-    :param limits: Limits
-    :param now: [s] of a steady clock, as always here
-    """
-
-    def __init__(self, side, stream, limits, now):
-        self.side, self.stream, self.limits = side, stream, limits
-        self._rates = Rates('in', 'out')
-        self._silences = {'in': Silence(now), 'out': Silence(now)}
-        self._ages, self._completeness = Samples(), Samples()
-        self._connections = {}  # {(peer, address): ConnectionWatch}
-
-    def look(self, now, offset=0.0, told=None):
-        """The statuses of the stream and of its connections, in this order.
-
-        :param offset: the clock that stamps are of minus this machine's; None: unknown, and so are ages [s]
-        :param told: figures that the other side told, which count where the stream does not know them
-        """
-        figures = {'enabled': True, 'rate': 0.0, 'steady': True, 'connections': [], **(told or {}),
-                   **self.stream.figures()}
-        self._rates.read(figures, now)
-        for way, silence in self._silences.items():
-            silence.read(figures.get(way), now)
-        for age, completeness in figures.get('shown', ()):
-            self._ages.add(None if age is None or offset is None else age + offset, now)
-            self._completeness.add(completeness, now)
-        found = {(c['peer'], str(c['address'])): c for c in figures['connections']}
-        self._connections = {key: self._connections.get(key) or ConnectionWatch() for key in found}
-        for key, connection in found.items():
-            self._connections[key].read(connection, now)
-        if not figures['enabled'] or (self.side == ROBOT and not found):
-            self._silences['out'].forgive(now)
-        return [self._status(figures, now)] + [
-            self._connections[key].status(self.stream.name, self.side, connection, self.limits)
-            for key, connection in found.items()]
-
-    def _status(self, figures, now):
-        watches, connections = self._connections.values(), figures['connections']
-        age, oldest = self._ages.percentile(50, now), self._ages.percentile(99, now)
-        completeness = self._completeness.percentile(50, now)
-        verdict = Verdict()
-        if figures['enabled']:
-            self._judge_silence(verdict, figures, now)
-            self._judge(verdict, completeness, age if figures['steady'] else None)
-        if figures.get('problem'):
-            verdict.find(WARN, figures['problem'])
-        loss = judge_connections(verdict, watches, self.limits)
-        return Status(self.stream.name, verdict.level, str(verdict) or ('fine' if figures['enabled'] else 'off'), {
-            'side': self.side, 'stream': self.stream.name, 'topic': self.stream.topic,
-            'rate in [Hz]': self._rates.per_second('in'), 'rate out [Hz]': self._rates.per_second('out'),
-            'datagrams': _sum('datagrams', connections), 'lost': _sum('lost', connections),
-            'loss [%]': _times(100, loss), 'completeness [%]': _times(100, completeness),
-            'age p50 [ms]': _times(1e3, age), 'age p99 [ms]': _times(1e3, oldest),
-            'bytes/s': sum(watch.per_second('bytes') or 0.0 for watch in watches),
-            'kernel drops': _sum('kernel_drops', connections), **_by_reason('dropped', figures.get('dropped'))})
-
-    def _judge_silence(self, verdict, figures, now):
-        limit = max(self.limits.error_silence, 3 / figures['rate'] if figures['rate'] else 0.0)
-        silent = {way: silence.too_long(now, limit) for way, silence in self._silences.items()}
-        if self.side == ROBOT and not self._connections:
-            verdict.find(WARN, 'nobody takes it')
-        if self.side == OPERATOR and not self._connections and silent['out'] is not None:
-            verdict.find(ERROR, 'no connection to the robot')
-        elif figures['steady'] and self.side == ROBOT and silent['in'] is not None:
-            verdict.find(ERROR, 'its source is silent for %.0f s' % silent['in'])
-        elif figures['steady'] and silent['out'] is not None:
-            verdict.find(ERROR, 'nothing is %s for %.0f s' % ('sent' if self.side == ROBOT else 'shown', silent['out']))
-
-    def _judge(self, verdict, completeness, age):
-        limits = self.limits
-        verdict.at_least(age, limits.warn_age, limits.error_age, '%.0f ms old', 1e3)
-        if completeness is not None and completeness < limits.warn_completeness:
-            verdict.find(WARN, 'only %.0f %% complete' % (100 * completeness))
-
-
-def _times(factor, value):
-    return None if value is None else factor * value
-
-
-def _sum(name, connections):
-    """Of what the connections tell; None where none of them does."""
-    told = [connection[name] for connection in connections if connection.get(name) is not None]
-    return sum(told) if told else None
-
-
-def _by_reason(what, counts):
-    return {'%s, %s' % (what, reason): count for reason, count in sorted((counts or {}).items())}
-
-
-def clock_status(estimate, counts):
-    """The status of the clocks.
-
-    :param estimate: clock_sync.Estimate or None
-    :param counts: {what: how often}
-    """
-    level, message = (OK, 'known') if estimate else (WARN, "the robot's clock is not known: ages are not, either")
-    values = {name + ' [ms]': 1e3 * seconds for name, seconds in (estimate._asdict() if estimate else {}).items()}
-    return Status('clock', level, message, {'side': OPERATOR, **values, **counts})
-
-
-def link_status(control, now):
-    """The status of the link, by a link_control.LinkControl."""
-    problem, values = control.figures(now)
-    return Status('link', WARN if problem else OK, problem or 'fine', {'side': ROBOT, **values})
-
-
-def problems_status(problems, side, now):
-    """The status of what the node was told wrongly."""
-    level, message, values = problems.verdict(now)
-    return Status('settings', level, message, {'side': side, **values})
-
-
-def as_message(status):
+def as_message(status: Status) -> Any:
     """The diagnostic_msgs/DiagnosticStatus of a Status."""
     return DiagnosticStatus(
         name=status.name, level=status.level, message=status.message, hardware_id=socket.gethostname(),
@@ -234,67 +62,81 @@ def as_message(status):
 
 
 class Diagnostics:
-    """Publishes statuses from a thread of its own: a simulation's clock that stands must not stop it.
+    """Publishes statuses from its own thread: a simulated clock that stops must not stop it.
 
-    :param looks: [f(now) -> [Status, ...], ...]; one that fails leaves the others
+    :param sources: functions of the time [s] that return statuses; if one fails the others are still published
     """
 
-    def __init__(self, looks):
-        self._looks = looks
-        # of the Updater only its way of publishing: its tasks are fixed, and connections come and go
+    def __init__(self, sources: Sequence[Callable[[float], List[Status]]]) -> None:
+        self._sources, self._log_error = sources, log_error('diagnostics')
+        # only the Updater's publish: its list of tasks is fixed, but connections come and go
         self._updater = diagnostic_updater.Updater()
-        self._thread = Repeater('diagnostics', self._tell, self._report, PERIOD)
-        self._thread.start()
+        self._worker = PeriodicWorker('diagnostics', self._publish, self._log_error, PERIOD)
+        self._worker.start()
 
-    def _tell(self):
+    def _publish(self) -> None:
         messages, now = [], time.monotonic()
-        for look in self._looks:
+        for source in self._sources:
             try:
-                messages += map(as_message, look(now))
+                messages += [as_message(status) for status in source(now)]
             except Exception as error:
-                self._report(error)
-        self._updater.publish(messages)
-
-    def _report(self, error):
+                self._log_error(error)
         if not rospy.is_shutdown():
-            rospy.logerr_throttle_identical(60, 'diagnostics: %s' % error)
+            self._updater.publish(messages)
 
-    def close(self):
-        self._thread.stop()
+    def close(self) -> None:
+        self._worker.stop()
 
 
-def robot_diagnostics(streams, control, parameters, problems):
-    """Begin to tell of the robot's side.
+def robot_diagnostics(streams: Mapping[str, Any], link_stats: Callable[[float], LinkStats], parameters: Any,
+                      problems: Any) -> Diagnostics:
+    """Start the diagnostics of the robot's side.
 
     :param streams: {name: RobotStream}, started
-    :param control: link_control.LinkControl, started
+    :param link_stats: f(now)
     :param parameters: common.Parameters
     :param problems: problems.Problems
-    :return: Diagnostics, to be closed before the streams
+    :return: to be closed before the streams
     """
-    looks = [watch.look for watch in _watches(ROBOT, streams, parameters)]
-    return Diagnostics(looks + [lambda now: [link_status(control, now), problems_status(problems, ROBOT, now)]])
+    def update(stream: Any, monitor: StreamMonitor, now: float) -> List[Status]:
+        return monitor.update(stream.stats(), now)
+
+    def update_node(now: float) -> List[Status]:
+        return [link_status(link_stats(now)), _settings_status(problems, ROBOT, now)]
+    return Diagnostics(_sources(ROBOT, streams, parameters, update) + [update_node])
 
 
-def operator_diagnostics(streams, clock, parameters, problems, sent):
-    """Begin to tell of the operator's side.
+def operator_diagnostics(streams: Mapping[str, Any], clock: Any, parameters: Any, problems: Any,
+                         sent: Callable[[], Dict[str, Any]]) -> Diagnostics:
+    """Start the diagnostics of the operator's side.
 
     :param streams: {name: OperatorStream}, started
     :param clock: clock_sync.ClockClient
     :param parameters: common.Parameters
     :param problems: problems.Problems
-    :param sent: f() -> {name: StreamStatus}, what the robot said last that it sends
-    :return: Diagnostics, to be closed before the streams and the clock
+    :param sent: f() -> {name: StreamStatus}, the robot's last report of what it sends
+    :return: to be closed before the streams and the clock
     """
-    def look(watch, now):
-        status, estimate = sent().get(watch.stream.name), clock.estimate
-        return watch.look(now, estimate and estimate.offset,
-                          status and {'enabled': status.enabled, 'rate': status.rate})
-    looks = [functools.partial(look, watch) for watch in _watches(OPERATOR, streams, parameters)]
-    return Diagnostics(looks + [lambda now: [clock_status(clock.estimate, clock.counts),
-                                             problems_status(problems, OPERATOR, now)]])
+    def update(stream: Any, monitor: StreamMonitor, now: float) -> List[Status]:
+        stats, robot, estimate = stream.stats(), sent().get(stream.name), clock.estimate
+        if robot is not None:
+            stats = dataclasses.replace(stats, enabled=robot.enabled, rate=robot.rate)
+        return monitor.update(stats, now, estimate.offset if estimate else None)
+
+    def update_node(now: float) -> List[Status]:
+        return [clock_status(clock.estimate, clock.counts), _settings_status(problems, OPERATOR, now)]
+    return Diagnostics(_sources(OPERATOR, streams, parameters, update) + [update_node])
 
 
-def _watches(side, streams, parameters):
-    limits, now = read_limits(streams, parameters), time.monotonic()
-    return [StreamWatch(side, stream, limits[name], now) for name, stream in streams.items()]
+def _sources(side: str, streams: Mapping[str, Any], parameters: Any,
+             update: Callable[[Any, StreamMonitor, float], List[Status]]) -> List[Callable[[float], List[Status]]]:
+    """A source of statuses for each stream."""
+    thresholds, now = read_thresholds(streams, parameters), time.monotonic()
+    return [functools.partial(update, stream, StreamMonitor(side, name, stream.topic, thresholds[name], now))
+            for name, stream in streams.items()]
+
+
+def _settings_status(problems: Any, side: str, now: float) -> Status:
+    """The status of the settings: which ones were refused."""
+    level, message, values = problems.verdict(now)
+    return Status('settings', level, message, {'side': side, **values})

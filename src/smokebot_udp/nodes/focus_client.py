@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The operator's switch of the robot's focus over the same lossy link: asked until the robot's status answers."""
+"""The operator's switch of the robot's focus over the same lossy link: requested until the robot's status answers."""
 import random
 import threading
 import time
+from typing import Any, Dict, Optional
 
 import rospy
 
@@ -11,39 +12,43 @@ from ..msg import FocusRequest, RobotStatus
 from ..srv import SetFocus, SetFocusResponse
 from .focus import REQUESTS
 
-ASKED_AGAIN = 0.1
+RETRY_PERIOD = 0.1
 """[s]"""
 
 
 class FocusClient:
     """Serves ~set_focus on the operator's side.
 
-    :param status_topic: where the robot's RobotStatus comes out, or None where no stream brings it
-    :param patience: how long to ask [s]
+    :param status_topic: topic on which the operator receives RobotStatus; None where no stream carries it
+    :param patience: timeout of a request [s]
     """
 
-    def __init__(self, status_topic, patience):
-        self._status, self._patience = None, patience
+    def __init__(self, status_topic: Optional[str], patience: float) -> None:
+        self._status: Any = None
+        self._patience = patience
         self._answered = threading.Condition()
         self._one_at_a_time = threading.Lock()
         self._requests = udpros.Publisher(REQUESTS, FocusRequest, queue_size=1)
-        self._subscriber = status_topic and rospy.Subscriber(status_topic, RobotStatus, self._take, queue_size=5)
+        self._subscriber: Any = None
+        if status_topic:
+            self._subscriber = rospy.Subscriber(status_topic, RobotStatus, self._take, queue_size=5)
         rospy.Service('~set_focus', SetFocus, self._serve)
 
-    def _take(self, status):
+    def _take(self, status: Any) -> None:
         with self._answered:
             self._status = status
             self._answered.notify_all()
 
-    def sent(self):
-        """{stream: StreamStatus}: what the robot said last that it sends."""
+    def sent(self) -> Dict[str, Any]:
+        """{stream: StreamStatus}, as the robot reported last."""
         with self._answered:
             status = self._status
         return {stream.name: stream for stream in status.streams} if status else {}
 
-    def _serve(self, asked):
+    def _serve(self, asked: Any) -> Any:
         if self._subscriber is None:
-            return SetFocusResponse(False, 'no answer can come: streams.yaml has no relay of smokebot_udp/RobotStatus')
+            return SetFocusResponse(
+                False, 'no answer can arrive: streams.yaml has no relay of smokebot_udp/RobotStatus')
         with self._one_at_a_time:
             request = FocusRequest(id=random.randint(1, 2 ** 32 - 1), focus=asked.focus)
             deadline = time.monotonic() + self._patience
@@ -52,11 +57,12 @@ class FocusClient:
                     if time.monotonic() > deadline or rospy.is_shutdown():
                         return SetFocusResponse(False, 'the robot did not answer in %g s' % self._patience)
                     self._requests.publish(request)
-                    self._answered.wait(ASKED_AGAIN)
+                    self._answered.wait(RETRY_PERIOD)
                 refusal = self._status.refusal
         return SetFocusResponse(not refusal, refusal or 'the focus is ' + asked.focus)
 
-    def close(self):
+    def close(self) -> None:
+        """End the subscriptions."""
         self._requests.unregister()
         if self._subscriber is not None:
             self._subscriber.unregister()

@@ -1,23 +1,22 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The operator's side of the link's supervision: tells the robot ten times a second what arrived."""
+"""The operator's side of congestion control: reports to the robot, ten times a second, what arrived."""
 import os
 import threading
 import time
 
-import rospy
-
 from .. import udpros
-from ..congestion.estimator import REPORTS_APART
-from ..congestion.feedback import Arrivals
+from ..congestion.estimator import REPORT_INTERVAL
+from ..congestion.feedback import ReceiveHistory, Report
 from ..msg import ArrivalMark, LinkReport, StreamArrivals
-from ..streams.rate import Repeater
+from .logging import log_error
+from .worker import PeriodicWorker
 
 TOPIC = 'smokebot_udp/link/report'
-"""Where reports cross."""
+"""Topic of the reports, on the wire."""
 
 
-def as_message(report):
-    """A supervisor.report.Report as a LinkReport."""
+def as_message(report: Report) -> LinkReport:
+    """The LinkReport message of a report."""
     return LinkReport(
         session=report.session, clock=report.clock,
         streams=[StreamArrivals(one.name, one.highest, one.received, one.bytes) for one in report.streams],
@@ -25,33 +24,30 @@ def as_message(report):
 
 
 class LinkReporter:
-    """Counts what the streams' transports take, and reports it."""
+    """Counts what the streams' subscribers receive, and reports it."""
 
-    def __init__(self):
-        self._arrivals, self._lock = Arrivals(lambda: int.from_bytes(os.urandom(4), 'little')), threading.Lock()
-        self._connections = {}      # {stream: number of its newest connection}
+    def __init__(self) -> None:
+        self._history = ReceiveHistory(lambda: int.from_bytes(os.urandom(4), 'little'))
+        self._lock = threading.Lock()
         self._publisher = udpros.Publisher(TOPIC, LinkReport, queue_size=1)
-        self._reports = Repeater('link reports', self._report, self._tell, REPORTS_APART)
+        self._reports = PeriodicWorker('link reports', self._report, log_error('link reports to the robot'),
+                                       REPORT_INTERVAL)
         self._reports.start()
 
-    def arrived(self, stream, number, seq, size, count, when):
-        """Datagrams of a stream came, see udpros.Subscriber; any thread."""
-        with self._lock:
-            if number > self._connections.setdefault(stream, number):
-                self._connections[stream] = number
-                self._arrivals.begin()      # the robot began anew: it knows nothing of what came before
-            if number == self._connections[stream]:
-                self._arrivals.note(stream, seq, size, when, count)
+    def arrived(self, stream: str, number: int, seq: int, size: int, count: int, when: float) -> None:
+        """Record datagrams of a stream; any thread, see udpros.Subscriber.
 
-    def _report(self):
+        :param number: of the connection
+        """
         with self._lock:
-            report = self._arrivals.report(time.monotonic())
+            self._history.add(stream, seq, size, when, count, number)
+
+    def _report(self) -> None:
+        with self._lock:
+            report = self._history.report(time.monotonic())
         self._publisher.publish(as_message(report))
 
-    def _tell(self, error):
-        if not rospy.is_shutdown():
-            rospy.logerr_throttle_identical(60, 'the robot cannot be told what arrives: %s' % error)
-
-    def close(self):
+    def close(self) -> None:
+        """Stop reporting."""
         self._reports.stop()
         self._publisher.unregister()

@@ -1,178 +1,235 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Settings that change while a node runs, by the ways ROS users know: dynamic_reconfigure and rosparam.
 
-Whichever way a value comes, it is checked by the same table, takes effect at once, and then shows in the other.
-What rosparam sets wrongly is told of and set back; dynamic_reconfigure clamps, as it always does.
+Whichever way a value comes, a SettingsStore checks it and holds it, it takes effect at once, and the other way shows
+it. What rosparam sets wrongly is reported and set back; dynamic_reconfigure clamps, as it always does.
 """
+import contextlib
 import threading
 from types import SimpleNamespace
+from typing import Any, Callable, Dict, Mapping, Optional, Sequence, Set
 
 import rospy
+from dynamic_reconfigure.encoding import decode_config, encode_config, encode_groups, group_dict
 from dynamic_reconfigure.server import Server
 from rospy.impl.paramserver import get_param_server_cache
 
 from .. import udpros
-from ..mission.parameters import check_one
+from ..mission.mirror import Mirror
+from ..mission.parameters import FORMER_NAMES, Parameter, Table, current_names
+from ..mission.settings import SettingsStore
+from .parameters import DIAGNOSTICS
 
-PUBLISHING = threading.Lock()
-"""Held while this node writes parameters, and while it looks what others wrote."""
+PUBLISHING = threading.RLock()
+"""Held while this node writes parameters, and while it reads what others wrote. Taken after a server's mutex."""
 
 TYPES = {bool: 'bool', int: 'int', float: 'double', str: 'str'}
-LIMITS = {bool: (False, True), int: (-2 ** 31, 2 ** 31 - 1), float: (-float('inf'), float('inf')), str: ('', '')}
+LIMITS: Dict[type, Any] = {bool: (False, True), int: (-2 ** 31, 2 ** 31 - 1), float: (-float('inf'), float('inf')),
+                           str: ('', '')}
+FORMER_GROUP = 'Former names'
+"""Group of the description that has the former names, for clients that use them; rqt_reconfigure hides it."""
 
 
-def config_type(name, table):
+def config_type(name: str, table: Table) -> SimpleNamespace:
     """What dynamic_reconfigure's generator would make of a table {name: Parameter}: a server's `type`."""
-    parameters, low, high = [], {}, {}
+    low, high = {}, {}
     for key, parameter in table.items():
-        kind = type(parameter.default)
         least = parameter.above if parameter.above is not None else parameter.least
-        low[key] = LIMITS[kind][0] if least is None else kind(least)
-        high[key] = LIMITS[kind][1] if parameter.most is None else kind(parameter.most)
-        unit = ' [%s]' % parameter.unit if parameter.unit else ''
-        parameters.append({
-            'name': key, 'type': TYPES[kind], 'level': 0, 'description': parameter.meaning + unit,
-            'edit_method': _enum(parameter.choices), 'default': parameter.default, 'min': low[key], 'max': high[key]})
-    group = {'name': 'Default', 'type': '', 'state': True, 'cstate': 'true', 'id': 0, 'parent': 0, 'groups': [],
-             'parameters': parameters}
+        low[key] = LIMITS[parameter.kind][0] if least is None else parameter.kind(least)
+        high[key] = LIMITS[parameter.kind][1] if parameter.most is None else parameter.kind(parameter.most)
+    parameters = [_described(key, parameter) for key, parameter in table.items()]
     return SimpleNamespace(
-        __name__=name, config_description=group, defaults={key: p.default for key, p in table.items()}, min=low,
-        max=high, level={key: 0 for key in table}, type={key: TYPES[type(p.default)] for key, p in table.items()},
-        all_level=0)
+        __name__=name, config_description=_group('Default', parameters), min=low, max=high, all_level=0,
+        defaults={key: parameter.default for key, parameter in table.items()}, level={key: 0 for key in table},
+        type={key: TYPES[parameter.kind] for key, parameter in table.items()})
 
 
-def _enum(choices):
-    if not choices:
-        return ''
+def _described(name: str, parameter: Parameter) -> Dict[str, Any]:
+    unit = ' [%s]' % parameter.unit if parameter.unit else ''
     constants = [{'name': choice, 'type': 'str', 'value': choice, 'description': '', 'srcline': 0, 'srcfile': '',
-                  'cconsttype': 'const char * const', 'ctype': 'std::string'} for choice in choices]
-    return repr({'enum': constants, 'enum_description': ''})
+                  'cconsttype': 'const char * const', 'ctype': 'std::string'} for choice in parameter.choices]
+    return {'name': name, 'type': TYPES[parameter.kind], 'level': 0, 'description': parameter.meaning + unit,
+            'edit_method': repr({'enum': constants, 'enum_description': ''}) if constants else ''}
+
+
+def _group(name: str, parameters: Sequence[Mapping[str, Any]], type: str = '', id: int = 0) -> Dict[str, Any]:
+    return {'name': name, 'type': type, 'state': True, 'cstate': 'true', 'id': id, 'parent': 0, 'groups': [],
+            'parameters': parameters}
 
 
 class LiveSettings:
     """The live settings of one part of a node, under ~<name>/ (or ~ where the name is empty).
 
-    :param table: {name: Parameter}, of which all can change
-    :param values: {name: value} at the start, at least of the table
-    :param apply: f({name: value} with all of the table), at once when one changed; ValueError refuses
-    :param lock: an RLock, shared by parts whose apply changes another
-    :param tell: f(problem), told what is refused
+    :param store: SettingsStore
+    :param report: f(problem), called with what is refused
+    :param request: requests changes of the store; None: the store itself does
     """
 
-    def __init__(self, name, table, values, apply, lock, tell):
-        self.name, self.table = name, table
-        self.values = {key: values[key] for key in table}
-        self._apply = apply
-        self._lock = lock
-        self._tell = tell
-        self._published = {}    # what the parameter server was told
-        self._server = None
+    def __init__(self, name: str, store: SettingsStore, report: Callable[[str], None],
+                 request: Optional[Callable[[Mapping[str, Any]], Any]] = None) -> None:
+        self.name, self.store = name, store
+        self.request, self._report = request or store.request, report
+        namespace = rospy.resolve_name('~' + name) if name else rospy.get_name()
+        self._mirror = Mirror(namespace, store, self.request, report, self._warn, DIAGNOSTICS if name else None)
+        self._server: Optional[_Server] = None
+        self._warnings: Set[str] = set()
 
-    def adopt(self, found):
-        """Take what was set before the node started: {name: value}."""
-        for name in self.table:
-            if name in found:
-                try:
-                    self.set({name: found[name]})
-                except ValueError as error:
-                    self._tell('%s refused, it is %r: %s' % (self.key(name), self.values[name], error))
-        self._published = dict(self.values)
+    @property
+    def values(self) -> Dict[str, Any]:
+        """{name: value} as requested."""
+        requested = self.store.current.requested
+        return {name: requested[name] for name in self.store.table}
 
-    def serve(self):
+    def read(self, found: Mapping[str, Any]) -> bool:
+        """Take values that others set on the parameter server.
+
+        :param found: what is in the node's private namespace
+        :return: whether anything was set
+        """
+        return self._mirror.read(found.get(self.name, {}) if self.name else found)
+
+    def adopt(self, found: Dict[str, Any]) -> None:
+        """Take values that were set before the node started.
+
+        :param found: what is in the node's private namespace; it is changed to what has to be there
+        """
+        self.read(found)
+        mine = found
+        if self.name:
+            mine = found[self.name] = dict(found[self.name]) if isinstance(found.get(self.name), dict) else {}
+        for name in self._mirror.to_delete():
+            del mine[name]
+        mine.update(self.values)
+        self._mirror.written(self.values)
+        self._mirror.deleted()
+
+    def serve(self) -> None:
         """Begin to serve dynamic_reconfigure."""
         self._server = _Server(self)
 
-    def key(self, name):
-        """The parameter's resolved name."""
-        return rospy.resolve_name('~%s/%s' % (self.name, name) if self.name else '~' + name)
-
-    def set(self, changes):
-        """Change some values; they take effect before this returns, and `show` them later.
-
-        :raises ValueError: naming the setting and its value; nothing is changed then
-        """
-        with self._lock:
-            wanted = {**self.values, **{name: check_one(name, value, self.table) for name, value in changes.items()}}
-            if wanted != self.values:
-                self._apply(wanted)
-                self.values = wanted
-
-    def show(self):
-        """Let dynamic_reconfigure and the parameter server show the values there are."""
+    def show(self) -> None:
+        """Show the requested values in dynamic_reconfigure and on the parameter server."""
         if self._server is not None:
-            with self._lock:
-                values = dict(self.values)
-            self._server.update_configuration(values)
+            self._server.show()
 
-    def reconfigured(self, config, level):
-        """dynamic_reconfigure's callback: what it returns is what it shows."""
-        with self._lock:
-            try:
-                self.set({name: config[name] for name in self.table})
-            except ValueError as error:
-                self._tell('%s: %s' % (self.key('')[:-1], error))
-            config.update(self.values)
-        return config
+    def reconfigure(self, changes: Mapping[str, Any]) -> None:
+        """Request the changes of a client of dynamic_reconfigure; a refusal is reported."""
+        try:
+            self.request(changes)
+        except ValueError as error:
+            self._report('%s: %s' % (self._mirror.namespace, error))
 
-    def publish(self, values):
-        """Write to the parameter server what it does not have yet."""
-        with PUBLISHING:
-            for name in self.table:
-                if name not in self._published or not _same(values[name], self._published[name]):
-                    self._publish(name, values[name])
+    def known(self, wanted: Mapping[str, Any]) -> Dict[str, Any]:
+        """The settings that a client of dynamic_reconfigure sends, by today's names; unknown ones are reported."""
+        try:
+            wanted, warnings = current_names(wanted)
+        except ValueError as error:
+            self._report('%s: %s' % (self._mirror.namespace, error))
+            return {}
+        for warning in warnings:
+            self._warn('%s: %s' % (self._mirror.namespace, warning))
+        unknown = sorted(set(wanted) - set(self.store.table))
+        if unknown:
+            self._report('%s: %s: no such setting' % (self._mirror.namespace, ', '.join(unknown)))
+        return {name: value for name, value in wanted.items() if name in self.store.table}
 
-    def _publish(self, name, value):
-        rospy.set_param(self.key(name), value)
-        self._published[name] = value
+    def publish(self) -> None:
+        """Write values that differ to the parameter server; PUBLISHING is held."""
+        for name, value in self._mirror.to_write().items():
+            rospy.set_param('%s/%s' % (self._mirror.namespace, name), value)
+            self._mirror.written({name: value})
+        for name in self._mirror.to_delete():
+            key = '%s/%s' % (self._mirror.namespace, name)
+            with contextlib.suppress(KeyError):     # it was deleted already
+                rospy.delete_param(key)
+            with contextlib.suppress(KeyError):     # rospy leaves it in its cache
+                get_param_server_cache().delete(key)
+        self._mirror.deleted()
 
-    def look(self, found):
-        """Take what somebody else set on the parameter server, or set it back.
-
-        :param found: {name: value} there
-        :return: whether there was anything
-        """
-        news = {name: found[name] for name in self.table
-                if name in found and not _same(found[name], self._published[name])}
-        for name, value in news.items():
-            self._published[name] = value
-            try:
-                self.set({name: value})
-            except ValueError as error:
-                self._tell('%s refused, %r stays: %s' % (self.key(name), self.values[name], error))
-                self._publish(name, self.values[name])
-        return bool(news)
+    def _warn(self, warning: str) -> None:
+        """Log a warning once."""
+        if warning not in self._warnings:
+            self._warnings.add(warning)
+            rospy.logwarn('%s', warning)
 
 
 class _Server(Server):
-    """dynamic_reconfigure's server for LiveSettings; writes to the parameter server what changed, not all."""
+    """dynamic_reconfigure's server for LiveSettings: it shows the store's values, and requests clients' changes."""
 
-    def __init__(self, settings):
+    def __init__(self, settings: LiveSettings) -> None:
         self._settings = settings
-        super().__init__(config_type(settings.name or 'node', settings.table), settings.reconfigured,
+        super().__init__(config_type(settings.name or 'node', settings.store.table), self._shown,
                          namespace=settings.name and '~' + settings.name)
+        former = [name for name, current in FORMER_NAMES.items() if current in settings.store.table]
+        if former:
+            self._describe(former)
 
-    def _copy_from_parameter_server(self):
-        self.config.update(self._settings.values)    # LiveSettings.adopt asked the parameter server
+    def show(self) -> None:
+        """Publish the store's values, to clients and to the parameter server."""
+        with self.mutex:
+            self._change_config(self.config, 0)
 
-    def _copy_to_parameter_server(self):
-        self._settings.publish({name: self.config[name] for name in self._settings.table})
+    def _shown(self, config: Any, level: int) -> Any:
+        config.update(self._settings.values)
+        return config
 
+    def _set_callback(self, request: Any) -> Any:
+        """Serve a client. If it sends all values, only those that differ from the values last shown are changes: the
+        store's may be newer."""
+        with self.mutex, PUBLISHING:
+            self._settings.read(_found())
+            known = self._settings.known(decode_config(request.config))
+            wanted = self.config.copy()
+            wanted.update(known)
+            self._clamp(wanted)
+            sends_all = len(known) == len(self._settings.store.table) > 1
+            self._settings.reconfigure({name: wanted[name] for name in known
+                                        if not sends_all or wanted[name] != self.config[name]})
+            return encode_config(self._change_config(self.config, 0))
 
-def _same(one, other):
-    return type(one) is type(other) and one == other
+    def _change_config(self, config: Any, level: int) -> Any:
+        with PUBLISHING:
+            self._settings.read(_found())       # otherwise a value that was just set would be overwritten unread
+            return super()._change_config(config, level)
+
+    def _describe(self, former: Sequence[str]) -> None:
+        """Add former names to the description only; the values have none of them."""
+        table = self._settings.store.table
+        group = _group(FORMER_GROUP, [{**_described(FORMER_NAMES[name], table[FORMER_NAMES[name]]), 'name': name,
+                                       'description': 'former name of ' + FORMER_NAMES[name]} for name in former],
+                       type='hide', id=1)
+        encoded = encode_groups(None, group)[0]
+        for limits, values in ((self.description.min, self.type.min), (self.description.max, self.type.max),
+                               (self.description.dflt, self.type.defaults)):
+            extra = encode_config({name: values[FORMER_NAMES[name]] for name in former})
+            for kind in ('bools', 'ints', 'strs', 'doubles'):
+                getattr(limits, kind).extend(getattr(extra, kind))
+        self.description.groups.append(encoded)
+        with self.mutex:
+            hidden = group_dict(encoded)
+            hidden['state'] = False
+            self.config['groups']['groups'][FORMER_GROUP] = hidden
+            self.descr_topic.publish(self.description)
+            self._change_config(self.config, 0)
+
+    def _copy_from_parameter_server(self) -> None:
+        self.config.update(self._settings.values)    # LiveSettings.adopt has read the parameter server
+
+    def _copy_to_parameter_server(self) -> None:
+        self._settings.publish()
 
 
 class ParameterWatch:
-    """Starts the live settings of a node, and takes what is set under its private namespace.
+    """Starts the live settings of a node, and takes values set under its private namespace.
 
-    The master tells of it, nothing is polled. Over a bad link each question to the master takes its time, so there
-    are few, and an operator's node asks them in the background.
+    The master notifies, nothing is polled. Over a bad link each call of the master takes its time, so there are few,
+    and an operator's node makes them in the background.
 
     :param parts: [LiveSettings, ...]
     :param background: whether they start in a thread
     """
 
-    def __init__(self, parts, background):
+    def __init__(self, parts: Sequence[LiveSettings], background: bool) -> None:
         self._parts = parts
         self._changed = threading.Event()
         self._ended = False
@@ -182,28 +239,35 @@ class ParameterWatch:
         self._thread = threading.Thread(target=self._run, name='parameters', daemon=True)
         self._thread.start()
 
-    def _begin(self):
+    def _begin(self) -> None:
         found = _found()
         for part in self._parts:
-            part.adopt(_of(found, part))
-            if part.name:
-                found[part.name] = {**_of(found, part), **part.values}
-            else:
-                found.update(part.values)
+            part.adopt(found)
         rospy.set_param('~', found)
         rospy.get_param_cached('~')     # subscribes
-        get_param_server_cache().set_notifier(lambda key, value: self._changed.set())
+        # rospy ignores updates of names that its cache lacks: of all whose namespace was replaced, and of former names
+        cache = get_param_server_cache()
+        self._update_known, cache.update = cache.update, self._update
         with udpros.registered_together():
             for part in self._parts:
                 part.serve()
 
-    def stop(self):
+    def _update(self, key: str, value: Any) -> None:
+        """The cache's update: a parameter has changed, by the master's notification or by rospy.set_param."""
+        if not (key + '/').startswith(rospy.get_name() + '/'):
+            self._update_known(key, value)
+            return
+        get_param_server_cache().set(key, value)
+        self._changed.set()
+
+    def stop(self) -> None:
+        """End the thread."""
         self._ended = True
         self._changed.set()
         if self._begun:
             self._thread.join()
 
-    def _run(self):
+    def _run(self) -> None:
         try:
             if not self._begun:
                 self._begin()
@@ -218,26 +282,21 @@ class ParameterWatch:
             if self._ended:
                 return
             try:
-                self._look()
+                self._read()
             except Exception as error:
                 if not rospy.is_shutdown():
                     rospy.logerr_throttle_identical(5, 'the parameters cannot be read: %s' % error)
 
-    def _look(self):
-        with PUBLISHING:    # else what we are about to write looked like somebody else's
+    def _read(self) -> None:
+        with PUBLISHING:    # otherwise values that this node is about to write would look like another node's
             found = _found()
-            news = [part for part in self._parts if part.look(_of(found, part))]
+            news = [part for part in self._parts if part.read(found)]
         for part in news:
             part.show()
 
 
-def _found():
-    """What the parameter server has in the node's private namespace."""
+def _found() -> Dict[str, Any]:
+    """What the parameter server has in the node's private namespace; a copy, for rospy's cache changes."""
     found = rospy.get_param('~', {})
-    return found if isinstance(found, dict) else {}
-
-
-def _of(found, part):
-    """Of that what belongs to a part."""
-    mine = found.get(part.name, {}) if part.name else found
-    return mine if isinstance(mine, dict) else {}
+    return {name: dict(value) if isinstance(value, dict) else value
+            for name, value in dict(found).items()} if isinstance(found, dict) else {}

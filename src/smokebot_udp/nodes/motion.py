@@ -1,41 +1,47 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Whether the robot stands, for the operator's streams: listens to what tells it, see streams.stillness."""
+"""Listens for whether the robot stands still, for the operator's streams; see streams.standstill."""
 import math
 import threading
 import time
+from typing import Any, Callable, Optional
 
 import rospy
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 
-from ..streams.stillness import Stillness
+from ..streams.standstill import StandstillDetector
 
 
-class Motion:
-    """:param odom_topic, cmd_vel_topic: nav_msgs/Odometry and geometry_msgs/Twist on the operator's side"""
+class MotionListener:
+    """Feeds a StandstillDetector; any thread may call it.
 
-    def __init__(self, odom_topic, cmd_vel_topic, stillness=None):
-        self._stillness = stillness or Stillness()
+    :param odom_topic: of nav_msgs/Odometry on the operator's side
+    :param cmd_vel_topic: of geometry_msgs/Twist on the operator's side
+    """
+
+    def __init__(self, odom_topic: str, cmd_vel_topic: str) -> None:
+        self._detector = StandstillDetector()
         self._lock = threading.Lock()
         self._subscribers = [
-            rospy.Subscriber(odom_topic, Odometry, lambda m: self._tell(self._stillness.odometry, m.twist.twist),
+            rospy.Subscriber(odom_topic, Odometry, lambda m: self._note(self._detector.odometry, m.twist.twist),
                              queue_size=1),
-            rospy.Subscriber(cmd_vel_topic, Twist, lambda m: self._tell(self._stillness.command, m), queue_size=1)]
+            rospy.Subscriber(cmd_vel_topic, Twist, lambda m: self._note(self._detector.command, m), queue_size=1)]
 
-    def _tell(self, source, twist):
+    def images_compared(self, changed: Optional[float]) -> None:
+        """Note the comparison of two images: the share of their cells that differ; None: not comparable."""
+        with self._lock:
+            self._detector.images(changed, time.monotonic())
+
+    def is_still(self) -> bool:
+        """Whether the robot is known to stand still."""
+        with self._lock:
+            return self._detector.is_still(time.monotonic())
+
+    def close(self) -> None:
+        for subscriber in self._subscribers:
+            subscriber.unregister()
+
+    def _note(self, source: Callable[[float, float, float], None], twist: Any) -> None:
         speed = math.sqrt(twist.linear.x ** 2 + twist.linear.y ** 2 + twist.linear.z ** 2)
         with self._lock:
             source(speed, twist.angular.z, time.monotonic())
-
-    def pictures(self, changed):
-        """Told by two pictures of a camera: the share of their cells that changed, or None."""
-        with self._lock:
-            self._stillness.pictures(changed, time.monotonic())
-
-    def stands(self):
-        with self._lock:
-            return self._stillness.stands(time.monotonic())
-
-    def close(self):
-        for subscriber in self._subscribers:
-            subscriber.unregister()

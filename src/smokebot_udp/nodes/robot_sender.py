@@ -1,44 +1,39 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The robot's side: sends the streams of a streams.yaml over UDPROS, as the mission focus has it.
+"""The robot's side: sends the streams of a streams.yaml over UDPROS, as the mission focus requests.
 
-Parameters
+Parameters: ROBOT_SENDER in nodes/parameters.py, listed in doc/parameters.md.
 
-| name | type | default | unit | meaning |
-|---|---|---|---|---|
-| ~streams_file | str | config/streams.yaml of this package | | the streams by name |
-| ~focus_file | str | config/focus.yaml of this package | | the profiles by name |
-| ~max_datagram_size | int | 1472 | byte | longest datagram: UDP payload, so that 1472 fills an Ethernet frame |
-| ~adapt | bool | true | | whether the rate follows what the link carries, as operators report it; else it is max_rate |
-| ~max_rate | double | 400 | Mbit/s | all streams together leave no faster; 0: as fast as they come |
-| ~min_rate | double | 0.1 | Mbit/s | nor slower, whatever is reported, or where nothing is |
-| ~start_rate | double | 0.5 | Mbit/s | until the first report |
-| ~focus | str | default | | dynamic: the mission focus, a profile of focus_file; default: as streams.yaml has it |
-| ~<stream>/<setting> | | as in streams.yaml | | dynamic: the settings of a stream that may change while it runs |
-
-Each stream subscribes its robot_topic and publishes smokebot_udp/<stream>/segments. ~status (latched) tells the focus
-and what each stream sends, ~focus/modified (latched) whether any of it was set by hand since the focus was switched.
-Service: ~set_focus.
+Each stream subscribes its robot_topic and publishes smokebot_udp/<stream>/segments. ~status (latched) shows the focus
+and the settings of each stream, ~focus/modified (latched) whether any of them was set by hand since the focus was
+switched, ~link the state of the link. Service: ~set_focus.
 """
+import collections
 import math
+import time
+from typing import Any, DefaultDict, Dict, Tuple
 
 import rospy
 
 from .. import udpros
-from ..congestion.estimator import MBIT, Limits
-from ..congestion.packet_scheduler import Pace
+from ..congestion.controller import Controller
+from ..congestion.estimator import Limits
+from ..congestion.packet_scheduler import PacketScheduler
 from ..mission import focus
-from ..streams import robot_class
-from ..streams.base import Link
-from ..streams.outbox import Outbox
+from ..streams import encoder_class
+from ..streams.virtual_scan.fans import FanCache
 from ..udpros.endpoints import IP_UDP_HEADERS
-from . import memory
-from .allocation import Allocation
+from ..units import MBIT
+from . import malloc_tuning
 from .clock_sync import ClockServer
 from .common import Parameters, load_streams, read_file
 from .diagnostics import robot_diagnostics
 from .focus import FocusControl
-from .link_control import LinkControl
+from .level_frame import TransformLookup
+from .link_control import LinkControl, SharedController
+from .outbox import Outbox
+from .parameters import ROBOT_SENDER
 from .problems import Problems
+from .robot_stream import RobotLink, RobotStream
 
 BURST = 16
 """Datagrams that may leave at once on a fast link: roscpp's receiver holds 92, a Wi-Fi driver's queue not many more."""
@@ -47,26 +42,35 @@ BURST = 16
 class RobotSender:
     """Hosts the robot's streams; lives as long as its node."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         problems = Problems()
-        parameters = Parameters(problems.tell)
-        size = int(parameters.number('max_datagram_size', 1472, least=256, most=65507))
+        parameters = Parameters(ROBOT_SENDER, problems.report)
+        size = parameters['max_datagram_size']
         profiles = read_file(parameters, 'focus_file', 'focus.yaml', focus.load)
+        controller = Controller(*_rates(parameters), size)
+        shared = SharedController(controller)
+        scheduler = PacketScheduler(controller.rate(time.monotonic()), BURST * (size + IP_UDP_HEADERS))
+        lookup = TransformLookup()
+        fans: DefaultDict[str, FanCache] = collections.defaultdict(lambda: FanCache(lookup))    # by the cloud's topic
+
+        def make_stream(name: str, settings: Dict[str, Any]) -> RobotStream:
+            shared_work = {}
+            if settings['type'] == 'virtual_scan':
+                shared_work = {'fans': fans[rospy.resolve_name(settings['robot_topic'])]}
+            return RobotStream(name, settings, encoder_class(settings['type'])(settings, **shared_work), link)
         with udpros.registered_together():
-            self._link = LinkControl(*_rates(parameters))
-            self._outbox = Outbox(Pace(self._link.start_rate, BURST * (size + IP_UDP_HEADERS)), self._link.departed,
-                                  _tell)
-            self._outbox.start()
-            link = Link(size, outbox=self._outbox)
-            self.streams = load_streams(parameters, robot_class, link)
-            allocation = Allocation(self.streams, link)
-            self.focus = FocusControl(self.streams, profiles, allocation, problems.tell)
-            self._link.start(self._outbox, allocation)
+            link = RobotLink(size, Outbox(scheduler, shared.on_sent, _log))
+            link.outbox.start()
+            self._outbox = link.outbox
+            self.streams = load_streams(parameters, make_stream)
+            self._link = LinkControl(shared, link, self.streams)
+            self.focus = FocusControl({name: stream.settings for name, stream in self.streams.items()}, profiles,
+                                      lambda: self._link.shares, self._link.forget, problems.report)
             self._clock = ClockServer()
-            self._diagnostics = robot_diagnostics(self.streams, self._link, parameters, problems)
+            self._diagnostics = robot_diagnostics(self.streams, self._link.stats, parameters, problems)
         rospy.on_shutdown(self.close)
 
-    def close(self):
+    def close(self) -> None:
         self._diagnostics.close()
         self._link.close()
         self._clock.close()
@@ -76,23 +80,22 @@ class RobotSender:
         self._outbox.stop()
 
 
-def _rates(parameters):
-    """(supervisor.estimate.Limits, adapt)"""
-    most = parameters.number('max_rate', 400.0, least=0.0) or math.inf
-    least = parameters.number('min_rate', 0.1, least=0.01)
-    start = parameters.number('start_rate', 0.5, least=0.01)
-    return Limits(min(least, most) * MBIT, start * MBIT, most * MBIT), parameters.flag('adapt', True)
+def _rates(parameters: Parameters) -> Tuple[Limits, bool]:
+    """(Limits, whether the rate follows the reports)"""
+    most = parameters['max_rate'] or math.inf
+    least, start = min(parameters['min_rate'], most), parameters['start_rate']
+    return Limits(least * MBIT, start * MBIT, most * MBIT), parameters['adapt']
 
 
-def _tell(stream, error):
+def _log(stream: str, error: Exception) -> None:
     if not rospy.is_shutdown():
         rospy.logerr_throttle(5, "stream '%s' cannot be sent: %s" % (stream, error))
 
 
-def main():
-    memory.keep_freed()
+def main() -> None:
+    malloc_tuning.keep_freed_memory()
     udpros.race_all_connections()
     rospy.init_node('robot_sender')
     sender = RobotSender()
-    rospy.loginfo('robot_sender: sending %s', ', '.join(sender.streams) or 'nothing: no stream is right')
+    rospy.loginfo('robot_sender: sending %s', ', '.join(sender.streams) or 'nothing: no stream is valid')
     rospy.spin()

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A burning building and a robot in it, modelled once: every sensor sees the same walls. Needs no ROS."""
+"""A burning building with a robot in it: one model, which all simulated sensors share. Does not need ROS."""

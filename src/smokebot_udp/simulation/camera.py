@@ -1,27 +1,34 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The colour camera: lit by the fires and a lamp on the robot, and blinded by smoke with distance."""
+"""The colour camera: lit by the fires and by a lamp on the robot, with smoke that hides what is far."""
 import numpy as np
 
+from ..arrays import Float32Array, UInt8Array
 from .noise import NoisePool
+from .pinhole import Pinhole, View
+from .pose import Pose
+from .world import World
 
 SMOKE = np.array((92, 96, 100), np.float32)
+"""Colour of the smoke, BGR."""
+
 FLOOR_COLOUR, ROOF_COLOUR = (95, 105, 115), (150, 150, 150)
+"""BGR"""
 
 
 class Camera:
-    """:param smoke: extinction [1/m]: of 0.25 a wall 4 m away keeps a third of its contrast
+    """:param smoke: extinction [1/m]; at 0.25 a wall 4 m away keeps a third of its contrast
     :param noise: standard deviation of a pixel [of 255]
     """
 
-    def __init__(self, world, pinhole, seed, smoke=0.22, noise=2.0):
+    def __init__(self, world: World, pinhole: Pinhole, seed: int, smoke: float = 0.22, noise: float = 2.0) -> None:
         self.world, self.pinhole, self.smoke = world, pinhole, smoke
         self._noise = NoisePool((pinhole.height, pinhole.width), seed + 1, noise) if noise else None
         self._colours = np.concatenate([world.colour, (ROOF_COLOUR, FLOOR_COLOUR)]).astype(np.float32)
 
-    def look(self, pose, time):
-        """(height, width, 3) uint8, BGR, from a pose (x, y, yaw) at a time [s]."""
+    def look(self, pose: Pose, time: float) -> UInt8Array:
+        """Take an image from a pose at a time [s]: (height, width, 3) uint8, BGR."""
         view = self.pinhole.look(self.world, pose)
-        shade = self._texture(view) * (0.35 + 0.65 / (1 + 0.06 * view.depth ** 2))
+        shade = _texture(view) * (0.35 + 0.65 / (1 + 0.06 * view.depth ** 2))
         fires = self.world.flicker > 0
         bright = ((self.world.temperatures(time) - self.world.ambient) / 600)[fires]
         glow = sum(np.float32(b) / (1 + (view.x - np.float32(f[0])) ** 2 + (view.y - np.float32(f[1])) ** 2)
@@ -30,19 +37,19 @@ class Camera:
         clear = np.exp(-thick * view.depth)
         burning = np.isin(view.surface, np.flatnonzero(fires))
         shade[burning] = 1.2
-        picture = np.empty(view.depth.shape + (3,), np.uint8)
+        image = np.empty(view.depth.shape + (3,), np.uint8)
         for channel, (smoke, fire) in enumerate(zip(SMOKE, (25, 90, 160))):
             lit = self._colours[:, channel][view.surface] * shade + fire * glow
             seen = smoke + (lit - smoke) * clear
             if self._noise is not None:
                 seen += self._noise.draw(time + 0.01 * channel)
-            picture[..., channel] = np.clip(seen, 0, 255)
-        return picture
+            image[..., channel] = np.clip(seen, 0, 255)
+        return image
 
-    @staticmethod
-    def _texture(view):
-        """Tiles on the floor, boards on the walls: something to steer by."""
-        tiles = (np.floor(2.0 * view.x) + np.floor(2.0 * view.y)) % 2
-        boards = np.abs((view.x + view.y) * 1.25 % 1.0 - 0.5) > 0.47
-        skirting = (view.surface >= 0) & (view.z < 0.12)
-        return np.where(view.surface == -1, 0.8 + 0.25 * tiles, 1.0 - 0.3 * boards - 0.4 * skirting).astype(np.float32)
+
+def _texture(view: View) -> Float32Array:
+    """Tiles on the floor and boards on the walls, which make motion visible."""
+    tiles = (np.floor(2.0 * view.x) + np.floor(2.0 * view.y)) % 2
+    boards = np.abs((view.x + view.y) * 1.25 % 1.0 - 0.5) > 0.47
+    skirting = (view.surface >= 0) & (view.z < 0.12)
+    return np.where(view.surface == -1, 0.8 + 0.25 * tiles, 1.0 - 0.3 * boards - 0.4 * skirting).astype(np.float32)

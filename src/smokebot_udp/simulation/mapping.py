@@ -1,47 +1,53 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The map that the robot makes of the building while it explores it: a SLAM's result, without its errors."""
+"""The map that the robot makes of the building while it explores: the result of an ideal SLAM."""
+from typing import Tuple
+
 import numpy as np
 
+from ..arrays import Array, FloatArray, IntArray
 from .lidar import COLUMNS
+from .pose import Pose
 from .rays import ranges
+from .world import World
 
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100
 RESOLUTION = 0.05
 """Side of a cell [m]."""
 
 STEP = 5.0
-"""The map grows by so much [m]: whoever shows it sees its size and origin change now and then, not always."""
+"""The map grows in steps of this size, so that its size and origin change from time to time only [m]."""
 
 LEVEL = 0.4
-"""Height of the slice through the building that is mapped [m]: what stands lower is not in a robot's way."""
+"""Height of the mapped slice through the building: lower things are not obstacles [m]."""
 
 REACH = 8.0
-"""What is farther is mapped when the robot comes nearer [m]."""
+"""Farther surfaces are not mapped before the robot comes nearer [m]."""
 
-INTO = 0.002
-"""So far behind its face a surface is noted [m]: on a cell's border, rounding would choose the cell."""
+INSIDE = 0.002
+"""Distance behind a surface at which its cell is marked: on the border of two cells rounding would choose [m]."""
 
 
 class Mapper:
-    """Notes what the LiDAR's directions see at LEVEL.
+    """Maps what rays in the LiDAR's directions see at LEVEL.
 
     cells: (rows, columns) int8, UNKNOWN, FREE or OCCUPIED; rows go north, columns east
-    origin: (x, y) of the outer corner of cells[0, 0] [m], whole STEPs
+    origin: (x, y) of the outer corner of cells[0, 0] [m], multiples of STEP
     """
 
-    def __init__(self, world):
+    def __init__(self, world: World) -> None:
         self.world = world
-        self.cells, self.origin = np.empty((0, 0), np.int8), (0.0, 0.0)
+        self.cells: Array = np.empty((0, 0), np.int8)
+        self.origin: Tuple[float, float] = (0.0, 0.0)
         self._azimuths = np.arange(COLUMNS) * (2 * np.pi / COLUMNS)
 
-    def update(self, pose):
-        """Look around at a pose (x, y, yaw); returns whether the map is another one now."""
+    def update(self, pose: Pose) -> bool:
+        """Map what is seen from a pose; returns whether the map has changed."""
         azimuths = self._azimuths + pose[2]
-        distance, surface = (value[:, 0] for value in ranges(
+        ray_lengths, surface = (value[:, 0] for value in ranges(
             self.world, pose[:2], LEVEL, azimuths, np.array([0.0]), floor=False))
-        hit, distance = distance < REACH, np.minimum(distance, REACH).astype(float)
+        hit, distance = ray_lengths < REACH, np.minimum(ray_lengths, REACH).astype(float)
         ends = np.asarray(pose[:2]) + distance[:, np.newaxis] * np.stack([np.cos(azimuths), np.sin(azimuths)], axis=1)
-        ends[hit] -= INTO * self._faces(ends[hit], surface[hit])
+        ends[hit] -= INSIDE * self._normals(ends[hit], surface[hit])
         grown = self._grow(ends.min(axis=0), ends.max(axis=0))
         seen = self._seen(pose, distance)
         self.cells[seen] = FREE
@@ -50,31 +56,33 @@ class Mapper:
         self.cells[rows, columns] = OCCUPIED
         return bool(grown or len(seen[0]) or new.any())
 
-    def _faces(self, points, surface):
-        """(n, 2) outward normals of the prisms' sides on which the points lie."""
+    def _normals(self, points: FloatArray, surface: Array) -> FloatArray:
+        """(n, 2) outward normals of the prisms' sides on which the (n, 2) points lie."""
         normals = self.world.normals[surface]
         outside = np.einsum('nij,nj->ni', normals, points) - self.world.offsets[surface]
-        return normals[np.arange(len(points)), outside.argmax(axis=1)]
+        return np.asarray(normals[np.arange(len(points)), outside.argmax(axis=1)])
 
-    def _grow(self, low, high):
-        """Make the map hold two corners [m]; returns whether it had to grow."""
+    def _grow(self, low: FloatArray, high: FloatArray) -> bool:
+        """Make room for two corners (x, y) [m]; returns whether the map has grown."""
         low, high = np.floor(low / STEP), np.floor(high / STEP) + 1
         per_step = round(STEP / RESOLUTION)
+        old_low = np.array(self.origin) / STEP
         if self.cells.size:
-            was = np.array(self.origin) / STEP
-            low, high = np.minimum(low, was), np.maximum(high, was + np.array(self.cells.shape[::-1]) / per_step)
+            low = np.minimum(low, old_low)
+            high = np.maximum(high, old_low + np.array(self.cells.shape[::-1]) / per_step)
         columns, rows = ((high - low) * per_step).round().astype(int)
         if (rows, columns) == self.cells.shape:
             return False
-        before, self.cells = self.cells, np.full((rows, columns), UNKNOWN, np.int8)
-        if before.size:
-            column, row = ((was - low) * per_step).round().astype(int)
-            self.cells[row:row + before.shape[0], column:column + before.shape[1]] = before
-        self.origin = tuple(low * STEP)
+        old, self.cells = self.cells, np.full((rows, columns), UNKNOWN, np.int8)
+        if old.size:
+            column, row = ((old_low - low) * per_step).round().astype(int)
+            self.cells[row:row + old.shape[0], column:column + old.shape[1]] = old
+        x, y = low * STEP
+        self.origin = x, y
         return True
 
-    def _seen(self, pose, distance):
-        """Indexes (rows, columns) of the unknown cells whose centre lies before what both rays beside it meet."""
+    def _seen(self, pose: Pose, distance: FloatArray) -> Tuple[IntArray, IntArray]:
+        """(rows, columns) of the unknown cells whose centre is nearer than the hits of both adjacent rays."""
         rows, columns = np.nonzero(self.cells == UNKNOWN)
         x = self.origin[0] + (columns + 0.5) * RESOLUTION - pose[0]
         y = self.origin[1] + (rows + 0.5) * RESOLUTION - pose[1]

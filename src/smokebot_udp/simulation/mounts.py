@@ -1,19 +1,21 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Where the sensors are on the robot: all above base_link, which is on the floor, and looking ahead."""
+"""Where the sensors are on the robot: above base_link, which is on the floor, and facing forward."""
+from typing import Dict, Tuple
 
-CAMERA = 0.6
+CAMERA, LIDAR, LASER = 0.6, 0.9, 0.3
 """Heights above the floor [m]."""
 
-LIDAR = 0.9
-LASER = 0.3
+Quaternion = Tuple[float, float, float, float]
+"""(x, y, z, w)"""
 
-OPTICAL = -0.5, 0.5, -0.5, 0.5
-"""Quaternion (x, y, z, w) of a camera's optical axes in the robot's: x right, y down, z ahead (REP-103)."""
+LEVEL: Quaternion = (0.0, 0.0, 0.0, 1.0)
+OPTICAL: Quaternion = (-0.5, 0.5, -0.5, 0.5)
+"""Orientation of a camera's optical frame, x right, y down, z forward (REP-103), in the robot's frame."""
 
-FRAMES = {
-    'velodyne': (LIDAR, (0.0, 0.0, 0.0, 1.0)),
-    'laser': (LASER, (0.0, 0.0, 0.0, 1.0)),
+FRAMES: Dict[str, Tuple[float, Quaternion]] = {
+    'velodyne': (LIDAR, LEVEL),
+    'laser': (LASER, LEVEL),
     'thermal_optical_frame': (CAMERA, OPTICAL),
     'camera_optical_frame': (CAMERA, OPTICAL),
 }
-"""{frame: (its height above base_link [m], its orientation there as a quaternion (x, y, z, w))}"""
+"""{frame: (height above base_link [m], orientation in base_link)}"""

@@ -1,107 +1,132 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The building: walls, furniture, people and fires, as upright prisms with a temperature and a colour.
 
-x is east, y north, z up, the floor is z = 0 (REP-103); metres, degrees Celsius, colours in BGR 0..255.
+x is east, y north, z up, the floor is at z = 0 (REP-103); metres, degrees Celsius, colours in BGR 0..255.
 """
 from dataclasses import dataclass
+from typing import Iterable, Iterator, Sequence, Set, Tuple
 
 import numpy as np
+
+from ..arrays import BoolArray, FloatArray
 
 CEILING = 2.7
 """Height of the rooms [m]."""
 
 SIZE = 21.0, 14.0
-"""The building's outer measures, from (0, 0) [m]."""
+"""The building's outer dimensions, from (0, 0) [m]."""
 
 ROBOT_HEIGHT = 1.0
-"""What hangs higher is not in its way [m]."""
+"""Prisms above this height are not obstacles [m]."""
 
-THICKNESS = 0.2
-DOOR = 1.4
+THICKNESS, DOOR = 0.2, 1.4
+"""Of walls, and width of doors [m]."""
 
-ROOM_WALLS = (5.6, 8.4)          # y of the corridor's walls
-PARTITIONS = (7.0, 14.0)         # x of the walls between rooms
-DOORS = (3.5, 10.5, 17.5)        # x of each room's door, on both sides of the corridor
+ROOM_WALLS = (5.6, 8.4)
+"""y of the corridor's walls [m]."""
+
+PARTITIONS = (7.0, 14.0)
+"""x of the walls between rooms [m]."""
+
+DOORS = (3.5, 10.5, 17.5)
+"""x of each room's door, on both sides of the corridor [m]."""
 
 FLOOR, ROOF = -1, -2
-"""Surface ids besides the prisms' own indexes."""
+"""Surface ids besides the prisms' indexes."""
+
+Room = Tuple[int, int]
+"""(column 0..2, row 0..1)"""
 
 
 @dataclass(frozen=True)
 class Prism:
-    """An upright box on a rectangle, turned about its centre."""
+    """An upright box with a rectangular base, rotated about its centre."""
     name: str
-    centre: tuple          # (x, y) [m]
-    size: tuple            # (along, across) [m]
-    yaw: float             # [rad]
-    bottom: float          # [m]
-    top: float             # [m]
-    temperature: float     # [degC]
-    colour: tuple          # (b, g, r)
-    flicker: float = 0.0   # how much of its temperature above the room's comes and goes, 0..1
+    centre: Tuple[float, float]
+    """(x, y) [m]"""
+    size: Tuple[float, float]
+    """(along, across) [m]"""
+    yaw: float
+    """[rad]"""
+    bottom: float
+    """[m]"""
+    top: float
+    """[m]"""
+    temperature: float
+    """[degC]"""
+    colour: Tuple[float, ...]
+    """(b, g, r)"""
+    flicker: float = 0.0
+    """Part of its temperature above the room's that comes and goes, 0..1; only fires flicker."""
 
-    def corners(self):
-        """(4, 2) float: the footprint, counter-clockwise."""
+    def corners(self) -> FloatArray:
+        """(4, 2) float: the base, counter-clockwise [m]."""
         along, across = self.size[0] / 2, self.size[1] / 2
         local = np.array([(-along, -across), (along, -across), (along, across), (-along, across)])
         c, s = np.cos(self.yaw), np.sin(self.yaw)
-        return local @ np.array([(c, s), (-s, c)]) + self.centre
+        return np.asarray(local @ np.array([(c, s), (-s, c)]) + self.centre)
 
 
 class World:
-    """Prisms, and their properties as arrays for the sensors."""
+    """P prisms, and their properties as arrays for the sensors.
 
-    def __init__(self, prisms, ambient=24.0):
+    :param ambient: temperature of the rooms [degC]
+    """
+
+    def __init__(self, prisms: Iterable[Prism], ambient: float = 24.0) -> None:
         self.prisms = tuple(prisms)
         self.ambient = ambient
         corners = np.array([prism.corners() for prism in self.prisms])
         edges = np.roll(corners, -1, axis=1) - corners
         normals = np.stack([edges[..., 1], -edges[..., 0]], axis=-1)
-        self.normals = normals / np.linalg.norm(normals, axis=-1, keepdims=True)
-        """(P, 4, 2): outward normals of the sides; inside is normal . point <= offset."""
-        self.offsets = np.einsum('pij,pij->pi', self.normals, corners)
+        self.normals: FloatArray = normals / np.linalg.norm(normals, axis=-1, keepdims=True)
+        """(P, 4, 2): outward normals of the sides; a point is inside where normal . point <= offset."""
+        self.offsets: FloatArray = np.einsum('pij,pij->pi', self.normals, corners)
+        """(P, 4) [m]"""
         self.bottom, self.top, self.temperature, self.flicker = (
             np.array([getattr(prism, field) for prism in self.prisms])
             for field in ('bottom', 'top', 'temperature', 'flicker'))
-        self.to_ceiling = (self.bottom <= 0) & (self.top >= CEILING)
-        """(P,) bool: what nothing is seen behind."""
+        self.to_ceiling: BoolArray = (self.bottom <= 0) & (self.top >= CEILING)
+        """(P,) bool: prisms that hide everything behind them."""
         self.colour = np.array([prism.colour for prism in self.prisms], float)
+        """(P, 3) BGR"""
         self.fires = np.array([prism.centre + (prism.top,) for prism in self.prisms if prism.flicker]).reshape(-1, 3)
+        """(F, 3): (x, y, z) of the fires' tops [m]"""
 
-    def distance(self, point):
-        """How far a point of the floor is from the nearest prism in a robot's way; negative inside one [m]."""
+    def distance(self, point: Sequence[float]) -> float:
+        """The distance of a point (x, y) from the nearest obstacle to a robot [m]; negative inside one."""
         low = self.bottom < ROBOT_HEIGHT
         return float((self.normals[low] @ np.asarray(point, float) - self.offsets[low]).max(axis=1).min())
 
-    def index(self, name):
+    def index(self, name: str) -> int:
         """The surface id of the prism of this name."""
         return [prism.name for prism in self.prisms].index(name)
 
-    def temperatures(self, time):
-        """(P,) the prisms' temperatures now, fires flickering [degC]."""
+    def temperatures(self, time: float) -> FloatArray:
+        """(P,) the prisms' temperatures at a time [s], with flickering fires [degC]."""
         phase = np.arange(len(self.prisms)) * 1.7
         wave = 0.5 + 0.25 * np.sin(9.0 * time + phase) + 0.25 * np.sin(23.0 * time + 2.0 * phase)
-        return self.ambient + (self.temperature - self.ambient) * (1.0 - self.flicker * wave)
+        return np.asarray(self.ambient + (self.temperature - self.ambient) * (1.0 - self.flicker * wave))
 
 
-def building(seed):
-    """The burning building: rooms and corridor stand, the seed furnishes them and lays the fires."""
+def building(seed: int) -> World:
+    """The burning building: its rooms are always the same, the seed selects their furniture and the fires."""
     random = np.random.RandomState(seed)
     prisms = list(_walls())
-    rooms = [(column, row) for column in range(3) for row in range(2)]
-    burning = {rooms[i] for i in random.choice(len(rooms), 2, replace=False)}
+    rooms: Sequence[Room] = [(column, row) for column in range(3) for row in range(2)]
+    burning: Set[Room] = {rooms[i] for i in random.choice(len(rooms), 2, replace=False)}
     for room in rooms:
         prisms += _furnish(room, room in burning, random)
     prisms.append(Prism('lamp', (19.8, 7.6), (0.3, 0.3), 0.3, 0.0, 1.6, 45.0, (120, 210, 240)))
     return World(prisms)
 
 
-def _walls():
+def _walls() -> Iterator[Prism]:
     width, depth = SIZE
     half = THICKNESS / 2
     grey, cool = (165, 175, 180), 24.0
 
-    def wall(name, x0, y0, x1, y1):
+    def wall(name: str, x0: float, y0: float, x1: float, y1: float) -> Prism:
         size = max(x1 - x0, THICKNESS), max(y1 - y0, THICKNESS)
         return Prism(name, ((x0 + x1) / 2, (y0 + y1) / 2), size, 0.0, 0.0, CEILING, cool, grey)
 
@@ -120,14 +145,14 @@ def _walls():
         yield wall('partition %g north' % x, x, ROOM_WALLS[1], x, depth)
 
 
-def room_centre(room):
-    """(x, y) of the middle of the room in (column 0..2, row 0..1)."""
+def room_centre(room: Room) -> Tuple[float, float]:
+    """(x, y) of the centre of a room [m]."""
     column, row = room
     return DOORS[column], (ROOM_WALLS[0] / 2, (ROOM_WALLS[1] + SIZE[1]) / 2)[row]
 
 
-def _furnish(room, burning, random):
-    """What stands along the walls of a room, away from the robot's way through its middle."""
+def _furnish(room: Room, burning: bool, random: np.random.RandomState) -> Iterator[Prism]:
+    """The furniture along the walls of a room, and a fire or a person; the robot's way to the centre stays free."""
     x, y = room_centre(room)
     inward = 1 if room[1] else -1     # away from the corridor
     turn = random.uniform(-0.1, 0.1, 4)

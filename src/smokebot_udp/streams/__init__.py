@@ -1,28 +1,28 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The streams by their type's name: one class for the robot's side, one for the operator's.
+"""The types of streams: each has an encoder (robot's side) and an assembler (operator's side) in a folder of its own.
 
-A node loads a stream's class when it is first named, so that a kind costs nothing where it is not used.
+A type is imported when the first stream of it is made, so types that are not used cost no time and no memory.
 """
 import importlib
+from typing import Any, Type
 
-KINDS = {
-    'cloud': ('cloud', 'CloudSender', 'CloudReceiver'),
-    'grid': ('grid', 'GridSender', 'GridReceiver'),
-    'image': ('image', 'ImageSender', 'ImageReceiver'),
-    'relay': ('relay', 'RelaySender', 'RelayReceiver'),
-    'scan': ('scan', 'ScanSender', 'ScanReceiver'),
-    'virtual_scan': ('virtual_scan', 'VirtualScanSender', 'VirtualScanReceiver'),
-}
-"""{type in streams.yaml: (module of this package, class on the robot, class on the operator's side)}"""
+from .assembler import Assembler
+from .encoder import Encoder
+
+KINDS = {'cloud': 'Cloud', 'grid': 'Grid', 'image': 'Image', 'relay': 'Relay', 'scan': 'Scan',
+         'virtual_scan': 'VirtualScan'}
+"""{`type` in streams.yaml, name of a sub-package: first part of its classes' names}"""
 
 
-def robot_class(kind):
-    """The class that sends this kind of stream."""
-    module, sender, _ = KINDS[kind]
-    return getattr(importlib.import_module('.' + module, __name__), sender)
+def encoder_class(kind: str) -> Type[Encoder[Any]]:
+    """The class of the robot's side of this type."""
+    found: Type[Encoder[Any]] = getattr(
+        importlib.import_module('.%s.encoder' % kind, __name__), KINDS[kind] + 'Encoder')
+    return found
 
 
-def operator_class(kind):
-    """The class that receives this kind of stream."""
-    module, _, receiver = KINDS[kind]
-    return getattr(importlib.import_module('.' + module, __name__), receiver)
+def assembler_class(kind: str) -> Type[Assembler[Any, Any]]:
+    """The class of the operator's side of this type."""
+    found: Type[Assembler[Any, Any]] = getattr(
+        importlib.import_module('.%s.assembler' % kind, __name__), KINDS[kind] + 'Assembler')
+    return found

@@ -1,56 +1,82 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The operator's side of a kind of stream: segments to messages, without threads, topics or a clock.
+"""The operator's side of a kind of stream: segments in, messages out, without threads, topics or a clock.
 
 A kind derives from Assembler. The runner (nodes/operator_stream.py) owns the subscription, the publishers, the worker
-thread and the settings. It calls `receive`, `deadline` and `poll` under its lock, `assemble` and `settle` outside it.
+thread and the settings:
+
+    receive(records, mask, now)  under its lock, for each batch of segments
+    deadline(), poll(now)        under its lock, in the worker thread
+    assemble(finished, ...)      without the lock, in the worker thread, once for each result of `poll`
+    settle(finished, ...)        likewise, after the message is published
+
+A kind whose messages cross whole (FORWARDS) implements `forward` instead.
 """
 import collections
-from dataclasses import dataclass
-from typing import Any, ClassVar, Counter, Generic, List, Mapping, Optional, TypeVar
+from dataclasses import dataclass, field
+from typing import Any, Callable, ClassVar, Counter, Generic, List, Mapping, Optional, TypeVar
 
 from ..arrays import BoolArray, Records
 from ..mission.parameters import Parameter
 from ..mission.settings import Settings
 from .parameters import OPERATOR
 
-Finished = TypeVar('Finished')
-"""What `poll` returns: all that came of one message, nothing more is added to it."""
+Clock = Callable[[], float]
+
+
+def no_clock() -> float:
+    """A clock by which no work takes any time."""
+    return 0.0
 
 
 @dataclass
 class Assembled:
-    """A message that is to be published."""
+    """A message to be published."""
     message: Any
     stamp: int
     """Of the source, by the robot's clock; 0: unknown [ns]."""
-    completeness: Optional[float] = None
-    """Share of it that was received, 0..1; None: unknown."""
-    changed: Optional[float] = None
-    """Of images: the share of their cells that differ from the image before; None: they could not be compared."""
+    completeness: Optional[float]
+    """Received share of it, 0..1; None: unknown."""
+    changed: Optional[float] = field(default=None, init=False)
+    """Of images: share of their cells that differ from the image before, 0..1; None: not compared."""
 
 
-class Assembler(Generic[Finished]):
+Finished = TypeVar('Finished')
+"""What `poll` returns: the received parts of one message. Nothing is added to it any more."""
+Result = TypeVar('Result', bound=Assembled)
+
+
+class Assembler(Generic[Finished, Result]):
     """Makes messages of the segments of one stream.
 
-    :param settings: {name: value} at the start, of PARAMETERS, checked each
+    :param settings: {name: value} at the start, of PARAMETERS, checked
+    :param clock: a steady clock that measures how long work takes [s]
+    :raises ValueError: the settings are impossible for this kind
     """
-    MESSAGE: ClassVar[Any] = None
+    MESSAGE: Any = None
     """Class of the messages that come out."""
-    SEGMENT: ClassVar[Any] = None
+    SEGMENT: Any = None
     """Class of the messages on the wire."""
     PARAMETERS: ClassVar[Mapping[str, Parameter]] = OPERATOR
-    """What streams.yaml may say of the operator's side of this kind."""
-    LATCH: ClassVar[bool] = False
-    """Whether the last message is kept for subscribers that come late."""
-    STEADY: ClassVar[bool] = True
+    """What streams.yaml may set for the operator's side of this kind."""
+    LATCH: bool = False
+    """Whether late subscribers receive the last message."""
+    STEADY: bool = True
     """Whether silence is a fault."""
+    FORWARDS: ClassVar[bool] = False
+    """Whether messages cross whole. Then only `configure`, `forward` and `problem` are called."""
 
-    def __init__(self, settings: Mapping[str, Any]) -> None:
+    def __init__(self, settings: Mapping[str, Any], clock: Clock = no_clock) -> None:
+        self._clock = clock
         self.dropped: Counter[str] = collections.Counter()
         """{reason: count} of the segments that changed nothing."""
+        self.warnings: List[str] = []
+        """For the log; the runner removes them."""
 
     def configure(self, settings: Settings, changed: Mapping[str, Any]) -> None:
-        """Other settings are in effect; changed: {name: value} of those that differ."""
+        """Apply changed settings; under the runner's lock.
+
+        :param changed: {name: value} of the settings whose effective value differs from before, never empty
+        """
 
     def receive(self, records: Records, mask: BoolArray, now: float) -> None:
         """Sort a batch of segments.
@@ -62,19 +88,27 @@ class Assembler(Generic[Finished]):
         raise NotImplementedError
 
     def deadline(self) -> Optional[float]:
-        """When `poll` will have something at the latest; None: not before more is received [s]."""
+        """When `poll` returns something next, unless more is received; None: never. In the past: at once [s]."""
         raise NotImplementedError
 
-    def poll(self, now: float) -> List[Finished]:
-        """What is finished now, in order."""
+    def poll(self, now: float) -> Optional[Finished]:
+        """The next finished one, in order of time; None: nothing is finished yet."""
         raise NotImplementedError
 
-    def assemble(self, finished: Finished, settings: Settings, still: bool, now: float) -> Optional[Assembled]:
-        """Make the message; None where it is what was published last.
+    def assemble(self, finished: Finished, settings: Settings, still: bool, now: float) -> Optional[Result]:
+        """Make the message; None if it equals the one published last.
 
         :param still: whether the robot stands still
         """
         raise NotImplementedError
 
-    def settle(self, finished: Finished, assembled: Assembled, settings: Settings, now: float) -> None:
-        """What is left to do once the message is published."""
+    def settle(self, finished: Finished, assembled: Result, settings: Settings, now: float) -> None:
+        """Do the work that can wait until the message is published; may set ``assembled.changed``."""
+
+    def forward(self, message: Any) -> Optional[Result]:
+        """What is published of a message that crossed whole; None if it equals the one published last."""
+        raise NotImplementedError
+
+    def problem(self, settings: Settings, now: float) -> Optional[str]:
+        """What deserves a warning in diagnostics now; None: nothing. Any thread may ask."""
+        return None

@@ -1,95 +1,119 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The robot's side of a kind of stream: messages to frames, without threads, topics or a clock.
 
-A kind derives from Encoder. The runner (nodes/robot_stream.py) owns the subscription, the publisher, the worker thread
-and the settings; it passes them in and sends what comes out.
+To add a kind, derive from Encoder. The runner (nodes/robot_stream.py) owns the subscription, the publisher, the worker
+thread and the settings; it passes settings in and sends the frames that come out.
 """
-from typing import Any, ClassVar, Dict, Generic, List, Mapping, Optional, Sequence, TypeVar, Union
+import collections
+from typing import Any, ClassVar, Deque, Dict, Generic, List, Mapping, Optional, Sequence, TypeVar, Union
 
-from ..congestion.operating_points import OperatingPoint
+from ..congestion.operating_points import OperatingPoint, rate_points
 from ..mission.parameters import Parameter
 from ..mission.settings import Settings
 from ..udpros.frame import Frame
 from .parameters import ROBOT
 
 Message = TypeVar('Message')
+"""What `merge` returns and `encode` takes: mostly a ROS message."""
+
 Payload = Union[Frame, Any]
 """A Frame, or a message that is sent as it is."""
 
 
 class Encoder(Generic[Message]):
-    """Makes frames of the messages of one stream. One thread at a time calls it.
+    """Makes frames of the messages of one stream.
 
-    :param settings: {name: value} at the start, of PARAMETERS, checked each
+    `derive`, `encode` and `repeat` are called by one thread, `merge` by one thread at a time, all others by any thread.
+
+    :param settings: {name: value} of PARAMETERS at the start, each checked
     :raises ValueError: where they contradict each other
     """
-    MESSAGE: ClassVar[Any] = None
+    MESSAGE: Any = None
     """Class of the source's messages."""
-    SEGMENT: ClassVar[Any] = None
+    SEGMENT: Any = None
     """Class of the messages on the wire."""
     PARAMETERS: ClassVar[Mapping[str, Parameter]] = ROBOT
-    """What streams.yaml may say of the robot's side of this kind."""
+    """Settings of the robot's side of this kind."""
     PROTECTED: ClassVar[bool] = False
-    """Whether its messages leave at once, before all that waits; `encode` returns messages then, not frames."""
-    STEADY: ClassVar[bool] = True
+    """Whether messages are sent at once, before everything that waits in the outbox. `encode` returns messages then,
+    not frames."""
+    STEADY: bool = True
     """Whether a silent source is a fault."""
     STAMPED: ClassVar[bool] = True
-    """Whether segments belong together by their stamp, so that each message needs one of its own."""
-    KEEPS: ClassVar[bool] = False
-    """Whether messages are encoded even where nobody listens yet, for who comes late."""
+    """Whether segments are assigned to their message by its stamp, so that each message needs a stamp of its own."""
+    KEEPS: bool = False
+    """Whether messages are encoded even where nobody is subscribed, for late subscribers."""
+    REENCODES: ClassVar[bool] = False
+    """Whether the last message is encoded again when settings change; `encode` returns [] where nothing changes."""
     QUEUE_SIZE: ClassVar[int] = 1
-    """Of the subscription."""
+    """Queue size of the subscription."""
     DERIVED: ClassVar[Any] = None
-    """Class of the messages that `derive` makes for the robot's own use; None: it makes none."""
-    LEAST: ClassVar[Dict[str, float]] = {}
-    """Rates of a protected stream below which a slow link does not push it {setting: Hz}."""
+    """Class of the messages that `derive` makes for use on the robot; None: there are none. They are published at the
+    requested rate on the topic that the setting `scan_topic` names."""
+    LEAST: ClassVar[Mapping[str, float]] = {}
+    """Minimum rates of a protected stream on a slow link {setting: Hz}."""
 
     def __init__(self, settings: Mapping[str, Any]) -> None:
         self.check(settings)
+        self.message_size: Optional[float] = None
+        """Size of the last message on the air; None: nothing was encoded yet [byte]."""
+        self.warnings: Deque[str] = collections.deque(maxlen=16)
+        """For the log: problems of messages that were encoded nevertheless. The runner removes them."""
 
     @staticmethod
     def check(settings: Mapping[str, Any]) -> None:
-        """Whether settings go together.
+        """Check that settings do not contradict each other.
 
+        :param settings: {name: value} of PARAMETERS, each checked
         :raises ValueError: naming the settings and their values
         """
 
-    def merge(self, waiting: Optional[Message], message: Message) -> Message:
-        """What waits to be encoded when a message comes; waiting: what waited before, None: nothing."""
-        return message
+    def merge(self, waiting: Optional[Message], message: Any) -> Message:
+        """What waits to be encoded after a message has arrived; unless a kind overrides this, the newest message.
 
-    def derive(self, message: Message, settings: Settings) -> Any:
-        """What is published on the robot, and then encoded; the message itself where DERIVED is None.
+        :param waiting: what waited before; None: nothing
+        """
+        newest: Message = message
+        return newest
 
-        :raises ValueError: where the message is wrong, in words
+    def derive(self, message: Any, settings: Settings) -> Any:
+        """The message that is published on the robot and then encoded, of class DERIVED.
+
+        :raises ValueError: saying what is wrong with the message
         """
         return message
 
     def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Payload]:
-        """The payloads that carry a message, in sending order; empty where nothing new is to be sent.
+        """The frames (or messages, see PROTECTED) that carry a message, in sending order.
 
+        They are new each time, because earlier ones may not have left yet. Empty where nothing new is to be sent.
+
+        :param message: from `merge` or `derive`
         :param max_datagram_size: [byte of UDP payload]
-        :raises ValueError: where the message is wrong, in words
+        :raises ValueError: saying what is wrong with the message
         """
         raise NotImplementedError
 
     def repeat_period(self, settings: Settings) -> Optional[float]:
-        """How often `repeat` is due [s]; None: never."""
+        """How long after it was sent the last message is repeated [s]; None: never."""
         return None
 
     def repeat(self, settings: Settings, max_datagram_size: int) -> Sequence[Payload]:
-        """What is sent again, for what was lost and who came late."""
+        """The frames (or messages) that are sent again, for lost datagrams and late subscribers. Not called while
+        frames of the last message are still leaving."""
         return ()
 
     def operating_points(self, rate: float, settings: Settings) -> List[OperatingPoint]:
-        """What the stream can be turned down to, the cheapest first; empty where nothing is known of its messages yet.
+        """The operating points of the stream, the cheapest first; empty where no message was encoded yet.
 
-        :param rate: of the source, or as requested where that is slower [Hz]
+        Unless a kind overrides this, only the rate is reduced.
+
+        :param rate: of the source, or the requested rate if that is lower [Hz]
         """
-        return []
+        return rate_points(rate, self.message_size) if self.message_size else []
 
     def refine(self, point: Mapping[str, Any], spare: float) -> Dict[str, Any]:
-        """The settings of an operating point, improved by bandwidth that is left over.
+        """Improve the settings of an operating point by bandwidth that is left over.
 
         :param point: {name: value} of an OperatingPoint
         :param spare: [byte/s]

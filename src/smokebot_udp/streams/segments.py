@@ -1,25 +1,40 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the segments of every kind have in common: a header, room for data, and what all of one message say alike."""
+"""What the segments of all kinds have in common: a topic, a header, room for data, and fields that all segments of
+one message repeat (its head)."""
 import functools
 import io
 from types import SimpleNamespace
+from typing import Any, Iterable, Sequence, Tuple, Union
 
 import numpy as np
 
-from ..udpros.datagram import OVERHEAD
+from ..arrays import BoolArray, IntArray, Records, UInt8Array
+from ..udpros.datagram import IP_UDP_HEADERS, OVERHEAD
+from ..udpros.frame import Frame
+
+
+def wire_topic(name: str) -> str:
+    """The topic on which a stream's segments are sent, relative to the namespace of the nodes."""
+    return 'smokebot_udp/%s/segments' % name
+
+
+def size_on_air(frames: Iterable[Frame]) -> int:
+    """Size of frames as IP packets [byte]."""
+    return sum(len(frame) * (frame.datagram_size + IP_UDP_HEADERS) for frame in frames)
 
 
 @functools.lru_cache(maxsize=None)
-def _fixed_size(segment_class):
-    """Bytes of a serialised segment whose texts and arrays are empty."""
+def _fixed_size(segment_class: Any) -> int:
+    """Size of a serialised segment whose strings and arrays are empty [byte]."""
     buffer = io.BytesIO()
     segment_class().serialize(buffer)
     return len(buffer.getvalue())
 
 
-def room(segment_class, max_datagram_size, *texts):
-    """Bytes that a datagram leaves for a segment's data beside its fixed fields and some texts.
+def room(segment_class: Any, max_datagram_size: int, *texts: Union[str, bytes]) -> int:
+    """The room that a segment's fixed fields and some strings leave in a datagram [byte].
 
+    :param max_datagram_size: [byte of UDP payload]
     :raises ValueError: where nothing is left
     """
     left = max_datagram_size - OVERHEAD - _fixed_size(segment_class) - sum(map(len, texts))
@@ -28,27 +43,34 @@ def room(segment_class, max_datagram_size, *texts):
     return left
 
 
-def as_bytes(text):
-    """A text as an array for a record: (n,) uint8."""
+def as_bytes(text: Union[str, bytes]) -> UInt8Array:
+    """A string as a record's field holds it: (n,) uint8, UTF-8."""
     return np.frombuffer(text.encode() if isinstance(text, str) else bytes(text), np.uint8)
 
 
-def write_header(records, header):
-    """The source's stamp and frame into all of a frame's records; their seq is the publisher's."""
+def write_header(records: Records, header: Any) -> None:
+    """Write stamp and frame_id of a std_msgs/Header into all records of a frame; their seq is the publisher's."""
     records['header']['stamp']['secs'], records['header']['stamp']['nsecs'] = header.stamp.secs, header.stamp.nsecs
     records['header']['frame_id'] = as_bytes(header.frame_id)
 
 
-def stamps_of(records, rows):
-    """(m,) int64: the stamps of some records [ns]."""
+def stamps_of(records: Records, rows: IntArray) -> IntArray:
+    """(m,) int64: the stamps of some records [ns].
+
+    :param records: (n,) structured array of segments
+    :param rows: (m,) indexes
+    """
     stamps = records['header']['stamp'][rows]
-    return stamps['secs'].astype(np.int64) * 10 ** 9 + stamps['nsecs']
+    nanoseconds: IntArray = stamps['secs'].astype(np.int64) * 10 ** 9 + stamps['nsecs']
+    return nanoseconds
 
 
-def head_of(record, segment_class, fields):
-    """What one segment says of the whole: stamp [ns], frame_id and the fields named, as attributes.
+def head_of(record: Any, segment_class: Any, fields: Sequence[str]) -> SimpleNamespace:
+    """The head of one segment: stamp [ns], frame_id and the fields named, as attributes.
 
-    Texts are str, whole arrays and messages are tuples; heads compare by value.
+    Strings are str, arrays and messages are tuples; heads compare by value.
+
+    :param record: element of a structured array of segments
     """
     types = dict(zip(segment_class.__slots__, segment_class._slot_types))
     stamp = record['header']['stamp']
@@ -61,29 +83,38 @@ def head_of(record, segment_class, fields):
     return head
 
 
-def same_head(records, rows, fields):
-    """(m,) bool: those of the rows that say what the first of them says; the first always does."""
+def same_head(records: Records, rows: IntArray, fields: Sequence[str]) -> BoolArray:
+    """(m,) bool: which of the rows have the frame_id and the fields of the first one; the first always does.
+
+    :param records: (n,) structured array of segments
+    :param rows: (m,) indexes
+    """
     # byte by byte: a NaN is equal to itself, and all fields are compared at once
     raw = records.view((np.uint8, records.dtype.itemsize))
-    heads = raw[rows[:, np.newaxis], _places(records.dtype, fields)]
-    return (heads == heads[0]).all(axis=1)
+    heads = raw[rows[:, np.newaxis], _places(records.dtype, tuple(fields))]
+    same: BoolArray = (heads == heads[0]).all(axis=1)
+    return same
 
 
 @functools.lru_cache(maxsize=64)
-def _places(dtype, fields):
-    """(k,) int: where a record's bytes are that tell its frame_id and these fields."""
+def _places(dtype: Any, fields: Tuple[str, ...]) -> IntArray:
+    """(k,) int: offsets of the bytes of frame_id and these fields in a record."""
     header, at = dtype.fields['header'][:2]
     frame_id, within = header.fields['frame_id'][:2]
     parts = [(frame_id, at + within)] + [dtype.fields[field][:2] for field in fields]
     return np.concatenate([np.arange(at, at + part.itemsize) for part, at in parts])
 
 
-def picked(records, rows):
-    """records[rows], of rows ascending; not copied where they follow each other."""
+def picked(records: Records, rows: IntArray) -> Records:
+    """records[rows], without a copy where the rows are consecutive.
+
+    :param rows: (m,) indexes, ascending
+    """
     if rows[-1] - rows[0] + 1 == len(rows):
         return records[rows[0]:rows[-1] + 1]
     return records[rows]
 
 
-def _text(field):
-    return field.tobytes().decode('utf-8', 'replace')
+def _text(field: Any) -> str:
+    text: str = field.tobytes().decode('utf-8', 'replace')
+    return text

@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""UDPROS for rospy, interoperable with roscpp: Publisher and Subscriber as rospy's, over UDP.
+"""UDPROS for rospy, interoperable with roscpp: rospy's Publisher and Subscriber over UDP.
 
     from smokebot_udp import udpros
     rospy.init_node('talker')
     publisher = udpros.Publisher('chatter', String, queue_size=10)
     subscriber = udpros.Subscriber('chatter', String, callback, transport='udp')
 
-Usable without the rest of this package. doc/wire_format.md has the protocol.
+It does not need the rest of this package. The protocol is described in doc/wire_format.md.
 """
 from .frame import Frame
-from .pacer import Pacer
+from .loss_emulation import emulate_loss
 from .registration import registered_together
 from .rpc import race_all_connections
 from .topics import Publisher, Subscriber
 
-__all__ = ['Frame', 'Pacer', 'Publisher', 'Subscriber', 'race_all_connections', 'registered_together']
+__all__ = ['Frame', 'Publisher', 'Subscriber', 'emulate_loss', 'race_all_connections', 'registered_together']

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The sockets of UDPROS: batches of datagrams out (UDP GSO) and in (recvmmsg).
+"""The sockets of UDPROS, which send (UDP GSO) and receive (recvmmsg) batches of datagrams.
 
-Linux only, as rospy's own use of it; where the kernel or the C library lacks either call, plain send and
-recvfrom_into do the same, slower. IPv4, as roscpp's UDPROS.
+Linux only, as rospy's own use of sockets. If the kernel or the C library lacks one of the calls, plain send and
+recvfrom_into replace it, more slowly. IPv4 only, as roscpp's UDPROS.
 """
 import collections
 import contextlib
@@ -12,33 +12,48 @@ import select
 import socket
 import struct
 import time
+from typing import Any, Counter, Optional, Sequence, Set, Tuple, Union
 
 import numpy as np
 
-from .datagram import UDP_MAX_PAYLOAD
+from ..arrays import IntArray, Records, UInt8Array
+from .datagram import IP_UDP_HEADERS, UDP_MAX_PAYLOAD, Buffer
 
-UDP_SEGMENT = 103           # linux/udp.h: cut what is sent into datagrams of this size
+UDP_SEGMENT = 103           # linux/udp.h: cut the data into datagrams of this size
 MAX_SEGMENTS = 64           # linux/udp.h: UDP_MAX_SEGMENTS of the oldest kernels that have it
-SO_RCVBUFFORCE = 33         # asm-generic/socket.h: beyond rmem_max, for those who may
-SO_MEMINFO = 55             # asm-generic/socket.h: the socket's memory, and at
+SO_RCVBUFFORCE = 33         # asm-generic/socket.h: beyond rmem_max, for privileged processes
+SO_MEMINFO = 55             # asm-generic/socket.h: the socket's memory statistics, with the drops at this index:
 MEMINFO_DROPS = 8           # linux/sock_diag.h: SK_MEMINFO_DROPS
-IP_MTU = 14                 # linux/in.h: the path's MTU, of a connected socket
-IP_UDP_HEADERS = 28
-SEND_PATIENCE = 0.05
-"""How long a call waits for room in the socket before it drops what has none [s]."""
+SO_TIMESTAMPNS = 35         # asm-generic/socket.h: a control message holds the time of arrival
+IP_MTU = 14                 # linux/in.h: the path MTU of a connected socket
+
+SEND_TIMEOUT = 0.05
+"""How long a call waits for room in the socket before it drops the rest [s]."""
 
 NO_GSO = (errno.EINVAL, errno.EIO, errno.EMSGSIZE, errno.ENOPROTOOPT, errno.EOPNOTSUPP)
-"""Not on this kernel or device, or the path has become too narrow; plain sends are fragmented there."""
+"""GSO is not available on this kernel or device, or the path MTU has shrunk; plain sends are fragmented instead."""
+
+MAX_QUEUEING = 1.0
+"""A datagram that seems to have waited longer in this machine did not: the clock was set [s]."""
+
+TIMESTAMP = struct.Struct('@Nii2l')
+"""A control message with a struct timespec: length, level, type, seconds, nanoseconds."""
+
+SOCKADDR_IN = np.dtype([('family', '=u2'), ('port', '>u2'), ('address', '>u4'), ('zero', 'u1', (8,))])
+
+Address = Tuple[str, int]
+"""Host and port."""
 
 
 class PeerGone(Exception):
-    """The peer's host says that nobody listens on that port any more (ICMP port unreachable)."""
+    """The peer's host reports that the port is closed (ICMP port unreachable)."""
 
 
-def path_payload(host, port):
-    """The longest UDP payload that reaches host unfragmented, as far as the kernel knows [byte].
+def path_payload(host: str, port: int) -> int:
+    """The longest UDP payload that reaches the host unfragmented, as far as the kernel knows [byte].
 
-    :raises OSError: where there is no such host or no way to it
+    :raises OSError: if the host is unknown or unreachable
+    :raises UnicodeError: if it is not a host name
     """
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.connect((host, port))
@@ -46,72 +61,73 @@ def path_payload(host, port):
 
 
 class DatagramSender:
-    """Datagrams to one peer. No call waits longer than SEND_PATIENCE (and its pacer), whatever became of the peer.
+    """Sends datagrams to one peer. No call blocks longer than SEND_TIMEOUT, whatever the state of the peer.
 
-    `failures` counts the datagrams that could not be sent, by the error's name: EPERM is a local firewall,
-    EAGAIN a network device slower than we are, ENETUNREACH and EHOSTUNREACH a pulled cable.
-
-    :raises OSError: where there is no such host or no way to it
+    :param gso: whether to send many datagrams in one call
+    :raises OSError: if the host is unknown or unreachable
+    :raises UnicodeError: if it is not a host name
     """
 
-    def __init__(self, host, port, gso=True):
-        self.failures = collections.Counter()
-        self._gso = gso
+    def __init__(self, host: str, port: int, gso: bool = True) -> None:
+        self.failures: Counter[str] = collections.Counter()
+        """Datagrams that could not be sent, by the error's name. EPERM: a local firewall; EAGAIN: the network device is
+        too slow; ENETUNREACH, EHOSTUNREACH: no route, such as a pulled cable."""
+        self.gso = gso
+        """Whether GSO is in use; becomes False when the kernel refuses it."""
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             self.socket.setblocking(False)
             self.socket.connect((host, port))
-            self.local, self.remote = self.socket.getsockname(), self.socket.getpeername()
+            self.local: Address = self.socket.getsockname()
+            self.remote: Address = self.socket.getpeername()
             self._poll = select.poll()
             self._poll.register(self.socket, select.POLLOUT)
         except OSError:
             self.socket.close()
             raise
 
-    def send_one(self, *parts):
-        """Send one datagram, given in parts; returns the number of datagrams that left: 1 or 0."""
-        return self._try(parts, (), 1, time.monotonic() + SEND_PATIENCE)
+    def send_one(self, *parts: Union[Buffer, UInt8Array]) -> int:
+        """Send one datagram, given in parts.
 
-    def send(self, datagrams, size, count, pacer=None):
+        :return: how many datagrams were sent, 1 or 0
+        :raises PeerGone: if the peer closed its port
+        """
+        return self._try_to_send(parts, (), 1, time.monotonic() + SEND_TIMEOUT)
+
+    def send(self, datagrams: Union[Buffer, UInt8Array], size: int, count: int) -> int:
         """Send many datagrams.
 
-        :param datagrams: bytes-like, one after the other, each `size` bytes, but the last may be shorter
-        :param pacer: a Pacer, or None to send all at once
-        :return: how many left
-        :raises PeerGone: where the peer closed its port
+        :param datagrams: C-contiguous, one after the other; each is `size` bytes long, the last one may be shorter
+        :return: how many datagrams were sent
+        :raises PeerGone: if the peer closed its port
         """
-        view, sent, at = memoryview(datagrams).cast('B'), 0, 0
-        deadline = time.monotonic() + SEND_PATIENCE
-        most = min(MAX_SEGMENTS, UDP_MAX_PAYLOAD // size)
-        if pacer is not None and pacer.rate is not None:
-            most = max(1, min(most, int(pacer.burst // size)))
-        while at < count:
-            burst = min(most, count - at)
-            piece = view[at * size:(at + burst) * size]
-            if pacer is not None:
-                wait = pacer.reserve(len(piece), time.monotonic()) - time.monotonic()
-                if wait > 0:
-                    time.sleep(wait)
-                    deadline += wait
-            sent += self._send_burst(piece, size, burst, deadline)
-            at += burst
+        data: Any = datagrams
+        view, sent = memoryview(data).cast('B'), 0
+        deadline = time.monotonic() + SEND_TIMEOUT
+        burst = size * min(MAX_SEGMENTS, UDP_MAX_PAYLOAD // size)
+        for start in range(0, count * size, burst):
+            sent += self._send_burst(view[start:start + burst], size, deadline)
         return sent
 
-    def _send_burst(self, piece, size, burst, deadline):
-        if burst > 1 and self._gso:
+    def _send_burst(self, datagrams: memoryview, size: int, deadline: float) -> int:
+        """Send at most MAX_SEGMENTS datagrams."""
+        if len(datagrams) > size and self.gso:
             segment = [(socket.IPPROTO_UDP, UDP_SEGMENT, struct.pack('=H', size))]
-            sent = self._try((piece,), segment, burst, deadline)
-            if self._gso:
+            sent = self._try_to_send((datagrams,), segment, -(-len(datagrams) // size), deadline)
+            if self.gso:
                 return sent
-        return sum(self._try((piece[at:at + size],), (), 1, deadline) for at in range(0, len(piece), size))
+        return sum(self._try_to_send((datagrams[start:start + size],), (), 1, deadline)
+                   for start in range(0, len(datagrams), size))
 
-    def _try(self, parts, control, count, deadline):
+    def _try_to_send(self, parts: Sequence[Any], control: Sequence[Tuple[int, int, bytes]], count: int,
+                     deadline: float) -> int:
+        """One sendmsg call with `count` datagrams; returns how many were sent: all, or none."""
         while True:
             try:
                 self.socket.sendmsg(parts, control)
                 return count
             except ConnectionRefusedError as error:
-                raise PeerGone('nobody listens at %s:%d any more' % self.remote) from error
+                raise PeerGone('the port of %s:%d is closed' % self.remote) from error
             except BlockingIOError:
                 left = deadline - time.monotonic()
                 if left > 0 and self._poll.poll(left * 1e3):
@@ -120,14 +136,15 @@ class DatagramSender:
                 return 0
             except OSError as error:
                 if control and error.errno in NO_GSO:
-                    self._gso = False    # the caller sends one by one
-                    return 0
-                if error.errno == errno.EBADF:
+                    self.gso = False    # the caller sends one by one
+                elif error.errno == errno.EBADF:
                     raise
-                self.failures[errno.errorcode.get(error.errno, str(error.errno))] += count
+                else:
+                    self.failures[errno.errorcode.get(error.errno or 0, str(error.errno))] += count
                 return 0
 
-    def close(self):
+    def close(self) -> None:
+        """Free the socket; sending then raises OSError."""
         self.socket.close()
 
 
@@ -141,42 +158,41 @@ class _MMsgHdr(ctypes.Structure):
     _fields_ = [('hdr', _MsgHdr), ('len', ctypes.c_uint)]
 
 
-TIMESTAMP = struct.Struct('@Nii2l')
-"""A control message with a struct timespec: length, level, type, seconds, nanoseconds."""
-
-SO_TIMESTAMPNS = 35
-OLDEST = 1.0
-"""A datagram that seems to have waited for longer in this machine did not: its clock was set [s]."""
-
-SOCKADDR_IN = np.dtype([('family', '=u2'), ('port', '>u2'), ('address', '>u4'), ('zero', 'u1', (8,))])
-
-
 class DatagramReceiver:
     """One bound UDP socket and a batch of receive slots.
 
-    After `receive`, rows [0, n) of `datagrams`, `lengths` and `sources` describe what came, until the next
-    call. A datagram longer than max_datagram_size has a length above it.
+    After `receive` returned n, rows [0, n) of `datagrams`, `lengths` and `sources` describe the datagrams received,
+    until the next call.
 
-    :param receive_buffer: asked of the kernel [byte]; `receive_buffer` then says what it granted
-    :param batch: most datagrams a call
-    :raises OSError: where this machine has no such address
+    :param address: the local IPv4 address to bind
+    :param max_datagram_size: the longest datagram to receive whole [byte of UDP payload]
+    :param receive_buffer: size to request from the kernel [byte]
+    :param batch: maximum number of datagrams per call
+    :param recvmmsg: whether to receive many datagrams in one call, if the C library can
+    :raises OSError: if this machine does not have the address
     """
 
-    def __init__(self, address, max_datagram_size, receive_buffer=4 << 20, batch=512, recvmmsg=True):
+    def __init__(self, address: str, max_datagram_size: int, receive_buffer: int = 4 << 20, batch: int = 512,
+                 recvmmsg: bool = True) -> None:
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             self.socket.setblocking(False)
             self.receive_buffer = _grow_receive_buffer(self.socket, receive_buffer)
+            """Size granted by the kernel, which includes its own overhead [byte]."""
             self.socket.bind((address, 0))
         except OSError:
             self.socket.close()
             raise
-        self.address = self.socket.getsockname()
+        self.address: Address = self.socket.getsockname()
+        """The local address and port."""
         self.max_datagram_size = max_datagram_size
-        # one byte more than may come tells a datagram that is too long
-        self.datagrams = np.zeros((batch, max_datagram_size + 1), np.uint8)
-        self.lengths = np.zeros(batch, np.int64)
-        self.sources = np.zeros(batch, SOCKADDR_IN)
+        # one more byte reveals a datagram that is too long
+        self.datagrams: UInt8Array = np.zeros((batch, max_datagram_size + 1), np.uint8)
+        """(batch, max_datagram_size + 1) uint8."""
+        self.lengths: IntArray = np.zeros(batch, np.int64)
+        """(batch,) int64; max_datagram_size + 1 if the datagram is longer than max_datagram_size [byte]."""
+        self.sources: Records = np.zeros(batch, SOCKADDR_IN)
+        """(batch,) of SOCKADDR_IN: the senders."""
         self.batch = batch
         self._poll = select.poll()
         self._poll.register(self.socket, select.POLLIN)
@@ -184,12 +200,18 @@ class DatagramReceiver:
         if self._recvmmsg:
             self._prepare()
 
-    def _prepare(self):
-        self._headers = (_MMsgHdr * self.batch)()
+    @property
+    def recvmmsg(self) -> bool:
+        """Whether recvmmsg is in use; otherwise datagrams have no time of arrival."""
+        return self._recvmmsg is not None
+
+    def _prepare(self) -> None:
+        """Let the kernel's headers point to the rows of our arrays."""
+        self._headers: Any = (_MMsgHdr * self.batch)()
         self._iovecs = np.zeros((self.batch, 2), np.uintp)
         self._iovecs[:, 0] = self.datagrams.ctypes.data + self.datagrams.strides[0] * np.arange(self.batch)
         self._iovecs[:, 1] = self.datagrams.shape[1]
-        view = np.frombuffer(self._headers, np.dtype(_MMsgHdr))
+        view: Any = np.frombuffer(self._headers, np.dtype(_MMsgHdr))
         header = view['hdr']
         header['name'] = self.sources.ctypes.data + SOCKADDR_IN.itemsize * np.arange(self.batch)
         header['namelen'] = SOCKADDR_IN.itemsize
@@ -202,16 +224,19 @@ class DatagramReceiver:
         with contextlib.suppress(OSError):
             self.socket.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
 
-    def wait(self, timeout):
-        """Whether there is something to receive within timeout [s] (or an error to be cleared)."""
+    def wait(self, timeout: float) -> bool:
+        """Wait until there is something to receive (or an error to clear); False after timeout [s]."""
         return bool(self._poll.poll(timeout * 1e3))
 
-    def receive(self):
-        """Take what has come, without waiting; returns how many datagrams, at most `batch`."""
+    def receive(self) -> int:
+        """Receive without waiting; returns the number of datagrams, at most `batch`.
+
+        :raises OSError: if the socket fails
+        """
         if self._recvmmsg is None:
             return self._receive_one_by_one()
         self._control_lengths[:] = TIMESTAMP.size
-        count = self._recvmmsg(self.socket.fileno(), self._headers, self.batch, socket.MSG_DONTWAIT, None)
+        count: int = self._recvmmsg(self.socket.fileno(), self._headers, self.batch, socket.MSG_DONTWAIT, None)
         if count < 0:
             number = ctypes.get_errno()
             if number in (errno.EAGAIN, errno.EINTR, errno.ECONNREFUSED):
@@ -220,16 +245,7 @@ class DatagramReceiver:
         self.lengths[:count] = self._lengths[:count]
         return count
 
-    def arrival(self, row):
-        """When a row's datagram reached this machine, by time.monotonic(), however late it was taken [s]."""
-        now = time.monotonic()
-        if self._recvmmsg is None or self._control_lengths[row] < TIMESTAMP.size:
-            return now
-        _, _, _, seconds, nanoseconds = TIMESTAMP.unpack(self._control[row])
-        age = time.time() - (seconds + 1e-9 * nanoseconds)
-        return now - age if 0 <= age <= OLDEST else now
-
-    def _receive_one_by_one(self):
+    def _receive_one_by_one(self) -> int:
         for count in range(self.batch):
             try:
                 self.lengths[count], (host, port) = self.socket.recvfrom_into(self.datagrams[count])
@@ -238,24 +254,34 @@ class DatagramReceiver:
             self.sources[count] = (socket.AF_INET, port, int.from_bytes(socket.inet_aton(host), 'big'), [0] * 8)
         return self.batch
 
-    def kernel_drops(self):
-        """Datagrams that the kernel dropped because this socket's buffer was full; None where it does not say."""
+    def arrival(self, row: int) -> float:
+        """When a row's datagram reached this machine, by time.monotonic(); now, if the kernel does not say [s]."""
+        now = time.monotonic()
+        if self._recvmmsg is None or self._control_lengths[row] < TIMESTAMP.size:
+            return now
+        _, _, _, seconds, nanoseconds = TIMESTAMP.unpack(self._control[row])
+        age = time.time() - (seconds + 1e-9 * nanoseconds)
+        return now - age if 0 <= age <= MAX_QUEUEING else now
+
+    def kernel_drops(self) -> Optional[int]:
+        """Datagrams that the kernel dropped because the receive buffer was full; None if unknown."""
         try:
             memory = self.socket.getsockopt(socket.SOL_SOCKET, SO_MEMINFO, 64)
-            return struct.unpack_from('=I', memory, 4 * MEMINFO_DROPS)[0]
+            return int(struct.unpack_from('=I', memory, 4 * MEMINFO_DROPS)[0])
         except (OSError, struct.error):
             return None
 
-    def wake(self):
+    def wake(self) -> None:
         """Make another thread's `wait` return at once, and every later one."""
-        with contextlib.suppress(OSError):   # ENOTCONN, and yet Linux wakes whoever polls
+        with contextlib.suppress(OSError):   # ENOTCONN, but Linux wakes the poll
             self.socket.shutdown(socket.SHUT_RD)
 
-    def close(self):
+    def close(self) -> None:
+        """Free the socket."""
         self.socket.close()
 
 
-def _find_recvmmsg():
+def _find_recvmmsg() -> Any:
     try:
         function = ctypes.CDLL(None, use_errno=True).recvmmsg
     except (OSError, AttributeError):
@@ -264,8 +290,8 @@ def _find_recvmmsg():
     return function
 
 
-def _grow_receive_buffer(sock, size):
-    """Ask for a receive buffer; returns what was granted, in bytes of the kernel's own accounting."""
+def _grow_receive_buffer(sock: socket.socket, size: int) -> int:
+    """Request a receive buffer; returns the size granted, which includes the kernel's overhead [byte]."""
     for option in (SO_RCVBUFFORCE, socket.SO_RCVBUF):
         try:
             sock.setsockopt(socket.SOL_SOCKET, option, size)
@@ -275,10 +301,10 @@ def _grow_receive_buffer(sock, size):
     return sock.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
 
 
-def addresses_of(host):
-    """The IPv4 addresses a host's name stands for: a set of int; empty where it is unknown."""
+def addresses_of(host: Optional[str]) -> Set[int]:
+    """The IPv4 addresses of a host name as numbers; empty if it is unknown."""
     try:
         found = socket.getaddrinfo(host, None, socket.AF_INET, socket.SOCK_DGRAM)
-    except (OSError, ValueError):   # ValueError: no name at all, as one with a label of 64 characters
+    except (OSError, ValueError):   # ValueError: not a name, such as one with a label of 64 characters
         return set()
     return {int.from_bytes(socket.inet_aton(info[4][0]), 'big') for info in found}

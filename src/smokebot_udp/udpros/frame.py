@@ -1,55 +1,60 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A frame's messages of one type and size as datagrams ready to be sent: one row each."""
+"""Messages of one type and size as datagrams that are ready to be sent, one row each."""
 import copy
+from typing import Any, Mapping
 
 import numpy as np
 
+from ..arrays import Records, UInt8Array
 from .datagram import HEADER, HEADER_DTYPE, OVERHEAD, UDP_MAX_PAYLOAD, Op
 from .records import record_dtype, write_lengths
 
 
 class Frame:
-    """`count` messages of message_class whose varying fields have the given lengths.
+    """`count` messages of one type, whose fields of varying length have the given lengths.
 
-    Write the messages into `records`; a publisher numbers and sends them. A frame may be filled and sent
-    again and again: the publisher is done with it when its call returns.
+    Write the messages into `records`; a publisher numbers and sends them. A frame may be filled and sent again: the
+    publisher is done with it when `publish_frames` returns.
 
+    :param message_class: a generated message class
+    :param count: number of messages, at least 1
     :param lengths: {dotted field name: length}, see records.record_dtype
-    :raises ValueError: where one message does not fit in one datagram, or there is none
+    :raises ValueError: if count is less than 1, or a message does not fit in one datagram
+    :raises LayoutError: if the type has no record layout or no such field
     """
 
-    def __init__(self, message_class, count, lengths):
+    def __init__(self, message_class: Any, count: int, lengths: Mapping[str, int]) -> None:
         if count < 1:
-            raise ValueError('a frame needs messages, not %r' % count)
+            raise ValueError('a frame needs at least one message, not %r' % count)
         dtype = record_dtype(message_class, lengths)
         if dtype.itemsize + OVERHEAD > UDP_MAX_PAYLOAD:
-            raise ValueError('a %s of %d bytes fits in no datagram' % (message_class._type, dtype.itemsize))
+            raise ValueError('a %s of %d bytes does not fit in a datagram' % (message_class._type, dtype.itemsize))
         self.message_class = message_class
-        self.rows = np.zeros((count, OVERHEAD + dtype.itemsize), np.uint8)
+        self.rows: UInt8Array = np.zeros((count, OVERHEAD + dtype.itemsize), np.uint8)
         """(count, datagram size) uint8: the datagrams."""
         size = self.rows.shape[1]
-        self.records = np.ndarray((count,), dtype, self.rows, OVERHEAD, (size,))
-        """(count,) structured: the messages, in place."""
+        self.records: Records = np.ndarray((count,), dtype, self.rows, OVERHEAD, (size,))
+        """(count,) structured: the messages, a view of the rows."""
         write_lengths(self.records, message_class)
-        self.header = np.ndarray((count,), HEADER_DTYPE, self.rows, 0, (size,))
+        self.header: Records = np.ndarray((count,), HEADER_DTYPE, self.rows, 0, (size,))
+        """(count,) of datagram.HEADER_DTYPE: the datagrams' headers, a view of the rows."""
         self.header['op'], self.header['block'] = Op.DATA0, 1
         np.ndarray((count,), '<u4', self.rows, HEADER.size, (size,))[:] = dtype.itemsize
 
-    def part(self, start, stop):
-        """Some of its messages, as a Frame on the same memory."""
+    def part(self, start: int, stop: int) -> 'Frame':
+        """The messages [start, stop) as a Frame on the same memory."""
         part = copy.copy(self)
-        part.rows, part.records, part.header = (
-            array[start:stop] for array in (self.rows, self.records, self.header))
+        part.rows, part.records, part.header = self.rows[start:stop], self.records[start:stop], self.header[start:stop]
         return part
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self.rows)
 
     @property
-    def datagram_size(self):
-        """Bytes of UDP payload of each datagram."""
+    def datagram_size(self) -> int:
+        """Length of each datagram [byte of UDP payload]."""
         return self.rows.shape[1]
 
-    def stream(self):
-        """The messages as TCPROS writes them: bytes, each with its length before it."""
+    def stream(self) -> bytes:
+        """The messages as TCPROS writes them, each with its length in front."""
         return self.rows[:, HEADER.size:].tobytes()

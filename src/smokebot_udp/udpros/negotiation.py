@@ -1,40 +1,44 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What subscriber and publisher say to each other over XML-RPC before the first datagram.
+"""The negotiation of a UDPROS connection over XML-RPC, before the first datagram.
 
-The subscriber calls ``requestTopic`` with one element a protocol; UDPROS's is
-``['UDPROS', header, host, port, max_datagram_size]``, where host and port are the subscriber's own. The
-publisher answers ``['UDPROS', host, port, connection_id, max_datagram_size, header]``. Headers are TCPROS's
-connection headers without their overall length, as XML-RPC base64 (bytes, or xmlrpc.client.Binary).
+The subscriber calls ``requestTopic`` with one list per protocol it offers. UDPROS's is
+``['UDPROS', header, host, port, max_datagram_size]``, with the subscriber's own host and port. The publisher answers
+``['UDPROS', host, port, connection_id, max_datagram_size, header]``. Headers are TCPROS's connection headers without
+their overall length, as XML-RPC base64 (bytes, or xmlrpc.client.Binary).
 
-Source: ros_comm, clients/roscpp, subscription.cpp (negotiateConnection) and topic_manager.cpp
-(requestTopic). Whatever comes from the other side is checked here: `Refused` tells what is wrong.
+Source: ros_comm, clients/roscpp, subscription.cpp (negotiateConnection) and topic_manager.cpp (requestTopic). All that
+the peer sends is checked here; `Refused` says what is wrong.
 """
 import reprlib
 from dataclasses import dataclass, field
-from typing import Dict
+from typing import Any, Dict, List, Mapping, Sequence
 
 from .datagram import DEFAULT_MAX_DATAGRAM_SIZE, LENGTH, MIN_MAX_DATAGRAM_SIZE, UDP_MAX_PAYLOAD
 
 PROTOCOL = 'UDPROS'
 MAX_HEADER_SIZE = 1 << 20
-"""A longer connection header is refused; the longest message definitions take some 10 kB [byte]."""
+"""A longer connection header is refused; the longest message definitions take about 10 kB [byte]."""
 
 MAX_NAME_SIZE = 253
-"""No host's name is longer (RFC 1035)."""
+"""The longest host name (RFC 1035)."""
 
 
 class Refused(ValueError):
-    """The peer's request or answer cannot be taken; the text is fit for the peer's eyes."""
+    """The peer's request or answer is not acceptable; the text is sent to the peer."""
 
 
-def encode_header(fields):
-    """``{str: str}`` to bytes: for each pair u32 length and ``key=value``, keys sorted."""
+def encode_header(fields: Mapping[str, str]) -> bytes:
+    """For each field, sorted by key, a u32 length and ``key=value``."""
     lines = [('%s=%s' % pair).encode() for pair in sorted(fields.items())]
     return b''.join(LENGTH.pack(len(line)) + line for line in lines)
 
 
-def decode_header(data):
-    """The inverse of `encode_header`; raises Refused."""
+def decode_header(data: Any) -> Dict[str, str]:
+    """The inverse of `encode_header`.
+
+    :param data: bytes-like, xmlrpc.client.Binary, or str, which is taken as latin-1
+    :raises Refused: if the header is malformed or longer than MAX_HEADER_SIZE
+    """
     data = bytes(getattr(data, 'data', data)) if not isinstance(data, str) else data.encode('latin-1', 'replace')
     if len(data) > MAX_HEADER_SIZE:
         raise Refused('a connection header of %d bytes is too long' % len(data))
@@ -56,84 +60,94 @@ def decode_header(data):
 class Request:
     """A subscriber's offer to receive one topic by UDPROS."""
     host: str
+    """The subscriber's host name or address."""
     port: int
+    """The subscriber's UDP port."""
     header: Dict[str, str]
-    """topic, md5sum, callerid and type; md5sum '*' takes any type."""
+    """topic, md5sum, callerid and type; md5sum '*' accepts any type."""
     max_datagram_size: int = DEFAULT_MAX_DATAGRAM_SIZE
-    """The longest datagram the subscriber takes, its 8 bytes of header included [byte of UDP payload]."""
+    """The longest datagram that the subscriber accepts, including its header of 8 bytes [byte of UDP payload]."""
 
-    def params(self):
+    def params(self) -> List[Any]:
+        """The request as XML-RPC carries it."""
         return [PROTOCOL, encode_header(self.header), self.host, self.port, self.max_datagram_size]
 
     @classmethod
-    def parse(cls, params):
-        """Check a request as it came over XML-RPC; raises Refused."""
+    def parse(cls, params: Any) -> 'Request':
+        """Check a request as received over XML-RPC.
+
+        :raises Refused: if it is not a correct one
+        """
         _, header, host, port, size = _elements(params, 5, 'request')
-        header = _header(header, ('topic', 'md5sum', 'callerid'))
-        return cls(_text(host, 'host'), _whole(port, 'port', 1, 65535), header, _datagram_size(size))
+        if not _is_header(header):
+            raise Refused('the connection header is not base64 but %s' % reprlib.repr(header))
+        fields = _require(decode_header(header), ('topic', 'md5sum', 'callerid'))
+        return cls(_host(host), _whole(port, 'port', 1, 65535), fields, _datagram_size(size))
 
 
 @dataclass
 class Reply:
-    """A publisher's answer: from now on the topic comes in datagrams of this connection id."""
+    """A publisher's answer: it sends the topic in datagrams of this connection id."""
     host: str
+    """The publisher's host name or address."""
     port: int
+    """The UDP port that it sends from; roscpp names another one."""
     connection_id: int
+    """Unique per publisher, 0 .. 2^31 - 1."""
     max_datagram_size: int
+    """The longest datagram that it sends [byte of UDP payload]."""
     header: Dict[str, str] = field(default_factory=dict)
     """md5sum and type at least."""
 
-    def params(self):
+    def params(self) -> List[Any]:
+        """The answer as XML-RPC carries it."""
         return [PROTOCOL, self.host, self.port, self.connection_id, self.max_datagram_size,
                 encode_header(self.header)]
 
     @classmethod
-    def parse(cls, params):
-        """Check an answer as it came over XML-RPC; raises Refused."""
+    def parse(cls, params: Any) -> 'Reply':
+        """Check an answer as received over XML-RPC.
+
+        :raises Refused: if it is not a correct one, or its header holds an error
+        """
         _, host, port, connection_id, size, header = _elements(params, 6, 'answer')
-        header = decode_header(header) if _is_header(header) else None
-        if header is None or 'error' in header:
-            raise Refused('the publisher answers: %.500s' % (header or {'error': 'no connection header'})['error'])
-        header = _require(header, ('md5sum', 'type'))
-        return cls(_text(host, 'host'), _whole(port, 'port', 0, 65535),
-                   _whole(connection_id, 'connection id', 0, 0x7fffffff), _datagram_size(size), header)
+        fields = decode_header(header) if _is_header(header) else {'error': 'no connection header'}
+        if 'error' in fields:
+            raise Refused('the publisher answers: %.500s' % fields['error'])
+        _require(fields, ('md5sum', 'type'))
+        return cls(_host(host), _whole(port, 'port', 0, 65535),
+                   _whole(connection_id, 'connection id', 0, 0x7fffffff), _datagram_size(size), fields)
 
 
-def _elements(params, count, what):
+def _elements(params: Any, count: int, what: str) -> Sequence[Any]:
     if not isinstance(params, (list, tuple)) or len(params) != count or params[0] != PROTOCOL:
         raise Refused('a UDPROS %s has %d elements and begins with "UDPROS", not %s' % (
             what, count, reprlib.repr(params)))
     return params
 
 
-def _is_header(value):
+def _is_header(value: Any) -> bool:
     return isinstance(value, (bytes, bytearray, str)) or isinstance(getattr(value, 'data', None), (bytes, bytearray))
 
 
-def _header(value, required):
-    if not _is_header(value):
-        raise Refused('the connection header is no base64 but %s' % reprlib.repr(value))
-    return _require(decode_header(value), required)
-
-
-def _require(header, names):
+def _require(header: Dict[str, str], names: Sequence[str]) -> Dict[str, str]:
     for name in names:
         if not header.get(name):
             raise Refused('the connection header lacks "%s"' % name)
     return header
 
 
-def _text(value, name):
+def _host(value: Any) -> str:
     if not isinstance(value, str) or not 0 < len(value) <= MAX_NAME_SIZE or not value.isprintable():
-        raise Refused('%s is %s, no name' % (name, reprlib.repr(value)))
+        raise Refused('host is %s, not a name' % reprlib.repr(value))
     return value
 
 
-def _whole(value, name, least, most):
-    if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= most:
-        raise Refused('%s is %s, not a whole number from %d to %d' % (name, reprlib.repr(value), least, most))
+def _whole(value: Any, name: str, minimum: int, maximum: int) -> int:
+    if not isinstance(value, int) or isinstance(value, bool) or not minimum <= value <= maximum:
+        raise Refused('%s is %s, not a whole number from %d to %d' % (name, reprlib.repr(value), minimum, maximum))
     return value
 
 
-def _datagram_size(value):
+def _datagram_size(value: Any) -> int:
     return _whole(value, 'max_datagram_size', MIN_MAX_DATAGRAM_SIZE, UDP_MAX_PAYLOAD)

@@ -1,99 +1,112 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What a subscriber makes of the datagrams that arrive, whoever sent them.
+"""The datagrams that a subscriber receives, from any sender: datagrams to messages.
 
-`Inbox` sorts a batch of datagrams: the messages of one block, found for the whole batch at once, and
-the messages of many blocks, put together by `Reassembler`. Loss, reordering and duplicates are normal;
-everything else is hostile: checked, bounded in memory, and counted by its reason in `Inbox.dropped`.
+`Inbox` sorts a batch of datagrams. It finds messages of one block for the whole batch at once, and hands the blocks of
+longer messages to `Reassembler`. Loss, reordering and duplicates are normal. Everything else is hostile: it is checked,
+its memory is bounded, and it is counted by reason in `Inbox.dropped`.
 """
 import collections
+from typing import Counter, Dict, List, Optional, OrderedDict, Tuple, Union
 
 import numpy as np
 
-from .datagram import HEADER, HEADER_DTYPE, LENGTH, MESSAGE_IDS, OVERHEAD, Op
+from ..arrays import Array, BoolArray, IntArray, Records, UInt8Array
+from .datagram import HEADER, HEADER_DTYPE, LENGTH, MESSAGE_IDS, OVERHEAD, Buffer, Op
 
 START = 16
-"""Bytes of each datagram's beginning that are looked at for the whole batch: more than OVERHEAD, and aligned."""
+"""Bytes at the beginning of each datagram that are examined for the whole batch: more than OVERHEAD, and aligned."""
 
 ANY_ID = np.uint64(0xffff00ffffffffff)
-"""A header as one number, without its message id."""
+"""Masks the message id in a header that is read as one number."""
 
 MAX_MESSAGE_SIZE = 16 << 20
-"""A message announced longer is not collected [byte]."""
+"""A message announced as longer is not collected [byte]."""
 
 BLOCK_COST = 256
-"""What holding one block costs beside its payload, generously [byte]."""
+"""Memory to hold one block besides its payload, an upper estimate [byte]."""
 
 PARTIAL_IDS = 16
-"""A message begun this many message ids ago will not be finished: its rest is lost."""
+"""An unfinished message is given up once the newest message id is more than this many ids ahead."""
 
 PARTIAL_LIFETIME = 2.0
-"""Nor will one begun so long ago; by then its id may stand for another message [s]."""
+"""An unfinished message is given up at this age: its id may by then belong to another message [s]."""
 
 
 class _Partial:
-    """A message of which some blocks have come."""
+    """A message of which some blocks have arrived."""
 
-    def __init__(self, now):
-        self.begun = now
-        self.total = None    # how many blocks, once block 0 has said so
-        self.highest = 0     # index of those that came
-        self.blocks = {}     # {index: payload}
+    def __init__(self, begun: float) -> None:
+        self.begun = begun
+        self.total: Optional[int] = None    # number of blocks, known from block 0
+        self.highest = 0                    # index of the blocks that arrived
+        self.blocks: Dict[int, bytes] = {}
         self.cost = 0
 
 
 class Reassembler:
-    """Messages from blocks that come in any order, or never.
+    """Joins messages from blocks that arrive in any order, or never.
 
-    Never holds more than max_pending bytes (payloads and BLOCK_COST for each block): the messages begun
-    first give way. `dropped` counts datagrams by the reason for which they came to nothing.
+    It holds at most max_pending bytes (payloads, and BLOCK_COST for each block). To make room, the messages that were
+    begun first are given up. `dropped` counts the datagrams that did not become part of a message, by reason.
+
+    :param max_message_size: longer messages are refused [byte]
+    :param max_pending: limit of memory [byte]; None: twice max_message_size
     """
 
-    def __init__(self, max_message_size=MAX_MESSAGE_SIZE, max_pending=None):
+    def __init__(self, max_message_size: int = MAX_MESSAGE_SIZE, max_pending: Optional[int] = None) -> None:
         self.max_message_size = max_message_size
         self.max_pending = 2 * max_message_size if max_pending is None else max_pending
         self.pending = 0
-        self.dropped = collections.Counter()
-        self._partials = collections.OrderedDict()   # {message id: _Partial}, in the order of their beginning
-        self._finished = collections.OrderedDict()   # {message id: when}: what still comes of them is duplicate
-        self._newest = None
+        """Memory held now, payloads and BLOCK_COST for each block [byte]."""
+        self.dropped: Counter[str] = collections.Counter()
+        # {message id: _Partial}, oldest first
+        self._partials: OrderedDict[int, _Partial] = collections.OrderedDict()
+        # {message id: when finished}: their further blocks are duplicates
+        self._finished: OrderedDict[int, float] = collections.OrderedDict()
+        self._newest: Optional[int] = None
 
     @property
-    def remembers(self):
-        """Whether there are message ids that others may yet overtake."""
+    def remembers(self) -> bool:
+        """Whether there are message ids for which `overtake` has to be called."""
         return bool(self._partials or self._finished)
 
-    def add(self, op, message_id, block, payload, now):
-        """Take one block; return the message (bytes, without its length prefix) it completes, or None.
+    def add(self, op: int, message_id: int, block: int, payload: Union[Buffer, UInt8Array],
+            now: float) -> Optional[bytes]:
+        """Take one block, of op DATA0 or DATAN.
 
         :param now: [s] on any steady clock
+        :return: the message that it completes, without its length prefix, or None
         """
         if not 1 <= message_id <= MESSAGE_IDS or block < 1:
-            return self._drop('header')
-        self.overtake(message_id, now)
-        partial = self._partials.get(message_id)
-        index = 0 if op == Op.DATA0 else block
-        if message_id in self._finished or (partial is not None and index in partial.blocks):
-            return self._drop('duplicate')
-        total = block if op == Op.DATA0 else partial.total if partial else None
-        highest = max(index, partial.highest if partial else 0)
-        if total is not None and highest >= total:
-            return self._drop('block index')
-        cost = len(payload) + BLOCK_COST
-        announced = block * max(len(payload), BLOCK_COST // 8) if op == Op.DATA0 else 0
-        if announced > self.max_message_size or not self._make_room(cost, message_id):
-            return self._drop('too long')
-        if partial is None:
-            partial = self._partials[message_id] = _Partial(now)
-        partial.total, partial.highest = total, highest
-        partial.blocks[index] = bytes(payload)
-        partial.cost += cost
-        self.pending += cost
-        if total != len(partial.blocks):
+            self.dropped['header'] += 1
             return None
-        return self._finish(message_id, now)
+        self.overtake(message_id, now)
+        partial = self._partials.get(message_id) or _Partial(begun=now)
+        index, total = (0, block) if op == Op.DATA0 else (block, partial.total)
+        cost = len(payload) + BLOCK_COST
+        # all blocks but the last are equally long; the minimum limits the number of empty ones
+        announced = block * max(len(payload), BLOCK_COST // 8) if op == Op.DATA0 else 0
+        if message_id in self._finished or index in partial.blocks:
+            reason = 'duplicate'
+        elif total is not None and max(index, partial.highest) >= total:
+            reason = 'block index'
+        elif announced > self.max_message_size or not self._make_room(cost, message_id):
+            reason = 'too long'
+        else:
+            self._partials[message_id] = partial
+            partial.total, partial.highest = total, max(index, partial.highest)
+            partial.blocks[index] = bytes(payload)
+            partial.cost += cost
+            self.pending += cost
+            return self._finish(message_id, now) if len(partial.blocks) == total else None
+        self.dropped[reason] += 1
+        return None
 
-    def overtake(self, newest, now):
-        """Give up, or forget, the messages that time or message id `newest`, which has just come, has overtaken."""
+    def overtake(self, newest: int, now: float) -> None:
+        """Give up unfinished messages, and forget finished ones, that are too old or too far behind an id.
+
+        :param newest: the message id that has just arrived
+        """
         while self._partials and now - next(iter(self._partials.values())).begun > PARTIAL_LIFETIME:
             self._give_up(next(iter(self._partials)))
         while self._finished and now - next(iter(self._finished.values())) > PARTIAL_LIFETIME:
@@ -106,15 +119,18 @@ class Reassembler:
         for message_id in [other for other in self._finished if _overtaken(other, newest)]:
             del self._finished[message_id]
 
-    def _finish(self, message_id, now):
-        blocks = self._forget(message_id).blocks
+    def _finish(self, message_id: int, now: float) -> Optional[bytes]:
+        """Join a message whose blocks are complete; None if its length is wrong."""
+        blocks = self._remove(message_id).blocks
         self._finished[message_id] = now
         message = b''.join(blocks[index] for index in range(len(blocks)))
         if len(message) < LENGTH.size or LENGTH.unpack_from(message)[0] != len(message) - LENGTH.size:
-            return self._drop('length', len(blocks))
+            self.dropped['length'] += len(blocks)
+            return None
         return message[LENGTH.size:]
 
-    def _make_room(self, cost, message_id):
+    def _make_room(self, cost: int, message_id: int) -> bool:
+        """Give up the oldest messages until a block of this one fits; False if it does not, or this one is given up."""
         while self.pending + cost > self.max_pending and self._partials:
             oldest = next(iter(self._partials))
             self._give_up(oldest)
@@ -122,56 +138,54 @@ class Reassembler:
                 return False
         return self.pending + cost <= self.max_pending
 
-    def _give_up(self, message_id):
-        self._drop('incomplete', len(self._forget(message_id).blocks))
+    def _give_up(self, message_id: int) -> None:
+        self.dropped['incomplete'] += len(self._remove(message_id).blocks)
 
-    def _forget(self, message_id):
+    def _remove(self, message_id: int) -> _Partial:
         partial = self._partials.pop(message_id)
         self.pending -= partial.cost
         return partial
 
-    def _drop(self, reason, datagrams=1):
-        self.dropped[reason] += datagrams
 
-
-def _overtaken(message_id, newest):
+def _overtaken(message_id: int, newest: int) -> bool:
     return PARTIAL_IDS < (newest - message_id) % MESSAGE_IDS < MESSAGE_IDS - PARTIAL_IDS
 
 
 class Inbox:
-    """One connection's way from datagrams to messages.
+    """Turns the datagrams of one connection into messages.
 
     `dropped` counts datagrams by reason: stranger (another sender), short, truncated (longer than the buffer),
-    connection id, op (PING, ERR and what UDPROS does not know), length (contradicts the message's own), and the
-    Reassembler's header, duplicate, block index, too long, incomplete.
+    connection id, op (PING, ERR and unknown ones), length (contradicts the message's own), and the Reassembler's
+    header, duplicate, block index, too long, incomplete.
     """
 
-    def __init__(self, connection_id, reassembler=None):
+    def __init__(self, connection_id: int, reassembler: Optional[Reassembler] = None) -> None:
         self.connection_id = connection_id
         self._single = np.frombuffer(HEADER.pack(connection_id, Op.DATA0, 0, 1), '<u8')[0]
         self._reassembler = reassembler or Reassembler()
         self.dropped = self._reassembler.dropped
 
     @property
-    def remembers(self):
-        """Whether there are messages of many blocks that others may yet overtake."""
+    def remembers(self) -> bool:
+        """Whether there are messages of many blocks, so that every datagram has to be sorted."""
         return self._reassembler.remembers
 
-    def sort(self, datagrams, lengths, trusted, now):
+    def sort(self, datagrams: UInt8Array, lengths: IntArray, trusted: BoolArray,
+             now: float) -> Tuple[BoolArray, List[Tuple[int, bytes]]]:
         """Sort one batch.
 
-        :param datagrams: (n, slot) uint8, C-contiguous; datagram i is its row's first lengths[i] bytes
-        :param lengths: (n,) int; slot bytes mean that the datagram did not fit
-        :param trusted: (n,) bool, those that came from the connection's peer
+        :param datagrams: (n, slot) uint8, C-contiguous; datagram i is the first lengths[i] bytes of row i
+        :param lengths: (n,) int; a length of `slot` means that the datagram did not fit
+        :param trusted: (n,) bool, those from the connection's peer
         :param now: [s] on any steady clock
         :return: ((n,) bool, the rows that hold a whole message behind OVERHEAD bytes;
-                  [(row, bytes), ...], the messages that a block completed, and the row of that block)
+                  [(row, message), ...], the messages that a block completed, and the row of that block)
         """
-        # few numpy calls: each costs more than its work, and much more in a thread that has just woken.
-        # Side by side, the beginnings are read several times for the price of one; rows lie a page apart
+        # few numpy calls: each costs more than its work, and much more in a thread that has just woken. A copy of the
+        # beginnings is read several times at the price of one: the rows lie a page apart
         start = datagrams[:, :START].copy()
         single = trusted & (start.view('<u8')[:, 0] & ANY_ID == self._single) & (lengths < datagrams.shape[1])
-        header = np.ndarray(len(start), HEADER_DTYPE, start, 0, (START,))
+        header: Records = np.ndarray((len(start),), HEADER_DTYPE, start, 0, (START,))
         single &= header['message_id'] > 0
         whole = single & (start.view('<u4')[:, 2] == lengths - OVERHEAD)
         if whole.all():
@@ -179,12 +193,18 @@ class Inbox:
             return whole, []
         return whole, self._sort_others(datagrams, lengths, trusted, header, single, whole, now)
 
-    def _overtake(self, message_ids, now):
+    def _overtake(self, message_ids: Array, now: float) -> None:
         if self._reassembler.remembers:
             for message_id in message_ids.tolist():
                 self._reassembler.overtake(message_id, now)
 
-    def _sort_others(self, datagrams, lengths, trusted, header, single, whole, now):
+    def _sort_others(self, datagrams: UInt8Array, lengths: IntArray, trusted: BoolArray, header: Records,
+                     single: BoolArray, whole: BoolArray, now: float) -> List[Tuple[int, bytes]]:
+        """Count the datagrams to drop by reason, and reassemble the rest.
+
+        :param single: (n,) bool, the rows whose header is that of a message of one block
+        :param whole: (n,) bool, those of them that hold the whole message
+        """
         slot = datagrams.shape[1]
         readable = trusted & (lengths >= HEADER.size) & (lengths < slot)
         ours = readable & (header['connection_id'] == self.connection_id)

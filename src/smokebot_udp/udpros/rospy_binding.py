@@ -1,22 +1,23 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""How UDPROS hangs in rospy's node: negotiation, reconnection, and the care for silent topics.
+"""The binding of UDPROS to rospy's node: negotiation, reconnection, and supervision of silent topics.
 
-`install` adds a protocol handler to the node and replaces four attributes of this node's own objects,
-never of rospy's classes:
+`install` adds a protocol handler to the node and replaces four attributes of this node's own objects, never of rospy's
+classes:
 
-* ROSHandler.requestTopic: a topic takes UDPROS, TCPROS or both, as its Publisher said;
-* ROSHandler._connect_topic: our Subscribers ask for UDPROS first, and fall back;
-* ROSHandler.publisherUpdate and RegManager.publisher_update: a UDP socket does not tell that its
-  publisher ended; only the master does;
-* the XML-RPC server's reader: roscpp's base64 leaves a NUL in 3 of 54 requests (ros_comm#2160).
+* ROSHandler.requestTopic: a topic offers UDPROS, TCPROS or both, as its Publisher specifies;
+* ROSHandler._connect_topic: our Subscribers request UDPROS first, and fall back to TCPROS;
+* ROSHandler.publisherUpdate and RegManager.publisher_update: a UDP socket does not notice that its publisher ended;
+  only the master reports it;
+* the XML-RPC server's reader: roscpp's base64 puts a NUL into 3 of 54 requests (ros_comm#2160).
 
-rospy_transports.py, registration.py and this file are the only ones that know rospy's insides (1.14, 1.15).
+Only rospy_transports.py, registration.py and this file depend on rospy's internals (1.14, 1.15).
 """
 import functools
 import itertools
 import threading
 import time
 import urllib.parse
+from typing import Any, Callable, List, Sequence, Tuple
 
 import rosgraph.network
 import rospy
@@ -29,41 +30,50 @@ from rospy.impl.transport import ProtocolHandler
 from . import rpc
 from .datagram import MIN_MAX_DATAGRAM_SIZE, ROSCPP_MAX_DATAGRAM_SIZE
 from .endpoints import DatagramReceiver, path_payload
+from .loss_emulation import open_receiver
 from .negotiation import PROTOCOL, Refused, Reply, Request
 from .rospy_transports import PublisherTransport, SubscriberTransport, UdpPublisherImpl, UdpSubscriberImpl
 
 TCPROS = 'TCPROS'
 
-RETRY_FIRST, RETRY_MOST = 0.2, 2.0
-"""Pauses between attempts to reach a publisher that the master names [s]."""
+RETRY_PERIOD, MAX_RETRY_PERIOD = 0.2, 2.0
+"""Time between the first two attempts to reach a publisher that the master names; it doubles up to the maximum [s]."""
 
-SILENCE = 5.0
-"""A topic silent for so long is asked after: at the master, and at its publishers [s]."""
+SILENCE_TIMEOUT = 5.0
+"""After this time without a message of a topic, the master and its publishers are asked for it [s]."""
+
+ApiResult = Tuple[int, str, Any]
+"""Status code (1: success), status message and value of a method of the ROS slave API."""
 
 
 class UdprosHandler(ProtocolHandler):
-    """Answers subscribers' requests, and makes those of our own Subscribers."""
+    """Answers the requests of subscribers, and makes those of our own Subscribers.
 
-    def __init__(self, node_handler, registration):
+    :param node_handler: rospy's ROSHandler
+    :param registration: rospy's RegManager
+    """
+
+    def __init__(self, node_handler: Any, registration: Any) -> None:
         self._connection_ids = itertools.count(1)
         self._request_topic = node_handler.requestTopic
         self._connect_topic = node_handler._connect_topic
         self._publisher_update = registration.publisher_update
-        self._node_handler = node_handler
         self._lock = threading.Lock()
         self._ended = threading.Event()
         threading.Thread(target=self._watch, name='UDPROS watch', daemon=True).start()
 
-    def shutdown(self):
+    def shutdown(self) -> None:
+        """Called by rospy at shutdown."""
         self._ended.set()
 
-    def supports(self, protocol):
+    def supports(self, protocol: str) -> bool:
+        """Called by rospy for each protocol that a subscriber requests."""
         return protocol == PROTOCOL
 
     # -- as a publisher ----------------------------------------------------------------------------
 
-    def request_topic(self, caller_id, topic, protocols):
-        """ROSHandler.requestTopic, offered only the protocols that the topic takes."""
+    def request_topic(self, caller_id: str, topic: str, protocols: Any) -> ApiResult:
+        """ROSHandler.requestTopic, restricted to the protocols that the topic offers."""
         impl = get_topic_manager().get_publisher_impl(topic)
         if isinstance(protocols, list):
             protocols = [p for p in protocols if isinstance(p, list) and p]
@@ -71,16 +81,19 @@ class UdprosHandler(ProtocolHandler):
                 protocols = [p for p in protocols if p[0] in impl.options.protocols]
                 if not protocols:
                     return 0, '[%s] is published by %s only' % (topic, ' and '.join(impl.options.protocols)), []
-        return self._request_topic(caller_id, topic, protocols)
+        result: ApiResult = self._request_topic(caller_id, topic, protocols)
+        return result
 
-    def init_publisher(self, topic, protocol):
+    def init_publisher(self, topic: str, protocol: List[Any]) -> ApiResult:
+        """Called by rospy when a subscriber requests UDPROS."""
         try:
             return 1, 'ready', self._accept(topic, protocol).params()
         except Refused as refusal:
             rospy.logwarn_throttle_identical(10, '[%s]: a UDPROS subscriber is refused: %s' % (topic, refusal))
             return 0, str(refusal), []
 
-    def _accept(self, topic, protocol):
+    def _accept(self, topic: str, protocol: List[Any]) -> Reply:
+        """Connect to the subscriber that makes a request."""
         impl = get_topic_manager().get_publisher_impl(topic)
         if impl is None or impl.closed:
             raise Refused('not a publisher of [%s]' % topic)
@@ -93,28 +106,28 @@ class UdprosHandler(ProtocolHandler):
         try:
             size = min(request.max_datagram_size, ours, path_payload(request.host, request.port))
             if size < MIN_MAX_DATAGRAM_SIZE:
-                raise Refused('the way to %s takes datagrams of %d bytes only' % (request.host, size))
+                raise Refused('the path to %s is limited to datagrams of %d bytes' % (request.host, size))
             connection = PublisherTransport(topic, request, next(self._connection_ids), size)
         except (OSError, UnicodeError) as error:
-            raise Refused('no way to %s:%d: %s' % (request.host, request.port, error)) from error
+            raise Refused('no route to %s:%d: %s' % (request.host, request.port, error)) from error
         header = {'topic': impl.resolved_name, 'type': impl.data_class._type, 'md5sum': md5sum,
                   'message_definition': impl.data_class._full_text, 'callerid': rospy.names.get_caller_id(),
                   'latching': '1' if impl.is_latch else '0'}
         header.update(impl.headers or {})
         impl.add_connection(connection)
-        return Reply(connection.local_endpoint[0], connection.local_endpoint[1], connection.connection_id, size,
-                     header)
+        return Reply(*connection.local_endpoint, connection.connection_id, size, header)
 
     # -- as a subscriber ---------------------------------------------------------------------------
 
-    def connect_topic(self, topic, uri):
-        """ROSHandler._connect_topic: connect to one publisher, unless it is connected already."""
+    def connect_topic(self, topic: str, uri: str) -> ApiResult:
+        """ROSHandler._connect_topic: connect to one publisher, unless already connected."""
         impl = get_topic_manager().get_subscriber_impl(topic)
         if not isinstance(impl, UdpSubscriberImpl) or PROTOCOL not in impl.options.protocols:
-            return self._connect_topic(topic, uri)
+            result: ApiResult = self._connect_topic(topic, uri)
+            return result
         with self._lock:
             if uri in impl.connecting:
-                return 1, 'already being connected to %s' % uri, 0
+                return 1, 'already connecting to %s' % uri, 0
             impl.connecting.add(uri)
         try:
             return self._connect(impl, uri)
@@ -122,57 +135,28 @@ class UdprosHandler(ProtocolHandler):
             with self._lock:
                 impl.connecting.discard(uri)
 
-    def _connect(self, impl, uri):
+    def _connect(self, impl: UdpSubscriberImpl, uri: str) -> ApiResult:
+        """Negotiate with one publisher until it answers, or publishes no longer."""
         for connection in impl.connections:
             if connection.endpoint_id == uri:
                 if not isinstance(connection, SubscriberTransport) or _still_serves(connection):
                     return 1, 'already connected to %s' % uri, 0
                 connection.close()
-        pause = RETRY_FIRST
+        period = RETRY_PERIOD
         while uri in impl.publishers and not impl.closed and not self._ended.is_set():
             try:
-                return self._negotiate(impl, uri)
+                return _negotiate(impl, uri)
             except Refused as refusal:
                 rospy.logerr_throttle_identical(10, '[%s]: %s refuses: %s' % (impl.resolved_name, uri, refusal))
                 return 0, str(refusal), 0
             except rpc.Unreachable as error:
-                rospy.logdebug('[%s]: %s does not answer, asking again: %s', impl.resolved_name, uri, error)
-            self._ended.wait(pause)
-            pause = min(2 * pause, RETRY_MOST)
-        return 0, '%s publishes no more' % uri, 0
+                rospy.logdebug('[%s]: %s does not answer, retrying: %s', impl.resolved_name, uri, error)
+            self._ended.wait(period)
+            period = min(2 * period, MAX_RETRY_PERIOD)
+        return 0, '%s is no longer a publisher' % uri, 0
 
-    def _negotiate(self, impl, uri):
-        options, topic = impl.options, impl.resolved_name
-        receiver = DatagramReceiver(rosgraph.network.get_bind_address(), options.max_datagram_size,
-                                    options.receive_buffer)
-        if receiver.receive_buffer < 2 * options.receive_buffer:   # the kernel counts its own overhead: double
-            rospy.logwarn_throttle_identical(60, (
-                'the kernel grants a receive buffer of %d bytes only, so bursts may be lost here: '
-                'sudo sysctl -w net.core.rmem_max=%d') % (receiver.receive_buffer // 2, options.receive_buffer))
-        kept = False
-        try:
-            request = Request(rosgraph.network.get_host_name(), receiver.address[1],
-                              {'topic': topic, 'type': impl.data_class._type, 'md5sum': impl.data_class._md5sum,
-                               'callerid': rospy.names.get_caller_id()}, options.max_datagram_size)
-            offers = {PROTOCOL: request.params(), TCPROS: [TCPROS]}
-            params = _request(uri, topic, [offers[protocol] for protocol in options.protocols])
-            if params[0] == TCPROS:
-                return get_tcpros_handler().create_transport(topic, uri, params)
-            reply = Reply.parse(params)
-            if impl.data_class._md5sum not in ('*', reply.header['md5sum']):
-                raise Refused('it publishes %s with md5sum %s, wanted is %s' % (
-                    reply.header['type'], reply.header['md5sum'], impl.data_class._md5sum))
-            hosts = {reply.host, urllib.parse.urlparse(uri).hostname}
-            connection = SubscriberTransport(impl, receiver, reply, uri, hosts)
-            kept = impl.add_connection(connection)
-        finally:
-            if not kept:
-                receiver.close()
-        connection.start()
-        return 1, 'connected to %s by UDPROS' % uri, 1
-
-    def publisher_update(self, topic, uris):
-        """RegManager.publisher_update: who publishes the topic now; the others' connections end."""
+    def publisher_update(self, topic: str, uris: Sequence[str]) -> None:
+        """RegManager.publisher_update: the topic's publishers now; connections to others end."""
         impl = get_topic_manager().get_subscriber_impl(topic)
         if isinstance(impl, UdpSubscriberImpl):
             impl.publishers = tuple(uris)
@@ -183,47 +167,88 @@ class UdprosHandler(ProtocolHandler):
 
     # -- silent topics -----------------------------------------------------------------------------
 
-    def _watch(self):
-        """The master's word may be lost with the link: ask again for topics on which nothing comes."""
+    def _watch(self) -> None:
+        """Ask the master for the publishers of silent topics: its notification may have been lost with the link."""
         while not self._ended.wait(1.0):
             for impl in list(get_topic_manager().subs.values()):
-                if isinstance(impl, UdpSubscriberImpl) and _silent(impl, time.monotonic()):
-                    impl.last_asked = time.monotonic()
-                    try:
-                        uris = rpc.call(rosgraph.get_master_uri(), 'registerSubscriber', impl.resolved_name, impl.type,
+                if not isinstance(impl, UdpSubscriberImpl) or not _silent(impl, time.monotonic()):
+                    continue
+                impl.last_asked = time.monotonic()
+                try:
+                    uris = rpc.call(rosgraph.get_master_uri(), 'registerSubscriber', impl.resolved_name, impl.type,
                                     rospy.core.get_node_uri())
-                    except (rpc.Unreachable, Refused) as error:
-                        rospy.logdebug('the master does not answer: %s', error)
-                        break
-                    if not impl.closed:
-                        self.publisher_update(impl.resolved_name, uris)
+                except (rpc.Unreachable, Refused) as error:
+                    rospy.logdebug('the master does not answer: %s', error)
+                    break
+                if not impl.closed:
+                    self.publisher_update(impl.resolved_name, uris)
 
 
-def _silent(impl, now):
-    live = any(not isinstance(c, SubscriberTransport) or c.idle < SILENCE for c in impl.connections)
-    return not live and not impl.closed and now - impl.last_asked > SILENCE
+def _silent(impl: UdpSubscriberImpl, now: float) -> bool:
+    """Whether a topic's publishers have to be asked for."""
+    live = any(not isinstance(c, SubscriberTransport) or c.idle < SILENCE_TIMEOUT for c in impl.connections)
+    return not live and not impl.closed and now - impl.last_asked > SILENCE_TIMEOUT
 
 
-def _request(uri, topic, offers):
-    """Ask a publisher for one of the offers; a publisher that stumbles over UDPROS is asked for TCPROS alone."""
+def _negotiate(impl: UdpSubscriberImpl, uri: str) -> ApiResult:
+    """Connect to one publisher by the first protocol on which both sides agree.
+
+    :raises Refused: if it refuses, or answers with something else
+    :raises rpc.Unreachable: if it does not answer
+    """
+    options = impl.options
+    receiver = open_receiver(impl.resolved_name, rosgraph.network.get_bind_address(), options.max_datagram_size,
+                             options.receive_buffer)
+    if receiver.receive_buffer < 2 * options.receive_buffer:   # the kernel adds its own overhead: twice the size
+        rospy.logwarn_throttle_identical(60, (
+            'the kernel grants a receive buffer of %d bytes only, so bursts may be lost here: '
+            'sudo sysctl -w net.core.rmem_max=%d') % (receiver.receive_buffer // 2, options.receive_buffer))
+    kept = False
     try:
-        return _checked(rpc.call(uri, 'requestTopic', topic, offers))
+        params = _request(uri, impl, receiver)
+        if params[0] == TCPROS:
+            result: ApiResult = get_tcpros_handler().create_transport(impl.resolved_name, uri, params)
+            return result
+        reply = Reply.parse(params)
+        if impl.data_class._md5sum not in ('*', reply.header['md5sum']):
+            raise Refused('it publishes %s with md5sum %s, not %s' % (
+                reply.header['type'], reply.header['md5sum'], impl.data_class._md5sum))
+        hosts = {reply.host, urllib.parse.urlparse(uri).hostname}
+        connection = SubscriberTransport(impl, receiver, reply, uri, hosts)
+        kept = impl.add_connection(connection)
+    finally:
+        if not kept:
+            receiver.close()
+    if not kept:
+        return 0, '[%s] has been unregistered' % impl.resolved_name, 0
+    connection.start()
+    return 1, 'connected to %s by UDPROS' % uri, 1
+
+
+def _request(uri: str, impl: UdpSubscriberImpl, receiver: DatagramReceiver) -> List[Any]:
+    """Request a topic from a publisher; one that fails at UDPROS is asked again for TCPROS alone."""
+    header = {'topic': impl.resolved_name, 'type': impl.data_class._type, 'md5sum': impl.data_class._md5sum,
+              'callerid': rospy.names.get_caller_id()}
+    request = Request(rosgraph.network.get_host_name(), receiver.address[1], header, impl.options.max_datagram_size)
+    offers = [request.params() if protocol == PROTOCOL else [protocol] for protocol in impl.options.protocols]
+    try:
+        return _checked(rpc.call(uri, 'requestTopic', impl.resolved_name, offers))
     except Refused:
         if offers[-1] != [TCPROS] or len(offers) == 1:
             raise
-        return _checked(rpc.call(uri, 'requestTopic', topic, offers[-1:]))
+        return _checked(rpc.call(uri, 'requestTopic', impl.resolved_name, offers[-1:]))
 
 
-def _checked(params):
+def _checked(params: Any) -> List[Any]:
     if not isinstance(params, list) or not params or params[0] not in (PROTOCOL, TCPROS):
-        raise Refused('it answers with no known protocol: %.100r' % (params,))
+        raise Refused('the answer does not name a known protocol: %.100r' % (params,))
     return params
 
 
-def _still_serves(connection):
-    """Whether the publisher is the process that we connected to, and still knows of the connection.
+def _still_serves(connection: SubscriberTransport) -> bool:
+    """Whether the publisher is still the process that we connected to, and knows of the connection.
 
-    One that does not answer may be behind a link that is down just now: it keeps its connection.
+    If it does not answer, the link may be down for a moment, and the connection is kept.
     """
     try:
         pid = rpc.call(connection.endpoint_id, 'getPid')
@@ -236,14 +261,17 @@ def _still_serves(connection):
         return True
 
 
-_installed = threading.Lock(), []
+_install_lock = threading.Lock()
+_installed: List[UdprosHandler] = []
 
 
-def install():
-    """Bring UDPROS into this process's node; after rospy.init_node, before any udpros topic. Idempotent."""
-    lock, done = _installed
-    with lock:
-        if done:
+def install() -> None:
+    """Bind UDPROS to this process's node, once; after rospy.init_node, before any UDPROS topic.
+
+    :raises rospy.exceptions.ROSInitException: before rospy.init_node
+    """
+    with _install_lock:
+        if _installed:
             return
         if not rospy.core.is_initialized():
             raise rospy.exceptions.ROSInitException('call rospy.init_node before using smokebot_udp.udpros')
@@ -255,25 +283,27 @@ def install():
         node_handler._connect_topic = handler.connect_topic
         node_handler.publisherUpdate = functools.partial(_publisher_update, node_handler.publisherUpdate, handler)
         registration.publisher_update = handler.publisher_update
-        _overlook_nuls(node_handler)
-        done.append(handler)
+        _remove_nuls(node_handler)
+        _installed.append(handler)
 
 
-def _publisher_update(original, handler, caller_id, topic, publishers):
-    if publishers == [] and isinstance(topic, str):   # which rospy's own passes over
+def _publisher_update(original: Callable[..., Any], handler: UdprosHandler, caller_id: str, topic: Any,
+                      publishers: Any) -> Any:
+    """ROSHandler.publisherUpdate; rospy's own ignores an empty list."""
+    if publishers == [] and isinstance(topic, str):
         handler.publisher_update(topic, [])
     return original(caller_id, topic, publishers)
 
 
-def _overlook_nuls(node_handler):
-    """Take the NULs out of what the node's XML-RPC server reads, before its parser sees them."""
+def _remove_nuls(node_handler: Any) -> None:
+    """Remove the NULs from the requests to the node's XML-RPC server before its parser reads them."""
     for hook in rospy.core._shutdown_hooks:
         node = getattr(hook, '__self__', None)
-        if getattr(node, 'handler', None) is node_handler:
+        if node is not None and getattr(node, 'handler', None) is node_handler:
             node.server._marshaled_dispatch = functools.partial(_dispatch, node.server._marshaled_dispatch)
             return
-    rospy.logwarn('this rospy keeps its XML-RPC server elsewhere: 3 of 54 roscpp subscribers may not connect')
+    rospy.logwarn('the XML-RPC server of this rospy is not found: 3 of 54 roscpp subscribers may not connect')
 
 
-def _dispatch(original, data, *args, **kwargs):
+def _dispatch(original: Callable[..., Any], data: bytes, *args: Any, **kwargs: Any) -> Any:
     return original(data.replace(b'\0', b''), *args, **kwargs)

@@ -1,10 +1,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""UDPROS connections as rospy's topics hold them: rospy's Transport and topic classes, extended."""
+"""UDPROS connections and topics as rospy holds them: extensions of its Transport and topic classes.
+
+ROS messages and their classes have no types, so they are Any here.
+"""
 import contextlib
 import io
 import threading
 import time
 import traceback
+from dataclasses import dataclass
+from typing import Any, Callable, Iterable, Iterator, List, Optional, Sequence, Set, Tuple
 
 import numpy as np
 import rospy
@@ -12,34 +17,70 @@ from rospy.exceptions import TransportTerminated
 from rospy.impl.transport import INBOUND, OUTBOUND, Transport
 from rospy.topics import _PublisherImpl, _SubscriberImpl
 
+from ..arrays import BoolArray, Records
 from . import datagram
-from .endpoints import DatagramSender, PeerGone
-from .negotiation import PROTOCOL
+from .endpoints import Address, DatagramReceiver, DatagramSender, PeerGone
+from .frame import Frame
+from .negotiation import PROTOCOL, Reply, Request
 from .records import LayoutError, has_header, lengths_of, record_dtype
-from .subscription import Subscription
+from .subscription import Arrived, Subscription
+
+BatchCallback = Callable[[Records, BoolArray], None]
+
+
+@dataclass
+class PublisherOptions:
+    """What all Publishers of a topic in this process share: those of the first one apply."""
+    protocols: Tuple[str, ...]
+    """Protocols offered, best first."""
+    max_datagram_size: int
+    """The longest datagram sent [byte of UDP payload]."""
+
+
+@dataclass
+class SubscriberOptions:
+    """What all Subscribers of a topic in this process share: those of the first one apply."""
+    protocols: Tuple[str, ...]
+    """Protocols requested, best first."""
+    max_datagram_size: int
+    """The longest datagram received [byte of UDP payload]."""
+    receive_buffer: int
+    """Requested from the kernel [byte]."""
+    coalesce: float
+    """How long to wait for a batch to grow [s]."""
+    arrived: Optional[Arrived]
+    """Called for new messages."""
 
 
 class UdpTransport(Transport):
-    """What the two ends of a connection have in common: how rosnode shows them."""
+    """What both ends of a connection have in common: how rosnode shows them."""
     transport_type = PROTOCOL
-    _fileno = None
+    local_endpoint: Address
+    remote_endpoint: Address
+    done: bool
+    _fileno: Optional[int] = None
 
-    def fileno(self):
+    def fileno(self) -> Optional[int]:
+        """The socket's file descriptor."""
         return self._fileno
 
-    def get_transport_info(self):
+    def get_transport_info(self) -> str:
+        """The connection in words, in the form of rospy's TCPROS."""
         return '%s connection on port %s to [%s:%s on socket %s]' % (
-            (self.transport_type, self.local_endpoint[1]) + tuple(self.remote_endpoint[:2]) + (self._fileno,))
+            self.transport_type, self.local_endpoint[1], *self.remote_endpoint[:2], self._fileno)
 
 
 class PublisherTransport(UdpTransport):
-    """A publisher's connection to one subscriber."""
+    """A publisher's connection to one subscriber.
 
-    def __init__(self, topic, request, connection_id, max_datagram_size):
+    :raises OSError: if the subscriber's host is unknown or unreachable
+    :raises UnicodeError: if it is not a host name
+    """
+
+    def __init__(self, topic: str, request: Request, connection_id: int, max_datagram_size: int) -> None:
         super().__init__(OUTBOUND, name=topic)
         self.endpoint_id = request.header['callerid']
         self.connection_id, self.max_datagram_size = connection_id, max_datagram_size
-        self.pacer = None
         self.sender = DatagramSender(request.host, request.port)
         self._fileno = self.sender.socket.fileno()
         self.local_endpoint, self.remote_endpoint = self.sender.local, self.sender.remote
@@ -47,22 +88,28 @@ class PublisherTransport(UdpTransport):
         self._last_id = 0
         self._lock = threading.Lock()
 
-    def write_data(self, data):
-        """Send one message, its length prefix included, as rospy's publishers give it."""
+    def write_data(self, data: bytes) -> bool:
+        """Send one message with its length prefix, as rospy's publishers call it.
+
+        :raises TransportTerminated: if the connection is closed
+        """
         with self._sending():
             self._last_id = self._last_id % datagram.MESSAGE_IDS + 1
-            if len(data) <= self.max_datagram_size - datagram.HEADER.size:
+            size = self.max_datagram_size
+            if len(data) <= size - datagram.HEADER.size:
                 header = datagram.HEADER.pack(self.connection_id, datagram.Op.DATA0, self._last_id, 1)
                 sent = self.sender.send_one(header, data)
             else:
-                size = self.max_datagram_size
                 blocks = datagram.split(data, self.connection_id, self._last_id, size)
-                sent = self.sender.send(blocks, size, -(-len(blocks) // size), self.pacer)
+                sent = self.sender.send(blocks, size, -(-len(blocks) // size))
             self._count(1, sent, len(data))
         return True
 
-    def write_frame(self, frame):
-        """Send a frame's messages, each a datagram where the connection takes one so long."""
+    def write_frame(self, frame: Frame) -> None:
+        """Send a frame's messages, each as one datagram unless that is too long for the connection.
+
+        :raises TransportTerminated: if the connection is closed
+        """
         if frame.datagram_size > self.max_datagram_size:
             for row in frame.rows:
                 self.write_data(row[datagram.HEADER.size:].tobytes())
@@ -71,11 +118,12 @@ class PublisherTransport(UdpTransport):
             ids = datagram.message_ids(self._last_id, len(frame))
             self._last_id = int(ids[-1])
             frame.header['connection_id'], frame.header['message_id'] = self.connection_id, ids
-            sent = self.sender.send(frame.rows, frame.datagram_size, len(frame), self.pacer)
+            sent = self.sender.send(frame.rows, frame.datagram_size, len(frame))
             self._count(len(frame), sent, frame.rows.size)
 
     @contextlib.contextmanager
-    def _sending(self):
+    def _sending(self) -> Iterator[None]:
+        """One caller at a time; closes the connection if the subscriber is gone."""
         with self._lock:
             if self.done:
                 raise TransportTerminated('connection closed')
@@ -88,12 +136,13 @@ class PublisherTransport(UdpTransport):
         self.close()
         raise TransportTerminated(str(gone)) from gone
 
-    def _count(self, messages, datagrams, size):
+    def _count(self, messages: int, datagrams: int, size: int) -> None:
         self.stat_num_msg += messages
         self.stat_num_datagram += datagrams
         self.stat_bytes += size
 
-    def close(self):
+    def close(self) -> None:
+        """End the connection and free its socket."""
         if not self.done:
             self.done = True
             super().close()
@@ -102,27 +151,37 @@ class PublisherTransport(UdpTransport):
 
 
 class SubscriberTransport(UdpTransport):
-    """A subscriber's connection to one publisher: a Subscription, its thread, and how its messages are read."""
+    """A subscriber's connection to one publisher: a Subscription, its thread, and the delivery of its messages.
 
-    def __init__(self, impl, receiver, reply, publisher_uri, hosts):
+    :param impl: the topic
+    :param receiver: the connection's socket
+    :param reply: the publisher's answer
+    :param publisher_uri: of the publisher's XML-RPC server
+    :param hosts: host names or addresses of the publisher
+    """
+
+    def __init__(self, impl: 'UdpSubscriberImpl', receiver: DatagramReceiver, reply: Reply, publisher_uri: str,
+                 hosts: Iterable[Optional[str]]) -> None:
         super().__init__(INBOUND, name=impl.resolved_name)
         self.endpoint_id = publisher_uri
         self.header, self.md5sum, self.type = reply.header, reply.header['md5sum'], reply.header['type']
         self.callerid_pub = reply.header.get('callerid', 'unknown')
-        self.is_latched, self.latch = reply.header.get('latching') == '1', None
+        self.is_latched = reply.header.get('latching') == '1'
+        self.latch: Any = None
         self.local_endpoint, self.remote_endpoint = receiver.address, (reply.host, reply.port)
         self._fileno = receiver.socket.fileno()
-        self.publisher_pid = None
+        self.publisher_pid: Optional[int] = None
         self._impl = impl
-        self.subscription = Subscription(receiver, reply, hosts, self, impl.data_class, impl.queue_size,
-                                         impl.options.coalesce if impl.batch_callbacks else 0.0, impl.options.drop,
-                                         impl.options.arrived)
+        self.subscription = Subscription(
+            receiver, reply, hosts, self, impl.data_class, impl.queue_size,
+            impl.options.coalesce if impl.batch_callbacks else 0.0, impl.options.arrived)
         self._thread = threading.Thread(target=self._run, name='UDPROS ' + impl.resolved_name, daemon=True)
 
-    def start(self):
+    def start(self) -> None:
+        """Begin to receive."""
         self._thread.start()
 
-    def _run(self):
+    def _run(self) -> None:
         try:
             self.subscription.run()
         except Exception:   # a bug of ours must not leave a connection that only looks alive
@@ -131,27 +190,31 @@ class SubscriberTransport(UdpTransport):
             self.close()
 
     @property
-    def idle(self):
-        """Since when nothing has come [s]."""
+    def idle(self) -> float:
+        """Time since a datagram of the publisher was received last [s]."""
         return time.monotonic() - self.subscription.last_arrival
 
     @property
-    def wants_batches(self):
+    def wants_batches(self) -> bool:
+        """See subscription.Consumer."""
         return bool(self._impl.batch_callbacks)
 
     @property
-    def wants_messages(self):
+    def wants_messages(self) -> bool:
+        """See subscription.Consumer."""
         return bool(self._impl.callbacks)
 
-    def take_records(self, records, mask):
+    def take_records(self, records: Records, mask: BoolArray) -> None:
+        """Pass messages to the batch callbacks, see subscription.Consumer."""
         self._update_counts()
         self._impl.call_batch(records, mask)
 
-    def take_message(self, data):
+    def take_message(self, data: bytes) -> None:
+        """Deserialise a message and pass it to the callbacks, see subscription.Consumer."""
         self._update_counts()
         try:
             message = self._impl.data_class().deserialize(data)
-        except Exception:   # genpy's readers on hostile bytes raise DeserializationError, UnicodeError, ...
+        except Exception:   # genpy's readers raise DeserializationError, UnicodeError, ... on hostile bytes
             self.subscription.inbox.dropped['message'] += 1
             return
         message._connection_header = self.header
@@ -159,10 +222,11 @@ class SubscriberTransport(UdpTransport):
             self.latch = message
         self._impl.receive_callback([message], self)
 
-    def _update_counts(self):
+    def _update_counts(self) -> None:
         self.stat_bytes, self.stat_num_msg = self.subscription.bytes, self.subscription.datagrams
 
-    def close(self):
+    def close(self) -> None:
+        """End the connection; its thread frees the socket."""
         if not self.done:
             self.done = True
             self.subscription.stop()
@@ -170,31 +234,32 @@ class SubscriberTransport(UdpTransport):
 
 
 class UdpPublisherImpl(_PublisherImpl):
-    """A topic's publishing side that sends frames, and sends by UDP without a queue or a thread."""
+    """A topic's publishing side, which can send frames, and sends by UDP without a queue or a thread."""
+    queue_size: Optional[int]
 
-    def __init__(self, name, data_class, options):
+    def __init__(self, name: str, data_class: Any, options: PublisherOptions) -> None:
         super().__init__(name, data_class)
         self.options = options
 
-    def add_connection(self, c):
+    def add_connection(self, c: Any) -> bool:
+        """As rospy's, but without a queue for UDPROS."""
         if not isinstance(c, PublisherTransport):
-            return super().add_connection(c)
-        c.pacer = self.options.pacer
+            return bool(super().add_connection(c))
         with self.c_lock:
-            queue_size, self.queue_size = self.queue_size, None   # a datagram leaves at once or is lost
+            queue_size, self.queue_size = self.queue_size, None   # a datagram is sent at once or lost
             try:
-                return super().add_connection(c)
+                return bool(super().add_connection(c))
             finally:
                 self.queue_size = queue_size
 
-    def publish_frames(self, frames):
-        """Number the frames' messages, and send them to one connection after the other."""
+    def publish_frames(self, frames: Sequence[Frame]) -> None:
+        """Number the messages of some frames, and send them to all connections; the caller holds publock."""
         for frame in frames:
             if has_header(self.data_class):   # the numbering of rospy.msg.serialize_message
                 frame.records['header']['seq'] = self.seq + 1 + np.arange(len(frame))
             self.seq += len(frame)
             self.message_data_sent += frame.rows.size
-        stream = None
+        stream: Optional[bytes] = None
         for connection in self.connections:
             try:
                 if isinstance(connection, PublisherTransport):
@@ -203,28 +268,32 @@ class UdpPublisherImpl(_PublisherImpl):
                 else:
                     stream = b''.join(frame.stream() for frame in frames) if stream is None else stream
                     connection.write_data(stream)
-            except Exception as error:   # as rospy's publish: whatever failed ends this connection only
+            except Exception as error:   # as rospy's publish: a failure ends only the connection that failed
                 rospy.logdebug('[%s]: %s ended: %s', self.resolved_name, connection.endpoint_id, error)
                 connection.close()
 
 
 class UdpSubscriberImpl(_SubscriberImpl):
-    """A topic's subscribing side that asks for UDPROS, as its options say."""
+    """A topic's subscribing side, which can request UDPROS and call batch callbacks."""
 
-    def __init__(self, name, data_class, options):
+    def __init__(self, name: str, data_class: Any, options: SubscriberOptions) -> None:
         super().__init__(name, data_class)
         self.options = options
-        self.batch_callbacks = []
-        self.publishers = ()        # their URIs, as the master last said
-        self.connecting = set()     # of them, those being asked just now
-        self.last_asked = time.monotonic()  # when the master was last asked for them
+        self.batch_callbacks: List[BatchCallback] = []
+        self.publishers: Tuple[str, ...] = ()
+        """URIs of the publishers, as the master last reported them."""
+        self.connecting: Set[str] = set()
+        """URIs of the publishers with which a connection is being negotiated."""
+        self.last_asked = time.monotonic()
+        """When the master was last asked for the publishers, by time.monotonic() [s]."""
 
-    def call_batch(self, records, mask):
+    def call_batch(self, records: Records, mask: BoolArray) -> None:
+        """Call the batch callbacks; rospy logs what they raise."""
         for callback in self.batch_callbacks:
             self._invoke_callback(records, callback, mask)
 
-    def receive_callback(self, msgs, connection):
-        """As rospy's; messages that came by TCPROS reach the batch callbacks too, as batches of one."""
+    def receive_callback(self, msgs: List[Any], connection: Any) -> None:
+        """As rospy's; messages received by TCPROS reach the batch callbacks too, as batches of one."""
         super().receive_callback(msgs, connection)
         if self.batch_callbacks and not isinstance(connection, SubscriberTransport):
             for message in msgs:
@@ -232,8 +301,9 @@ class UdpSubscriberImpl(_SubscriberImpl):
                     self.call_batch(_as_records(message), np.ones(1, bool))
 
 
-def _as_records(message):
+def _as_records(message: Any) -> Records:
     buffer = io.BytesIO()
     message.serialize(buffer)
     data = buffer.getvalue()
-    return np.frombuffer(data, record_dtype(type(message), lengths_of(type(message), data)))
+    records: Records = np.ndarray((1,), record_dtype(type(message), lengths_of(type(message), data)), data)
+    return records

@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""XML-RPC to nodes and the master over a bad link.
+"""XML-RPC to nodes and to the master over a bad link.
 
-A TCP connection whose first packet is lost waits a second for the next, then two, then four (RFC 6298). With 20 % of
-loss each way that befalls every third, and of the dozen that a node opens at once one or two wait for 3 s. So one that
-does not come to be is raced by another soon (as in RFC 8305, "Happy Eyeballs", between addresses).
+If the first packet of a TCP connection is lost, TCP retries after 1 s, then 2 s, then 4 s (RFC 6298). With 20 % loss in
+each direction this happens to every third connection; of the dozen that a node opens at start-up one or two wait for
+3 s. Therefore an attempt to connect that gets no answer is soon raced by another (as in RFC 8305, "Happy Eyeballs",
+between addresses).
 """
+import collections
 import contextlib
 import errno
 import http.client
@@ -14,109 +16,142 @@ import selectors
 import socket
 import time
 import xmlrpc.client
+from typing import Any, Iterable, Optional, Tuple
 from xml.parsers.expat import ExpatError
 
 import rospy.names
 
+from .endpoints import Address
 from .negotiation import Refused
 
 RPC_TIMEOUT = 5.0
 """How long a publisher or the master may take to answer [s]."""
 
 MAX_ANSWER = 4 << 20
-"""More of an answer is not read [byte]."""
+"""Bytes of an answer that are read at most."""
 
-RACE_FIRST, RACE_MOST = 0.3, 5.0
-"""The second attempt to connect begins so long after the first; each pause is twice the one before, at most so long
+RACE_DELAY, MAX_RACE_DELAY = 0.3, 5.0
+"""Time from the first to the second attempt to connect; it doubles from one attempt to the next, up to the maximum
 [s]."""
 
-
 TCP_THIN_LINEAR_TIMEOUTS = 16
-"""Of Linux' tcp.h: what little is lost again and again is sent again each time as soon, not each time twice as late."""
+"""linux/tcp.h: with little data in flight, retransmission timeouts do not double."""
 
 
 class Unreachable(Exception):
     """The other side of an XML-RPC call does not answer, or not in XML-RPC."""
 
 
-def create_connection(address, timeout=None, *_, **__):
-    """Stands in for socket.create_connection: that of several attempts which comes first.
+class _Race(contextlib.ExitStack):
+    """Attempts to connect to one of several addresses; leaving the context closes all of them but the winner.
 
-    :param address: (host, port)
-    :param timeout: for all of them together, and then the socket's own [s]; None or no number: socket's default
-    :return: socket.socket
-    :raises OSError: where all addresses of the host refuse it; socket.timeout where one does not answer
+    :param addresses: as socket.getaddrinfo returns them
+    """
+
+    def __init__(self, addresses: Iterable[Tuple[Any, ...]]) -> None:
+        super().__init__()
+        self.addresses = collections.deque(addresses)
+        """Those that have not refused."""
+        self.error = 0
+        """The error number of the last attempt that failed."""
+        self._selector = self.enter_context(selectors.DefaultSelector())
+
+    def attempt(self) -> None:
+        """Begin to connect to the next address in turn."""
+        address = self.addresses[0]
+        self.addresses.rotate(-1)
+        family, kind, protocol, _, place = address
+        attempt = self.enter_context(socket.socket(family, kind, protocol))
+        attempt.setblocking(False)
+        error = attempt.connect_ex(place)
+        if error in (0, errno.EINPROGRESS):
+            self._selector.register(attempt, selectors.EVENT_WRITE, address)
+        else:
+            self._fail(address, error)
+
+    def wait(self, until: float) -> Optional[socket.socket]:
+        """The first socket that connects; None if none does until a time.monotonic(), or all attempts have failed."""
+        now = time.monotonic()
+        while self._selector.get_map() and now < until:
+            for key, _ in self._selector.select(until - now):
+                attempt: Any = key.fileobj
+                self._selector.unregister(attempt)
+                error = attempt.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
+                if not error:
+                    return socket.socket(fileno=attempt.detach())
+                self._fail(key.data, error)
+            now = time.monotonic()
+        return None
+
+    def _fail(self, address: Tuple[Any, ...], error: int) -> None:
+        self.error = error
+        if address in self.addresses:
+            self.addresses.remove(address)
+
+
+def create_connection(address: Address, timeout: Any = None, *_: Any, **__: Any) -> socket.socket:
+    """A replacement of socket.create_connection: makes several attempts and returns the first that succeeds.
+
+    :param address: host and port
+    :param timeout: for all attempts together, and then the socket's own [s]; None or not a number: socket's default
+    :raises OSError: if all addresses of the host refuse the connection; socket.timeout if one does not answer
     """
     if not isinstance(timeout, (int, float)):
         timeout = socket.getdefaulttimeout()
-    ways = socket.getaddrinfo(*address, type=socket.SOCK_STREAM)
-    now = time.monotonic()
-    pause, deadline = RACE_FIRST, now + (math.inf if timeout is None else timeout)
-    with contextlib.ExitStack() as attempts, selectors.DefaultSelector() as selector:
-        turn = 0
-        while True:
-            family, kind, protocol, _, place = way = ways[turn % len(ways)]
-            attempt = attempts.enter_context(socket.socket(family, kind, protocol))
-            attempt.setblocking(False)
-            error = attempt.connect_ex(place)
-            if error in (0, errno.EINPROGRESS):
-                selector.register(attempt, selectors.EVENT_WRITE, way)
-            else:
-                ways.remove(way)
-            until, pause = min(now + pause, deadline), min(2 * pause, RACE_MOST)
-            while selector.get_map() and now < until:
-                for key, _ in selector.select(until - now):
-                    selector.unregister(key.fileobj)
-                    error = key.fileobj.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
-                    if not error:
-                        return _taken(key.fileobj, timeout)
-                    if key.data in ways:
-                        ways.remove(key.data)
-                now = time.monotonic()
-            turn += 1
-            if not ways:
-                raise OSError(error, os.strerror(error))
-            if now >= deadline:
-                raise socket.timeout('no answer in %g s' % timeout)
+    with _Race(socket.getaddrinfo(*address, type=socket.SOCK_STREAM)) as race:
+        now, delay = time.monotonic(), RACE_DELAY
+        deadline = now + (math.inf if timeout is None else timeout)
+        while race.addresses and now < deadline:
+            race.attempt()
+            connected = race.wait(min(now + delay, deadline))
+            if connected is not None:
+                connected.settimeout(timeout)
+                connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                with contextlib.suppress(OSError):      # not on every kernel
+                    connected.setsockopt(socket.IPPROTO_TCP, TCP_THIN_LINEAR_TIMEOUTS, 1)
+                return connected
+            now, delay = time.monotonic(), min(2 * delay, MAX_RACE_DELAY)
+        if race.addresses:
+            raise socket.timeout('no answer in %g s' % timeout)
+        raise OSError(race.error, os.strerror(race.error))
 
 
-def _taken(attempt, timeout):
-    """The attempt's connection, which is not closed with all others."""
-    connected = socket.socket(fileno=attempt.detach())
-    connected.settimeout(timeout)
-    connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    with contextlib.suppress(OSError):      # not on every kernel
-        connected.setsockopt(socket.IPPROTO_TCP, TCP_THIN_LINEAR_TIMEOUTS, 1)
-    return connected
+def race_all_connections() -> None:
+    """Make all XML-RPC of this process, including rospy's own, connect by `create_connection`.
 
-
-def race_all_connections():
-    """Let all of this process' XML-RPC, rospy's own too, connect so; for a node's main, before rospy.init_node."""
-    socket.create_connection = create_connection
+    For a node's main, before rospy.init_node.
+    """
+    socket.create_connection = create_connection  # type: ignore[assignment]
 
 
 class _Connection(http.client.HTTPConnection):
-    def connect(self):
+    def connect(self) -> None:
         self.sock = create_connection((self.host, self.port), self.timeout)
 
 
 class Transport(xmlrpc.client.Transport):
-    """XML-RPC's client side that overlooks roscpp's NULs (ros_comm#2160), and neither waits nor reads for ever.
+    """The client side of XML-RPC, with a timeout and a limit of the answer's size, tolerant of roscpp's NULs.
 
-    :param timeout: [s]
+    roscpp's base64 puts NUL bytes into some answers (ros_comm#2160), which are removed.
+
+    :param timeout: to connect and for each read [s]
     """
-    accept_gzip_encoding = False   # parse_response reads what was sent
+    accept_gzip_encoding = False   # parse_response reads the answer as it is
 
-    def __init__(self, timeout=RPC_TIMEOUT):
+    def __init__(self, timeout: float = RPC_TIMEOUT) -> None:
         super().__init__()
         self._timeout = timeout
 
-    def make_connection(self, host):
+    def make_connection(self, host: Any) -> http.client.HTTPConnection:
+        """As xmlrpc.client.Transport's."""
         if not self._connection or self._connection[0] != host:
             self._connection = host, _Connection(host, timeout=self._timeout)
-        return self._connection[1]
+        connection = self._connection[1]
+        assert connection is not None
+        return connection
 
-    def parse_response(self, response):
+    def parse_response(self, response: http.client.HTTPResponse) -> Any:
+        """As xmlrpc.client.Transport's."""
         parser, unmarshaller = self.getparser()
         parser.feed(response.read(MAX_ANSWER).replace(b'\0', b''))
         parser.close()
@@ -124,14 +159,21 @@ class Transport(xmlrpc.client.Transport):
 
 
 class MasterTransport(Transport):
-    """For long lists: the master, which is Python's, takes and gives gzip, so that they are one packet and not ten."""
+    """For long lists to and from the master, which is written in Python and supports gzip: one packet instead of ten.
+    """
     accept_gzip_encoding = True
     encode_threshold = 1000     # [byte]
     parse_response = xmlrpc.client.Transport.parse_response
 
 
-def call(uri, method, *args):
-    """Call a node's or the master's API; returns the value. Raises Unreachable, or Refused where it says no."""
+def call(uri: str, method: str, *args: Any) -> Any:
+    """Call the API of a node or the master; returns the value.
+
+    :param uri: of the XML-RPC server
+    :param args: the method's, without the caller's name
+    :raises Unreachable: if there is no correct answer
+    :raises Refused: if the answer is an error
+    """
     try:
         with xmlrpc.client.ServerProxy(uri, transport=Transport()) as proxy:
             code, message, value = getattr(proxy, method)(rospy.names.get_caller_id(), *args)

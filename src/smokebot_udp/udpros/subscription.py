@@ -1,162 +1,200 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""One publisher's datagrams on the subscriber's side: from the socket to the topic's callbacks."""
+"""The subscriber's side of one connection: from the socket to the topic's callbacks."""
 import collections
 import functools
 import itertools
 import struct
 import threading
 import time
+from typing import Any, Callable, Deque, Iterable, List, Optional, Protocol, Tuple
 
 import numpy as np
 
-from .datagram import HEADER, LENGTH, OVERHEAD, Op
-from .endpoints import IP_UDP_HEADERS, addresses_of
+from ..arrays import Array, BoolArray, IntArray, Records, UInt8Array
+from .batches import BatchReader
+from .datagram import HEADER, IP_UDP_HEADERS, LENGTH, OVERHEAD, Op
+from .endpoints import DatagramReceiver, addresses_of
+from .negotiation import Reply
 from .reassembly import Inbox
-from .records import LayoutError, has_header, lengths_of, record_dtype, same_layout
+from .records import has_header
 from .sequence import SequenceTracker
 
-POLL = 0.25
-"""How often a silent connection looks whether it is to end [s]; `stop` wakes it at once."""
+POLL_PERIOD = 0.25
+"""How often a silent connection checks whether it has been stopped [s]; `stop` wakes it at once."""
 
 SEQ = np.dtype('<u4')
-"""std_msgs/Header.seq, a message's first field where it has a header."""
+"""std_msgs/Header.seq, the first field of a message that has a header."""
 
 EXPECTED = struct.Struct(HEADER.format + LENGTH.format[1:] + 'I')
-"""A datagram's header, its message's length and sequence number."""
+"""A datagram's header, the length of its message, and the message's sequence number."""
 
-MESSAGE_SIZE_MIN = EXPECTED.size - OVERHEAD
+MIN_MESSAGE_SIZE = EXPECTED.size - OVERHEAD
 
-FEW = 8
-"""Up to so many single messages are quicker taken one by one than by numpy."""
+MAX_SINGLES = 8
+"""Up to this many messages of one block are faster taken one by one than by numpy."""
 
-DRAIN = 4
-"""Batches taken from the socket before messages are delivered, so that the newest are among them."""
-
-MAX_LAYOUTS = 256
-"""Layouts kept at hand; a stream of ever new lengths has no use for them, and must not fill the memory."""
+MAX_BATCHES = 4
+"""Batches received before messages are delivered, so that the newest are among them."""
 
 LOOPBACK = 0x7f000000, 0xff000000
+"""127.0.0.0/8: network and mask."""
+
+Arrived = Callable[[int, int, int, int, float], None]
+"""f(connection, seq, size, count, when): `count` new messages of a topic whose messages have a header arrived together.
+
+* connection: a number that is higher for a later connection of this process
+* seq: the sequence number of one of them, usually the highest
+* size: their total size as IP packets; of messages of many blocks, the size of the messages only [byte]
+* when: when that message reached this machine, by time.monotonic() [s]
+"""
 
 
 class Source:
-    """Whose datagrams count: the publisher's host, and from its first good datagram on that very socket."""
+    """The trusted sender: the publisher's host, and after its first good datagram only that socket.
 
-    def __init__(self, hosts):
-        """:param hosts: names or addresses the publisher goes by"""
-        self._addresses = set().union(*map(addresses_of, hosts))
-        # on one machine a host's name may mean 127.0.1.1 where the kernel sends from 127.0.0.1
-        self._local = any(address & LOOPBACK[1] == LOOPBACK[0] for address in self._addresses)
-        self._endpoint = None
+    :param hosts: host names or addresses of the publisher
+    """
 
-    def trusts(self, sources):
-        """(n,) bool for (n,) of endpoints.SOCKADDR_IN."""
+    def __init__(self, hosts: Iterable[Optional[str]]) -> None:
+        self._addresses = np.array(sorted(set().union(*map(addresses_of, hosts))), np.uint32)
+        # on one machine a host name may stand for 127.0.1.1 while the kernel sends from 127.0.0.1
+        self._local = bool((self._addresses & LOOPBACK[1] == LOOPBACK[0]).any())
+        self._endpoint: Optional[Array] = None   # (1,) uint64
+        self._endpoint_bytes = b''
+
+    @property
+    def settled(self) -> bool:
+        """Whether one socket is known to be the publisher's."""
+        return self._endpoint is not None
+
+    def trusts(self, sources: Records) -> BoolArray:
+        """(n,) bool for (n,) senders of dtype endpoints.SOCKADDR_IN."""
         if self._endpoint is not None:
             return _endpoints(sources) == self._endpoint
-        known = np.isin(sources['address'], np.array(list(self._addresses), np.uint32))
+        known: BoolArray = np.isin(sources['address'], self._addresses)
         if self._local:
             known |= sources['address'] & LOOPBACK[1] == LOOPBACK[0]
         return known
 
-    @property
-    def settled(self):
-        return self._endpoint is not None
+    def is_settled_on(self, source: Any) -> bool:
+        """Whether one sender is the socket that has been settled on."""
+        return bool(source.tobytes()[:8] == self._endpoint_bytes)
 
-    def is_settled_on(self, source):
-        """Whether one of endpoints.SOCKADDR_IN is the endpoint that counts."""
-        return source.tobytes()[:8] == self._endpoint_bytes
-
-    def settle(self, sources, row):
-        """From now on only this row's endpoint counts."""
+    def settle(self, sources: Records, row: int) -> None:
+        """Trust only this row's socket from now on, unless one has been settled on before."""
         if self._endpoint is None:
-            self._endpoint = _endpoints(sources)[row]
+            self._endpoint = _endpoints(sources)[row:row + 1].copy()
             self._endpoint_bytes = self._endpoint.tobytes()
 
 
-def _endpoints(sources):
-    """(n,) uint64: family, port and address as one number, four times quicker to compare."""
+def _endpoints(sources: Records) -> Array:
+    """(n,) uint64: family, port and address as one number, which is four times faster to compare."""
     return sources.view(np.uint64)[::2]
 
 
 _numbers = itertools.count()
 
 
-class Subscription:
-    """Receives one connection's datagrams in a thread of its own and hands over what they carry.
+class Consumer(Protocol):
+    """What a Subscription delivers to."""
 
-    :param receiver: endpoints.DatagramReceiver
-    :param reply: negotiation.Reply, the publisher's
-    :param deliver: object with `wants_batches`, `take_records(records, mask)` and `take_message(bytes)`
-    :param queue_size: of the messages that came together, only so many of the newest are delivered; None: all
-    :param coalesce: wait so long after the first datagram of a batch for more of them [s]: fewer, larger
-        batches cost less; 0 where single messages are to come at once
-    :param drop: None, or a function of n that gives (n,) bool of datagrams to lose, for demonstrations
-    :param arrived: None, or f(number, seq, size, count, when), told of numbered messages that came together and never
-        before: the connection's number, which later ones have higher,
-        one of their sequence numbers, mostly the highest, their bytes as packets of IP (of those of many blocks: the
-        messages' own), how many they are, and when that one reached this machine, by time.monotonic() [s]
+    @property
+    def wants_batches(self) -> bool:
+        """Whether take_records is to be called."""
+
+    @property
+    def wants_messages(self) -> bool:
+        """Whether take_message is to be called."""
+
+    def take_records(self, records: Records, mask: BoolArray) -> None:
+        """Messages that arrived together: (n,) structured, and (n,) bool, those that are valid."""
+
+    def take_message(self, data: bytes) -> None:
+        """One serialised message."""
+
+
+class Subscription:
+    """Receives the datagrams of one connection and delivers their messages.
+
+    :param receiver: its socket, which `run` closes
+    :param reply: the publisher's answer
+    :param hosts: host names or addresses of the publisher
+    :param consumer: to which the messages are delivered, in the thread of `run` or `poll`
+    :param message_class: the topic's
+    :param queue_size: of messages that arrived together only this many, the newest, are delivered; None: all
+    :param coalesce: how long to wait after the first datagram of a batch for more [s]. Fewer and larger batches cost
+        less; 0 delivers single messages at once
+    :param arrived: called for new messages, see Arrived; None: nothing is called
     """
 
-    def __init__(self, receiver, reply, hosts, deliver, message_class, queue_size=None, coalesce=0.0, drop=None,
-                 arrived=None):
+    def __init__(self, receiver: DatagramReceiver, reply: Reply, hosts: Iterable[Optional[str]], consumer: Consumer,
+                 message_class: Any, queue_size: Optional[int] = None, coalesce: float = 0.0,
+                 arrived: Optional[Arrived] = None) -> None:
         self.receiver = receiver
         self.inbox = Inbox(reply.connection_id)
         self.sequence = SequenceTracker() if has_header(message_class) else None
+        """Counts of messages; None if the topic's messages have no header."""
         self.bytes = self.datagrams = 0
+        """Received from the publisher [byte of UDP payload, datagrams]."""
         self.last_arrival = time.monotonic()
+        """When a datagram of the publisher was received last, by time.monotonic() [s]."""
         self._source = Source(hosts)
-        self._deliver, self._message_class = deliver, message_class
-        self._coalesce, self._drop = coalesce, drop
-        self._arrived = arrived and functools.partial(arrived, next(_numbers))
-        self._waiting = collections.deque(maxlen=queue_size)
-        self._layouts = {}   # {datagram length: dtype last seen with it}
+        self._consumer = consumer
+        self._coalesce = coalesce
+        self._arrived = functools.partial(arrived, next(_numbers)) if arrived is not None else None
+        self._reader = BatchReader(message_class)
+        self._waiting: Deque[bytes] = collections.deque(maxlen=queue_size)
         self._ended = threading.Event()
 
-    def run(self):
-        """Receive until `stop`; then free the socket."""
+    def run(self) -> None:
+        """Receive and deliver until `stop`; then free the socket."""
         flowing = False
         try:
             while not self._ended.is_set():
-                if not flowing and not self.receiver.wait(POLL):
+                if not flowing and not self.receiver.wait(POLL_PERIOD):
                     continue
                 if self._coalesce:
                     time.sleep(self._coalesce)
-                flowing = self._drain() and self._coalesce > 0   # more will have come by the next time: no need to ask
-                while self._waiting and not self._ended.is_set():
-                    self._deliver.take_message(self._waiting.popleft())
+                flowing = self.poll() and self._coalesce > 0   # more will have arrived after the next sleep
         finally:
             self.receiver.close()
 
-    def _drain(self):
-        """Take what has come; returns whether there was anything."""
-        for batch in range(DRAIN):
+    def poll(self) -> bool:
+        """Receive and deliver what has arrived, without waiting; returns whether there was anything."""
+        received = self._receive()
+        while self._waiting and not self._ended.is_set():
+            self._consumer.take_message(self._waiting.popleft())
+        return received
+
+    def stop(self) -> None:
+        """End `run`, from any thread."""
+        self._ended.set()
+        self.receiver.wake()
+
+    def _receive(self) -> bool:
+        for batch in range(MAX_BATCHES):
             count = self.receiver.receive()
-            if 0 < count <= FEW and self._expects_messages():
-                self._take_few(count)
-            elif count:
-                self._take(count)
+            start = self._take_singles(count) if 0 < count <= MAX_SINGLES and self._expects_singles() else 0
+            if start < count:
+                self._take(start, count)
             if count < self.receiver.batch:
                 return batch + count > 0
         return True
 
-    def stop(self):
-        self._ended.set()
-        self.receiver.wake()
+    def _expects_singles(self) -> bool:
+        return self._source.settled and not self._consumer.wants_batches and not self.inbox.remembers
 
-    def _expects_messages(self):
-        return (self._drop is None and self._source.settled and not self._deliver.wants_batches
-                and not self.inbox.remembers)
-
-    def _take_few(self, count):
-        """Single messages as they are expected next; what is not is sorted with all that follows it."""
+    def _take_singles(self, count: int) -> int:
+        """Take rows [0, count) one by one up to the first that is not as expected; returns its number."""
         for row in range(count):
             if not self._take_expected(row):
-                self._take(count, row)
-                return
+                return row
+        return count
 
-    def _take_expected(self, row):
-        """Take one datagram if it holds the next message, whole: a tenth of the cost of sorting a batch of one."""
+    def _take_expected(self, row: int) -> bool:
+        """Take a row if it holds the next message, whole. This costs a tenth of `_take` with a batch of one."""
         length = int(self.receiver.lengths[row])
-        if not MESSAGE_SIZE_MIN <= length - OVERHEAD <= self.receiver.max_datagram_size - OVERHEAD:
+        if not MIN_MESSAGE_SIZE <= length - OVERHEAD <= self.receiver.max_datagram_size - OVERHEAD:
             return False
         datagram = self.receiver.datagrams[row, :length].tobytes()
         connection_id, op, message_id, block, announced, seq = EXPECTED.unpack_from(datagram)
@@ -172,18 +210,11 @@ class Subscription:
             self._arrived(seq, length + IP_UDP_HEADERS, 1, self.receiver.arrival(row))
         return True
 
-    def _take(self, count, first=0):
-        datagrams, lengths = self.receiver.datagrams[first:count], self.receiver.lengths[first:count]
-        sources, slots = self.receiver.sources[first:count], range(first, count)
+    def _take(self, start: int, stop: int) -> None:
+        """Sort rows [start, stop); deliver their records, and keep their messages for `poll`."""
+        datagrams, lengths = self.receiver.datagrams[start:stop], self.receiver.lengths[start:stop]
+        sources = self.receiver.sources[start:stop]
         trusted = self._source.trusts(sources)
-        if self._drop is not None:
-            lost = self._drop(count)
-            self.inbox.dropped['demonstration'] += int(np.count_nonzero(lost))
-            kept = np.flatnonzero(~lost)
-            if not len(kept):
-                return
-            datagrams, lengths, sources, trusted = datagrams[kept], lengths[kept], sources[kept], trusted[kept]
-            slots = kept + first
         now = time.monotonic()
         whole, messages = self.inbox.sort(datagrams, lengths, trusted, now)
         count = int(np.count_nonzero(trusted))
@@ -195,74 +226,56 @@ class Subscription:
         rows = np.flatnonzero(whole)
         if not len(rows) and not messages:
             return
-        self._source.settle(sources, rows[0] if len(rows) else messages[0][0])
+        self._source.settle(sources, int(rows[0]) if len(rows) else messages[0][0])
         if self.sequence is not None:
-            rows, messages = self._drop_repeated(datagrams, lengths, rows, messages, slots)
-        if self._deliver.wants_batches:
-            left = np.zeros(len(datagrams), bool)
-            left[rows] = True
-            self._take_records(datagrams, lengths, left)
+            rows = self._new_rows(self.sequence, datagrams, lengths, rows, start)
+            messages = self._new_messages(self.sequence, messages, stop - 1) if messages else []
+        if self._consumer.wants_batches:
+            mask = np.zeros(len(datagrams), bool)
+            mask[rows] = True
+            self._deliver_records(datagrams, lengths, mask)
             for _, message in messages:
-                self._take_records(*_as_datagram(message))
-        if self._deliver.wants_messages:
+                row = np.frombuffer(bytes(OVERHEAD) + message, np.uint8)[np.newaxis]
+                self._deliver_records(row, np.array([row.shape[1]]), np.ones(1, bool))
+        if self._consumer.wants_messages:
             singles = [(row, datagrams[row, OVERHEAD:lengths[row]].tobytes()) for row in rows.tolist()]
             self._waiting.extend(message for _, message in sorted(singles + messages))
 
-    def _drop_repeated(self, datagrams, lengths, rows, messages, slots):
-        """Count the sequence numbers; return the rows and the messages without those seen before.
+    def _new_rows(self, sequence: SequenceTracker, datagrams: UInt8Array, lengths: IntArray, rows: IntArray,
+                  start: int) -> IntArray:
+        """Count the messages of one block; returns the rows of those that are not duplicates.
 
-        :param slots: where the receiver has each row
+        :param rows: the rows of a batch that begins at the receiver's row `start`
         """
         if lengths.min() < OVERHEAD + SEQ.itemsize:
             numbered = lengths[rows] >= OVERHEAD + SEQ.itemsize
             self.inbox.dropped['message'] += int(np.count_nonzero(~numbered))
             rows = rows[numbered]
-        seqs = np.ndarray((len(datagrams),), SEQ, datagrams, OVERHEAD, (datagrams.shape[1],))[rows]
-        fresh = self.sequence.add(seqs)
-        rows = rows[fresh]
+        seqs: Array = np.ndarray((len(datagrams),), SEQ, datagrams, OVERHEAD, (datagrams.shape[1],))[rows]
+        new = sequence.add(seqs)
+        rows = rows[new]
         if self._arrived is not None and len(rows):
-            self._arrived(int(seqs[fresh][-1]), int(lengths[rows].sum()) + IP_UDP_HEADERS * len(rows), len(rows),
-                          self.receiver.arrival(slots[rows[-1]]))
-        if messages:
-            seqs = [int.from_bytes(message[:SEQ.itemsize], 'little') for _, message in messages]
-            fresh = self.sequence.add(seqs)
-            messages, seqs = ([one for one, new in zip(of_all, fresh) if new] for of_all in (messages, seqs))
-            if self._arrived is not None and messages:
-                self._arrived(seqs[-1], sum(len(message) for _, message in messages), len(messages),
-                              self.receiver.arrival(slots[-1]))
-        return rows, messages
+            self._arrived(int(seqs[new][-1]), int(lengths[rows].sum()) + IP_UDP_HEADERS * len(rows), len(rows),
+                          self.receiver.arrival(start + int(rows[-1])))
+        return rows
 
-    def _take_records(self, datagrams, lengths, left):
-        """Hand over the batch's messages, those of one layout at a time."""
-        while left.any():
-            first = int(left.argmax())
-            length = int(lengths[first])
-            try:
-                records, mask = self._see(datagrams, lengths, left, first, length)
-            except LayoutError:
-                self.inbox.dropped['message'] += 1
-                left[first] = False
-                continue
-            left ^= mask
-            self._deliver.take_records(records, mask)
+    def _new_messages(self, sequence: SequenceTracker, messages: List[Tuple[int, bytes]],
+                      last: int) -> List[Tuple[int, bytes]]:
+        """Count the messages of many blocks; returns those that are not duplicates.
 
-    def _see(self, datagrams, lengths, left, first, length):
-        """The batch through row `first`'s layout, and a mask of the rows of `left` that have it too."""
-        for known in (True, False):
-            if not known:
-                if len(self._layouts) >= MAX_LAYOUTS:
-                    self._layouts.clear()
-                layout = lengths_of(self._message_class, datagrams[first, OVERHEAD:length].tobytes())
-                self._layouts[length] = record_dtype(self._message_class, layout)
-            elif length not in self._layouts:
-                continue
-            records = np.ndarray((len(datagrams),), self._layouts[length], datagrams, OVERHEAD, (datagrams.shape[1],))
-            mask = left & (lengths == length) & same_layout(records, self._message_class)
-            if mask[first]:
-                break
-        return records, mask
+        :param last: the last of the receiver's rows in the batch
+        """
+        seqs = [int.from_bytes(message[:SEQ.itemsize], 'little') for _, message in messages]
+        new = sequence.add(seqs).tolist()
+        messages = list(itertools.compress(messages, new))
+        if self._arrived is not None and messages:
+            self._arrived(list(itertools.compress(seqs, new))[-1], sum(len(message) for _, message in messages),
+                          len(messages), self.receiver.arrival(last))
+        return messages
 
-
-def _as_datagram(message):
-    row = np.frombuffer(bytes(OVERHEAD) + message, np.uint8)[np.newaxis]
-    return row, np.array([row.shape[1]]), np.ones(1, bool)
+    def _deliver_records(self, datagrams: UInt8Array, lengths: IntArray, rows: BoolArray) -> None:
+        views, bad = self._reader.read(datagrams, lengths, rows)
+        if bad:
+            self.inbox.dropped['message'] += bad
+        for records, mask in views:
+            self._consumer.take_records(records, mask)

@@ -1,80 +1,88 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Publisher and Subscriber that speak UDPROS: rospy's own, with transport options."""
-from dataclasses import dataclass
-from typing import Callable, Optional, Tuple
+"""rospy.Publisher and rospy.Subscriber with UDPROS and options for the transport."""
+from typing import Any, Callable, Dict, List, Optional
 
 import rospy
 from rospy.impl.registration import Registration, get_topic_manager
 from rospy.topics import DEFAULT_BUFF_SIZE
 
 from .datagram import DEFAULT_MAX_DATAGRAM_SIZE, MIN_MAX_DATAGRAM_SIZE, UDP_MAX_PAYLOAD
-from .pacer import Pacer
+from .frame import Frame
 from .records import record_dtype
 from .rospy_binding import install
-from .rospy_transports import PublisherTransport, SubscriberTransport, UdpPublisherImpl, UdpSubscriberImpl
+from .rospy_transports import (
+    BatchCallback,
+    PublisherOptions,
+    PublisherTransport,
+    SubscriberOptions,
+    SubscriberTransport,
+    UdpPublisherImpl,
+    UdpSubscriberImpl,
+)
+from .subscription import Arrived
 
 PROTOCOLS = {'prefer_udp': ('UDPROS', 'TCPROS'), 'udp': ('UDPROS',), 'tcp': ('TCPROS',)}
-"""What `transport` may be, and what it offers or takes, best first."""
+"""{value of `transport`: protocols offered or requested, best first}"""
 
 
-@dataclass
-class _Options:
-    """What a topic's Publishers or Subscribers in this process have in common: the first one decides."""
-    protocols: Tuple[str, ...]
-    max_datagram_size: int
-    pacer: Optional[Pacer] = None
-    receive_buffer: int = 0
-    coalesce: float = 0.0
-    drop: Optional[Callable] = None
-    arrived: Optional[Callable] = None
-
-
-def _options(transport, max_datagram_size, **others):
+def _check(transport: str, max_datagram_size: int) -> None:
     if transport not in PROTOCOLS:
         raise ValueError('transport is one of %s, not %r' % (', '.join(PROTOCOLS), transport))
     if not MIN_MAX_DATAGRAM_SIZE <= max_datagram_size <= UDP_MAX_PAYLOAD:
         raise ValueError('max_datagram_size is from %d to %d, not %r' % (
             MIN_MAX_DATAGRAM_SIZE, UDP_MAX_PAYLOAD, max_datagram_size))
-    return _Options(PROTOCOLS[transport], max_datagram_size, **others)
 
 
-def _ensure_impl(name, data_class, registration, impl_class, options, prepare=lambda impl: None):
-    """Make the topic's implementation ours before rospy makes its own, and `prepare` it before it connects."""
+def _ensure_impl(name: str, registration: str, impl_class: Any, make: Callable[[str], Any],
+                 prepare: Callable[[Any], None] = lambda impl: None) -> None:
+    """Make the topic's implementation before rospy makes its own.
+
+    :param make: f(resolved name) -> the implementation, of impl_class
+    :param prepare: called with the implementation, new or not, before it connects
+    """
     install()
     manager, resolved = get_topic_manager(), rospy.names.resolve_name(name)
     with manager.lock:
         topics = manager.pubs if registration == Registration.PUB else manager.subs
         if resolved not in topics:
-            impl = impl_class(resolved, data_class, options)
+            impl = make(resolved)
             prepare(impl)
             manager._add(impl, topics, registration)
         elif isinstance(topics[resolved], impl_class):
             prepare(topics[resolved])
         else:
-            raise rospy.ROSException('[%s] has a plain rospy %s in this process already' % (
+            raise rospy.ROSException('[%s] already has a plain rospy %s in this process' % (
                 resolved, 'Publisher' if registration == Registration.PUB else 'Subscriber'))
 
 
 class Publisher(rospy.Publisher):
-    """rospy.Publisher whose subscribers may come by UDPROS.
+    """rospy.Publisher to which subscribers can connect by UDPROS.
 
-    :param transport: 'prefer_udp' (each subscriber as it asks), 'udp' or 'tcp'
-    :param max_datagram_size: clamped to the subscriber's and the path's [byte of UDP payload]
-    :param pacer: a Pacer that spreads what is sent by UDP, or None; may be shared between publishers
-    :raises ValueError: on an unknown transport or an impossible size
+    The further parameters are rospy.Publisher's. The transport options of a topic's first Publisher in a process apply
+    to all of them.
+
+    :param transport: 'prefer_udp' (whatever the subscriber requests), 'udp' or 'tcp'
+    :param max_datagram_size: longest datagram to send, also limited by the subscriber's and the path's
+        [byte of UDP payload]
+    :raises ValueError: if the transport is unknown or the size is out of range
+    :raises rospy.ROSException: if the topic already has a plain rospy.Publisher in this process
     """
 
-    def __init__(self, name, data_class, subscriber_listener=None, tcp_nodelay=False, latch=False, headers=None,
-                 queue_size=10, transport='prefer_udp', max_datagram_size=DEFAULT_MAX_DATAGRAM_SIZE, pacer=None):
-        options = _options(transport, max_datagram_size, pacer=pacer)
-        _ensure_impl(name, data_class, Registration.PUB, UdpPublisherImpl, options)
+    def __init__(self, name: str, data_class: Any, subscriber_listener: Any = None, tcp_nodelay: bool = False,
+                 latch: bool = False, headers: Optional[Dict[str, str]] = None, queue_size: Optional[int] = 10,
+                 transport: str = 'prefer_udp', max_datagram_size: int = DEFAULT_MAX_DATAGRAM_SIZE) -> None:
+        _check(transport, max_datagram_size)
+        options = PublisherOptions(PROTOCOLS[transport], max_datagram_size)
+        _ensure_impl(name, Registration.PUB, UdpPublisherImpl,
+                     lambda resolved: UdpPublisherImpl(resolved, data_class, options))
         super().__init__(name, data_class, subscriber_listener, tcp_nodelay, latch, headers, queue_size)
 
-    def publish_frames(self, *frames):
-        """Send all messages of some Frames; much cheaper than `publish` for each. Blocks while the pacer does.
+    def publish_frames(self, *frames: Frame) -> int:
+        """Send all messages of some Frames at once; much cheaper than `publish` for each message.
 
-        :return: the first message's sequence number; the others' follow it
-        :raises ValueError: where a frame is of another type than the topic
+        :return: the first message's sequence number; those of the others follow
+        :raises ValueError: if a frame is of another type than the topic
+        :raises rospy.ROSException: if the publisher has been unregistered
         """
         if self.impl is None:
             raise rospy.ROSException('publish_frames() to an unregistered() handle')
@@ -83,12 +91,20 @@ class Publisher(rospy.Publisher):
                 raise ValueError('[%s] publishes %s, not %s' % (
                     self.resolved_name, self.data_class._type, frame.message_class._type))
         with self.impl.publock:
-            first = self.impl.seq + 1
+            first: int = self.impl.seq + 1
             self.impl.publish_frames(frames)
         return first
 
-    def connections(self):
-        """What `rosnode info` does not tell: [{peer, address, datagrams, bytes, failures, ...}] by UDPROS."""
+    def connections(self) -> List[Dict[str, Any]]:
+        """Statistics of the UDPROS connections, one dictionary each.
+
+        * peer (str): the subscriber's node name
+        * address (str, int): the subscriber's host and UDP port
+        * connection_id (int)
+        * max_datagram_size (int): as negotiated [byte of UDP payload]
+        * datagrams, bytes (int): sent [datagrams, byte of messages]
+        * failures ({str: int}): datagrams that could not be sent, by the name of the error
+        """
         return [{'peer': c.endpoint_id, 'address': c.remote_endpoint, 'connection_id': c.connection_id,
                  'max_datagram_size': c.max_datagram_size, 'datagrams': c.stat_num_datagram, 'bytes': c.stat_bytes,
                  'failures': dict(c.sender.failures)}
@@ -96,51 +112,70 @@ class Publisher(rospy.Publisher):
 
 
 class Subscriber(rospy.Subscriber):
-    """rospy.Subscriber that asks its publishers for UDPROS.
+    """rospy.Subscriber that requests UDPROS.
 
-    :param transport: 'prefer_udp' (TCPROS from publishers that cannot), 'udp' or 'tcp'
-    :param batch_callback: f(records, mask), called with what came together: records is an (n,) structured
-        array, the serialised messages in place (see udpros.records), of which only those in the (n,) bool
-        mask are good. Both are valid during the call only
-    :param max_datagram_size: the longest datagram taken [byte of UDP payload]
-    :param receive_buffer: asked of the kernel [byte]; `connections` tells what it granted
+    The further parameters are rospy.Subscriber's. The transport options of a topic's first Subscriber in a process
+    apply to all of them.
+
+    :param transport: 'prefer_udp' (TCPROS if the publisher cannot do UDPROS), 'udp' or 'tcp'
+    :param batch_callback: f(records, mask), called for messages that arrived together. records is an (n,) structured
+        array of serialised messages (see udpros.records), mask is (n,) bool, those that are valid. Both are valid
+        during the call only
+    :param max_datagram_size: longest datagram to receive [byte of UDP payload]
+    :param receive_buffer: requested from the kernel, see `connections` for what it granted [byte]
     :param coalesce: with a batch_callback, how long to wait for a batch to grow [s]
-    :param drop: None, or f(n) giving (n,) bool of datagrams to lose, to demonstrate a bad link
-    :param arrived: None, or f(number, seq, size, count, when), told by the transport what came: see Subscription
-    :raises ValueError: on an unknown transport, an impossible size, or a batch_callback for a type whose
-        messages have no record layout
+    :param arrived: f(connection, seq, size, count, when), called for new messages, see udpros.subscription.Arrived;
+        None: nothing is called
+    :raises ValueError: if the transport is unknown, the size is out of range, or a batch_callback is given for a type
+        without record layout
+    :raises rospy.ROSException: if the topic already has a plain rospy.Subscriber in this process
     """
 
-    def __init__(self, name, data_class, callback=None, callback_args=None, queue_size=None,
-                 buff_size=DEFAULT_BUFF_SIZE, tcp_nodelay=False, transport='prefer_udp', batch_callback=None,
-                 max_datagram_size=DEFAULT_MAX_DATAGRAM_SIZE, receive_buffer=4 << 20, coalesce=2e-3, drop=None,
-                 arrived=None):
-        options = _options(transport, max_datagram_size, receive_buffer=receive_buffer, coalesce=coalesce, drop=drop,
-                           arrived=arrived)
+    def __init__(self, name: str, data_class: Any, callback: Optional[Callable[..., None]] = None,
+                 callback_args: Any = None, queue_size: Optional[int] = None, buff_size: int = DEFAULT_BUFF_SIZE,
+                 tcp_nodelay: bool = False, transport: str = 'prefer_udp',
+                 batch_callback: Optional[BatchCallback] = None,
+                 max_datagram_size: int = DEFAULT_MAX_DATAGRAM_SIZE, receive_buffer: int = 4 << 20,
+                 coalesce: float = 2e-3, arrived: Optional[Arrived] = None) -> None:
+        _check(transport, max_datagram_size)
+        options = SubscriberOptions(PROTOCOLS[transport], max_datagram_size, receive_buffer, coalesce, arrived)
         if batch_callback is not None:
-            record_dtype(data_class, {})    # raises where the type has no layout
+            record_dtype(data_class, {})    # raises if the type has no layout
         self._batch_callback = batch_callback
 
-        def prepare(impl):
+        def prepare(impl: UdpSubscriberImpl) -> None:
             if batch_callback is not None:
                 impl.batch_callbacks.append(batch_callback)
             impl.set_queue_size(queue_size)
 
-        _ensure_impl(name, data_class, Registration.SUB, UdpSubscriberImpl, options, prepare)
+        _ensure_impl(name, Registration.SUB, UdpSubscriberImpl,
+                     lambda resolved: UdpSubscriberImpl(resolved, data_class, options), prepare)
         super().__init__(name, data_class, callback, callback_args, queue_size, buff_size, tcp_nodelay)
 
-    def unregister(self):
+    def unregister(self) -> None:
+        """As rospy.Subscriber's."""
         if self.impl and self._batch_callback is not None:
             self.impl.batch_callbacks.remove(self._batch_callback)
             self._batch_callback = None
         super().unregister()
 
-    def connections(self):
-        """What `rosnode info` does not tell: [{peer, address, datagrams, lost, dropped, ...}] by UDPROS."""
+    def connections(self) -> List[Dict[str, Any]]:
+        """Statistics of the UDPROS connections, one dictionary each.
+
+        * peer (str): the publisher's node name
+        * address (str, int): the host and UDP port in the publisher's answer
+        * datagrams, bytes (int): received from the publisher [datagrams, byte of UDP payload]
+        * idle (float): time since the last one [s]
+        * received, lost (int): messages, by their sequence numbers; None if they have no header
+        * dropped ({str: int}): datagrams by the reason to drop them, see udpros.reassembly.Inbox; 'message': not a
+          message of the topic's type
+        * receive_buffer (int): as granted by the kernel [byte]
+        * kernel_drops (int): datagrams that the kernel dropped because this was full; None if unknown
+        """
         return [_describe(c) for c in self.impl.connections if isinstance(c, SubscriberTransport)]
 
 
-def _describe(connection):
+def _describe(connection: SubscriberTransport) -> Dict[str, Any]:
     subscription = connection.subscription
     sequence = subscription.sequence
     return {'peer': connection.callerid_pub, 'address': connection.remote_endpoint,

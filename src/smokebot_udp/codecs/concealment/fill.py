@@ -1,27 +1,30 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Fills the subimages that did not come from those that did (D6.3, section 4.2).
+"""Fills missing subimages from the received ones (D6.3, section 4.2).
 
-What came of a picture is the same for all its blocks, so a missing subimage is filled as a whole: which
-received one is near is worked out once on a block, and the pixels then move by the subimage.
+All blocks of an image have received the same places, so a missing subimage is filled as a whole: which received one is
+near is computed once, on one block, and the pixels are then moved by the subimage.
 """
+from typing import Dict, Tuple
+
 import numpy as np
 from scipy import ndimage
 
-from ..wire.interleave import table
+from ...arrays import Array, BoolArray, IntArray
+from ..wire.interleave import Interleave, table
+from ..wire.partial_image import FillMethod
 from .kriging import kriging, kriging_clamped, kriging_steered
 from .ring import moved, repeated
 
 
-def nearest(subimages, have, cut):
-    """Each missing pixel is its nearest received one: the deliverable's way (Figure 2).
+def nearest(subimages: Array, have: BoolArray, cut: Interleave) -> Array:
+    """Each missing pixel becomes its nearest received one: the deliverable's method (Figure 2).
 
-    Nearest by Euclidean distance between pixels; of those equally near, scipy's choice, always the same. At
-    the picture's border, where the nearest would lie outside, it is the nearest of the same subimage inside.
+    Nearest by Euclidean distance between pixels; among equally near ones scipy's choice, always the same. If the
+    nearest would lie outside the image, it is replaced by the nearest pixel of the same subimage inside.
 
     :param subimages: (n, rows, columns, ...) array of any dtype, in cut.order
-    :param have: (n,) bool, which of them were received; the others' values do not matter
-    :param cut: Interleave
-    :return: an array like subimages: all of them; zero where nothing was received
+    :param have: (n,) bool, the subimages received; the values of the others do not matter
+    :return: array like subimages: all of them; zero if nothing was received
     """
     if have.all():
         return subimages
@@ -38,12 +41,12 @@ def nearest(subimages, have, cut):
     return filled
 
 
-def _nearest_received(have, cut):
-    """For each subimage the nearest received one: (n,) position, and (n, 2) in which block, -1..1 down and right."""
+def _nearest_received(have: BoolArray, cut: Interleave) -> Tuple[IntArray, IntArray]:
+    """The nearest received one of each subimage: (n,) position, and (n, 2) in which block, -1..1 down and right."""
     p = cut.p
     position = cut.positions[table(cut.depth)]                       # (p, p), -1: no subimage
     missing = np.where(position < 0, True, ~have[position])
-    # the block repeats for ever, so no place's nearest is further up, down or aside than half a block
+    # the block repeats in all directions, so the nearest is at most half a block away
     half = p // 2
     indices = ndimage.distance_transform_edt(
         np.pad(missing, half, mode='wrap'), return_distances=False, return_indices=True)
@@ -57,9 +60,9 @@ def _nearest_received(have, cut):
     return source, block
 
 
-METHODS = {'nearest': nearest, 'kriging': kriging, 'kriging_clamped': kriging_clamped,
-           'kriging_steered': kriging_steered}
-"""{name: f(subimages, have, cut) -> subimages}, see `nearest`; all but it reckon with the subimages' numbers"""
+METHODS: Dict[str, FillMethod] = {
+    'nearest': nearest, 'kriging': kriging, 'kriging_clamped': kriging_clamped, 'kriging_steered': kriging_steered}
+"""{name: method}, see `nearest`. It only moves pixels; the others calculate with the subimages' numbers."""
 
 BEST = 'kriging_clamped'
-"""doc/fill.md"""
+"""By the measurements in doc/fill.md."""

@@ -1,73 +1,73 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Fills missing pixels by ordinary kriging: the best linear estimate from the received ones (G. Matheron, 1963).
 
-How much two pixels differ, squared and in the mean, is thought to grow with their distance h like sqrt(h^2 + b^2) - b
-(a multiquadric: R. L. Hardy, 1971). Far apart that is in proportion to the distance, as scenes of objects with edges
-do, at any scale; within b, SMOOTH, less, for the camera's own blur. Of all weights w_i that sum to 1, so that
-brightness does not matter, kriging takes those for the received neighbours z_i with which sum w_i z_i is least off.
+The variogram, the mean squared difference of two pixels at distance h, is modelled as sqrt(h^2 + b^2) - b (a
+multiquadric: R. L. Hardy, 1971). At long distances it is linear, as in scenes of objects with edges, at any scale;
+within b, SMOOTH, it is flatter, for the camera's own blur. Among all weights w_i that sum to 1, so that brightness does
+not matter, kriging uses those for the received neighbours z_i that minimise the expected squared error of sum w_i z_i.
 
-b is fixed, so the weights depend only on where the received pixels lie, not on the picture: all its blocks have
-received the same, and a missing subimage is estimated as a whole, by one set of weights, which the next picture may
-need again. The best b for each picture would gain little (doc/fill.md).
+b is fixed, so the weights depend only on the places of the received pixels, not on the image. All blocks of an image
+have received the same places, so a missing subimage is estimated as a whole by one set of weights, which are cached for
+the next images. The best b for each image would gain little (doc/fill.md).
 """
 import functools
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple, Tuple
 
 import numpy as np
 from scipy import sparse
 
-from ..wire.interleave import table
+from ...arrays import Array, BoolArray, DType, Float32Array, IntArray
+from ..wire.interleave import Interleave, table
 from .neighbours import neighbours
 from .ring import Border, border_of, continued, moved
 from .steering import DIRECTIONS, along, blended, edges
 
 SMOOTH = 1.0
-"""Within so much pictures are smooth [pixel]."""
+"""b of the model: images are smooth within this distance [pixel]."""
 
 NEIGHBOURS = 12
-"""So many received pixels estimate a missing one; with 20 it is 0.2 dB better, and takes half as long again."""
+"""Number of received pixels that estimate a missing one; 20 gain 0.2 dB, and take half as long again."""
 
 CLAMPING = 5
-"""An estimate is clamped to the range of so many nearest neighbours; with 4 to 12 it is as good."""
+"""An estimate is clamped to the range of this many nearest neighbours; 4 to 12 are equally good."""
 
 REACH = 2
-"""Neighbours are looked for so many blocks away: at a single received subimage this finds NEIGHBOURS."""
+"""Maximum distance of neighbours [block]: enough for NEIGHBOURS with a single received subimage."""
 
-PLANS_KEPT = 8
-"""Weights are kept for so many sets of received subimages: without loss, they are the same for each picture."""
+CACHED_PLANS = 8
+"""Weights are cached for this many sets of received subimages: without loss, each image has the same set."""
 
 
-def kriging(subimages, have, cut, smooth=SMOOTH):
-    """Each missing pixel is the best linear estimate from the received ones nearest to it.
+def kriging(subimages: Array, have: BoolArray, cut: Interleave, smooth: float = SMOOTH) -> Array:
+    """Each missing pixel becomes the best linear estimate from the received ones nearest to it.
 
-    Beyond the picture's border the received pixels nearest to it go on. An estimate may exceed its neighbours, as where
-    an edge or a peak lies between them. Where a neighbour is no finite number, as in a depth picture, the nearest
-    received pixel is taken.
+    Beyond the image's border the received pixels nearest to it are repeated. An estimate may exceed its neighbours, for
+    example if an edge or a peak lies between them. If a neighbour is not finite, as in a depth image, the nearest
+    received pixel is used.
 
     :param subimages: (n, rows, columns, ...) array of numbers, of any byte order, in cut.order
-    :param have: (n,) bool, which of them were received; the others' values do not matter
-    :param cut: Interleave
+    :param have: (n,) bool, the subimages received; the values of the others do not matter
     :param smooth: b of the model [pixel]
-    :return: an array like subimages: all of them; zero where nothing was received
+    :return: array like subimages: all of them; zero if nothing was received
     """
     return _fill(subimages, have, cut, smooth, clamp=False)
 
 
-def kriging_clamped(subimages, have, cut, smooth=SMOOTH):
-    """The same, but no estimate exceeds the range of the received pixels nearest to it: it invents no peak."""
+def kriging_clamped(subimages: Array, have: BoolArray, cut: Interleave, smooth: float = SMOOTH) -> Array:
+    """As kriging, but no estimate exceeds the range of the received pixels nearest to it: it invents no peak."""
     return _fill(subimages, have, cut, smooth, clamp=True)
 
 
-def kriging_steered(subimages, have, cut, smooth=SMOOTH):
-    """As kriging_clamped, but pixels along an edge are thought to be more alike than those across it.
+def kriging_steered(subimages: Array, have: BoolArray, cut: Interleave, smooth: float = SMOOTH) -> Array:
+    """As kriging_clamped, but pixels along an edge are modelled as more alike than those across it.
 
-    Where edges run is seen in what kriging makes of the picture. It takes about ten times as long.
+    Edges are detected in the result of kriging. It takes about ten times as long.
     """
     return _fill(subimages, have, cut, smooth, clamp=True, steer=True)
 
 
-def _fill(subimages, have, cut, smooth, clamp, steer=False):
+def _fill(subimages: Array, have: BoolArray, cut: Interleave, smooth: float, clamp: bool, steer: bool = False) -> Array:
     if have.all():
         return subimages
     if not have.any():
@@ -75,58 +75,64 @@ def _fill(subimages, have, cut, smooth, clamp, steer=False):
     plan = _plan(cut, have.tobytes(), float(smooth))
     numbers = _sources(subimages, have, plan)
     exact = numbers.astype(np.float32)
-    estimates = plan.weights @ exact
+    estimates: Array = plan.weights @ exact
     if steer:
-        with np.errstate(invalid='ignore', over='ignore'):      # of floats that are no finite numbers, or very large
+        with np.errstate(invalid='ignore', over='ignore'):      # floats that are not finite, or very large
             estimates = _steered(estimates, exact, subimages, have, cut, smooth)
     estimates = _rounded(estimates, numbers.dtype)
     if clamp:
-        np.clip(estimates, *_range(numbers, plan.nearest), out=estimates)
+        low, high = _range(numbers, plan.nearest)
+        np.clip(estimates, low, high, out=estimates)
     if estimates.dtype.kind == 'f':
-        strange = ~np.isfinite(estimates)
-        estimates[strange] = numbers[plan.nearest[0]][strange]
+        undefined = ~np.isfinite(estimates)
+        estimates[undefined] = numbers[plan.nearest[0]][undefined]
     filled = np.empty_like(subimages)
     filled[have] = subimages[have]
     filled[~have] = estimates.reshape((-1,) + subimages.shape[1:])
     return filled
 
 
-def _steered(estimates, exact, subimages, have, cut, smooth):
-    """:param estimates, exact: the isotropic ones of missing subimages; the sources; of all channels side by side"""
+def _steered(estimates: Float32Array, exact: Float32Array, subimages: Array, have: BoolArray, cut: Interleave,
+             smooth: float) -> Float32Array:
+    """Estimates that follow the edges.
+
+    :param estimates: (missing subimages, numbers) the isotropic ones, of all channels
+    :param exact: (s, numbers) the plan's sources
+    """
     shape = (-1,) + cut.shape + (math.prod(subimages.shape[3:]),)
-    picture = np.empty((len(cut),) + cut.shape, np.float32)
-    picture[have] = subimages[have].reshape(shape).mean(axis=-1, dtype=np.float32)
-    picture[~have] = estimates.reshape(shape).mean(axis=-1)
-    picture[~np.isfinite(picture)] = 0
-    found = cut.split(edges(cut.merge(picture), spacing=1 / math.sqrt(have.mean())))[~have]
-    plain = estimates.reshape(shape)
-    steered = (_steered_weights(cut, have.tobytes(), float(smooth)) @ exact).reshape((DIRECTIONS,) + plain.shape)
-    return blended(plain, steered, found[:, :, :, np.newaxis]).reshape(estimates.shape)
+    mean = np.empty((len(cut),) + cut.shape, np.float32)        # of the channels
+    mean[have] = subimages[have].reshape(shape).mean(axis=-1, dtype=np.float32)
+    mean[~have] = estimates.reshape(shape).mean(axis=-1)
+    mean[~np.isfinite(mean)] = 0
+    found = cut.split(edges(cut.merge(mean), spacing=1 / math.sqrt(have.mean())))[~have]
+    isotropic = estimates.reshape(shape)
+    steered = (_steered_weights(cut, have.tobytes(), float(smooth)) @ exact).reshape((DIRECTIONS,) + isotropic.shape)
+    return blended(isotropic, steered, found[:, :, :, np.newaxis]).reshape(estimates.shape)
 
 
 class _Plan(NamedTuple):
-    """How to fill what is missing of a cut.
+    """How to fill the missing subimages of a layout.
 
-    Sources are received subimages, each moved by whole blocks so that its pixels fall on the blocks they are
-    neighbours of.
+    Sources are received subimages, each moved by whole blocks so that its pixels fall on the blocks they are neighbours
+    of.
     """
-    rank: np.ndarray
-    """(s,) int: which of the received subimages each source is."""
-    block: np.ndarray
-    """(s, 2) int, -REACH..REACH: from which block, down and right, its pixels come."""
-    weights: sparse.csr_matrix
-    """(missing subimages, s) float32."""
-    nearest: np.ndarray
+    rank: IntArray
+    """(s,) int: the number of each source among the received subimages."""
+    block: IntArray
+    """(s, 2) int, -REACH..REACH: the block, down and right, that its pixels come from."""
+    weights: Any
+    """(missing subimages, s) float32 scipy.sparse.csr_matrix."""
+    nearest: IntArray
     """(at most CLAMPING, missing subimages) int: the sources nearest to each, the nearest first."""
     border: Border
-    offsets: np.ndarray
-    """(missing subimages, k, 2) int: where the sources of a row of weights lie, in that order."""
+    offsets: IntArray
+    """(missing subimages, k, 2) int: relative places of the sources of a row of weights, in the same order."""
 
 
-@functools.lru_cache(maxsize=PLANS_KEPT)
-def _plan(cut, have, smooth):
-    """:param have: the bytes of (n,) bool"""
-    p, have = cut.p, np.frombuffer(have, bool)
+@functools.lru_cache(maxsize=CACHED_PLANS)
+def _plan(cut: Interleave, have_bytes: bytes, smooth: float) -> _Plan:
+    """:param have_bytes: the bytes of (n,) bool"""
+    p, have = cut.p, np.frombuffer(have_bytes, bool)
     position = cut.positions[table(cut.depth)]          # (p, p), -1: no subimage
     place = np.empty((len(cut), 2), int)
     place[position[position >= 0]] = np.argwhere(position >= 0)
@@ -148,23 +154,23 @@ def _plan(cut, have, smooth):
         np.ascontiguousarray(source[:, :CLAMPING].T), border_of(place[have], p), offsets)
 
 
-@functools.lru_cache(maxsize=PLANS_KEPT)
-def _steered_weights(cut, have, smooth):
-    """(DIRECTIONS * missing subimages, s) float32 sparse matrix; :param have: as of _plan."""
-    plan = _plan(cut, have, smooth)
+@functools.lru_cache(maxsize=CACHED_PLANS)
+def _steered_weights(cut: Interleave, have_bytes: bytes, smooth: float) -> Any:
+    """(DIRECTIONS * missing subimages, s) float32 scipy.sparse.csr_matrix; the parameters are those of _plan."""
+    plan = _plan(cut, have_bytes, smooth)
     (m, s), k = plan.weights.shape, plan.offsets.shape[1]
     weights = weigh(along(plan.offsets).reshape(DIRECTIONS * m, k, 2), smooth)
     rows = np.arange(DIRECTIONS * m + 1, dtype=np.int32) * k
     return sparse.csr_matrix((weights.ravel(), np.tile(plan.weights.indices, DIRECTIONS), rows), (DIRECTIONS * m, s))
 
 
-def weigh(offsets, smooth=SMOOTH):
+def weigh(offsets: Array, smooth: float = SMOOTH) -> Float32Array:
     """The weights of ordinary kriging.
 
-    What is estimated is how much the missing pixel differs from its first neighbour, by how much the others do: then
-    the weights sum to 1 by themselves.
+    The difference between the missing pixel and its first neighbour is estimated from the differences between the other
+    neighbours and the first, so the weights sum to 1 by construction.
 
-    :param offsets: (m, k, 2) numbers, where each one's k neighbours lie, seen from it; no two at the same place
+    :param offsets: (m, k, 2) numbers, the places of k neighbours relative to each missing pixel; no two are the same
     :param smooth: b of the model [pixel]
     :return: (m, k) float32; each row sums to 1
     """
@@ -172,21 +178,22 @@ def weigh(offsets, smooth=SMOOTH):
     missing = _variogram(down, right, smooth)
     first = _variogram(down[1:] - down[0], right[1:] - right[0], smooth)
     k, m = down.shape
-    # covariances, twice, of differences from the first: of each two neighbours, and of each and the missing pixel
+    # twice the covariances of differences from the first: of each two neighbours, and of each and the missing pixel
     equations = np.empty((k - 1, k, m), np.float32)
     for i in range(k - 1):
         apart = _variogram(down[i + 1] - down[i + 1:], right[i + 1] - right[i + 1:], smooth)
         equations[i, i:-1] = first[i] + first[i:] - apart
         equations[i, -1] = missing[0] + first[i] - missing[i + 1]
     others = _solved(equations)
-    return np.concatenate([1 - others.sum(axis=0, keepdims=True), others]).T
+    weights: Float32Array = np.concatenate([1 - others.sum(axis=0, keepdims=True), others]).T
+    return weights
 
 
-def _solved(equations):
-    """Gauss' elimination of m systems of equations side by side: LAPACK, one after the other, takes five times as long.
+def _solved(equations: Float32Array) -> Float32Array:
+    """Gaussian elimination of m systems of equations at once; LAPACK, one after the other, takes five times as long.
 
-    :param equations: (n, n + 1, m): symmetric and positive definite, of which only the upper triangle counts, and the
-                      right side; changed
+    :param equations: (n, n + 1, m): symmetric and positive definite matrices, of which only the upper triangle is read,
+        and the right-hand side; they are changed
     :return: (n, m)
     """
     n = len(equations)
@@ -201,20 +208,22 @@ def _solved(equations):
     return solution
 
 
-def _variogram(down, right, smooth):
-    """The mean squared difference of pixels so far apart, up to a factor."""
-    return np.sqrt(down * down + right * right + np.float32(smooth ** 2)) - np.float32(smooth)
+def _variogram(down: Float32Array, right: Float32Array, smooth: float) -> Float32Array:
+    """The mean squared difference of pixels at this distance, up to a factor."""
+    difference: Float32Array = np.sqrt(down * down + right * right + np.float32(smooth ** 2)) - np.float32(smooth)
+    return difference
 
 
-def _sources(subimages, have, plan):
-    """The plan's sources: (s, pixels' numbers) array in the machine's byte order."""
+def _sources(subimages: Array, have: BoolArray, plan: _Plan) -> Array:
+    """The plan's sources: (s, numbers of a subimage) array in native byte order."""
     native = subimages[have].astype(subimages.dtype.newbyteorder('='), copy=False)
     down, right = (plan.block + REACH).T
-    return moved(continued(native, REACH, plan.border), REACH)[plan.rank, down, right].reshape(len(plan.rank), -1)
+    sources: Array = moved(continued(native, REACH, plan.border), REACH)[plan.rank, down, right]
+    return sources.reshape(len(plan.rank), -1)
 
 
-def _range(numbers, nearest):
-    """The least and the greatest of some sources, for each missing subimage."""
+def _range(numbers: Array, nearest: IntArray) -> Tuple[Array, Array]:
+    """The minimum and the maximum of some sources, for each missing subimage."""
     low, high = numbers[nearest[0]], numbers[nearest[0]]
     for source in nearest[1:]:
         others = numbers[source]
@@ -223,8 +232,8 @@ def _range(numbers, nearest):
     return low, high
 
 
-def _rounded(estimates, dtype):
-    """Estimates, float32, as numbers of this type, which they are clipped to."""
+def _rounded(estimates: Float32Array, dtype: DType) -> Array:
+    """Estimates as numbers of another type, clipped to its limits. They may be changed."""
     if dtype.kind == 'f':
         return estimates.astype(dtype, copy=False)
     limits = np.iinfo(dtype)

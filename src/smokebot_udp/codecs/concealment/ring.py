@@ -1,20 +1,22 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Subimages with a ring of blocks around the picture, and moved by whole blocks.
+"""Subimages padded by a ring of blocks, and shifted by whole blocks.
 
-So a missing pixel's neighbours in the blocks around its own are reached, also where these lie outside the picture.
+This gives access to a missing pixel's neighbours in the blocks around its own, also where these are outside the image.
 """
 from typing import NamedTuple
 
 import numpy as np
 
+from ...arrays import Array, IntArray
 
-def moved(ringed, reach):
-    """Subimages with a ring, each as it looks where every pixel is replaced by that of another block.
+
+def moved(ringed: Array, reach: int) -> Array:
+    """Padded subimages, each shifted by every number of blocks up to `reach`.
 
     :param ringed: (n, rows + 2 * reach, columns + 2 * reach, ...) array
-    :param reach: how many blocks away these may be
-    :return: (n, 2 * reach + 1, 2 * reach + 1, rows, columns, ...) read-only view: [i, reach + down, reach + right] has
-             at each block the pixel of the block so many further down and right
+    :param reach: maximum shift [block]
+    :return: (n, 2 * reach + 1, 2 * reach + 1, rows, columns, ...) read-only view: at each block,
+        [i, reach + down, reach + right] has the pixel of the block that is `down` further down and `right` to the right
     """
     side = 2 * reach + 1
     height, width, *more = ringed.shape[1:]
@@ -24,16 +26,42 @@ def moved(ringed, reach):
         (plane, row, column, row, column, *rest), writeable=False)
 
 
-def repeated(subimages, reach):
-    """The ring repeats each subimage's pixels at the border: the pixel outside is one inside, up to a block away."""
+def repeated(subimages: Array, reach: int) -> Array:
+    """Pad by repeating each subimage's pixels at the border.
+
+    :param subimages: (n, rows, columns, ...) array
+    :return: (n, rows + 2 * reach, columns + 2 * reach, ...) array
+    """
     return np.pad(subimages, ((0, 0), (reach, reach), (reach, reach)) + ((0, 0),) * (subimages.ndim - 3), mode='edge')
 
 
-def continued(subimages, reach, border):
-    """The ring continues the picture: the pixel outside is one of the received ones nearest to where the picture ends.
+class Border(NamedTuple):
+    """The received subimages nearest to the sides of a block. They are numbered among those received."""
+    across: IntArray
+    """(2, n) int: nearest to the top and the bottom of each subimage's column."""
+    along: IntArray
+    """(2, n) int: nearest to the left and the right end of its row."""
+    corners: IntArray
+    """(2, 2) int: nearest to the corners, top and bottom, left and right."""
+
+
+def border_of(place: IntArray, p: int) -> Border:
+    """The Border of blocks in which these places were received.
+
+    :param place: (n, 2) int, the row and column of each received subimage in a block of p by p
+    """
+    block = np.full((p, p), -1)
+    block[place[:, 0], place[:, 1]] = np.arange(len(place))
+    top, bottom, left, right = (_nearest_to_top(turned) for turned in (block, block[::-1], block.T, block.T[::-1]))
+    return Border(np.stack([top, bottom])[:, place[:, 1]], np.stack([left, right])[:, place[:, 0]],
+                  np.array([[side[0], side[-1]] for side in (top, bottom)]))
+
+
+def continued(subimages: Array, reach: int, border: Border) -> Array:
+    """Pad by continuing the image: each pixel outside is one of the received ones nearest to the image's border there.
 
     :param subimages: (n, rows, columns, ...) array, those received
-    :param border: Border of these
+    :param border: of these
     :return: (n, rows + 2 * reach, columns + 2 * reach, ...) array
     """
     n, rows, columns, *more = subimages.shape
@@ -48,32 +76,15 @@ def continued(subimages, reach, border):
     return ringed
 
 
-class Border(NamedTuple):
-    """Which received subimages are nearest to a block's sides. Their numbers count those received."""
-    across: np.ndarray
-    """(2, n) int: to where each subimage's column meets the top and the bottom."""
-    along: np.ndarray
-    """(2, n) int: to where its row meets the left and the right."""
-    corners: np.ndarray
-    """(2, 2) int: to the corners, top and bottom, left and right."""
+def _nearest_to_top(block: IntArray) -> IntArray:
+    """The number nearest to the upper end of each column.
 
-
-def border_of(place, p):
-    """The Border of blocks in which these places were received.
-
-    :param place: (n, 2) int, where in a block of p by p each received subimage has its pixel, row and column
+    :param block: (p, p) int, -1: none
+    :return: (p,) int
     """
-    block = np.full((p, p), -1)
-    block[place[:, 0], place[:, 1]] = np.arange(len(place))
-    top, bottom, left, right = (_nearest_to_top(turned) for turned in (block, block[::-1], block.T, block.T[::-1]))
-    return Border(np.stack([top, bottom])[:, place[:, 1]], np.stack([left, right])[:, place[:, 0]],
-                  np.array([[side[0], side[-1]] for side in (top, bottom)]))
-
-
-def _nearest_to_top(block):
-    """For each column, (p,) int: what is nearest to its upper end, of a (p, p) block's numbers that are not -1."""
     p = len(block)
     first = np.where((block >= 0).any(axis=0), (block >= 0).argmax(axis=0), 2 * p)      # each column's first row
     columns = np.arange(p)
     nearest = (first ** 2 + (columns - columns[:, np.newaxis]) ** 2).argmin(axis=1)
-    return block[first[nearest], nearest]
+    numbers: IntArray = block[first[nearest], nearest]
+    return numbers

@@ -1,244 +1,243 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Completes a picture with what came of earlier ones, while the scene stands (D6.3, section 4.2, last paragraph).
+"""Fills missing pixels with those of earlier images where the scene stands still (D6.3, section 4.2, last paragraph).
 
-Whether it stands is seen in the pictures themselves. A pixel that came now and is remembered too makes a pair;
-in a square cell of pixels the pairs' squared differences add up, and where they are more than the sensor's noise
-explains (a chi-square test), the cell has changed: it and its neighbours are forgotten.
+Whether it stands still is measured in the images. A pixel that is received and also known from earlier images is a
+pair. The squared differences of the pairs are summed in square cells of pixels. A cell whose sum is more than the
+sensor's noise explains (a chi-square test) has changed; it and its neighbours are forgotten.
 """
 import math
-from typing import NamedTuple, Optional
+from typing import NamedTuple, Optional, Tuple, Union
 
 import numpy as np
 
-from ..wire.interleave import table
+from ...arrays import Array, BoolArray, DType, Float32Array
+from ..wire.interleave import Interleave
+from ..wire.partial_image import PartialImage
 
-SMALLEST_CELL, LARGEST_CELL = 8, 64
-"""The side of a cell [pixel], a power of two between them: the less came, the larger, so that each has pairs."""
+MIN_CELL, MAX_CELL = 8, 64
+"""The side of a cell is a power of two between them: the fewer pixels are received, the larger, so it has pairs
+[pixel]."""
 
-PAIRS_WANTED = 8
-"""So many pairs a cell is to have where only one earlier picture, with as much loss, is remembered."""
+PAIRS_EXPECTED = 8
+"""Pairs that a cell should have if only one earlier image, with the same loss, is known."""
 
-PAIRS_NEEDED = 8
-"""Remembered pixels are shown only where their cell and its neighbours have so many pairs to vouch for them."""
+MIN_PAIRS = 8
+"""Earlier pixels are shown only if their cell and its neighbours together have this many pairs as evidence."""
 
-CERTAIN = 4.75
-"""Standard deviations of a normal variable: one cell in a million is forgotten for noise alone."""
+SIGNIFICANCE = 4.75
+"""Standard deviations of a normal variable: noise alone makes one cell in a million look changed."""
 
-MARGIN = 2.0
-"""Noise of so many times the usual variance is still noise: bright and dark parts of a picture differ in it."""
+NOISE_MARGIN = 2.0
+"""Factor by which a cell's noise variance may exceed the image's: noise depends on brightness."""
 
-RISE = 1.02
-"""What is held for the noise's variance grows by at most so much a picture, and falls at once: what moves looks
-like noise, but no sensor's noise rises like that."""
+MAX_NOISE_RISE = 1.02
+"""The noise variance rises by at most this factor per image, and falls at once. Movement looks like noise, but no
+sensor's noise rises like that."""
 
-LEAST = 2.0
-"""The variance of the difference of two whole numbers is never thought to be less, as if a sensor's noise were one
-count: nobody sees less, and where a compressed picture is flat there seems to be none."""
+MIN_INTEGER_VARIANCE = 2.0
+"""Lower limit for the variance of the difference of two integers, as if the noise were one count: less is invisible,
+and flat parts of a compressed image seem to have none."""
 
-ALIKE = 3.0
-"""So much less may a camera that smooths or compresses make neighbours differ than its noise does, in variance."""
+SMOOTHING_FACTOR = 3.0
+"""Factor by which a camera that smooths or compresses may reduce the variance between neighbouring pixels."""
 
-MUCH = 1e15
-"""What a number differs from what is none. Sums of its square are still float32."""
+NAN_DIFFERENCE = 1e15
+"""Difference between a number and NaN. Sums of its square are finite in float32."""
 
 MOVED = 0.5
-"""Where a larger share of the cells has changed, the camera has moved, and everything is forgotten."""
+"""If a larger ratio of the cells has changed, the camera has moved, and everything is forgotten."""
 
 
-class Integrated(NamedTuple):
-    """A completed picture."""
-    items: np.ndarray
-    """(height, width) array of the picture's item dtype."""
-    known: np.ndarray
-    """(height, width) bool: the pixels that were received, now or earlier; the others are filled."""
-    oldest: float
-    """The age of the oldest pixel shown, 0 where all are of this picture [s]."""
+class FilteredImage(NamedTuple):
+    """An image whose missing pixels are those of earlier images where possible."""
+    items: Array
+    """(height, width) array of the image's item dtype."""
+    known: BoolArray
+    """(height, width) bool: the pixels received, with this image or an earlier one; the others are filled."""
     changed: Optional[float]
-    """The share of the cells that changed, 0..1; None where there was nothing to compare with."""
+    """Ratio of the cells that changed, 0..1; None if nothing could be compared."""
 
     @property
-    def share(self):
-        """The share of the pixels that are known, 0..1."""
+    def known_ratio(self) -> float:
+        """Ratio of the pixels that are known, 0..1."""
         return float(np.count_nonzero(self.known)) / self.known.size
 
 
-class Memory:
-    """What came of the earlier pictures of a stream; of one thread only.
+class TemporalFilter:
+    """Keeps the pixels of a stream's earlier images. Not thread-safe.
 
-    :param max_age: pixels are remembered so long [s]
+    :param max_age: earlier pixels are shown up to this age [s]
     """
 
-    def __init__(self, max_age=5.0):
+    def __init__(self, max_age: float = 5.0) -> None:
         self.max_age = max_age
+        self._layout: Optional[Tuple[Interleave, DType, DType]] = None
+        self._began = self._now = -math.inf
+        self._items: Array = np.zeros((0, 0))
+        self._seen: Float32Array = np.zeros((0, 0), np.float32)
+        """When each pixel was received, one second before _began is 0 [s]; 0: never."""
+        self._noise = 0.0
+        """Variance of the difference of two images of the same scene; 0: unknown."""
+
+    def reset(self) -> None:
+        """Forget everything, including the sensor's noise."""
         self._layout = None
-        self._now = -math.inf
 
-    def forget(self):
-        """Forget everything, the sensor's noise too."""
-        self._layout = None
+    def apply(self, image: PartialImage, items: Array, channel: DType, now: float, use: bool = True) -> FilteredImage:
+        """Replace filled pixels by earlier ones where the scene stands still, and keep the received ones.
 
-    def complete(self, items, have, cut, channel, now, use=True):
-        """Show a picture as well as it is known, and remember what came of it.
+        An image of another size, depth or pixel type, or a clock that goes back, resets the filter.
 
-        :param items: (height, width) array of whole pixels, C-contiguous: the picture, its missing pixels filled;
-                      not changed, but kept: it must stay as it is
-        :param have: (n,) bool, which subimages were received, in cut.order
-        :param cut: Interleave of the picture
+        :param image: the subimages received; `image.received` is the only mask this needs
+        :param items: (height, width) array of whole pixels, C-contiguous: the image, its missing pixels filled. It is
+            not changed, but kept: the caller must not change it either.
         :param channel: dtype of a pixel's numbers, in their byte order, see pixels.pixel_type
-        :param now: [s], of a clock that does not jump
-        :param use: False: show nothing remembered, and forget all but this picture: the robot drives
-        :return: Integrated
+        :param now: by a clock that does not jump [s]
+        :param use: False: show no earlier pixels and forget all but this image, as while the robot drives
         """
-        layout = cut, items.dtype, channel
+        layout = image.cut, items.dtype, channel
         if layout != self._layout or now < self._now:
             self._begin(layout, now)
         self._now = now
-        moment = np.float32(now - self._began + 1)
-        came = received(have, cut)
-        known = self._seen >= max(moment - np.float32(self.max_age), np.float32(1))
-        side = _side(have)
-        changed, pairs = self._changed(_numbers(items, channel), _numbers(self._items, channel), came, known, side)
+        time = np.float32(now - self._began + 1)
+        received, cell = image.received, _cell_side(image.completeness)
+        known: BoolArray = self._seen >= max(time - np.float32(self.max_age), np.float32(1))
+        changed, pairs = self._compare(_numbers(items, channel), _numbers(self._items, channel), received, known, cell)
         compared = np.count_nonzero(pairs)
-        share = float(np.count_nonzero(changed)) / compared if compared else None
-        if have.all():    # nothing remembered is shown, and everything is remembered anew
+        ratio = float(np.count_nonzero(changed)) / compared if compared else None
+        if image.have.all():    # no earlier pixel is shown, and all are replaced
             self._items = items
-            self._seen.fill(moment)
-            return Integrated(items, came, 0.0, share)
-        if not use or (compared and share > MOVED):
+            self._seen.fill(time)
+            return FilteredImage(items, received, ratio)
+        if not use or (ratio is not None and ratio > MOVED):
             self._seen.fill(0)
-            known = np.zeros_like(came)
+            known = np.zeros_like(received)
         else:
-            stands = _with_neighbours(changed) == 0
-            vouched = stands & (_with_neighbours(pairs) >= PAIRS_NEEDED)
-            if not stands.all():
-                self._seen *= _of_cells(stands, side, came.shape)
-            known &= _of_cells(vouched, side, came.shape)
-        return self._show(items, came, known & ~came, moment, share)
+            unchanged = _with_neighbours(changed) == 0
+            supported = unchanged & (_with_neighbours(pairs) >= MIN_PAIRS)
+            if not unchanged.all():
+                self._seen *= _pixels_of(unchanged, cell, received.shape)
+            known &= _pixels_of(supported, cell, received.shape)
+        shown = _select(known & ~received, self._items, items)
+        self._items = _select(received, items, self._items)
+        np.maximum(self._seen, received * time, out=self._seen)
+        return FilteredImage(shown, received | known, ratio)
 
-    def _begin(self, layout, now):
+    def _begin(self, layout: Tuple[Interleave, DType, DType], now: float) -> None:
         cut, dtype, _ = self._layout = layout
         self._began = now
         self._items = np.zeros((cut.height, cut.width), dtype)
-        self._seen = np.zeros((cut.height, cut.width), np.float32)   # when, a second before _began is 0 [s]; 0: never
-        self._noise = 0.0   # variance of the difference of two pictures of the same scene; 0: never heard
+        self._seen = np.zeros((cut.height, cut.width), np.float32)
+        self._noise = 0.0
 
-    def _show(self, items, came, remembered, moment, share):
-        shown = _choose(remembered, self._items, items)
-        oldest = float(((moment - self._seen) * remembered).max())
-        self._items = _choose(came, items, self._items)
-        np.maximum(self._seen, came * moment, out=self._seen)
-        return Integrated(shown, came | remembered, oldest, share)
+    def _compare(self, new: Array, old: Array, received: BoolArray, known: BoolArray,
+                 cell: int) -> Tuple[BoolArray, Float32Array]:
+        """Which cells changed, (rows, columns) bool, and the number of pairs of each, float32.
 
-    def _changed(self, new, old, came, known, side):
-        """Which cells changed, (rows, columns) bool, and how many pairs each has, float32."""
-        squares, pairs = _differences(new, old, came & known, side)
-        noise = self._hear(squares, pairs, new, came)
+        :param new, old: (height, width, channels) numbers of the images
+        """
+        squares, pairs = _squared_differences(new, old, received & known, cell)
+        noise = self._update_noise(squares, pairs, new, received)
         with np.errstate(divide='ignore', invalid='ignore'):
-            # the chi-square distribution's far end, by Wilson and Hilferty
+            # quantile of the chi-square distribution: E. B. Wilson and M. M. Hilferty, 1931
             freedom = pairs * new.shape[2]
             spread = 2 / (9 * freedom)
-            most = MARGIN * noise * freedom * (1 - spread + CERTAIN * np.sqrt(spread)) ** 3
-            return (squares > most) & (pairs > 0), pairs
+            limit = NOISE_MARGIN * noise * freedom * (1 - spread + SIGNIFICANCE * np.sqrt(spread)) ** 3
+            return (squares > limit) & (pairs > 0), pairs
 
-    def _hear(self, squares, pairs, new, came):
-        """The variance of a difference that is the noise's: as much as most cells changed by.
+    def _update_noise(self, squares: Float32Array, pairs: Float32Array, new: Array, received: BoolArray) -> float:
+        """The noise variance of a difference: by how much the median cell changed.
 
-        If all of them moved, that is too much. But neighbours in one picture differ by the noise and by what is
-        seen: the noise is no more than that, give or take what a camera does to make neighbours alike.
+        If all cells moved, that is too much. But neighbouring pixels of one image differ by the noise and by the scene,
+        so the noise is not more than that, except for what SMOOTHING_FACTOR allows.
         """
-        least = LEAST if new.dtype.kind == 'u' else 0.0
+        lower_limit = MIN_INTEGER_VARIANCE if new.dtype.kind == 'u' else 0.0
         if pairs.any():
-            few = slice(None, None, 7)   # rows, enough of them, and of all subimages
-            beside = _differences(new[few, 1:], new[few, :-1], came[few, 1:] & came[few, :-1], SMALLEST_CELL)
-            noise = min(_usual(squares, pairs), ALIKE * _usual(*beside)) / new.shape[2]
+            some = slice(None, None, 7)   # rows: enough of them, and of all subimages
+            beside = _squared_differences(new[some, 1:], new[some, :-1], received[some, 1:] & received[some, :-1],
+                                          MIN_CELL)
+            noise = min(_median_square(squares, pairs), SMOOTHING_FACTOR * _median_square(*beside)) / new.shape[2]
             if not self._noise:
-                self._noise = max(noise, least) if math.isfinite(noise) else 0.0
-            elif noise:   # else the camera repeats itself, which tells nothing
-                self._noise = max(min(noise, self._noise * RISE), least)
-        return max(self._noise, least)
+                self._noise = max(noise, lower_limit) if math.isfinite(noise) else 0.0
+            elif noise:   # with 0 the camera repeats an image, which is no measurement
+                self._noise = max(min(noise, self._noise * MAX_NOISE_RISE), lower_limit)
+        return max(self._noise, lower_limit)
 
 
-def received(have, cut):
-    """(height, width) bool: the pixels that came, of the subimages that came."""
-    positions = cut.positions[table(cut.depth)]
-    block = (positions >= 0) & have[positions]
-    (rows, columns), p = cut.shape, cut.p
-    across = np.tile(block, (1, columns))[:, :cut.width]
-    return np.broadcast_to(across, (rows, p, cut.width)).reshape(rows * p, cut.width)[:cut.height]
-
-
-def _side(have):
-    share = np.count_nonzero(have) / len(have)
-    side = SMALLEST_CELL
-    while side < LARGEST_CELL and (share * side) ** 2 < PAIRS_WANTED:
+def _cell_side(completeness: float) -> int:
+    """Side of a cell in which PAIRS_EXPECTED pairs are expected [pixel]."""
+    side = MIN_CELL
+    while side < MAX_CELL and (completeness * side) ** 2 < PAIRS_EXPECTED:
         side *= 2
     return side
 
 
-def _numbers(items, channel):
+def _numbers(items: Array, channel: DType) -> Array:
     """(height, width, channels) view."""
     return items.view(channel).reshape(items.shape + (-1,))
 
 
-def _differences(first, second, both, side):
-    """The squared differences of two pictures where there are both, by cells.
+def _squared_differences(first: Array, second: Array, both: BoolArray, side: int) -> Tuple[Float32Array, Float32Array]:
+    """Sums of the squared differences of two images in cells, and the number of pixels compared in each.
 
-    :param both: (height, width) bool
-    :return: their sums, and how many pairs of pixels, both (rows, columns) float32; of what is no number in
-             one of them only, MUCH squared
+    :param first, second: (height, width, channels) numbers
+    :param both: (height, width) bool: the pixels to compare
+    :return: both (rows, columns) float32; NAN_DIFFERENCE stands for the difference of a number and NaN
     """
     weights = both.astype(np.float32)
     with np.errstate(invalid='ignore', over='ignore'):
-        difference = np.subtract(first, second, dtype=np.float32, casting='unsafe')
+        difference: Float32Array = np.subtract(first, second, dtype=np.float32, casting='unsafe')
         if first.dtype.kind == 'f':
-            _settle(difference, first, second)
+            # NaN, as where a depth camera sees nothing, equals NaN only
+            undefined = ~(np.abs(difference) < NAN_DIFFERENCE)
+            if undefined.any():
+                number = np.isfinite(first[undefined]) | np.isfinite(second[undefined])
+                difference[undefined] = np.where(number, NAN_DIFFERENCE, 0)
         np.multiply(difference, difference, out=difference)
-        squares = sum((difference[..., channel] for channel in range(1, difference.shape[2])), difference[..., 0])
-        return _cells(squares * weights, side), _cells(weights, side)
+        squares = difference[..., 0]
+        for channel in range(1, difference.shape[2]):
+            squares = squares + difference[..., channel]
+        return _sum_cells(squares * weights, side), _sum_cells(weights, side)
 
 
-def _settle(difference, first, second):
-    """What is no number, as where a depth camera sees nothing, differs from numbers only, and much."""
-    strange = ~(np.abs(difference) < MUCH)
-    if strange.any():
-        difference[strange] = np.where(np.isfinite(first[strange]) | np.isfinite(second[strange]), MUCH, 0)
-
-
-def _cells(pixels, side):
-    """Their sums in cells: (height, width) -> (ceil(height / side), ceil(width / side))."""
+def _sum_cells(pixels: Float32Array, side: int) -> Float32Array:
+    """Sums over cells: (height, width) -> (ceil(height / side), ceil(width / side))."""
     (height, width), below, beside = pixels.shape, -pixels.shape[0] % side, -pixels.shape[1] % side
     if below or beside:
         pixels = np.pad(pixels, ((0, below), (0, beside)))
     rows, columns = (height + below) // side, (width + beside) // side
-    return pixels.reshape(rows, side, width + beside).sum(axis=1).reshape(rows, columns, side).sum(axis=2)
+    sums: Float32Array = pixels.reshape(rows, side, width + beside).sum(axis=1).reshape(rows, columns, side).sum(axis=2)
+    return sums
 
 
-def _usual(squares, pairs):
-    """The mean squared difference of the median cell of numbers; infinite where there is none."""
-    some = (pairs >= min(PAIRS_WANTED, pairs.max(initial=1))) & (squares < MUCH)
+def _median_square(squares: Float32Array, pairs: Float32Array) -> float:
+    """The mean squared difference of the median cell; infinite if there is none."""
+    some = (pairs >= min(PAIRS_EXPECTED, pairs.max(initial=1))) & (squares < NAN_DIFFERENCE)
     return float(np.median(squares[some] / pairs[some])) if some.any() else math.inf
 
 
-def _with_neighbours(cells):
+def _with_neighbours(cells: Union[BoolArray, Float32Array]) -> Float32Array:
     """The sum of each cell and the eight around it."""
-    ringed = np.pad(cells.astype(np.float32), 1)
-    rows = ringed[:-2] + ringed[1:-1] + ringed[2:]
-    return rows[:, :-2] + rows[:, 1:-1] + rows[:, 2:]
+    padded = np.pad(cells.astype(np.float32), 1)
+    rows = padded[:-2] + padded[1:-1] + padded[2:]
+    sums: Float32Array = rows[:, :-2] + rows[:, 1:-1] + rows[:, 2:]
+    return sums
 
 
-def _of_cells(cells, side, shape):
-    """What holds for cells, for their pixels: (height, width) bool."""
+def _pixels_of(cells: BoolArray, side: int, shape: Tuple[int, ...]) -> BoolArray:
+    """Each pixel's cell: (rows, columns) -> (height, width) bool."""
     return np.repeat(np.repeat(cells, side, axis=1)[:, :shape[1]], side, axis=0)[:shape[0]]
 
 
-def _choose(mask, chosen, others):
+def _select(mask: BoolArray, chosen: Array, others: Array) -> Array:
     """np.where(mask, chosen, others), for whole pixels of any dtype, C-contiguous.
 
-    By bits: a branch for each pixel, which no processor foresees in such a mask, takes ten times as long.
+    By bits: a branch for each pixel, which no processor predicts in such a mask, takes ten times as long.
     """
     word = chosen.dtype if chosen.dtype.kind == 'u' else np.dtype(np.uint8)
     old, new = _numbers(others, word), _numbers(chosen, word)
     bits = np.empty(new.shape, word)
     for i in range(new.shape[2]):   # np.repeat takes ten times as long, too
         np.negative(mask, out=bits[..., i], dtype=word, casting='unsafe')
-    return (old ^ ((old ^ new) & bits)).view(chosen.dtype).reshape(mask.shape)
+    selected: Array = old ^ ((old ^ new) & bits)
+    return selected.view(chosen.dtype).reshape(mask.shape)

@@ -1,40 +1,49 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A point cloud in chunks that each thin it evenly, and its points as few bytes (D6.3, section 6.1).
+"""A point cloud in chunks that each cover all of it, and its points in few bytes (D6.3, section 6.1).
 
-Points are dealt like cards: of n chunks, chunk i takes the points i, i + n, i + 2n, ... Clouds come in an order
-in which neighbours follow each other (a scanner's, or the voxel filter's), so no chunk holds a place alone.
+Points are dealt round-robin: of n chunks, chunk i has the points i, i + n, i + 2n, ... Neighbouring points follow each
+other in a cloud, in a scanner's order as in the voxel filter's, so they are in different chunks.
 """
 import functools
 from dataclasses import dataclass
+from typing import Optional, Tuple
 
 import numpy as np
 
+from ...arrays import Array, BoolArray, Float32Array, IntArray, UInt8Array
+
 MAX_POINTS = 1 << 21
-"""A cloud of more points is refused on arrival: it would take some 50 MB."""
+"""Clouds of more points are refused on arrival: they would take some 50 MB."""
 
 MAX_BITS = 20
-"""Of an axis' offsets; clouds that span more at the bound asked for are sent as float32."""
+"""Maximum size of an axis' offsets. Clouds that need more at the requested bound are sent as float32 [bit]."""
 
 MAX_CHUNKS = 0xffff
 WORD = 64
-"""A point's offsets and intensity together have no more bits."""
+"""Maximum size of a point's offsets and intensity together [bit]."""
 
 INTENSITY_BITS = 8
 ENDING = 4
-"""So many chunks at a cloud's end tell that it is ending: with one alone, its loss would hide it."""
+"""Any of the last this many chunks announces the end of the cloud. With only one, its loss would hide the end."""
 
 
 @dataclass(frozen=True)
 class PointFormat:
-    """How a cloud's points are written."""
+    """The encoding of a cloud's points: float32 coordinates, or offsets in steps from an origin.
+
+    :raises ValueError: step or bits are out of limits
+    """
     has_intensity: bool
-    step: float = 0.0             # of the offsets [m]; 0: float32 coordinates
-    origin: tuple = (0, 0, 0)     # in steps
-    bits: tuple = (0, 0, 0)       # of each axis' offsets
+    step: float = 0.0
+    """Of the offsets [m]; 0: float32 coordinates."""
+    origin: Tuple[int, int, int] = (0, 0, 0)
+    """[step]"""
+    bits: Tuple[int, int, int] = (0, 0, 0)
+    """Size of each axis' offsets."""
     intensity_min: float = 0.0
     intensity_step: float = 0.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not np.isfinite(self.step) or self.step < 0:
             raise ValueError('step is %r, must be 0 or above' % self.step)
         if any(bits > MAX_BITS for bits in self.bits) or self._width > WORD:
@@ -42,91 +51,99 @@ class PointFormat:
                 self.bits, MAX_BITS, WORD))
 
     @property
-    def _width(self):
-        """Bits of a point's offsets and intensity."""
+    def _width(self) -> int:
+        """Size of a point's offsets and intensity [bit]."""
         return sum(self.bits) + INTENSITY_BITS * self.has_intensity
 
     @property
-    def size(self):
-        """Bytes of a point."""
+    def size(self) -> int:
+        """Size of a point [byte]."""
         if not self.step:
             return 16 if self.has_intensity else 12
         return max(1, -(-self._width // 8))
 
-    def write(self, points, intensity=None):
-        """(n, size) uint8 of (n, 3) float32 points and, where it has them, (n,) float32 intensities.
+    def write(self, points: Float32Array, intensity: Optional[Float32Array] = None) -> UInt8Array:
+        """Encode points.
 
-        As an offset, an intensity that is NaN is the least.
+        :param points: (n, 3) float32 [m]
+        :param intensity: (n,) float32, ignored without has_intensity; in 8 bits, NaN becomes the minimum
+        :return: (n, size) uint8
         """
+        if not self.has_intensity:
+            intensity = None
         if not self.step:
-            values = points if not self.has_intensity else np.column_stack([points, intensity])
+            values = points if intensity is None else np.column_stack([points, intensity])
             return np.ascontiguousarray(values, '<f4').view(np.uint8).reshape(len(points), self.size)
-        whole, shift = np.zeros(len(points), np.uint64), 0
+        words, shift = np.zeros(len(points), np.uint64), 0
         offsets = np.rint(points.astype(np.float64) / self.step).astype(np.int64) - np.array(self.origin)
         for axis in range(3):
-            whole |= offsets[:, axis].astype(np.uint64) << np.uint64(shift)
+            words |= offsets[:, axis].astype(np.uint64) << np.uint64(shift)
             shift += self.bits[axis]
-        if self.has_intensity:
+        if intensity is not None:
             levels = np.rint((intensity.astype(np.float64) - self.intensity_min) / (self.intensity_step or 1.0))
-            whole |= np.fmin(np.fmax(levels, 0), 255).astype(np.uint64) << np.uint64(shift)
-        return whole.astype('<u8').view(np.uint8).reshape(len(points), 8)[:, :self.size]
+            words |= np.fmin(np.fmax(levels, 0), 255).astype(np.uint64) << np.uint64(shift)
+        return words.astype('<u8').view(np.uint8).reshape(len(points), 8)[:, :self.size]
 
-    def read(self, data):
-        """The inverse of write: (n, 3) float32 points, and (n,) float32 intensities or None."""
+    def read(self, data: UInt8Array) -> Tuple[Float32Array, Optional[Float32Array]]:
+        """The inverse of write.
+
+        :param data: (n, size) uint8
+        :return: (n, 3) float32 points [m], and (n,) float32 intensities or None
+        """
         if not self.step:
             values = np.ascontiguousarray(data).view('<f4')
             return values[:, :3], values[:, 3] if self.has_intensity else None
         padded = np.zeros((len(data), 8), np.uint8)
         padded[:, :self.size] = data
-        whole = padded.view('<u8').reshape(-1)
+        words = padded.view('<u8').reshape(-1)
         points, shift = np.empty((len(data), 3), np.float32), 0
-        with np.errstate(over='ignore', invalid='ignore'):     # a forger's steps
+        with np.errstate(over='ignore', invalid='ignore'):     # a forged step
             for axis in range(3):
-                offsets = (whole >> np.uint64(shift)) & np.uint64((1 << self.bits[axis]) - 1)
+                offsets = (words >> np.uint64(shift)) & np.uint64((1 << self.bits[axis]) - 1)
                 points[:, axis] = (offsets.astype(np.int64) + self.origin[axis]) * self.step
                 shift += self.bits[axis]
             if not self.has_intensity:
                 return points, None
-            levels = (whole >> np.uint64(shift)) & np.uint64(255)
+            levels = (words >> np.uint64(shift)) & np.uint64(255)
             return points, (levels * self.intensity_step + self.intensity_min).astype(np.float32)
 
 
-def plain(has_intensity):
-    """float32 coordinates: exact."""
+def plain(has_intensity: bool) -> PointFormat:
+    """The exact format: float32 coordinates."""
     return PointFormat(has_intensity)
 
 
-def packed(points, bound, intensity=None):
-    """Offsets on a grid so fine that no coordinate is off by more than `bound`, in as few bytes as they need.
+def packed(points: Float32Array, bound: float, intensity: Optional[Float32Array] = None) -> PointFormat:
+    """The smallest format in which no coordinate is off by more than `bound`.
 
-    Where the cloud spans too much for that, its coordinates are float32.
+    If the cloud spans too much for offsets, that is float32.
 
     :param points: (n, 3) float32 [m], n >= 1
-    :param bound: [m], > 0; float32's own rounding comes on top
-    :param intensity: (n,) float32 or None; written in 8 bits from its least to its greatest finite value
+    :param bound: [m], > 0; float32's own rounding is added to it
+    :param intensity: (n,) float32 or None; encoded in 8 bits from its least to its greatest finite value
     """
     step = float(np.float32(2 * bound))
     if not step:
         return plain(intensity is not None)
     ends = np.rint(np.stack([points.min(axis=0), points.max(axis=0)]).astype(np.float64) / step)
-    bits = tuple(int(side).bit_length() for side in ends[1] - ends[0])
-    too_long = sum(bits) + INTENSITY_BITS * (intensity is not None) > WORD
-    if max(bits) > MAX_BITS or too_long or np.abs(ends).max() >= 2 ** 31:
+    x, y, z = (int(side).bit_length() for side in ends[1] - ends[0])
+    too_long = x + y + z + INTENSITY_BITS * (intensity is not None) > WORD
+    if max(x, y, z) > MAX_BITS or too_long or np.abs(ends).max() >= 2 ** 31:
         return plain(intensity is not None)
-    origin = tuple(int(end) for end in ends[0])
+    origin = int(ends[0, 0]), int(ends[0, 1]), int(ends[0, 2])
     if intensity is None:
-        return PointFormat(False, step, origin, bits)
+        return PointFormat(False, step, origin, (x, y, z))
     finite = intensity[np.isfinite(intensity)]
     low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 0.0)
-    return PointFormat(True, step, origin, bits, float(np.float32(low)), float(np.float32((high - low) / 255)))
+    return PointFormat(True, step, origin, (x, y, z), float(np.float32(low)), float(np.float32((high - low) / 255)))
 
 
-def deal(points, chunks):
-    """Deal points to chunks.
+def deal(points: Array, chunks: int) -> Array:
+    """Distribute points to chunks, round-robin.
 
     :param points: (n, ...) array; at least `chunks` of them, or none in one chunk
-    :return: (chunks, ceil(n / chunks), ...) array; where a chunk would have one less, it repeats the last point
-    :raises ValueError: where there are more than a receiver takes
+    :return: (chunks, ceil(n / chunks), ...) array; a chunk that would be shorter repeats the last point
+    :raises ValueError: there are more points or chunks than a receiver accepts
     """
     if len(points) > MAX_POINTS or chunks > MAX_CHUNKS:
         raise ValueError('%d points in %d chunks; there are up to %d in %d' % (
@@ -139,54 +156,60 @@ def deal(points, chunks):
 
 
 @functools.lru_cache(maxsize=64)
-def sending_order(chunks):
-    """(chunks,) int: which chunk is sent when, so that chunks sent together hold no neighbours.
+def sending_order(chunks: int) -> IntArray:
+    """The order in which chunks are sent, so that chunks lost in a row contain no neighbouring points.
 
-    Van der Corput's order: the first k are spread evenly, for any k. Read-only.
+    This is the van der Corput sequence: its first k numbers are spread evenly, for any k.
+
+    :return: (chunks,) int, read-only
     """
     bits = max(1, (chunks - 1).bit_length())
     numbers = np.arange(1 << bits)
-    mirrored = sum((numbers >> bit & 1) << (bits - 1 - bit) for bit in range(bits))
+    mirrored = np.zeros_like(numbers)
+    for bit in range(bits):
+        mirrored += (numbers >> bit & 1) << (bits - 1 - bit)
     order = mirrored[mirrored < chunks]
     order.setflags(write=False)
     return order
 
 
 class CloudParts:
-    """What has come of one cloud.
+    """The chunks of one cloud, as far as they were received.
 
-    :param point_format: PointFormat
-    :raises ValueError: where the numbers contradict each other or a limit
+    :param points: number of points of the whole cloud
+    :param chunks: number of chunks
+    :raises ValueError: the numbers contradict each other or exceed a limit
     """
 
-    def __init__(self, points, chunks, point_format):
+    def __init__(self, points: int, chunks: int, point_format: PointFormat) -> None:
         if not (1 <= chunks <= max(1, points) and points <= MAX_POINTS):
             raise ValueError('%d points in %d chunks; there are up to %d' % (points, chunks, MAX_POINTS))
         self.points, self.format = points, point_format
         self.have = np.zeros(chunks, bool)
         """(chunks,) bool: those received."""
         self.ending = False
-        """Whether one of the last chunks has come: not much can follow."""
+        """Whether one of the last chunks was received: little can follow."""
         self._last = sending_order(chunks)[-ENDING:]
         self._dealt = np.zeros((chunks, -(-points // chunks) * point_format.size), np.uint8)
 
     @property
-    def complete(self):
+    def complete(self) -> bool:
+        """Whether all chunks were received."""
         return bool(self.have.all())
 
     @property
-    def completeness(self):
-        """The share of its chunks that were received, 0..1."""
+    def completeness(self) -> float:
+        """Ratio of the chunks received, 0..1."""
         return float(np.count_nonzero(self.have)) / len(self.have)
 
-    def add(self, indexes, payloads):
-        """Take chunks.
+    def add(self, indexes: IntArray, payloads: UInt8Array) -> BoolArray:
+        """Add chunks of the same length.
 
-        :param indexes: (m,) int
+        :param indexes: (m,) int, their numbers
         :param payloads: (m, k) uint8
         :return: (m,) bool: those that fit the cloud; the others were dropped
         """
-        good = indexes < len(self.have)
+        good: BoolArray = indexes < len(self.have)
         if payloads.shape[1] != self._dealt.shape[1]:
             good[:] = False
         if good.any():
@@ -195,10 +218,10 @@ class CloudParts:
             self.ending = self.ending or bool(self.have[self._last].any())
         return good
 
-    def merge(self):
-        """What has come, in the cloud's order: (n, 3) float32 points, (n,) float32 intensities or None.
+    def merge(self) -> Tuple[Float32Array, Optional[Float32Array]]:
+        """The points received, in the cloud's order, without forged ones that are not finite.
 
-        Points that are not finite are left out: only a forger sends them.
+        :return: (n, 3) float32 points [m], and (n,) float32 intensities or None
         """
         chunks = np.flatnonzero(self.have)
         dealt = self._dealt[chunks].reshape(len(chunks), self._dealt.shape[1] // self.format.size, self.format.size)

@@ -1,39 +1,41 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Cuts a grid of pixels into interleaved subimages, and puts them together again (D6.3, section 4.1).
+"""Splits an image or a map into interleaved subimages, and merges them again (D6.3, section 4.1).
 
-Table 2(a), ``0 2 / 3 1``, says which subimage each pixel of a 2 by 2 block belongs to. Applied to the blocks
-of blocks too, depth times in all, it numbers the p * p places of a p by p block, p = 2^depth: Table 3.
-Subimage i takes the pixel at its place from every block, so that each shows the whole picture, and the first
-4^k of them, for any k, are a regular grid: coarse first.
+Table 2(a), ``0 2 / 3 1``, assigns each pixel of a 2 by 2 block to one of four subimages. Applied recursively, depth
+times, it numbers the p * p places of a p by p block, p = 2^depth: Table 3. Subimage i consists of the pixels at place i
+of all blocks, so each subimage shows the whole image. The first 4^k subimages, for any k, form a regular grid: they are
+in order from coarse to fine.
 """
 import functools
 from dataclasses import dataclass
+from typing import Tuple
 
 import numpy as np
+
+from ...arrays import Array, BoolArray, IntArray
 
 TABLE_2A = np.array([[0, 2], [3, 1]])
 MAX_DEPTH = 8
 MAX_SIDE = 4096
-"""Pictures and maps have at most so many rows, and so many columns."""
+"""Maximum number of rows, and of columns, of an image or a map."""
 
-CUTS_KEPT = 16
-"""Of so many cuts the order is kept: they are made for the sizes segments name, forged ones too, and take up to
-1 MB each."""
+CACHED_ORDERS = 16
+"""Orders are cached for this many layouts: segments, forged ones too, name any layout, and one takes up to 1 MB."""
 
 
 @functools.lru_cache(maxsize=None)
-def table(depth):
+def table(depth: int) -> IntArray:
     """Table 3 for any depth: the subimage of each place of a block.
 
     :return: (p, p) int array, [row, column] -> index, read-only
-    :raises ValueError: where depth is not in 0..MAX_DEPTH
+    :raises ValueError: depth is not in 0..MAX_DEPTH
     """
     if not 0 <= depth <= MAX_DEPTH:
         raise ValueError('depth is %r, must be from 0 to %d' % (depth, MAX_DEPTH))
     result = np.zeros((1, 1), int)
     for _ in range(depth):
         p = len(result)
-        # the finest split comes last, and counts most: D6.3's Table 3(a) from 2(a)
+        # the finest split comes last and has the largest weight: D6.3's Table 3(a) from 2(a)
         result = np.kron(np.ones_like(result), TABLE_2A) * p * p + np.kron(result, np.ones_like(TABLE_2A))
     result.setflags(write=False)
     return result
@@ -41,17 +43,19 @@ def table(depth):
 
 @dataclass(frozen=True)
 class Interleave:
-    """How a grid of height by width is cut with a depth.
+    """The layout of the subimages of a height by width grid.
 
-    Subimages are all ceil(height / p) by ceil(width / p): those that would end earlier repeat the grid's last
-    row or column. Where the grid is smaller than a block, the places outside it have no subimage. Subimages
-    are held in the order of their indexes, `order`.
+    All subimages are ceil(height / p) by ceil(width / p). Where the grid is not a multiple of p, the last row or column
+    is repeated. If the grid is smaller than a block, places outside the grid have no subimage. Arrays of subimages are
+    in the order of their indexes, `order`.
+
+    :raises ValueError: a side is not in 1..MAX_SIDE, or depth not in 0..MAX_DEPTH
     """
     height: int
     width: int
     depth: int
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name, side in (('height', self.height), ('width', self.width)):
             if not 1 <= side <= MAX_SIDE:
                 raise ValueError('%s is %r, must be from 1 to %d' % (name, side, MAX_SIDE))
@@ -59,35 +63,35 @@ class Interleave:
             raise ValueError('depth is %r, must be from 0 to %d' % (self.depth, MAX_DEPTH))
 
     @property
-    def p(self):
-        """The side of a block, and the step between a subimage's pixels."""
+    def p(self) -> int:
+        """Side of a block, and distance between neighbouring pixels of a subimage [pixel]."""
         return 1 << self.depth
 
     @property
-    def shape(self):
+    def shape(self) -> Tuple[int, int]:
         """(rows, columns) of each subimage."""
         return -(-self.height // self.p), -(-self.width // self.p)
 
     @property
-    def order(self):
-        """(n,) int: the indexes of the subimages there are, ascending. Read-only."""
+    def order(self) -> IntArray:
+        """(n,) int: the indexes of the existing subimages, ascending. Read-only."""
         return _order(min(self.height, self.p), min(self.width, self.p), self.depth)
 
     @property
-    def positions(self):
-        """(p * p,) int: where in `order` each index stands; -1: it has no subimage. Read-only."""
+    def positions(self) -> IntArray:
+        """(p * p,) int: the position of each index in `order`; -1 if it has no subimage. Read-only."""
         return _positions(min(self.height, self.p), min(self.width, self.p), self.depth)
 
-    def __len__(self):
+    def __len__(self) -> int:
         """The number of subimages, n."""
         return min(self.height, self.p) * min(self.width, self.p)
 
-    def split(self, grid):
-        """Cut a grid.
+    def split(self, grid: Array) -> Array:
+        """Split a grid into subimages.
 
         :param grid: (height, width, ...) array
         :return: (n, rows, columns, ...) array of the same dtype, in `order`
-        :raises ValueError: where the grid is of another size
+        :raises ValueError: the grid has another size
         """
         if grid.shape[:2] != (self.height, self.width):
             raise ValueError('the grid is %s, not %s' % (grid.shape[:2], (self.height, self.width)))
@@ -97,9 +101,10 @@ class Interleave:
             grid = np.pad(grid, ((0, below), (0, beside)) + ((0, 0),) * len(more), mode='edge')
         blocks = grid.reshape((rows, p, columns, p) + more)
         places = np.ascontiguousarray(np.moveaxis(blocks, (1, 3), (0, 1))).reshape((p * p, rows, columns) + more)
-        return places[_places(self.depth)[self.order]]
+        subimages: Array = places[_places(self.depth)[self.order]]
+        return subimages
 
-    def merge(self, subimages):
+    def merge(self, subimages: Array) -> Array:
         """The inverse of split.
 
         :param subimages: (n, rows, columns, ...) array, in `order`
@@ -111,51 +116,61 @@ class Interleave:
         np.moveaxis(grid, (1, 3), (0, 1))[...] = subimages[self.positions[table(self.depth)]]
         return np.ascontiguousarray(grid.reshape((rows * p, columns * p) + more)[:self.height, :self.width])
 
+    def pixel_mask(self, have: BoolArray) -> BoolArray:
+        """The pixels of some subimages.
 
-WORTH_DEEPER = 0.9
-"""One depth more is taken where it needs at most so many of the segments: smaller subimages fill them better."""
+        :param have: (n,) bool, which subimages, in `order`
+        :return: (height, width) bool
+        """
+        positions = self.positions[table(self.depth)]
+        block = (positions >= 0) & have[positions]
+        rows, columns = self.shape
+        row_of_blocks = np.tile(block, (1, columns))[:, :self.width]
+        mask = np.broadcast_to(row_of_blocks, (rows, self.p, self.width))
+        return mask.reshape(rows * self.p, self.width)[:self.height]
 
 
-def fit(height, width, cell_size, room):
-    """A cut whose subimages fit in `room` bytes and fill it well, and how many of them one segment then holds.
+FINER_SEGMENTS = 0.9
+"""The next depth is used if it needs at most this ratio of the segments: smaller subimages fill segments better."""
 
-    The coarsest that fits, or the next one where that saves segments (WORTH_DEEPER).
 
-    :param cell_size: bytes of a pixel
-    :return: (Interleave, subimages a segment)
-    :raises ValueError: where the size is out of limits, or no depth fits
+def fit(height: int, width: int, cell_size: int, room: int) -> Tuple[Interleave, int]:
+    """A layout whose subimages fit in segments and use most of their size.
+
+    That is the coarsest one that fits, or the next one if that saves segments (FINER_SEGMENTS).
+
+    :param cell_size: size of a pixel [byte]
+    :param room: size of a segment's pixels, at most [byte]
+    :return: the layout, and the number of subimages in a segment
+    :raises ValueError: the size is out of limits, or no depth fits
     """
-    cuts = (Interleave(height, width, depth) for depth in range(MAX_DEPTH + 1))
-    fitting = [(cut, per_segment) for cut, per_segment in (
-        (cut, min(room // (cut.shape[0] * cut.shape[1] * cell_size), len(cut), 255)) for cut in cuts) if per_segment]
+    layouts = (Interleave(height, width, depth) for depth in range(MAX_DEPTH + 1))
+    fitting = [(layout, per_segment) for layout, per_segment in (
+        (layout, min(room // (layout.shape[0] * layout.shape[1] * cell_size), len(layout), 255))
+        for layout in layouts) if per_segment]
     if not fitting:
         raise ValueError('%d x %d pixels of %d bytes do not fit in segments of %d bytes' % (
             width, height, cell_size, room))
-    coarsest, *finer = fitting
-    if finer and _segments(*finer[0]) <= WORTH_DEEPER * _segments(*coarsest):
-        return finer[0]
-    return coarsest
-
-
-def _segments(cut, per_segment):
-    return -(-len(cut) // per_segment)
+    # segments that the two coarsest need
+    segments = [-(-len(layout) // per_segment) for layout, per_segment in fitting[:2]]
+    return fitting[1] if len(segments) > 1 and segments[1] <= FINER_SEGMENTS * segments[0] else fitting[0]
 
 
 @functools.lru_cache(maxsize=None)
-def _places(depth):
+def _places(depth: int) -> IntArray:
     """(p * p,) int: the place in a block, row by row, of each index."""
     return np.argsort(table(depth), axis=None)
 
 
-@functools.lru_cache(maxsize=CUTS_KEPT)
-def _order(rows, columns, depth):
+@functools.lru_cache(maxsize=CACHED_ORDERS)
+def _order(rows: int, columns: int, depth: int) -> IntArray:
     order = np.sort(table(depth)[:rows, :columns], axis=None)
     order.setflags(write=False)
     return order
 
 
-@functools.lru_cache(maxsize=CUTS_KEPT)
-def _positions(rows, columns, depth):
+@functools.lru_cache(maxsize=CACHED_ORDERS)
+def _positions(rows: int, columns: int, depth: int) -> IntArray:
     positions = np.full(4 ** depth, -1)
     positions[_order(rows, columns, depth)] = np.arange(rows * columns)
     positions.setflags(write=False)

@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The pixels of a sensor_msgs/Image, without copying them: encodings, step and byte order (REP-118, sensor_msgs)."""
+"""The pixels of a sensor_msgs/Image as arrays, without a copy: encodings, step, byte order (REP-118, sensor_msgs)."""
+from typing import Tuple
+
 import cv2
 import numpy as np
 
+from ...arrays import Array, Buffer, DType
 from .interleave import MAX_SIDE
 
 ENCODINGS = {'mono8': ('u1', 1), '8UC1': ('u1', 1), 'mono16': ('u2', 1), '16UC1': ('u2', 1), '32FC1': ('f4', 1),
@@ -11,8 +14,11 @@ ENCODINGS = {'mono8': ('u1', 1), '8UC1': ('u1', 1), 'mono16': ('u2', 1), '16UC1'
 """{sensor_msgs/image_encodings: (numpy type of a channel, channels)}"""
 
 
-def pixel_type(encoding, is_bigendian=False):
-    """(dtype of a channel, channels); ValueError where the encoding is not among ENCODINGS."""
+def pixel_type(encoding: str, is_bigendian: bool = False) -> Tuple[DType, int]:
+    """The dtype of a channel, and the number of channels.
+
+    :raises ValueError: the encoding is not one of ENCODINGS
+    """
     try:
         kind, channels = ENCODINGS[encoding]
     except KeyError:
@@ -20,11 +26,11 @@ def pixel_type(encoding, is_bigendian=False):
     return np.dtype(kind).newbyteorder('>' if is_bigendian else '<'), channels
 
 
-def as_pixels(data, height, width, step, encoding, is_bigendian):
+def as_pixels(data: Buffer, height: int, width: int, step: int, encoding: str, is_bigendian: bool) -> Array:
     """The fields of a sensor_msgs/Image as numbers.
 
     :return: (height, width) or (height, width, channels) array, a view of data, in the image's byte order
-    :raises ValueError: naming the field that is wrong and its value
+    :raises ValueError: names the wrong field and its value
     """
     dtype, channels = pixel_type(encoding, is_bigendian)
     _check(data, height, width, step, encoding, channels * dtype.itemsize)
@@ -32,27 +38,34 @@ def as_pixels(data, height, width, step, encoding, is_bigendian):
     return np.ndarray(shape, dtype, data, 0, (step, channels * dtype.itemsize, dtype.itemsize)[:len(shape)])
 
 
-def as_items(data, height, width, step, encoding):
-    """The same as whole pixels, to be moved but not reckoned with: (height, width) array of `item_type`."""
+def as_items(data: Buffer, height: int, width: int, step: int, encoding: str) -> Array:
+    """The fields of a sensor_msgs/Image as whole pixels, to be moved but not calculated with.
+
+    :return: (height, width) array of `item_type`, a view of data
+    :raises ValueError: names the wrong field and its value
+    """
     dtype = item_type(encoding)
     _check(data, height, width, step, encoding, dtype.itemsize)
     return np.ndarray((height, width), dtype, data, 0, (step, dtype.itemsize))
 
 
-def item_type(encoding):
-    """A dtype of a whole pixel's bytes."""
+def item_type(encoding: str) -> DType:
+    """A dtype of a whole pixel's bytes.
+
+    :raises ValueError: the encoding is not one of ENCODINGS
+    """
     dtype, channels = pixel_type(encoding)
     return _item(channels * dtype.itemsize)
 
 
-def _item(size):
+def _item(size: int) -> DType:
     return np.dtype({1: 'u1', 2: 'u2', 4: 'u4'}.get(size, 'V%d' % size))
 
 
-def reduce_by(pixels, factor):
-    """Each block of factor by factor pixels becomes its mean; blocks at the far borders may be cut off.
+def reduce_by(pixels: Array, factor: int) -> Array:
+    """Average each block of factor by factor pixels. Blocks at the right and the lower border may be incomplete.
 
-    :param pixels: (height, width) or (height, width, channels) array as as_pixels gives it, in any byte order
+    :param pixels: (height, width) or (height, width, channels) array from as_pixels, in any byte order
     :return: (ceil(height / factor), ceil(width / factor)) array of whole pixels, in the same byte order
     """
     below, beside = (-side % factor for side in pixels.shape[:2])
@@ -65,7 +78,7 @@ def reduce_by(pixels, factor):
     return np.ascontiguousarray(means).view(_item(size)).reshape(height, width)
 
 
-def _check(data, height, width, step, encoding, pixel_size):
+def _check(data: Buffer, height: int, width: int, step: int, encoding: str, pixel_size: int) -> None:
     for name, side in (('height', height), ('width', width)):
         if not 1 <= side <= MAX_SIDE:
             raise ValueError('%s is %d, must be from 1 to %d' % (name, side, MAX_SIDE))

@@ -1,6 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The points of a sensor_msgs/PointCloud2 of any layout as plain arrays."""
+from typing import Any, Iterable, Optional, Tuple
+
 import numpy as np
+
+from ...arrays import Array, Buffer, DType, Float32Array
 
 DATATYPES = {1: 'i1', 2: 'u1', 3: 'i2', 4: 'u2', 5: 'i4', 6: 'u4', 7: 'f4', 8: 'f8'}
 """{sensor_msgs/PointField datatype: numpy type}"""
@@ -8,14 +12,14 @@ DATATYPES = {1: 'i1', 2: 'u1', 3: 'i2', 4: 'u2', 5: 'i4', 6: 'u4', 7: 'f4', 8: '
 FLOATS = 7, 8
 
 
-def as_points(data, fields, height, width, point_step, row_step, is_bigendian, with_intensity=False):
+def as_points(data: Buffer, fields: Iterable[Any], height: int, width: int, point_step: int, row_step: int,
+              is_bigendian: bool, with_intensity: bool = False) -> Tuple[Float32Array, Optional[Float32Array]]:
     """The finite points of a cloud, organised or not.
 
-    :param data: bytes-like
     :param fields: sensor_msgs/PointFields: objects with name, offset, datatype, count
-    :return: (n, 3) float32 x, y, z [m], and (n,) float32 intensity, or None where not asked for or not there; in
-        the cloud's order, points with NaN or infinite coordinates left out
-    :raises ValueError: naming the field that is wrong and its value
+    :return: (n, 3) float32 x, y, z [m], and (n,) float32 intensity, or None if not requested or not present; in the
+        cloud's order, without points whose coordinates are NaN or infinite
+    :raises ValueError: names the wrong field and its value
     """
     by_name = {field.name: field for field in fields}
     for name in 'xyz':
@@ -25,11 +29,11 @@ def as_points(data, fields, height, width, point_step, row_step, is_bigendian, w
             raise ValueError('field %s is of datatype %d, must be FLOAT32 (7) or FLOAT64 (8)' % (
                 name, by_name[name].datatype))
     names = ['x', 'y', 'z'] + ['intensity'] * (with_intensity and 'intensity' in by_name)
-    formats = [_format(by_name[name], is_bigendian) for name in names]
-    offsets = [_offset(by_name[name], point_step) for name in names]
+    formats = [_format(by_name[name], point_step, is_bigendian) for name in names]
+    offsets = [by_name[name].offset for name in names]
     row_step = _row_step(data, height, width, point_step, row_step)
     dtype = np.dtype({'names': names, 'formats': formats, 'offsets': offsets, 'itemsize': point_step})
-    grid = np.ndarray((height, width), dtype, data, 0, (row_step, point_step))
+    grid: Array = np.ndarray((height, width), dtype, data, 0, (row_step, point_step))
     points = np.empty((height * width, 3), np.float32)
     with np.errstate(over='ignore', invalid='ignore'):     # float64 beyond float32; signalling NaNs
         for axis, name in enumerate('xyz'):
@@ -42,22 +46,18 @@ def as_points(data, fields, height, width, point_step, row_step, is_bigendian, w
     return points, intensity
 
 
-def _format(field, is_bigendian):
+def _format(field: Any, point_step: int, is_bigendian: bool) -> DType:
     if field.datatype not in DATATYPES:
         raise ValueError('field %s is of datatype %d, must be from 1 to 8' % (field.name, field.datatype))
-    return np.dtype(DATATYPES[field.datatype]).newbyteorder('>' if is_bigendian else '<')
-
-
-def _offset(field, point_step):
-    size = np.dtype(DATATYPES[field.datatype]).itemsize
-    if field.offset + size > point_step:
+    dtype = np.dtype(DATATYPES[field.datatype])
+    if field.offset + dtype.itemsize > point_step:
         raise ValueError('field %s has bytes %d to %d, point_step is %d' % (
-            field.name, field.offset, field.offset + size - 1, point_step))
-    return field.offset
+            field.name, field.offset, field.offset + dtype.itemsize - 1, point_step))
+    return dtype.newbyteorder('>' if is_bigendian else '<')
 
 
-def _row_step(data, height, width, point_step, row_step):
-    """Bytes from row to row; drivers leave row_step wrong where there is but one."""
+def _row_step(data: Buffer, height: int, width: int, point_step: int, row_step: int) -> int:
+    """Distance between rows [byte]. Some drivers set row_step wrong if there is only one row."""
     if height == 0 or width == 0:
         raise ValueError('the cloud is empty: height %d, width %d' % (height, width))
     if height == 1 and len(data) == width * point_step:

@@ -1,0 +1,15 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What experiments, benchmarks and tests share to evaluate the package; it is not installed.
+
+* Data and quality: recordings, quality, linear_fit, machine.
+* Without a network: offline_link (messages through the streams), losses, send_orders, jpeg_packets (the alternative),
+  display (what the operator sees).
+* Without ROS: simulated_air (robots and operators over a shared link), simulated_streams (what a robot sends).
+* Over the emulated link: stack (ROS on both sides), listener and recorder (what arrives), sensor_source and baseline
+  (senders), link_run (one method at a time), rate_steps (a link whose rate changes in steps).
+* processes: child processes that end with their parent.
+"""
+import pathlib
+
+TOP = pathlib.Path(__file__).resolve().parents[1]
+"""The checkout."""

@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Images and clouds over an emulated link, by one of several methods at a time.
+
+On the robot's side run sensor_source and robot_sender, on the operator's side operator_receiver and a listener. They
+keep running while the link changes. Both sides have one clock, so a message's age is exact.
+"""
+import os
+import pathlib
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from typing import Any, Dict, List, Sequence, Tuple
+
+import numpy as np
+
+from smokebot_udp.link_lab.channel import LinkConditions
+from smokebot_udp.link_lab.lab import Lab
+from smokebot_udp.link_lab.link_trace import SIDES
+
+from . import TOP
+from .listener import Heard, Listener, Subscription
+from .stack import Stack
+
+AIR = {'rate': 54e6, 'queue': 0.1}
+"""Of all links here, in both directions: 802.11g's nominal rate [bit/s], and its queue [s]."""
+
+SETTLE, QUICK_SETTLE = 1.5, 0.8
+"""What arrives within this time after the link changed does not count: the sender adapts to it [s]."""
+
+MAX_LATENESS = 0.02
+"""Where p99 of the delay that the lab itself adds is higher, the machine was busy: the measurement is repeated [s]."""
+
+ATTEMPTS = 3
+
+
+@dataclass
+class Method:
+    """A way of sending."""
+    source: str
+    """The topic that sensor_source publishes."""
+    subscriptions: List[Subscription]
+    """Of the operator's side."""
+
+
+IMAGE_METHODS = {
+    'smokebot_udp': Method('camera/image_raw', [['operator/camera/image_raw', 'image', 'TCPROS']]),
+    'JPEG over TCPROS': Method('whole/jpeg', [['whole/jpeg', 'jpeg', 'TCPROS']]),
+    'JPEG over UDPROS': Method('whole/jpeg', [['whole/jpeg', 'jpeg', 'UDPROS']]),
+    'raw over TCPROS': Method('whole/raw', [['whole/raw', 'image', 'TCPROS']]),
+    'raw over UDPROS': Method('whole/raw', [['whole/raw', 'image', 'UDPROS']]),
+}
+"""{name: Method} of images of 640 x 480, mono8"""
+
+
+def lab_state(lab: Lab) -> Dict[str, float]:
+    """The state of a lab and of the machine since the last call, for a row of a CSV file.
+
+    :raises RuntimeError: where the lab itself lost packets, so that no measurement counts
+    """
+    statistics = lab.statistics()
+    missed = sum(statistics[side]['missed'] for side in SIDES)
+    if missed:
+        raise RuntimeError('the lab itself lost %d packets: the machine is too busy' % missed)
+    return {'late p99 [ms]': round(1e3 * statistics['late'].get('p99', 0.0), 2), 'load': round(os.getloadavg()[0], 1)}
+
+
+class LinkRun:
+    """The link and the nodes; a context manager.
+
+    :param seed: of the link
+    :param log: file for the output of the nodes
+    :param quick: whether to wait less after the link changed
+    :param adapt: whether robot_sender's rate follows the link; otherwise it sends everything, as the other methods do
+    :raises LabError: where there can be no emulated link
+    """
+
+    def __init__(self, seed: int, log: pathlib.Path, quick: bool = False, adapt: bool = False) -> None:
+        self._settle = QUICK_SETTLE if quick else SETTLE
+        self._stack = Stack(seed, log=log)
+        try:
+            self._start(adapt)
+        except BaseException:
+            self._stack.close()
+            raise
+
+    def _start(self, adapt: bool) -> None:
+        self._set_link({})
+        streams = '_streams_file:=%s' % pathlib.Path(__file__).with_name('link_streams.yaml')
+        source = self._stack.start('robot', sys.executable, '-m', 'evaluation.sensor_source', cwd=str(TOP),
+                                   stdin=subprocess.PIPE, stdout=subprocess.PIPE, universal_newlines=True)
+        assert source.stdin is not None and source.stdout is not None
+        self._source = source.stdin
+        self._stack.start_node('robot', 'robot_sender', streams, '_adapt:=%s' % str(adapt).lower())
+        self._stack.start_node('operator', 'operator_receiver', streams)
+        self.listener = Listener(self._stack)
+        if not source.stdout.readline():
+            raise RuntimeError('the source ended: see nodes.log')
+
+    def _set_link(self, conditions: Dict[str, float]) -> None:
+        self._stack.lab.set({'loss': 0.0, 'burst': 0.0, 'delay': 0.0, **AIR, **conditions})
+
+    def change(self, robot: LinkConditions, operator: LinkConditions) -> None:
+        """Change both directions of the link, each named by its sender."""
+        self._stack.lab.set(robot=vars(robot), operator=vars(operator))
+
+    def _publish(self, topic: str) -> None:
+        self._source.write(topic + '\n')
+        self._source.flush()
+
+    def use(self, method: Method, delay: float = 0.0, timeout: float = 30.0) -> None:
+        """Send by this method only from now on, over a link without loss, and wait for its first messages.
+
+        TCP connections are made again, so that they know nothing of the link before.
+
+        :param delay: each way [s]
+        :param timeout: [s]
+        :raises RuntimeError: where a topic stays silent
+        """
+        self._set_link({'delay': delay})
+        self._publish('')
+        self.listener.subscribe(method.subscriptions)
+        self._publish(method.source)
+        topics = {topic for topic, *_ in method.subscriptions}
+        missing = topics - set(self.listener.first(topics, timeout))
+        if missing:
+            raise RuntimeError('nothing arrives on %s over a good link: see nodes.log' % ', '.join(missing))
+
+    def state(self) -> Dict[str, float]:
+        """lab_state of this link."""
+        return lab_state(self._stack.lab)
+
+    def measure(self, method: Method, seconds: float, loss: float,
+                delay: float = 0.0) -> Tuple[List[Heard], Dict[str, float]]:
+        """What arrives over a bad link, and `state` with the number of attempts; repeated where the machine was busy.
+
+        :param loss: 0..1
+        :param delay: each way [s]
+        """
+        attempt = 0
+        while True:
+            attempt += 1
+            self.use(method, delay)
+            self._set_link({'delay': delay, 'loss': loss})
+            time.sleep(self._settle)
+            self.state()
+            heard = self.listener.during(seconds)
+            state = self.state()
+            if state['late p99 [ms]'] < 1e3 * MAX_LATENESS or attempt == ATTEMPTS:
+                return heard, {**state, 'attempts': attempt}
+
+    def close(self) -> None:
+        """End the nodes and the link."""
+        self._stack.close()
+
+    def __enter__(self) -> 'LinkRun':
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        self.close()
+
+
+def summary(heard: Sequence[Heard], seconds: float) -> Dict[str, Any]:
+    """The rate and the ages of what arrived, for a row of a CSV file; without arrivals, the ages are None."""
+    row: Dict[str, Any] = {'rate [Hz]': round(len(heard) / seconds, 2), 'age p50 [s]': None, 'age p99 [s]': None,
+                           'amount': None}
+    if heard:
+        ages = [message.age for message in heard]
+        row['age p50 [s]'] = round(float(np.median(ages)), 4)
+        row['age p99 [s]'] = round(float(np.percentile(ages, 99, method='higher')), 4)
+        row['amount'] = round(float(np.mean([message.amount for message in heard])), 4)
+    return row

@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What arrives at a side of a link lab, and when: a node there that reports each message, and its Listener here.
+
+Each line on the node's standard input is a JSON list of [topic, kind, transport] to subscribe to, in place of those
+before; it answers `null` when it has subscribed. It reports each message as a JSON list
+[topic, stamp [s] or null, arrival [s], amount].
+"""
+import json
+import subprocess
+import sys
+import threading
+import time
+from typing import Any, Callable, Dict, Iterable, List, NamedTuple, Optional, Sequence, Tuple
+
+import numpy as np
+import rospy
+from diagnostic_msgs.msg import DiagnosticArray
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import CompressedImage, Image, LaserScan, PointCloud2
+from tf2_msgs.msg import TFMessage
+
+from smokebot_udp import udpros
+from smokebot_udp.codecs.wire.partial_image import RECEIVED
+from smokebot_udp.msg import LinkStatus
+from smokebot_udp.streams.relay.transforms import stamp_of
+
+from . import TOP
+from .stack import Stack
+
+LINK_FIELDS = 'rate', 'sent', 'wanted', 'capacity', 'queue_delay', 'round_trip'
+
+KINDS: Dict[str, Tuple[Any, Callable[[Any], Any]]] = {
+    'any': (rospy.AnyMsg, lambda message: len(message._buff)),
+    'image': (Image, lambda message: len(message.data)),
+    'jpeg': (CompressedImage, lambda message: len(message.data)),
+    'cloud': (PointCloud2, lambda message: message.width * message.height),
+    'mask': (Image, lambda message: float(np.mean(np.frombuffer(message.data, np.uint8) == RECEIVED))),
+    'scan': (LaserScan, lambda message: len(message.ranges)),
+    'odometry': (Odometry, lambda message: 1),
+    'transforms': (TFMessage, lambda message: len(message.transforms)),
+    'link': (LinkStatus, lambda message: {name: getattr(message, name) for name in LINK_FIELDS}),
+    'diagnostics': (DiagnosticArray, lambda message: [status.message for status in message.status] + [
+        pair.key for status in message.status for pair in status.values if 'refused' in pair.key]),
+}
+"""{kind: (message class, f(message) -> amount)}; the amount: bytes, points, ranges, transforms, the share of pixels
+that were received, or the content."""
+
+LARGE = {Image, CompressedImage, PointCloud2}
+"""Of these only two wait in the queue."""
+
+TRANSPORTS = {'TCPROS': 'tcp', 'UDPROS': 'udp'}
+
+Subscription = Sequence[str]
+"""topic, one of KINDS, one of TRANSPORTS"""
+
+
+class Heard(NamedTuple):
+    """A message that arrived."""
+    topic: str
+    stamp: Optional[float]
+    """Of the source; None: the message has none [s]."""
+    arrival: float
+    """By the same clock: both sides of a lab are one machine [s]."""
+    amount: Any
+    """See KINDS."""
+
+    @property
+    def age(self) -> float:
+        """From stamp to arrival [s]; NaN without a stamp."""
+        return float('nan') if self.stamp is None else self.arrival - self.stamp
+
+
+class Listener:
+    """The node, and all that it heard.
+
+    :param stack: the node becomes a part of it
+    :param side: where the node runs
+    :param module: the node's module and its arguments: this one, or one that extends KINDS
+    :raises RuntimeError: where the node does not start
+    """
+
+    def __init__(self, stack: Stack, side: str = 'operator', module: Sequence[str] = (__name__,)) -> None:
+        self.heard: List[Heard] = []
+        self._subscribed = threading.Event()
+        process = stack.start(side, sys.executable, '-m', *module, cwd=str(TOP), stdin=subprocess.PIPE,
+                              stdout=subprocess.PIPE, universal_newlines=True)
+        assert process.stdin is not None and process.stdout is not None
+        self._stdin, self._stdout = process.stdin, process.stdout
+        if not self._stdout.readline():
+            raise RuntimeError('the listener ended with exit code %r' % process.wait())
+        threading.Thread(target=self._read, daemon=True).start()
+
+    def _read(self) -> None:
+        for line in self._stdout:
+            values = json.loads(line)
+            if values is None:
+                self._subscribed.set()
+            else:
+                self.heard.append(Heard(*values))
+
+    def subscribe(self, subscriptions: Iterable[Subscription], timeout: float = 30.0) -> None:
+        """Listen to other topics from now on.
+
+        It needs a good link: the node calls the master on the other side.
+
+        :param timeout: [s]
+        :raises RuntimeError: where it takes longer
+        """
+        self._subscribed.clear()
+        self._stdin.write(json.dumps(list(subscriptions)) + '\n')
+        self._stdin.flush()
+        if not self._subscribed.wait(timeout):
+            raise RuntimeError('the listener cannot subscribe')
+
+    def during(self, seconds: float) -> List[Heard]:
+        """What arrives from now on."""
+        count = len(self.heard)
+        time.sleep(seconds)
+        return self.heard[count:]
+
+    def first(self, topics: Iterable[str], timeout: float) -> Dict[str, float]:
+        """When the first message of each topic arrives: {topic: [s] from now}, without the topics that stay silent.
+
+        :param timeout: [s]
+        """
+        begun, count, missing = time.time(), len(self.heard), set(topics)
+        found: Dict[str, float] = {}
+        while missing and time.time() < begun + timeout:
+            time.sleep(0.02)
+            arrived = self.heard[count:]
+            count += len(arrived)
+            for heard in arrived:
+                if heard.topic in missing:
+                    missing.remove(heard.topic)
+                    found[heard.topic] = heard.arrival - begun
+        return found
+
+
+def write_line(value: Any) -> None:
+    """Write a line of JSON at once: each topic has a thread of its own, and print would write the line's end apart."""
+    sys.stdout.write(json.dumps(value) + '\n')
+    sys.stdout.flush()
+
+
+def subscribe(topic: str, kind: str, transport: str) -> Any:
+    """A subscriber that reports each message."""
+    message_class, amount = KINDS[kind]
+
+    def report(message: Any) -> None:
+        arrival, stamp = time.time(), stamp_of(message)
+        write_line([topic, None if stamp is None else stamp.to_sec(), arrival, amount(message)])
+
+    if kind == 'any':
+        return rospy.Subscriber(topic, message_class, report, queue_size=100)
+    # udpros' class for both transports: it connects by TCPROS, too
+    return udpros.Subscriber(topic, message_class, report, queue_size=2 if message_class in LARGE else 100,
+                             buff_size=1 << 22, tcp_nodelay=True, transport=TRANSPORTS[transport])
+
+
+def main() -> None:
+    """Run the node until its standard input ends."""
+    rospy.init_node('listener', anonymous=True)     # there may be one on each side
+    write_line('ready')
+
+    def obey() -> None:
+        subscribers: List[Any] = []
+        for line in sys.stdin:
+            for subscriber in subscribers:
+                subscriber.unregister()
+            subscribers = [subscribe(*subscription) for subscription in json.loads(line)]
+            write_line(None)
+        rospy.signal_shutdown('the standard input ended')
+
+    threading.Thread(target=obey, daemon=True).start()
+    rospy.spin()
+
+
+if __name__ == '__main__':
+    main()

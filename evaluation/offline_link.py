@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Messages through the package's streams without a network: encoder, some of the datagrams, assembler."""
+import math
+from typing import Any, Iterable, List, Optional, Sequence, Tuple
+
+import numpy as np
+from sensor_msgs.msg import Image
+
+from smokebot_udp.arrays import BoolArray, Records, UInt8Array
+from smokebot_udp.codecs.concealment.fill import BEST
+from smokebot_udp.mission.parameters import check
+from smokebot_udp.mission.settings import Settings
+from smokebot_udp.streams import assembler_class, encoder_class
+from smokebot_udp.streams.assembler import Assembled, Assembler
+from smokebot_udp.streams.segments import size_on_air
+from smokebot_udp.udpros.frame import Frame
+
+MAX_DATAGRAM_SIZE = 1472
+"""[byte of UDP payload]"""
+
+FILL_TIME = 60.0
+"""Large enough for the limit of the time to fill an image to change nothing here [s]."""
+
+PAUSE = 60.0
+"""Between two refresh cycles, so that the map is published after each [s]."""
+
+FILLS = {BEST: 'kriging (this package)', 'nearest': 'nearest received pixel (the deliverable)'}
+"""{method: its name in figures}"""
+
+
+def operator_side(kind: str, **settings: Any) -> Tuple[Assembler[Any, Any], Settings]:
+    """An assembler of this kind, and its settings: the defaults except for those given."""
+    class_ = assembler_class(kind)
+    checked = Settings(check({'operator_topic': 'unused', **settings}, class_.PARAMETERS))
+    return class_(checked), checked
+
+
+def assemble_all(assembler: Assembler[Any, Any], settings: Settings, batches: Iterable[Records], now: float = 0.0,
+                 still: bool = False) -> List[Assembled]:
+    """What an assembler makes of segments that are received at one moment, when nothing follows them.
+
+    :param batches: (n,) structured arrays of segments, see udpros.records
+    :param now: [s]
+    :param still: whether the robot stands still
+    """
+    results: List[Assembled] = []
+
+    def take(until: float) -> None:
+        finished = assembler.poll(until)
+        while finished is not None:
+            assembled = assembler.assemble(finished, settings, still, now)
+            if assembled is not None:
+                assembler.settle(finished, assembled, settings, now)
+                results.append(assembled)
+            finished = assembler.poll(until)
+
+    for records in batches:
+        assembler.receive(records, np.ones(len(records), bool), now)
+        take(now)
+    take(math.inf)
+    return results
+
+
+class Sender:
+    """The robot's side of a stream.
+
+    :param kind: `type` in streams.yaml
+    :param shared: what streams of this kind share, see its encoder
+    :param settings: those that differ from their defaults
+    """
+
+    def __init__(self, kind: str, *shared: Any, **settings: Any) -> None:
+        class_: Any = encoder_class(kind)
+        self._settings = Settings(check({'robot_topic': 'unused', **settings}, class_.PARAMETERS))
+        self._encoder = class_(self._settings.requested, *shared)
+
+    def frames(self, message: Any) -> List[Frame]:
+        """The frames that carry a message, in sending order."""
+        frames: List[Frame] = self._encoder.encode(self._encoder.derive(message, self._settings), self._settings,
+                                                   MAX_DATAGRAM_SIZE)
+        return frames
+
+
+class Receiver:
+    """The operator's side of a stream, for a robot that moves.
+
+    :param kind: `type` in streams.yaml
+    :param settings: those that differ from their defaults
+    """
+
+    def __init__(self, kind: str, **settings: Any) -> None:
+        self._assembler, self._settings = operator_side(kind, **settings)
+        self._message: Any = None
+        self._now = 0.0
+
+    def assemble(self, batches: Sequence[Records]) -> Any:
+        """The message made of the segments that arrived of one, by itself.
+
+        :param batches: one array at least, see records_of
+        """
+        assembler = type(self._assembler)(self._settings)      # an older one may know a message with this stamp
+        return assemble_all(assembler, self._settings, batches)[-1].message
+
+    def update(self, batches: Sequence[Records]) -> Any:
+        """The map after another refresh cycle, whose segments complete those of earlier ones.
+
+        :param batches: one array at least, see records_of
+        """
+        self._now += PAUSE
+        for assembled in assemble_all(self._assembler, self._settings, batches, self._now):
+            self._message = assembled.message
+        return self._message
+
+
+def image_receiver(fill: str) -> Receiver:
+    """A receiver of images that fills missing pixels by this method, and takes none from earlier images."""
+    return Receiver('image', fill=fill, fill_time=FILL_TIME, integrate='never')
+
+
+def datagram_count(frames: Sequence[Frame]) -> int:
+    """The number of datagrams of some frames."""
+    return sum(map(len, frames))
+
+
+def wire_size(frames: Sequence[Frame]) -> int:
+    """The size of some frames as IP packets [byte]."""
+    return int(size_on_air(frames))
+
+
+def records_of(frames: Sequence[Frame], arrived: BoolArray) -> List[Records]:
+    """The segments that arrived: an array for each frame with any.
+
+    :param arrived: (n,) bool for each datagram, in sending order
+    """
+    parts = np.split(arrived, np.cumsum([len(frame) for frame in frames])[:-1])
+    return [frame.records[part] for frame, part in zip(frames, parts) if part.any()]
+
+
+def received(receiver: Receiver, frames: Sequence[Frame], arrived: BoolArray) -> Optional[Any]:
+    """The message made of the segments that arrived; None: none did.
+
+    :param arrived: (n,) bool for each datagram, in sending order
+    """
+    return receiver.assemble(records_of(frames, arrived)) if arrived.any() else None
+
+
+def image_message(image: UInt8Array) -> Any:
+    """A sensor_msgs/Image of a (height, width) uint8 image."""
+    message = Image(height=image.shape[0], width=image.shape[1], encoding='mono8', step=image.shape[1],
+                    data=image.tobytes())
+    message.header.frame_id = 'camera'
+    return message
+
+
+def image_of(message: Any) -> UInt8Array:
+    """The inverse of image_message."""
+    return np.frombuffer(message.data, np.uint8).reshape(message.height, message.width)

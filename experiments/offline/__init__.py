@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Experiments without a network: the streams themselves, and datagrams that are taken out."""

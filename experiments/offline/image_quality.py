@@ -1,0 +1,200 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Image quality over loss, at equal bytes on the wire: segments beside JPEG with and without an erasure code."""
+import pathlib
+from typing import Any, Dict, Iterable, Iterator, List, Mapping, Optional, Sequence, Tuple, Union
+
+import numpy as np
+
+from evaluation import jpeg_packets
+from evaluation.display import HEIGHT, PAN, WIDTH, Display, clip
+from evaluation.jpeg_packets import ErasureCode, JpegLadder
+from evaluation.losses import delivered
+from evaluation.offline_link import FILLS, Sender, image_message, image_of, image_receiver, received, wire_size
+from evaluation.recordings import photographs
+from smokebot_udp.arrays import Array, BoolArray, UInt8Array
+from smokebot_udp.codecs.concealment.fill import BEST
+from smokebot_udp.link_lab.channel import Channel, LinkConditions
+
+from .. import drawing, table
+from ..runner import Figure, Run, Table
+
+TITLE = 'Images over loss, at equal bytes on the wire'
+
+EXPLANATION = """
+A camera of 320 × 240 pixels pans over a photograph, 8 pixels per image, as on a robot that turns. Each method may use
+the same number of bytes per image, headers included: as many as all 64 segments need, as 16 and as 4 of them.
+
+* **Segments** (this package, coarse ones first): whatever arrives makes an image. Missing pixels are filled by kriging,
+  or from the nearest pixel, as in the deliverable. Nothing is compressed.
+* **Whole JPEG**: the best one that fits, scaled down where that is better. One lost packet costs the image.
+* **JPEG with 25 % redundancy**: an ideal erasure code restores up to a fifth of the packets.
+* **JPEG with a code that knows the loss**: an ideal erasure code with the redundancy of the highest expected PSNR at
+  this loss, known beforehand. No real code is better.
+
+Where nothing of an image can be shown, the last one stays on the display, and is compared with what the camera sees by
+then; before the first one, the display is grey. A PSNR above 60 dB counts as 60.
+"""
+
+PHOTOGRAPHS = 'astronaut', 'camera', 'coffee', 'gravel', 'motorcycle_left', 'rocket'
+SEGMENTS = 64, 16, 4
+"""Per image; their bytes are the budgets."""
+
+LOSSES = 0.0, 0.01, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95
+BURST = 8
+"""Mean run of lost packets, where losses come in bursts."""
+
+BURSTY = 16
+"""The budget at which they do, too."""
+
+IMAGES, QUICK_IMAGES = 12, 4
+"""Of each clip."""
+
+COLOURS = {
+    FILLS[BEST]: drawing.OURS, FILLS['nearest']: drawing.PAPER, 'whole JPEG': '#1f77b4',
+    'JPEG, 25 % redundancy': '#2ca02c', 'JPEG, a code that knows the loss': '#9467bd'}
+"""{method: colour}"""
+
+SHOWN = 'motorcycle_left', 16, (0.05, 0.3, 0.7)
+"""Photograph, segments and losses of the images that are shown."""
+
+Case = Dict[str, Any]
+"""photograph, segments, burst, loss"""
+
+
+def segments_shown(fill: str, sender: Sender, truths: Sequence[UInt8Array],
+                   arrived: Sequence[BoolArray]) -> Iterator[Optional[UInt8Array]]:
+    """What can be shown of each image with segments and this fill; None: nothing."""
+    receiver = image_receiver(fill)
+    for truth, which in zip(truths, arrived):
+        message = received(receiver, sender.frames(image_message(truth)), which)
+        yield None if message is None else image_of(message)
+
+
+def jpegs_shown(code: ErasureCode, ladders: Sequence[JpegLadder],
+                arrived: Sequence[BoolArray]) -> Iterator[Optional[UInt8Array]]:
+    """What can be shown of each image with JPEG and this code; None: nothing."""
+    for ladder, which in zip(ladders, arrived):
+        yield ladder.decoded(code.room) if np.count_nonzero(which) >= code.data else None
+
+
+def arrivals(case: Case, seed: int, count: int, packets: int) -> List[BoolArray]:
+    """Which packets of each of some images arrive: (packets,) bool each."""
+    channel = Channel(LinkConditions(loss=case['loss'], burst=case['burst']), '%s %s' % (seed, case['photograph']))
+    return [delivered(channel, packets) for _ in range(count)]
+
+
+def methods(case: Case, truths: Sequence[UInt8Array], ladders: Sequence[JpegLadder], examples: Sequence[JpegLadder],
+            seed: int) -> Dict[str, Iterable[Optional[UInt8Array]]]:
+    """{method: what can be shown of each image} of one case; examples: JPEGs by which a code is chosen."""
+    sender = Sender('image', max_subimages=case['segments'])
+    budget = budget_of(sender, truths[0])
+    codes = dict(zip(list(COLOURS)[2:], (
+        jpeg_packets.codes(budget)[-1], jpeg_packets.with_redundancy(budget, 0.25),
+        jpeg_packets.for_loss(budget, case['loss'], examples))))
+    arrived = arrivals(case, seed, len(truths), case['segments'])
+    shown: Dict[str, Iterable[Optional[UInt8Array]]] = {
+        words: segments_shown(fill, sender, truths, arrived) for fill, words in FILLS.items()}
+    arrived = arrivals(case, seed, len(truths), codes['whole JPEG'].packets)
+    return {**shown, **{method: jpegs_shown(code, ladders, arrived) for method, code in codes.items()}}
+
+
+def budget_of(sender: Sender, truth: UInt8Array) -> int:
+    """Of an image on the wire [byte]."""
+    return wire_size(sender.frames(image_message(truth)))
+
+
+def run(run: Run) -> None:
+    """Send each clip by each method: quality.csv and budgets.csv; images to look at: shown.npz and shown.csv."""
+    count = QUICK_IMAGES if run.quick else IMAGES
+    names = PHOTOGRAPHS[3:5] if run.quick else PHOTOGRAPHS
+    panoramas = photographs(WIDTH + PAN * (count - 1), HEIGHT)
+    clips = {name: clip(panoramas[name], count) for name in names}
+    ladders = {name: [JpegLadder(truth) for truth in clips[name]] for name in run.steps(names, 'JPEGs: {}'.format)}
+    examples = [of_clip[0] for of_clip in ladders.values()]
+    rows: List[table.Row] = []
+    shown: Dict[str, UInt8Array] = {}
+    shown_rows: List[table.Row] = []
+    for case in run.steps(cases(names), lambda case: '{photograph}, {segments} segments'.format(**case)):
+        truths = clips[case['photograph']]
+        for method, images in methods(case, truths, ladders[case['photograph']], examples, run.seed).items():
+            display = Display()
+            for truth, image in zip(truths, images):
+                display.show(image, truth)
+            rows.append({**case, 'way': method, **display.row()})
+            if case['loss'] in SHOWN[2] and (case['photograph'], case['segments'], case['burst']) == (*SHOWN[:2], 0):
+                typical, quality, new = display.typical()
+                shown[str(len(shown_rows))] = typical
+                shown_rows.append({'way': method, 'lost [%]': 100 * case['loss'], 'PSNR [dB]': quality, 'new': new})
+    table.write(run.folder / 'quality.csv', rows)
+    table.write(run.folder / 'budgets.csv', [
+        {'segments': segments, 'kB': budget_of(Sender('image', max_subimages=segments), truths[0]) / 1e3}
+        for segments in SEGMENTS])
+    table.write(run.folder / 'shown.csv', shown_rows)
+    np.savez_compressed(str(run.folder / 'shown.npz'), **shown)
+
+
+def cases(names: Sequence[str]) -> List[Case]:
+    """All that is measured."""
+    return [{'photograph': name, 'segments': segments, 'burst': burst, 'loss': loss}
+            for name in names for segments in SEGMENTS for burst in (0, BURST) for loss in LOSSES
+            if not burst or (segments == BURSTY and 0 < loss <= 1 - 1 / burst)]
+
+
+def plot(folder: pathlib.Path) -> List[Union[Figure, Table]]:
+    """Figures over loss, images to look at, and tables of PSNR."""
+    rows, budgets = table.read(folder / 'quality.csv'), table.read(folder / 'budgets.csv')
+    with np.load(str(folder / 'shown.npz')) as shown:
+        draw_shown(shown, table.read(folder / 'shown.csv'), folder / 'shown.png')
+    panels = [('%g kB per image (%d segments)' % (round(row['kB'], 1), row['segments']), row['segments'], 0)
+              for row in budgets]
+    draw(rows, panels, 'PSNR [dB]', folder / 'psnr.png')
+    draw(rows, panels, 'SSIM', folder / 'ssim.png')
+    draw(rows, panels, 'new pictures [%]', folder / 'new.png', 'new images [%]')
+    title = panels[SEGMENTS.index(BURSTY)][0]
+    draw(rows, [(title + ', single losses', BURSTY, 0), (title + ', bursts of %d' % BURST, BURSTY, BURST)],
+         'PSNR [dB]', folder / 'bursts.png')
+    return [
+        Figure('psnr.png', 'How close what the operator sees is to what the camera sees: higher is better.'),
+        Figure('ssim.png', 'The same by SSIM, the similarity of structures; 1: the same image.'),
+        Figure('new.png', 'The share of images that could be shown, at least in part.'),
+        Figure('bursts.png', 'The same bytes and the same share of packets lost: single ones, and %d in a row on '
+               'average, which hit fewer images, but those hard.' % BURST),
+        Figure('shown.png', 'What is on the display at %s, in a moment of median quality.'
+               % panels[SEGMENTS.index(SHOWN[1])][0]),
+        *(Table('PSNR [dB] at %s, by loss:' % words, ['method'] + ['%g %%' % (100 * loss) for loss in LOSSES],
+                [[method] + [round(value, 1) for value in mean(rows, method, segments, 0, 'PSNR [dB]').values()]
+                 for method in COLOURS]) for words, segments, _ in panels)]
+
+
+def mean(rows: Sequence[table.Row], method: str, segments: int, burst: int, column: str) -> Dict[float, float]:
+    """{loss: mean of a column over photographs}"""
+    found: Dict[float, List[float]] = {}
+    for row in rows:
+        if (row['way'], row['segments'], row['burst']) == (method, segments, burst):
+            found.setdefault(row['loss'], []).append(row[column])
+    return {loss: float(np.mean(values)) for loss, values in found.items()}
+
+
+def draw(rows: Sequence[table.Row], panels: Sequence[Tuple[str, int, int]], column: str, path: pathlib.Path,
+         label: str = '') -> None:
+    """A column over loss, with all methods; panels: (title, segments, burst); label: of the column, if it differs."""
+    figure, grid = drawing.canvas(5 * len(panels), 4.6, 1, len(panels), sharey=True)
+    for axes, (title, segments, burst) in zip(grid, panels):
+        # ours is in front where lines meet
+        for order, (method, colour) in zip(range(len(COLOURS) + 2, 2, -1), COLOURS.items()):
+            values = mean(rows, method, segments, burst, column)
+            axes.plot([100 * loss for loss in values], list(values.values()), '.-', color=colour, label=method,
+                      zorder=order)
+        axes.set(title=title, xlabel='packets lost [%]', xlim=(0, 100))
+    grid[0].set_ylabel(label or column)
+    figure.legend(*grid[0].get_legend_handles_labels(), loc='outside lower center', ncols=3)
+    drawing.save(figure, path)
+
+
+def draw_shown(shown: Mapping[str, Array], rows: Sequence[table.Row], path: pathlib.Path) -> None:
+    """Images to look at: a row for each loss, a column for each method."""
+    figure, grid = drawing.canvas(15, 2.5 * len(SHOWN[2]), len(SHOWN[2]), len(COLOURS))
+    for i, (axes, row) in enumerate(zip(grid.flat, rows)):
+        drawing.show_image(axes, shown[str(i)], '%s\n%g %% lost: %.1f dB%s' % (
+            row['way'], row['lost [%]'], row['PSNR [dB]'], '' if row['new'] else ', nothing new'), vmin=0, vmax=255)
+    drawing.save(figure, path)

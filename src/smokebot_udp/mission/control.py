@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The robot's mission focus and the requested settings of its streams.
+
+A switch of the focus requests the profile's settings of each stream, and those of streams.yaml that it does not name.
+Settings that are requested otherwise, by hand, stand until the next switch.
+"""
+import threading
+from dataclasses import dataclass, replace
+from typing import Any, Callable, Dict, FrozenSet, List, Mapping, Set
+
+from .focus import Profile, settings_of
+from .parameters import Parameter
+from .settings import Settings, SettingsStore
+
+AS_CONFIGURED = 'default'
+"""Name of the profile that has all as in streams.yaml."""
+
+FOCUS = Parameter(AS_CONFIGURED, '', 'the mission focus: a profile of focus_file; default: all as in streams.yaml',
+                  live=True)
+
+
+@dataclass(frozen=True)
+class Answer:
+    """To the operator's last request for a focus."""
+    request: int = 0
+    """Its id; 0: there was none."""
+    refusal: str = ''
+    """Why it was refused; empty: it was not."""
+
+
+@dataclass(frozen=True)
+class State:
+    """All at one moment."""
+    focus: str
+    modified: FrozenSet[str]
+    """The streams with settings changed by hand since the last switch of the focus."""
+    answer: Answer
+    streams: Mapping[str, Settings]
+
+
+class MissionControl:
+    """Holds the focus; all requests for settings go through it. Any thread may call it.
+
+    :param streams: {name: SettingsStore}, with the settings of streams.yaml; only this class requests settings of them
+    :param profiles: {name: Profile}
+    :param report: f(problem), called with what is refused
+    :param switched: f(focus), called after each switch
+    :param changed: f(), called after any change
+    """
+
+    def __init__(self, streams: Mapping[str, SettingsStore], profiles: Mapping[str, Profile],
+                 report: Callable[[str], None], switched: Callable[[str], None], changed: Callable[[], None]) -> None:
+        self._streams, self._report, self._switched, self._changed = streams, report, switched, changed
+        profiles = {AS_CONFIGURED: Profile(AS_CONFIGURED, 'As in streams.yaml.'), **profiles}
+        self._settings, problems = settings_of(profiles, {name: store.table for name, store in streams.items()})
+        for problem in problems:
+            report(problem)
+        self._configured = {name: {setting: store.current.requested[setting] for setting in store.table}
+                            for name, store in streams.items()}
+        self._lock = threading.RLock()     # taken before a store's
+        self.focus_store = SettingsStore(
+            {'focus': replace(FOCUS, choices=tuple(self._settings))}, {'focus': AS_CONFIGURED})
+        """The focus as a setting; only `request_focus` and `switch` change it."""
+        self._modified: Set[str] = set()
+        self._answer = Answer()
+
+    @property
+    def profiles(self) -> List[str]:
+        """The names of the profiles."""
+        return list(self._settings)
+
+    def configured(self, stream: str) -> Mapping[str, Any]:
+        """{setting: value} of streams.yaml, of those that may change."""
+        return self._configured[stream]
+
+    def state(self) -> State:
+        """The focus and the streams' settings now."""
+        with self._lock:
+            return State(self.focus_store.current['focus'], frozenset(self._modified), self._answer,
+                         {name: store.current for name, store in self._streams.items()})
+
+    def request(self, stream: str, changes: Mapping[str, Any]) -> Dict[str, Any]:
+        """Change a stream's settings by hand, see SettingsStore.request."""
+        with self._lock:
+            delta = self._streams[stream].request(changes)
+            if delta:
+                self._modified.add(stream)
+        if delta:
+            self._changed()
+        return delta
+
+    def request_focus(self, changes: Mapping[str, Any]) -> Dict[str, Any]:
+        """Switch the focus where it differs: {'focus': name}, see SettingsStore.request."""
+        with self._lock:
+            delta = self.focus_store.request(changes)
+            if delta:
+                self._apply()
+        return delta
+
+    def switch(self, focus: str) -> None:
+        """Switch the focus; settings changed by hand are reset, even where it is the focus already.
+
+        :raises ValueError: where there is no such profile
+        """
+        with self._lock:
+            self.focus_store.request({'focus': focus})
+            self._apply()
+
+    def serve(self, request: int, focus: str) -> None:
+        """Switch as the operator requests; `state` has the answer.
+
+        :param request: id of the request; a repeated one changes nothing
+        """
+        with self._lock:
+            if request == self._answer.request:
+                return
+            refusal = ''
+            try:
+                self.switch(focus)
+            except ValueError as error:
+                refusal = str(error)
+                self._report("the operator's request: %s" % error)
+            self._answer = Answer(request, refusal)
+
+    def _apply(self) -> None:
+        """Request the settings of the focus."""
+        focus = self.focus_store.current['focus']
+        for name, store in self._streams.items():
+            try:
+                store.request({**self._configured[name], **self._settings[focus][name]})
+            except ValueError as error:
+                self._report("profile %r, stream '%s' stays as it is: %s" % (focus, name, error))
+        self._modified.clear()
+        self._switched(focus)
+        self._changed()

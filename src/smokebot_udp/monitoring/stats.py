@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What streams, connections and the link report of themselves: the one source of diagnostics and status messages.
+
+Counters only grow, or restart from 0.
+"""
+import math
+from dataclasses import dataclass, field
+from typing import Dict, Optional, Sequence, Tuple
+
+
+@dataclass(frozen=True)
+class ConnectionStats:
+    """One UDPROS connection. None: this side does not know the value.
+
+    The fields are the keys of an item of `udpros.Publisher.connections()` and `udpros.Subscriber.connections()`.
+    """
+    peer: str
+    """Name of the node at the other end."""
+    address: Tuple[str, int]
+    """(host, port) of the other end."""
+    datagrams: int
+    bytes: int
+    connection_id: Optional[int] = None
+    max_datagram_size: Optional[int] = None
+    """[byte of UDP payload]"""
+    failures: Dict[str, int] = field(default_factory=dict)
+    """{name of the error: datagrams that could not be sent}"""
+    received: Optional[int] = None
+    """Messages received; None without sequence numbers."""
+    lost: Optional[int] = None
+    """Messages not received yet although later ones were; the one count that may fall, as reordered messages arrive."""
+    idle: Optional[float] = None
+    """Time since the last datagram [s]."""
+    dropped: Dict[str, int] = field(default_factory=dict)
+    """{reason: datagrams that were discarded}"""
+    receive_buffer: Optional[int] = None
+    """Size of the socket's receive buffer [byte]."""
+    kernel_drops: Optional[int] = None
+    """Datagrams that found the receive buffer full."""
+
+
+@dataclass(frozen=True)
+class StreamStats:
+    """One stream, on either side."""
+    messages_in: int
+    """Messages received: from the source (robot), or over the link (operator)."""
+    messages_out: int
+    """Messages sent over the link (robot), or published (operator)."""
+    enabled: bool = True
+    """Whether the stream is meant to be sent."""
+    rate: float = 0.0
+    """Maximum rate of the stream [Hz]; 0: unknown."""
+    steady: bool = True
+    """False for a stream that may be silent and old without a fault: a latched topic, a carousel."""
+    dropped: Dict[str, int] = field(default_factory=dict)
+    """{reason: messages, segments or datagrams that were discarded}"""
+    shown: Sequence[Tuple[Optional[float], Optional[float]]] = ()
+    """Messages published since the last call: (age [s], completeness 0..1), None where unknown. The age is the
+    difference between this machine's clock and the message's stamp."""
+    connections: Sequence[ConnectionStats] = ()
+    problem: Optional[str] = None
+    """Another problem, in words, that deserves a warning now."""
+
+
+@dataclass(frozen=True)
+class LinkStats:
+    """The link as the robot estimates it from the reports of its operators. Rates include IP and UDP headers.
+
+    Of several operators the one with the worst link counts. NaN: unknown.
+    """
+    adaptive: bool
+    """Whether the rate follows the reports."""
+    rate: Optional[float]
+    """Maximum rate of all streams together [byte/s]; None: unlimited."""
+    sent: float
+    """[byte/s]"""
+    wanted: float
+    """What the streams would send over an unlimited link [byte/s]."""
+    capacity: float = math.nan
+    """[byte/s]"""
+    loss: float = math.nan
+    """Packet-loss ratio, 0..1."""
+    queue_delay: float = math.nan
+    """[s]"""
+    round_trip: float = math.nan
+    """[s]"""
+    operator: Optional[str] = None
+    """The operator that counts; None: none has reported yet."""
+    silence: float = math.nan
+    """Time since its last report [s]."""
+    timeout: bool = False
+    """Whether the rate falls because reports are missing."""
+    refused_reports: Dict[str, int] = field(default_factory=dict)
+    """{reason: reports of operators that were refused}"""
+
+    @property
+    def state(self) -> str:
+        """What the rate depends on now, in words."""
+        if not self.adaptive:
+            return 'fixed'
+        if self.operator is None:
+            return 'no operator has reported yet'
+        if self.timeout:
+            return 'no reports of %s for %.1f s' % (self.operator, self.silence)
+        return 'as %s reports' % self.operator

@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""A status as diagnostics show it, and the verdict from which its level and its message come."""
+from typing import Any, Dict, List, NamedTuple, Optional
+
+OK, WARN, ERROR = 0, 1, 2
+"""Levels, as in diagnostic_msgs/DiagnosticStatus."""
+
+ROBOT, OPERATOR = 'robot', 'operator'
+"""The two sides of the link."""
+
+
+class Status(NamedTuple):
+    """The content of a diagnostic_msgs/DiagnosticStatus."""
+    name: str
+    level: int
+    """OK, WARN or ERROR."""
+    message: str
+    values: Dict[str, Any]
+    """{key, with its unit: value} in display order; values that are None are unknown and not published."""
+
+
+class Verdict:
+    """Collects problems: the worst level, and a message that names all of them."""
+
+    def __init__(self) -> None:
+        self.level = OK
+        self._problems: List[str] = []
+
+    def add(self, level: int, problem: str) -> None:
+        """Add a problem, described in words."""
+        self.level = max(self.level, level)
+        self._problems.append(problem)
+
+    def check(self, value: Optional[float], warn: float, error: float, problem: str, scale: float = 1.0) -> None:
+        """Add a problem if a value reaches a threshold.
+
+        :param value: None is not checked
+        :param warn, error: thresholds of the two levels, inclusive
+        :param problem: description with one %f, which gets the value times `scale`
+        """
+        if value is not None and value >= warn:
+            self.add(ERROR if value >= error else WARN, problem % (value * scale))
+
+    def __str__(self) -> str:
+        return ', '.join(self._problems)
+
+
+def scaled(value: Optional[float], factor: float) -> Optional[float]:
+    """A value in another unit; None stays None."""
+    return None if value is None else factor * value
+
+
+def by_reason(what: str, counts: Dict[str, int]) -> Dict[str, int]:
+    """Counts by reason as values of a Status: {'what, reason': count}, sorted by reason."""
+    return {'%s, %s' % (what, reason): count for reason, count in sorted(counts.items())}

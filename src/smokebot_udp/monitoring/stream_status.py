@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The status of a stream and of its connections, from its stats over time."""
+from typing import Dict, Iterable, List, Optional, Tuple
+
+from .connection_status import ConnectionMonitor, judge_connections
+from .stats import ConnectionStats, StreamStats
+from .status import ERROR, ROBOT, WARN, Status, Verdict, by_reason, scaled
+from .thresholds import Thresholds
+from .windows import Rate, Samples, Silence
+
+
+class StreamMonitor:
+    """Follows the stats of one stream on one side of the link.
+
+    A stream that is not steady may be silent and old: only its connections and their loss are judged.
+
+    :param side: ROBOT or OPERATOR
+    :param name: of the stream
+    :param topic: the source's topic (robot), or the topic on which the stream is published (operator)
+    :param now: seconds of a monotonic clock, here and below
+    """
+
+    def __init__(self, side: str, name: str, topic: str, thresholds: Thresholds, now: float) -> None:
+        self._side, self._name, self._topic, self._thresholds = side, name, topic, thresholds
+        self._rate_in, self._rate_out = Rate(), Rate()
+        self._silence_in, self._silence_out = Silence(now), Silence(now)
+        self._ages, self._completeness = Samples(), Samples()
+        self._connections: Dict[Tuple[str, str], ConnectionMonitor] = {}    # by peer and address
+
+    def update(self, stats: StreamStats, now: float, clock_offset: Optional[float] = 0.0) -> List[Status]:
+        """Take the newest stats.
+
+        :param clock_offset: the clock that stamps the messages minus this machine's [s]; None: unknown, and so are the
+            messages' ages
+        :return: the status of the stream, followed by one for each connection
+        """
+        self._rate_in.read(stats.messages_in, now)
+        self._rate_out.read(stats.messages_out, now)
+        self._silence_in.read(stats.messages_in, now)
+        self._silence_out.read(stats.messages_out, now)
+        for age, completeness in stats.shown:
+            self._ages.add(None if age is None or clock_offset is None else age + clock_offset, now)
+            self._completeness.add(completeness, now)
+        if not stats.enabled or (self._side == ROBOT and not stats.connections):
+            self._silence_out.reset(now)
+        connections = self._follow(stats.connections, now)
+        return [self._status(stats, now)] + [
+            monitor.status(self._name, self._side, connection, self._thresholds)
+            for monitor, connection in connections]
+
+    def _follow(self, connections: Iterable[ConnectionStats],
+                now: float) -> List[Tuple[ConnectionMonitor, ConnectionStats]]:
+        """Read each connection's counters; monitors of connections that have ended are dropped."""
+        found = {(connection.peer, str(connection.address)): connection for connection in connections}
+        self._connections = {key: self._connections.get(key) or ConnectionMonitor() for key in found}
+        for key, monitor in self._connections.items():
+            monitor.read(found[key], now)
+        return [(monitor, found[key]) for key, monitor in self._connections.items()]
+
+    def _status(self, stats: StreamStats, now: float) -> Status:
+        age, completeness = self._ages.percentile(50, now), self._completeness.percentile(50, now)
+        verdict = Verdict()
+        if stats.enabled:
+            self._judge_silence(verdict, stats, now)
+            self._judge_quality(verdict, age if stats.steady else None, completeness)
+        if stats.problem:
+            verdict.add(WARN, stats.problem)
+        monitors = self._connections.values()
+        loss = judge_connections(verdict, monitors, self._thresholds)
+        return Status(self._name, verdict.level, str(verdict) or ('fine' if stats.enabled else 'off'), {
+            'side': self._side, 'stream': self._name, 'topic': self._topic,
+            'rate in [Hz]': self._rate_in.per_second, 'rate out [Hz]': self._rate_out.per_second,
+            'datagrams': _sum(connection.datagrams for connection in stats.connections),
+            'lost': _sum(connection.lost for connection in stats.connections),
+            'loss [%]': scaled(loss, 100), 'completeness [%]': scaled(completeness, 100),
+            'age p50 [ms]': scaled(age, 1e3), 'age p99 [ms]': scaled(self._ages.percentile(99, now), 1e3),
+            'bytes/s': sum(monitor.bytes.per_second or 0.0 for monitor in monitors),
+            'kernel drops': _sum(connection.kernel_drops for connection in stats.connections),
+            **by_reason('dropped', stats.dropped)})
+
+    def _judge_silence(self, verdict: Verdict, stats: StreamStats, now: float) -> None:
+        limit = max(self._thresholds.error_silence, 3 / stats.rate if stats.rate else 0.0)
+        silence_in, silence_out = self._silence_in.too_long(now, limit), self._silence_out.too_long(now, limit)
+        if self._side == ROBOT:
+            if not stats.connections:
+                verdict.add(WARN, 'no subscriber')
+            if stats.steady and silence_in is not None:
+                verdict.add(ERROR, 'its source is silent for %.0f s' % silence_in)
+            elif stats.steady and silence_out is not None:
+                verdict.add(ERROR, 'nothing is sent for %.0f s' % silence_out)
+        elif silence_out is not None:
+            if not stats.connections:
+                verdict.add(ERROR, 'no connection to the robot')
+            elif stats.steady:
+                verdict.add(ERROR, 'nothing is shown for %.0f s' % silence_out)
+
+    def _judge_quality(self, verdict: Verdict, age: Optional[float], completeness: Optional[float]) -> None:
+        limits = self._thresholds
+        verdict.check(age, limits.warn_age, limits.error_age, '%.0f ms old', 1e3)
+        if completeness is not None and completeness < limits.warn_completeness:
+            verdict.add(WARN, 'only %.0f %% complete' % (100 * completeness))
+
+
+def _sum(values: Iterable[Optional[int]]) -> Optional[int]:
+    """The sum of the known values; None if none is known."""
+    known = [value for value in values if value is not None]
+    return sum(known) if known else None

@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The further topics of an image stream: a mask and a view."""
+from typing import Any, Callable, Mapping, Type, Union
+
+import rospy
+from sensor_msgs.msg import Image
+
+from ..codecs.wire.partial_image import mask_of
+from ..codecs.wire.pixels import as_pixels
+from ..mission.settings import SettingsStore
+from ..streams.image.assembler import AssembledImage
+from .view_publisher import ViewPublisher
+
+
+class MaskOutput:
+    """Publishes the origin of each image's pixels, see codecs.wire.partial_image.mask_of.
+
+    :param topic: resolved topic of the images; the mask's is `mask` beside it
+    """
+
+    def __init__(self, topic: str, settings: SettingsStore, clock_offset: Callable[[], float]) -> None:
+        self._publisher = rospy.Publisher(rospy.names.namespace(topic) + 'mask', Image, queue_size=2, tcp_nodelay=True)
+
+    def show(self, assembled: AssembledImage) -> None:
+        """Publish the mask of an image, if there is any subscriber."""
+        if self._publisher.get_num_connections():
+            image = assembled.message
+            self._publisher.publish(Image(
+                header=image.header, height=image.height, width=image.width, encoding='mono8', step=image.width,
+                data=mask_of(assembled.received, assembled.filtered.known).tobytes()))
+
+    def close(self) -> None:
+        self._publisher.unregister()
+
+
+class ViewOutput:
+    """Publishes an annotated colour image for display.
+
+    :param clock_offset: f() -> the robot's clock minus the operator's [s]
+    """
+
+    def __init__(self, topic: str, settings: SettingsStore, clock_offset: Callable[[], float]) -> None:
+        self._view = ViewPublisher(settings.current, clock_offset)
+        settings.subscribe(self._view.configure)
+
+    def show(self, assembled: AssembledImage) -> None:
+        """Publish the view of an image soon."""
+        image = assembled.message
+        pixels = as_pixels(image.data, image.height, image.width, image.step, image.encoding, image.is_bigendian)
+        self._view.show(pixels, image.encoding, image.header, assembled.filtered.known_ratio)
+
+    def close(self) -> None:
+        self._view.close()
+
+
+Output = Union[MaskOutput, ViewOutput]
+OUTPUTS: Mapping[str, Type[Any]] = {'publish_mask': MaskOutput, 'view_topic': ViewOutput}
+"""{setting: class of the output}: there is an output if its setting is neither false nor empty."""

@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Transforms of point clouds into a level frame, from tf, for streams/virtual_scan."""
+import threading
+from typing import Any, Optional, Tuple
+
+import numpy as np
+import rospy
+
+from ..arrays import Float32Array
+from ..streams.virtual_scan.fans import rotation
+
+
+class TransformLookup:
+    """Looks transforms up; it listens to tf from the first call on. Any thread may call it."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._buffer: Any = None
+        self._listener: Any = None
+
+    def __call__(self, frame: str, header: Any) -> Optional[Tuple[Float32Array, Float32Array]]:
+        """(3, 3) rotation and (3,) translation [m] into a frame, from a std_msgs/Header's at its stamp, or else the
+        latest; None where tf does not know it."""
+        import tf2_ros  # takes a second, and only virtual scans need it
+        with self._lock:
+            if self._buffer is None:
+                self._buffer = tf2_ros.Buffer()
+                self._listener = tf2_ros.TransformListener(self._buffer)
+        for stamp in (header.stamp, rospy.Time(0)):    # the mount hardly moves, so the latest transform is good too
+            try:
+                found = self._buffer.lookup_transform(frame, header.frame_id, stamp).transform
+            except tf2_ros.TransformException:
+                continue
+            q, t = found.rotation, found.translation
+            return rotation(q.x, q.y, q.z, q.w), np.array([t.x, t.y, t.z], np.float32)
+        return None

@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Sends the frames of all the robot's streams from one thread, as congestion/packet_scheduler.py decides."""
+import math
+import threading
+import time
+from typing import Any, Callable, Optional, Sequence
+
+from ..congestion.packet_scheduler import Chunk, PacketScheduler
+from ..udpros.datagram import OVERHEAD
+from ..udpros.endpoints import IP_UDP_HEADERS
+from ..udpros.frame import Frame
+
+MAX_BACKLOG = 0.02
+"""A newer message of a stream waits for the one before if everything that waits leaves within this time [s],"""
+
+MAX_WAIT = 0.5
+"""but no longer than this [s]."""
+
+Departed = Callable[[str, Optional[int], int, int, float], None]
+"""f(stream, seq, count, size, now): `count` datagrams of `size` bytes each as IP packets left; seq: of the first one,
+None: they have no sequence numbers."""
+
+
+class Outbox:
+    """Sends the frames of all streams of a node, because they share the air.
+
+    :param scheduler: decides what leaves when
+    :param departed: see Departed; called for all datagrams that left
+    :param on_error: f(stream, exception), called where sending fails; the other streams go on
+    """
+
+    def __init__(self, scheduler: Optional[PacketScheduler] = None, departed: Departed = lambda *_: None,
+                 on_error: Callable[[str, Exception], None] = lambda *_: None) -> None:
+        self._scheduler = scheduler or PacketScheduler()
+        self._departed, self._on_error = departed, on_error
+        self.protected = 0
+        """What ever left at once [byte of IP packets]."""
+        lock = threading.Lock()
+        self._changed, self._left = threading.Condition(lock), threading.Condition(lock)
+        self._ended = False
+        self._thread = threading.Thread(target=self._run, name='outbox', daemon=True)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def stop(self) -> None:
+        with self._changed:
+            self._ended = True
+            self._changed.notify()
+            self._left.notify_all()
+        if self._thread.ident:
+            self._thread.join()
+
+    def put(self, stream: str, publisher: Any, frames: Sequence[Frame]) -> None:
+        """Send the frames of a message; what did not leave yet of the stream's last message is dropped.
+
+        :param publisher: udpros.Publisher
+        """
+        parts = [(len(frame), frame.datagram_size + IP_UDP_HEADERS) for frame in frames]
+        with self._changed:
+            self._scheduler.put(stream, (publisher, frames), parts)
+            self._changed.notify()
+
+    def await_rest(self, stream: str) -> None:
+        """Wait until the last message of a stream has left, so that the next one does not cut it off, but only if
+        everything that waits leaves within MAX_BACKLOG. A busy machine takes longer than the link: at most MAX_WAIT."""
+        with self._left:
+            if self._scheduler.takes() <= MAX_BACKLOG:
+                self._left.wait_for(lambda: self._ended or self._scheduler.sending(stream) is None, MAX_WAIT)
+
+    def sending(self, stream: str) -> bool:
+        """Whether frames of a stream are still leaving."""
+        with self._changed:
+            return self._scheduler.sending(stream) is not None
+
+    def publish(self, stream: str, publisher: Any, message: Any, size: int) -> None:
+        """Send one message at once, before everything that waits.
+
+        :param publisher: udpros.Publisher
+        :param size: of the serialised message [byte]
+        """
+        publisher.publish(message)
+        size += OVERHEAD + IP_UDP_HEADERS
+        with self._changed:
+            now = time.monotonic()
+            self.protected += size
+            self._scheduler.charge(size, now)
+            self._departed(stream, publisher.impl.seq if message._has_header else None, 1, size, now)
+
+    def drop(self, stream: str) -> None:
+        """Nothing more of a stream's message leaves."""
+        with self._changed:
+            self._scheduler.drop(stream)
+            self._left.notify_all()
+
+    def dropped(self, stream: str) -> int:
+        """Number of datagrams of a stream that a newer message replaced."""
+        return self._scheduler.dropped.get(stream, 0)
+
+    def change(self, change: Callable[[PacketScheduler], Any]) -> None:
+        """Call change(scheduler)."""
+        with self._changed:
+            change(self._scheduler)
+            self._changed.notify()
+
+    def _run(self) -> None:
+        while True:
+            chunk = self._await_chunk()
+            if chunk is None:
+                return
+            try:
+                self._send(chunk)
+            except Exception as error:      # a fault of one stream must not stop the others
+                self._on_error(chunk.stream, error)
+
+    def _await_chunk(self) -> Optional[Chunk]:
+        """What is to be sent now; None: the outbox was stopped."""
+        with self._changed:
+            while not self._ended:
+                chunk: Optional[Chunk] = self._scheduler.take(time.monotonic())
+                if chunk is not None:
+                    if self._scheduler.sending(chunk.stream) is None:
+                        self._left.notify_all()
+                    return chunk
+                wait = self._scheduler.wait(time.monotonic())
+                self._changed.wait(None if wait == math.inf else wait)
+            return None
+
+    def _send(self, chunk: Chunk) -> None:
+        publisher, frames = chunk.work
+        frame = frames[chunk.part].part(chunk.start, chunk.stop)
+        now = time.monotonic()
+        first = publisher.publish_frames(frame)
+        self._departed(chunk.stream, first, len(frame), frame.datagram_size + IP_UDP_HEADERS, now)

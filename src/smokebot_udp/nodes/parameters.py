@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The nodes' private parameters: one table {name: Parameter} for each node. `live` ones may change while it runs."""
+from dataclasses import fields
+
+from ..mission.control import FOCUS
+from ..mission.parameters import Parameter
+from ..monitoring.thresholds import Thresholds
+
+_STREAMS_FILE = Parameter('', '', "the streams by name; empty: this package's config/streams.yaml")
+
+_MEANINGS = {
+    'warn_loss': ('', 'packet-loss ratio that triggers WARN'),
+    'error_loss': ('', 'packet-loss ratio that triggers ERROR'),
+    'warn_completeness': ('', 'median completeness of messages, 0..1, below which there is a WARN'),
+    'warn_age': ('s', 'median age of messages on arrival that triggers WARN'),
+    'error_age': ('s', 'median age of messages on arrival that triggers ERROR'),
+    'error_silence': ('s', 'time without messages that triggers ERROR, if it is three times longer than usual, too'),
+}
+DIAGNOSTICS = {threshold.name: Parameter(getattr(Thresholds(), threshold.name), *_MEANINGS[threshold.name], least=0.0)
+               for threshold in fields(Thresholds)}
+"""Thresholds of diagnostics, for all streams; ~<stream>/<name> sets one for one stream."""
+
+ROBOT_SENDER = {
+    'streams_file': _STREAMS_FILE,
+    'focus_file': Parameter('', '', "the mission focus's profiles by name; empty: this package's config/focus.yaml"),
+    'max_datagram_size': Parameter(1472, 'byte', 'longest datagram, as UDP payload; 1472 fills an Ethernet frame',
+                                   least=256, most=65507),
+    'adapt': Parameter(True, '', 'whether the rate follows the capacity that operators report; otherwise it is '
+                       'max_rate'),
+    'max_rate': Parameter(400.0, 'Mbit/s', 'maximum rate of all streams together; 0: unlimited', least=0.0),
+    'min_rate': Parameter(0.1, 'Mbit/s', 'minimum rate, whatever operators report', least=0.01),
+    'start_rate': Parameter(0.5, 'Mbit/s', 'rate until the first report', least=0.01),
+    'focus': FOCUS,
+    **DIAGNOSTICS,
+}
+
+OPERATOR_RECEIVER = {
+    'streams_file': _STREAMS_FILE,
+    'max_datagram_size': Parameter(1472, 'byte', 'longest datagram that is accepted', least=256, most=65507),
+    'receive_buffer': Parameter(4 << 20, 'byte', 'socket receive buffer of each stream; the kernel limits it to '
+                                'net.core.rmem_max', least=4096, most=1 << 30),
+    'loss': Parameter(0.0, '', 'ratio of datagrams that are dropped on arrival, to demonstrate a bad link', least=0.0,
+                      most=1.0),
+    'loss_seed': Parameter(0, '', 'seed of the random losses', least=0),
+    'odom_topic': Parameter('/operator/odom', '', 'nav_msgs/Odometry, from which it is known whether the robot stands '
+                            'still'),
+    'cmd_vel_topic': Parameter('/cmd_vel', '', 'geometry_msgs/Twist, used where there is no odometry; images are used '
+                               'where there is neither'),
+    'focus_patience': Parameter(10.0, 's', 'timeout of ~set_focus', least=0.1),
+    'stale_after': Parameter(2.0, 's', "time without data after which rviz' 3D view shows NO DATA", least=0.1),
+    'stale_topic': Parameter('/operator/stale', '', 'visualization_msgs/Marker that shows NO DATA'),
+    'base_frame': Parameter('base_link', '', 'frame of the robot above which NO DATA stands'),
+    **DIAGNOSTICS,
+}
+
+SIMULATED_ROBOT = {
+    'seed': Parameter(1, '', 'seed of furniture, fires and noise', least=0, most=2 ** 31 - 1),
+    'speed': Parameter(0.7, 'm/s', 'speed of the drive between halts', least=0.01, most=5.0),
+    'noise': Parameter(True, '', 'whether the sensors have noise'),
+    'lidar_noise': Parameter(0.03, 'm', "standard deviation of the LiDAR's ranges; 0 where noise is false", least=0.0,
+                             most=10.0),
+    'width': Parameter(640, 'pixel', 'width of both cameras', least=16, most=4096),
+    'height': Parameter(480, 'pixel', 'height of both cameras', least=16, most=4096),
+    **{name + '_rate': Parameter(rate, 'Hz', meaning, least=0.0, most=1000.0) for name, rate, meaning in (
+        ('thermal', 10.0, 'rate of the thermal camera; 0: there is none (also of the other rates)'),
+        ('camera', 10.0, 'rate of the colour camera'),
+        ('lidar', 10.0, 'rate of the LiDAR'),
+        ('scan', 10.0, 'rate of the planar laser scanner'),
+        ('map', 1.0, 'maximum rate of the map; an unchanged one is not published again'),
+        ('odom', 50.0, 'rate of odom and /tf'),
+        ('gas', 2.0, 'rate of the gas sensor'),
+        ('battery', 1.0, "rate of the battery's state"))},
+}
+
+DEMO_REPORT = {
+    'streams_file': _STREAMS_FILE,
+    'seconds': Parameter(20.0, 's', 'duration, from the first image that arrives', least=1.0),
+    'picture': Parameter('', '', 'file that the last sent and received images are written to; empty: none'),
+}
+
+NODES = {'robot_sender': ROBOT_SENDER, 'operator_receiver': OPERATOR_RECEIVER, 'simulated_robot': SIMULATED_ROBOT,
+         'demo_report': DEMO_REPORT}
+"""{node: its table}"""

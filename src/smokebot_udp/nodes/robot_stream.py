@@ -1,0 +1,261 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The runner of the robot's streams: subscribes a topic, has its messages encoded, and sends the frames.
+
+One thread per stream encodes the newest message when its rate allows, and repeats the last one when that is due. The
+encoder (streams/encoder.py) decides how messages are encoded, the outbox (outbox.py) when datagrams leave.
+"""
+import functools
+import time
+from dataclasses import dataclass, field
+from typing import Any, Callable, Mapping, Optional, Sequence
+
+import rospy
+
+from .. import udpros
+from ..congestion.controller import Demand
+from ..mission.parameters import live
+from ..mission.settings import Settings, SettingsStore
+from ..monitoring.stats import ConnectionStats, StreamStats
+from ..monitoring.windows import Rate
+from ..streams.encoder import Encoder, Payload
+from ..streams.rate import RateLimiter
+from ..streams.relay.transforms import size_of
+from ..streams.schedule import Schedule
+from ..streams.segments import wire_topic
+from ..udpros.datagram import OVERHEAD
+from ..units import KBIT
+from .outbox import Outbox
+from .worker import DeadlineWorker
+
+SOURCE_RATE_OVER = 2.0
+"""The rate of a source is measured over this time [s]."""
+
+
+@dataclass
+class RobotLink:
+    """Shared by the streams of a node."""
+    max_datagram_size: int
+    """As configured [byte of UDP payload]."""
+    outbox: Outbox = field(default_factory=Outbox)
+
+    def __post_init__(self) -> None:
+        self.datagram_size = self.max_datagram_size
+        """Of frames from now on; shorter on slow links [byte of UDP payload]."""
+
+
+class RobotStream(rospy.SubscribeListener):
+    """Sends the newest messages of a topic.
+
+    :param name: of the stream
+    :param settings: {name: value} of streams.yaml, each checked
+    :param encoder: made with these settings
+    :param publisher: makes the publisher of segments, as udpros.Publisher
+    :param subscriber: makes the subscriber of the source, as rospy.Subscriber
+    :param local_publisher: makes the publisher of derived messages, as rospy.Publisher
+    :raises ValueError: where settings contradict each other
+    """
+
+    def __init__(self, name: str, settings: Mapping[str, Any], encoder: Encoder[Any], link: RobotLink,
+                 publisher: Callable[..., Any] = udpros.Publisher, subscriber: Callable[..., Any] = rospy.Subscriber,
+                 local_publisher: Callable[..., Any] = rospy.Publisher) -> None:
+        super().__init__()
+        self.name, self.topic = name, rospy.resolve_name(settings['robot_topic'])
+        self.encoder, self.link = encoder, link
+        self.settings = SettingsStore(live(encoder.PARAMETERS), settings, encoder.check)
+        self.received, self.sent = 0, 0
+        """Messages of the source; messages handed to the outbox, repeats included where they are PROTECTED."""
+        self._make_publisher, self._make_subscriber, self._make_local_publisher = publisher, subscriber, local_publisher
+        self._publisher: Any = None     # made by start(), as are these
+        self._subscriber: Any = None
+        self._local_publisher: Any = None
+        self._invalid = 0
+        self._stamp: Any = None         # of the last message encoded
+        self._last: Any = None          # the last message, where the encoder encodes it again
+        self._source = Rate(SOURCE_RATE_OVER)
+        current = self.settings.current
+        # however slow the link is, derived messages are published at the requested rate: they are limited twice
+        self._schedule: Schedule[Any] = Schedule(self._encoding_rate(current), encoder.repeat_period(current))
+        self._sending_limiter = RateLimiter(current['rate'])
+        self._worker: DeadlineWorker[Callable[[], None]] = DeadlineWorker(
+            name, self._next_job, self._schedule.deadline, self._work, self._report)
+        self.settings.subscribe(self._apply)
+
+    def start(self) -> None:
+        """Begin to send; a stream can be made without ROS, but not started."""
+        self._publisher = self._make_publisher(
+            wire_topic(self.name), self.encoder.SEGMENT, subscriber_listener=self, queue_size=10,
+            max_datagram_size=self.link.max_datagram_size)
+        if self.encoder.DERIVED is not None:
+            topic = self.settings.current['scan_topic'] or self.name
+            self._local_publisher = self._make_local_publisher(topic, self.encoder.DERIVED, queue_size=2)
+        self._worker.start()
+        self._subscriber = self._make_subscriber(self.topic, self.encoder.MESSAGE, self.receive,
+                                                 queue_size=self.encoder.QUEUE_SIZE, buff_size=1 << 24,
+                                                 tcp_nodelay=True)
+
+    def close(self) -> None:
+        """End the thread and all topics."""
+        if self._subscriber is not None:
+            self._subscriber.unregister()
+        self._worker.close()
+        self.link.outbox.drop(self.name)
+        for publisher in (self._publisher, self._local_publisher):
+            if publisher is not None:
+                publisher.unregister()
+
+    # -- state, for any thread ----------------------------------------------------------------------
+
+    @property
+    def heard(self) -> bool:
+        """Whether the segments have a subscriber."""
+        return self._publisher is not None and self._publisher.get_num_connections() > 0
+
+    @property
+    def wanted(self) -> bool:
+        """Whether segments are to be sent now."""
+        settings = self.settings.current
+        return settings['enabled'] and not settings.paused and self.heard
+
+    def demand(self, now: float) -> Optional[Demand]:
+        """What it would send; None where it has nothing to send, or is PROTECTED.
+
+        To be called regularly, because it measures the rate of the source.
+
+        :param now: by a steady clock [s]
+        """
+        self._source.read(self.received, now)
+        settings = self.settings.current
+        requested = settings.requested
+        if self.encoder.PROTECTED or not requested['enabled'] or not self.heard:
+            return None
+        rate = min(requested['rate'], self._source.per_second or requested['rate'])
+        points = self.encoder.operating_points(rate, settings)
+        return Demand(points, requested['weight'], requested['min_bitrate'] * KBIT, rate,
+                      self.encoder.refine) if points else None
+
+    def stats(self) -> StreamStats:
+        """What the stream does and did, for diagnostics."""
+        settings = self.settings.current
+        connections = self._publisher.connections() if self._publisher is not None else []
+        return StreamStats(
+            self.received, self.sent, settings['enabled'], settings['rate'], self.encoder.STEADY,
+            {'replaced': self._schedule.replaced, 'invalid': self._invalid,
+             'datagrams of replaced messages': self.link.outbox.dropped(self.name)},
+            connections=[ConnectionStats(**connection) for connection in connections],
+            problem='the link is too slow for it and the other streams' if settings.paused else None)
+
+    # -- input: rospy's threads, and those that change settings ------------------------------------
+
+    def receive(self, message: Any) -> None:
+        """A message of the source arrived."""
+        self.received += 1
+        local = self._local_publisher is not None and self._local_publisher.get_num_connections() > 0
+        if not (self.encoder.KEEPS or local or self.wanted):
+            return
+        with self._worker.changing():
+            if self.encoder.REENCODES:
+                self._last = message
+            self._schedule.put(self.encoder.merge(self._schedule.waiting, message))
+
+    def peer_subscribe(self, topic_name: str, topic_publish: Any, peer_publish: Any) -> None:
+        """A new subscriber gets at once what is repeated."""
+        with self._worker.changing():
+            self._schedule.wake()
+
+    def _apply(self, settings: Settings, changed: Mapping[str, Any]) -> None:
+        """Settings changed, see SettingsStore.subscribe."""
+        with self._worker.changing():
+            self._schedule.set_rate(self._encoding_rate(settings))
+            self._schedule.repeat_period = self.encoder.repeat_period(settings)
+            self._sending_limiter.rate = settings['rate']
+            if changed and self._last is not None:
+                self._schedule.put(self._last)
+        if not settings['enabled']:
+            self.link.outbox.drop(self.name)
+
+    def _encoding_rate(self, settings: Settings) -> float:
+        rate: float = settings['rate'] if self.encoder.DERIVED is None else settings.requested['rate']
+        return rate
+
+    # -- the worker's thread -----------------------------------------------------------------------
+
+    def _next_job(self, now: float) -> Optional[Callable[[], None]]:
+        message = self._schedule.take(now)
+        if message is not None:
+            return functools.partial(self._encode, message)
+        return self._repeat if self._schedule.take_repeat(now) else None
+
+    def _work(self, job: Callable[[], None]) -> None:
+        try:
+            job()
+        finally:
+            while self.encoder.warnings:
+                rospy.logwarn_throttle_identical(60, "stream '%s', %s: %s" % (
+                    self.name, self.topic, self.encoder.warnings.popleft()))
+
+    def _encode(self, message: Any) -> None:
+        encoder, settings = self.encoder, self.settings.current
+        if encoder.STAMPED:
+            self._check_stamp(message)
+        if self._local_publisher is not None:
+            message = encoder.derive(message, settings)
+            self._local_publisher.publish(message)
+            now = time.monotonic()
+            if not self.wanted or self._sending_limiter.due > now:
+                return
+            self._sending_limiter.take(now)
+        elif not encoder.PROTECTED:
+            self.link.outbox.await_rest(self.name)
+        payloads = encoder.encode(message, settings, self._datagram_size)
+        if not payloads:
+            return
+        with self._worker.changing():
+            self._schedule.sent(time.monotonic())
+        if self.wanted:
+            self._send(payloads)
+            self.sent += not encoder.PROTECTED
+
+    def _repeat(self) -> None:
+        if self.wanted and not self.link.outbox.sending(self.name):
+            payloads = self.encoder.repeat(self.settings.current, self._datagram_size)
+            if payloads:
+                self._send(payloads)
+
+    def _check_stamp(self, message: Any) -> None:
+        """Segments are assigned to a message by its stamp: one without gets the time of now, none may come twice.
+
+        :raises ValueError: where the stamp is the last one's
+        """
+        if message.header.stamp.is_zero():
+            message.header.stamp = rospy.Time.now()
+        stamp = message.header.stamp
+        if stamp == self._stamp:
+            raise ValueError("its stamp is %d.%09d like the last one's: they cannot be told apart" % (
+                stamp.secs, stamp.nsecs))
+        self._stamp = stamp
+
+    @property
+    def _datagram_size(self) -> int:
+        # relayed messages are not divided, so shorter datagrams do not help them
+        return self.link.max_datagram_size if self.encoder.PROTECTED else self.link.datagram_size
+
+    def _send(self, payloads: Sequence[Payload]) -> None:
+        """Hand over the frames or messages that carry one message."""
+        if not self.encoder.PROTECTED:
+            self.link.outbox.put(self.name, self._publisher, payloads)
+            return
+        room = self._datagram_size - OVERHEAD
+        for message in payloads:
+            size = size_of(message)
+            if size > room:
+                rospy.logwarn_throttle_identical(
+                    60, "stream '%s': a message of %s has %d bytes and takes %d datagrams; it is lost if one of them is"
+                    % (self.name, self.topic, size, -(-size // room)))
+            self.link.outbox.publish(self.name, self._publisher, message, size)
+            self.sent += 1
+
+    def _report(self, error: Exception) -> None:
+        self._invalid += 1
+        if not rospy.is_shutdown():
+            rospy.logerr_throttle_identical(5, "stream '%s': a message of %s is not sent: %s" % (
+                self.name, self.topic, error))

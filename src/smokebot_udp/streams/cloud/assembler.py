@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Chunks to sensor_msgs/PointCloud2, of the points that were received (D6.3, section 6.1)."""
+import collections
+from types import SimpleNamespace
+from typing import Any, Deque, Mapping, NamedTuple, Optional, Tuple
+
+import numpy as np
+from sensor_msgs.msg import PointCloud2, PointField
+
+from ...arrays import Float32Array, Records
+from ...codecs.wire.cloud import CloudParts, PointFormat
+from ...mission.parameters import Parameter
+from ...mission.settings import Settings
+from ...msg import CloudChunk
+from ..assembler import Assembled, Clock, no_clock
+from ..frame_assembler import Frame
+from ..stamped_assembler import StampedAssembler, header_of
+
+
+class Points(NamedTuple):
+    """Points that were published."""
+    received: float
+    """[s]"""
+    frame_id: str
+    xyz: Float32Array
+    """(n, 3) [m]"""
+    intensity: Optional[Float32Array]
+    """(n,)"""
+
+
+class CloudAssembler(StampedAssembler[CloudParts, Assembled]):
+    """Makes one cloud of each stamp's chunks."""
+    MESSAGE, SEGMENT = PointCloud2, CloudChunk
+    HEAD = 'points', 'chunks', 'has_intensity', 'step', 'origin', 'bits', 'intensity_min', 'intensity_step'
+    PARAMETERS = {
+        **StampedAssembler.PARAMETERS,
+        'persistence': Parameter(0.0, 's', 'how long the points of earlier clouds are kept while the robot stands '
+                                 'still', least=0.0, most=3600.0, live=True),
+    }
+
+    def __init__(self, settings: Mapping[str, Any], clock: Clock = no_clock) -> None:
+        super().__init__(settings, clock)
+        self._earlier: Deque[Points] = collections.deque()
+
+    def begin(self, head: SimpleNamespace) -> CloudParts:
+        return CloudParts(head.points, head.chunks, PointFormat(
+            bool(head.has_intensity), head.step, head.origin, head.bits, head.intensity_min, head.intensity_step))
+
+    def parts(self, records: Records) -> Tuple[Any, ...]:
+        return records['index'].astype(int), records['data']
+
+    def assemble(self, finished: Frame[CloudParts], settings: Settings, still: bool, now: float) -> Assembled:
+        head, cloud = finished.head, finished.content
+        points = Points(now, head.frame_id, *cloud.merge())
+        persistence = settings['persistence']
+        if persistence:
+            points = self._with_earlier(points, persistence, still)
+        else:
+            self._earlier.clear()
+        return Assembled(_message(head, points), head.stamp, cloud.completeness)
+
+    def _with_earlier(self, points: Points, persistence: float, still: bool) -> Points:
+        """The points, and those of earlier clouds that are still valid."""
+        earlier = self._earlier
+        if not still:
+            earlier.clear()
+        while earlier and (points.received - earlier[0].received > persistence
+                           or earlier[0].frame_id != points.frame_id
+                           or (earlier[0].intensity is None) != (points.intensity is None)):
+            earlier.popleft()
+        earlier.append(points)
+        intensities = [kept.intensity for kept in earlier if kept.intensity is not None]
+        return points._replace(xyz=np.concatenate([kept.xyz for kept in earlier]),
+                               intensity=np.concatenate(intensities) if intensities else None)
+
+
+def _message(head: SimpleNamespace, points: Points) -> PointCloud2:
+    names = ['x', 'y', 'z'] + ['intensity'] * (points.intensity is not None)
+    values = points.xyz if points.intensity is None else np.column_stack([points.xyz, points.intensity])
+    step = 4 * len(names)
+    return PointCloud2(
+        header=header_of(head), height=1, width=len(values), point_step=step, row_step=step * len(values),
+        is_dense=True, fields=[PointField(name, 4 * i, PointField.FLOAT32, 1) for i, name in enumerate(names)],
+        data=np.ascontiguousarray(values, '<f4').tobytes())

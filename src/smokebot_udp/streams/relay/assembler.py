@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Relayed messages, published as they are; latched transforms together with all earlier ones."""
+import math
+from typing import Any, Mapping, Optional
+
+from ..assembler import Assembled, Assembler, Clock, no_clock
+from ..parameters import OPERATOR
+from .transforms import RELAY, TF_TYPES, TransformSet, message_class, stamp_of
+
+
+class RelayAssembler(Assembler[None, Assembled]):
+    """Forwards each message.
+
+    Of latched messages subscribers receive only the last one, so transforms are merged into one message.
+    """
+    FORWARDS = True
+    PARAMETERS = {**OPERATOR, **RELAY}
+
+    def __init__(self, settings: Mapping[str, Any], clock: Clock = no_clock) -> None:
+        super().__init__(settings, clock)
+        self.MESSAGE = self.SEGMENT = message_class(settings['message_type'])
+        self.LATCH, self.STEADY = settings['latch'], not settings['latch']
+        self._merges = settings['latch'] and settings['message_type'] in TF_TYPES
+        self._transforms = TransformSet()
+        self._last: Any = None      # message with all transforms
+
+    def forward(self, message: Any) -> Optional[Assembled]:
+        if self._merges:
+            message = self._merged(message)
+            if message == self._last:
+                return None     # refresh cycles repeat it
+            self._last = message
+        stamp = stamp_of(message)
+        return Assembled(message, 0 if stamp is None else stamp.to_nsec(), None)
+
+    def _merged(self, message: Any) -> Any:
+        try:
+            self._transforms.add(message)
+        except ValueError as error:
+            self.warnings.append(str(error))
+        merged = self._transforms.messages(self.MESSAGE, math.inf)
+        return merged[0] if merged else self.MESSAGE()

@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Assemblers whose segments make one message for each stamp of the source: images, clouds, scans."""
+from types import SimpleNamespace
+from typing import Any, ClassVar, Mapping, Optional, Tuple, TypeVar
+
+import numpy as np
+from genpy import Time
+from std_msgs.msg import Header
+
+from ..arrays import BoolArray, Records
+from ..mission.parameters import Parameter
+from ..mission.settings import Settings
+from .assembler import Assembled, Assembler, Clock, no_clock
+from .frame_assembler import Frame, FrameAssembler, PartialFrame
+from .parameters import OPERATOR
+from .segments import head_of, picked, same_head, stamps_of
+
+Partial = TypeVar('Partial', bound=PartialFrame)
+Result = TypeVar('Result', bound=Assembled)
+
+
+class StampedAssembler(Assembler[Frame[Partial], Result]):
+    """Makes one message of each stamp's segments.
+
+    A kind derives from it, with HEAD, `begin`, `parts` and `assemble`.
+    """
+    HEAD: ClassVar[Tuple[str, ...]] = ()
+    """The fields that are equal in all segments of one stamp, besides the header."""
+    PARAMETERS: ClassVar[Mapping[str, Parameter]] = {
+        **OPERATOR,
+        'max_wait': Parameter(0.2, 's', 'longest time from the first segment of a message until the message is '
+                              'published', above=0.0, most=60.0, live=True),
+    }
+
+    def __init__(self, settings: Mapping[str, Any], clock: Clock = no_clock) -> None:
+        super().__init__(settings, clock)
+        self._frames = FrameAssembler(self.begin, settings['max_wait'])
+        self.dropped = self._frames.dropped
+
+    def begin(self, head: SimpleNamespace) -> Partial:
+        """An empty frame.
+
+        :param head: stamp, frame_id and HEAD of its segments, see segments.head_of
+        :raises ValueError: the head is impossible
+        """
+        raise NotImplementedError
+
+    def parts(self, records: Records) -> Tuple[Any, ...]:
+        """The arguments of PartialFrame.add for (m,) segments of one layout."""
+        raise NotImplementedError
+
+    def configure(self, settings: Settings, changed: Mapping[str, Any]) -> None:
+        self._frames.max_wait = settings['max_wait']
+
+    def receive(self, records: Records, mask: BoolArray, now: float) -> None:
+        rows = np.flatnonzero(mask)
+        if not len(rows):
+            return
+        starts = np.flatnonzero(np.diff(stamps_of(records, rows))) + 1
+        for of_stamp in np.split(rows, starts):
+            head = head_of(records[of_stamp[0]], self.SEGMENT, self.HEAD)
+            same = same_head(records, of_stamp, self.HEAD)
+            self.dropped['contradiction'] += int(np.count_nonzero(~same))
+            self._frames.add(head, self.parts(picked(records, of_stamp[same])), now)
+
+    def deadline(self) -> Optional[float]:
+        return self._frames.deadline()
+
+    def poll(self, now: float) -> Optional[Frame[Partial]]:
+        return self._frames.poll(now)
+
+
+def header_of(head: SimpleNamespace) -> Header:
+    """The std_msgs/Header of a segment's head."""
+    return Header(stamp=Time(*divmod(head.stamp, 10 ** 9)), frame_id=head.frame_id)

@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: BSD-3-Clause
+import math
+import queue
+import threading
+import time
+from typing import Any, Iterator, List, Optional
+
+import pytest
+
+from smokebot_udp.nodes.worker import DeadlineWorker
+
+
+class Source:
+    """Items that are due at times."""
+
+    def __init__(self) -> None:
+        self.items: List[Any] = []      # [(when, item), ...]
+        self.done: queue.Queue[Any] = queue.Queue()
+        self.errors: queue.Queue[Exception] = queue.Queue()
+        self.worker: DeadlineWorker[Any] = DeadlineWorker('worker', self.poll, self.deadline, self.work,
+                                                          self.errors.put)
+
+    def poll(self, now: float) -> Optional[Any]:
+        return self.items.pop(0)[1] if self.items and self.items[0][0] <= now else None
+
+    def deadline(self) -> Optional[float]:
+        return self.items[0][0] if self.items else None
+
+    def add(self, when: float, item: Any) -> None:
+        with self.worker.changing():
+            self.items.append((when, item))
+
+    def work(self, item: Any) -> None:
+        self.done.put((item, time.monotonic()))
+        if isinstance(item, Exception):
+            raise item
+
+
+@pytest.fixture
+def source() -> Iterator[Source]:
+    made = Source()
+    made.worker.start()
+    yield made
+    made.worker.close()
+
+
+def test_it_works_in_order_and_not_before_the_time(source: Source) -> None:
+    due = time.monotonic() + 0.2
+    source.add(-math.inf, 'at once')
+    source.add(due, 'later')
+    source.add(due, 'then')
+    (first, _), (second, at), (third, _) = (source.done.get(timeout=10) for _ in range(3))
+    assert (first, second, third) == ('at once', 'later', 'then') and at >= due
+    assert source.errors.empty()
+
+
+def test_an_earlier_deadline_wakes_it(source: Source) -> None:
+    source.add(math.inf, 'never')
+    time.sleep(0.05)
+    with source.worker.changing():
+        source.items.insert(0, (0.0, 'now'))
+    assert source.done.get(timeout=10)[0] == 'now' and source.errors.empty()
+
+
+def test_after_an_error_it_goes_on(source: Source) -> None:
+    source.add(0.0, ValueError('broken'))
+    source.add(0.0, 'good')
+    assert str(source.errors.get(timeout=10)) == 'broken'
+    assert [source.done.get(timeout=10)[0] for _ in range(2)][1] == 'good'
+
+
+def test_it_works_without_the_lock(source: Source) -> None:
+    began, go_on = threading.Event(), threading.Event()
+    source.worker.close()
+    source.worker = DeadlineWorker('worker', source.poll, source.deadline,
+                                   lambda item: began.set() or go_on.wait(10), source.errors.put)
+    source.worker.start()
+    source.add(0.0, 'slow')
+    assert began.wait(10)
+    with source.worker.changing():
+        source.items.append((math.inf, 'other'))
+    go_on.set()
+
+
+def test_closing_ends_the_thread_and_needs_none() -> None:
+    for started in (True, False):
+        source, count = Source(), threading.active_count()
+        if started:
+            source.worker.start()
+            source.add(math.inf, 'never')
+        source.worker.close()
+        source.worker.close()
+        assert threading.active_count() == count and source.done.empty() and source.errors.empty()

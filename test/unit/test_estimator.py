@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: BSD-3-Clause
+import math
+from typing import List, Tuple
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from smokebot_udp.congestion.estimator import (
+    LONG_QUEUE,
+    MBIT,
+    REPORT_TIMEOUT,
+    Estimator,
+    Limits,
+    peak_rate,
+    target_delay,
+)
+from smokebot_udp.congestion.feedback import (
+    ArrivalSample,
+    Feedback,
+    FeedbackReader,
+    PacketSample,
+    Report,
+    StreamArrivals,
+)
+from smokebot_udp.congestion.loss import Loss
+from smokebot_udp.congestion.probing import DURATION, FIRST_GAIN, NEXT_GAIN, RETRY_INTERVAL, ProbeController
+from smokebot_udp.congestion.sent_history import SentHistory
+
+
+def samples(*times: Tuple[float, float], size: int = 1000) -> List[PacketSample]:
+    """Samples of (sent, arrived), one after the other."""
+    return [PacketSample(sent, arrived, size, size * (k + 1)) for k, (sent, arrived) in enumerate(times)]
+
+
+def test_the_peak_rate_is_the_offered_rate_where_intervals_are_kept() -> None:
+    assert peak_rate(samples((0, 5), (0.01, 5.01), (0.02, 5.02)), 0.0) == pytest.approx(100000)
+
+
+def test_the_peak_rate_is_the_carried_rate_where_intervals_grow() -> None:
+    assert peak_rate(samples((0, 5), (0.01, 5.02), (0.02, 5.04)), 0.0) == pytest.approx(50000)
+
+
+def test_clumped_arrivals_do_not_inflate_the_peak_rate() -> None:
+    assert peak_rate(samples((0, 5.03), (0.01, 5.0301), (0.02, 5.0302)), 0.0) == pytest.approx(100000)
+
+
+def test_one_interval_gives_no_peak_rate() -> None:
+    assert peak_rate(samples((0, 5), (0.01, 5.01)), 0.0) == 0.0
+
+
+def test_the_target_delay_falls_with_the_rate() -> None:
+    assert target_delay(20 * MBIT) == 0.005
+    assert target_delay(20 * MBIT / 16) == pytest.approx(0.01)
+    assert target_delay(0.1) == 0.04
+    assert all(target_delay(rate) < LONG_QUEUE for rate in (1e3, 1e5, 1e8))
+
+
+def counts(expected: int, received: int) -> Feedback:
+    return Feedback([], math.nan, expected, received, 0, False)
+
+
+def test_loss_while_uncongested_is_the_airs() -> None:
+    loss = Loss()
+    for _ in range(20):
+        loss.update(counts(100, 80), True)
+        assert loss.excess == 0
+    assert loss.air == pytest.approx(0.2)
+    for _ in range(20):
+        loss.update(counts(100, 40), False)
+    assert loss.excess == pytest.approx(0.5)        # of the 80 that the air lets through
+
+
+def test_loss_within_chance_is_no_excess() -> None:
+    loss = Loss()
+    loss.update(counts(100, 100), True)
+    loss.update(counts(20, 14), False)
+    assert loss.excess == 0
+
+
+def test_trains_get_faster_after_success_and_wait_after_failure() -> None:
+    probes, capacity = ProbeController(), 1e6
+    newest = PacketSample(0.0, 0.0, 1000, 50000)
+    first = probes.next(capacity, True, True, newest, 2000, 1.0)
+    assert first == (FIRST_GAIN * capacity, DURATION * capacity)
+    assert probes.next(capacity, True, True, newest, 2000, 1.1) is None         # it has not come
+    came = newest._replace(total=52000 + int(first.size))
+    second = probes.next(2 * capacity, True, True, came, 0, 1.2)
+    assert second == (NEXT_GAIN * 2 * capacity, DURATION * 2 * capacity)
+    came = came._replace(total=came.total + int(second.size))
+    assert probes.next(2 * capacity, True, True, came, 0, 1.3) is None          # it brought nothing
+    assert probes.next(2 * capacity, True, True, came, 0, 1.2 + RETRY_INTERVAL) is None
+    assert probes.next(2 * capacity, True, True, came, 0, 1.3 + RETRY_INTERVAL).rate == FIRST_GAIN * 2 * capacity
+
+
+def test_no_train_leaves_unless_more_is_wanted() -> None:
+    newest = PacketSample(0.0, 0.0, 1000, 50000)
+    assert ProbeController().next(1e6, True, False, newest, 0, 1.0) is None
+
+
+def test_each_report_timeout_halves_the_rate() -> None:
+    limits = Limits(min_rate=10000.0, start_rate=100000.0, max_rate=1e6)
+    estimator, rates = Estimator(0.0, limits), []
+    for k in range(40):
+        estimator.poll(0.1 * k)
+        rates.append(estimator.link.capacity)
+    assert rates[int(10 * REPORT_TIMEOUT)] == 100000
+    assert sorted(set(rates), reverse=True) == [100000, 50000, 25000, 12500, 10000]
+    assert estimator.timeouts == 4
+
+
+@given(st.lists(st.tuples(
+    st.integers(0, 3), st.integers(0, 3_000_000), st.integers(0, 50), st.integers(0, 50000),
+    st.lists(st.builds(ArrivalSample, st.integers(0, 1), st.integers(0, 60), st.integers(0, 200000)), max_size=5)),
+    max_size=30))
+def test_no_report_moves_the_rate_beyond_its_limits(
+        reports: List[Tuple[int, int, int, int, List[ArrivalSample]]]) -> None:
+    limits = Limits(min_rate=10000.0, start_rate=50000.0, max_rate=80000.0)
+    history = SentHistory()
+    reader, estimator = FeedbackReader(history), Estimator(100.0, limits)
+    for k, (session, clock, received, size, marks) in enumerate(reports):
+        now = 100.0 + 0.1 * (k + 1)
+        history.add('a', 2 * k + 1, 2, 1000, now - 0.1)
+        feedback = reader.read(Report(session, clock, [StreamArrivals('a', 2 * k + 2, received, size)], marks), now)
+        if feedback is not None:
+            estimator.on_feedback(feedback, now)
+        estimator.poll(now)
+        assert limits.min_rate <= estimator.rate <= limits.max_rate
+        assert limits.min_rate <= estimator.link.capacity <= limits.max_rate
+
+
+def test_a_receiver_that_claims_instant_arrival_gets_max_rate_at_most() -> None:
+    limits = Limits(min_rate=10000.0, start_rate=50000.0, max_rate=200000.0)
+    history = SentHistory()
+    reader, estimator, seq, rates = FeedbackReader(history), Estimator(100.0, limits), 0, []
+    for k in range(100):
+        first, begun = seq + 1, 100.0 + 0.1 * k
+        for _ in range(int(0.1 * estimator.rate / 1000) + 2):
+            seq += 1
+            history.add('a', seq, 1, 1000, begun + 0.001 * (seq - first) / (estimator.rate / 1e6))
+        now = begun + 0.2
+        marks = [ArrivalSample(0, at, seq - at) for at in range(max(first, seq - 50), seq + 1)]
+        feedback = reader.read(Report(1, round(1e6 * now), [StreamArrivals('a', seq, seq, 1000 * seq)], marks), now)
+        assert feedback is not None
+        estimator.on_feedback(feedback, now)
+        assert max(estimator.rate, estimator.link.capacity) <= limits.max_rate
+        rates.append(estimator.link.capacity)
+    assert max(rates) == limits.max_rate        # it does believe it

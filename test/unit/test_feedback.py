@@ -1,0 +1,178 @@
+# SPDX-License-Identifier: BSD-3-Clause
+import math
+from dataclasses import fields, replace
+from typing import Any, Callable, List, Sequence, Tuple
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from smokebot_udp.congestion.feedback import (
+    CLOCK_CONFIRMATIONS,
+    MAX_SAMPLES,
+    ArrivalSample,
+    FeedbackReader,
+    ReceiveHistory,
+    Report,
+    StreamArrivals,
+)
+from smokebot_udp.congestion.sent_history import SentHistory
+from smokebot_udp.msg import ArrivalMark as ArrivalMarkMessage
+from smokebot_udp.msg import LinkReport
+from smokebot_udp.msg import StreamArrivals as StreamArrivalsMessage
+
+AHEAD = 3600.0
+"""The operator's steady clock beside the robot's [s]."""
+
+
+def path(sent: int = 10, every: float = 0.01, lose: Sequence[int] = (), delay: float = 0.05,
+         size: int = 1000) -> Tuple[SentHistory, ReceiveHistory]:
+    """What a robot sent from its time 100 on, and what the operator received of it."""
+    history, arrivals = SentHistory(), ReceiveHistory(lambda: 7)
+    for k in range(sent):
+        left = 100 + k * every
+        history.add('thermal', k + 1, 1, size, left)
+        if k not in lose:
+            arrivals.add('thermal', k + 1, size, left + delay + AHEAD)
+    return history, arrivals
+
+
+def test_feedback_needs_no_common_clock() -> None:
+    history, arrivals = path(lose=(3, 4))
+    reader = FeedbackReader(history)
+    feedback = reader.read(arrivals.report(100.15 + AHEAD), 100.17)
+    assert [sample.total for sample in feedback.samples] == [1000, 2000, 3000, 6000, 7000, 8000, 9000, 10000]
+    assert [sample.sent for sample in feedback.samples] == pytest.approx(
+        [100 + .01 * k for k in (0, 1, 2, 5, 6, 7, 8, 9)])
+    assert [sample.delay - AHEAD for sample in feedback.samples] == pytest.approx([0.05] * 8, abs=1e-5)
+    assert feedback.round_trip == pytest.approx(0.07, abs=1e-5)     # 50 ms there, 20 ms back
+    assert (feedback.expected, feedback.received, feedback.unreported, feedback.restarted) == (0, 0, 0, True)
+
+
+def test_loss_is_counted_between_reports_and_a_lost_report_costs_nothing() -> None:
+    history, arrivals = path(sent=4)
+    reader = FeedbackReader(history)
+    reader.read(arrivals.report(100.09 + AHEAD), 100.11)
+    history.add('thermal', 5, 8, 1000, 100.2)
+    for seq in (5, 7, 8, 10):       # 11 and 12 are on their way
+        arrivals.add('thermal', seq, 1000, 100.25 + 0.004 * seq + AHEAD)
+    arrivals.report(100.3 + AHEAD)  # lost
+    feedback = reader.read(arrivals.report(100.4 + AHEAD), 100.41)
+    assert (feedback.expected, feedback.received) == (6, 4)
+    assert [sample.total for sample in feedback.samples] == [5000, 7000, 8000, 10000]
+    assert feedback.unreported == 2000
+
+
+def test_samples_are_spaced_and_bounded() -> None:
+    _, arrivals = path(sent=1000, every=0.0005)
+    marks = arrivals.report(100.55 + AHEAD).marks
+    assert len(marks) <= MAX_SAMPLES
+    assert all(earlier.age - later.age >= 2999 for earlier, later in zip(marks, marks[1:]))
+
+
+def test_reordered_datagrams_count_but_are_not_sampled() -> None:
+    arrivals = ReceiveHistory(lambda: 7)
+    for seq in (1, 3, 2):
+        arrivals.add('tf', seq, 100, 5.0 + seq)
+    report = arrivals.report(5.1)
+    assert report.streams == [StreamArrivals('tf', 3, 3, 300)]
+    assert 2 not in [mark.seq for mark in arrivals.report(8.0).marks]
+
+
+def test_a_sender_that_restarted_begins_another_session() -> None:
+    sessions = iter([1, 2])
+    arrivals = ReceiveHistory(lambda: next(sessions))
+    arrivals.add('tf', 5000, 100, 1.0)
+    arrivals.add('tf', 1, 100, 2.0)
+    assert arrivals.report(2.0) == Report(2, 2000000, [StreamArrivals('tf', 1, 1, 100)], [ArrivalSample(0, 1, 0)])
+
+
+def test_a_newer_connection_begins_another_session_and_the_older_one_is_ignored() -> None:
+    sessions = iter(range(10))
+    arrivals = ReceiveHistory(lambda: next(sessions))
+    arrivals.add('thermal', 500, 500 * 1500, 1.0, 500, connection=4)
+    before = arrivals.report(1.0)
+    arrivals.add('thermal', 3, 3 * 1500, 2.0, 3, connection=9)      # not RESTART_GAP numbers behind
+    arrivals.add('thermal', 501, 1500, 2.1, connection=4)           # the last one of the older connection
+    after = arrivals.report(2.2)
+    assert after.session != before.session
+    assert after.streams == [StreamArrivals('thermal', 3, 3, 3 * 1500)]
+
+
+@pytest.mark.parametrize('change, reason', [
+    (lambda report: replace(report, clock=math.nan), 'not unsigned integers'),
+    (lambda report: replace(report, clock=-1), 'not unsigned integers'),
+    (lambda report: replace(report, session='7'), 'not unsigned integers'),
+    (lambda report: replace(report, streams=[StreamArrivals('thermal', 10, math.nan, 10000)]), 'not unsigned integers'),
+    (lambda report: replace(report, marks=[ArrivalSample(0, 1, math.inf)]), 'not unsigned integers'),
+    (lambda report: replace(report, streams=report.streams * 65), 'too long'),
+    (lambda report: replace(report, marks=report.marks * 65), 'too long'),
+    (lambda report: replace(report, streams=[StreamArrivals('thermal', 10, 11, 10000)]), 'received more than sent'),
+    (lambda report: replace(report, streams=[StreamArrivals('thermal', 10, 10, 10001)]), 'received more than sent'),
+    (lambda report: replace(report, streams=[StreamArrivals('camera', 1, 1, 1)], marks=[]), 'received more than sent'),
+    (lambda report: replace(report, marks=[ArrivalSample(0, 11, 0)]), 'never sent'),
+    (lambda report: replace(report, marks=[ArrivalSample(1, 1, 0)]), 'no such stream'),
+    (lambda report: replace(report, marks=[ArrivalSample(0, 1, 180000)]), 'arrived before it was sent'),
+    (lambda report: replace(report, marks=[ArrivalSample(0, 1, 2 ** 32 - 1)]), 'arrived before it was sent'),
+])
+def test_impossible_reports_are_dropped_and_counted(change: Callable[[Report], Report], reason: str) -> None:
+    history, arrivals = path()
+    reader = FeedbackReader(history)
+    assert reader.read(change(arrivals.report(100.15 + AHEAD)), 100.17) is None
+    assert dict(reader.dropped) == {reason: 1}
+
+
+@pytest.mark.parametrize('second, reason', [
+    (Report(7, 3700150000, [StreamArrivals('thermal', 10, 10, 10000)]), 'clock jumps'),        # twice
+    (Report(7, 3700100000, [StreamArrivals('thermal', 10, 10, 10000)]), 'clock jumps'),        # older
+    (Report(7, 7300250000, [StreamArrivals('thermal', 10, 10, 10000)]), 'clock jumps'),        # an hour later
+    (Report(7, 3700250000, [StreamArrivals('thermal', 10, 9, 10000)]), 'counters go backwards'),
+    (Report(7, 3700250000, [StreamArrivals('thermal', 10, 10, 9999)]), 'counters go backwards'),
+    (Report(7, 3700250000, [StreamArrivals('thermal', 9, 10, 10000)]), 'counters go backwards'),
+])
+def test_reports_that_contradict_the_one_before_are_dropped(second: Report, reason: str) -> None:
+    history, arrivals = path()
+    reader = FeedbackReader(history)
+    assert reader.read(arrivals.report(100.15 + AHEAD), 100.17) is not None
+    assert reader.read(second, 100.27) is None
+    assert dict(reader.dropped) == {reason: 1}
+
+
+@pytest.mark.parametrize('jump', [3600.0, -3600.0])
+def test_a_steady_clock_that_jumps_permanently_is_believed(jump: float) -> None:
+    history, arrivals = path()
+    reader = FeedbackReader(history)
+    assert reader.read(arrivals.report(100.15 + AHEAD), 100.17).restarted
+    for k in range(CLOCK_CONFIRMATIONS):
+        feedback = reader.read(Report(7, round(1e6 * (100.25 + .1 * k + AHEAD + jump)),
+                                       [StreamArrivals('thermal', 10, 10, 10000)]), 100.27 + .1 * k)
+        assert (feedback is not None) == (k == CLOCK_CONFIRMATIONS - 1)
+    assert feedback.restarted and dict(reader.dropped) == {'clock jumps': CLOCK_CONFIRMATIONS - 1}
+    after = reader.read(Report(7, round(1e6 * (101 + AHEAD + jump)), [StreamArrivals('thermal', 10, 10, 10000)]), 101)
+    assert not after.restarted
+
+
+numbers = st.one_of(st.integers(-1, 2 ** 64), st.floats(), st.none(), st.booleans())
+any_report = st.builds(
+    Report, numbers, numbers,
+    st.lists(st.builds(StreamArrivals, st.sampled_from(['thermal', 'camera', '']), numbers, numbers, numbers),
+             max_size=3),
+    st.lists(st.builds(ArrivalSample, numbers, numbers, numbers), max_size=3))
+
+
+@given(st.lists(st.tuples(any_report, st.floats(100.1, 101)), max_size=8))
+def test_no_report_raises_or_counts_more_than_was_sent(attack: List[Tuple[Report, float]]) -> None:
+    history, _ = path()
+    reader = FeedbackReader(history)
+    for report, now in attack:
+        feedback = reader.read(report, now)
+        if feedback is not None:
+            assert 0 <= feedback.received <= feedback.expected
+            assert 0 <= feedback.unreported <= history.total
+            assert all(sample.total <= history.total and sample.sent <= now for sample in feedback.samples)
+
+
+@pytest.mark.parametrize('mirror, message', [
+    (Report, LinkReport), (StreamArrivals, StreamArrivalsMessage), (ArrivalSample, ArrivalMarkMessage)])
+def test_the_messages_have_the_same_fields(mirror: Any, message: Any) -> None:
+    assert [field.name for field in fields(mirror)] == [name for name in message.__slots__ if name != 'header']

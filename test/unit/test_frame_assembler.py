@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: BSD-3-Clause
+from types import SimpleNamespace
+from typing import Any, List, Optional, Tuple
+
+import numpy as np
+import pytest
+
+from smokebot_udp.codecs.wire.partial_image import ENDING, PartialImage
+from smokebot_udp.streams.frame_assembler import MAX_FINISHED, QUIET, FrameAssembler
+
+S = 10 ** 9
+SIZE = 64            # 64 subimages of one pixel
+
+
+def begin(head: SimpleNamespace) -> PartialImage:
+    """8 x 8 mono8 pixels at depth 3; ValueError for a head that says `impossible`."""
+    if head.says == 'impossible':
+        raise ValueError('height is 0')
+    return PartialImage(8, 8, 3, np.dtype('u1'), SIZE)
+
+
+class Feed:
+    """Images that are sent pixel by pixel."""
+
+    def __init__(self, max_wait: float = 0.2) -> None:
+        self.frames = FrameAssembler(begin, max_wait)
+
+    def __call__(self, stamp: int, positions: Any, now: float, says: str = '') -> List[Tuple[int, int]]:
+        """Add segments; what is finished then: [(stamp, subimages received), ...]."""
+        positions = np.asarray(positions)
+        payloads = np.full((len(positions), 1), stamp // S % 256, np.uint8)
+        self.frames.add(SimpleNamespace(stamp=stamp, says=says), (positions, np.ones(len(positions), int), payloads),
+                        now)
+        return list(iter(lambda: self.poll(now), None))
+
+    def poll(self, now: float) -> Optional[Tuple[int, int]]:
+        frame = self.frames.poll(now)
+        return None if frame is None else (frame.head.stamp, int(frame.content.have.sum()))
+
+
+def test_a_complete_frame_is_finished_at_once() -> None:
+    feed = Feed()
+    assert feed(1 * S, range(40), 0.0) == []
+    assert feed(1 * S, range(40, 64), 0.01) == [(1 * S, 64)]
+    assert feed.frames.deadline() is None
+
+
+def test_a_newer_stamp_finishes_the_frame() -> None:
+    feed = Feed()
+    feed(1 * S, range(10), 0.0)
+    assert feed(2 * S, range(5), 0.1) == [(1 * S, 10)]
+    assert feed.poll(0.1) is None
+
+
+def test_one_batch_may_finish_two_frames() -> None:
+    feed = Feed()
+    feed(1 * S, range(10), 0.0)
+    assert feed(2 * S, range(64), 0.1) == [(1 * S, 10), (2 * S, 64)]
+
+
+def test_max_wait() -> None:
+    feed = Feed(max_wait=0.2)
+    feed(1 * S, range(10), 5.0)
+    feed(1 * S, range(10, 20), 5.15)
+    assert feed.frames.deadline() == pytest.approx(5.2)
+    assert feed.poll(5.19) is None
+    assert feed.poll(5.2) == (1 * S, 20)
+    assert feed.poll(5.3) is None
+
+
+def test_late_segments_change_nothing() -> None:
+    feed = Feed()
+    feed(1 * S, range(10), 0.0)
+    assert feed(2 * S, range(20), 0.1) == [(1 * S, 10)]
+    assert feed(1 * S, range(10, 64), 0.11) == []
+    assert feed.frames.dropped['late'] == 54
+    assert feed(2 * S, range(20, 64), 0.12) == [(2 * S, 64)]
+    assert feed(2 * S, range(64), 0.13) == []       # of a frame that is finished
+    assert feed.frames.dropped['late'] == 54 + 64
+
+
+def test_after_one_of_the_last_segments_it_waits_for_reordered_ones_only() -> None:
+    feed = Feed()
+    feed(1 * S, range(SIZE - ENDING), 0.0)
+    assert feed.frames.deadline() == pytest.approx(0.2)
+    feed(1 * S, [SIZE - 1], 0.03)
+    assert feed.frames.deadline() == pytest.approx(0.03 + QUIET)
+    feed(1 * S, [SIZE - 3], 0.04)
+    assert feed.frames.deadline() == pytest.approx(0.04 + QUIET)
+    assert feed.poll(0.04 + QUIET) == (1 * S, SIZE - 2)
+
+
+def test_a_source_whose_clock_was_set_back_goes_on() -> None:
+    feed = Feed()
+    feed(1000 * S, range(64), 0.0)
+    assert feed(10 * S, range(64), 0.1) == [(10 * S, 64)]
+    assert feed(11 * S, range(64), 0.2) == [(11 * S, 64)]
+
+
+def test_a_stamp_from_the_future_does_not_stop_the_stream() -> None:
+    feed = Feed()
+    feed(100 * S, range(10), 0.0)
+    feed(4000000000 * S, [0], 0.01)
+    assert feed(100 * S + S // 10, range(64), 0.1) == [(4000000000 * S, 1), (100 * S + S // 10, 64)]
+
+
+def test_segments_that_do_not_fit_begin_no_frame() -> None:
+    feed = Feed()
+    feed(1 * S, range(10), 0.0)
+    assert feed(2 * S, [64, 9999], 0.01) == []
+    assert feed.frames.dropped['contradiction'] == 2
+    assert feed(1 * S, range(10, 64), 0.02) == [(1 * S, 64)]
+
+
+def test_contradictions_and_impossible_frames_are_counted() -> None:
+    feed = Feed()
+    feed(1 * S, range(10), 0.0)
+    assert feed(1 * S, range(10, 20), 0.01, says='something else') == []
+    assert feed(1 * S, [70, 71], 0.01) == []
+    assert feed.frames.dropped['contradiction'] == 12
+    assert feed(2 * S, range(3), 0.02, says='impossible') == []
+    assert feed.frames.dropped['impossible head'] == 3
+    assert feed.poll(0.2) == (1 * S, 10)            # the frame in progress is kept
+
+
+def test_of_finished_frames_that_nobody_takes_the_newest_are_kept() -> None:
+    feed = Feed()
+    for stamp in range(1, 6):
+        feed.frames.add(SimpleNamespace(stamp=stamp * S, says=''), (
+            np.arange(SIZE), np.ones(SIZE, int), np.zeros((SIZE, 1), np.uint8)), 0.0)
+    assert feed.frames.deadline() == -np.inf
+    assert [feed.poll(0.0) for _ in range(MAX_FINISHED + 1)] == [(4 * S, SIZE), (5 * S, SIZE), None]
+
+
+def test_max_wait_changes_in_place() -> None:
+    feed = Feed(max_wait=0.2)
+    feed(1 * S, range(10), 5.0)
+    feed.frames.max_wait = 0.5
+    assert feed.frames.deadline() == pytest.approx(5.5)

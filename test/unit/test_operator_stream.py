@@ -1,0 +1,216 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The runner of the operator's side, with topics that stay in this process."""
+import queue
+import threading
+from typing import Any, Dict, Iterator, List, Optional
+
+import numpy as np
+import pytest
+import rospy
+from std_msgs.msg import String
+
+from smokebot_udp import udpros
+from smokebot_udp.mission.parameters import Parameter
+from smokebot_udp.monitoring.stats import ConnectionStats, StreamStats
+from smokebot_udp.nodes import operator_stream
+from smokebot_udp.nodes.operator_stream import OperatorLink, OperatorStream
+from smokebot_udp.streams.assembler import Assembled, Assembler
+from smokebot_udp.streams.parameters import OPERATOR
+
+GOOD = np.ones(1, bool)
+STAMP = 90 * 10 ** 9
+NOW = 100
+
+
+class FakeAssembler(Assembler[Any, Assembled]):
+    """Makes of each record a message, and keeps a record of what is called."""
+    MESSAGE = SEGMENT = String
+    PARAMETERS = {**OPERATOR, 'max_wait': Parameter(0.1, 's', '', above=0.0, live=True),
+                  'fill': Parameter('nearest', '', '', live=True)}
+
+    def __init__(self, settings: Any, clock: Any) -> None:
+        super().__init__(settings, clock)
+        self.finished: List[Any] = []
+        self.log: queue.Queue[Any] = queue.Queue()
+
+    def configure(self, settings: Any, changed: Any) -> None:
+        self.log.put(('configure', dict(changed)))
+
+    def receive(self, records: Any, mask: Any, now: float) -> None:
+        self.finished.append(records)
+
+    def deadline(self) -> Optional[float]:
+        return 0.0 if self.finished else None
+
+    def poll(self, now: float) -> Optional[Any]:
+        return self.finished.pop(0) if self.finished else None
+
+    def assemble(self, finished: Any, settings: Any, still: bool, now: float) -> Optional[Assembled]:
+        self.log.put(('assemble', finished, still))
+        if finished == 'broken':
+            raise ValueError('it is broken')
+        if finished == 'warn':
+            self.warnings.append('something is odd')
+        return None if finished == 'same' else Assembled(finished, STAMP, 0.5)
+
+    def settle(self, finished: Any, assembled: Assembled, settings: Any, now: float) -> None:
+        self.log.put(('settle', finished))
+        assembled.changed = 0.25
+
+    def problem(self, settings: Any, now: float) -> Optional[str]:
+        return 'slow' if settings['fill'] == 'slow' else None
+
+
+class ForwardingAssembler(FakeAssembler):
+    FORWARDS, LATCH, STEADY = True, True, False
+
+    def forward(self, message: Any) -> Optional[Assembled]:
+        self.warnings += ['odd'] * (message == 'odd')
+        return None if message == 'same' else Assembled(message, 0, None)
+
+
+class FakeTopic:
+    """Stands in for rospy.Publisher and udpros.Subscriber."""
+
+    def __init__(self, log: Any, name: str, class_: Any, **options: Any) -> None:
+        self.log, self.name, self.options, self.closed = log, name, options, False
+
+    def publish(self, message: Any) -> None:
+        self.log.put(('publish', message))
+
+    def connections(self) -> List[Any]:
+        return [{'peer': '/robot', 'address': ('10.0.0.1', 5), 'datagrams': 1, 'bytes': 99}]
+
+    def unregister(self) -> None:
+        self.closed = True
+
+
+class Bench:
+    """Makes streams without ROS."""
+
+    def __init__(self, monkeypatch: Any) -> None:
+        self.topics: Dict[str, FakeTopic] = {}
+        self.compared: queue.Queue[Any] = queue.Queue()
+        self.logged: queue.Queue[str] = queue.Queue()
+        self.streams: List[OperatorStream] = []
+        self.log: queue.Queue[Any] = queue.Queue()
+        self._class: Any = FakeAssembler
+        monkeypatch.setattr(operator_stream, 'assembler_class', lambda kind: self._class)
+        monkeypatch.setattr(rospy, 'Publisher', self._topic)
+        monkeypatch.setattr(udpros, 'Subscriber', self._topic)
+        monkeypatch.setattr(rospy.Time, 'now', lambda: rospy.Time(NOW))
+        for level in 'logerr', 'logwarn':
+            monkeypatch.setattr(rospy, level + '_throttle_identical', lambda period, text: self.logged.put(text))
+
+    def _topic(self, name: str, class_: Any, **options: Any) -> FakeTopic:
+        self.topics[name] = FakeTopic(self.log, name, class_, **options)
+        return self.topics[name]
+
+    def start(self, class_: Any = FakeAssembler, name: str = 'thermal') -> OperatorStream:
+        self._class = class_
+        settings = {'type': 'fake', 'operator_topic': '/operator/' + name, 'max_wait': 0.1, 'fill': 'nearest',
+                    'robot_topic': '/robots'}
+        link = OperatorLink(1472, is_still=lambda: True, images_compared=self.compared.put)
+        stream = OperatorStream(name, settings, link)
+        stream.assembler.log = self.log     # type: ignore[attr-defined]
+        stream.start()
+        self.streams.append(stream)
+        return stream
+
+    def receive(self, records: Any, name: str = 'thermal') -> None:
+        self.topics['smokebot_udp/%s/segments' % name].options['batch_callback'](records, GOOD)
+
+    def logs(self, count: int) -> List[Any]:
+        return [self.log.get(timeout=10) for _ in range(count)]
+
+
+@pytest.fixture
+def bench(monkeypatch: Any) -> Iterator[Bench]:
+    made = Bench(monkeypatch)
+    yield made
+    for stream in made.streams:
+        stream.close()
+
+
+def test_a_message_is_published_and_then_settled(bench: Bench) -> None:
+    stream = bench.start()
+    assert stream.last_shown is None
+    bench.receive('one')
+    assert bench.logs(3) == [('assemble', 'one', True), ('publish', 'one'), ('settle', 'one')]
+    assert bench.compared.get(timeout=10) == 0.25
+    stats = stream.stats()
+    assert stats == StreamStats(1, 1, shown=[(10.0, 0.5)],
+                                connections=[ConnectionStats('/robot', ('10.0.0.1', 5), 1, 99)])
+    assert stream.stats().shown == [] and stream.last_shown is not None
+
+
+def test_messages_come_out_in_order(bench: Bench) -> None:
+    bench.start()
+    for number in range(20):
+        bench.receive(number)
+    published = [entry[1] for entry in bench.logs(60) if entry[0] == 'publish']
+    assert published == list(range(20))
+
+
+def test_what_was_published_already_is_only_counted(bench: Bench) -> None:
+    stream = bench.start()
+    bench.receive('same')
+    bench.receive('new')
+    assert [entry[0] for entry in bench.logs(4)] == ['assemble', 'assemble', 'publish', 'settle']
+    assert (stream.received, stream.published) == (2, 1)
+
+
+def test_an_error_names_the_stream_and_stops_neither_it_nor_others(bench: Bench) -> None:
+    bench.start()
+    bench.start(name='camera')
+    bench.receive('broken')
+    assert bench.logged.get(timeout=10) == "stream 'thermal': a message is not published: it is broken"
+    bench.receive('good')
+    bench.receive('also good', 'camera')
+    published = {entry[1] for entry in bench.logs(7) if entry[0] == 'publish'}
+    assert published == {'good', 'also good'}
+
+
+def test_warnings_are_logged_once(bench: Bench) -> None:
+    bench.start()
+    bench.receive('warn')
+    assert bench.logged.get(timeout=10) == "stream 'thermal': something is odd"
+    bench.receive('good')
+    bench.logs(6)
+    assert bench.logged.empty()
+
+
+def test_whole_messages_are_published_in_the_transports_thread(bench: Bench) -> None:
+    stream = bench.start(ForwardingAssembler)
+    forward = bench.topics['smokebot_udp/thermal/segments'].options['callback']
+    for message in 'one', 'same', 'odd':
+        forward(message)
+    assert bench.logs(2) == [('publish', 'one'), ('publish', 'odd')] and bench.log.empty()
+    assert bench.logged.get_nowait() == "stream 'thermal': odd"
+    stats = stream.stats()
+    assert (stats.messages_in, stats.messages_out, stats.shown, stats.steady) == (3, 2, [(None, None)] * 2, False)
+    assert bench.topics['/operator/thermal'].options['latch'] is True
+
+
+def test_settings_reach_the_assembler_as_a_true_delta(bench: Bench) -> None:
+    stream = bench.start()
+    stream.settings.request({'max_wait': 0.3, 'fill': 'nearest'})
+    assert bench.logs(1) == [('configure', {'max_wait': 0.3})]
+    stream.settings.request({'max_wait': 0.3})
+    assert bench.log.empty()
+    with pytest.raises(ValueError, match='max_wait is -1'):
+        stream.settings.request({'max_wait': -1.0})
+    with pytest.raises(ValueError, match='robot_topic: no such setting'):
+        stream.settings.request({'robot_topic': '/elsewhere'})
+    stream.settings.request({'fill': 'slow'})
+    assert stream.stats().problem == 'slow'
+
+
+def test_closing_joins_the_thread_and_closes_the_topics(bench: Bench) -> None:
+    count = threading.active_count()
+    stream = bench.start()
+    assert threading.active_count() == count + 1
+    stream.close()
+    assert threading.active_count() == count and all(topic.closed for topic in bench.topics.values())
+    bench.receive('late')
+    assert bench.log.empty()

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: BSD-3-Clause
+import math
+from typing import Any, Dict, List
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from sensor_msgs.msg import LaserScan
+
+from smokebot_udp.codecs.wire.scan import ScanParts, in_millimetres
+from smokebot_udp.mission.parameters import check
+from smokebot_udp.mission.settings import Settings
+from smokebot_udp.msg import ScanSegment
+from smokebot_udp.streams.scan.encoder import ScanEncoder
+from smokebot_udp.streams.scan.fields import FIXED
+from smokebot_udp.streams.segments import size_on_air
+from smokebot_udp.udpros.datagram import OVERHEAD
+
+
+def encoded(message: Any, intensity: bool = False, size: int = 1472) -> List[Any]:
+    settings = Settings(check({'robot_topic': '/scan', 'intensity': intensity}, ScanEncoder.PARAMETERS))
+    return ScanEncoder(settings.requested).encode(message, settings, size)
+
+
+def laser_scan(count: int = 720, **changes: Any) -> Any:
+    message = LaserScan(angle_min=-math.pi, angle_max=math.pi, angle_increment=0.01, range_max=30.0,
+                        ranges=np.random.RandomState(0).rand(count), intensities=[])
+    message.header.frame_id = 'laser'
+    for name, value in changes.items():
+        setattr(message, name, value)
+    return message
+
+
+def scanner(count: int = 720) -> Any:
+    """A scan as drivers publish it: whole millimetres, intensities of a byte."""
+    random = np.random.RandomState(1)
+    message = laser_scan(ranges=in_millimetres(random.randint(50, 30000, count)), angle_min=-1.5, angle_increment=0.25,
+                         time_increment=0.125, intensities=random.randint(0, 256, count).astype(np.float32))
+    message.header.stamp.secs, message.header.stamp.nsecs, message.header.frame_id = 5, 7, 'k\u00e9p'
+    message.angle_max = message.angle_min + (count - 1) * message.angle_increment
+    return message
+
+
+@pytest.mark.parametrize('count', [1, 2, 3, 681, 720, 1081, 20001])
+def test_segments_fit_and_make_the_scan_again(count: int) -> None:
+    message = laser_scan(count, intensities=list(range(count)))
+    frames = encoded(message, intensity=True)
+    record = frames[0].records[0]
+    gathered = ScanParts(int(record['total']), int(record['parts']), int(record['range_size']),
+                         int(record['intensity_size']))
+    for frame in frames:
+        assert frame.datagram_size <= 1472
+        assert gathered.add(frame.records['part'].astype(int), frame.records['ranges'],
+                            frame.records['intensities']).all()
+    ranges, intensities, _ = gathered.merge('nan')
+    np.testing.assert_array_equal(ranges, np.float32(message.ranges))
+    np.testing.assert_array_equal(intensities, np.float32(message.intensities))
+
+
+@pytest.mark.parametrize('changes, words', [
+    *(({field: math.nan}, '%s is nan' % field) for field in FIXED),
+    *(({field: -math.inf}, '%s is -inf' % field) for field in FIXED if field != 'range_max'),
+    ({'angle_increment': 0.0}, 'angle_increment is 0'), ({'ranges': []}, 'no ranges'),
+    ({'intensities': [1.0]}, '1 intensities, but 720 ranges')])
+def test_what_is_wrong_is_named(changes: Dict[str, Any], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        encoded(laser_scan(**changes))
+    assert encoded(laser_scan(range_max=math.inf))
+
+
+def test_a_scanners_scan_takes_two_datagrams() -> None:
+    message = scanner()
+    for with_intensity, size in (False, 0), (True, 1):
+        frames = encoded(message, with_intensity)
+        rows = [row for frame in frames for row in frame.rows]
+        assert all(len(row) <= 1472 for row in rows)
+        for part, row in enumerate(rows):
+            segment = ScanSegment().deserialize(row[OVERHEAD:].tobytes())
+            assert (segment.total, segment.parts, segment.part) == (720, 2, part)
+            assert (segment.range_size, segment.intensity_size) == (2, size)
+            assert [getattr(segment, field) for field in FIXED] == [np.float32(getattr(message, field))
+                                                                   for field in FIXED]
+            assert (segment.header.frame_id, segment.header.stamp.to_nsec()) == ('k\u00e9p', 5 * 10 ** 9 + 7)
+            assert np.frombuffer(segment.ranges, '<u2').tolist() == np.rint(message.ranges[part::2] * 1000).tolist()
+            assert len(segment.intensities) == 360 * size
+        assert part == 1
+
+
+@given(st.integers(1, 300), st.integers(100, 1472))
+def test_no_datagram_is_too_long(count: int, max_datagram_size: int) -> None:
+    frames = encoded(laser_scan(count), size=max_datagram_size)
+    assert max(frame.datagram_size for frame in frames) <= max_datagram_size
+    parts = [part for frame in frames for part in frame.records['part'].tolist()]
+    assert parts == list(range(frames[0].records['parts'][0]))
+
+
+def test_a_slow_link_gets_fewer_scans() -> None:
+    settings = Settings(check({'robot_topic': '/scan'}, ScanEncoder.PARAMETERS))
+    encoder = ScanEncoder(settings.requested)
+    assert encoder.operating_points(10.0, settings) == []
+    size = size_on_air(encoder.encode(scanner(), settings, 1472))
+    points = encoder.operating_points(10.0, settings)
+    assert points[0].settings == {'rate': 1.0} and points[-1].settings == {'rate': 10.0}
+    assert [point.cost for point in points] == [pytest.approx(point.settings['rate'] * size) for point in points]
+    assert encoder.refine(points[0].settings, 1e9) == {'rate': 1.0}

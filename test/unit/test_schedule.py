@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: BSD-3-Clause
+import random
+from typing import List
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from smokebot_udp.streams.schedule import Schedule
+
+
+def test_the_newest_is_taken_when_its_turn_comes() -> None:
+    schedule: Schedule[str] = Schedule(10.0)
+    assert schedule.deadline() is None and schedule.take(0.0) is None
+    schedule.put('first')
+    assert schedule.deadline() <= 0.0 and schedule.take(0.0) == 'first' and schedule.take(0.0) is None
+    schedule.put('second')      # within the slack of one period
+    assert schedule.take(0.0) == 'second'
+    for item in ('third', 'fourth'):
+        schedule.put(item)
+    assert schedule.deadline() == 0.1 and schedule.take(0.09) is None
+    assert schedule.take(0.1) == 'fourth' and schedule.replaced == 1
+    assert schedule.deadline() is None
+
+
+def test_what_is_merged_is_not_replaced() -> None:
+    schedule: Schedule[List[int]] = Schedule(10.0)
+    items = [1]
+    schedule.put(items)
+    schedule.put(items)
+    assert schedule.replaced == 0 and schedule.take(0.0) is items
+
+
+def test_repeats_begin_with_what_was_sent_first() -> None:
+    schedule: Schedule[str] = Schedule(10.0, repeat_period=5.0)
+    schedule.wake()
+    assert schedule.deadline() is None and not schedule.take_repeat(100.0)
+    schedule.sent(100.0)
+    assert schedule.deadline() == 105.0 and not schedule.take_repeat(104.9)
+    assert schedule.take_repeat(106.0) and schedule.deadline() == 111.0
+    schedule.sent(108.0)        # what was sent just now is not repeated soon
+    assert schedule.deadline() == 113.0
+
+
+def test_a_repeat_on_demand_does_not_wait() -> None:
+    schedule: Schedule[str] = Schedule(10.0, repeat_period=5.0)
+    schedule.sent(100.0)
+    schedule.wake()
+    assert schedule.deadline() <= 100.0 and schedule.take_repeat(101.0)
+    assert not schedule.take_repeat(101.0) and schedule.deadline() == 106.0
+
+
+def test_the_period_changes_in_place() -> None:
+    schedule: Schedule[str] = Schedule(10.0, repeat_period=5.0)
+    schedule.sent(100.0)
+    schedule.repeat_period = 1.0
+    assert schedule.deadline() == 101.0
+    schedule.repeat_period = None
+    schedule.wake()
+    assert schedule.deadline() is None and not schedule.take_repeat(1e9)
+
+
+def test_what_is_due_first_counts() -> None:
+    schedule: Schedule[str] = Schedule(10.0, repeat_period=0.05)
+    schedule.put('item')
+    assert schedule.take(0.0) == 'item'
+    schedule.sent(0.0)
+    for _ in range(2):
+        schedule.put('next')
+        schedule.take(0.0)
+    schedule.put('last')
+    assert schedule.deadline() == 0.05
+    schedule.repeat_period = 0.5
+    assert schedule.deadline() == 0.1
+
+
+def test_a_grant_that_differs_in_its_last_digits_lets_no_more_through() -> None:
+    """A new limiter for each grant let 190 of 200 messages through: the first one of each leaves at once."""
+    source, granted, chance = 10.0, 3.0, random.Random(1)
+    schedule: Schedule[int] = Schedule(source)
+    schedule.set_rate(granted)
+    events = sorted([(k / source + chance.uniform(-0.002, 0.002), 'message') for k in range(200)]
+                    + [(k / 10 + 0.05, 'grant') for k in range(200)])
+    sent, before = 0, 0.0
+    for now, event in events:
+        while schedule.waiting is not None and schedule.deadline() <= now:
+            sent += schedule.take(max(before, schedule.deadline())) is not None
+        before = now
+        if event == 'grant':
+            schedule.set_rate(granted * (1 + chance.uniform(-1e-9, 1e-9)))
+        else:
+            schedule.put(1)
+    assert 57 <= sent <= 63
+
+
+@given(st.lists(st.tuples(st.floats(0.0, 1.0), st.booleans(), st.booleans()), max_size=100))
+def test_what_is_due_can_be_taken(steps: List) -> None:
+    schedule: Schedule[int] = Schedule(3.0, repeat_period=0.7)
+    now = 0.0
+    for gap, put, wake in steps:
+        now += gap
+        if put:
+            schedule.put(1)
+        if wake:
+            schedule.wake()
+        deadline = schedule.deadline()
+        due = deadline is not None and deadline <= now
+        taken = schedule.take(now)
+        if taken is not None:
+            schedule.sent(now)
+        assert (taken is not None or schedule.take_repeat(now)) == due

@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: BSD-3-Clause
+from smokebot_udp.congestion.sent_history import MAX_BURSTS, SentHistory
+
+
+def test_a_datagram_is_found_with_the_total_sent_by_then() -> None:
+    history = SentHistory()
+    history.add('thermal', 1, 3, 1000, 10.0)
+    history.add('tf', 7, 1, 200, 10.1)
+    history.add_unnumbered(50)
+    history.add('thermal', 4, 2, 500, 10.2)
+    assert history.find('thermal', 1) == (10.0, 1000, 1000)
+    assert history.find('thermal', 3) == (10.0, 1000, 3000)
+    assert history.find('tf', 7) == (10.1, 200, 3200)
+    assert history.find('thermal', 5) == (10.2, 500, 4250)
+    assert history.total == 4250
+    assert history.totals('thermal') == (5, 4000)
+
+
+def test_a_datagram_that_was_never_sent_is_not_found() -> None:
+    history = SentHistory()
+    history.add('thermal', 5, 3, 1000, 10.0)
+    assert history.find('thermal', 4) is None
+    assert history.find('thermal', 8) is None
+    assert history.find('camera', 5) is None
+    assert history.totals('camera') == (0, 0)
+
+
+def test_a_gap_in_the_sequence_numbers_holds_nothing() -> None:
+    history = SentHistory()
+    history.add('thermal', 1, 2, 1000, 10.0)
+    history.add('thermal', 9, 1, 1000, 10.0)
+    assert history.find('thermal', 5) is None
+
+
+def test_sequence_numbers_wrap() -> None:
+    history = SentHistory()
+    history.add('thermal', 2 ** 32 - 1, 3, 10, 1.0)
+    assert history.find('thermal', 2 ** 32 - 1).total == 10
+    assert history.find('thermal', 0).total == 20
+    assert history.find('thermal', 1).total == 30
+    assert history.find('thermal', 2) is None
+
+
+def test_a_numbering_that_starts_again_replaces_the_old_one() -> None:
+    history = SentHistory()
+    history.add('thermal', 100, 5, 10, 1.0)
+    history.add('thermal', 1, 2, 10, 2.0)
+    assert history.find('thermal', 2) == (2.0, 10, 70)
+    assert history.find('thermal', 102) is None
+
+
+def test_memory_is_bounded() -> None:
+    history = SentHistory()
+    for k in range(5 * MAX_BURSTS):
+        history.add('thermal', k + 1, 1, 10, float(k))
+    assert history.find('thermal', 1) is None
+    assert history.find('thermal', 4 * MAX_BURSTS + 1).total == 10 * (4 * MAX_BURSTS + 1)
+    assert history.totals('thermal') == (5 * MAX_BURSTS, 50 * MAX_BURSTS)

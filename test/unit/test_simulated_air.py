@@ -1,0 +1,182 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Congestion control over simulated links: what it has to reach (see estimator.py), over many links."""
+import random
+from dataclasses import replace
+from typing import Any, Dict, Iterator, Optional, Tuple
+
+import numpy as np
+import pytest
+
+from evaluation.simulated_air import Events, Greedy, Load, Robot
+from evaluation.simulated_streams import Streams, cloud, grid, image, navigation, scan
+from smokebot_udp.congestion.controller import Controller
+from smokebot_udp.congestion.estimator import LIMITS, Limits
+from smokebot_udp.congestion.feedback import CLOCK_CONFIRMATIONS
+from smokebot_udp.link_lab.channel import Channel, LinkConditions
+from smokebot_udp.units import MBIT
+
+STEPS = 20, 5, 1, 0.3, 20
+"""[Mbit/s]"""
+
+EACH, SETTLED = 8.0, 2.0
+"""A step lasts so long, and is judged from then on [s]."""
+
+
+def link(rate: float, loss: float = 0.0, seed: int = 0, load: Optional[Load] = None,
+         limits: Limits = LIMITS) -> Tuple[Events, Channel, Robot]:
+    """(events, channel of the datagrams, robot) over a link of this rate [Mbit/s]."""
+    events = Events()
+    there = Channel(LinkConditions(rate=rate * 1e6, loss=loss, delay=0.02, queue=0.2), seed)
+    back = Channel(LinkConditions(loss=loss, delay=0.02), seed + 1)
+    return events, there, Robot(events, there, back, load or Greedy(), seed, limits)
+
+
+def sent(robot: Robot, since: float, until: float = np.inf) -> np.ndarray:
+    """(n, 3) ndarray of float64: when, bytes, and how long it waited for the air."""
+    rows = np.array(robot.sent)
+    return rows[(rows[:, 0] >= since) & (rows[:, 0] < until)]
+
+
+def used(robot: Robot, rate: float, since: float, until: float) -> float:
+    """Utilisation of the link."""
+    return sent(robot, since, until)[:, 1].sum() * 8e-6 / (until - since) / rate
+
+
+def run_steps(events: Events, there: Channel) -> Iterator[Tuple[float, float, float, int]]:
+    """Yield (rate, since, until, datagrams dropped by the queue after the first second) of each step."""
+    for number, rate in enumerate(STEPS):
+        there.conditions = replace(there.conditions, rate=rate * 1e6)
+        events.run(number * EACH + 1)
+        dropped = there.counts.dropped
+        events.run((number + 1) * EACH)
+        yield rate, number * EACH + SETTLED, (number + 1) * EACH, there.counts.dropped - dropped
+
+
+@pytest.mark.parametrize('loss', [0.0, 0.05, 0.2])
+@pytest.mark.parametrize('seed', [1, 2])
+def test_the_rate_follows_the_link_at_any_loss(loss: float, seed: int) -> None:
+    events, there, robot = link(STEPS[0], loss, seed)
+    for rate, since, until, dropped in run_steps(events, there):
+        assert used(robot, rate, since, until) >= 0.85
+        assert np.percentile(sent(robot, since, until)[:, 2], 95) <= 0.06
+        assert dropped == 0
+
+
+@pytest.mark.parametrize('loss', [0.0, 0.05, 0.2])
+def test_protected_streams_arrive_on_every_link(loss: float) -> None:
+    streams = navigation()
+    events, there, robot = link(STEPS[0], loss, 3, streams)
+    came = published = 0
+    for _, since, until, _ in run_steps(events, there):
+        ages = [when - left for when, name, _, _, left in robot.came
+                if name in streams.protected and since <= left < until]
+        came += len(ages)
+        assert np.percentile(ages, 99) <= 0.02 + 0.1
+        pictures = {frame for when, name, frame, _, _ in robot.came if name == 'thermal' and since <= when < until}
+        assert len(pictures) / (until - since) >= 2
+        published += sum(since <= when < until for when in streams.published)
+    assert 1 - came / published == pytest.approx(loss, abs=0.03)
+
+
+def test_on_a_good_link_images_arrive_complete_beside_everything_else() -> None:
+    streams = Streams({'thermal': image(320 * 240 * 2), 'lidar': cloud(60000, rate=5.0, leaf_size=0.2),
+                       'scan': scan(1600), 'map': grid(60)}, {'tf': (20.0, 220)})
+    events, _, robot = link(20, load=streams)
+    events.run(10)
+    parts: Dict[Any, int] = {}
+    for when, name, frame, _, _ in robot.came:
+        if name == 'thermal' and when >= 3:
+            parts[frame] = parts.get(frame, 0) + 1
+    assert sum(came == count for (_, count), came in parts.items()) >= 0.9 * 70
+    assert robot.plan.grants == dict.fromkeys(streams.streams, {})
+
+
+def test_a_focus_switch_moves_the_shares_at_once() -> None:
+    streams = navigation()
+    events, _, robot = link(2, load=streams)
+    events.run(10)
+    before = robot.plan.shares
+    streams.change_focus(thermal=0.5, lidar=8.0)
+    events.run(10.5)
+    after = robot.plan.shares
+    assert after['lidar'] > 2 * before['lidar'] and after['thermal'] < before['thermal'] / 2
+    assert any(10 < when <= 10.5 for when, _ in streams.granted)
+
+
+def test_levels_do_not_flicker() -> None:
+    streams = navigation()
+    events, _, robot = link(5, 0.05, load=streams)
+    events.run(30)
+    # max_subimages are refined all the time
+    granted = [(when, {name: grant and {**grant, 'max_subimages': None} for name, grant in grants.items()})
+               for when, grants in streams.granted]
+    assert sum(when > 5 and now != before for (_, before), (when, now) in zip(granted, granted[1:])) <= 10
+
+
+def test_hundreds_of_links() -> None:
+    """Random links: each one is used, and no queue stays long."""
+    draw, shares, queues = random.Random(7), [], []
+    for seed in range(200):
+        rate = 10 ** draw.uniform(-0.5, 0.8)
+        quality = LinkConditions(rate=rate * 1e6, loss=draw.choice([0, 0.05, 0.2]), delay=draw.uniform(0, 0.08),
+                          jitter=draw.choice([0, 0, 0.002]), queue=draw.uniform(0.15, 0.5))
+        events, channel = Events(), Channel(quality, seed)
+        back = Channel(LinkConditions(loss=quality.loss, delay=quality.delay), seed + 1)
+        robot = Robot(events, channel, back, Greedy(), seed)
+        events.run(6)
+        shares.append(used(robot, rate, 3, 6))
+        queues.append(np.percentile(sent(robot, 3)[:, 2], 95))
+    assert np.percentile(shares, 5) >= 0.85 and min(shares) >= 0.5
+    assert np.percentile(queues, 95) <= 0.06
+
+
+@pytest.mark.parametrize('jump', [3600.0, -3600.0])
+def test_a_jump_of_the_receivers_clock_neither_stalls_nor_bursts(jump: float) -> None:
+    """Of its steady clock: no other clock is read."""
+    events, there, robot = link(2)
+    events.run(5)
+    robot.operators_clock += jump
+    dropped = there.counts.dropped
+    events.run(5 + 0.1 * CLOCK_CONFIRMATIONS + 2)
+    assert used(robot, 2, 5, 7.3) <= 1.3
+    events.run(10)
+    assert used(robot, 2, 7.3, 10) >= 0.8
+    assert there.counts.dropped - dropped < 20
+
+
+@pytest.mark.parametrize('change, settled', [({'delay': 0.07}, 10), ({'loss': 0.2}, 7)])
+def test_a_longer_path_and_new_loss_are_no_queue(change: Dict[str, Any], settled: float) -> None:
+    events, there, robot = link(5)
+    events.run(5)
+    there.conditions = replace(there.conditions, **change)
+    events.run(15)
+    assert used(robot, 5, settled, 15) >= 0.85
+
+
+def test_the_rate_falls_without_reports_and_recovers() -> None:
+    events, _, robot = link(5, limits=Limits(min_rate=0.2 * MBIT))
+    events.run(5)
+    robot.back.conditions = replace(robot.back.conditions, loss=1.0)
+    events.run(10)
+    assert robot.controller.rate(robot.robot_time) <= 0.25 * MBIT
+    assert robot.controller.stats(robot.robot_time).timeout
+    robot.back.conditions = replace(robot.back.conditions, loss=0.0)
+    events.run(15)
+    assert used(robot, 5, 12, 15) >= 0.85
+    assert not robot.controller.stats(robot.robot_time).timeout
+
+
+def test_robots_that_share_the_air() -> None:
+    events, there = Events(), Channel(LinkConditions(rate=20e6, delay=0.02, queue=0.2), 1)
+    back, draw = Channel(LinkConditions(delay=0.02), 2), random.Random(3)
+    robots = [Robot(events, there, back, Greedy(draw.uniform(0, 5)), seed)
+              for seed in range(10)]
+    events.run(30)
+    shares = np.array([sent(robot, 15)[:, 1].sum() for robot in robots])
+    assert shares.sum() * 8e-6 / 15 / 20 >= 0.85
+    assert shares.sum() ** 2 / (len(shares) * (shares ** 2).sum()) >= 0.7     # Jain's index
+
+
+def test_the_simulator_has_the_nodes_controller() -> None:
+    _, _, robot = link(5)
+    assert type(robot.controller) is Controller

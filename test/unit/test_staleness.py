@@ -1,0 +1,26 @@
+# SPDX-License-Identifier: BSD-3-Clause
+from smokebot_udp.monitoring.staleness import Freshness, stale_streams, stale_text
+
+STREAMS = {'lidar': Freshness(94.0), 'scan': Freshness(99.9), 'map': Freshness(5.0, steady=False),
+           'gas': Freshness(None)}
+
+
+def test_streams_without_new_messages_are_stale() -> None:
+    assert stale_streams(STREAMS, 2.0, 100.0) == ({'lidar': 6.0}, 2)
+    assert stale_streams(STREAMS, 10.0, 100.0) == ({}, 2)
+
+
+def test_streams_that_the_robot_does_not_send_are_not_stale() -> None:
+    streams = {**STREAMS, 'lidar': Freshness(94.0, enabled=False, rate=10.0)}
+    assert stale_streams(streams, 2.0, 100.0) == ({}, 1)
+
+
+def test_slow_streams_may_be_older() -> None:
+    assert stale_streams({**STREAMS, 'lidar': Freshness(94.0, rate=0.4)}, 2.0, 100.0) == ({}, 2)
+    assert stale_streams({**STREAMS, 'lidar': Freshness(94.0, rate=0.6)}, 2.0, 100.0) == ({'lidar': 6.0}, 2)
+
+
+def test_the_text() -> None:
+    assert stale_text({}, 3) == ''
+    assert stale_text({'lidar': 6.4, 'scan': 2.2}, 3) == 'NO DATA 6 s: lidar, scan'
+    assert stale_text({'lidar': 6.4, 'scan': 7.2}, 2) == 'NO DATA 7 s'
