@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """All checks and tests of this checkout: `run_tests.py WORKSPACE [PYTEST_ARG ...]`, for ./smokebot test.
 
-Runs ruff, mypy, vermin and catkin_lint, then the workspace's tests by catkin.
+Runs ruff, mypy, vermin and catkin_lint, and checks the generated documentation; then the workspace's tests by catkin.
 catkin exits with 0 even where tests fail, so the JUnit files that the tests write decide. With PYTEST_ARGs only pytest
 runs, with these.
 """
@@ -23,6 +23,7 @@ def checks(workspace: pathlib.Path) -> Dict[str, List[str]]:
     # ruff and mypy know Python 3.8's grammar, vermin also its library (str.removeprefix, functools.cache)
     return {'ruff': ['ruff', 'check', '.'],
             'mypy': ['mypy'],
+            'doc/parameters.md': [sys.executable, 'tools/parameter_tables.py', '--check'],
             'vermin': ['vermin', '--target=3.8-', '--no-tips', '--violations', '--quiet', '.'],
             'catkin_lint': ['catkin_lint', '-W2', '--strict', '--quiet', '--offline', package]}
 
