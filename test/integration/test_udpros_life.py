@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
 """UDPROS when peers die, restart, freeze or are not notified of each other."""
+import errno
 import gc
 import os
 import pathlib
@@ -24,7 +25,7 @@ from waiting import wait_for
 
 from smokebot_udp import udpros
 from smokebot_udp.srv import SetFocus, SetFocusResponse
-from smokebot_udp.udpros import registration, rospy_binding
+from smokebot_udp.udpros import master, rospy_binding
 
 HERE = pathlib.Path(__file__).resolve().parent
 NODE = '/udpros_life'
@@ -140,6 +141,37 @@ class Life(unittest.TestCase):
         wait_for(lambda: publisher.get_num_connections(), rospy_binding.SILENCE_TIMEOUT + 10, 'a new connection')
         self.published_until(publisher, lambda: got, 'a message again')
 
+    def test_a_refusal_does_not_make_a_stream_tcp_for_ever(self) -> None:
+        """Here the publisher has no route to the subscriber for a moment."""
+        publisher, got = self.publisher('/fell_back'), []
+        error = OSError(errno.ENETUNREACH, 'Network is unreachable')
+        with unittest.mock.patch.object(rospy_binding, 'path_payload', side_effect=error):
+            subscriber = udpros.Subscriber('/fell_back', Header, got.append)
+            self.addCleanup(subscriber.unregister)
+            self.published_until(publisher, lambda: got, 'a message by TCP')
+            self.assertFalse(subscriber.connections())
+        wait_for(subscriber.connections, 10, 'UDPROS')
+        del got[:]
+        self.published_until(publisher, lambda: got, 'a message by UDP')
+        wait_for(lambda: (publisher.get_num_connections(), len(publisher.connections()),
+                          subscriber.get_num_connections()) == (1, 1, 1), 5, 'one connection on each side')
+
+    def test_no_file_descriptor_for_a_moment(self) -> None:
+        """The attempt to connect is repeated, long before the watch of silent topics asks again."""
+        open_receiver = rospy_binding.open_receiver
+        results = [OSError(errno.EMFILE, 'Too many open files')]
+
+        def fail_once(*args) -> Any:
+            if results:
+                raise results.pop()
+            return open_receiver(*args)
+
+        publisher = self.publisher('/no_file')
+        with unittest.mock.patch.object(rospy_binding, 'open_receiver', fail_once):
+            self.addCleanup(udpros.Subscriber('/no_file', Header).unregister)
+            wait_for(publisher.connections, 3, 'the connection')
+        self.assertFalse(results)
+
     def test_unregistering_frees_sockets_and_threads(self) -> None:
         def use() -> None:
             publisher = udpros.Publisher('/used', Header, queue_size=10)
@@ -198,7 +230,7 @@ class Life(unittest.TestCase):
         one, two = (rospy.Subscriber(topic, Header) for topic in ('/of_one', '/of_two'))
         self.run_script('udpros_talker.py', '/of_two', 'the_other')
         wait_for(two.get_num_connections, what='the other publisher')
-        with unittest.mock.patch.object(registration.rpc, 'call', call):
+        with unittest.mock.patch.object(master.rpc, 'call', call):
             with udpros.registered_together():
                 publishers = [rospy.Publisher(topic, Header, queue_size=1) for topic in ('/of_one', '/of_two')]
             here = rospy.core.get_node_uri()
@@ -207,8 +239,40 @@ class Life(unittest.TestCase):
         for topic in (one, two, *publishers):
             topic.unregister()
 
+    def test_a_late_word_of_one_publisher_ends_no_connection_to_another(self) -> None:
+        for name in ('partial_one', 'partial_two'):
+            self.run_script('udpros_talker.py', '/partial', name)
+        subscriber = udpros.Subscriber('/partial', Header, transport='udp')
+        self.addCleanup(subscriber.unregister)
+        wait_for(lambda: len(subscriber.connections()) == 2, what='both publishers')
+        before = set(subscriber.impl.connections)
+        with xmlrpc.client.ServerProxy(rospy.get_node_uri()) as proxy:
+            proxy.publisherUpdate('/partial_one', '/partial', [rosgraph_uri('/partial_one')])
+        ended = time.monotonic() + 2
+        while time.monotonic() < ended:
+            self.assertEqual(set(subscriber.impl.connections), before)
+            time.sleep(0.05)
+
+    def test_a_late_word_of_ours_is_corrected_by_the_master(self) -> None:
+        """The subscriber may be roscpp's, which believes it."""
+        told = []
+
+        def call(_, method, *args) -> Any:
+            told.append((method, *args))
+            return [[['/of_two_soon', [NODE, '/another']]], [], []] if method == 'getSystemState' else []
+        listener = rospy.Subscriber('/of_two_soon', Header)
+        here = rospy.core.get_node_uri()
+        with unittest.mock.patch.object(master.rpc, 'call', call):
+            with udpros.registered_together():
+                publisher = rospy.Publisher('/of_two_soon', Header, queue_size=1)
+            wanted = [('publisherUpdate', '/of_two_soon', [here]), ('getSystemState',),
+                      ('registerPublisher', '/of_two_soon', Header._type, here)]
+            wait_for(lambda: len(told) >= 3, what='the correction')
+        self.assertEqual(told, wanted)
+        publisher.unregister(), listener.unregister()
+
     def test_what_the_master_does_not_take_together_is_registered_one_by_one(self) -> None:
-        with unittest.mock.patch.dict(registration.CALLS, pub='noSuchMethod', srv='noSuchMethod'):
+        with unittest.mock.patch.dict(master.CALLS, pub='noSuchMethod', srv='noSuchMethod'):
             self.check_registering_together()
 
     def test_an_outage_leaves_no_backlog(self) -> None:

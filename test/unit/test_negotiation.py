@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from smokebot_udp.udpros.negotiation import (
     MAX_HEADER_SIZE,
+    Fallbacks,
     Refused,
     Reply,
     Request,
@@ -182,3 +183,18 @@ def test_whatever_header_is_taken_or_refused(data) -> None:
     except Refused:
         return
     assert all(isinstance(text, str) for pair in fields.items() for text in pair)
+
+
+def test_a_publisher_that_refuses_is_asked_again_less_and_less_often() -> None:
+    fallbacks = Fallbacks()
+    assert fallbacks.due(1e9) == []
+    assert fallbacks.refused('a', 100.0)
+    assert (fallbacks.due(102.9), fallbacks.due(103.0)) == ([], ['a'])
+    assert not fallbacks.refused('a', 103.0)
+    assert (fallbacks.due(108.9), fallbacks.due(109.0)) == ([], ['a'])
+    for _ in range(10):
+        fallbacks.refused('a', 200.0)
+    assert (fallbacks.due(259.9), fallbacks.due(260.0)) == ([], ['a'])
+    fallbacks.forget('a')
+    fallbacks.forget('a')
+    assert fallbacks.due(1e9) == []

@@ -32,8 +32,8 @@ IMPURE = {'rospy', 'socket', 'select', 'time', 'rosgraph', 'udpros'}
 MESSAGES_ONLY = {'rospy.numpy_msg', 'rospy.numpy_msg.numpy_msg'}
 """A class decorator for message classes: no node is needed."""
 
-USES_ROSPY_INTERNALS = {('udpros', 'registration'), ('udpros', 'rospy_binding'), ('udpros', 'rospy_transports'),
-                        ('udpros', 'topics'), ('nodes', 'live')}
+USES_ROSPY_INTERNALS = {('udpros', 'master'), ('udpros', 'registration'), ('udpros', 'rospy_binding'),
+                        ('udpros', 'rospy_transports'), ('udpros', 'topics'), ('nodes', 'live')}
 
 BESIDE = {'evaluation': {'smokebot_udp'}, 'benchmarks': {'smokebot_udp', 'evaluation'},
           'experiments': {'smokebot_udp', 'evaluation'}}

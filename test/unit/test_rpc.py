@@ -3,10 +3,11 @@
 import contextlib
 import http.client
 import socket
+import socketserver
 import threading
 import xmlrpc.client
 from typing import Any
-from xmlrpc.server import SimpleXMLRPCServer
+from xmlrpc.server import SimpleXMLRPCRequestHandler, SimpleXMLRPCServer
 
 import pytest
 
@@ -148,3 +149,46 @@ def test_long_lists_to_and_from_the_master_are_compressed() -> None:
             assert master.echo(topics) == topics
         server.shutdown()
     assert encodings == ['gzip', 'gzip']
+
+
+class KeepingHandler(SimpleXMLRPCRequestHandler):
+    protocol_version = 'HTTP/1.1'       # as the master's: the connection is kept
+
+
+@contextlib.contextmanager
+def api(address) -> Any:
+    """A context with an XML-RPC server; yields its address."""
+    class Server(socketserver.ThreadingMixIn, SimpleXMLRPCServer):
+        daemon_threads = True
+        allow_reuse_address = True
+
+        def process_request(self, request, client_address) -> None:
+            requests.append(request)
+            super().process_request(request, client_address)
+
+    requests = []
+    with Server(address, KeepingHandler, logRequests=False) as served:
+        served.register_function(lambda caller: (1, '', 7), 'getPid')
+        served.register_function(lambda caller: (-1, 'no', ''), 'lookupNode')
+        threading.Thread(target=served.serve_forever, args=(0.01,), daemon=True).start()
+        yield served.server_address
+        served.shutdown()
+        for request in requests:
+            with contextlib.suppress(OSError):
+                request.shutdown(socket.SHUT_RDWR)
+
+
+def test_a_session_keeps_its_connection_and_notices_a_new_one() -> None:
+    with api(('127.0.0.1', 0)) as address:
+        session = rpc.Session('http://%s:%d' % address)
+        assert [session.call('getPid') for _ in range(3)] == 3 * [(1, '', 7)]
+        assert session.call('lookupNode') == (-1, 'no', '')
+        assert session.connections == 1
+        with pytest.raises(rpc.Unreachable):
+            session.call('noSuchMethod')
+        before = session.connections
+    with pytest.raises(rpc.Unreachable):
+        session.call('getPid')
+    with api(address):
+        assert session.call('getPid')[2] == 7
+        assert session.connections == before + 1

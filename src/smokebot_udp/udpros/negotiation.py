@@ -11,7 +11,7 @@ the peer sends is checked here; `Refused` says what is wrong.
 """
 import reprlib
 from dataclasses import dataclass, field
-from typing import Any, Dict, List, Mapping, Sequence
+from typing import Any, Dict, List, Mapping, Sequence, Tuple
 
 from .datagram import DEFAULT_MAX_DATAGRAM_SIZE, LENGTH, MIN_MAX_DATAGRAM_SIZE, UDP_MAX_PAYLOAD
 
@@ -23,8 +23,38 @@ MAX_NAME_SIZE = 253
 """The longest host name (RFC 1035)."""
 
 
+FALLBACK_PERIOD, MAX_FALLBACK_PERIOD = 3.0, 60.0
+"""Time until a publisher that refused UDPROS is asked for it again; it doubles up to the maximum [s]."""
+
+
 class Refused(ValueError):
     """The peer's request or answer is not acceptable; the text is sent to the peer."""
+
+
+class Fallbacks:
+    """When to ask the publishers again for UDPROS that refused it, and are connected by TCPROS instead.
+
+    The reason may have been transient: a name that was not resolved, no free file descriptor, no route for a moment.
+    """
+
+    def __init__(self) -> None:
+        self._due: Dict[str, Tuple[float, float]] = {}      # {publisher: (when [s], period [s])}
+
+    def refused(self, publisher: str, now: float) -> bool:
+        """Note a refusal; returns whether it is the first one."""
+        _, period = self._due.get(publisher, (0.0, FALLBACK_PERIOD / 2))
+        period = min(2 * period, MAX_FALLBACK_PERIOD)
+        first = publisher not in self._due
+        self._due[publisher] = now + period, period
+        return first
+
+    def forget(self, publisher: str) -> None:
+        """The publisher is connected by UDPROS, or no longer at all."""
+        self._due.pop(publisher, None)
+
+    def due(self, now: float) -> List[str]:
+        """The publishers to ask now."""
+        return [publisher for publisher, (when, _) in list(self._due.items()) if now >= when]
 
 
 def encode_header(fields: Mapping[str, str]) -> bytes:

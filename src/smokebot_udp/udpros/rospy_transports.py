@@ -4,6 +4,7 @@
 ROS messages and their classes have no types, so they are Any here.
 """
 import contextlib
+import functools
 import io
 import threading
 import time
@@ -15,13 +16,13 @@ import numpy as np
 import rospy
 from rospy.exceptions import TransportTerminated
 from rospy.impl.transport import INBOUND, OUTBOUND, Transport
-from rospy.topics import _PublisherImpl, _SubscriberImpl
+from rospy.topics import _PublisherImpl, _SubscriberImpl, _TopicImpl
 
 from ..arrays import BoolArray, Records
 from . import datagram
 from .endpoints import Address, DatagramReceiver, DatagramSender, PeerGone
 from .frame import Frame
-from .negotiation import PROTOCOL, Reply, Request
+from .negotiation import PROTOCOL, Fallbacks, Reply, Request
 from .records import LayoutError, has_header, lengths_of, record_dtype
 from .subscription import Arrived, Subscription
 
@@ -235,22 +236,37 @@ class SubscriberTransport(UdpTransport):
 
 class UdpPublisherImpl(_PublisherImpl):
     """A topic's publishing side, which can send frames, and sends by UDP without a queue or a thread."""
-    queue_size: Optional[int]
 
     def __init__(self, name: str, data_class: Any, options: PublisherOptions) -> None:
         super().__init__(name, data_class)
         self.options = options
 
     def add_connection(self, c: Any) -> bool:
-        """As rospy's, but without a queue for UDPROS."""
+        """As rospy's, but without a queue for UDPROS: a datagram is sent at once or lost.
+
+        c_lock is not held while anything is published or a listener is called: to publish takes publock, and c_lock
+        within it when a connection ends.
+        """
         if not isinstance(c, PublisherTransport):
             return bool(super().add_connection(c))
-        with self.c_lock:
-            queue_size, self.queue_size = self.queue_size, None   # a datagram is sent at once or lost
-            try:
-                return bool(super().add_connection(c))
-            finally:
-                self.queue_size = queue_size
+        for old in self.connections:
+            if old.endpoint_id == c.endpoint_id:    # rospy would close it under c_lock
+                old.close()
+        if not _TopicImpl.add_connection(self, c):
+            return False
+        for listener in list(self.subscriber_listeners or ()):      # None once the topic is closed
+            listener.peer_subscribe(self.resolved_name, self.publish, functools.partial(self._publish_to, c))
+        if self.is_latch and self.latch is not None:
+            self._publish_to(c, self.latch)
+        return True
+
+    def _publish_to(self, connection: PublisherTransport, message: Any) -> None:
+        """Publish a message to one subscriber."""
+        self.acquire()
+        try:
+            self.publish(message, connection_override=connection)
+        finally:
+            self.release()
 
     def publish_frames(self, frames: Sequence[Frame]) -> None:
         """Number the messages of some frames, and send them to all connections; the caller holds publock."""
@@ -284,6 +300,8 @@ class UdpSubscriberImpl(_SubscriberImpl):
         """URIs of the publishers, as the master last reported them."""
         self.connecting: Set[str] = set()
         """URIs of the publishers with which a connection is being negotiated."""
+        self.fallbacks = Fallbacks()
+        """The publishers that refused UDPROS."""
         self.last_asked = time.monotonic()
         """When the master was last asked for the publishers, by time.monotonic() [s]."""
 

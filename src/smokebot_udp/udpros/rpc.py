@@ -166,6 +166,42 @@ class MasterTransport(Transport):
     parse_response = xmlrpc.client.Transport.parse_response
 
 
+FAILURES = (OSError, http.client.HTTPException, xmlrpc.client.Error, ExpatError, TypeError, ValueError)
+"""What a call raises that gets no correct answer."""
+
+
+class Session:
+    """Calls of one server over a TCP connection that is kept open, from one thread.
+
+    :param uri: of the XML-RPC server
+    """
+
+    def __init__(self, uri: str) -> None:
+        self.connections = 0
+        """How many connections have been made until now."""
+        self._transport = Transport()
+        self._proxy = xmlrpc.client.ServerProxy(uri, transport=self._transport)
+        self._socket: Any = None
+
+    def call(self, method: str, *args: Any) -> Tuple[int, str, Any]:
+        """The answer of the API of a node or the master: status code (1: success), message and value.
+
+        :param args: the method's, without the caller's name
+        :raises Unreachable: if there is no correct answer
+        """
+        try:
+            answer: Any = getattr(self._proxy, method)(rospy.names.get_caller_id(), *args)
+            code, message, value = answer
+        except FAILURES as error:
+            self._transport.close()
+            raise Unreachable('%s: %s' % (method, error)) from error
+        connection: Any = self._transport._connection[1]
+        if connection.sock is None or connection.sock is not self._socket:
+            self._socket = connection.sock
+            self.connections += 1
+        return code, message, value
+
+
 def call(uri: str, method: str, *args: Any) -> Any:
     """Call the API of a node or the master; returns the value.
 
@@ -177,7 +213,7 @@ def call(uri: str, method: str, *args: Any) -> Any:
     try:
         with xmlrpc.client.ServerProxy(uri, transport=Transport()) as proxy:
             code, message, value = getattr(proxy, method)(rospy.names.get_caller_id(), *args)
-    except (OSError, http.client.HTTPException, xmlrpc.client.Error, ExpatError, TypeError, ValueError) as error:
+    except FAILURES as error:
         raise Unreachable('%s: %s' % (method, error)) from error
     if code != 1:
         raise Refused('%s: %s' % (method, message))

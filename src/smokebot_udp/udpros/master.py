@@ -1,0 +1,247 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Registration with the master: of many topics and services in one call, and of a whole node at a restarted master.
+
+rospy registers each by a call of its own, one after the other. Over a link with 100 ms round-trip time and 20 % loss
+this takes half a minute for a node with a dozen streams. The master accepts many calls in one (system.multicall), but
+notifies a topic's subscribers of a new publisher one topic after the other, over that link even if they are on the
+publisher's side of it. Therefore the publisher notifies them as well, all at once.
+
+rospy never registers again. If the master is restarted, `MasterWatch` finds it, and `register_node` registers the whole
+node with the new one.
+"""
+import contextlib
+import threading
+import time
+import xmlrpc.client
+from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Tuple
+from xml.parsers.expat import ExpatError
+
+import rosgraph
+import rospy
+from rospy.impl.paramserver import get_param_server_cache
+from rospy.impl.registration import get_service_manager, get_topic_manager
+
+from . import rpc
+from .negotiation import Refused
+
+CALLS = {'pub': 'registerPublisher', 'sub': 'registerSubscriber', 'srv': 'registerService', 'param': 'subscribeParam'}
+"""{kind of registration: the master's method}; all but param are rospy's."""
+
+MULTICALL_TIMEOUT = 15.0
+"""How long the master may take to answer all calls together [s]. To make them one by one would take longer."""
+
+LOOKUP_PERIOD = 10.0
+"""How often the master is asked for this node, even if its process and the connection to it are the same [s]."""
+
+registering = threading.RLock()
+"""Held while many registrations are made, or postponed."""
+
+
+class Registration(NamedTuple):
+    """Something that the master has to know of this node."""
+    name: str
+    what: str
+    """Type of a topic, URI of a service, nothing for a parameter."""
+    kind: str
+    """A key of CALLS."""
+
+    def call(self, node: str, uri: str) -> Dict[str, Any]:
+        """The call of the master, as an element of a multicall.
+
+        :param node: this node's name
+        :param uri: of this node's XML-RPC server
+        """
+        params = [node, uri, self.name] if self.kind == 'param' else [node, self.name, self.what, uri]
+        return {'methodName': CALLS[self.kind], 'params': params}
+
+
+class Identity(NamedTuple):
+    """What distinguishes a master from the one before it."""
+    pid: int
+    run_id: Any
+    """The parameter /run_id, which roslaunch sets; None without."""
+
+
+class Acquaintance:
+    """Decides by the master's answers whether a node has to register again."""
+
+    def __init__(self) -> None:
+        self._registered: Optional[Identity] = None
+
+    def is_lost(self, master: Identity, found: Optional[str], uri: str) -> bool:
+        """Whether a master does not have this node's registrations.
+
+        :param found: URI of the node of this name, as the master knows it; None if it knows no such node
+        :param uri: this node's
+        """
+        if self._registered is None and found is not None:
+            self._registered = master       # by rospy, at the node's start
+        # another node of this name is left alone: the master would shut it down
+        return found is None or (found == uri and master != self._registered)
+
+    def missed(self) -> None:
+        """The master did not answer: the one that answers next may have been started since the node was."""
+        self._registered = self._registered or Identity(0, None)
+
+    def registered(self, master: Identity) -> None:
+        """All registrations have been made."""
+        self._registered = master
+
+
+class MasterWatch:
+    """Finds out whether the master is a new one, by one short call over a TCP connection that is kept open.
+
+    :param master_uri: of the master
+    :param uri: of this node's XML-RPC server
+    """
+
+    def __init__(self, master_uri: str, uri: str) -> None:
+        self._session = rpc.Session(master_uri)
+        self._uri = uri
+        self._acquaintance = Acquaintance()
+        self._process: Tuple[int, int] = (0, 0)
+        self._next_lookup = 0.0
+        self._master: Optional[Identity] = None
+
+    def is_new(self) -> bool:
+        """Whether this node has to be registered.
+
+        :raises Unreachable: if the master does not answer
+        """
+        try:
+            return self._ask()
+        except rpc.Unreachable:
+            self._acquaintance.missed()
+            raise
+
+    def _ask(self) -> bool:
+        pid = int(self._session.call('getPid')[2])
+        # a new master is another process, at another connection at least
+        process, now = (pid, self._session.connections), time.monotonic()
+        if process == self._process and now < self._next_lookup:
+            return False
+        code, _, run_id = self._session.call('getParam', '/run_id')
+        self._master = Identity(pid, run_id if code == 1 else None)
+        code, _, found = self._session.call('lookupNode', rospy.get_caller_id())
+        if self._acquaintance.is_lost(self._master, found if code == 1 else None, self._uri):
+            return True
+        self._process, self._next_lookup = process, now + LOOKUP_PERIOD
+        return False
+
+    def registered(self) -> None:
+        """This node has been registered with the master that was new."""
+        if self._master is not None:
+            self._acquaintance.registered(self._master)
+
+
+def register_together(manager: Any, registrations: Sequence[Registration]) -> List[Registration]:
+    """Register all in one call, and take over the publishers and parameters that the master answers.
+
+    :param manager: rospy's RegManager
+    :return: those that are not registered
+    """
+    answers, publishers = _ask(registrations, manager.uri)
+    only_ours: Dict[Registration, List[str]] = {}
+    for one, answer in zip(registrations, answers):
+        if answer is None:
+            continue
+        if one.kind == 'sub':
+            manager.publisher_update(one.name, answer)
+        elif one.kind == 'param':
+            _take_over(one.name, answer)
+        # other publishers are known by name only: then only the master can notify of all of them
+        elif one.kind == 'pub' and publishers.get(one.name) == [rospy.get_caller_id()]:
+            only_ours[one] = answer
+    if any(only_ours.values()):
+        threading.Thread(target=_notify_all, args=(only_ours, manager.uri), daemon=True).start()
+    return [one for one, answer in zip(registrations, answers) if answer is None]
+
+
+def register_node(manager: Any) -> bool:
+    """Register all topics and services of this node, and subscribe to its parameters where they are cached.
+
+    :param manager: rospy's RegManager
+    :return: whether all are registered
+    """
+    with registering:
+        registrations = _of_node()
+        missing = register_together(manager, registrations)
+        now = _of_node()
+        for one in registrations:       # ended meanwhile
+            if one not in now and one.kind != 'param':
+                manager.reg_removed(*one)
+    return not missing
+
+
+def _of_node() -> List[Registration]:
+    topics = get_topic_manager()
+    found = [Registration(impl.resolved_name, impl.type, kind)
+             for kind, impls in (('pub', topics.pubs), ('sub', topics.subs)) for impl in list(impls.values())]
+    found += [Registration(name, uri, 'srv') for name, uri in get_service_manager().get_services()]
+    with contextlib.suppress(KeyError):
+        get_param_server_cache().get(rospy.get_name())
+        found.append(Registration(rospy.get_name(), '', 'param'))
+    return found
+
+
+def _take_over(namespace: str, values: Any) -> None:
+    """Update the cached parameters of a namespace that have other values at the master."""
+    cache = get_param_server_cache()
+    for name, value in (values.items() if isinstance(values, dict) else ()):
+        key = '%s/%s' % (namespace, name)
+        with contextlib.suppress(KeyError):
+            if cache.get(key) != value:
+                cache.update(key, value)
+
+
+def _ask(registrations: Sequence[Registration], uri: str) -> Tuple[List[Any], Dict[str, List[str]]]:
+    """The master's answer to each registration, None if it refuses or does not answer; {topic: publishers' names}."""
+    if not registrations:
+        return [], {}
+    name = rospy.get_caller_id()
+    calls = [one.call(name, uri) for one in registrations] + [{'methodName': 'getSystemState', 'params': [name]}]
+    answers: List[Any] = []
+    try:
+        transport = rpc.MasterTransport(MULTICALL_TIMEOUT)
+        with xmlrpc.client.ServerProxy(rosgraph.get_master_uri(), transport=transport) as proxy:
+            master: Any = proxy
+            answers = master.system.multicall(calls)
+    except (OSError, xmlrpc.client.Error, ExpatError) as error:
+        rospy.logdebug('the master does not register all at once: %s', error)
+    # an answer is in a list of one; a fault is a dictionary
+    values = [answer[0][2] if isinstance(answer, list) and answer[0][0] == 1 else None for answer in answers]
+    values += [None] * (len(calls) - len(values))
+    return values[:-1], dict(values[-1][0]) if values[-1] else {}
+
+
+def _notify_all(subscribers: Dict[Registration, List[str]], uri: str) -> None:
+    """Notify the subscribers of topics that only this node publishes; then correct what has changed meanwhile.
+
+    Another publisher may have been registered before the notification arrived, and roscpp then ends the connection to
+    it. To register again makes the master notify of all publishers.
+
+    :param subscribers: {topic: URIs of its subscribers}
+    :param uri: of this node's XML-RPC server
+    """
+    threads = [threading.Thread(target=_notify, args=(subscriber, topic.name, uri), daemon=True)
+               for topic in subscribers for subscriber in subscribers[topic]]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    try:
+        state = rpc.call(rosgraph.get_master_uri(), 'getSystemState')
+        publishers = dict(state[0]) if state else {}
+        for topic in subscribers:
+            if len(publishers.get(topic.name, ())) > 1 and get_topic_manager().has_publication(topic.name):
+                rpc.call(rosgraph.get_master_uri(), CALLS['pub'], topic.name, topic.what, uri)
+    except (rpc.Unreachable, Refused) as error:
+        rospy.logdebug('the master does not say who else publishes: %s', error)
+
+
+def _notify(subscriber: str, topic: str, uri: str) -> None:
+    """Notify a subscriber, by its URI, that this node publishes a topic."""
+    try:
+        rpc.call(subscriber, 'publisherUpdate', topic, [uri])
+    except (rpc.Unreachable, Refused) as error:
+        rospy.logdebug('[%s]: only the master notifies the subscriber %s: %s', topic, subscriber, error)

@@ -1,0 +1,173 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""UDPROS when the master is killed and started again: on a master of this test's own."""
+import os
+import pathlib
+import socket
+import subprocess
+import sys
+import time
+import unittest
+import xmlrpc.client
+from typing import Any
+
+import rospy
+import rostest
+from std_msgs.msg import Header
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+from waiting import wait_for
+
+from smokebot_udp import udpros
+from smokebot_udp.srv import SetFocus, SetFocusResponse
+from smokebot_udp.udpros import rospy_binding
+
+HERE = pathlib.Path(__file__).resolve().parent
+NODE = '/udpros_master'
+
+
+def free_port() -> Any:
+    with socket.socket() as probe:
+        probe.bind(('', 0))
+        return probe.getsockname()[1]
+
+
+class OwnMaster:
+    """A master that can be killed."""
+
+    def __init__(self) -> None:
+        self.port = free_port()
+        self.uri = 'http://localhost:%d' % self.port
+        self.start()
+
+    def start(self) -> None:
+        self.process = subprocess.Popen(['rosmaster', '--core', '-p', str(self.port)], stdout=subprocess.DEVNULL,
+                                        stderr=subprocess.DEVNULL)
+        deadline = time.monotonic() + 20
+        while time.monotonic() < deadline:
+            try:
+                return self.call('getPid') and None
+            except OSError:
+                time.sleep(0.05)
+        raise AssertionError('the master does not start')
+
+    def end(self) -> None:
+        self.process.kill()
+        self.process.wait(10)
+
+    def restart(self) -> None:
+        self.end()
+        self.start()
+
+    def call(self, method, *args) -> Any:
+        with xmlrpc.client.ServerProxy(self.uri) as proxy:
+            return getattr(proxy, method)('/test', *args)[2]
+
+    def registered(self, node) -> Any:
+        """What a node has registered: a set of (kind, name)."""
+        state = self.call('getSystemState')
+        return {(kind, name) for kind, names in zip(('pub', 'sub', 'srv'), state)
+                for name, nodes in names if node in nodes}
+
+
+class Master(unittest.TestCase):
+    master: OwnMaster
+
+    @classmethod
+    def setUpClass(cls) -> Any:
+        cls.master = OwnMaster()
+        os.environ['ROS_MASTER_URI'] = cls.master.uri
+        rospy.init_node('udpros_master')
+
+    @classmethod
+    def tearDownClass(cls) -> Any:
+        rospy.signal_shutdown('the tests have ended')
+        cls.master.end()
+
+    def talker(self, topic, name, before='') -> Any:
+        script = str(HERE / 'udpros_talker.py')
+        code = before + '\nimport runpy\nrunpy.run_path(%r, run_name="__main__")' % script
+        process = subprocess.Popen([sys.executable, '-c', code, topic, '__name:=' + name],
+                                   stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        self.addCleanup(process.wait, 10)
+        self.addCleanup(process.kill)
+        return process
+
+    def subscriber(self, topic) -> Any:
+        """A Subscriber, and the times of its messages."""
+        times = []
+        subscriber = udpros.Subscriber(topic, Header, lambda _: times.append(time.monotonic()), transport='udp')
+        self.addCleanup(subscriber.unregister)
+        return subscriber, times
+
+    def test_a_node_is_registered_at_a_new_master(self) -> None:
+        rospy.set_param('~value', 1)
+        self.assertEqual(rospy.get_param_cached('~')['value'], 1)
+        publisher = udpros.Publisher('/made', Header, queue_size=1)
+        plain = rospy.Publisher('/plain', Header, queue_size=1)
+        service = rospy.Service('/asked', SetFocus, lambda _: SetFocusResponse(True, 'here'))
+        _, times = self.subscriber('/taken')
+        ours = {('pub', '/made'), ('pub', '/plain'), ('srv', '/asked'), ('sub', '/taken')}
+        self.assertLessEqual(ours, self.master.registered(NODE))
+        self.talker('/taken', 'taken_talker')
+        wait_for(lambda: times, what='the talker')
+        for _ in range(2):
+            self.master.restart()
+            begun = time.monotonic()
+            wait_for(lambda: ours <= self.master.registered(NODE), 6, 'our registrations')
+            wait_for(lambda: ('pub', '/taken') in self.master.registered('/taken_talker'), 6, "the talker's")
+            print('registered again %.2f s after the start of the master' % (time.monotonic() - begun))
+        self.assertEqual(rospy.ServiceProxy('/asked', SetFocus)('').message, 'here')
+        self.master.call('setParam', NODE + '/value', 2)
+        wait_for(lambda: rospy.get_param_cached('~value') == 2, 5, 'the notification of the parameter')
+        publisher.unregister(), plain.unregister(), service.shutdown()
+        self.assertFalse(self.master.registered(NODE) & {('pub', '/made'), ('pub', '/plain'), ('srv', '/asked')})
+
+    def test_a_working_connection_outlives_the_master(self) -> None:
+        """Also to a publisher that does not register again."""
+        deaf = 'from smokebot_udp.udpros import rospy_binding as b; b.UdprosHandler._watch = lambda self: None'
+        self.talker('/both', 'deaf_talker', deaf), self.talker('/both', 'both_talker')
+        subscriber, times = self.subscriber('/both')
+        wait_for(lambda: times and len(subscriber.connections()) == 2, what='both talkers')
+        before = list(subscriber.impl.connections)
+        self.master.restart()
+        ended = time.monotonic() + rospy_binding.SILENCE_TIMEOUT + 3
+        wait_for(lambda: ('pub', '/both') in self.master.registered('/both_talker'), 6, "the one's registration")
+        while time.monotonic() < ended:
+            self.assertEqual(set(subscriber.impl.connections), set(before))
+            self.assertLess(time.monotonic() - times[-1], 2)
+            time.sleep(0.1)
+
+    def test_a_silent_connection_outlives_the_master(self) -> None:
+        """As long as its publisher answers: then it is renewed if the publisher has forgotten it."""
+        code = 'import rospy; from rospy.impl.registration import RegManager as R; from smokebot_udp import udpros; ' \
+            'from std_msgs.msg import Header; from smokebot_udp.udpros import rospy_binding as b; ' \
+            'b.UdprosHandler._watch = lambda self: None; rospy.init_node("silent"); ' \
+            'p = udpros.Publisher("/silent", Header, queue_size=1); ' \
+            's = rospy.Subscriber("/speak", Header, p.publish); ' \
+            'c = rospy.Subscriber("/forget", Header, lambda _: p.impl.connections[0].close()); rospy.spin()'
+        process = subprocess.Popen([sys.executable, '-c', code])
+        self.addCleanup(process.wait, 10)
+        self.addCleanup(process.kill)
+        subscriber, times = self.subscriber('/silent')
+        speak, forget = (rospy.Publisher(topic, Header, queue_size=1) for topic in ('/speak', '/forget'))
+        wait_for(lambda: all(p.get_num_connections() for p in (speak, forget, subscriber)), what='the connections')
+        self.master.restart()
+        for renewed in (False, True):
+            before = list(subscriber.impl.connections)
+            if renewed:
+                forget.publish(Header())
+            asked = subscriber.impl.last_asked
+            wait_for(lambda old=asked: subscriber.impl.last_asked > old, 10, 'the watch')
+            wait_for(lambda: len(subscriber.impl.connections) == 1, 5, 'the connection')
+            time.sleep(2)
+            self.assertEqual(list(subscriber.impl.connections) == before, not renewed)
+        del times[:]
+        speak.publish(Header())
+        wait_for(lambda: times, 5, 'a message')
+        process.kill()
+        wait_for(lambda: not subscriber.connections(), 20, 'its end')
+
+
+if __name__ == '__main__':
+    rostest.rosrun('smokebot_udp', 'udpros_master', Master)
