@@ -19,7 +19,7 @@ STEPS = 20, 5, 1, 0.3, 20
 """[Mbit/s]"""
 
 EACH, SETTLED = 8.0, 2.0
-"""A step lasts so long, and is judged from then on [s]."""
+"""Length of a step, and when its evaluation begins [s]."""
 
 
 def link(rate: float, loss: float = 0.0, seed: int = 0, load: Optional[Load] = None,

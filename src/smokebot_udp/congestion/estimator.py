@@ -195,7 +195,7 @@ class Estimator:
         paused = queue < LONG_QUEUE and self._probe_rtt.covers(chain[0].sent)
         self._update_loss(feedback, (short and self._was_short) or paused)
         self._was_short = short
-        if after_timeout and short:     # reports were lost like all else
+        if after_timeout and short:     # reports were lost like other datagrams
             link.capacity = max(link.capacity, self._before_timeout / RECOVERY_FACTOR)
         self._update_capacity(chain, queue)
         self._update_probe_rtt(middle, queue, now)

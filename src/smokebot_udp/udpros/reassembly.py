@@ -33,7 +33,7 @@ PARTIAL_LIFETIME = 2.0
 
 
 class _Partial:
-    """A message of which some blocks have arrived."""
+    """A message that is received in part."""
 
     def __init__(self, begun: float) -> None:
         self.begun = begun

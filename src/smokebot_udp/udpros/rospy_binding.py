@@ -52,7 +52,7 @@ SILENCE_TIMEOUT = 5.0
 """After this time without a message of a topic, the master and its publishers are asked for it [s]."""
 
 SETTLING_TIME = 60.0
-"""So long after the registration with a restarted master its lists of publishers may be incomplete [s]."""
+"""Time after the registration with a restarted master during which its lists of publishers may be incomplete [s]."""
 
 ApiResult = Tuple[int, str, Any]
 """Status code (1: success), status message and value of a method of the ROS slave API."""

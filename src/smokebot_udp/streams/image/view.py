@@ -59,7 +59,7 @@ class View:
     every REMIND_PERIOD. Of images that are received faster than they can be drawn, only the newest is. If one cannot
     be drawn, the one before goes on growing old. Without viewers nothing is drawn; the newest image is kept for them.
 
-    One thread calls `draw`, without the lock that guards all else.
+    One thread calls `draw`, without the lock that guards everything else.
 
     :param settings: {name: value} with those of PARAMETERS, checked
     :param header: std_msgs/Header before the first image
