@@ -170,3 +170,14 @@ def test_after_any_change_both_have_the_same(steps: List[Any]) -> None:
         assert {name: server.there[name] for name in TABLE} == server.requested
         assert all(type(server.there[name]) is TABLE[name].kind for name in TABLE)
         assert 'floor' not in server.there and not server.sync()
+
+
+@pytest.mark.parametrize('namespace', ['/robot_sender', '/robot_sender/front'])
+def test_a_refused_value_is_named_in_full(namespace: str) -> None:
+    problems: List[str] = []
+    store = SettingsStore(TABLE, START)
+    mirror = Mirror(namespace, store, store.request, problems.append, problems.append, others=())
+    mirror.read({**START, 'rate': -1.0})
+    mirror.read({**START, 'colour': 'red'})
+    mirror.read('red')
+    assert [problem.split(' ')[0] for problem in problems] == [namespace + '/rate', namespace + ':', namespace]
