@@ -88,3 +88,27 @@ def test_a_former_name_beside_the_name_is_an_error() -> None:
 def test_a_wrong_value_by_a_former_name_is_refused() -> None:
     assert with_setting('floor: -1')[1] == [
         "stream 'thermal': min_bitrate is -1, must be a number from 0 to 1e+06 [kbit/s]"]
+
+
+@pytest.mark.parametrize('topic', ['/operator/thermal/image_raw', '/operator//thermal/image_raw/'])
+@pytest.mark.parametrize('kind', ['image', 'scan'])
+def test_the_second_stream_with_an_operator_topic_is_refused(kind: str, topic: str) -> None:
+    streams, problems = config.load(
+        GOOD + '  rear: {type: %s, robot_topic: /rear, operator_topic: %s}\n' % (kind, topic))
+    assert 'thermal' in streams and 'rear' not in streams
+    assert problems == ["stream 'rear': operator_topic /operator/thermal/image_raw is already the operator_topic of "
+                        "stream 'thermal'"]
+
+
+@pytest.mark.parametrize('topic', ['/gas', '//gas/'])
+def test_a_stream_that_would_send_its_own_output_is_refused(topic: str) -> None:
+    streams, problems = config.load(
+        GOOD + '  gas: {type: relay, message_type: std_msgs/Float32, robot_topic: %s, operator_topic: /gas}\n' % topic)
+    assert 'thermal' in streams and 'gas' not in streams
+    assert problems == ["stream 'gas': robot_topic and operator_topic are both /gas: the stream would send again and "
+                        "again what it publishes itself"]
+
+
+def test_the_same_relative_name_on_both_sides_is_resolved_by_each_node() -> None:
+    streams, problems = config.load('streams: {x: {type: scan, robot_topic: scan, operator_topic: scan}}')
+    assert 'x' in streams and not problems

@@ -4,7 +4,7 @@
 A stream that is wrong is left out and reported; the others are used.
 """
 import re
-from typing import Any, Callable, Dict, List, Tuple
+from typing import Any, Callable, Dict, List, Mapping, Tuple
 
 import yaml
 
@@ -57,10 +57,12 @@ def load(text: str, warn: Callable[[str], None] = lambda warning: None
     streams = document.get('streams') if isinstance(document, dict) else None
     if not isinstance(streams, dict):
         return {}, problems + ['it has no "streams:" with the streams by name']
-    good = {}
+    good: Dict[str, Dict[str, Any]] = {}
     for name, values in streams.items():
         try:
-            good[name] = _check(name, values, warn)
+            settings = _check(name, values, warn)
+            _check_topics(settings, good)
+            good[name] = settings
         except ValueError as error:
             problems.append('stream %r: %s' % (name, error))
     return good, problems
@@ -77,3 +79,25 @@ def _check(name: Any, values: Any, warn: Callable[[str], None]) -> Dict[str, Any
     kind = settings.get('type')
     check({'type': kind}, {'type': TYPE})
     return check(settings, parameters_of(str(kind)))
+
+
+def _check_topics(settings: Mapping[str, Any], others: Mapping[str, Mapping[str, Any]]) -> None:
+    """Check the topics of a stream.
+
+    Relative names are compared as they are written: each node resolves them in its own namespace.
+
+    :param others: {name: settings} of the streams before it
+    :raises ValueError: where they make a loop, or the operator's topic is that of another stream
+    """
+    published = _normalised(settings['operator_topic'])
+    if published.startswith('/') and published == _normalised(settings['robot_topic']):
+        raise ValueError('robot_topic and operator_topic are both %s: the stream would send again and again what it '
+                         'publishes itself' % published)
+    for name, other in others.items():
+        if published == _normalised(other['operator_topic']):
+            raise ValueError("operator_topic %s is already the operator_topic of stream '%s'" % (published, name))
+
+
+def _normalised(topic: str) -> str:
+    """The name of a topic without superfluous slashes."""
+    return '/' * topic.startswith('/') + '/'.join(part for part in topic.split('/') if part)
