@@ -112,3 +112,13 @@ def test_a_stream_that_would_send_its_own_output_is_refused(topic: str) -> None:
 def test_the_same_relative_name_on_both_sides_is_resolved_by_each_node() -> None:
     streams, problems = config.load('streams: {x: {type: scan, robot_topic: scan, operator_topic: scan}}')
     assert 'x' in streams and not problems
+
+
+def test_one_robot_topic_has_one_type() -> None:
+    cam = '  cam: {type: relay, message_type: %s, robot_topic: /thermal/image_raw, operator_topic: /operator/cam}\n'
+    streams, problems = config.load(GOOD + cam % 'sensor_msgs/CompressedImage')
+    assert 'thermal' in streams and 'cam' not in streams
+    assert problems == ["stream 'cam': robot_topic /thermal/image_raw must be sensor_msgs/CompressedImage, but "
+                        "sensor_msgs/Image for stream 'thermal'"]
+    streams, problems = config.load(GOOD + cam % 'sensor_msgs/Image')
+    assert 'cam' in streams and not problems

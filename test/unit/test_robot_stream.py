@@ -418,3 +418,15 @@ def test_a_message_of_another_kind_does_not_end_the_thread(make: Make, logged: L
     wait_for(lambda: logged)
     made.stream.receive(scan(1))
     wait_for(lambda: made.segments.published == [1])
+
+
+def test_a_message_of_another_type_is_reported_and_not_encoded(make: Make, logged: List[str]) -> None:
+    made = make()
+    made.stream.receive(Odometry())
+    made.stream.receive(scan(5))
+    wait_for(lambda: made.segments.published)
+    assert made.segments.published == [5]
+    assert logged == ["stream 'scan': a message of /in is not sent: it is nav_msgs/Odometry, must be "
+                      "sensor_msgs/LaserScan"]
+    stats = made.stream.stats()
+    assert (stats.messages_in, stats.dropped['invalid']) == (1, 1)

@@ -48,6 +48,14 @@ class StreamMonitor:
             monitor.status(self._name, self._side, connection, self._thresholds)
             for monitor, connection in connections]
 
+    def waits_for_source(self, stats: StreamStats, now: float) -> bool:
+        """Whether the source is silent although messages are expected, by the stats of the last `update`."""
+        expected = stats.enabled and (stats.steady or not stats.messages_in)
+        return expected and self._silence_in.too_long(now, self._silence_limit(stats)) is not None
+
+    def _silence_limit(self, stats: StreamStats) -> float:
+        return max(self._thresholds.error_silence, 3 / stats.rate if stats.rate else 0.0)
+
     def _follow(self, connections: Iterable[ConnectionStats],
                 now: float) -> List[Tuple[ConnectionMonitor, ConnectionStats]]:
         """Read each connection's counters; monitors of connections that have ended are dropped."""
@@ -79,7 +87,7 @@ class StreamMonitor:
             **by_reason('dropped', stats.dropped)})
 
     def _judge_silence(self, verdict: Verdict, stats: StreamStats, now: float) -> None:
-        limit = max(self._thresholds.error_silence, 3 / stats.rate if stats.rate else 0.0)
+        limit = self._silence_limit(stats)
         silence_in, silence_out = self._silence_in.too_long(now, limit), self._silence_out.too_long(now, limit)
         if self._side == ROBOT:
             if not stats.connections:

@@ -25,14 +25,17 @@ import time
 from typing import Any, Callable, Dict, Iterable, List, Mapping, Sequence
 
 import diagnostic_updater
+import rosgraph
 import rospy
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from ..monitoring.link_status import clock_status, link_status
+from ..monitoring.source_types import SourceTypes
 from ..monitoring.stats import LinkStats
 from ..monitoring.status import OPERATOR, ROBOT, Status
 from ..monitoring.stream_status import StreamMonitor
 from ..monitoring.thresholds import Thresholds
+from ..udpros import rpc
 from .logging import log_error
 from .worker import PeriodicWorker
 
@@ -98,8 +101,13 @@ def robot_diagnostics(streams: Mapping[str, Any], link_stats: Callable[[float], 
     :param problems: problems.Problems
     :return: to be closed before the streams
     """
+    types = SourceTypes(_topic_types)
+
     def update(stream: Any, monitor: StreamMonitor, now: float) -> List[Status]:
-        return monitor.update(stream.stats(), now)
+        stats = stream.stats()
+        if not stats.problem and monitor.waits_for_source(stats, now):
+            stats = dataclasses.replace(stats, problem=types.problem(stream.topic, stream.source_type, now))
+        return monitor.update(stats, now)
 
     def update_node(now: float) -> List[Status]:
         return [link_status(link_stats(now)), _settings_status(problems, ROBOT, now)]
@@ -134,6 +142,17 @@ def _sources(side: str, streams: Mapping[str, Any], parameters: Any,
     thresholds, now = read_thresholds(streams, parameters), time.monotonic()
     return [functools.partial(update, stream, StreamMonitor(side, name, stream.topic, thresholds[name], now))
             for name, stream in streams.items()]
+
+
+def _topic_types() -> Any:
+    """[(topic, type), ...] as the master knows them.
+
+    :raises OSError: without an answer
+    """
+    try:
+        return rpc.call(rosgraph.get_master_uri(), 'getTopicTypes')
+    except (rpc.Unreachable, rpc.Refused) as error:
+        raise OSError(str(error)) from error
 
 
 def _settings_status(problems: Any, side: str, now: float) -> Status:

@@ -106,6 +106,11 @@ class RobotStream(rospy.SubscribeListener):
     # -- state, for any thread ----------------------------------------------------------------------
 
     @property
+    def source_type(self) -> str:
+        """The message type of the source, as package/Type."""
+        return str(self.encoder.MESSAGE._type)
+
+    @property
     def heard(self) -> bool:
         """Whether the segments have a subscriber."""
         return self._publisher is not None and self._publisher.get_num_connections() > 0
@@ -147,7 +152,13 @@ class RobotStream(rospy.SubscribeListener):
     # -- input: rospy's threads, and those that change settings ------------------------------------
 
     def receive(self, message: Any) -> None:
-        """A message of the source arrived."""
+        """A message of the source arrived.
+
+        It may be of another type, where this node subscribes the topic with another type as well.
+        """
+        if message._type != self.source_type:
+            self._report(ValueError('it is %s, must be %s' % (message._type, self.source_type)))
+            return
         self.received += 1
         local = self._local_publisher is not None and self._local_publisher.get_num_connections() > 0
         if not (self.encoder.KEEPS or local or self.wanted):

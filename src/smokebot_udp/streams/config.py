@@ -82,12 +82,13 @@ def _check(name: Any, values: Any, warn: Callable[[str], None]) -> Dict[str, Any
 
 
 def _check_topics(settings: Mapping[str, Any], others: Mapping[str, Mapping[str, Any]]) -> None:
-    """Check the topics of a stream.
+    """Check the topics of a stream, and that its source has one type.
 
     Relative names are compared as they are written: each node resolves them in its own namespace.
 
     :param others: {name: settings} of the streams before it
-    :raises ValueError: where they make a loop, or the operator's topic is that of another stream
+    :raises ValueError: where they make a loop, the operator's topic is that of another stream, or another stream
+        expects messages of another type of its source
     """
     published = _normalised(settings['operator_topic'])
     if published.startswith('/') and published == _normalised(settings['robot_topic']):
@@ -96,6 +97,15 @@ def _check_topics(settings: Mapping[str, Any], others: Mapping[str, Mapping[str,
     for name, other in others.items():
         if published == _normalised(other['operator_topic']):
             raise ValueError("operator_topic %s is already the operator_topic of stream '%s'" % (published, name))
+        types = _source_type(settings), _source_type(other)
+        if _normalised(settings['robot_topic']) == _normalised(other['robot_topic']) and types[0] != types[1]:
+            raise ValueError("robot_topic %s must be %s, but %s for stream '%s'" % (
+                settings['robot_topic'], types[0], types[1], name))
+
+
+def _source_type(settings: Mapping[str, Any]) -> str:
+    """The message type of a stream's source, as package/Type."""
+    return str(settings.get('message_type') or encoder_class(settings['type']).MESSAGE._type)
 
 
 def _normalised(topic: str) -> str:
