@@ -10,6 +10,7 @@ from smokebot_udp.monitoring.stats import LinkStats
 from smokebot_udp.monitoring.status import ERROR, OK, OPERATOR, WARN, Status, Verdict
 from smokebot_udp.monitoring.thresholds import Thresholds
 from smokebot_udp.nodes.diagnostics import as_message
+from smokebot_udp.streams.config import NAME
 from smokebot_udp.units import MBIT
 
 
@@ -42,7 +43,8 @@ def test_the_link_s_status() -> None:
     stats = LinkStats(True, 2 * MBIT, MBIT, 5 * MBIT, 3 * MBIT, 0.1, 0.02, operator='/op', silence=2.0,
                       refused_reports={'too many operators': 5, 'order': 1})
     status = link_status(stats)
-    assert (status.name, status.level, status.message) == ('link', OK, 'fine')
+    assert (status.name, status.level, status.message) == ('link control', OK, 'fine')
+    assert not NAME.match(status.name)      # else diagnostics could have it twice: streams.yaml has a stream `link`
     assert status.values == pytest.approx({
         'side': 'robot', 'state': 'as /op reports', 'rate [Mbit/s]': 2, 'sent [Mbit/s]': 1, 'wanted [Mbit/s]': 5,
         'capacity [Mbit/s]': 3, 'loss [%]': 10, 'queue delay [ms]': 20, 'round trip [ms]': math.nan,

@@ -104,13 +104,13 @@ def test_the_clock_s_line() -> None:
 
 
 def test_the_link_s_line() -> None:
-    known = status('robot_node: link', side='robot', state='as /op reports', **{
+    known = status('robot_node: link control', side='robot', state='as /op reports', **{
         'sent [Mbit/s]': '4.4', 'rate [Mbit/s]': '4.81', 'wanted [Mbit/s]': '77.62', 'capacity [Mbit/s]': '5.01',
         'queue delay [ms]': '14.4', 'loss [%]': '5.2', 'round trip [ms]': 'nan'})
     texts, levels = shown([known])
     assert texts[1] == ('OK     link: 4.4 of 4.8 Mbit/s sent, 77.6 wanted, 5.0 carried; queue 14 ms, loss 5 %, '
                         'round trip - ms; as /op reports') and levels[1] == 0
-    silent = status('robot_node: link', 1, 'no reports', side='robot', state='no reports')
+    silent = status('robot_node: link control', 1, 'no reports', side='robot', state='no reports')
     texts, levels = shown([silent], now=STALE_AFTER + 1)
     assert texts[1].startswith('STALE  link: - of') and texts[1].endswith('silent for 4 s')
 

@@ -11,7 +11,7 @@ from .status import OK, OPERATOR, ROBOT, WARN, Status
 def link_status(stats: LinkStats) -> Status:
     """The status of the link, on the robot's side."""
     warn = stats.adaptive and stats.timeout
-    return Status('link', WARN if warn else OK, stats.state if warn else 'fine', {
+    return Status('link control', WARN if warn else OK, stats.state if warn else 'fine', {
         'side': ROBOT, 'state': stats.state, 'rate [Mbit/s]': (stats.rate or 0.0) / MBIT,
         'sent [Mbit/s]': stats.sent / MBIT, 'wanted [Mbit/s]': stats.wanted / MBIT,
         'capacity [Mbit/s]': stats.capacity / MBIT, 'loss [%]': 100 * stats.loss,
