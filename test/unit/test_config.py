@@ -16,6 +16,11 @@ def with_setting(text: str) -> Tuple[Dict[str, Any], List[str]]:
     return config.load(GOOD.replace('}', ', %s}' % text))
 
 
+def users(streams: Dict[str, Any]) -> List[str]:
+    """The names of the streams that are not the package's own."""
+    return [name for name in streams if name not in config.OWN_STREAMS]
+
+
 def test_the_shipped_file_is_right() -> None:
     path = pathlib.Path(__file__).parents[2] / 'config' / 'streams.yaml'
     streams, problems = config.load(path.read_text())
@@ -45,7 +50,7 @@ def test_defaults() -> None:
 def test_a_wrong_setting_costs_its_stream_only(text, message) -> None:
     good = '\n  other: {type: image, robot_topic: a, operator_topic: b}\n'
     streams, problems = config.load(GOOD.rstrip().replace('}', ', %s}' % text) + good)
-    assert list(streams) == ['other']
+    assert users(streams) == ['other']
     assert len(problems) == 1 and message in problems[0]
 
 
@@ -59,7 +64,7 @@ def test_a_wrong_setting_costs_its_stream_only(text, message) -> None:
     ('streams: {x: thermal}', "stream 'x': its settings are 'thermal'")])
 def test_bad_files(text, message) -> None:
     streams, problems = config.load(text)
-    assert not streams
+    assert not users(streams)
     assert len(problems) == 1 and message in problems[0]
 
 
@@ -81,7 +86,7 @@ def test_former_names_are_accepted_with_one_warning_each() -> None:
 
 def test_a_former_name_beside_the_name_is_an_error() -> None:
     streams, problems = with_setting('floor: 20, min_bitrate: 20')
-    assert not streams
+    assert not users(streams)
     assert problems == ["stream 'thermal': min_bitrate and its former name floor are both given"]
 
 
@@ -122,3 +127,37 @@ def test_one_robot_topic_has_one_type() -> None:
                         "sensor_msgs/Image for stream 'thermal'"]
     streams, problems = config.load(GOOD + cam % 'sensor_msgs/Image')
     assert 'cam' in streams and not problems
+
+
+OWN = '  %s: {type: relay, message_type: smokebot_udp/%s, robot_topic: /r/%s, operator_topic: /o/%s}\n'
+
+
+def test_the_package_s_own_streams_are_added() -> None:
+    streams, problems = config.load(GOOD)
+    assert list(streams) == ['thermal', 'link', 'status'] and not problems
+    link, status = streams['link'], streams['status']
+    assert [link[key] for key in ('type', 'message_type', 'robot_topic', 'operator_topic', 'rate', 'latch')] == [
+        'relay', 'smokebot_udp/LinkStatus', '~link', 'operator/link', 2.0, False]
+    assert [status[key] for key in ('type', 'message_type', 'robot_topic', 'operator_topic', 'latch', 'enabled')] == [
+        'relay', 'smokebot_udp/RobotStatus', '~status', 'operator/status', True, True]
+    assert set(config.load('streams: {}')[0]) == {'link', 'status'}
+
+
+def test_the_package_s_own_streams_may_be_in_the_file() -> None:
+    mine = GOOD + OWN % ('mine', 'RobotStatus', 'a', 'b')
+    streams, problems = config.load(mine)
+    assert list(streams) == ['thermal', 'mine', 'link'] and not problems
+    streams, problems = config.load(mine + OWN % ('l', 'LinkStatus', 'c', 'd'))
+    assert list(streams) == ['thermal', 'mine', 'l'] and not problems
+
+
+@pytest.mark.parametrize('user', [
+    'link: {type: scan, robot_topic: /l, operator_topic: /m}',
+    'link: {type: scan, rate: -1, robot_topic: /l, operator_topic: /m}',
+    'other: {type: scan, robot_topic: /l, operator_topic: /operator/link}'])
+def test_the_package_s_own_streams_take_no_name_or_topic_of_the_user_s(user: str) -> None:
+    streams, _ = config.load(GOOD + '  ' + user)
+    assert streams['robot_link']['message_type'] == 'smokebot_udp/LinkStatus'
+    assert streams['robot_link']['robot_topic'] == '~link'
+    assert streams['robot_link']['operator_topic'] == 'operator/robot_link'
+    assert streams['status']['operator_topic'] == 'operator/status'

@@ -127,3 +127,20 @@ def test_the_operators_request_is_served_once() -> None:
     assert mission.problems[-1].startswith("the operator's request: focus is 'dance'")
     mission.control.serve(9, 'drive')
     assert mission.control.state().answer == Answer(9, '') and mission.requested('thermal')['rate'] == 8.0
+
+
+def test_a_profile_s_others_leave_the_package_s_own_streams() -> None:
+    stores = {name: SettingsStore(TABLE, {'type': 'relay', 'message_type': message_type, 'rate': 10.0, 'weight': 1.0,
+                                          'low': 1, 'high': 5})
+              for name, message_type in (('status', 'smokebot_udp/RobotStatus'), ('link', 'smokebot_udp/LinkStatus'),
+                                         ('odom', 'nav_msgs/Odometry'))}
+    profiles = load('profiles: {a: {streams: {link: {rate: 2}}, others: {rate: 1}}, b: {streams: {link: {rate: 3}}}, '
+                    'c: {streams: {camera: {rate: 4}}}}')[0]
+    control = MissionControl(stores, profiles, pytest.fail, lambda focus: None, lambda: None)
+    control.switch('a')
+    assert {name: settings['rate'] for name, settings in control.state().streams.items()} == {
+        'status': 10.0, 'link': 2.0, 'odom': 1.0}
+    assert control.warning('a') is None and control.warning('default') is None
+    for name in ('b', 'c'):     # they name none of the user's
+        assert control.warning(name) == ("focus %s: its profile names none of the streams of streams.yaml, so all stay "
+                                         "as configured" % name)

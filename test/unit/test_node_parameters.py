@@ -64,7 +64,7 @@ def test_what_is_wrong_in_a_file_is_reported_with_its_path(monkeypatch: Any, tmp
     warnings: List[str] = []
     monkeypatch.setattr('rospy.logwarn', lambda text, *args: warnings.append(text % args))
     parameters, problems = node(monkeypatch, tables.ROBOT_SENDER, {'streams_file': str(path)})
-    assert list(read_streams(parameters)) == ['thermal']
+    assert list(read_streams(parameters)) == ['thermal', 'link', 'status']
     assert problems == ["%s: stream 'map': its settings are 7, not names with values" % path]
     assert warnings == ["%s: stream 'thermal': floor is the former name of min_bitrate" % path]
     parameters, problems = node(monkeypatch, tables.ROBOT_SENDER, {'focus_file': str(tmp_path / 'none.yaml')})

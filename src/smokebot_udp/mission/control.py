@@ -6,10 +6,10 @@ Settings that are requested otherwise, by hand, stand until the next switch.
 """
 import threading
 from dataclasses import dataclass, replace
-from typing import Any, Callable, Dict, FrozenSet, List, Mapping, Set
+from typing import Any, Callable, Dict, FrozenSet, List, Mapping, Optional, Set
 
 from .focus import Profile, settings_of
-from .parameters import Parameter
+from .parameters import STATUS_TYPES, Parameter
 from .settings import Settings, SettingsStore
 
 AS_CONFIGURED = 'default'
@@ -52,7 +52,10 @@ class MissionControl:
                  report: Callable[[str], None], switched: Callable[[str], None], changed: Callable[[], None]) -> None:
         self._streams, self._report, self._switched, self._changed = streams, report, switched, changed
         profiles = {AS_CONFIGURED: Profile(AS_CONFIGURED, 'As in streams.yaml.'), **profiles}
-        self._settings, problems = settings_of(profiles, {name: store.table for name, store in streams.items()})
+        self._own = {name for name, store in streams.items()
+                     if store.current.requested.get('message_type') in STATUS_TYPES}
+        self._settings, problems = settings_of(
+            profiles, {name: store.table for name, store in streams.items()}, self._own)
         for problem in problems:
             report(problem)
         self._configured = {name: {setting: store.current.requested[setting] for setting in store.table}
@@ -68,6 +71,14 @@ class MissionControl:
     def profiles(self) -> List[str]:
         """The names of the profiles."""
         return list(self._settings)
+
+    def warning(self, focus: str) -> Optional[str]:
+        """The warning that a focus deserves: its profile has settings only for streams that do not exist, or for this
+        package's own. None: there is none."""
+        if focus == AS_CONFIGURED or any(
+                settings for name, settings in self._settings[focus].items() if name not in self._own):
+            return None
+        return 'focus %s: its profile names none of the streams of streams.yaml, so all stay as configured' % focus
 
     def configured(self, stream: str) -> Mapping[str, Any]:
         """{setting: value} of streams.yaml, of those that may change."""

@@ -5,7 +5,7 @@ A profile names settings of streams; all other settings are as in streams.yaml. 
 its own settings take precedence.
 """
 from dataclasses import dataclass, field
-from typing import Any, Callable, Dict, List, Mapping, Tuple
+from typing import Any, Callable, Collection, Dict, List, Mapping, Tuple
 
 import yaml
 
@@ -120,18 +120,20 @@ def _with_bases(name: str, alone: Mapping[str, Profile], written: Mapping[Any, A
     return found
 
 
-def settings_of(profiles: Mapping[str, Profile], tables: Mapping[str, Table]
+def settings_of(profiles: Mapping[str, Profile], tables: Mapping[str, Table], own: Collection[str] = ()
                 ) -> Tuple[Dict[str, Dict[str, Dict[str, Any]]], List[str]]:
     """The settings that profiles give to the streams there are.
 
     :param tables: {stream: {setting: Parameter}} of the settings that may change while it runs
+    :param own: this package's own streams: `others` does not apply to them
     :return: ({profile: {stream: {setting: value}}}, [problem, ...]); wrong settings are left out
     """
     found: Dict[str, Dict[str, Dict[str, Any]]] = {name: {stream: {} for stream in tables} for name in profiles}
     problems = []
     for name, profile in profiles.items():
         for stream, table in tables.items():
-            for setting, value in profile.of(stream).items():
+            given = profile.streams.get(stream, {}) if stream in own else profile.of(stream)
+            for setting, value in given.items():
                 try:
                     found[name][stream][setting] = check_one(setting, value, table)
                 except ValueError as error:

@@ -7,6 +7,9 @@ from typing import Any, Dict, List, Mapping, Optional, Tuple, Type
 FORMER_NAMES = {'floor': 'min_bitrate', 'taste': 'degradation_preference'}
 """{former name: name} of streams' settings; `current_names` still accepts the former ones."""
 
+LINK_STATUS, ROBOT_STATUS = STATUS_TYPES = 'smokebot_udp/LinkStatus', 'smokebot_udp/RobotStatus'
+"""Message types of this package's own relays: they work in every focus, because the switch of the focus needs them."""
+
 TYPE_NAMES = {str: 'a text', bool: 'true or false', int: 'a whole number', float: 'a number'}
 
 

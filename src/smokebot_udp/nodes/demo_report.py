@@ -161,7 +161,8 @@ def main() -> None:
     rospy.init_node('demo_report')
     parameters = Parameters(DEMO_REPORT)
     seconds, path = parameters['seconds'], parameters['picture']
-    streams = read_streams(parameters)
+    streams = {name: settings for name, settings in read_streams(parameters).items()
+               if not settings['robot_topic'].startswith('~')}      # only robot_sender resolves those
     images = [ImageComparison(name, settings) for name, settings in streams.items() if settings['type'] == 'image']
     others = [RateComparison(name, settings) for name, settings in streams.items() if settings['type'] != 'image']
     _wait_for_images(images)

@@ -70,6 +70,9 @@ class FocusControl:
     def _switched(self, focus: str) -> None:
         self._forget()
         rospy.loginfo('focus: %s', focus)
+        warning = self.control.warning(focus)
+        if warning:
+            rospy.logwarn('%s', warning)
 
     def _show_all(self) -> None:
         self._publish()

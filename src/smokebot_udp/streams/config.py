@@ -1,18 +1,25 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """streams.yaml: the streams by name, each checked against its kind's parameters.
 
-A stream that is wrong is left out and reported; the others are used.
+A stream that is wrong is left out and reported; the others are used. Streams that the package itself needs are added
+where the file has none.
 """
 import re
-from typing import Any, Callable, Dict, List, Mapping, Tuple
+from typing import Any, Callable, Container, Dict, List, Mapping, Tuple
 
 import yaml
 
-from ..mission.parameters import Parameter, check, current_names
+from ..mission.parameters import LINK_STATUS, ROBOT_STATUS, Parameter, check, current_names
 from . import KINDS, assembler_class, encoder_class
 
 NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]*$')
 TYPE = Parameter(None, '', 'the kind of stream', choices=tuple(sorted(KINDS)))
+
+OWN_STREAMS: Mapping[str, Mapping[str, Any]] = {
+    'link': {'message_type': LINK_STATUS, 'rate': 2.0},
+    'status': {'message_type': ROBOT_STATUS, 'latch': True},
+}
+"""Relays of robot_sender's own topics; added where a file has no stream with their message types."""
 
 
 class _Loader(yaml.SafeLoader):
@@ -65,7 +72,27 @@ def load(text: str, warn: Callable[[str], None] = lambda warning: None
             good[name] = settings
         except ValueError as error:
             problems.append('stream %r: %s' % (name, error))
+    good.update(_missing_own_streams(good, streams))
     return good, problems
+
+
+def _missing_own_streams(good: Mapping[str, Mapping[str, Any]], written: Container[Any]) -> Dict[str, Dict[str, Any]]:
+    """{name: settings} of those of OWN_STREAMS that no good stream replaces.
+
+    :param written: the names in the file, those of refused streams included
+    """
+    relayed = {settings.get('message_type') for settings in good.values()}
+    topics = {_normalised(settings['operator_topic']).lstrip('/') for settings in good.values()}
+    missing = {}
+    for topic, settings in OWN_STREAMS.items():
+        if settings['message_type'] in relayed:
+            continue
+        name = topic
+        while name in written or 'operator/' + name in topics:
+            name = 'robot_' + name
+        missing[name] = check({'type': 'relay', 'robot_topic': '~' + topic, 'operator_topic': 'operator/' + name,
+                               **settings}, parameters_of('relay'))
+    return missing
 
 
 def _check(name: Any, values: Any, warn: Callable[[str], None]) -> Dict[str, Any]:
