@@ -131,6 +131,7 @@ def logged(monkeypatch: Any) -> List[str]:
     lines: List[str] = []
     for name in ('logwarn_throttle_identical', 'logerr_throttle_identical'):
         monkeypatch.setattr(rospy, name, lambda period, line: lines.append(line))
+    monkeypatch.setattr(rospy, 'logwarn', lambda line, *args: lines.append(line % args))
     monkeypatch.setattr(rospy, 'is_shutdown', lambda: False)
     return lines
 
@@ -430,3 +431,11 @@ def test_a_message_of_another_type_is_reported_and_not_encoded(make: Make, logge
                       "sensor_msgs/LaserScan"]
     stats = made.stream.stats()
     assert (stats.messages_in, stats.dropped['invalid']) == (1, 1)
+
+
+def test_the_warning_of_long_messages_is_not_repeated_for_each_size(make: Make, logged: List[str]) -> None:
+    made = make(Protected)
+    for number in range(3):
+        made.stream.receive(Odometry(child_frame_id='x' * (2000 + number)))
+        wait_for(lambda number=number: made.stream.sent == number + 1)
+    assert len([line for line in logged if 'datagrams; it is lost' in line]) == 1

@@ -30,6 +30,9 @@ from .worker import DeadlineWorker
 SOURCE_RATE_OVER = 2.0
 """The rate of a source is measured over this time [s]."""
 
+SIZE_WARNING_PERIOD = 60.0
+"""A stream warns of messages longer than a datagram at most this often [s]."""
+
 
 @dataclass
 class RobotLink:
@@ -69,6 +72,7 @@ class RobotStream(rospy.SubscribeListener):
         self._subscriber: Any = None
         self._local_publisher: Any = None
         self._invalid = 0
+        self._size_warning_due = 0.0
         self._stamp: Any = None         # of the last message encoded
         self._last: Any = None          # the last message, where the encoder encodes it again
         self._source = Rate(SOURCE_RATE_OVER)
@@ -259,11 +263,17 @@ class RobotStream(rospy.SubscribeListener):
         for message in payloads:
             size = size_of(message)
             if size > room:
-                rospy.logwarn_throttle_identical(
-                    60, "stream '%s': a message of %s has %d bytes and takes %d datagrams; it is lost if one of them is"
-                    % (self.name, self.topic, size, -(-size // room)))
+                self._warn_of_size(size, -(-size // room))
             self.link.outbox.publish(self.name, self._publisher, message, size)
             self.sent += 1
+
+    def _warn_of_size(self, size: int, datagrams: int) -> None:
+        """Warn of a long message, seldom: the next one has another size."""
+        now = time.monotonic()
+        if now >= self._size_warning_due:
+            self._size_warning_due = now + SIZE_WARNING_PERIOD
+            rospy.logwarn("stream '%s': a message of %s has %d bytes and takes %d datagrams; it is lost if one of them "
+                          "is", self.name, self.topic, size, datagrams)
 
     def _report(self, error: Exception) -> None:
         self._invalid += 1
