@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Compares the streams of both sides for a while, and reports rates, and the quality and age of images.
+"""Compares the streams of both sides for a while: rates, lost datagrams, and the quality and age of images.
 
 Parameters: DEMO_REPORT in nodes/parameters.py.
 
@@ -9,16 +9,20 @@ import collections
 import math
 import threading
 import time
-from typing import Any, Counter, List, Mapping, Optional, Sequence, Tuple, Union
+from typing import Any, Counter, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple, Union
 
 import cv2
 import numpy as np
 import rospy
+from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import Image
 
 from ..arrays import Array, UInt8Array
 from ..codecs.wire.pixels import as_pixels
+from ..monitoring.link_table import NodeStatus
+from ..monitoring.status import OPERATOR
 from .common import Parameters, read_streams
+from .link_top import as_status
 from .parameters import DEMO_REPORT
 
 MAX_WAITING = 64
@@ -27,12 +31,61 @@ MAX_WAITING = 64
 FIRST_IMAGE_TIMEOUT = 30.0
 """After this time without images from every stream the report begins anyway [s]."""
 
+EXPECTED = """\
+  Expected of relays: the lower of the first two rates, minus the lost datagrams: each one is a message. tf merges
+  messages. Expected of all other streams: the lower of the first two rates; messages are less complete instead. The
+  rates of a slow link are lower."""
+
+Counts = Tuple[int, int]
+"""(received, lost)"""
+
+
+class DatagramCounts:
+    """Counts the datagrams of all streams that arrive at the operator's side and those that are lost."""
+
+    def __init__(self) -> None:
+        self._first: Dict[Tuple[str, str], Counts] = {}     # by node and stream
+        self._last: Dict[Tuple[str, str], Counts] = {}
+
+    def add(self, statuses: Iterable[NodeStatus]) -> None:
+        """Take diagnostics."""
+        for status in statuses:
+            values = status.values
+            if status.kind == 'stream' and values['side'] == OPERATOR and 'datagrams' in values and 'lost' in values:
+                key, counts = (status.node, status.stream), (int(values['datagrams']), int(values['lost']))
+                self._first.setdefault(key, counts)
+                self._last[key] = counts
+
+    def reset(self) -> None:
+        """Start counting anew."""
+        self._first = dict(self._last)
+
+    def line(self) -> str:
+        """The report."""
+        received, lost = (sum(max(0, last[part] - self._first[key][part]) for key, last in list(self._last.items()))
+                          for part in (0, 1))
+        if not received + lost:
+            return 'datagrams: none counted'
+        return 'datagrams: %d of %d lost (%.0f %%)' % (lost, received + lost, 100 * lost / (received + lost))
+
+
+def rates(source: float, settings: Mapping[str, Any], received: float) -> str:
+    """The rates of a stream, in words.
+
+    :param source: rate of the messages on the robot [Hz]
+    :param settings: of the stream
+    :param received: rate of the messages published for the operator [Hz]
+    """
+    if settings.get('latch'):
+        return '%5.1f Hz source, latched, %5.1f received' % (source, received)
+    return '%5.1f Hz source, at most %g Hz wanted, %5.1f received' % (source, settings['rate'], received)
+
 
 class ImageComparison:
     """Compares the images of one stream on both sides."""
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
-        self.name = name
+        self.name, self._settings = name, settings
         self.sent, self.received = 0, 0
         self.pair: Optional[Tuple[Array, Array]] = None
         """The pixels of the last image, (sent, received)."""
@@ -77,8 +130,8 @@ class ImageComparison:
                 return '%-13s no image received (%d sent)' % (self.name, self.sent)
             lossy = [value for value in self._psnr if not math.isinf(value)]
             quality = 'PSNR %.1f dB' % np.mean(lossy) if lossy else 'all exact'
-            return '%-13s %5.1f Hz sent, %5.1f Hz received, %s, age p50 %.0f ms, p99 %.0f ms' % (
-                self.name, self.sent / seconds, self.received / seconds, quality,
+            return '%-13s %s, %s, age p50 %.0f ms, p99 %.0f ms' % (
+                self.name, rates(self.sent / seconds, self._settings, self.received / seconds), quality,
                 1e3 * np.percentile(self._ages, 50), 1e3 * np.percentile(self._ages, 99))
 
 
@@ -86,7 +139,7 @@ class RateComparison:
     """Counts the messages of one stream on both sides."""
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
-        self.name = name
+        self.name, self._settings = name, settings
         self._counts: Counter[str] = collections.Counter()
         self._subscribers = [rospy.Subscriber(settings[side], rospy.AnyMsg, self._count, side, queue_size=100)
                              for side in ('robot_topic', 'operator_topic')]
@@ -100,8 +153,8 @@ class RateComparison:
 
     def line(self, seconds: float) -> str:
         """The report after `seconds` of comparison."""
-        return '%-13s %5.1f Hz sent, %5.1f Hz received' % (
-            self.name, self._counts['robot_topic'] / seconds, self._counts['operator_topic'] / seconds)
+        return '%-13s %s' % (self.name, rates(
+            self._counts['robot_topic'] / seconds, self._settings, self._counts['operator_topic'] / seconds))
 
 
 def _pixels(message: Any) -> Array:
@@ -165,10 +218,14 @@ def main() -> None:
                if not settings['robot_topic'].startswith('~')}      # only robot_sender resolves those
     images = [ImageComparison(name, settings) for name, settings in streams.items() if settings['type'] == 'image']
     others = [RateComparison(name, settings) for name, settings in streams.items() if settings['type'] != 'image']
+    datagrams = DatagramCounts()
+    rospy.Subscriber('/diagnostics', DiagnosticArray, lambda message: datagrams.add(
+        status for status in map(as_status, message.status) if status is not None), queue_size=20)
     _wait_for_images(images)
     comparisons: List[Union[ImageComparison, RateComparison]] = [*images, *others]
     for comparison in comparisons:
         comparison.reset()
+    datagrams.reset()
     start = time.monotonic()
     while not rospy.is_shutdown() and time.monotonic() - start < seconds:
         time.sleep(0.1)
@@ -176,6 +233,8 @@ def main() -> None:
     print('\nOver %.0f s:' % elapsed)
     for comparison in comparisons:
         print('  ' + comparison.line(elapsed))
+    print('  ' + datagrams.line())
+    print(EXPECTED)
     if path and any(comparison.pair for comparison in images):
         cv2.imwrite(path, side_by_side(images))
         print('  sent beside received: %s' % path)
