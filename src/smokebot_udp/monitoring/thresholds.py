@@ -7,7 +7,7 @@ from typing import Any, List, Mapping, Tuple
 
 @dataclass(frozen=True)
 class Thresholds:
-    """See the table in nodes/diagnostics.py for each threshold's meaning."""
+    """See doc/parameters.md for each threshold's meaning."""
     warn_loss: float = 0.3
     """Ratio, 0..1."""
     error_loss: float = 0.7

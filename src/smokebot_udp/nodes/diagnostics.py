@@ -1,17 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Publishes /diagnostics once a second, on either side: a status for each stream, each connection and the link.
 
-Parameters of the node that hosts the streams, read when it starts. These parameters set the warning thresholds; each
-can also be set for one stream, as ~<stream>/warn_loss.
-
-| name | type | default | unit | meaning |
-|---|---|---|---|---|
-| ~warn_loss | double | 0.3 | | packet-loss ratio that triggers WARN |
-| ~error_loss | double | 0.7 | | packet-loss ratio that triggers ERROR |
-| ~warn_completeness | double | 0.5 | | median completeness of the messages shown below which WARN is triggered |
-| ~warn_age | double | 0.5 | s | median age of the messages shown that triggers WARN |
-| ~error_age | double | 2 | s | median age of the messages shown that triggers ERROR |
-| ~error_silence | double | 2 | s | silence that triggers ERROR, if it is also longer than three usual periods |
+Parameters: the warning thresholds, DIAGNOSTICS in nodes/parameters.py, listed in doc/parameters.md. They are read when
+the node starts; each can also be set for one stream, as ~<stream>/warn_loss.
 
 Latched streams and carousels may be silent and old: only their connections and their loss are judged.
 
