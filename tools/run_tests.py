@@ -10,10 +10,13 @@ import pathlib
 import shutil
 import subprocess
 import sys
+import textwrap
 import xml.etree.ElementTree as ElementTree
 from typing import Dict, Iterable, List, Tuple
 
 TOP = pathlib.Path(__file__).resolve().parent.parent
+REASON_LINES = 30
+"""Of a failed test's text that are repeated at the end, where a long log is cut."""
 
 
 def checks(workspace: pathlib.Path) -> Dict[str, List[str]]:
@@ -69,6 +72,13 @@ def outcome(case: ElementTree.Element) -> str:
     return '' if case.get('classname') == 'rostest.runner.RosTest' else 'passed'
 
 
+def reason(case: ElementTree.Element) -> str:
+    """The end of what a failed JUnit testcase says, indented."""
+    said = ''.join((fault.get('message') or '') + '\n' + (fault.text or '')
+                   for fault in case if fault.tag in ('failure', 'error'))
+    return textwrap.indent('\n'.join(said.strip().splitlines()[-REASON_LINES:]), '    ')
+
+
 def count(files: Iterable[pathlib.Path]) -> Tuple[int, int, int]:
     """The numbers of tests in JUnit files that passed, failed and were skipped. A file without a test is a failure."""
     passed = failed = skipped = 0
@@ -83,7 +93,7 @@ def count(files: Iterable[pathlib.Path]) -> Tuple[int, int, int]:
         for case in cases:
             name, result = '%s.%s' % (case.get('classname'), case.get('name')), outcome(case)
             if result == 'failed':
-                say('FAILED %s (%s)' % (name, file.name))
+                say('FAILED %s (%s)\n%s' % (name, file.name, reason(case)))
             elif result.startswith('skipped'):
                 say('skipped %s%s' % (name, result[len('skipped'):]))
             passed, failed = passed + (result == 'passed'), failed + (result == 'failed')

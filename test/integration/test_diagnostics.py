@@ -69,20 +69,21 @@ class Diagnostics(unittest.TestCase):
     def take(cls, message: Any) -> None:
         cls.statuses.update((status.name, status) for status in message.status)
 
-    def status(self, name: str, level: int, **limits: Tuple[float, float]) -> Dict[str, str]:
+    def status(self, name: str, level: int, saying: str = '', **limits: Tuple[float, float]) -> Dict[str, str]:
         """The {key: text} of a status as soon as it has this level, and each value is within its (least, most).
 
+        :param saying: what its message must contain
         :param limits: by the values' names, with _ for blanks and without units
         """
         def found() -> Any:
             status = self.statuses.get(name)
-            if status is None or status.level != level:
+            if status is None or status.level != level or saying not in status.message:
                 return None
             values = {pair.key.split(' [')[0].replace(' ', '_'): pair.value for pair in status.values}
             good = all(key in values and least <= float(values[key]) <= most for key, (least, most) in limits.items())
             return good and {**values, 'message': status.message}
         try:
-            values: Dict[str, str] = wait_for(found, what='%s with level %d and %s' % (name, level, limits))
+            values: Dict[str, str] = wait_for(found, what='%s with level %d, %r and %s' % (name, level, saying, limits))
             return values
         except AssertionError as error:
             raise AssertionError('%s; it is\n%s' % (error, self.statuses.get(name))) from None
@@ -121,8 +122,8 @@ class Diagnostics(unittest.TestCase):
         wait_for(lambda: self.frame() == COLOURS[FRESH], what='a fresh image')
         self.camera.on = False
         try:
-            self.assertIn('its source is silent', self.status('robot_sender: thermal', ERROR)['message'])
-            self.assertIn('nothing is shown', self.status('operator_receiver: thermal', ERROR)['message'])
+            self.status('robot_sender: thermal', ERROR, 'its source is silent')
+            self.status('operator_receiver: thermal', ERROR, 'nothing is shown')
             wait_for(lambda: self.frame() == COLOURS[FROZEN], what='a frozen image')
         finally:
             self.camera.on = True
