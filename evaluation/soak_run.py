@@ -50,7 +50,7 @@ SOURCE = '_width:=160', '_height:=120', '_lidar_rate:=5'
 
 NODES = 'source', 'robot_sender', 'operator_receiver', SECOND_OPERATOR
 
-START, RECOVERY = 60.0, 40.0
+START, RECOVERY = 120.0, 40.0
 """A part registers within the first time after it was started, and a stream that is not fresh within the second after
 that does not come back [s]."""
 

@@ -33,8 +33,8 @@ QUICK_LONGEST = 3.0
 SETTLED = 1 / 3
 """From this share of the soak on the slope of the memory counts."""
 
-WARM_UP = 60.0
-"""A process that was started again fills its buffers for this time [s]."""
+WARM_UP = 120.0
+"""The memory of a process grows for this time after its start: buffers, threads' arenas, the map [s]."""
 
 MAX_SLOPE = 0.2
 """Goal of the resident memory's growth [MB/min]."""
@@ -135,7 +135,7 @@ def plot(folder: pathlib.Path) -> List[Union[Figure, Table]]:
         above.plot([soak.KINDS[kind].worst], [height], '|', color='0.3', markersize=16)
         never = sum(wait is None for wait in waits)
         if never:
-            above.text(soak.KINDS[kind].worst, height, '  %d without end' % never, va='center', color=drawing.OURS)
+            above.text(soak.KINDS[kind].worst, height + 0.35, ' %d never' % never, va='center', color=drawing.OURS)
     above.set(xlabel='[s] until every stream is fresh; the stroke is the goal', xlim=(0, None))
     above.set_yticks(range(len(kinds)), kinds)
     for node, colour in zip(OURS, ('#1f77b4', drawing.OURS, '#2ca02c')):
