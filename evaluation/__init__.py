@@ -7,6 +7,9 @@
 * Without ROS: simulated_air (robots and operators over a shared link), simulated_streams (what a robot sends).
 * Over the emulated link: stack (ROS on both sides), listener and recorder (what arrives), sensor_source and baseline
   (senders), link_run (one method at a time), rate_steps (a link whose rate changes in steps).
+* Faults over the emulated link: soak (which, and how they are judged; pure), soak_run (the nodes, and what hits them),
+  named_stack (host names, and an address that changes), registrations (who is known to the master, and since when),
+  process_usage, robot_clock (a clock that can be stepped), hostile_calls (a stranger).
 * processes: child processes that end with their parent.
 """
 import pathlib

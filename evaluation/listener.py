@@ -6,6 +6,7 @@ before; it answers `null` when it has subscribed. It reports each message as a J
 [topic, stamp [s] or null, arrival [s], amount].
 """
 import json
+import struct
 import subprocess
 import sys
 import threading
@@ -13,6 +14,7 @@ import time
 from typing import Any, Callable, Dict, Iterable, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
+import roslib.message
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
@@ -23,6 +25,7 @@ from smokebot_udp import udpros
 from smokebot_udp.codecs.wire.partial_image import RECEIVED
 from smokebot_udp.msg import LinkStatus
 from smokebot_udp.streams.relay.transforms import stamp_of
+from smokebot_udp.udpros.rospy_binding import install
 
 from . import TOP
 from .stack import Stack
@@ -47,6 +50,9 @@ that were received, or the content."""
 
 LARGE = {Image, CompressedImage, PointCloud2}
 """Of these only two wait in the queue."""
+
+STAMP = struct.Struct('<II')
+"""A header's stamp, after its sequence number: seconds, nanoseconds."""
 
 TRANSPORTS = {'TCPROS': 'tcp', 'UDPROS': 'udp'}
 
@@ -82,8 +88,8 @@ class Listener:
     def __init__(self, stack: Stack, side: str = 'operator', module: Sequence[str] = (__name__,)) -> None:
         self.heard: List[Heard] = []
         self._subscribed = threading.Event()
-        process = stack.start(side, sys.executable, '-m', *module, cwd=str(TOP), stdin=subprocess.PIPE,
-                              stdout=subprocess.PIPE, universal_newlines=True)
+        self.process = process = stack.start(side, sys.executable, '-m', *module, cwd=str(TOP), stdin=subprocess.PIPE,
+                                             stdout=subprocess.PIPE, universal_newlines=True)
         assert process.stdin is not None and process.stdout is not None
         self._stdin, self._stdout = process.stdin, process.stdout
         if not self._stdout.readline():
@@ -136,10 +142,29 @@ class Listener:
         return found
 
 
+REPORTS = sys.stdout
+
+
 def write_line(value: Any) -> None:
     """Write a line of JSON at once: each topic has a thread of its own, and print would write the line's end apart."""
-    sys.stdout.write(json.dumps(value) + '\n')
-    sys.stdout.flush()
+    REPORTS.write(json.dumps(value) + '\n')
+    REPORTS.flush()
+
+
+def stamp(message: Any) -> Optional[float]:
+    """The stamp of a message, also of an AnyMsg [s]; None: its type has none."""
+    if isinstance(message, rospy.AnyMsg):
+        message_class = roslib.message.get_message_class(message._connection_header['type'])
+        if message_class is None:
+            return None
+        if message_class._has_header:
+            seconds, nanoseconds = STAMP.unpack_from(message._buff, 4)
+            return float(seconds + 1e-9 * nanoseconds)
+        if not issubclass(message_class, TFMessage):
+            return None
+        message = TFMessage().deserialize(message._buff)
+    found = stamp_of(message)
+    return None if found is None else float(found.to_sec())
 
 
 def subscribe(topic: str, kind: str, transport: str) -> Any:
@@ -147,8 +172,8 @@ def subscribe(topic: str, kind: str, transport: str) -> Any:
     message_class, amount = KINDS[kind]
 
     def report(message: Any) -> None:
-        arrival, stamp = time.time(), stamp_of(message)
-        write_line([topic, None if stamp is None else stamp.to_sec(), arrival, amount(message)])
+        arrival = time.time()
+        write_line([topic, stamp(message), arrival, amount(message)])
 
     if kind == 'any':
         return rospy.Subscriber(topic, message_class, report, queue_size=100)
@@ -159,7 +184,11 @@ def subscribe(topic: str, kind: str, transport: str) -> Any:
 
 def main() -> None:
     """Run the node until its standard input ends."""
+    sys.stdout = sys.stderr     # where rospy logs
+    udpros.race_all_connections()
     rospy.init_node('listener', anonymous=True)     # there may be one on each side
+    rospy.loginfo('listening')      # rospy's first message asks the master for a parameter: not while the link is cut
+    install()   # it registers again with a new master
     write_line('ready')
 
     def obey() -> None:

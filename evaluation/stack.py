@@ -30,8 +30,7 @@ class Stack:
         self._log = self._resources.enter_context(open(str(log or os.devnull), 'ab'))    # noqa: SIM115
         try:
             self.lab = self._resources.enter_context(Lab(seed, congestion_control))
-            # not roscore: its own children would outlive it
-            self.start('robot', 'rosmaster', '--core')
+            self.master = self.start_master()
             self._wait_for_master()
         except BaseException:
             self.close()
@@ -46,6 +45,10 @@ class Stack:
             'env': environment(side), 'stdout': self._log, 'stderr': self._log, 'start_new_session': True, **options})
         self._processes.append(process)
         return process
+
+    def start_master(self) -> 'subprocess.Popen[Any]':
+        """Start a master; `master` is the first one."""
+        return self.start('robot', 'rosmaster', '--core')   # not roscore: its own children would outlive it
 
     def start_node(self, side: str, name: str, *arguments: str) -> 'subprocess.Popen[Any]':
         """Start one of this package's nodes."""

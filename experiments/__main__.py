@@ -6,7 +6,7 @@ import sys
 from typing import Any, Optional, Sequence
 
 from . import report
-from .runner import RESULTS, redraw, run_experiment
+from .runner import MISSED, RESULTS, redraw, run_experiment
 
 EXPERIMENTS = {
     'bandwidth': 'link',
@@ -25,11 +25,12 @@ EXPERIMENTS = {
     'adaptation': 'link',
     'link_cut': 'link',
     'start_up': 'link',
+    'soak': 'link',
 }
 """{name: folder}, in the report's order."""
 
-NEVER_QUICK = ('adaptation',)
-"""Left out of a quick run of all: it takes minutes even with --quick."""
+NEVER_QUICK = 'adaptation', 'soak'
+"""Left out of a quick run of all: they take minutes even with --quick."""
 
 
 def load(name: str) -> Any:
@@ -43,10 +44,11 @@ def main(arguments: Optional[Sequence[str]] = None) -> bool:
         prog='./smokebot experiments',
         description='Measure, draw the figures and write %s/report.html.' % RESULTS)
     parser.add_argument('names', nargs='*', metavar='NAME', help='one of ' + ', '.join(EXPERIMENTS))
-    parser.add_argument('--quick', action='store_true', help='fewer and shorter measurements: 3 minutes instead of an '
-                        'hour; without ' + ', '.join(NEVER_QUICK))
+    parser.add_argument('--quick', action='store_true', help='fewer and shorter measurements: 3 minutes instead of '
+                        'almost two hours; without ' + ', '.join(NEVER_QUICK))
     parser.add_argument('--draw', action='store_true', help='do not measure: redraw the figures of the last results')
     parser.add_argument('--seed', type=int, default=1, help='of all random numbers; default: %(default)s')
+    parser.add_argument('--minutes', type=float, help='duration of soak; default: 30')
     options = parser.parse_args(arguments)
     unknown = set(options.names) - set(EXPERIMENTS)
     if unknown:
@@ -58,9 +60,9 @@ def main(arguments: Optional[Sequence[str]] = None) -> bool:
         if options.draw:
             outcome = 'not measured yet' if redraw(module.plot, RESULTS / name) is None else 'drawn'
         else:
-            outcome = run_experiment(name, module, RESULTS, options.quick, options.seed)
+            outcome = run_experiment(name, module, RESULTS, options.quick, options.seed, options.minutes)
         print('%-16s %s' % (name, outcome), flush=True)
-        failed |= outcome.startswith('failed')
+        failed |= outcome.startswith(('failed', MISSED))
     for path in report.write(RESULTS, list(EXPERIMENTS)):
         print(path)
     return failed

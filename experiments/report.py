@@ -16,7 +16,7 @@ import numpy
 from evaluation import TOP
 from evaluation.machine import describe
 
-from .runner import DONE, Figure, Table, read_summary
+from .runner import Figure, Table, has_results, read_summary
 
 STYLE = '''
 body { max-width: 75em; margin: 2em auto; padding: 0 1em; font: 16px/1.5 sans-serif; color: #222 }
@@ -75,7 +75,7 @@ def versions() -> str:
 def _section(name: str, summary: Dict[str, Any]) -> str:
     """One experiment as Markdown; summary: see read_summary."""
     lines = ['## ' + summary['title'], summary['explanation']]
-    if summary['end'] != DONE:
+    if not has_results(summary):
         return '\n\n'.join([*lines, '**This was %s**' % summary['end']])
     for item in summary['items']:
         if isinstance(item, Figure):

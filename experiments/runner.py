@@ -9,6 +9,7 @@ An experiment is a module with
                    where it cannot be done
     plot(folder)   reads these files, and writes figures beside them as PNG; returns [Figure or Table, ...] in the
                    report's order
+    missed(folder) optional: the goals that these files miss, as texts
 
 `./smokebot experiments NAME --draw` redraws the figures without measuring. `run.json` in the folder holds the outcome
 and everything else that report.py needs.
@@ -20,7 +21,7 @@ import shutil
 import time
 import traceback
 from dataclasses import asdict, dataclass
-from typing import Any, Callable, Dict, Iterable, Iterator, List, Optional, Sequence, TypeVar, Union
+from typing import Any, Callable, Dict, Iterable, Iterator, List, Mapping, Optional, Sequence, TypeVar, Union
 
 from tqdm import tqdm
 
@@ -29,7 +30,7 @@ from smokebot_udp.link_lab.lab import LabError
 
 RESULTS = TOP / 'results' / 'experiments'
 SUMMARY = 'run.json'
-DONE = 'done'
+DONE, MISSED = 'done', 'goals missed'
 
 Item = TypeVar('Item')
 
@@ -66,24 +67,26 @@ class Run:
     :param folder: for the results; it exists
     :param quick: whether to take seconds rather than minutes
     :param seed: of all random numbers
+    :param minutes: how long to measure, where the experiment asks; None: as it likes
     """
 
-    def __init__(self, folder: pathlib.Path, quick: bool, seed: int) -> None:
-        self.folder, self.quick, self.seed = folder, quick, seed
+    def __init__(self, folder: pathlib.Path, quick: bool, seed: int, minutes: Optional[float] = None) -> None:
+        self.folder, self.quick, self.seed, self.minutes = folder, quick, seed, minutes
 
     def steps(self, items: Iterable[Item], describe: Optional[Callable[[Item], str]] = None) -> Iterator[Item]:
         """Iterate over the items behind a progress bar; describe(item): text beside the bar."""
-        with tqdm(list(items), desc=self.folder.name, leave=False, dynamic_ncols=True) as bar:
+        with tqdm(items, desc=self.folder.name, leave=False, dynamic_ncols=True) as bar:
             for item in bar:
                 bar.set_postfix_str(describe(item) if describe else '')
                 yield item
 
 
-def run_experiment(name: str, module: Any, results: pathlib.Path, quick: bool, seed: int) -> str:
+def run_experiment(name: str, module: Any, results: pathlib.Path, quick: bool, seed: int,
+                   minutes: Optional[float] = None) -> str:
     """Run an experiment and draw its figures, in its folder, whose former content is deleted.
 
     :param module: see above
-    :return: DONE, or 'skipped: ...' or 'failed: ...' with the reason
+    :return: DONE, or 'goals missed: ...', 'skipped: ...' or 'failed: ...' with the reason
     """
     folder = results / name
     shutil.rmtree(str(folder), ignore_errors=True)
@@ -91,8 +94,11 @@ def run_experiment(name: str, module: Any, results: pathlib.Path, quick: bool, s
     begun, outcome = time.monotonic(), DONE
     items: List[Union[Figure, Table]] = []
     try:
-        module.run(Run(folder, quick, seed))
+        module.run(Run(folder, quick, seed, minutes))
         items = module.plot(folder)
+        missed = module.missed(folder) if hasattr(module, 'missed') else []
+        if missed:
+            outcome = '%s: %s' % (MISSED, '; '.join(missed))
     except (Skipped, LabError) as reason:
         outcome = 'skipped: %s' % reason
     except Exception as error:      # the other experiments are run all the same
@@ -115,6 +121,11 @@ def read_summary(folder: pathlib.Path) -> Optional[Dict[str, Any]]:
     return summary
 
 
+def has_results(summary: Mapping[str, Any]) -> bool:
+    """Whether a run came to its end, met its goals or not."""
+    return str(summary['end']).startswith((DONE, MISSED))
+
+
 def _write_summary(folder: pathlib.Path, summary: Dict[str, Any], items: Sequence[Union[Figure, Table]]) -> None:
     content = {**summary, 'items': [asdict(item) for item in items]}
     (folder / SUMMARY).write_text(json.dumps(content, indent=1, default=lambda number: number.item()))    # numpy's
@@ -123,7 +134,7 @@ def _write_summary(folder: pathlib.Path, summary: Dict[str, Any], items: Sequenc
 def redraw(plot: Plot, folder: pathlib.Path) -> Optional[List[pathlib.Path]]:
     """Draw the figures of the last results again: their paths; None: there are no results."""
     summary = read_summary(folder)
-    if summary is None or summary['end'] != DONE:
+    if summary is None or not has_results(summary):
         return None
     items = plot(folder)
     _write_summary(folder, summary, items)

@@ -3,9 +3,11 @@
 """UDPROS when the master is killed and started again: on a master of this test's own."""
 import os
 import pathlib
+import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 import unittest
 import xmlrpc.client
@@ -122,6 +124,18 @@ class Master(unittest.TestCase):
         wait_for(lambda: rospy.get_param_cached('~value') == 2, 5, 'the notification of the parameter')
         publisher.unregister(), plain.unregister(), service.shutdown()
         self.assertFalse(self.master.registered(NODE) & {('pub', '/made'), ('pub', '/plain'), ('srv', '/asked')})
+
+    def test_log_messages_do_not_wait_for_the_master(self) -> None:
+        udpros.Publisher('/logging', Header, queue_size=1)
+        self.master.process.send_signal(signal.SIGSTOP)     # it accepts connections, but answers nothing
+        try:
+            logged = threading.Thread(target=rospy.loginfo, args=('the master is silent',), daemon=True)
+            logged.start()
+            logged.join(5)
+            self.assertFalse(logged.is_alive())
+        finally:
+            self.master.process.send_signal(signal.SIGCONT)
+        logged.join(5)
 
     def test_a_working_connection_outlives_the_master(self) -> None:
         """Also to a publisher that does not register again."""

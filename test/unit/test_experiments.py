@@ -74,6 +74,24 @@ def test_one_that_fails_or_is_skipped_stops_no_other(tmp_path: pathlib.Path, cap
     assert text.count('## A title') == 4
 
 
+def test_missed_goals_fail_but_are_reported(tmp_path: pathlib.Path) -> None:
+    module = experiment(plot=lambda folder: [Table('Numbers.', ['x'], [[7]])])
+    module.missed = lambda folder: ['link cut: worst 9 s', 'memory: 1 MB/min']
+    assert run('soaked', module, tmp_path) == 'goals missed: link cut: worst 9 s; memory: 1 MB/min'
+    assert '| 7 |' in report.write(tmp_path, ['soaked'])[0].read_text()
+    assert runner.redraw(lambda folder: [Figure('b.png', 'after')], tmp_path / 'soaked') is not None
+    module.missed = lambda folder: []
+    assert run('soaked', module, tmp_path) == DONE
+
+
+def test_an_experiment_knows_how_long_to_measure(tmp_path: pathlib.Path) -> None:
+    asked: List[Any] = []
+    module = experiment(lambda run: asked.append(run.minutes))
+    runner.run_experiment('timed', module, tmp_path, False, 1, 0.5)
+    run('timed', module, tmp_path)
+    assert asked == [0.5, None]
+
+
 def test_ctrl_c_leaves_nothing_half_done(tmp_path: pathlib.Path) -> None:
     run('stopped', experiment(), tmp_path)
     with pytest.raises(KeyboardInterrupt):

@@ -33,6 +33,9 @@ MULTICALL_TIMEOUT = 15.0
 LOOKUP_PERIOD = 10.0
 """How often the master is asked for this node, even if its process and the connection to it are the same [s]."""
 
+ROSOUT_TOPICS = '/rosout_disable_topics_generation'
+"""The parameter by which a message on /rosout does not list the node's topics, see rospy.impl.rosout."""
+
 registering = threading.RLock()
 """Held while many registrations are made, or postponed."""
 
@@ -260,3 +263,17 @@ def _notify(subscriber: str, topic: str, uri: str) -> None:
         rpc.call(subscriber, 'publisherUpdate', topic, [uri])
     except (rpc.Unreachable, Refused) as error:
         rospy.logdebug('[%s]: only the master notifies the subscriber %s: %s', topic, subscriber, error)
+
+
+def log_without_master() -> None:
+    """Let rospy's log messages not depend on the master.
+
+    rospy asks the master for ROSOUT_TOPICS with each message, as long as nobody has set it, without a timeout, and
+    holds the lock of all logging. Over a dead link every thread that logs would wait until TCP gives up: a quarter of
+    an hour. Here it is asked for once.
+    """
+    try:
+        value = rpc.call(rosgraph.get_master_uri(), 'getParam', ROSOUT_TOPICS)
+    except (rpc.Unreachable, Refused):
+        value = False       # rospy's default
+    get_param_server_cache().set(ROSOUT_TOPICS, bool(value))

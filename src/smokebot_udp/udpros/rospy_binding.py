@@ -33,7 +33,7 @@ from . import rpc
 from .datagram import MIN_MAX_DATAGRAM_SIZE, ROSCPP_MAX_DATAGRAM_SIZE
 from .endpoints import DatagramReceiver, addresses_of, path_payload
 from .loss_emulation import open_receiver
-from .master import MasterWatch, register_node
+from .master import MasterWatch, log_without_master, register_node
 from .negotiation import PROTOCOL, Refused, Reply, Request
 from .rospy_transports import PublisherTransport, SubscriberTransport, UdpPublisherImpl, UdpSubscriberImpl
 
@@ -407,6 +407,7 @@ def install() -> None:
         node_handler.publisherUpdate = functools.partial(_publisher_update, node_handler.publisherUpdate, handler)
         registration.publisher_update = handler.publisher_update
         _remove_nuls(node_handler)
+        log_without_master()
         _installed.append(handler)
 
 

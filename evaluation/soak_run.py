@@ -1,0 +1,315 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""A soak over the link lab: the nodes of both sides, the faults that hit them, and what the operators see of them.
+
+The parts: master, source (the simulated robot) and robot_sender on the robot's side; operator_receiver and, at times,
+a second operator on the other one. A listener beside the operators reports what they show. Nothing is relaunched but
+what the fault itself ended; only where a stream does not come back, all parts are started anew for the next round.
+"""
+import contextlib
+import importlib.util
+import os
+import pathlib
+import subprocess
+import sys
+import threading
+import time
+import urllib.parse
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
+
+import psutil
+import yaml
+
+from . import TOP
+from .listener import Listener
+from .named_stack import NamedStack
+from .process_usage import usage
+from .registrations import Registrations
+from .robot_clock import RobotClock
+from .soak import (
+    GOES,
+    KINDS,
+    REBOOTS,
+    SECOND_OPERATOR,
+    Fault,
+    Stream,
+    Usage,
+    awaited,
+    fresh,
+    lowest,
+    streams_of,
+    unequal,
+)
+
+LINK = {'loss': 0.05, 'delay': 0.01, 'rate': 54e6, 'queue': 0.1}
+"""5 % of the packets are lost in either direction; the rest is 802.11g's nominal rate."""
+
+STREAMS = TOP / 'config' / 'streams.yaml'
+
+SOURCE = '_width:=160', '_height:=120', '_lidar_rate:=5'
+"""Small images: a soak tests what comes back, not how much."""
+
+NODES = 'source', 'robot_sender', 'operator_receiver', SECOND_OPERATOR
+
+START, RECOVERY = 120.0, 40.0
+"""A part registers within the first time after it was started, and a stream that is not fresh within the second after
+that does not come back [s]."""
+
+SETTLING = 20.0
+"""Time within which threads and descriptors have to be as before, counted from when all streams are fresh [s]."""
+
+WINDOW, WINDOW_INTERVAL = 10, 0.2
+"""Samples of which the lowest numbers count, and the time between them [s]."""
+
+SAMPLING = 2.0
+"""Interval between samples of the resources [s]."""
+
+FLOOD = 'evaluation.hostile_flood' if importlib.util.find_spec('evaluation.hostile_flood') else \
+    'evaluation.hostile_calls'
+"""The program of a stranger."""
+
+CALL_RATE = 170.0
+"""Hostile calls a second."""
+
+DESK = '/desk2'
+"""Goes before the topics of the second operator."""
+
+
+class Round(NamedTuple):
+    """What one fault did."""
+    fault: Fault
+    at: float
+    """When it began, from the start of the soak [s]."""
+    registered: Optional[float]
+    """From the fault's end to the registration of the last part that was started; None: it did not register [s]."""
+    waits: Dict[str, Optional[float]]
+    """{stream: from the last part's registration (without one, the fault's end) until it is fresh; None: never} [s]"""
+    unequal: str
+    """Nodes whose numbers of threads or descriptors differ from before, see soak.unequal."""
+    died: List[str]
+    """Parts that ended by themselves."""
+    load: float
+
+    @property
+    def wait(self) -> Optional[float]:
+        """Until every stream was fresh; None: one did not come back [s]."""
+        waits = [wait for wait in self.waits.values() if wait is not None]
+        return max(waits) if len(waits) == len(self.waits) else None
+
+    @property
+    def slowest(self) -> str:
+        """The streams that did not come back, else the one that came last."""
+        missing = [stream for stream, wait in self.waits.items() if wait is None]
+        return ' '.join(missing) or max(self.waits, key=lambda stream: self.waits[stream] or 0.0)
+
+
+class Sample(NamedTuple):
+    """A node's resources at a time."""
+    at: float
+    """From the start of the soak [s]."""
+    node: str
+    process: int
+    usage: Usage
+
+
+class Soak:
+    """The parts, and what they do; a context manager.
+
+    :param folder: for files and the nodes' output
+    :param seed: of the link
+    :raises LabError: where there can be no emulated link
+    :raises FileNotFoundError: without libfaketime
+    """
+
+    def __init__(self, folder: pathlib.Path, seed: int) -> None:
+        self._clock = RobotClock(folder / 'clock')
+        self._stack = NamedStack(folder, seed, folder / 'nodes.log')
+        self._begun = time.time()
+        self.samples: List[Sample] = []
+        self._parts: Dict[str, Any] = {'master': self._stack.master}
+        self._listener: Optional[Listener] = None
+        self._usual: Dict[Tuple[str, ...], Dict[str, Usage]] = {}
+        self._ended = threading.Event()
+        try:
+            self._start(folder)
+        except BaseException:
+            self.close()
+            raise
+
+    def _start(self, folder: pathlib.Path) -> None:
+        config = yaml.safe_load(STREAMS.read_text())['streams']
+        second = {name: {**settings, 'operator_topic': DESK + settings['operator_topic']}
+                  for name, settings in config.items()}
+        self._second_file = folder / 'second_streams.yaml'
+        self._second_file.write_text(yaml.safe_dump({'streams': second}))
+        self._streams = streams_of(config, 'operator_receiver') + streams_of(second, SECOND_OPERATOR)
+        self._stack.lab.set(LINK)
+        self._registrations = Registrations(self._stack, NODES)
+        missing = self._relaunch(['source', 'robot_sender', 'operator_receiver'])
+        if missing:
+            raise RuntimeError('nothing arrives on %s: see nodes.log' % ', '.join(missing))
+        self._settle()
+        threading.Thread(target=self._sample, daemon=True).start()
+
+    def _command(self, part: str) -> Tuple[str, List[str], Dict[str, str]]:
+        """(side, what is started by rosrun, environment) of a node."""
+        return {
+            'source': ('robot', ['simulated_robot', *SOURCE], self._clock.environment),
+            'robot_sender': ('robot', ['robot_sender', '_streams_file:=%s' % STREAMS], self._clock.environment),
+            'operator_receiver': ('operator', ['operator_receiver', '_streams_file:=%s' % STREAMS], {}),
+            SECOND_OPERATOR: ('operator', [
+                'operator_receiver', '_streams_file:=%s' % self._second_file, '_odom_topic:=%s/operator/odom' % DESK,
+                '_stale_topic:=%s/operator/stale' % DESK], {}),
+        }[part]
+
+    def _start_part(self, part: str) -> None:
+        if part == 'master':
+            self._parts[part] = self._stack.start_master()
+            return
+        side, command, variables = self._command(part)
+        self._parts[part] = self._stack.start(side, 'env', *('%s=%s' % item for item in variables.items()), 'rosrun',
+                                              'smokebot_udp', *command, '__name:=' + part)
+
+    def _kill(self, part: str) -> None:
+        self._stack.end(self._parts.pop(part))
+
+    def _relaunch(self, parts: Sequence[str]) -> List[str]:
+        """Start parts and the listener, those that run from anew; the topics of the streams that do not come."""
+        for part in parts:
+            if part in self._parts:
+                self._kill(part)
+        if self._listener is not None:
+            self._stack.end(self._listener.process)
+        end = time.time()
+        if 'master' in parts:
+            self._start_part('master')
+        self._listener = Listener(self._stack)
+        self._listener.subscribe([[stream.topic, 'any', 'TCPROS'] for stream in self._streams], timeout=60)
+        for part in parts:
+            if part != 'master':
+                self._start_part(part)
+        return [stream.topic for stream, arrival in self._await(parts, end).items() if arrival is None]
+
+    def _await(self, restarted: Sequence[str], end: float) -> Dict[Stream, Optional[float]]:
+        """When each awaited stream is fresh after a fault that ended at this time."""
+        wanted = awaited((stream for stream in self._streams if stream.operator in self._parts), restarted)
+        assert self._listener is not None
+        while True:
+            found = fresh(list(self._listener.heard), wanted, end, self._clock.offset)
+            registered = self._registrations.last(restarted, end)
+            late = time.time() > (end + START if registered is None else registered + RECOVERY)
+            if late or (len(found) == len(wanted) and registered is not None):
+                return {stream: found.get(stream) for stream in wanted}
+            time.sleep(0.1)
+
+    def _usage(self) -> Dict[str, Usage]:
+        """{node: its resources}, of those that run."""
+        states = self._registrations.states
+        nodes = states[-1].nodes if states else {}
+        found = {}
+        for part in NODES:
+            process = self._parts.get(part)
+            if process is not None:
+                port = urllib.parse.urlparse(nodes[part].uri).port if part in nodes else None
+                with contextlib.suppress(OSError, psutil.Error):    # killed meanwhile
+                    found[part] = usage(process.pid, port)
+        return found
+
+    def _sample(self) -> None:
+        while not self._ended.wait(SAMPLING):
+            for part, found in self._usage().items():
+                process = self._parts.get(part)
+                if process is not None:
+                    self.samples.append(Sample(time.time() - self._begun, part, process.pid, found))
+
+    def _settle(self) -> str:
+        """Wait until threads and descriptors are as they usually are with these parts; see soak.unequal.
+
+        The first time with these parts, those numbers are usual that stay from one window to the next.
+        """
+        parts = tuple(sorted(self._parts))
+        end = time.time() + SETTLING
+        found: Dict[str, Usage] = {}
+        while True:
+            samples = []
+            for _ in range(WINDOW):
+                time.sleep(WINDOW_INTERVAL)
+                samples.append(self._usage())
+            before, found = found, lowest(samples)
+            usual = self._usual.get(parts, before)
+            difference = unequal(usual, found)
+            if (usual and not difference) or time.time() > end:
+                self._usual.setdefault(parts, found)
+                return difference
+
+    def round(self, fault: Fault) -> Round:
+        """Let a fault happen, and wait for what comes back."""
+        assert self._listener is not None
+        del self._listener.heard[:len(self._listener.heard)]
+        begun = time.time()
+        actions: Dict[str, Callable[[Fault], None]] = {
+            'link cut': self._cut, 'address changed': lambda _: self._stack.change_address(),
+            GOES: lambda _: self._kill(SECOND_OPERATOR),
+            'clock stepped': lambda fault: self._clock.step(fault.step), 'hostile flood': self._flood}
+        restarted = KINDS[fault.kind].restarts
+        if restarted:
+            end = self._restart(fault, restarted)
+        else:
+            actions[fault.kind](fault)
+            end = time.time()
+        arrivals = self._await(restarted, end)
+        registered = self._registrations.last(restarted, end)
+        counted = end if registered is None else registered
+        names = {stream: stream.name if stream.operator == 'operator_receiver' else 'desk2 ' + stream.name
+                 for stream in arrivals}
+        waits = {names[stream]: None if arrival is None else max(0.0, arrival - counted)
+                 for stream, arrival in arrivals.items()}
+        result = Round(fault, begun - self._begun, None if registered is None else registered - end, waits,
+                       self._settle(), self._died(), os.getloadavg()[0])
+        if result.wait is None or result.died:
+            self._relaunch(list(self._parts))
+        return result
+
+    def _restart(self, fault: Fault, parts: Sequence[str]) -> float:
+        """Kill parts and start them again; the time of their start.
+
+        A robot that reboots says goodbye to nobody: the link is cut meanwhile, so that no TCP connection is closed.
+        """
+        if fault.kind == REBOOTS:
+            self._stack.lab.set({**LINK, 'loss': 1.0})
+        for part in parts:
+            if part in self._parts:     # the second operator comes
+                self._kill(part)
+        time.sleep(fault.seconds)
+        self._stack.lab.set(LINK)
+        end = time.time()
+        for part in parts:
+            self._start_part(part)
+        return end
+
+    def _died(self) -> List[str]:
+        return [part for part, process in self._parts.items() if process.poll() is not None]
+
+    def _cut(self, fault: Fault) -> None:
+        self._stack.lab.set({**LINK, 'loss': 1.0})
+        time.sleep(fault.seconds)
+        self._stack.lab.set(LINK)
+
+    def _flood(self, fault: Fault) -> None:
+        """Hostile calls to the nodes of both sides, from the operator's side."""
+        nodes = ['/' + node for node in NODES if node in self._parts and node != 'source']
+        flood = self._stack.start('operator', sys.executable, '-m', FLOOD, '--seconds', str(fault.seconds), '--calls',
+                                  str(int(fault.seconds * CALL_RATE)), *nodes, cwd=str(TOP))
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            flood.wait(fault.seconds + 10)
+        self._stack.end(flood)
+
+    def close(self) -> None:
+        """End all parts, and the link."""
+        self._ended.set()
+        self._stack.close()
+
+    def __enter__(self) -> 'Soak':
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        self.close()
