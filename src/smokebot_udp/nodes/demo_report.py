@@ -19,7 +19,7 @@ from sensor_msgs.msg import Image
 
 from ..arrays import Array, UInt8Array
 from ..codecs.wire.pixels import as_pixels
-from ..monitoring.link_table import NodeStatus
+from ..monitoring.link_board import NodeStatus
 from ..monitoring.status import OPERATOR
 from .common import Parameters, read_streams
 from .link_top import as_status
