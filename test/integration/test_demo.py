@@ -1,9 +1,12 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
 """The simulated robot's images at 20 % loss, and settings that a user changes meanwhile."""
+import os
 import pathlib
+import socket
 import subprocess
 import sys
+import tempfile
 import unittest
 from typing import Any, List, Tuple
 
@@ -89,6 +92,22 @@ class Demo(unittest.TestCase):
         self.assertFalse(self.received['thermal'].messages)
         client.update_configuration({'enabled': True})
         wait_for(lambda: self.received['thermal'].messages, what='the stream again')
+
+    def test_a_demo_of_some_seconds_ends_cleanly(self) -> None:
+        with socket.create_server(('', 0)) as free:
+            port = free.getsockname()[1]
+        with tempfile.NamedTemporaryFile('w', suffix='.yaml') as streams:
+            streams.write('streams: {gas: {type: relay, message_type: std_msgs/Float32, robot_topic: /gas, '
+                          'operator_topic: /operator/gas}}')
+            streams.flush()
+            demo = subprocess.run(
+                ['roslaunch', '-p', str(port), 'smokebot_udp', 'demo.launch', 'rviz:=false', 'seconds:=1',
+                 'streams:=' + streams.name], timeout=60, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                env={**os.environ, 'ROS_MASTER_URI': 'http://localhost:%d' % port})
+        text = demo.stdout.decode()
+        self.assertEqual(demo.returncode, 0, text)
+        self.assertIn('Over 1 s:', text)
+        self.assertNotIn('has died', text)
 
 
 if __name__ == '__main__':

@@ -144,6 +144,15 @@ class Diagnostics(unittest.TestCase):
         self.assertEqual(line.split()[0], 'WARN')
         self.assertTrue(all(9 <= float(rate) <= 11 for rate in line.split()[2:6]), line)
 
+    def test_link_top_shows_what_is_relayed_of_a_robot_whose_diagnostics_do_not_come(self) -> None:
+        text = subprocess.run(['rosrun', 'smokebot_udp', 'link_top', '--once', '--wait', '6',
+                               '/diagnostics:=/diagnostics_elsewhere'], check=True, timeout=60,
+                              stdout=subprocess.PIPE).stdout.decode()
+        head, link, _, thermal = text.splitlines()[:4]
+        self.assertTrue(head.endswith(', no report of the operator'), text)
+        self.assertRegex(link, r'^OK     link: .*; as /operator_receiver reports$')
+        self.assertEqual(thermal.split()[:4], ['OK', 'thermal', '-', '<=10.0'], text)
+
 
 if __name__ == '__main__':
     rostest.rosrun('smokebot_udp', 'diagnostics', Diagnostics)

@@ -17,6 +17,7 @@ from smokebot_udp.codecs.wire.points import as_points
 from smokebot_udp.msg import CloudChunk
 from smokebot_udp.simulation.lidar import POINT, Lidar
 from smokebot_udp.simulation.world import building
+from smokebot_udp.streams.cloud.assembler import MAX_PERSISTENT_POINTS
 from smokebot_udp.udpros.records import record_dtype
 
 pytestmark = pytest.mark.filterwarnings('error')
@@ -146,6 +147,20 @@ def test_points_persist_while_the_robot_stands_still() -> None:
     assert published([0.0, 0.4, 0.8, 1.1, 3.0], [True] * 5) == [1, 2, 3, 3, 1]
     assert published([0.0, 0.4, 0.8, 1.1], [True, True, False, True]) == [1, 2, 1, 2]
     assert published([0.0, 0.4], [True, True], persistence=0.0) == [1, 1]
+
+
+def test_persistent_points_are_bounded_and_the_oldest_go_first() -> None:
+    count = MAX_PERSISTENT_POINTS // 4
+    assembler, values = operator_side('cloud', persistence=3600.0)
+    shown = []
+    for number in range(6):
+        points = np.zeros(count if number < 5 else MAX_POINTS, POINT)
+        points['x'] = number
+        frames = frame_of(cloud_message(points, stamp=number + 1), leaf_size=0.0)
+        assembled, = assemble_all(assembler, values, [frames.records], float(number), True)
+        xs = np.frombuffer(assembled.message.data, '<f4')[::assembled.message.point_step // 4]
+        shown.append((assembled.message.width // count, xs.min(), xs.max()))
+    assert shown == [(1, 0, 0), (2, 0, 1), (3, 0, 2), (4, 0, 3), (4, 1, 4), (MAX_POINTS // count, 5, 5)]
 
 
 def test_points_without_intensity_do_not_stay_among_those_with_it() -> None:

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from skimage.metrics import peak_signal_noise_ratio
 
-from smokebot_udp.monitoring.link_table import NodeStatus
+from smokebot_udp.monitoring.link_board import NodeStatus
 from smokebot_udp.nodes.demo_report import DatagramCounts, psnr, rates
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from smokebot_udp.codecs.wire.partial_image import ENDING, PartialImage
-from smokebot_udp.streams.frame_assembler import MAX_FINISHED, QUIET, FrameAssembler
+from smokebot_udp.streams.frame_assembler import MAX_FINISHED, MAX_REORDERING, QUIET, FrameAssembler
 
 S = 10 ** 9
 SIZE = 64            # 64 subimages of one pixel
@@ -95,6 +95,25 @@ def test_a_source_whose_clock_was_set_back_goes_on() -> None:
     feed(1000 * S, range(64), 0.0)
     assert feed(10 * S, range(64), 0.1) == [(10 * S, 64)]
     assert feed(11 * S, range(64), 0.2) == [(11 * S, 64)]
+
+
+@pytest.mark.parametrize('length', [2, 3, 8, 15])
+def test_a_recording_in_a_loop_goes_on(length: int) -> None:
+    """Images of 10 Hz: a jump costs MAX_REORDERING and the image that proves it, two where its stamp was the last."""
+    feed, shown = Feed(), []
+    for number in range(20 * length):
+        shown += [(number, stamp) for stamp, _ in feed((number % length + 1) * S // 10, range(64), 0.1 * number)]
+    assert max(np.diff([number for number, _ in shown])) <= 10 * MAX_REORDERING + 2
+    assert len(shown) >= 20 * length / 4 and 20 * length - shown[-1][0] <= 4
+
+
+def test_a_clock_that_is_set_back_by_a_second_goes_on() -> None:
+    feed = Feed()
+    feed(100 * S, range(64), 0.0)
+    assert feed(99 * S, range(64), 0.1) == []       # it could be late
+    assert feed(99 * S + S // 2, range(64), 0.4) == [(99 * S + S // 2, 64)]
+    assert feed(99 * S + S // 10, range(64), 0.5) == []
+    assert feed(99 * S + 6 * S // 10, range(64), 0.5) == [(99 * S + 6 * S // 10, 64)]
 
 
 def test_a_stamp_from_the_future_does_not_stop_the_stream() -> None:

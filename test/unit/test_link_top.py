@@ -3,11 +3,14 @@ from typing import List, Optional, Tuple
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from dynamic_reconfigure.msg import DoubleParameter
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smokebot_udp.monitoring.link_table import MAX_NODES, STALE_AFTER, Board, NodeStatus, printable, render
-from smokebot_udp.nodes.link_top import as_status
+from smokebot_udp.monitoring.link_board import MAX_NODES, STALE_AFTER, Board, NodeStatus, printable
+from smokebot_udp.monitoring.link_table import render
+from smokebot_udp.msg import LinkStatus, RobotStatus, StreamStatus
+from smokebot_udp.nodes.link_top import as_status, relayed_link, relayed_streams
 
 
 def status(name: str, level: int = 0, message: str = 'fine', **values: object) -> NodeStatus:
@@ -41,7 +44,7 @@ def test_refused_settings_are_shown_at_the_top() -> None:
     bad = status('robot_node: settings', level=1, message='rate refused', side='robot', problems=3)
     fine = status('operator_node: settings', side='operator', problems=0)
     texts, levels = shown([stream('robot', **ROBOT), bad], [fine])
-    assert texts[1] == 'WARN   robot_node: rate refused' and levels[1] == 1
+    assert texts[1] == 'WARN   /robot_node: rate refused' and levels[1] == 1
     assert not any('operator_node' in text for text in texts)
 
 
@@ -79,9 +82,109 @@ def test_values_that_are_not_numbers_are_a_dash() -> None:
     assert texts[2].split() == ['OK', 'thermal'] + ['-'] * 9
 
 
-def test_two_operators_have_a_line_each() -> None:
-    texts, _ = shown([stream('robot')], [stream('operator', node='a')], [stream('operator', node='b')])
-    assert [text.split()[-2:] for text in texts[2:]] == [['at', 'a'], ['at', 'b']]
+def receives(node: str, robot: str, name: str = 'thermal') -> List[NodeStatus]:
+    """The report of an operator's node with one stream of a robot."""
+    return [stream('operator', name, node=node, **OPERATOR),
+            status('%s: %s, %s' % (node, name, robot), side='operator', stream=name, peer=robot, address='x')]
+
+
+def test_two_operators_are_listed_apart() -> None:
+    clock = status('desk2/operator_receiver: clock', 1, 'not known', side='operator', jumps=0)
+    texts, _ = shown([stream('robot', node='robot_sender', **ROBOT)], receives('operator_receiver', '/robot_sender'),
+                     [*receives('desk2/operator_receiver', '/robot_sender'), clock])
+    assert texts[1] == 'WARN   clock of /desk2/operator_receiver: not known'
+    row = 'OK thermal 30.0 10.0 9.9 9.8 12.3 88 123 457 400.0'.split()
+    assert texts[2:4] == ['', '/desk2/operator_receiver receives from /robot_sender'] and texts[5].split() == row
+    assert texts[6:8] == ['', '/operator_receiver receives from /robot_sender'] and texts[9].split() == row
+
+
+@pytest.mark.parametrize('only', ['desk2', '/desk2', '/desk2/operator_receiver'])
+def test_one_of_two_operators_alone(only: str) -> None:
+    board = Board()
+    for report in ([stream('robot', node='robot_sender', **ROBOT)], receives('operator_receiver', '/robot_sender'),
+                   receives('desk2/operator_receiver', '/robot_sender')):
+        board.add(report, 0.0)
+    top, body = render(board, 0.0, only)
+    assert top[0].text == 'smokebot_udp link: last report 0.0 s ago' and len(top) == 1
+    assert [line.text.split()[:3] for line in body] == [
+        ['LEVEL', 'STREAM', 'SOURCE'], ['OK', 'thermal', '30.0'], [], ['LEVEL', 'STREAM', 'SIDE'],
+        ['OK', 'thermal', 'operator']]
+    top, body = render(board, 0.0, 'desk3')
+    assert top[0].text.endswith('no report of the operator desk3') and len(body) == 2
+
+
+def test_two_robots_and_their_operators_are_not_mixed() -> None:
+    texts, _ = shown([stream('robot', node='r1/robot_sender', **{'rate out [Hz]': '1'})],
+                     [stream('robot', node='r2/robot_sender', **{'rate out [Hz]': '2'})],
+                     [stream('robot', node='r3/robot_sender', **{'rate out [Hz]': '3'}),
+                      status('r3/robot_sender: link control', side='robot', state='fixed')],
+                     receives('desk1/operator_receiver', '/r1/robot_sender'),
+                     receives('desk2/operator_receiver', '/r2/robot_sender'))
+    assert texts[1].startswith('OK     link of /r3/robot_sender: -')
+    assert [texts[at] for at in (3, 7, 11)] == [
+        '/desk1/operator_receiver receives from /r1/robot_sender',
+        '/desk2/operator_receiver receives from /r2/robot_sender', '/r3/robot_sender']
+    assert [texts[at].split()[3:5] for at in (5, 9, 13)] == [['1.0', '9.9'], ['2.0', '9.9'], ['3.0', '-']]
+
+
+# what operators relay of the robot
+
+def relayed(board: Board, now: float, operator: str = '/operator_receiver', **link: object) -> None:
+    """Add what an operator relays of a robot with two streams, one of which is paused."""
+    streams = [StreamStatus(name='thermal', enabled=True, rate=10.0), StreamStatus(
+        name='camera', enabled=True, rate=5.0, paused=True)]
+    streams[0].granted = [DoubleParameter('leaf_size', 0.5), DoubleParameter('rate', 2.5)]
+    board.add_relayed(operator, 'link', relayed_link(LinkStatus(state='as /op reports', sent=4.4, **link)), now)
+    board.add_relayed(operator, 'status', relayed_streams(RobotStatus(streams=streams)), now)
+
+
+def lines(board: Board, now: float) -> List[str]:
+    return [line.text for part in render(board, now) for line in part]
+
+
+def test_a_robot_whose_diagnostics_do_not_come_is_shown_as_relayed() -> None:
+    board = Board()
+    board.add(receives('operator_receiver', '/robot_sender'), 0.0)
+    assert lines(board, 0.0)[0].endswith('no report of the robot')
+    relayed(board, 0.0, loss=0.5)
+    texts = lines(board, 0.0)
+    assert texts[0] == 'smokebot_udp link: last report 0.0 s ago'
+    assert texts[1] == ('OK     link: 4.4 of 0.0 Mbit/s sent, 0.0 wanted, 0.0 carried; queue 0 ms, loss 50 %, '
+                        'round trip 0 ms; as /op reports')
+    assert texts[3].split()[:7] == ['OK', 'thermal', '-', '<=2.5', '9.9', '9.8', '12.3']
+    assert texts[4].split()[:5] == ['WARN', 'camera', '-', '<=0.0', '-']
+    assert texts[4].endswith('robot: the link is too slow for it and the other streams')
+
+
+def test_diagnostics_count_before_what_is_relayed_until_they_are_stale() -> None:
+    board = Board()
+    board.add([stream('robot', node='robot_sender', **ROBOT)], 0.0)
+    board.add(receives('operator_receiver', '/robot_sender'), 0.0)
+    relayed(board, STALE_AFTER - 0.1)
+    assert lines(board, STALE_AFTER)[2].split()[2:4] == ['30.0', '10.0']
+    assert lines(board, STALE_AFTER + 0.1)[3].split()[2:4] == ['-', '<=2.5']
+    assert lines(board, 2 * STALE_AFTER + 0.1)[3].endswith('robot: silent for 3 s  operator: silent for 6 s')
+    board.add([stream('robot', node='robot_sender', **ROBOT)], STALE_AFTER + 0.2)
+    assert lines(board, STALE_AFTER + 0.2)[2].split()[2:4] == ['30.0', '10.0']
+
+
+def test_the_newest_of_several_relays_counts() -> None:
+    board = Board()
+    for operator in 'a', 'b':
+        board.add(receives(operator, '/robot_sender'), 0.0)
+    relayed(board, 0.2, '/a', loss=0.1)
+    relayed(board, 0.1, '/b', loss=0.2)
+    assert 'loss 10 %' in lines(board, 0.2)[1]
+    relayed(board, 0.3, '/b', loss=0.3)
+    assert 'loss 30 %' in lines(board, 0.3)[1] and not lines(board, 0.3)[2].startswith('OK     link')
+
+
+def test_the_number_of_relaying_nodes_is_bounded() -> None:
+    board = Board()
+    for number in range(3 * MAX_NODES):
+        board.add(receives('n%d' % number, '/r%d' % number), float(number))
+        relayed(board, float(number), '/n%d' % number)
+    assert len({found.node for found in board.statuses(0.0)}) == 2 * MAX_NODES
 
 
 def test_connections_are_below_the_streams() -> None:

@@ -64,6 +64,9 @@ class FakeAssembler(Assembler[Any, Assembled]):
 class ForwardingAssembler(FakeAssembler):
     FORWARDS, LATCH, STEADY = True, True, False
 
+    def join(self, segment: Any) -> Optional[Any]:
+        return None if segment == 'part' else segment
+
     def forward(self, message: Any) -> Optional[Assembled]:
         self.warnings += ['odd'] * (message == 'odd')
         return None if message == 'same' else Assembled(message, 0, None)
@@ -183,7 +186,7 @@ def test_warnings_are_logged_once(bench: Bench) -> None:
 def test_whole_messages_are_published_in_the_transports_thread(bench: Bench) -> None:
     stream = bench.start(ForwardingAssembler)
     forward = bench.topics['/smokebot_udp/thermal/segments'].options['callback']
-    for message in 'one', 'same', 'odd':
+    for message in 'part', 'one', 'part', 'same', 'odd':
         forward(message)
     assert bench.logs(2) == [('publish', 'one'), ('publish', 'odd')] and bench.log.empty()
     assert bench.logged.get_nowait() == "stream 'thermal': odd"

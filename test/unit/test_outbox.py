@@ -4,7 +4,6 @@ from typing import Any, NoReturn
 
 import pytest
 from sensor_msgs.msg import LaserScan
-from std_msgs.msg import Float32
 
 from smokebot_udp.congestion.packet_scheduler import PacketScheduler
 from smokebot_udp.nodes.outbox import Outbox
@@ -29,10 +28,6 @@ class Publisher:
                 self.seq += len(frame)
                 self._new.notify_all()
         return first
-
-    def publish(self, message) -> None:
-        self.sent.append(message)
-        self.seq += 1
 
     def wait_for(self, last) -> None:
         with self._new:
@@ -99,6 +94,9 @@ def test_who_waits_until_a_message_has_left(make) -> None:
     outbox.put('scan', publisher, long)
     outbox.await_rest('scan')               # that takes too long: the next one cuts it off
     assert outbox.sending('scan')
+    threading.Timer(0.1, outbox.change, [lambda pace: pace.set_rate(1e6)]).start()
+    outbox.await_rest('scan', whole=True)
+    assert not outbox.sending('scan')
 
 
 def test_small_messages_do_not_wait(make) -> None:
@@ -106,10 +104,10 @@ def test_small_messages_do_not_wait(make) -> None:
     outbox = make(PacketScheduler(1.0, burst=1), lambda *what: told.append(what[:4]))      # 1 byte/s
     outbox.start()
     outbox.put('scan', publisher, frames(5))
-    outbox.publish('gas', publisher, Float32(1.0), 12)
-    outbox.publish('scan', publisher, LaserScan(), 40)
-    assert publisher.sent[-2:] == [Float32(1.0), LaserScan()]
-    assert told[-2:] == [('gas', None, 1, 12 + 12 + 28), ('scan', publisher.seq, 1, 40 + 12 + 28)]
+    urgent, = frames(2)
+    outbox.publish('gas', publisher, urgent)
+    size = urgent.datagram_size + 28
+    assert told[-1] == ('gas', publisher.seq - 1, 2, size) and outbox.protected == 2 * size
 
 
 def test_a_stream_that_cannot_be_sent_stops_no_other(make) -> None:

@@ -13,8 +13,8 @@ SOURCE = TOP / 'src' / 'smokebot_udp'
 MODULES = sorted(SOURCE.rglob('*.py'))
 LAYERS = {
     'nodes': {'streams', 'codecs', 'congestion', 'mission', 'monitoring', 'udpros', 'simulation', 'msg', 'srv'},
-    'streams': {'codecs', 'congestion.operating_points', 'mission.parameters', 'mission.settings', 'udpros.frame',
-                'udpros.datagram', 'msg'},
+    'streams': {'codecs', 'congestion.operating_points', 'mission.parameters', 'mission.settings', 'mission.yaml_text',
+                'udpros.frame', 'udpros.datagram', 'msg'},
     'congestion': {'monitoring.stats', 'monitoring.windows'},
     'link_lab': {'udpros', 'msg'},
     'udpros': set(), 'mission': set(), 'monitoring': set(), 'codecs': set(), 'simulation': set(),

@@ -18,7 +18,6 @@ from smokebot_udp.nodes.outbox import Outbox
 from smokebot_udp.nodes.robot_stream import RobotLink, RobotStream
 from smokebot_udp.streams.encoder import Encoder
 from smokebot_udp.streams.parameters import ROBOT
-from smokebot_udp.streams.relay.transforms import size_of
 from smokebot_udp.udpros.frame import Frame
 
 WAIT = 10.0     # longer than any of it takes [s]
@@ -113,13 +112,15 @@ class Deriver(Recorder):
 
 
 class Protected(Recorder):
-    MESSAGE = SEGMENT = Odometry
+    """Sends scans at once until one has 100 ranges."""
     PROTECTED, STAMPED, QUEUE_SIZE = True, False, 100
 
     def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Any]:
         self.calls.append(max_datagram_size)
         self.warnings.append('half of it is missing')
-        return [message]
+        self.PROTECTED = self.PROTECTED and len(message.ranges) < 100
+        self.message_size = 1000
+        return [self._frame(len(message.ranges))] * 2
 
 
 Make = Callable[..., Any]
@@ -380,21 +381,31 @@ def test_derived_messages_need_no_operator(make: Make) -> None:
     assert len(made.local.published) == 1 and made.stream.sent == 0
 
 
-# messages that are sent as they are
+# protected streams
 
-def test_protected_messages_leave_at_once_and_long_ones_are_reported(make: Make, logged: List[str]) -> None:
+def test_protected_messages_leave_at_once(make: Make, logged: List[str]) -> None:
     made = make(Protected)
     assert made.source.options['queue_size'] == 100
     made.link.datagram_size = 736
     made.link.outbox.change(lambda scheduler: scheduler.set_rate(1.0))
-    for message in (Odometry(child_frame_id='base'), Odometry(child_frame_id='x' * 2000)):
-        made.stream.receive(message)
-        wait_for(lambda message=message: message in made.segments.published)
-    wait_for(lambda: len(logged) == 3)
-    assert made.stream.encoder.calls == [1472, 1472] and made.stream.sent == 2
-    assert logged[0] == logged[2] == "stream 'scan', /in: half of it is missing"
-    assert '%d bytes and takes 2 datagrams' % size_of(message) in logged[1]
-    assert made.link.outbox.protected > size_of(message) and made.stream.demand(0.0) is None
+    for number in (5, 6):
+        made.stream.receive(scan(number))
+        wait_for(lambda number=number: made.segments.published[-2:] == [number] * 2)
+    wait_for(lambda: len(logged) == 2)
+    assert made.stream.encoder.calls == [1472, 1472] and made.stream.sent == 4
+    assert logged == ["stream 'scan', /in: half of it is missing"] * 2
+    assert made.link.outbox.protected > 0 and made.stream.demand(0.0) is None
+
+
+def test_a_stream_that_is_no_longer_protected_has_a_share_of_the_link(make: Make) -> None:
+    made = make(Protected)
+    made.link.datagram_size = 736
+    for number in (100, 5):
+        made.stream.receive(scan(number))
+        wait_for(lambda number=number: made.segments.published[-2:] == [number] * 2)
+    assert made.stream.encoder.calls == [1472, 736] and made.link.outbox.protected == 0
+    wait_for(lambda: made.stream.sent == 2)
+    assert made.stream.demand(0.0).points[-1].cost == 1000 * made.stream.settings.current['rate']
 
 
 # what the link controller asks
@@ -431,11 +442,3 @@ def test_a_message_of_another_type_is_reported_and_not_encoded(make: Make, logge
                       "sensor_msgs/LaserScan"]
     stats = made.stream.stats()
     assert (stats.messages_in, stats.dropped['invalid']) == (1, 1)
-
-
-def test_the_warning_of_long_messages_is_not_repeated_for_each_size(make: Make, logged: List[str]) -> None:
-    made = make(Protected)
-    for number in range(3):
-        made.stream.receive(Odometry(child_frame_id='x' * (2000 + number)))
-        wait_for(lambda number=number: made.stream.sent == number + 1)
-    assert len([line for line in logged if 'datagrams; it is lost' in line]) == 1

@@ -87,19 +87,16 @@ class Controller:
         self._allocator = Allocator()
         self._grants: Dict[str, Optional[Dict[str, Any]]] = {}      # as in the last plan
 
-    def on_sent(self, stream: str, seq: Optional[int], count: int, size: int, now: float) -> None:
+    def on_sent(self, stream: str, seq: int, count: int, size: int, now: float) -> None:
         """Record datagrams that were sent together.
 
         :param stream: its name
-        :param seq: sequence number of the first one, the others follow without a gap; None: they have none
+        :param seq: sequence number of the first one; the others follow without a gap
         :param count: number of datagrams
         :param size: of each on the air, IP and UDP headers included [byte]
         :param now: when [s]
         """
-        if seq is None:
-            self._history.add_unnumbered(count * size)
-        else:
-            self._history.add(stream, seq, count, size, now)
+        self._history.add(stream, seq, count, size, now)
 
     def on_report(self, operator: str, report: Any, now: float) -> Optional[ProbeTrain]:
         """Take an operator's report; a forged or impossible one is counted and ignored.

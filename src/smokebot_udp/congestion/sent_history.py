@@ -74,10 +74,6 @@ class SentHistory:
         self._streams.setdefault(stream, _Stream()).add(first, _Burst(count, size, now, self.total))
         self.total += count * size
 
-    def add_unnumbered(self, size: int) -> None:
-        """Record bytes of messages without a sequence number: they use the link, too."""
-        self.total += size
-
     def find(self, stream: str, seq: int) -> Optional[SentPacket]:
         """Look a datagram up; None: it was never sent, or too long ago.
 

@@ -7,9 +7,8 @@ its own settings take precedence.
 from dataclasses import dataclass, field
 from typing import Any, Callable, Collection, Dict, List, Mapping, Tuple
 
-import yaml
-
 from .parameters import Table, check_one, current_names
+from .yaml_text import read_yaml
 
 KEYS = {'use', 'extends', 'streams', 'others'}
 
@@ -42,13 +41,12 @@ def load(text: str, warn: Callable[[str], None] = lambda warning: None) -> Tuple
     :param warn: called with each warning
     :return: ({name: Profile} of the good profiles, [problem, ...] in words)
     """
-    try:
-        document = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        return {}, ['not valid YAML: %s' % ' '.join(str(error).split())]
+    document, invalid = read_yaml(text)
+    if document is None and invalid:
+        return {}, invalid
     written = document.get('profiles') if isinstance(document, dict) else None
     if not isinstance(written, dict):
-        return {}, ['it has no "profiles:" with the profiles by name']
+        return {}, invalid + ['it has no "profiles:" with the profiles by name']
     alone, problems = {}, {}
     for name, values in written.items():
         try:
@@ -61,7 +59,7 @@ def load(text: str, warn: Callable[[str], None] = lambda warning: None) -> Tuple
             good[name] = _with_bases(name, alone, written)
         except ValueError as error:
             problems[name] = str(error)
-    return good, ['profile %r: %s' % (name, problems[name]) for name in written if name in problems]
+    return good, invalid + ['profile %r: %s' % (name, problems[name]) for name in written if name in problems]
 
 
 def _profile(name: Any, values: Any, warn: Callable[[str], None]) -> Profile:

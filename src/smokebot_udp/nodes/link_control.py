@@ -4,7 +4,7 @@
 """
 import threading
 import time
-from typing import Any, Dict, Mapping, Optional
+from typing import Any, Dict, Mapping
 
 import rospy
 
@@ -37,7 +37,7 @@ class SharedController:
     def __exit__(self, *_: Any) -> None:
         self._lock.release()
 
-    def on_sent(self, stream: str, seq: Optional[int], count: int, size: int, now: float) -> None:
+    def on_sent(self, stream: str, seq: int, count: int, size: int, now: float) -> None:
         """As Controller.on_sent, for the outbox."""
         with self as controller:
             controller.on_sent(stream, seq, count, size, now)

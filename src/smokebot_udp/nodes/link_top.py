@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Shows the link's streams and connections live in a terminal, from what both sides publish on /diagnostics."""
+"""Shows the link's streams and connections live in a terminal, from what both sides publish on /diagnostics.
+
+The robot's diagnostics cross the link by TCP. What the operator's side relays of the robot's ~link and ~status crosses
+by UDP, and replaces them where they do not come.
+"""
 import argparse
 import contextlib
 import curses
@@ -9,20 +13,34 @@ import socket
 import sys
 import threading
 import time
-from typing import Any, Dict, List, Optional, Set, Tuple
+from typing import Any, Callable, Dict, List, Optional, Set, Tuple
 
 import rosgraph
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray
 
-from ..monitoring.link_table import LEVELS, STALE, Board, Line, NodeStatus, printable, render
-from ..monitoring.status import OPERATOR, ROBOT
+from .. import udpros
+from ..monitoring.link_board import LEVELS, STALE, Board, NodeStatus, printable
+from ..monitoring.link_table import Line, render
+from ..monitoring.status import OK, OPERATOR, ROBOT, WARN
+from ..msg import LinkStatus, RobotStatus
+from ..udpros import rpc
+from .worker import PeriodicWorker
 
 REFRESH_PERIOD = 0.25
 """How often the screen is drawn [s]."""
 
+SEARCH_PERIOD = 5.0
+"""How often the master is asked for relayed topics [s]."""
+
+MAX_RELAYED = 256
+"""Streams in a relayed RobotStatus that are shown."""
+
 MASTER_TIMEOUT = 3.0
 """Limit for the master's answer at the start and at the end: over a cut link it would take minutes [s]."""
+
+MASTER_ATTEMPTS = 3
+"""How often the master is asked at the start: over a bad link an answer may be late."""
 
 
 def as_status(message: Any) -> Optional[NodeStatus]:
@@ -30,32 +48,96 @@ def as_status(message: Any) -> Optional[NodeStatus]:
     values = {printable(pair.key): printable(pair.value) for pair in message.values}
     if values.get('side') not in (ROBOT, OPERATOR):
         return None
-    return NodeStatus(printable(message.name.split(': ')[0]), message.level if message.level in LEVELS else STALE,
+    return NodeStatus(_node(message.name.split(': ')[0]), message.level if message.level in LEVELS else STALE,
                       printable(message.message), values)
 
 
-class Listener:
-    """Fills a board from /diagnostics."""
+def _node(name: str) -> str:
+    """The full name of a node; diagnostics leave the first slash out."""
+    return '/' + printable(name).lstrip('/')
 
-    def __init__(self) -> None:
+
+def relayed_link(message: Any) -> List[NodeStatus]:
+    """What a relayed LinkStatus reports, as link_status of monitoring/link_status.py does."""
+    state = printable(message.state)
+    return [NodeStatus('', WARN if state.startswith('no reports') else OK, state, {
+        'side': ROBOT, 'state': state,
+        **{'%s [Mbit/s]' % name: str(getattr(message, name)) for name in ('sent', 'rate', 'wanted', 'capacity')},
+        'loss [%]': str(100 * message.loss), 'queue delay [ms]': str(1e3 * message.queue_delay),
+        'round trip [ms]': str(1e3 * message.round_trip)})]
+
+
+def relayed_streams(message: Any) -> List[NodeStatus]:
+    """What a relayed RobotStatus reports: how often each stream may be sent at most."""
+    statuses = []
+    for stream in message.streams[:MAX_RELAYED]:
+        rate = min([stream.rate] + [limit.value for limit in stream.granted if limit.name == 'rate'])
+        statuses.append(NodeStatus(
+            '', WARN if stream.paused else OK,
+            'the link is too slow for it and the other streams' if stream.paused else 'fine', {
+                'side': ROBOT, 'stream': printable(stream.name), 'topic': '',
+                'at most [Hz]': str(rate if stream.enabled and not stream.paused else 0.0)}))
+    return statuses
+
+
+RELAYED = {LinkStatus: relayed_link, RobotStatus: relayed_streams}
+"""{message type: f(message) -> statuses}"""
+
+
+class Listener:
+    """Fills a board from /diagnostics and from relayed topics.
+
+    :param only: see link_table.render
+    """
+
+    def __init__(self, only: str = '') -> None:
+        self._only = only
         self._board, self._lock = Board(), threading.Lock()
-        rospy.Subscriber('/diagnostics', DiagnosticArray, self._add, queue_size=20)
+        self._relays: Set[str] = set()      # topics
+        with udpros.registered_together():      # in one call, for the sake of a bad link
+            rospy.Subscriber('/diagnostics', DiagnosticArray, self._add, queue_size=20)
+            for usual in {'/operator/', '/%s/operator/' % only.strip('/') if only else '/operator/'}:
+                self._subscribe(usual + 'link', LinkStatus)
+                self._subscribe(usual + 'status', RobotStatus)
+        # an error is not logged: the terminal shows the table, and the search is repeated
+        self._search = PeriodicWorker('relays', self._find_relays, lambda error: None, SEARCH_PERIOD)
+        self._search.wake()
+        self._search.start()
 
     def _add(self, message: Any) -> None:
         statuses = [status for status in map(as_status, message.status) if status is not None]
         with self._lock:
             self._board.add(statuses, time.monotonic())
 
+    def _find_relays(self) -> None:
+        """Subscribe to the topics on which operators' nodes relay what robots report: robots publish private ones."""
+        types = dict(rpc.call(rosgraph.get_master_uri(), 'getTopicTypes'))
+        for topic, nodes in rpc.call(rosgraph.get_master_uri(), 'getSystemState')[0]:
+            if any(not topic.startswith(node + '/') for node in nodes):
+                for class_ in RELAYED:
+                    if types.get(topic) == class_._type:
+                        self._subscribe(topic, class_)
+
+    def _subscribe(self, topic: str, class_: Any) -> None:
+        if topic not in self._relays:
+            self._relays.add(topic)
+            rospy.Subscriber(topic, class_, self._add_relayed, RELAYED[class_], queue_size=5)
+
+    def _add_relayed(self, message: Any, read: Callable[[Any], List[NodeStatus]]) -> None:
+        with self._lock:
+            self._board.add_relayed(_node(message._connection_header['callerid']), message._type, read(message),
+                                    time.monotonic())
+
     @property
     def sides(self) -> Set[str]:
-        """The sides that have reported."""
+        """The sides whose diagnostics came."""
         with self._lock:
             return self._board.sides
 
     def lines(self) -> Tuple[List[Line], List[Line]]:
         """The table now, see link_table.render."""
         with self._lock:
-            return render(self._board, time.monotonic())
+            return render(self._board, time.monotonic(), self._only)
 
 
 def show(screen: Any, listener: Listener) -> None:
@@ -101,9 +183,9 @@ def print_once(listener: Listener, wait: float) -> int:
     deadline = time.monotonic() + wait
     while time.monotonic() < deadline and len(listener.sides) < 2:
         time.sleep(0.05)
-    if not listener.sides:
-        return _fail('no report of robot_sender or operator_receiver on /diagnostics within %g s' % wait)
     top, body = listener.lines()
+    if not body:
+        return _fail('no report of robot_sender or operator_receiver on /diagnostics within %g s' % wait)
     print('\n'.join(line.text for line in top + body))
     return 0
 
@@ -118,14 +200,14 @@ def run(arguments: argparse.Namespace) -> int:
     if not arguments.once and not (sys.stdin.isatty() and sys.stdout.isatty()):
         return _fail('this is not a terminal; --once prints the table')
     socket.setdefaulttimeout(MASTER_TIMEOUT)
-    if not rosgraph.is_master_online():     # rospy would wait for it forever
+    if not any(rosgraph.is_master_online() for _ in range(MASTER_ATTEMPTS)):    # rospy would wait for it forever
         return _fail('no ROS master answers at %s' % rosgraph.get_master_uri())
     socket.setdefaulttimeout(None)
     rospy.init_node('link_top', anonymous=True, disable_signals=True, log_level=rospy.FATAL)
     if arguments.once:
-        return print_once(Listener(), arguments.wait)
+        return print_once(Listener(arguments.operator), arguments.wait)
     try:
-        curses.wrapper(show, Listener())
+        curses.wrapper(show, Listener(arguments.operator))
     except curses.error as error:
         return _fail('this terminal cannot show the table (%s); --once prints it' % error)
     return 0
@@ -138,7 +220,10 @@ def main() -> None:
     parser.add_argument('--once', action='store_true', help='print the table once and exit')
     parser.add_argument('--wait', type=float, default=3.0, metavar='SECONDS',
                         help='with --once: how long to wait for both sides (default: %(default)s)')
+    parser.add_argument('--operator', default='', metavar='NAME',
+                        help='show this operator only: the `name` of operator.launch, or the name of its node')
     arguments = parser.parse_args(rospy.myargv(sys.argv)[1:])
+    udpros.race_all_connections()
     # SIGTERM, too, must restore the terminal
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:

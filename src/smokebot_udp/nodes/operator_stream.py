@@ -119,11 +119,14 @@ class OperatorStream:
         with self._worker.changing():
             self.assembler.receive(records, mask, time.monotonic())
 
-    def _forward(self, message: Any) -> None:
-        """Publish a message that crossed whole, in the transport's thread."""
-        self.received += 1
+    def _forward(self, segment: Any) -> None:
+        """Publish the message that a segment completes, in the transport's thread."""
         try:
             with self._worker.changing():
+                message = self.assembler.join(segment)
+                if message is None:
+                    return
+                self.received += 1
                 assembled = self.assembler.forward(message)
                 if assembled is not None:
                     self._publish(assembled)

@@ -6,7 +6,6 @@ import time
 from typing import Any, Callable, Optional, Sequence
 
 from ..congestion.packet_scheduler import Chunk, PacketScheduler
-from ..udpros.datagram import OVERHEAD
 from ..udpros.endpoints import IP_UDP_HEADERS
 from ..udpros.frame import Frame
 
@@ -14,11 +13,13 @@ MAX_BACKLOG = 0.02
 """A newer message of a stream waits for the one before if everything that waits leaves within this time [s],"""
 
 MAX_WAIT = 0.5
-"""but no longer than this [s]."""
+"""but no longer than this [s],"""
 
-Departed = Callable[[str, Optional[int], int, int, float], None]
-"""f(stream, seq, count, size, now): `count` datagrams of `size` bytes each as IP packets left; seq: of the first one,
-None: they have no sequence numbers."""
+MAX_WHOLE_WAIT = 2.0
+"""or this, where a message is useless without all its datagrams [s]."""
+
+Departed = Callable[[str, int, int, int, float], None]
+"""f(stream, seq, count, size, now): `count` datagrams of `size` bytes each as IP packets left, numbered from seq."""
 
 
 class Outbox:
@@ -61,31 +62,35 @@ class Outbox:
             self._scheduler.put(stream, (publisher, frames), parts)
             self._changed.notify()
 
-    def await_rest(self, stream: str) -> None:
+    def await_rest(self, stream: str, whole: bool = False) -> None:
         """Wait until the last message of a stream has left, so that the next one does not cut it off, but only if
-        everything that waits leaves within MAX_BACKLOG. A busy machine takes longer than the link: at most MAX_WAIT."""
+        everything that waits leaves within MAX_BACKLOG. A busy machine takes longer than the link: at most MAX_WAIT.
+
+        :param whole: whether the message is useless without all its datagrams: it leaves then, if it can within
+            MAX_WHOLE_WAIT
+        """
         with self._left:
-            if self._scheduler.takes() <= MAX_BACKLOG:
-                self._left.wait_for(lambda: self._ended or self._scheduler.sending(stream) is None, MAX_WAIT)
+            if whole or self._scheduler.takes() <= MAX_BACKLOG:
+                self._left.wait_for(lambda: self._ended or self._scheduler.sending(stream) is None,
+                                    MAX_WHOLE_WAIT if whole else MAX_WAIT)
 
     def sending(self, stream: str) -> bool:
         """Whether frames of a stream are still leaving."""
         with self._changed:
             return self._scheduler.sending(stream) is not None
 
-    def publish(self, stream: str, publisher: Any, message: Any, size: int) -> None:
-        """Send one message at once, before everything that waits.
+    def publish(self, stream: str, publisher: Any, frame: Frame) -> None:
+        """Send a frame at once, before everything that waits.
 
         :param publisher: udpros.Publisher
-        :param size: of the serialised message [byte]
         """
-        publisher.publish(message)
-        size += OVERHEAD + IP_UDP_HEADERS
+        now = time.monotonic()
+        first = publisher.publish_frames(frame)
+        size = frame.datagram_size + IP_UDP_HEADERS
         with self._changed:
-            now = time.monotonic()
-            self.protected += size
-            self._scheduler.charge(size, now)
-            self._departed(stream, publisher.impl.seq if message._has_header else None, 1, size, now)
+            self.protected += len(frame) * size
+            self._scheduler.charge(len(frame) * size, now)
+            self._departed(stream, first, len(frame), size, now)
 
     def drop(self, stream: str) -> None:
         """Nothing more of a stream's message leaves."""

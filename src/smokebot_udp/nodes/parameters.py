@@ -77,6 +77,7 @@ DEMO_REPORT = {
     'streams_file': _STREAMS_FILE,
     'seconds': Parameter(20.0, 's', 'duration, from the first image that arrives', least=1.0),
     'picture': Parameter('', '', 'file that the last sent and received images are written to; empty: none'),
+    'end_launch': Parameter(False, '', 'whether to end the roslaunch that started this node, after the report'),
 }
 
 NODES = {'robot_sender': ROBOT_SENDER, 'operator_receiver': OPERATOR_RECEIVER, 'simulated_robot': SIMULATED_ROBOT,

@@ -17,21 +17,17 @@ from ..mission.parameters import live
 from ..mission.settings import Settings, SettingsStore
 from ..monitoring.stats import ConnectionStats, StreamStats
 from ..monitoring.windows import Rate
-from ..streams.encoder import Encoder, Payload
+from ..streams.encoder import Encoder
 from ..streams.rate import RateLimiter
-from ..streams.relay.transforms import size_of
 from ..streams.schedule import Schedule
 from ..streams.segments import wire_topic
-from ..udpros.datagram import OVERHEAD
+from ..udpros.frame import Frame
 from ..units import KBIT
 from .outbox import Outbox
 from .worker import DeadlineWorker
 
 SOURCE_RATE_OVER = 2.0
 """The rate of a source is measured over this time [s]."""
-
-SIZE_WARNING_PERIOD = 60.0
-"""A stream warns of messages longer than a datagram at most this often [s]."""
 
 
 @dataclass
@@ -72,7 +68,6 @@ class RobotStream(rospy.SubscribeListener):
         self._subscriber: Any = None
         self._local_publisher: Any = None
         self._invalid = 0
-        self._size_warning_due = 0.0
         self._stamp: Any = None         # of the last message encoded
         self._last: Any = None          # the last message, where the encoder encodes it again
         self._source = Rate(SOURCE_RATE_OVER)
@@ -220,21 +215,21 @@ class RobotStream(rospy.SubscribeListener):
                 return
             self._sending_limiter.take(now)
         elif not encoder.PROTECTED:
-            self.link.outbox.await_rest(self.name)
-        payloads = encoder.encode(message, settings, self._datagram_size)
-        if not payloads:
+            self.link.outbox.await_rest(self.name, encoder.WHOLE)
+        frames = encoder.encode(message, settings, self._datagram_size)
+        if not frames:
             return
         with self._worker.changing():
             self._schedule.sent(time.monotonic())
         if self.wanted:
-            self._send(payloads)
+            self._send(frames)
             self.sent += not encoder.PROTECTED
 
     def _repeat(self) -> None:
         if self.wanted and not self.link.outbox.sending(self.name):
-            payloads = self.encoder.repeat(self.settings.current, self._datagram_size)
-            if payloads:
-                self._send(payloads)
+            frames = self.encoder.repeat(self.settings.current, self._datagram_size)
+            if frames:
+                self._send(frames)
 
     def _check_stamp(self, message: Any) -> None:
         """Segments are assigned to a message by its stamp: one without gets the time of now, none may come twice.
@@ -251,29 +246,17 @@ class RobotStream(rospy.SubscribeListener):
 
     @property
     def _datagram_size(self) -> int:
-        # relayed messages are not divided, so shorter datagrams do not help them
+        # short messages need no second datagram, however slow the link is
         return self.link.max_datagram_size if self.encoder.PROTECTED else self.link.datagram_size
 
-    def _send(self, payloads: Sequence[Payload]) -> None:
-        """Hand over the frames or messages that carry one message."""
+    def _send(self, frames: Sequence[Frame]) -> None:
+        """Hand over the frames that carry one message, or the messages of a PROTECTED stream."""
         if not self.encoder.PROTECTED:
-            self.link.outbox.put(self.name, self._publisher, payloads)
+            self.link.outbox.put(self.name, self._publisher, frames)
             return
-        room = self._datagram_size - OVERHEAD
-        for message in payloads:
-            size = size_of(message)
-            if size > room:
-                self._warn_of_size(size, -(-size // room))
-            self.link.outbox.publish(self.name, self._publisher, message, size)
+        for frame in frames:
+            self.link.outbox.publish(self.name, self._publisher, frame)
             self.sent += 1
-
-    def _warn_of_size(self, size: int, datagrams: int) -> None:
-        """Warn of a long message, seldom: the next one has another size."""
-        now = time.monotonic()
-        if now >= self._size_warning_due:
-            self._size_warning_due = now + SIZE_WARNING_PERIOD
-            rospy.logwarn("stream '%s': a message of %s has %d bytes and takes %d datagrams; it is lost if one of them "
-                          "is", self.name, self.topic, size, datagrams)
 
     def _report(self, error: Exception) -> None:
         self._invalid += 1

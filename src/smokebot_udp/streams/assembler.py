@@ -9,7 +9,7 @@ thread and the settings:
     assemble(finished, ...)      without the lock, in the worker thread, once for each result of `poll`
     settle(finished, ...)        likewise, after the message is published
 
-A kind whose messages cross whole (FORWARDS) implements `forward` instead.
+A kind whose messages need no work (FORWARDS) implements `join` and `forward` instead, called in the transport's thread.
 """
 import collections
 from dataclasses import dataclass, field
@@ -63,7 +63,8 @@ class Assembler(Generic[Finished, Result]):
     STEADY: bool = True
     """Whether silence is a fault."""
     FORWARDS: ClassVar[bool] = False
-    """Whether messages cross whole. Then only `configure`, `forward` and `problem` are called."""
+    """Whether messages are published in the transport's thread. Then only `configure`, `join`, `forward` and `problem`
+    are called."""
 
     def __init__(self, settings: Mapping[str, Any], clock: Clock = no_clock) -> None:
         self._clock = clock
@@ -105,8 +106,12 @@ class Assembler(Generic[Finished, Result]):
     def settle(self, finished: Finished, assembled: Result, settings: Settings, now: float) -> None:
         """Do the work that can wait until the message is published; may set ``assembled.changed``."""
 
+    def join(self, segment: Any) -> Optional[Any]:
+        """The message that a segment (a message of class SEGMENT) completes; None: none."""
+        raise NotImplementedError
+
     def forward(self, message: Any) -> Optional[Result]:
-        """What is published of a message that crossed whole; None if it equals the one published last."""
+        """What is published of a message from `join`; None if it equals the one published last."""
         raise NotImplementedError
 
     def problem(self, settings: Settings, now: float) -> Optional[str]:

@@ -7,9 +7,8 @@ where the file has none.
 import re
 from typing import Any, Callable, Container, Dict, List, Mapping, Tuple
 
-import yaml
-
 from ..mission.parameters import LINK_STATUS, ROBOT_STATUS, Parameter, check, current_names
+from ..mission.yaml_text import read_yaml
 from . import KINDS, assembler_class, encoder_class
 
 NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]*$')
@@ -20,25 +19,6 @@ OWN_STREAMS: Mapping[str, Mapping[str, Any]] = {
     'status': {'message_type': ROBOT_STATUS, 'latch': True},
 }
 """Relays of robot_sender's own topics; added where a file has no stream with their message types."""
-
-
-class _Loader(yaml.SafeLoader):
-    """YAML that reports a key given twice; the first one counts."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__(text)
-        self.repeated: List[Tuple[str, int]] = []   # (key, line), in the order of the file
-
-    def construct_mapping(self, node: Any, deep: bool = False) -> Any:
-        seen, pairs = set(), []
-        for key, value in node.value:
-            if key.value in seen:
-                self.repeated.append((key.value, key.start_mark.line + 1))
-            else:
-                seen.add(key.value)
-                pairs.append((key, value))
-        node.value = pairs
-        return super().construct_mapping(node, deep)
 
 
 def parameters_of(kind: str) -> Dict[str, Parameter]:
@@ -53,14 +33,9 @@ def load(text: str, warn: Callable[[str], None] = lambda warning: None
     :param warn: called with each warning
     :return: ({name: {setting: value}} of the good streams, [problem, ...] in words)
     """
-    loader = _Loader(text)
-    try:
-        document = loader.get_single_data()
-    except yaml.YAMLError as error:
-        return {}, ['not valid YAML: %s' % ' '.join(str(error).split())]
-    finally:
-        loader.dispose()
-    problems = ['%r is given twice, again in line %d: the first one counts' % repeated for repeated in loader.repeated]
+    document, problems = read_yaml(text)
+    if document is None and problems:
+        return {}, problems
     streams = document.get('streams') if isinstance(document, dict) else None
     if not isinstance(streams, dict):
         return {}, problems + ['it has no "streams:" with the streams by name']

@@ -5,7 +5,7 @@ To add a kind, derive from Encoder. The runner (nodes/robot_stream.py) owns the 
 thread and the settings; it passes settings in and sends the frames that come out.
 """
 import collections
-from typing import Any, ClassVar, Deque, Dict, Generic, List, Mapping, Optional, Sequence, TypeVar, Union
+from typing import Any, ClassVar, Deque, Dict, Generic, List, Mapping, Optional, Sequence, TypeVar
 
 from ..congestion.operating_points import OperatingPoint, rate_points
 from ..mission.parameters import Parameter
@@ -15,10 +15,6 @@ from .parameters import ROBOT
 
 Message = TypeVar('Message')
 """What `merge` returns and `encode` takes: mostly a ROS message."""
-
-Payload = Union[Frame, Any]
-"""A Frame, or a message that is sent as it is."""
-
 
 class Encoder(Generic[Message]):
     """Makes frames of the messages of one stream.
@@ -34,9 +30,12 @@ class Encoder(Generic[Message]):
     """Class of the messages on the wire."""
     PARAMETERS: ClassVar[Mapping[str, Parameter]] = ROBOT
     """Settings of the robot's side of this kind."""
-    PROTECTED: ClassVar[bool] = False
-    """Whether messages are sent at once, before everything that waits in the outbox. `encode` returns messages then,
-    not frames."""
+    PROTECTED: bool = False
+    """Whether messages are sent at once, before everything that waits in the outbox; each has a frame of its own then.
+    `encode` may change it from True to False."""
+    WHOLE: ClassVar[bool] = False
+    """Whether a message is useless without all its datagrams, so that a newer one must not replace what is left of it.
+    """
     STEADY: bool = True
     """Whether a silent source is a fault."""
     STAMPED: ClassVar[bool] = True
@@ -83,8 +82,8 @@ class Encoder(Generic[Message]):
         """
         return message
 
-    def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Payload]:
-        """The frames (or messages, see PROTECTED) that carry a message, in sending order.
+    def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Frame]:
+        """The frames that carry a message, in sending order.
 
         They are new each time, because earlier ones may not have left yet. Empty where nothing new is to be sent.
 
@@ -98,8 +97,8 @@ class Encoder(Generic[Message]):
         """How long after it was sent the last message is repeated [s]; None: never."""
         return None
 
-    def repeat(self, settings: Settings, max_datagram_size: int) -> Sequence[Payload]:
-        """The frames (or messages) that are sent again, for lost datagrams and late subscribers. Not called while
+    def repeat(self, settings: Settings, max_datagram_size: int) -> Sequence[Frame]:
+        """The frames that are sent again, for lost datagrams and late subscribers. Not called while
         frames of the last message are still leaving."""
         return ()
 

@@ -19,6 +19,10 @@ RESTART = 2.0
 """A stamp that is older than the newest one by more is not late: the source's clock was set back, or a recording
 starts again [s]."""
 
+MAX_REORDERING = 0.3
+"""Nor is any older stamp where no other segment was accepted for this long: no link reorders by so much. The clock was
+set back by less, or a short recording starts again [s]."""
+
 QUIET = 0.02
 """How long a frame waits for reordered segments after one of its last ones [s]."""
 
@@ -73,6 +77,7 @@ class FrameAssembler(Generic[Partial]):
         """Segments that changed nothing, by reason: late, contradiction, impossible head."""
         self._begin = begin
         self._newest: Optional[int] = None      # stamp of the frame in progress, or of the last one finished
+        self._accepted = -math.inf              # when a segment was accepted last
         self._current: Optional[Frame[Partial]] = None
         self._finished: Deque[Frame[Partial]] = collections.deque(maxlen=MAX_FINISHED)
 
@@ -103,7 +108,8 @@ class FrameAssembler(Generic[Partial]):
         :param now: by any steady clock [s]
         """
         count, stamp = len(parts[0]), head.stamp
-        if self._newest is not None and 0 < self._newest - stamp < RESTART * 1e9:
+        older = self._newest is not None and 0 < self._newest - stamp < RESTART * 1e9
+        if older and now - self._accepted <= MAX_REORDERING:
             self.dropped['late'] += count
         elif stamp != self._newest:
             self._add_new(head, parts, now)
@@ -112,7 +118,7 @@ class FrameAssembler(Generic[Partial]):
         elif self._current.head != head:
             self.dropped['contradiction'] += count
         elif self._fit(self._current.content, parts):
-            self._current.latest = now
+            self._current.latest = self._accepted = now
         if self._current is not None and self._current.content.complete:
             self._finish()
 
@@ -126,7 +132,7 @@ class FrameAssembler(Generic[Partial]):
         if self._fit(content, parts):
             if self._current is not None:
                 self._finish()
-            self._newest, self._current = head.stamp, Frame(head, content, now, now)
+            self._newest, self._current, self._accepted = head.stamp, Frame(head, content, now, now), now
 
     def _fit(self, content: Partial, parts: Tuple[Any, ...]) -> bool:
         """Add segments to a frame; whether any of them fits."""

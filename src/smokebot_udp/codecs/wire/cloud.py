@@ -11,6 +11,7 @@ from typing import Optional, Tuple
 import numpy as np
 
 from ...arrays import Array, BoolArray, Float32Array, IntArray, UInt8Array
+from .parts import ReceivedParts
 
 MAX_POINTS = 1 << 21
 """Clouds of more points are refused on arrival: they would take some 50 MB."""
@@ -173,7 +174,7 @@ def sending_order(chunks: int) -> IntArray:
     return order
 
 
-class CloudParts:
+class CloudParts(ReceivedParts):
     """The chunks of one cloud, as far as they were received.
 
     :param points: number of points of the whole cloud
@@ -185,22 +186,11 @@ class CloudParts:
         if not (1 <= chunks <= max(1, points) and points <= MAX_POINTS):
             raise ValueError('%d points in %d chunks; there are up to %d' % (points, chunks, MAX_POINTS))
         self.points, self.format = points, point_format
-        self.have = np.zeros(chunks, bool)
-        """(chunks,) bool: those received."""
+        super().__init__(chunks)
         self.ending = False
         """Whether one of the last chunks was received: little can follow."""
         self._last = sending_order(chunks)[-ENDING:]
         self._dealt = np.zeros((chunks, -(-points // chunks) * point_format.size), np.uint8)
-
-    @property
-    def complete(self) -> bool:
-        """Whether all chunks were received."""
-        return bool(self.have.all())
-
-    @property
-    def completeness(self) -> float:
-        """Ratio of the chunks received, 0..1."""
-        return float(np.count_nonzero(self.have)) / len(self.have)
 
     def add(self, indexes: IntArray, payloads: UInt8Array) -> BoolArray:
         """Add chunks of the same length.

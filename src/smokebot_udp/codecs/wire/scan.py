@@ -5,6 +5,7 @@ from typing import Optional, Tuple
 import numpy as np
 
 from ...arrays import Array, BoolArray, Float32Array, IntArray, UInt8Array
+from .parts import ReceivedParts
 
 MILLIMETRE = np.float32(0.001)
 """Most scanners measure in whole millimetres. Such a range takes 2 bytes and stays exact."""
@@ -91,7 +92,7 @@ def fit(total: int, size: int, room: int) -> int:
     return parts
 
 
-class ScanParts:
+class ScanParts(ReceivedParts):
     """The parts of one scan, as far as they were received. A part may be one value shorter than part 0.
 
     :param total: number of ranges of the whole scan
@@ -106,8 +107,7 @@ class ScanParts:
             raise ValueError('%d ranges in %d parts; there are from 1 to %d' % (total, parts, MAX_RANGES))
         if range_size not in (SHORT, FLOAT) or intensity_size not in (NONE, BYTE, SHORT, FLOAT):
             raise ValueError('no range has %d bytes, no intensity %d' % (range_size, intensity_size))
-        self.have = np.zeros(parts, bool)
-        """(parts,) bool: those received."""
+        super().__init__(parts)
         self._ranges = np.zeros((total, range_size), np.uint8)
         self._intensities = np.zeros((total, intensity_size), np.uint8)
 
@@ -115,16 +115,6 @@ class ScanParts:
     def ending(self) -> bool:
         """Whether the last part was received: only reordered parts can follow."""
         return bool(self.have[-1])
-
-    @property
-    def complete(self) -> bool:
-        """Whether all parts were received."""
-        return bool(self.have.all())
-
-    @property
-    def completeness(self) -> float:
-        """Ratio of the parts received, 0..1."""
-        return float(np.count_nonzero(self.have)) / len(self.have)
 
     def add(self, parts: IntArray, ranges: UInt8Array, intensities: UInt8Array) -> BoolArray:
         """Add parts of the same length.

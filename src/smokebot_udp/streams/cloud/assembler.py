@@ -16,6 +16,9 @@ from ..assembler import Assembled, Clock, no_clock
 from ..frame_assembler import Frame
 from ..stamped_assembler import StampedAssembler, header_of
 
+MAX_PERSISTENT_POINTS = 1000000
+"""Of all clouds that are kept and the newest one together; the oldest clouds go first. The newest is always whole."""
+
 
 class Points(NamedTuple):
     """Points that were published."""
@@ -35,7 +38,8 @@ class CloudAssembler(StampedAssembler[CloudParts, Assembled]):
     PARAMETERS = {
         **StampedAssembler.PARAMETERS,
         'persistence': Parameter(0.0, 's', 'how long the points of earlier clouds are kept while the robot stands '
-                                 'still', least=0.0, most=3600.0, live=True),
+                                 'still; %d points at most, the newest' % MAX_PERSISTENT_POINTS, least=0.0,
+                                 most=3600.0, live=True),
     }
 
     def __init__(self, settings: Mapping[str, Any], clock: Clock = no_clock) -> None:
@@ -69,6 +73,8 @@ class CloudAssembler(StampedAssembler[CloudParts, Assembled]):
                            or (earlier[0].intensity is None) != (points.intensity is None)):
             earlier.popleft()
         earlier.append(points)
+        while len(earlier) > 1 and sum(len(kept.xyz) for kept in earlier) > MAX_PERSISTENT_POINTS:
+            earlier.popleft()
         intensities = [kept.intensity for kept in earlier if kept.intensity is not None]
         return points._replace(xyz=np.concatenate([kept.xyz for kept in earlier]),
                                intensity=np.concatenate(intensities) if intensities else None)

@@ -15,7 +15,7 @@ from ...mission.parameters import Parameter
 from ...mission.settings import Settings
 from ...msg import CloudChunk
 from ...udpros.frame import Frame
-from ..encoder import Encoder, Payload
+from ..encoder import Encoder
 from ..parameters import ROBOT
 from ..segments import room, size_on_air, write_header
 
@@ -58,7 +58,7 @@ class CloudEncoder(Encoder[Any]):
             return super().operating_points(rate, settings)
         return cloud_points(rate, settings.requested['leaf_size'], self.message_size)
 
-    def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Payload]:
+    def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Frame]:
         points, intensity = _reduced(message, settings)
         packed = settings['encoding'] == 'packed' and len(points)
         point_format = (cloud.packed(points, settings['error_bound'], intensity) if packed

@@ -15,7 +15,7 @@ from ...mission.settings import Settings
 from ...msg import GridSegment
 from ...udpros.datagram import IP_UDP_HEADERS
 from ...udpros.frame import Frame
-from ..encoder import Encoder, Payload
+from ..encoder import Encoder
 from ..parameters import ROBOT
 from ..segments import room, size_on_air, write_header
 from ..subimages import subimage_frames, write_subimages
@@ -52,7 +52,7 @@ class GridEncoder(Encoder[Any]):
     def operating_points(self, rate: float, settings: Settings) -> List[OperatingPoint]:
         return map_points(settings.requested['repeat_rate'], *self._requested) if self._requested else []
 
-    def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Payload]:
+    def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Frame]:
         info = message.info
         cells = grid.as_cells(message.data, info.height, info.width, info.resolution)
         check_origin(info.origin)
@@ -81,7 +81,7 @@ class GridEncoder(Encoder[Any]):
     def repeat_period(self, settings: Settings) -> Optional[float]:
         return 1.0 / float(settings['repeat_rate'])
 
-    def repeat(self, settings: Settings, max_datagram_size: int) -> Sequence[Payload]:
+    def repeat(self, settings: Settings, max_datagram_size: int) -> Sequence[Frame]:
         """The same frames, with the stamp of the last message."""
         for frame in self._frames:
             write_header(frame.records, self._header)

@@ -13,7 +13,7 @@ from ...mission.settings import Settings
 from ...msg import ImageSegment
 from ...udpros.datagram import IP_UDP_HEADERS
 from ...udpros.frame import Frame
-from ..encoder import Encoder, Payload
+from ..encoder import Encoder
 from ..parameters import ROBOT
 from ..segments import as_bytes, room, size_on_air, write_header
 from ..subimages import subimage_frames, write_subimages
@@ -60,7 +60,7 @@ class ImageEncoder(Encoder[Any]):
         # the requested max_subimages stays in effect: 0 would be all subimages
         return {name: value for name, value in point.items() if name != 'max_subimages'}
 
-    def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Payload]:
+    def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Frame]:
         items = _items(message, settings['scale'])
         frame_id, encoding = message.header.frame_id.encode(), message.encoding.encode()
         cut, per_segment = interleave.fit(items.shape[0], items.shape[1], items.dtype.itemsize,

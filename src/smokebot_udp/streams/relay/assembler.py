@@ -3,8 +3,10 @@
 import math
 from typing import Any, Mapping, Optional
 
+from ...msg import RelaySegment
 from ..assembler import Assembled, Assembler, Clock, no_clock
 from ..parameters import OPERATOR
+from .parts import PartJoiner
 from .transforms import RELAY, TF_TYPES, TransformSet, message_class, stamp_of
 
 
@@ -13,16 +15,32 @@ class RelayAssembler(Assembler[None, Assembled]):
 
     Of latched messages subscribers receive only the last one, so transforms are merged into one message.
     """
+    SEGMENT = RelaySegment
     FORWARDS = True
     PARAMETERS = {**OPERATOR, **RELAY}
 
     def __init__(self, settings: Mapping[str, Any], clock: Clock = no_clock) -> None:
         super().__init__(settings, clock)
-        self.MESSAGE = self.SEGMENT = message_class(settings['message_type'])
+        self.MESSAGE = message_class(settings['message_type'])
         self.LATCH, self.STEADY = settings['latch'], not settings['latch']
         self._merges = settings['latch'] and settings['message_type'] in TF_TYPES
+        self._parts = PartJoiner(self.MESSAGE)
+        self.dropped = self._parts.dropped
         self._transforms = TransformSet()
         self._last: Any = None      # message with all transforms
+
+    def join(self, segment: Any) -> Optional[Any]:
+        different = self.dropped['checksum']
+        data = self._parts.add(segment)
+        if self.dropped['checksum'] > different:
+            self.warnings.append('a message is not a %s as it is installed here' % self.MESSAGE._type)
+        if data is None:
+            return None
+        try:
+            return self.MESSAGE().deserialize(data)
+        except Exception:   # genpy's readers raise DeserializationError, UnicodeError, ... on hostile bytes
+            self.dropped['message'] += 1
+            return None
 
     def forward(self, message: Any) -> Optional[Assembled]:
         if self._merges:

@@ -1,27 +1,39 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Relay streams: small messages of any type as they are: odometry, battery, gas, tf.
+"""Relay streams: messages of any type as they are: odometry, battery, gas, tf.
 
 Transforms are merged: the newest of each pair of frames is sent, those of many publishers in one message, as many as
-fit a datagram. Latched messages are repeated, for lost datagrams and late subscribers.
+fit a datagram. Latched messages are repeated, for lost datagrams and late subscribers. Only short messages are sent
+before all others; a stream of longer ones has a share of the link, as images have.
 """
 from typing import Any, List, Mapping, Optional, Sequence
 
+from ...congestion.operating_points import OperatingPoint, rate_points
 from ...mission.parameters import Parameter
 from ...mission.settings import Settings
-from ...udpros.datagram import OVERHEAD
-from ..encoder import Encoder, Payload
+from ...msg import RelaySegment
+from ...udpros.frame import Frame
+from ..encoder import Encoder
 from ..parameters import ROBOT
+from ..segments import room, size_on_air
+from .parts import relay_frame
 from .transforms import QUEUE, RELAY, TF_TYPES, TransformSet, message_class
+
+MAX_PROTECTED_DATAGRAMS = 4
+"""A stream is PROTECTED until the first message that takes more."""
+
+LIMITED_MESSAGES = 20
+"""After this many messages in a row at less than the requested rate there is a warning."""
 
 
 class RelayEncoder(Encoder[Any]):
-    """Sends small messages, the newest at most `rate` times a second.
+    """Sends the newest message at most `rate` times a second.
 
     What waits is a message, or a TransformSet.
 
     :raises ValueError: where the message type is unknown
     """
-    PROTECTED, STAMPED, QUEUE_SIZE = True, False, QUEUE
+    SEGMENT = RelaySegment
+    PROTECTED, WHOLE, STAMPED, QUEUE_SIZE = True, True, False, QUEUE
     LEAST = {'rate': 1.0, 'repeat_rate': 0.2}
     PARAMETERS = {
         **ROBOT, **RELAY,
@@ -31,24 +43,37 @@ class RelayEncoder(Encoder[Any]):
 
     def __init__(self, settings: Mapping[str, Any]) -> None:
         super().__init__(settings)
-        self.MESSAGE = self.SEGMENT = message_class(settings['message_type'])
+        self.MESSAGE = message_class(settings['message_type'])
         self.KEEPS, self.STEADY = settings['latch'], not settings['latch']
         self._merges = settings['message_type'] in TF_TYPES
         self._kept: Any = TransformSet() if self._merges else None      # with latch: what is repeated
+        self._longest_warned = 1        # datagrams of the longest message that was warned of
+        self._limited = 0               # messages in a row that left at less than the requested rate
 
     def merge(self, waiting: Optional[Any], message: Any) -> Any:
         return self._with(TransformSet() if waiting is None else waiting, message) if self._merges else message
 
-    def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Payload]:
+    def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Frame]:
         if self.KEEPS:
             message = self._kept = self._with(self._kept, message) if self._merges else message
-        return self._messages(message, max_datagram_size)
+        frames = self._frames(message, max_datagram_size)
+        self.message_size = size_on_air(frames)
+        self._protect(max(map(len, frames), default=0), settings)
+        return frames
 
     def repeat_period(self, settings: Settings) -> Optional[float]:
         return max(1.0 / settings['repeat_rate'], 1.0 / settings['rate']) if self.KEEPS else None
 
-    def repeat(self, settings: Settings, max_datagram_size: int) -> Sequence[Payload]:
-        return self._messages(self._kept, max_datagram_size) if self.KEEPS and self._kept is not None else ()
+    def repeat(self, settings: Settings, max_datagram_size: int) -> Sequence[Frame]:
+        return self._frames(self._kept, max_datagram_size) if self.KEEPS and self._kept is not None else ()
+
+    def operating_points(self, rate: float, settings: Settings) -> List[OperatingPoint]:
+        if not self.KEEPS or not self.message_size:
+            return super().operating_points(rate, settings)
+        # what a latched topic costs are the repeats
+        repeat_rate = min(settings.requested['repeat_rate'], settings.requested['rate'])
+        return [OperatingPoint({'repeat_rate': point.settings['rate']}, point.cost)
+                for point in rate_points(repeat_rate, self.message_size, self.LEAST['repeat_rate'])]
 
     def _with(self, transforms: TransformSet, message: Any) -> TransformSet:
         """A set with the transforms of a message, or of another set, added."""
@@ -58,5 +83,22 @@ class RelayEncoder(Encoder[Any]):
             self.warnings.append(str(error))
         return transforms
 
-    def _messages(self, content: Any, max_datagram_size: int) -> List[Payload]:
-        return content.messages(self.MESSAGE, max_datagram_size - OVERHEAD) if self._merges else [content]
+    def _frames(self, content: Any, max_datagram_size: int) -> List[Frame]:
+        """One frame for each message."""
+        messages = content.messages(self.MESSAGE, room(RelaySegment, max_datagram_size)) if self._merges else [content]
+        return [relay_frame(message, max_datagram_size) for message in messages]
+
+    def _protect(self, datagrams: int, settings: Settings) -> None:
+        """Warn of a long message, and of a stream whose share of the link is too small; a long one is not PROTECTED.
+
+        :param datagrams: of the longest message
+        """
+        if datagrams > MAX_PROTECTED_DATAGRAMS:
+            self.PROTECTED = False
+        if datagrams >= 2 * self._longest_warned:
+            self._longest_warned = datagrams
+            self.warnings.append('a message takes %d datagrams, and is lost if one of them is' % datagrams)
+        limited = not self.PROTECTED and settings['rate'] < settings.requested['rate']
+        self._limited = self._limited + 1 if limited else 0
+        if self._limited == LIMITED_MESSAGES:
+            self.warnings.append('its share of the link is too small for all messages: fewer are sent, the newest')

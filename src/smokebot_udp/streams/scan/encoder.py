@@ -12,7 +12,7 @@ from ...mission.parameters import Parameter
 from ...mission.settings import Settings
 from ...msg import ScanSegment
 from ...udpros.frame import Frame
-from ..encoder import Encoder, Payload
+from ..encoder import Encoder
 from ..parameters import ROBOT
 from ..segments import room, size_on_air, write_header
 from .fields import FIXED
@@ -26,7 +26,7 @@ class ScanEncoder(Encoder[Any]):
         'intensity': Parameter(False, '', 'send intensities, where the scan has them', live=True),
     }
 
-    def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Payload]:
+    def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Frame]:
         check(message)
         frames = scan_frames(message, settings['intensity'], max_datagram_size)
         self.message_size = size_on_air(frames)

@@ -16,7 +16,8 @@ from ...codecs.wire.scan import in_millimetres
 from ...mission.parameters import Parameter
 from ...mission.settings import Settings
 from ...msg import ScanSegment
-from ..encoder import Encoder, Payload
+from ...udpros.frame import Frame
+from ..encoder import Encoder
 from ..parameters import ROBOT
 from ..scan.encoder import scan_frames
 from ..segments import size_on_air
@@ -78,7 +79,7 @@ class VirtualScanEncoder(Encoder[Any]):
         scan.header.stamp, scan.header.frame_id = message.header.stamp, frame
         return scan
 
-    def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Payload]:
+    def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Frame]:
         frames = scan_frames(message, False, max_datagram_size)
         self.message_size = size_on_air(frames)
         return frames

@@ -1,19 +1,25 @@
 # SPDX-License-Identifier: BSD-3-Clause
-from typing import Any, List, Tuple
+"""Relay streams: both sides, and the transforms that they merge."""
+import zlib
+from typing import Any, Iterable, List, Tuple
 
 import pytest
 from geometry_msgs.msg import TransformStamped
 from hypothesis import given
 from hypothesis import strategies as st
 from nav_msgs.msg import Odometry
-from std_msgs.msg import Float32
+from std_msgs.msg import Float32, String
 from tf2_msgs.msg import TFMessage
 
+from evaluation.offline_link import operator_side
 from smokebot_udp.mission.parameters import check
 from smokebot_udp.mission.settings import Settings
-from smokebot_udp.streams.relay.encoder import RelayEncoder
+from smokebot_udp.msg import RelaySegment
+from smokebot_udp.streams.relay.encoder import LIMITED_MESSAGES, MAX_PROTECTED_DATAGRAMS, RelayEncoder
+from smokebot_udp.streams.relay.parts import PartJoiner, relay_frame
 from smokebot_udp.streams.relay.transforms import MAX_PAIRS, TransformSet, message_class, size_of, stamp_of
-from smokebot_udp.udpros.datagram import OVERHEAD
+from smokebot_udp.udpros.datagram import IP_UDP_HEADERS, OVERHEAD
+from smokebot_udp.udpros.frame import Frame
 
 
 def transforms(*pairs: Tuple[str, str], x: float = 0.0) -> Any:
@@ -96,15 +102,31 @@ def relay(message_type: str, **changes: Any) -> Tuple[RelayEncoder, Settings]:
     return RelayEncoder(settings.requested), settings
 
 
+def segments_of(frame: Frame) -> List[RelaySegment]:
+    return [RelaySegment().deserialize(row[OVERHEAD:].tobytes()) for row in frame.rows]
+
+
+def messages_of(encoder: RelayEncoder, frames: Iterable[Frame]) -> List[Any]:
+    """The messages that frames carry."""
+    whole = []
+    for frame in frames:
+        frame.records['header']['seq'] = range(len(frame))
+        joiner = PartJoiner(encoder.MESSAGE)
+        *others, data = (joiner.add(segment) for segment in segments_of(frame))
+        assert data is not None and not any(others)
+        whole.append(encoder.MESSAGE().deserialize(data))
+    return whole
+
+
 def encoded(encoder: RelayEncoder, settings: Settings, *messages: Any) -> List[Any]:
     waiting = None
     for message in messages:
         waiting = encoder.merge(waiting, message)
-    return encoder.encode(waiting, settings, 1460 + OVERHEAD)
+    return messages_of(encoder, encoder.encode(waiting, settings, 1472))
 
 
 def repeated(encoder: RelayEncoder, settings: Settings) -> List[Any]:
-    return list(encoder.repeat(settings, 1460 + OVERHEAD))
+    return messages_of(encoder, encoder.repeat(settings, 1472))
 
 
 def test_a_message_type_that_is_none_makes_no_stream() -> None:
@@ -115,7 +137,7 @@ def test_a_message_type_that_is_none_makes_no_stream() -> None:
 def test_only_the_newest_message_goes_and_as_it_is() -> None:
     encoder, settings = relay('nav_msgs/Odometry')
     message, = encoded(encoder, settings, Odometry(child_frame_id='old'), Odometry(child_frame_id='new'))
-    assert message == Odometry(child_frame_id='new') and encoder.MESSAGE is encoder.SEGMENT is Odometry
+    assert message == Odometry(child_frame_id='new') and encoder.MESSAGE is Odometry
     assert not encoder.KEEPS and encoder.STEADY and encoder.repeat_period(settings) is None
     assert repeated(encoder, settings) == []
 
@@ -131,8 +153,9 @@ def test_many_publishers_transforms_go_in_one_datagram() -> None:
 def test_groups_leave_room_for_the_transports_header() -> None:
     encoder, settings = relay('tf2_msgs/TFMessage')
     many = transforms(*(('map', 'frame %d' % k) for k in range(40)))
-    messages = encoder.encode(encoder.merge(None, many), settings, 500)
-    assert len(messages) > 3 and max(map(size_of, messages)) + OVERHEAD <= 500
+    frames = encoder.encode(encoder.merge(None, many), settings, 500)
+    assert len(frames) > 3 and {len(frame) for frame in frames} == {1}
+    assert max(frame.datagram_size for frame in frames) <= 500
 
 
 def test_latched_transforms_are_sent_with_all_before_them_and_again() -> None:
@@ -170,3 +193,121 @@ def test_repeats_come_no_faster_than_messages_may() -> None:
     for rate, repeat_rate, period in ((10.0, 2.0, 0.5), (0.5, 2.0, 2.0)):
         encoder, settings = relay('tf2_msgs/TFMessage', latch=True, rate=rate, repeat_rate=repeat_rate)
         assert encoder.repeat_period(settings) == period
+
+
+# messages of many datagrams
+
+def test_only_short_messages_are_protected() -> None:
+    encoder, settings = relay('std_msgs/String')
+    encoder.encode(String('x' * 1400 * MAX_PROTECTED_DATAGRAMS), settings, 1472)
+    assert encoder.PROTECTED
+    for length in 1500 * MAX_PROTECTED_DATAGRAMS, 1:    # another message would overtake what is left of a long one
+        encoder.encode(String('x' * length), settings, 1472)
+        assert not encoder.PROTECTED
+    assert relay('std_msgs/String')[0].PROTECTED
+
+
+def test_a_long_message_is_warned_of_once_and_again_where_it_is_twice_as_long() -> None:
+    encoder, settings = relay('std_msgs/String')
+    for length in 100, 2000, 2001, 1500, 100000, 100001:
+        encoder.encode(String('x' * length), settings, 1472)
+    assert list(encoder.warnings) == ['a message takes %d datagrams, and is lost if one of them is' % datagrams
+                                      for datagrams in (2, 70)]
+
+
+def test_a_share_that_is_too_small_is_warned_of_once() -> None:
+    encoder, settings = relay('std_msgs/String')
+    limited = Settings(settings.requested, {'rate': 3.0})
+    for now in (settings, limited, settings, *[limited] * (LIMITED_MESSAGES - 1)):
+        encoder.encode(String('x' * 100000), now, 1472)
+    encoder.warnings.popleft()
+    assert not encoder.warnings
+    for _ in range(3 * LIMITED_MESSAGES):
+        encoder.encode(String('x' * 100000), limited, 1472)
+    assert list(encoder.warnings) == ['its share of the link is too small for all messages: fewer are sent, the newest']
+
+
+def test_what_a_relay_costs() -> None:
+    encoder, settings = relay('std_msgs/String', rate=8.0)
+    assert encoder.operating_points(8.0, settings) == []
+    frame, = encoder.encode(String('x' * 100000), settings, 1472)
+    points = encoder.operating_points(8.0, settings)
+    assert [points[at].settings for at in (0, -1)] == [{'rate': pytest.approx(1.0)}, {'rate': 8.0}]
+    assert points[-1].cost == 8.0 * len(frame) * (frame.datagram_size + IP_UDP_HEADERS)
+
+
+def test_what_a_latched_relay_costs_are_its_repeats() -> None:
+    encoder, settings = relay('std_msgs/String', rate=8.0, repeat_rate=2.0, latch=True)
+    assert encoder.operating_points(8.0, settings) == []
+    frame, = encoder.encode(String('x' * 100000), settings, 1472)
+    points = encoder.operating_points(8.0, settings)
+    assert [points[at].settings for at in (0, -1)] == [{'repeat_rate': pytest.approx(0.2)}, {'repeat_rate': 2.0}]
+    assert points[-1].cost == 2.0 * len(frame) * (frame.datagram_size + IP_UDP_HEADERS)
+
+
+# the assembler
+
+def forwarded(assembler: Any, *messages: Any) -> List[Any]:
+    results = [assembler.forward(message) for message in messages]
+    return [assembled.message for assembled in results if assembled is not None]
+
+
+def test_received_latched_transforms_are_published_with_all_before_them_and_once() -> None:
+    assembler, _ = operator_side('relay', message_type='tf2_msgs/TFMessage', latch=True)
+    published = forwarded(assembler, transforms(('base', 'laser')), transforms(('base', 'camera')),
+                          transforms(('base', 'laser')), transforms(('base', 'laser'), x=1.0))
+    assert [[one.child_frame_id for one in message.transforms] for message in published] == [
+        ['laser'], ['laser', 'camera'], ['laser', 'camera']]
+    assert published[-1].transforms[0].transform.translation.x == 1.0
+    assert assembler.LATCH and not assembler.STEADY
+
+
+def test_what_is_not_latched_passes_as_it_is() -> None:
+    for message in transforms(('map', 'odom')), String('x'):
+        message_type = message._type
+        assembler, _ = operator_side('relay', message_type=message_type)
+        assert forwarded(assembler, message, message) == [message, message]
+        assert type(message) is assembler.MESSAGE and assembler.STEADY and not assembler.LATCH
+
+
+def test_stamps() -> None:
+    odometry, assembler = Odometry(), operator_side('relay', message_type='nav_msgs/Odometry')[0]
+    odometry.header.stamp.secs = 7
+    assembled = assembler.forward(odometry)
+    assert assembled is not None and (assembled.stamp, assembled.completeness) == (7 * 10 ** 9, None)
+    unstamped = operator_side('relay', message_type='std_msgs/String')[0].forward(String())
+    assert unstamped is not None and unstamped.stamp == 0
+
+
+def test_frames_are_bounded_and_those_known_go_on() -> None:
+    assembler, _ = operator_side('relay', message_type='tf2_msgs/TFMessage', latch=True)
+    published = forwarded(assembler, transforms(*(('map', str(k)) for k in range(MAX_PAIRS + 2))))
+    assert len(published[0].transforms) == MAX_PAIRS
+    assert len(assembler.warnings) == 1 and '%d pairs' % MAX_PAIRS in assembler.warnings[0]
+    last, = forwarded(assembler, transforms(('map', '5'), x=3.0))
+    assert [one.transform.translation.x for one in last.transforms if one.child_frame_id == '5'] == [3.0]
+
+
+def test_a_message_is_joined_from_its_segments() -> None:
+    assembler, _ = operator_side('relay', message_type='std_msgs/String')
+    message = String('x' * 5000)
+    for number, segment in enumerate(segments_of(relay_frame(message, 1472))):
+        segment.header.seq = number
+        whole = assembler.join(segment)
+        assert whole == (message if number == 3 else None)
+
+
+def test_segments_that_are_no_message_are_dropped() -> None:
+    assembler, _ = operator_side('relay', message_type='std_msgs/String')
+    other, = segments_of(relay_frame(Float32(), 1472))
+    assert assembler.join(other) is None and assembler.dropped == {'checksum': 1}
+    assert assembler.warnings == ['a message is not a std_msgs/String as it is installed here']
+    forged, = segments_of(relay_frame(String('x'), 1472))
+    forged.size, forged.data = 2, b'\1\0'     # no whole string
+    forged.checksum = zlib.crc32(forged.data, zlib.crc32(String._md5sum.encode()))
+    assert assembler.join(forged) is None and assembler.dropped['message'] == 1
+
+
+def test_an_unknown_message_type_makes_no_assembler() -> None:
+    with pytest.raises(ValueError, match="message_type 'gas_msgs/None'"):
+        operator_side('relay', message_type='gas_msgs/None')

@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Relayed messages as segments: any message is cut into datagrams that are numbered, and joined again."""
+import collections
+import io
+import zlib
+from typing import Any, Counter, Dict, Optional, OrderedDict, Tuple
+
+import numpy as np
+
+from ...msg import RelaySegment
+from ...udpros.frame import Frame
+from ..segments import room
+
+MAX_MESSAGE_SIZE = 16 << 20
+"""A longer message is neither sent nor collected [byte]."""
+
+MAX_PARTS = 1 << 16
+"""Segments of a message, as their numbers have 16 bits."""
+
+MAX_PARTIALS = 2
+"""Messages that are collected at the same time; a newer one replaces the oldest."""
+
+SEQ_MODULUS = 1 << 32
+
+
+def relay_frame(message: Any, max_datagram_size: int) -> Frame:
+    """The segments that carry a ROS message.
+
+    :param max_datagram_size: [byte of UDP payload]
+    :raises ValueError: where it is longer than MAX_MESSAGE_SIZE, or than MAX_PARTS segments
+    """
+    buffer = io.BytesIO()
+    message.serialize(buffer)
+    data = buffer.getvalue()
+    size = len(data)
+    parts = max(1, -(-size // room(RelaySegment, max_datagram_size)))
+    if size > MAX_MESSAGE_SIZE or parts > MAX_PARTS:
+        raise ValueError('it has %d bytes, which take %d datagrams; must be %d bytes and %d datagrams at most' % (
+            size, parts, MAX_MESSAGE_SIZE, MAX_PARTS))
+    length = -(-size // parts)
+    frame = Frame(RelaySegment, parts, {'data': length})
+    frame.records['checksum'], frame.records['size'] = _checksum(type(message), data), size
+    frame.records['part'] = np.arange(parts)
+    frame.records['data'] = np.frombuffer(data.ljust(parts * length, b'\0'), np.uint8).reshape(parts, length)
+    return frame
+
+
+class PartJoiner:
+    """Joins the messages of one type from segments that arrive in any order, or never.
+
+    Segments come from the network: a message holds MAX_MESSAGE_SIZE bytes at most, and MAX_PARTIALS are held.
+
+    :param message_class: of the messages
+    """
+
+    def __init__(self, message_class: Any) -> None:
+        self.dropped: Counter[str] = collections.Counter()
+        """Segments that did not become part of a message, by reason: part (impossible number or size), checksum,
+        incomplete."""
+        self._message_class = message_class
+        # {what the segments of a message have in common: {part: its data}}, oldest first
+        self._partials: OrderedDict[Tuple[int, ...], Dict[int, bytes]] = collections.OrderedDict()
+
+    def add(self, segment: RelaySegment) -> Optional[bytes]:
+        """Take a segment; returns the serialised message that it completes, else None."""
+        size, length, part = segment.size, len(segment.data), segment.part
+        parts = -(-size // length) if length else 1
+        if part >= parts or size > MAX_MESSAGE_SIZE or (size and not length) or (parts == 1 and size != length):
+            self.dropped['part'] += 1
+            return None
+        key = (segment.header.seq - part) % SEQ_MODULUS, segment.checksum, size, length
+        partial = self._partials.setdefault(key, {})
+        partial[part] = segment.data
+        if len(partial) < parts:
+            if len(self._partials) > MAX_PARTIALS:
+                self.dropped['incomplete'] += len(self._partials.popitem(last=False)[1])
+            return None
+        del self._partials[key]
+        data = b''.join(partial[index] for index in range(parts))[:size]
+        if _checksum(self._message_class, data) != segment.checksum:
+            self.dropped['checksum'] += parts
+            return None
+        return data
+
+
+def _checksum(message_class: Any, data: bytes) -> int:
+    """CRC-32 of the type's md5sum and of a serialised message: the types of both sides may differ."""
+    return zlib.crc32(data, zlib.crc32(message_class._md5sum.encode()))
