@@ -129,6 +129,24 @@ def test_the_operators_request_is_served_once() -> None:
     assert mission.control.state().answer == Answer(9, '') and mission.requested('thermal')['rate'] == 8.0
 
 
+def test_of_two_operators_requests_the_last_stands_and_both_are_answered() -> None:
+    mission = Mission()
+    for request, focus in ((7, 'drive'), (8, 'look'), (7, 'drive'), (8, 'look'), (7, 'drive')):    # each is repeated
+        mission.control.serve(request, focus)
+        assert mission.control.state().answer == Answer(request, '')
+    assert mission.switched == ['drive', 'look'] and mission.control.state().focus == 'look'
+
+
+def test_a_flood_of_requests_is_forgotten() -> None:
+    mission = Mission()
+    for request in range(1, 1000):
+        mission.control.serve(request, 'drive')
+    mission.control.serve(999, 'look')
+    assert mission.control.state().focus == 'drive'
+    mission.control.serve(1, 'look')
+    assert mission.control.state().focus == 'look'
+
+
 def test_a_profile_s_others_leave_the_package_s_own_streams() -> None:
     stores = {name: SettingsStore(TABLE, {'type': 'relay', 'message_type': message_type, 'rate': 10.0, 'weight': 1.0,
                                           'low': 1, 'high': 5})

@@ -4,6 +4,7 @@
 A switch of the focus requests the profile's settings of each stream, and those of streams.yaml that it does not name.
 Settings that are requested otherwise, by hand, stand until the next switch.
 """
+import collections
 import threading
 from dataclasses import dataclass, replace
 from typing import Any, Callable, Dict, FrozenSet, List, Mapping, Optional, Set
@@ -19,9 +20,13 @@ FOCUS = Parameter(AS_CONFIGURED, '', 'the mission focus: a profile of focus_file
                   live=True)
 
 
+MAX_ANSWERS = 64
+"""Number of operators' requests that are remembered, to serve each once."""
+
+
 @dataclass(frozen=True)
 class Answer:
-    """To the operator's last request for a focus."""
+    """To the operators' request for a focus that came last."""
     request: int = 0
     """Its id; 0: there was none."""
     refusal: str = ''
@@ -66,6 +71,7 @@ class MissionControl:
         """The focus as a setting; only `request_focus` and `switch` change it."""
         self._modified: Set[str] = set()
         self._answer = Answer()
+        self._answers: collections.OrderedDict[int, Answer] = collections.OrderedDict()     # the newest last
 
     @property
     def profiles(self) -> List[str]:
@@ -118,20 +124,24 @@ class MissionControl:
             self._apply()
 
     def serve(self, request: int, focus: str) -> None:
-        """Switch as the operator requests; `state` has the answer.
+        """Switch as an operator requests; `state` has the answer.
 
-        :param request: id of the request; a repeated one changes nothing
+        The requests of several operators take effect in the order in which they come first, so the last one stands.
+
+        :param request: id of the request; a repeated one is answered again, but changes nothing
         """
         with self._lock:
-            if request == self._answer.request:
-                return
-            refusal = ''
-            try:
-                self.switch(focus)
-            except ValueError as error:
-                refusal = str(error)
-                self._report("the operator's request: %s" % error)
-            self._answer = Answer(request, refusal)
+            if request not in self._answers:
+                refusal = ''
+                try:
+                    self.switch(focus)
+                except ValueError as error:
+                    refusal = str(error)
+                    self._report("the operator's request: %s" % error)
+                self._answers[request] = Answer(request, refusal)
+                while len(self._answers) > MAX_ANSWERS:
+                    self._answers.popitem(last=False)
+            self._answer = self._answers[request]
 
     def _apply(self) -> None:
         """Request the settings of the focus."""

@@ -58,11 +58,20 @@ class FocusClient:
                         return SetFocusResponse(False, 'the robot did not answer in %g s' % self._patience)
                     self._requests.publish(request)
                     self._answered.wait(RETRY_PERIOD)
-                refusal = self._status.refusal
-        return SetFocusResponse(not refusal, refusal or 'the focus is ' + asked.focus)
+                return _response(asked.focus, self._status)
 
     def close(self) -> None:
         """End the subscriptions."""
         self._requests.unregister()
         if self._subscriber is not None:
             self._subscriber.unregister()
+
+
+def _response(focus: str, status: Any) -> Any:
+    """The response to a request for a focus, by the RobotStatus that answers it."""
+    if status.refusal:
+        return SetFocusResponse(False, status.refusal)
+    if status.focus != focus:
+        return SetFocusResponse(False, 'the focus was %s, but a later request switched it to %s' % (
+            focus, status.focus))
+    return SetFocusResponse(True, 'the focus is ' + focus)
