@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """dynamic_reconfigure's server of live settings, without a master; the ways together run in integration/focus.test."""
+import contextlib
+import http.client
+import threading
 from types import SimpleNamespace
 from typing import Any, Dict, List
 
@@ -9,7 +12,8 @@ from dynamic_reconfigure.encoding import decode_config, decode_description, enco
 
 from smokebot_udp.mission.parameters import Parameter, live
 from smokebot_udp.mission.settings import SettingsStore
-from smokebot_udp.nodes.live import LiveSettings, config_type
+from smokebot_udp.nodes import live as module
+from smokebot_udp.nodes.live import LiveSettings, ParameterWatch, config_type
 
 TABLE = {'rate': Parameter(10.0, 'Hz', 'how often', above=0.0, most=1000.0, live=True),
          'count': Parameter(3, '', 'how many', least=1, live=True),
@@ -161,3 +165,28 @@ def test_former_names_are_described_but_not_shown(node: Node) -> None:
     assert state['name'] == group['name'] and state['state'] is False
     node.client.update_configuration(node.client.get_configuration())     # as dynparam load does with a dump
     assert node.store.current.requested == START and not node.problems
+
+
+@pytest.mark.parametrize('background', [False, True])
+def test_settings_begin_later_where_the_master_is_away_at_the_start(
+        node: Node, monkeypatch: Any, background: bool) -> None:
+    failures: List[Exception] = [ConnectionRefusedError(111, 'refused'), http.client.IncompleteRead(b'')]
+    subscribed, logged = threading.Event(), []
+
+    def set_param(name: str, value: Any) -> None:
+        if failures:
+            raise failures.pop(0)
+    for name, value in (('set_param', set_param), ('is_shutdown', lambda: False),
+                        ('get_param_cached', lambda _: subscribed.set()),
+                        ('logerr', lambda text, *values: logged.append(text % values))):
+        monkeypatch.setattr('rospy.' + name, value)
+    monkeypatch.setattr(module.udpros, 'registered_together', contextlib.nullcontext)
+    monkeypatch.setattr(module, 'RETRY_PERIOD', 0.01)
+    served = threading.Event()
+    part = LiveSettings('map', SettingsStore(live(TABLE), {**START, 'topic': 'x'}), node.problems.append)
+    monkeypatch.setattr(part, 'serve', served.set)
+    watch = ParameterWatch([part], background)
+    assert served.wait(10) and subscribed.is_set() and not failures
+    watch.stop()
+    assert logged == ['settings cannot be changed until the master answers: [Errno 111] refused',
+                      'settings cannot be changed until the master answers: IncompleteRead(0 bytes read)']

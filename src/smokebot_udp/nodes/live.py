@@ -18,10 +18,14 @@ from .. import udpros
 from ..mission.mirror import Mirror
 from ..mission.parameters import FORMER_NAMES, Parameter, Table, current_names
 from ..mission.settings import SettingsStore
+from .logging import log_error
 from .parameters import DIAGNOSTICS
 
 PUBLISHING = threading.RLock()
 """Held while this node writes parameters, and while it reads what others wrote. Taken after a server's mutex."""
+
+RETRY_PERIOD = 1.0
+"""Time between attempts to start the settings where the master does not answer [s]."""
 
 TYPES = {bool: 'bool', int: 'int', float: 'double', str: 'str'}
 LIMITS: Dict[type, Any] = {bool: (False, True), int: (-2 ** 31, 2 ** 31 - 1), float: (-float('inf'), float('inf')),
@@ -233,24 +237,30 @@ class ParameterWatch:
         self._parts = parts
         self._changed = threading.Event()
         self._ended = False
-        self._begun = not background
-        if self._begun:
-            self._begin()
+        self._log_error = log_error('settings cannot be changed until the master answers')
+        self._begun = not background and self._begin()
         self._thread = threading.Thread(target=self._run, name='parameters', daemon=True)
         self._thread.start()
 
-    def _begin(self) -> None:
-        found = _found()
-        for part in self._parts:
-            part.adopt(found)
-        rospy.set_param('~', found)
-        rospy.get_param_cached('~')     # subscribes
-        # rospy ignores updates of names that its cache lacks: of all whose namespace was replaced, and of former names
-        cache = get_param_server_cache()
-        self._update_known, cache.update = cache.update, self._update
-        with udpros.registered_together():
+    def _begin(self) -> bool:
+        """Start the live settings; whether this succeeded: the master may have just ended."""
+        try:
+            found = _found()
             for part in self._parts:
-                part.serve()
+                part.adopt(found)
+            rospy.set_param('~', found)
+            rospy.get_param_cached('~')     # subscribes
+            with udpros.registered_together():
+                # rospy ignores updates of names that its cache lacks: of all whose namespace was replaced, and of
+                # former names
+                cache = get_param_server_cache()
+                self._update_known, cache.update = cache.update, self._update
+                for part in self._parts:
+                    part.serve()
+        except Exception as error:
+            self._log_error(error)
+            return False
+        return True
 
     def _update(self, key: str, value: Any) -> None:
         """The cache's update: a parameter has changed, by the master's notification or by rospy.set_param."""
@@ -268,21 +278,16 @@ class ParameterWatch:
             self._thread.join()
 
     def _run(self) -> None:
-        try:
+        while not self._begun and not self._ended:
+            self._begun = self._begin()
             if not self._begun:
-                self._begin()
-                self._begun = True
-        except Exception as error:
-            if not self._ended:
-                rospy.logerr('settings cannot be changed while this runs: %s', error)
-            return
-        while True:
+                self._changed.wait(RETRY_PERIOD)    # set by `stop`
+        while not self._ended:
             self._changed.wait()
             self._changed.clear()
-            if self._ended:
-                return
             try:
-                self._read()
+                if not self._ended:
+                    self._read()
             except Exception as error:
                 if not rospy.is_shutdown():
                     rospy.logerr_throttle_identical(5, 'the parameters cannot be read: %s' % error)
