@@ -92,12 +92,14 @@ class MasterWatch:
     """Finds out whether the master is a new one, by one short call over a TCP connection that is kept open.
 
     :param master_uri: of the master
-    :param uri: of this node's XML-RPC server
+    :param uri: of the node's XML-RPC server
+    :param node: the node's name; None: this process's node
     """
 
-    def __init__(self, master_uri: str, uri: str) -> None:
+    def __init__(self, master_uri: str, uri: str, node: Optional[str] = None) -> None:
         self._session = rpc.Session(master_uri)
         self._uri = uri
+        self._node = node
         self._acquaintance = Acquaintance()
         self._process: Tuple[int, int] = (0, 0)
         self._next_lookup = 0.0
@@ -122,7 +124,7 @@ class MasterWatch:
             return False
         code, _, run_id = self._session.call('getParam', '/run_id')
         self._master = Identity(pid, run_id if code == 1 else None)
-        code, _, found = self._session.call('lookupNode', rospy.get_caller_id())
+        code, _, found = self._session.call('lookupNode', self._node or rospy.get_caller_id())
         if self._acquaintance.is_lost(self._master, found if code == 1 else None, self._uri):
             return True
         self._process, self._next_lookup = process, now + LOOKUP_PERIOD
@@ -140,7 +142,7 @@ def register_together(manager: Any, registrations: Sequence[Registration]) -> Li
     :param manager: rospy's RegManager
     :return: those that are not registered
     """
-    answers, publishers = _ask(registrations, manager.uri)
+    answers, publishers = ask_together(registrations, rospy.get_caller_id(), manager.uri)
     only_ours: Dict[Registration, List[str]] = {}
     for one, answer in zip(registrations, answers):
         if answer is None:
@@ -158,10 +160,12 @@ def register_together(manager: Any, registrations: Sequence[Registration]) -> Li
 
 
 def register_node(manager: Any) -> bool:
-    """Register all topics and services of this node, and subscribe to its parameters where they are cached.
+    """Register all topics and services of this node, and subscribe to its private parameters where they are cached;
+    those that the master has lost are written back.
 
     :param manager: rospy's RegManager
     :return: whether all are registered
+    :raises Unreachable, Refused: if the parameters cannot be written
     """
     with registering:
         registrations = _of_node()
@@ -185,21 +189,32 @@ def _of_node() -> List[Registration]:
 
 
 def _take_over(namespace: str, values: Any) -> None:
-    """Update the cached parameters of a namespace that have other values at the master."""
-    cache = get_param_server_cache()
-    for name, value in (values.items() if isinstance(values, dict) else ()):
-        key = '%s/%s' % (namespace, name)
+    """Update the cached parameters of a namespace that have other values at the master, and write those back that it
+    does not have.
+
+    :raises Unreachable, Refused: if they cannot be written
+    """
+    cache, values = get_param_server_cache(), values if isinstance(values, dict) else {}
+    cached = cache.get(namespace)
+    cached = {name: value for name, value in cached.items() if value != {}} if isinstance(cached, dict) else {}
+    for name, value in values.items():
         with contextlib.suppress(KeyError):
-            if cache.get(key) != value:
-                cache.update(key, value)
+            if cached.get(name) != value:
+                cache.update('%s/%s' % (namespace, name), value)
+    if not set(cached) <= set(values):
+        rpc.call(rosgraph.get_master_uri(), 'setParam', namespace, {**cached, **values})
 
 
-def _ask(registrations: Sequence[Registration], uri: str) -> Tuple[List[Any], Dict[str, List[str]]]:
-    """The master's answer to each registration, None if it refuses or does not answer; {topic: publishers' names}."""
+def ask_together(registrations: Sequence[Registration], node: str, uri: str
+                 ) -> Tuple[List[Any], Dict[str, List[str]]]:
+    """The master's answer to each registration, None if it refuses or does not answer; {topic: publishers' names}.
+
+    :param node: the name of the node that is registered
+    :param uri: of its XML-RPC server
+    """
     if not registrations:
         return [], {}
-    name = rospy.get_caller_id()
-    calls = [one.call(name, uri) for one in registrations] + [{'methodName': 'getSystemState', 'params': [name]}]
+    calls = [one.call(node, uri) for one in registrations] + [{'methodName': 'getSystemState', 'params': [node]}]
     answers: List[Any] = []
     try:
         transport = rpc.MasterTransport(MULTICALL_TIMEOUT)
