@@ -3,6 +3,7 @@
 import threading
 import time
 import xml.etree.ElementTree as ElementTree
+import xmlrpc.client
 from typing import Any, Callable, Dict, Iterator
 
 import rospy
@@ -37,6 +38,16 @@ def wait_for(condition: Callable[[], Any], seconds: float = 20.0, what: str = 't
         assert time.monotonic() < deadline, '%s did not come in %g s' % (what, seconds)
         assert not rospy.is_shutdown(), 'the node was shut down'
         time.sleep(0.02)
+
+
+def pid_at(uri: str) -> int:
+    """The process id of the node at a URI; 0: there is no node, or it does not answer."""
+    try:
+        with xmlrpc.client.ServerProxy(uri or 'http://localhost:1') as proxy:
+            node: Any = proxy
+            return int(node.getPid('/test')[2])
+    except OSError:
+        return 0
 
 
 class Collector:

@@ -1,0 +1,189 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Keeps the operator's rviz: starts it, registers it with a restarted master, and starts it again if it crashes.
+
+This is not a node itself: it passes its arguments on to rviz, which has the name and the remappings that roslaunch gave
+to this process.
+
+roscpp registers once. rviz therefore keeps its connections when the master is restarted, but the new master does not
+notify it of publishers that are restarted later. This process registers rviz's topics in its place: rviz says which
+they are, and goes on with its view as the user left it. Its services (load_config and the like) are not registered.
+"""
+import os
+import signal
+import subprocess
+import sys
+import time
+from typing import Any, List, Optional
+
+import rosgraph
+import roslib.packages
+import rospkg
+import rospy
+
+from .. import udpros
+from ..udpros import rpc
+from ..udpros.master import MasterWatch, Registration, ask_together
+from .logging import log_error
+from .namesake import SECOND_OPERATOR, resolved, wait_until_free
+
+NODE = 'operator_rviz'
+
+PERIOD = 1.0
+"""How often the master is asked whether it is still the same [s]."""
+
+STABLE_TIME = 10.0
+"""If rviz ran for this time, it is started again at once; otherwise later and later [s]."""
+
+MIN_DELAY, MAX_DELAY = 1.0, 60.0
+"""[s]"""
+
+END_TIMEOUT = 5.0
+"""rviz may take so long to end before it is killed [s]."""
+
+
+class Restarts:
+    """Decides when a program is started again that has ended."""
+
+    def __init__(self) -> None:
+        self._delay = MIN_DELAY
+
+    def delay(self, code: int, lifetime: float) -> Optional[float]:
+        """Time until it has to be started again [s]; None: the user has ended it.
+
+        :param code: its exit code, or minus the signal that ended it
+        :param lifetime: how long it ran [s]
+        """
+        if code == 0:
+            return None
+        if lifetime >= STABLE_TIME:
+            self._delay = MIN_DELAY
+        delay, self._delay = self._delay, min(2 * self._delay, MAX_DELAY)
+        return delay
+
+
+class ForeignNode:
+    """Registers a node of another process, which cannot do this itself, with a restarted master.
+
+    :param name: of the node
+    :param pid: of its process, which has not yet registered itself perhaps
+    """
+
+    def __init__(self, name: str, pid: int) -> None:
+        self._name, self._pid = name, pid
+        self._uri = ''
+        self._watch: Optional[MasterWatch] = None
+
+    def look(self) -> None:
+        """Register it if the master is a new one.
+
+        :raises Unreachable, Refused: if the master or the node does not answer
+        """
+        if self._watch is None:
+            self._find()
+        elif self._watch.is_new() and self._register():
+            self._watch.registered()
+            rospy.loginfo('%s is registered again: the master has been restarted', self._name)
+
+    def _find(self) -> None:
+        """Find the node once it has registered itself."""
+        master = rosgraph.get_master_uri()
+        uri = rpc.call(master, 'lookupNode', self._name)
+        if rpc.call(uri, 'getPid') == self._pid:    # not one that crashed before
+            self._uri, self._watch = uri, MasterWatch(master, uri, self._name)
+            self._watch.is_new()
+
+    def _register(self) -> bool:
+        topics = [Registration(topic, type_, kind) for kind, method in (('pub', 'getPublications'),
+                                                                        ('sub', 'getSubscriptions'))
+                  for topic, type_ in rpc.call(self._uri, method)]
+        answers, _ = ask_together(topics, self._name, self._uri)
+        for one, publishers in zip(topics, answers):
+            if one.kind == 'sub' and publishers:    # none: they are not registered yet, and then the master notifies
+                rpc.call(self._uri, 'publisherUpdate', one.name, publishers)
+        return None not in answers
+
+
+class RvizKeeper:
+    """Runs rviz as a child process.
+
+    :param command: rviz and its arguments
+    """
+
+    def __init__(self, command: List[str]) -> None:
+        self._command, self._name = command, resolved(NODE)
+        self._ending = False
+        self._rviz: Any = None
+        self._log_error = log_error('watching the master for rviz')
+
+    def end(self, *_: Any) -> None:
+        """End rviz and this process; a signal handler."""
+        self._ending = True
+        if self._rviz is not None:
+            self._rviz.terminate()
+
+    def run(self) -> None:
+        """Return when the user has closed rviz, or after `end`."""
+        restarts = Restarts()
+        while not self._ending:
+            begun = time.monotonic()
+            self._rviz = subprocess.Popen(self._command)
+            code = self._watch_over(ForeignNode(self._name, self._rviz.pid))
+            delay = restarts.delay(code, time.monotonic() - begun)
+            if self._ending or delay is None:
+                return
+            rospy.logerr('rviz has ended unexpectedly (%s): it is started again in %g s', _words(code), delay)
+            self._sleep(delay)
+
+    def _watch_over(self, node: ForeignNode) -> int:
+        """Wait until rviz has ended; its exit code."""
+        while True:
+            try:
+                return int(self._rviz.wait(END_TIMEOUT if self._ending else PERIOD))
+            except subprocess.TimeoutExpired:
+                if self._ending:
+                    self._rviz.kill()
+            try:
+                node.look()
+            except (rpc.Unreachable, rpc.Refused) as error:
+                rospy.logdebug('rviz cannot be registered: %s', error)
+            except Exception as error:  # a bug of ours must not end rviz
+                self._log_error(error)
+
+    def _sleep(self, seconds: float) -> None:
+        until = time.monotonic() + seconds
+        while time.monotonic() < until and not self._ending:
+            time.sleep(0.1)
+
+
+def _words(code: int) -> str:
+    return 'exit code %d' % code if code > 0 else signal.Signals(-code).name
+
+
+def find_rviz() -> str:
+    """The path of rviz.
+
+    :raises OSError: where it is not installed, or cannot show anything
+    """
+    try:
+        found = roslib.packages.find_node('rviz', 'rviz')
+    except rospkg.ResourceNotFound:
+        found = []
+    if not found:
+        raise OSError('it is not installed')
+    if not (os.environ.get('DISPLAY') or os.environ.get('WAYLAND_DISPLAY')):
+        raise OSError('there is no display (DISPLAY is not set)')
+    return str(found[0])
+
+
+def main() -> None:
+    udpros.race_all_connections()
+    try:
+        command = [find_rviz(), *sys.argv[1:]]
+    except OSError as error:
+        rospy.logerr('rviz is not started: %s. All else runs without it; rviz:=false avoids this message', error)
+        return
+    wait_until_free(NODE, SECOND_OPERATOR)
+    keeper = RvizKeeper(command)
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, keeper.end)
+    keeper.run()
