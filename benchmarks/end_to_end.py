@@ -31,6 +31,10 @@ PEER = [sys.executable, '-m', 'benchmarks.end_to_end_peer']
 
 KINDS = 'image', 'cloud'
 
+WIRE_TOPICS = ['link/report', 'clock/ask', 'clock/answer', 'focus/request',
+               *('%s/segments' % stream for stream in (*KINDS, 'link', 'status'))]
+"""Of robot_sender and operator_receiver, in /smokebot_udp."""
+
 ROUNDS, SECONDS = 3, 6.0
 QUICK_ROUNDS, QUICK_SECONDS = 1, 3.0
 
@@ -133,7 +137,10 @@ def _ours(name: str, title: str, folder: pathlib.Path, cloud_settings: Mapping[s
         stream.update(robot_topic='in/' + kind, operator_topic='out/' + kind)
     path = folder / (name + '.yaml')
     path.write_text(json.dumps({'streams': streams}))    # JSON is YAML
-    robot, operator = ([sys.executable, str(TOP / 'scripts' / node), '_streams_file:=%s' % path] for node in NODES)
+    # several pairs run at one master
+    remaps = ['/smokebot_udp/%s:=smokebot_udp/%s' % (topic, topic) for topic in WIRE_TOPICS]
+    robot, operator = ([sys.executable, str(TOP / 'scripts' / node), '_streams_file:=%s' % path, *remaps]
+                       for node in NODES)
     return Method(name, title, [[*robot, *options]], [operator], cloud_size, counts=True)
 
 

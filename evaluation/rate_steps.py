@@ -35,7 +35,7 @@ STEADY, SETTLED = 2.0, 1.0
 """What the link carries counts from this time after a step on, what it drops from this one on [s]."""
 
 CAMERA, ODOM, TF = 'thermal/image_raw', 'odom', 'tf'
-REPORT = 'smokebot_udp/link/report'
+REPORT = '/smokebot_udp/link/report'
 
 OPERATOR_KINDS = {
     'operator/thermal/image_raw': 'recorded image', 'operator/odom': 'odometry', 'operator/tf': 'transforms',
@@ -70,7 +70,7 @@ class Method:
     @property
     def robot_subscriptions(self) -> List[Subscription]:
         """What to listen to on the robot's side: the camera, and the protected topics as they are sent."""
-        wires = {name: 'whole/' + name if self.robot is None else 'smokebot_udp/%s/segments' % name
+        wires = {name: 'whole/' + name if self.robot is None else '/smokebot_udp/%s/segments' % name
                  for name in (ODOM, TF)}
         status = [] if self.robot is None else [['robot_sender/status', 'status', 'TCPROS']]
         return [[CAMERA, 'recorded image', 'TCPROS'], [wires[ODOM], 'odometry', 'TCPROS'],

@@ -21,7 +21,7 @@ FORGED = (
 
 def main() -> None:
     rospy.init_node('forger')
-    publisher = udpros.Publisher('smokebot_udp/link/report', LinkReport, queue_size=10)
+    publisher = udpros.Publisher('/smokebot_udp/link/report', LinkReport, queue_size=10)
     rate = rospy.Rate(50)
     while not rospy.is_shutdown():
         for report in FORGED:

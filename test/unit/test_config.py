@@ -95,14 +95,15 @@ def test_a_wrong_value_by_a_former_name_is_refused() -> None:
         "stream 'thermal': min_bitrate is -1, must be a number from 0 to 1e+06 [kbit/s]"]
 
 
-@pytest.mark.parametrize('topic', ['/operator/thermal/image_raw', '/operator//thermal/image_raw/'])
+@pytest.mark.parametrize('topic', ['/operator/thermal/image_raw', '/operator//thermal/image_raw/',
+                                   'operator/thermal/image_raw'])
 @pytest.mark.parametrize('kind', ['image', 'scan'])
 def test_the_second_stream_with_an_operator_topic_is_refused(kind: str, topic: str) -> None:
     streams, problems = config.load(
         GOOD + '  rear: {type: %s, robot_topic: /rear, operator_topic: %s}\n' % (kind, topic))
     assert 'thermal' in streams and 'rear' not in streams
-    assert problems == ["stream 'rear': operator_topic /operator/thermal/image_raw is already the operator_topic of "
-                        "stream 'thermal'"]
+    assert problems == ["stream 'rear': operator_topic %soperator/thermal/image_raw is already the operator_topic of "
+                        "stream 'thermal'" % ('/' * topic.startswith('/'))]
 
 
 @pytest.mark.parametrize('topic', ['/gas', '//gas/'])

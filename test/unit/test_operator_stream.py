@@ -118,7 +118,7 @@ class Bench:
         return stream
 
     def receive(self, records: Any, name: str = 'thermal') -> None:
-        self.topics['smokebot_udp/%s/segments' % name].options['batch_callback'](records, GOOD)
+        self.topics['/smokebot_udp/%s/segments' % name].options['batch_callback'](records, GOOD)
 
     def logs(self, count: int) -> List[Any]:
         return [self.log.get(timeout=10) for _ in range(count)]
@@ -182,7 +182,7 @@ def test_warnings_are_logged_once(bench: Bench) -> None:
 
 def test_whole_messages_are_published_in_the_transports_thread(bench: Bench) -> None:
     stream = bench.start(ForwardingAssembler)
-    forward = bench.topics['smokebot_udp/thermal/segments'].options['callback']
+    forward = bench.topics['/smokebot_udp/thermal/segments'].options['callback']
     for message in 'one', 'same', 'odd':
         forward(message)
     assert bench.logs(2) == [('publish', 'one'), ('publish', 'odd')] and bench.log.empty()

@@ -172,7 +172,7 @@ def scan(number: int, stamp: Optional[int] = None) -> Any:
 
 def test_a_message_goes_from_the_source_to_the_operator(make: Make) -> None:
     made = make()
-    assert (made.segments.name, made.segments.message_class) == ('smokebot_udp/scan/segments', ScanSegment)
+    assert (made.segments.name, made.segments.message_class) == ('/smokebot_udp/scan/segments', ScanSegment)
     assert made.segments.options['max_datagram_size'] == 1472
     assert (made.source.name, made.source.message_class, made.source.options['queue_size']) == ('/in', LaserScan, 1)
     for number in (5, 6):

@@ -16,8 +16,8 @@ from ..msg import ClockEcho
 from .logging import log_error
 from .worker import PeriodicWorker
 
-ASK = 'smokebot_udp/clock/ask'
-ANSWER = 'smokebot_udp/clock/answer'
+ASK = '/smokebot_udp/clock/ask'
+ANSWER = '/smokebot_udp/clock/answer'
 """Wire topics of questions and answers."""
 
 PERIOD = 1.0

@@ -13,6 +13,14 @@ Load = Callable[[str, Callable[[str], None]], Tuple[Dict[str, Any], List[str]]]
 """f(text, warn) -> ({name: valid entry}, [problem, ...])"""
 
 
+def operator_topic(name: str) -> str:
+    """The resolved name of a topic of the operator's side: also an absolute one is in the node's namespace.
+
+    All operators use the same streams.yaml; their namespaces keep their topics apart.
+    """
+    return str(rospy.resolve_name(name.lstrip('/')))
+
+
 class Parameters:
     """The node's private parameters as they were at the start; all are read in one call of the master.
 

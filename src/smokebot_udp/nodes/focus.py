@@ -28,7 +28,7 @@ from .worker import PeriodicWorker
 GRANTS_PERIOD = 1.0
 """Period at which the status is published where grants have changed [s]."""
 
-REQUESTS = 'smokebot_udp/focus/request'
+REQUESTS = '/smokebot_udp/focus/request'
 """Topic of the operator's requests."""
 
 FIELDS = 'enabled', 'rate', 'weight', 'min_bitrate'

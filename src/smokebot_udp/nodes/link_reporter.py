@@ -11,7 +11,7 @@ from ..msg import ArrivalMark, LinkReport, StreamArrivals
 from .logging import log_error
 from .worker import PeriodicWorker
 
-TOPIC = 'smokebot_udp/link/report'
+TOPIC = '/smokebot_udp/link/report'
 """Topic of the reports, on the wire."""
 
 

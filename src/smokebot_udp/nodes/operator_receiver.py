@@ -3,8 +3,8 @@
 
 Parameters: OPERATOR_RECEIVER in nodes/parameters.py, listed in doc/parameters.md.
 
-Each stream subscribes smokebot_udp/<stream>/segments and publishes its operator_topic. Service: ~set_focus, the robot's
-mission focus.
+Each stream subscribes /smokebot_udp/<stream>/segments and publishes its operator_topic in the node's namespace, which
+distinguishes several operators of one robot. Service: ~set_focus, the robot's mission focus.
 """
 import rospy
 
@@ -12,12 +12,13 @@ from .. import udpros
 from ..msg import RobotStatus
 from . import malloc_tuning
 from .clock_sync import ClockClient
-from .common import Parameters, load_streams
+from .common import Parameters, load_streams, operator_topic
 from .diagnostics import operator_diagnostics
 from .focus_client import FocusClient
 from .link_reporter import LinkReporter
 from .live import LiveSettings, ParameterWatch
 from .motion import MotionListener
+from .namesake import SECOND_OPERATOR, wait_until_free
 from .operator_stream import OperatorLink, OperatorStream
 from .parameters import OPERATOR_RECEIVER
 from .problems import Problems
@@ -32,7 +33,7 @@ class OperatorReceiver:
         parameters = Parameters(OPERATOR_RECEIVER, problems.report)
         udpros.emulate_loss(parameters['loss'], parameters['loss_seed'])
         with udpros.registered_together():
-            self._motion = MotionListener(parameters['odom_topic'], parameters['cmd_vel_topic'])
+            self._motion = MotionListener(operator_topic(parameters['odom_topic']), parameters['cmd_vel_topic'])
             self._clock = ClockClient()
             self._reporter = LinkReporter()
             link = OperatorLink(parameters['max_datagram_size'], parameters['receive_buffer'], self._motion.is_still,
@@ -41,7 +42,7 @@ class OperatorReceiver:
             status = [stream.topic for stream in self.streams.values() if stream.assembler.MESSAGE is RobotStatus]
             self._focus = FocusClient(status[0] if status else None, parameters['focus_patience'])
             self._diagnostics = operator_diagnostics(self.streams, self._clock, parameters, problems, self._focus.sent)
-            self._stale = StaleMarker(self.streams, self._focus.sent, parameters['stale_topic'],
+            self._stale = StaleMarker(self.streams, self._focus.sent, operator_topic(parameters['stale_topic']),
                                       parameters['base_frame'], parameters['stale_after'])
         parts = [LiveSettings(name, stream.settings, problems.report) for name, stream in self.streams.items()
                  if stream.settings.table]
@@ -63,6 +64,7 @@ class OperatorReceiver:
 def main() -> None:
     malloc_tuning.keep_freed_memory()
     udpros.race_all_connections()
+    wait_until_free('operator_receiver', SECOND_OPERATOR)
     rospy.init_node('operator_receiver')
     receiver = OperatorReceiver()
     rospy.loginfo('operator_receiver: receiving %s', ', '.join(receiver.streams) or 'nothing: no stream is valid')

@@ -17,6 +17,7 @@ from ..streams import assembler_class
 from ..streams.assembler import Assembled, Assembler
 from ..streams.relay.transforms import QUEUE
 from ..streams.segments import wire_topic
+from .common import operator_topic
 from .worker import DeadlineWorker
 
 MAX_SHOWN = 512
@@ -50,7 +51,7 @@ class OperatorStream:
     """
 
     def __init__(self, name: str, settings: Mapping[str, Any], link: OperatorLink) -> None:
-        self.name, self.topic = name, rospy.resolve_name(settings['operator_topic'])
+        self.name, self.topic = name, operator_topic(settings['operator_topic'])
         class_ = assembler_class(settings['type'])
         self.assembler: Assembler[Any, Any] = class_(settings, time.monotonic)
         self.settings = SettingsStore(live(class_.PARAMETERS), settings)

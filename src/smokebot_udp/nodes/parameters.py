@@ -43,12 +43,13 @@ OPERATOR_RECEIVER = {
                       most=1.0),
     'loss_seed': Parameter(0, '', 'seed of the random losses', least=0),
     'odom_topic': Parameter('/operator/odom', '', 'nav_msgs/Odometry, from which it is known whether the robot stands '
-                            'still'),
+                            "still; in the operator's namespace"),
     'cmd_vel_topic': Parameter('/cmd_vel', '', 'geometry_msgs/Twist, used where there is no odometry; images are used '
                                'where there is neither'),
     'focus_patience': Parameter(10.0, 's', 'timeout of ~set_focus', least=0.1),
     'stale_after': Parameter(2.0, 's', "time without data after which rviz' 3D view shows NO DATA", least=0.1),
-    'stale_topic': Parameter('/operator/stale', '', 'visualization_msgs/Marker that shows NO DATA'),
+    'stale_topic': Parameter('/operator/stale', '', "visualization_msgs/Marker that shows NO DATA; in the operator's "
+                             'namespace'),
     'base_frame': Parameter('base_link', '', 'frame of the robot above which NO DATA stands'),
     **DIAGNOSTICS,
 }

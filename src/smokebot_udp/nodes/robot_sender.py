@@ -3,8 +3,8 @@
 
 Parameters: ROBOT_SENDER in nodes/parameters.py, listed in doc/parameters.md.
 
-Each stream subscribes its robot_topic and publishes smokebot_udp/<stream>/segments. ~status (latched) shows the focus
-and the settings of each stream, ~focus/modified (latched) whether any of them was set by hand since the focus was
+Each stream subscribes its robot_topic and publishes /smokebot_udp/<stream>/segments. ~status (latched) shows the
+focus and the settings of each stream, ~focus/modified (latched) whether any of them was set by hand since the focus was
 switched, ~link the state of the link. Service: ~set_focus.
 """
 import collections
@@ -30,6 +30,7 @@ from .diagnostics import robot_diagnostics
 from .focus import FocusControl
 from .level_frame import TransformLookup
 from .link_control import LinkControl, SharedController
+from .namesake import wait_until_free
 from .outbox import Outbox
 from .parameters import ROBOT_SENDER
 from .problems import Problems
@@ -95,6 +96,7 @@ def _log(stream: str, error: Exception) -> None:
 def main() -> None:
     malloc_tuning.keep_freed_memory()
     udpros.race_all_connections()
+    wait_until_free('robot_sender', 'A master can have one robot_sender.')
     rospy.init_node('robot_sender')
     sender = RobotSender()
     rospy.loginfo('robot_sender: sending %s', ', '.join(sender.streams) or 'nothing: no stream is valid')

@@ -9,6 +9,7 @@ from std_msgs.msg import Header
 
 from ..arrays import Array
 from ..streams.image.view import View, ViewedImage
+from .common import operator_topic
 from .worker import DeadlineWorker
 
 
@@ -25,7 +26,7 @@ class ViewPublisher:
     def __init__(self, settings: Mapping[str, Any], clock_offset: Callable[[], float], frame: str = '') -> None:
         self._clock_offset = clock_offset
         self._view = View(settings, Header(frame_id=frame))
-        self._publisher = rospy.Publisher(settings['view_topic'], Image, queue_size=2, tcp_nodelay=True)
+        self._publisher = rospy.Publisher(operator_topic(settings['view_topic']), Image, queue_size=2, tcp_nodelay=True)
         self._worker: DeadlineWorker[ViewedImage] = DeadlineWorker(
             'view', lambda now: self._view.poll(now, self.wanted), self._view.deadline, self._publish, self._report)
         self._worker.start()

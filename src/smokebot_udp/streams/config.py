@@ -111,7 +111,8 @@ def _check(name: Any, values: Any, warn: Callable[[str], None]) -> Dict[str, Any
 def _check_topics(settings: Mapping[str, Any], others: Mapping[str, Mapping[str, Any]]) -> None:
     """Check the topics of a stream, and that its source has one type.
 
-    Relative names are compared as they are written: each node resolves them in its own namespace.
+    Relative names of the robot's side are compared as they are written: its node resolves them in its namespace. Those
+    of the operator's side are all in the namespace of its node.
 
     :param others: {name: settings} of the streams before it
     :raises ValueError: where they make a loop, the operator's topic is that of another stream, or another stream
@@ -122,7 +123,7 @@ def _check_topics(settings: Mapping[str, Any], others: Mapping[str, Mapping[str,
         raise ValueError('robot_topic and operator_topic are both %s: the stream would send again and again what it '
                          'publishes itself' % published)
     for name, other in others.items():
-        if published == _normalised(other['operator_topic']):
+        if published.lstrip('/') == _normalised(other['operator_topic']).lstrip('/'):
             raise ValueError("operator_topic %s is already the operator_topic of stream '%s'" % (published, name))
         types = _source_type(settings), _source_type(other)
         if _normalised(settings['robot_topic']) == _normalised(other['robot_topic']) and types[0] != types[1]:

@@ -12,5 +12,5 @@ ROBOT = {
                              most=1e6, live=True),
 }
 OPERATOR = {
-    'operator_topic': Parameter(None, '', 'topic on which the operator receives it'),
+    'operator_topic': Parameter(None, '', "topic on which the operator receives it, in the operator's namespace"),
 }

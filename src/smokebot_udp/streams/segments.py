@@ -14,8 +14,8 @@ from ..udpros.frame import Frame
 
 
 def wire_topic(name: str) -> str:
-    """The topic on which a stream's segments are sent, relative to the namespace of the nodes."""
-    return 'smokebot_udp/%s/segments' % name
+    """The topic on which a stream's segments are sent: the same for all nodes, whatever their namespaces."""
+    return '/smokebot_udp/%s/segments' % name
 
 
 def size_on_air(frames: Iterable[Frame]) -> int:
