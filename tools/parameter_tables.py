@@ -27,7 +27,8 @@ STREAMS = """## Streams
 
 These are the settings of a stream in streams.yaml. Live settings of the robot's side are found under
 `/robot_sender/<stream>/`, those of the operator's side under `/operator_receiver/<stream>/`. They are requested values;
-`/robot_sender/status` shows what the link grants of them.
+`/robot_sender/status` shows what the link grants of them. An operator started with `name:=desk2` has its settings under
+`/desk2/operator_receiver/<stream>/`.
 
 """
 

@@ -106,11 +106,12 @@ class ForeignNode:
 class RvizKeeper:
     """Runs rviz as a child process.
 
-    :param command: rviz and its arguments
+    :param command: rviz and its arguments; NODE is its name if they have none
     """
 
     def __init__(self, command: List[str]) -> None:
-        self._command, self._name = command, resolved(NODE)
+        # of two names the last one counts
+        self._command, self._name = [command[0], '__name:=' + NODE, *command[1:]], resolved(NODE)
         self._ending = False
         self._rviz: Any = None
         self._log_error = log_error('watching the master for rviz')
