@@ -82,7 +82,7 @@ class ForeignNode:
             self._find()
         elif self._watch.is_new() and self._register():
             self._watch.registered()
-            rospy.loginfo('%s is registered again: the master has been restarted', self._name)
+            print('%s is registered again: the master has been restarted' % self._name, flush=True)
 
     def _find(self) -> None:
         """Find the node once it has registered itself."""
