@@ -60,7 +60,7 @@ class RvizKeeper(unittest.TestCase):
         return self.start(sys.executable, TALKER, 'in')
 
     def keep(self) -> Any:
-        keeper = self.start(sys.executable, '-c', CODE, 'topic_tools', 'relay', 'in', 'out', '__name:=operator_rviz')
+        keeper = self.start(sys.executable, '-c', CODE, 'topic_tools', 'relay', 'in', 'out')
         wait_for(lambda: self.relays(keeper), 20, 'the relay')
         return keeper
 

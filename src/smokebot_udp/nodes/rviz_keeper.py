@@ -110,8 +110,8 @@ class RvizKeeper:
     """
 
     def __init__(self, command: List[str]) -> None:
-        # of two names the last one counts
-        self._command, self._name = [command[0], '__name:=' + NODE, *command[1:]], resolved(NODE)
+        named = any(argument.startswith('__name:=') for argument in command)
+        self._command, self._name = command + ([] if named else ['__name:=' + NODE]), resolved(NODE)
         self._ending = False
         self._rviz: Any = None
         self._log_error = log_error('watching the master for rviz')
