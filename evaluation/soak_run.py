@@ -60,6 +60,9 @@ SETTLING = 20.0
 WINDOW, WINDOW_INTERVAL = 10, 0.2
 """Samples of which the lowest numbers count, and the time between them [s]."""
 
+GOODBYE = 15.0
+"""A node that is asked to end is killed after this time [s]."""
+
 SAMPLING = 2.0
 """Interval between samples of the resources [s]."""
 
@@ -248,7 +251,7 @@ class Soak:
         begun = time.time()
         actions: Dict[str, Callable[[Fault], None]] = {
             'link cut': self._cut, 'address changed': lambda _: self._stack.change_address(),
-            GOES: lambda _: self._kill(SECOND_OPERATOR),
+            GOES: self._say_goodbye,
             'clock stepped': lambda fault: self._clock.step(fault.step), 'hostile flood': self._flood}
         restarted = KINDS[fault.kind].restarts
         if restarted:
@@ -288,6 +291,14 @@ class Soak:
 
     def _died(self) -> List[str]:
         return [part for part, process in self._parts.items() if process.poll() is not None]
+
+    def _say_goodbye(self, _: Fault) -> None:
+        """The second operator's node is ended in order: it unregisters."""
+        process = self._parts[SECOND_OPERATOR]
+        process.terminate()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(GOODBYE)
+        self._kill(SECOND_OPERATOR)
 
     def _cut(self, fault: Fault) -> None:
         self._stack.lab.set({**LINK, 'loss': 1.0})

@@ -44,8 +44,8 @@ def main(arguments: Optional[Sequence[str]] = None) -> bool:
         prog='./smokebot experiments',
         description='Measure, draw the figures and write %s/report.html.' % RESULTS)
     parser.add_argument('names', nargs='*', metavar='NAME', help='one of ' + ', '.join(EXPERIMENTS))
-    parser.add_argument('--quick', action='store_true', help='fewer and shorter measurements: 3 minutes instead of '
-                        'almost two hours; without ' + ', '.join(NEVER_QUICK))
+    parser.add_argument('--quick', action='store_true', help='fewer and shorter measurements: 3 minutes instead of an '
+                        'hour and a half; without ' + ', '.join(NEVER_QUICK))
     parser.add_argument('--draw', action='store_true', help='do not measure: redraw the figures of the last results')
     parser.add_argument('--seed', type=int, default=1, help='of all random numbers; default: %(default)s')
     parser.add_argument('--minutes', type=float, help='duration of soak; default: 30')

@@ -17,7 +17,7 @@ EXPLANATION = """
 Round after round a random fault hits the robot, its master, the link or an operator, at 5 % packet loss. Nodes are
 killed without warning (`kill -9`) and started again. When the robot reboots, its master and all its nodes end together,
 while the operator's side goes on. The link is cut for up to 30 s. The operator's machine gets another address: the
-machines know each other by host names. A second operator comes and goes. The robot's clock is stepped by up to an hour
+machines know each other by host names. A second operator comes, and ends in order. The robot's clock is stepped by up to an hour
 either way. A stranger calls the nodes: connections in others' names, forged notifications. All kinds of faults come
 equally often, in an order drawn from the seed.
 
