@@ -21,18 +21,16 @@ on the robot's.
 """
 import argparse
 import contextlib
-import json
 import os
 import signal
-import socket
 import sys
-import threading
 import time
-from typing import Any, Dict, Mapping, NoReturn, Sequence
+from typing import Any, Dict, NoReturn, Sequence
 
 from .channel import LinkConditions
 from .lab import Lab, LabError, environment
 from .link_trace import CONDITIONS, SIDES, Step, load, number
+from .server import LabServer, request
 
 SOCKET = '/run/smokebot_link_lab.sock'
 """Where the running link answers the other commands."""
@@ -62,27 +60,16 @@ def up(arguments: argparse.Namespace) -> None:
     conditions = parse(arguments.conditions)
     with Lab(seed if arguments.seed is None else arguments.seed, arguments.congestion_control) as lab:
         lab.set(conditions)
-        with contextlib.suppress(FileNotFoundError):
-            os.unlink(SOCKET)
-        with socket.socket(socket.AF_UNIX) as server:
-            server.bind(SOCKET)
-            try:
-                server.listen(5)
-                threading.Thread(target=_serve, args=(server, lab), daemon=True).start()
-                print('the link is up; use it with link_lab run robot|operator -- COMMAND, end it with Ctrl-C',
-                      flush=True)
-                _play(trace)
-            except KeyboardInterrupt:
-                pass
-            finally:
-                os.unlink(SOCKET)
+        with LabServer(SOCKET, lab), contextlib.suppress(KeyboardInterrupt):
+            print('the link is up; use it with link_lab run robot|operator -- COMMAND, end it with Ctrl-C', flush=True)
+            _play(trace)
 
 
 def _play(trace: Sequence[Step]) -> NoReturn:
     start = time.monotonic()
     for step in trace:
         time.sleep(max(0.0, start + step.at - time.monotonic()))
-        _request({'set': {side: vars(getattr(step, side)) for side in SIDES}})
+        request(SOCKET, {'set': {side: vars(getattr(step, side)) for side in SIDES}})
         print('%6.1f s: %s' % (step.at, '; '.join('%s %s' % (side, _summary(getattr(step, side))) for side in SIDES)),
               flush=True)
     while True:
@@ -96,43 +83,12 @@ def _summary(conditions: LinkConditions) -> str:
                      if getattr(conditions, name) != getattr(perfect, name)) or 'perfect'
 
 
-def _serve(server: socket.socket, lab: Lab) -> None:
-    """Answer the other commands, one JSON line each."""
-    while True:
-        with server.accept()[0] as client, client.makefile('rw') as lines:
-            try:
-                request = json.loads(lines.readline())
-                if 'set' in request:
-                    lab.set(**request['set'])
-                answer = {'command': lab.command(request['side'], [])} if 'side' in request else lab.statistics()
-            except (ValueError, LabError) as error:
-                answer = {'error': str(error)}
-            lines.write(json.dumps(answer) + '\n')
-            lines.flush()
-
-
-def _request(message: Mapping[str, Any]) -> Dict[str, Any]:
-    """The running link's answer; exits if there is none, or it refuses."""
-    with socket.socket(socket.AF_UNIX) as client:
-        try:
-            client.connect(SOCKET)
-        except OSError as error:
-            sys.exit('link_lab: no link is up (%s): start one with link_lab up' % error.strerror)
-        with client.makefile('rw') as lines:
-            lines.write(json.dumps(message) + '\n')
-            lines.flush()
-            answer: Dict[str, Any] = json.loads(lines.readline())
-    if 'error' in answer:
-        sys.exit('link_lab: ' + answer['error'])
-    return answer
-
-
 def run(arguments: argparse.Namespace) -> NoReturn:
     """Replace this process by a command on a side."""
     command = arguments.arguments[arguments.arguments[:1] == ['--']:]
     if not command:
         raise ValueError('run needs a command: link_lab run robot -- COMMAND')
-    command = _request({'side': arguments.side})['command'] + command
+    command = request(SOCKET, {'side': arguments.side})['command'] + command
     os.execvpe(command[0], command, environment(arguments.side))
 
 
@@ -140,12 +96,12 @@ def set_conditions(arguments: argparse.Namespace) -> None:
     """Change the conditions of both directions or of one."""
     one_side = arguments.words[0] in SIDES
     values = parse(arguments.words[one_side:])
-    _request({'set': {side: values for side in (arguments.words[:1] if one_side else SIDES)}})
+    request(SOCKET, {'set': {side: values for side in (arguments.words[:1] if one_side else SIDES)}})
 
 
 def show(_: argparse.Namespace) -> None:
     """Print the packet counters."""
-    answer = _request({})
+    answer = request(SOCKET, {})
     for side in SIDES:
         print('%-9s %s' % (side, ', '.join('%s %d' % item for item in answer[side].items())))
     if answer['late']:
