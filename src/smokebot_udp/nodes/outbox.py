@@ -3,7 +3,7 @@
 import math
 import threading
 import time
-from typing import Any, Callable, Optional, Sequence
+from typing import Any, Callable, Mapping, Optional, Sequence
 
 from ..congestion.packet_scheduler import Chunk, PacketScheduler
 from ..udpros.datagram import OVERHEAD
@@ -16,9 +16,15 @@ MAX_BACKLOG = 0.02
 MAX_WAIT = 0.5
 """but no longer than this [s]."""
 
-Departed = Callable[[str, Optional[int], int, int, float], None]
-"""f(stream, seq, count, size, now): `count` datagrams of `size` bytes each as IP packets left; seq: of the first one,
-None: they have no sequence numbers."""
+Departed = Callable[[str, Optional[int], int, int, float, Mapping[str, int]], None]
+"""f(stream, seq, count, size, now, limits): `count` datagrams of `size` bytes each as IP packets left.
+
+* seq: of the first one; None: they have no sequence numbers
+* limits: {subscriber that got only the first datagrams: their number}
+"""
+
+Conforming = Callable[[str, int, int, float], Mapping[str, int]]
+"""f(stream, count, size, now) -> limits as in Departed, for datagrams that leave now."""
 
 
 class Outbox:
@@ -27,12 +33,14 @@ class Outbox:
     :param scheduler: decides what leaves when
     :param departed: see Departed; called for all datagrams that left
     :param on_error: f(stream, exception), called where sending fails; the other streams go on
+    :param conforming: see Conforming; called for all datagrams that wait for their turn
     """
 
     def __init__(self, scheduler: Optional[PacketScheduler] = None, departed: Departed = lambda *_: None,
-                 on_error: Callable[[str, Exception], None] = lambda *_: None) -> None:
+                 on_error: Callable[[str, Exception], None] = lambda *_: None,
+                 conforming: Conforming = lambda *_: {}) -> None:
         self._scheduler = scheduler or PacketScheduler()
-        self._departed, self._on_error = departed, on_error
+        self._departed, self._on_error, self._conforming = departed, on_error, conforming
         self.protected = 0
         """What ever left at once [byte of IP packets]."""
         lock = threading.Lock()
@@ -79,13 +87,13 @@ class Outbox:
         :param publisher: udpros.Publisher
         :param size: of the serialised message [byte]
         """
+        now = time.monotonic()      # before it leaves: it may arrive at once
         publisher.publish(message)
         size += OVERHEAD + IP_UDP_HEADERS
         with self._changed:
-            now = time.monotonic()
             self.protected += size
             self._scheduler.charge(size, now)
-            self._departed(stream, publisher.impl.seq if message._has_header else None, 1, size, now)
+            self._departed(stream, publisher.impl.seq if message._has_header else None, 1, size, now, {})
 
     def drop(self, stream: str) -> None:
         """Nothing more of a stream's message leaves."""
@@ -129,6 +137,7 @@ class Outbox:
     def _send(self, chunk: Chunk) -> None:
         publisher, frames = chunk.work
         frame = frames[chunk.part].part(chunk.start, chunk.stop)
-        now = time.monotonic()
-        first = publisher.publish_frames(frame)
-        self._departed(chunk.stream, first, len(frame), frame.datagram_size + IP_UDP_HEADERS, now)
+        now, size = time.monotonic(), frame.datagram_size + IP_UDP_HEADERS
+        limits = self._conforming(chunk.stream, len(frame), size, now)
+        first = publisher.publish_frames(frame, limits=limits)
+        self._departed(chunk.stream, first, len(frame), size, now, limits)
