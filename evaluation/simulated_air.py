@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Robots that share the air, simulated: the package's congestion control over link_lab's Channel, event by event.
 
-A robot has the nodes' congestion.controller.Controller and packet scheduler, and a load that sends; its operator
-reports over a channel of its own. Datagrams have sizes and times, and no content.
+A robot has the nodes' congestion.controller.Controller and packet scheduler, and a load that sends; its operators
+report over channels of their own. Datagrams have sizes and times, and no content.
 """
 import heapq
 import itertools
 import math
 import random
-from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
+from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Tuple
 
-from smokebot_udp.congestion.controller import Controller, Demand, Plan
+from smokebot_udp.congestion.controller import NO_LIMITS, Controller, Demand, Plan
 from smokebot_udp.congestion.estimator import LIMITS, REPORT_INTERVAL, Limits
 from smokebot_udp.congestion.feedback import ReceiveHistory, Report
 from smokebot_udp.congestion.operating_points import OperatingPoint
@@ -62,11 +62,26 @@ class Load:
         """Follow a new plan."""
 
 
-class Robot:
-    """One robot and its operator.
+class Operator:
+    """One operator of a robot: gets datagrams over one channel, and reports over another one.
 
-    :param there: channel of the datagrams
-    :param back: channel of the reports
+    :param clock: reading of its steady clock at the start [s]
+    """
+
+    def __init__(self, name: str, there: Channel, back: Channel, clock: float, seed: int) -> None:
+        self.name, self.there, self.back, self.clock = name, there, back, clock
+        draw = random.Random('%s session' % seed)
+        self.arrivals = ReceiveHistory(lambda: draw.getrandbits(32))
+        self.phase = draw.uniform(0, REPORT_INTERVAL)
+        self.came: List[Tuple[float, str, Any, int, float]] = []
+        """(when, stream, frame, index, when it was sent) of each datagram that arrived"""
+
+
+class Robot:
+    """One robot and its operators.
+
+    :param there: channel of the datagrams to its first operator
+    :param back: channel of that one's reports
     :param seed: of what is random
     :param clocks: readings of the robot's and the operator's steady clocks at the start [s]
     """
@@ -74,23 +89,32 @@ class Robot:
     def __init__(self, events: Events, there: Channel, back: Channel, load: Load, seed: int = 0,
                  limits: Limits = LIMITS, clocks: Tuple[float, float] = (1000.0, 5000.0)) -> None:
         self.events, self.there, self.back, self.load = events, there, back, load
-        self.robots_clock, self.operators_clock = clocks
-        draw = random.Random('%s session' % seed)
+        self.robots_clock, clock = clocks
         self.controller = Controller(limits, True, FULL)
         self.scheduler = PacketScheduler(self.controller.rate(self.robot_time))
-        self.arrivals = ReceiveHistory(lambda: draw.getrandbits(32))
+        self.operators: Dict[str, Operator] = {}
         self.sent: List[Tuple[float, int, float]] = []
         """(when, size, air time that was queued before it) of each datagram"""
-        self.came: List[Tuple[float, str, Any, int, float]] = []
-        """(when, stream, frame, index, when it was sent) of each datagram that arrived"""
         self._protected_bytes = 0
         self._seq: Dict[str, int] = {}
         self._next: Optional[float] = None
-        phase = draw.uniform(0, REPORT_INTERVAL)
-        events.at(phase, self._report)
-        events.at(phase, self._tick)
+        first = self.join('operator', there, back, seed, clock)
+        self.came = first.came
+        events.at(first.phase, self._tick)
         self.plan = self.controller.tick(self.robot_time, load.demands(), 0)
         load.start(self)
+
+    def join(self, name: str, there: Channel, back: Channel, seed: int = 0, clock: float = 5000.0) -> Operator:
+        """Another operator gets all from now on."""
+        operator = Operator(name, there, back, clock, seed)
+        self.operators[name] = operator
+        self.controller.on_operators(dict.fromkeys(self.operators, 1), self.robot_time)
+        self.events.at(self.events.now + operator.phase, self._report, operator)
+        return operator
+
+    def leave(self, name: str) -> None:
+        """An operator ends."""
+        del self.operators[name]
 
     @property
     def robot_time(self) -> float:
@@ -122,38 +146,48 @@ class Robot:
         self._next = None
         chunk = self.scheduler.take(self.robot_time + 1e-9)
         if chunk is not None:
-            self._depart(chunk.stream, chunk.work, chunk.start, chunk.stop, chunk.size // (chunk.stop - chunk.start))
+            count = chunk.stop - chunk.start
+            limits = self.controller.conforming(chunk.stream, count, chunk.size // count, self.robot_time)
+            self._depart(chunk.stream, chunk.work, chunk.start, chunk.stop, chunk.size // count, limits)
         self._wake()
 
-    def _depart(self, stream: str, frame: Any, start: int, stop: int, size: int) -> None:
+    def _depart(self, stream: str, frame: Any, start: int, stop: int, size: int,
+                limits: Mapping[str, int] = NO_LIMITS) -> None:
         now, first = self.events.now, self._seq.get(stream, 0) + 1
         self._seq[stream] = first + stop - start - 1
-        self.controller.on_sent(stream, first, stop - start, size, self.robot_time)
+        self.controller.on_sent(stream, first, stop - start, size, self.robot_time, limits)
         for index in range(start, stop):
             queued = self.there.waits(now)
-            for time in self.there.fate(now, size)[:1]:
-                self.events.at(time, self._arrive, stream, first + index - start, frame, index, size, now)
+            for operator in self.operators.values():
+                if index - start < limits.get(operator.name, stop - start):
+                    for time in operator.there.fate(now, size)[:1]:
+                        self.events.at(time, self._arrive, operator, stream, first + index - start, frame, index, size,
+                                       now)
             self.sent.append((now, size, queued))
 
-    def _arrive(self, stream: str, seq: int, frame: Any, index: int, size: int, left: float) -> None:
+    def _arrive(self, operator: Operator, stream: str, seq: int, frame: Any, index: int, size: int,
+                left: float) -> None:
         now = self.events.now
-        self.came.append((now, stream, frame, index, left))
-        self.arrivals.add(stream, seq, size, self.operators_clock + now)
+        operator.came.append((now, stream, frame, index, left))
+        operator.arrivals.add(stream, seq, size, operator.clock + now)
 
-    def _report(self) -> None:
+    def _report(self, operator: Operator) -> None:
+        if self.operators.get(operator.name) is not operator:
+            return
         now = self.events.now
-        report = self.arrivals.report(self.operators_clock + now)
-        for time in self.back.fate(now, REPORT_SIZE)[:1]:
-            self.events.at(time, self._take, report)
-        self.events.at(now + REPORT_INTERVAL, self._report)
+        report = operator.arrivals.report(operator.clock + now)
+        for time in operator.back.fate(now, REPORT_SIZE)[:1]:
+            self.events.at(time, self._take, operator, report)
+        self.events.at(now + REPORT_INTERVAL, self._report, operator)
 
-    def _take(self, report: Report) -> None:
-        train = self.controller.on_report('operator', report, self.robot_time)
+    def _take(self, operator: Operator, report: Report) -> None:
+        train = self.controller.on_report(operator.name, report, self.robot_time)
         self._follow()
         if train is not None:
             self.scheduler.start_probe(train.rate, train.size)
 
     def _tick(self) -> None:
+        self.controller.on_operators(dict.fromkeys(self.operators, 1), self.robot_time)
         self.plan = self.controller.tick(self.robot_time, self.load.demands(), self._protected_bytes)
         self.load.apply(self.plan)
         self._follow()

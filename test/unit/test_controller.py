@@ -10,14 +10,16 @@ import pytest
 from smokebot_udp.congestion.controller import (
     GRANT_TOLERANCE,
     MAX_OPERATORS,
+    NEAR,
     OPERATOR_TIMEOUT,
     PLANNING_SHARE,
+    SOURCE_TIMEOUT,
     Controller,
     Demand,
     Plan,
 )
 from smokebot_udp.congestion.estimator import Limits
-from smokebot_udp.congestion.feedback import ReceiveHistory, Report, StreamArrivals
+from smokebot_udp.congestion.feedback import ArrivalSample, ReceiveHistory, Report, StreamArrivals
 from smokebot_udp.congestion.operating_points import OperatingPoint, image_points, rate_points
 from smokebot_udp.congestion.probe_rtt import DIP_GAIN
 from smokebot_udp.congestion.probing import ProbeTrain
@@ -52,8 +54,10 @@ class Receiver:
         self.name, self._rate = name, rate
         self._history, self._free = ReceiveHistory(lambda: 7), 0.0
         self._arriving: Deque[Tuple[float, int]] = collections.deque()
+        self.received = 0
 
     def receive(self, seq: int, now: float) -> None:
+        self.received += 1
         self._free = max(self._free, now) + SIZE / self._rate
         self._arriving.append((self._free + 0.02, seq))
 
@@ -89,18 +93,20 @@ class Robot:
         return self.plans[-1]
 
     def drive(self, receivers: Iterable[Receiver], seconds: float) -> None:
-        """All receivers get each datagram, and report ten times a second."""
+        """All receivers get each datagram that conforms, and report ten times a second."""
         until, next_report, receivers = self.now + seconds, self.now + 0.1, list(receivers)
         while self.now < until:
             seq = next(self._seq)
-            self.controller.on_sent('thermal', seq, 1, SIZE, self.now)
+            limits = self.controller.conforming('thermal', 1, SIZE, self.now)
+            self.controller.on_sent('thermal', seq, 1, SIZE, self.now, limits)
             for receiver in receivers:
-                receiver.receive(seq, self.now)
+                if limits.get(receiver.name, 1):
+                    receiver.receive(seq, self.now)
             self.now += SIZE / self.rate
             if self.now >= next_report:
                 next_report += 0.1
                 for receiver in receivers:
-                    train = self.controller.on_report(receiver.name, receiver.report(self.now), self.now)
+                    train = self.controller.on_report(receiver.name, receiver.report(self.now), self.now, 1)
                     self.trains += [train] if train else []
                 self.tick()
 
@@ -144,12 +150,117 @@ def test_streams_plan_with_the_capacity_while_the_rate_dips() -> None:
     assert all(sum(plan.shares.values()) > 0.9 * PLANNING_SHARE * 5 * MBIT for plan in dips)
 
 
-def test_the_worst_of_several_links_counts_until_its_operator_is_gone() -> None:
+def test_a_slow_link_slows_no_other_operator() -> None:
     robot, near, far = Robot(), Receiver('/near', 5 * MBIT), Receiver('/far', 1 * MBIT)
+    robot.controller.on_operators({'/near': 3, '/far': 3}, robot.now)
+    robot.drive([near], 6.0)
+    alone = robot.rate
+    robot.drive([near, far], 6.0)
+    assert robot.rate > 0.9 * alone
+    near.received = far.received = 0
+    robot.drive([near, far], 4.0)
+    assert near.received * SIZE / 4 > 0.9 * 5 * MBIT
+    assert far.received * SIZE / 4 == pytest.approx(1 * MBIT, rel=0.15)
+    state = robot.state
+    assert (state.operator, list(state.slower)) == ('/near', ['/far'])
+    assert state.slower['/far'] == pytest.approx(1 * MBIT, rel=0.2) and state.state == 'as /near reports, less for /far'
+    assert state.loss == 0.0 and state.refused_reports == {}
+
+
+def test_streams_are_planned_for_links_that_carry_nearly_as_much() -> None:
+    robot, one, other = Robot(), Receiver('/one', 5 * MBIT), Receiver('/other', (NEAR + 0.05) * 5 * MBIT)
+    robot.drive([one, other], 10.0)
+    assert robot.state.operator == '/other' and robot.state.slower == {}
+    assert robot.state.capacity == pytest.approx((NEAR + 0.05) * 5 * MBIT, rel=0.1)
+    one.received = other.received = 0
+    robot.drive([one, other], 4.0)
+    assert other.received > 0.85 * one.received     # what is sent at full gain; a plan is below the capacity
+
+
+def test_an_operator_that_left_no_longer_counts() -> None:
+    robot, near, far = Robot(), Receiver('/near', 5 * MBIT), Receiver('/far', 4.5 * MBIT)
+    robot.controller.on_operators({'/near': 3, '/far': 3, '/rviz': 1}, robot.now)
     robot.drive([near, far], 8.0)
-    assert robot.rate < 1.2 * MBIT and robot.state.operator == '/far'
-    robot.drive([near], OPERATOR_TIMEOUT + 8.0)
-    assert robot.state.operator == '/near' and robot.rate > 3 * MBIT
+    assert robot.state.operator == '/far' and robot.rate < 4.96 * MBIT
+    robot.controller.on_operators({'/near': 3, '/rviz': 1}, robot.now)
+    assert robot.state.operator == '/near'
+    robot.controller.on_report('/far', far.report(robot.now), robot.now)    # it was on its way
+    assert robot.state.operator == '/near' and robot.state.refused_reports == {'not of an operator': 1}
+    robot.controller.on_operators({'/near': 3, '/far': 3}, robot.now)
+    robot.drive([near, far], 3.0)
+    assert robot.state.operator == '/far'
+
+
+def test_who_stays_looks_for_the_room_of_who_left() -> None:
+    robot, near = Robot(), Receiver('/near', 5 * MBIT)
+    robot.controller.on_operators({'/near': 3, '/far': 3}, robot.now)
+    robot.drive([near], 6.0)
+    while True:                 # until a train found nothing
+        before = len(robot.trains)
+        robot.drive([near], 0.1)
+        if len(robot.trains) > before:
+            break
+    robot.drive([near], 0.3)
+    before = len(robot.trains)
+    robot.drive([near], 0.3)
+    assert len(robot.trains) == before
+    robot.controller.on_operators({'/near': 3}, robot.now)
+    robot.drive([near], 0.2)
+    assert len(robot.trains) == before + 1
+
+
+def test_an_operator_that_loses_a_connection_does_not_count_before_it_reports_again() -> None:
+    robot, near, far = Robot(), Receiver('/near', 5 * MBIT), Receiver('/far', 4.5 * MBIT)
+    robot.controller.on_operators({'/near': 3, '/far': 3}, robot.now)
+    robot.drive([near, far], 8.0)
+    robot.controller.on_operators({'/near': 3, '/far': 2}, robot.now)
+    robot.tick()
+    assert robot.state.operator == '/near'
+    robot.drive([near, far], 0.5)       # only that stream ended
+    assert robot.state.operator == '/far'
+
+
+def test_the_last_operator_counts_until_there_are_others() -> None:
+    robot, near = Robot(), Receiver('/near', 5 * MBIT)
+    robot.controller.on_operators({'/near': 1}, robot.now)
+    robot.drive([near], 4.0)
+    robot.controller.on_operators({}, robot.now)
+    robot.drive([], 2.0)
+    assert robot.state.operator == '/near' and robot.state.timeout
+    robot.controller.on_operators({'/new': 1}, robot.now)       # has not reported yet
+    assert robot.state.operator is None and robot.rate == LIMITS.start_rate
+
+
+def test_a_silent_operator_slows_no_other_one() -> None:
+    robot, near, gone = Robot(), Receiver('/near', 5 * MBIT), Receiver('/gone', 5 * MBIT)
+    robot.drive([near, gone], 6.0)
+    least = math.inf
+    for _ in range(40):
+        robot.drive([near], 0.1)
+        least = min(least, robot.state.capacity)
+    assert least > 0.9 * 5 * MBIT and robot.state.operator == '/near'
+
+
+def test_a_new_operator_begins_slowly_beside_others() -> None:
+    robot, near, late = Robot(), Receiver('/near', 5 * MBIT), Receiver('/late', 5 * MBIT)
+    robot.controller.on_operators({'/near': 1}, robot.now)
+    robot.drive([near], 5.0)
+    robot.controller.on_operators({'/near': 1, '/late': 1}, robot.now)
+    robot.drive([near, late], 0.09)     # before its first report
+    assert late.received * SIZE < 0.2 * LIMITS.start_rate
+    before = near.received
+    robot.drive([near, late], 1.0)
+    assert (near.received - before) * SIZE > 0.8 * 5 * MBIT
+    robot.drive([near, late], 5.0)
+    assert not robot.state.slower
+
+
+def test_a_subscriber_that_does_not_report_gets_everything_after_a_while() -> None:
+    robot, near, recorder = Robot(), Receiver('/near', 5 * MBIT), Receiver('/recorder', math.inf)
+    robot.controller.on_operators({'/near': 1, '/recorder': 1}, robot.now)
+    robot.drive([near], 5.0)
+    assert robot.controller.conforming('thermal', 100, SIZE, robot.now) == {}
+    assert robot.state.operator == '/near' and recorder.received == 0
 
 
 def test_without_reports_the_rate_falls_to_min_rate() -> None:
@@ -188,7 +299,7 @@ def test_forged_reports_are_counted_and_change_nothing() -> None:
     robot = Robot()
     robot.drive([Receiver('/op', 2 * MBIT)], 5.0)
     rate = robot.rate
-    assert robot.controller.on_report('/op', IMPOSSIBLE, robot.now) is None
+    assert robot.controller.on_report('/op', IMPOSSIBLE, robot.now, 1) is None
     assert robot.rate == rate and robot.state.refused_reports == {'received more than sent': 1}
 
 
@@ -202,14 +313,52 @@ def test_a_stranger_that_reports_nothing_that_was_sent_is_no_operator() -> None:
     assert rate > 2 * LIMITS.start_rate and robot.rate >= rate and robot.state.operator == '/op'
 
 
+def old_as_new(robot: Robot, step: int, source: Any, name: str) -> None:
+    """Report a datagram of the past as just arrived, as a path of minutes would; another session each time."""
+    report = Report(step + 10, round(1e6 * robot.now), [StreamArrivals('thermal', 50, 1, SIZE)],
+                    [ArrivalSample(0, 2 + step % 40, 0)])
+    robot.controller.on_report(name, report, robot.now, source)
+
+
+@pytest.mark.parametrize('name, source, refused', [
+    ('/stranger', 2, 'not of an operator'),                 # no stream is sent to it
+    ('/op', 2, "under another operator's name"),            # by a connection of its own
+    ('/liar', 2, ''),                                       # subscribes to the streams
+])
+def test_old_datagrams_reported_as_just_arrived_slow_nobody_else(name: str, source: int, refused: str) -> None:
+    robot, near, least = Robot(), Receiver('/op', 2 * MBIT), math.inf
+    robot.controller.on_operators({'/op': 1, '/liar': 1}, robot.now)
+    robot.drive([near], 6.0)
+    for step in range(100):
+        robot.drive([near], 0.1)
+        old_as_new(robot, step, source, name)
+        robot.tick()
+        least = min(least, robot.state.capacity)
+    assert least > 0.8 * 2 * MBIT
+    near.received = 0
+    robot.drive([near], 2.0)
+    assert near.received * SIZE / 2 > 0.8 * 2 * MBIT
+    assert not refused or set(robot.state.refused_reports) == {refused}
+
+
+def test_another_connection_may_report_once_the_first_is_silent() -> None:
+    robot, near = Robot(), Receiver('/op', 2 * MBIT)
+    robot.drive([near], 3.0)
+    assert robot.controller.on_report('/op', near.report(robot.now), robot.now, 5) is None
+    robot.now += SOURCE_TIMEOUT + 0.1
+    robot.controller.on_report('/op', near.report(robot.now), robot.now, 5)
+    assert robot.state.silence == 0.0 and robot.state.refused_reports == {"under another operator's name": 1}
+
+
 def test_operators_are_bounded_and_make_room_when_they_are_gone() -> None:
     robot = Robot()
     for number in range(MAX_OPERATORS + 5):
-        robot.controller.on_report('/op%d' % number, Report(number, 10 ** 6, [], []), robot.now)
-    assert robot.state.refused_reports == {'too many operators': 5}
+        robot.controller.on_report('/stranger%d' % number, Report(number, 10 ** 6, [], []), robot.now)
+    robot.drive([Receiver('/op%d' % number, 20 * MBIT) for number in range(MAX_OPERATORS + 1)], 1.0)
+    assert set(robot.state.refused_reports) == {'too many operators'}
     robot.now += OPERATOR_TIMEOUT + 1
     robot.drive([Receiver('/late', 2 * MBIT)], 5.0)
-    assert robot.state.operator == '/late' and robot.state.refused_reports == {'too many operators': 5}
+    assert robot.state.operator == '/late'
 
 
 # the division among the streams

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 import math
 from dataclasses import fields, replace
-from typing import Any, Callable, List, Sequence, Tuple
+from typing import Any, Callable, List, Sequence, Set, Tuple
 
 import pytest
 from hypothesis import given
@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from smokebot_udp.congestion.feedback import (
     CLOCK_CONFIRMATIONS,
     MAX_SAMPLES,
+    STREAM_TIMEOUT,
     ArrivalSample,
     FeedbackReader,
     ReceiveHistory,
@@ -111,6 +112,7 @@ def test_a_newer_connection_begins_another_session_and_the_older_one_is_ignored(
     (lambda report: replace(report, streams=[StreamArrivals('thermal', 10, 10, 10001)]), 'received more than sent'),
     (lambda report: replace(report, streams=[StreamArrivals('camera', 1, 1, 1)], marks=[]), 'received more than sent'),
     (lambda report: replace(report, marks=[ArrivalSample(0, 11, 0)]), 'never sent'),
+    (lambda report: replace(report, streams=[StreamArrivals('thermal', 11, 10, 10000)], marks=[]), 'never sent'),
     (lambda report: replace(report, marks=[ArrivalSample(1, 1, 0)]), 'no such stream'),
     (lambda report: replace(report, marks=[ArrivalSample(0, 1, 180000)]), 'arrived before it was sent'),
     (lambda report: replace(report, marks=[ArrivalSample(0, 1, 2 ** 32 - 1)]), 'arrived before it was sent'),
@@ -120,6 +122,113 @@ def test_impossible_reports_are_dropped_and_counted(change: Callable[[Report], R
     reader = FeedbackReader(history)
     assert reader.read(change(arrivals.report(100.15 + AHEAD)), 100.17) is None
     assert dict(reader.dropped) == {reason: 1}
+
+
+def test_what_is_impossible_in_a_report_is_left_out_and_counted() -> None:
+    """As after the robot's restart: camera's counters are from before it; and thermal's newest was not recorded yet."""
+    history, arrivals = path()
+    reader, report = FeedbackReader(history), arrivals.report(100.15 + AHEAD)
+    report.streams += [StreamArrivals('camera', 5000, 4000, 4000000)]
+    report.marks += [ArrivalSample(1, 5000, 0), ArrivalSample(0, 11, 0)]
+    feedback = reader.read(report, 100.17)
+    assert [sample.total for sample in feedback.samples] == [1000 * k for k in range(1, 11)]
+    history.add('thermal', 11, 2, 1000, 100.2)
+    for seq in (11, 12):
+        arrivals.add('thermal', seq, 1000, 100.23 + AHEAD)
+    second = arrivals.report(100.25 + AHEAD)
+    second.streams += [StreamArrivals('camera', 5000, 4000, 4000000)]
+    feedback = reader.read(second, 100.27)
+    assert (feedback.expected, feedback.received, feedback.restarted) == (2, 2, False)
+    assert dict(reader.dropped) == {'received more than sent': 2, 'never sent': 1}
+
+
+def test_a_stream_that_was_impossible_once_is_counted_on() -> None:
+    history, arrivals = path()
+    reader = FeedbackReader(history)
+    reader.read(arrivals.report(100.15 + AHEAD), 100.17)
+    arrivals.add('thermal', 11, 1000, 100.22 + AHEAD)       # comes before it is recorded as sent
+    ahead = arrivals.report(100.25 + AHEAD)
+    ahead.streams += [StreamArrivals('camera', 0, 0, 0)]
+    history.add('camera', 1, 1, 1000, 100.2)
+    assert reader.read(ahead, 100.26).expected == 0
+    history.add('thermal', 11, 3, 1000, 100.2)
+    arrivals.add('thermal', 13, 1000, 100.31 + AHEAD)
+    feedback = reader.read(arrivals.report(100.35 + AHEAD), 100.36)
+    assert (feedback.expected, feedback.received) == (3, 2)
+
+
+def test_a_datagram_is_news_once_even_after_a_restart() -> None:
+    history, arrivals = path()
+    reader = FeedbackReader(history)
+    reader.read(arrivals.report(100.15 + AHEAD), 100.17)
+    old = Report(8, 5000000, [StreamArrivals('thermal', 10, 1, 1000)], [ArrivalSample(0, 3, 0), ArrivalSample(0, 9, 0)])
+    feedback = reader.read(old, 103.0)
+    assert feedback.restarted and feedback.samples == []
+    history.add('thermal', 11, 1, 1000, 103.1)
+    twice = Report(8, 5200000, [StreamArrivals('thermal', 11, 2, 2000)],
+                   [ArrivalSample(0, 11, 50000), ArrivalSample(0, 11, 20000)])
+    assert [sample.total for sample in reader.read(twice, 103.2).samples] == [11000]
+
+
+def test_a_silent_stream_is_no_longer_reported() -> None:
+    arrivals = ReceiveHistory(lambda: 7)
+    arrivals.add('camera', 900, 1000, 1.0)
+    arrivals.add('thermal', 5, 1000, 2.0)
+    arrivals.add('camera', 901, 1000, 3.0)
+    report = arrivals.report(2.0 + STREAM_TIMEOUT + 0.1)
+    assert [one.name for one in report.streams] == ['camera']
+    arrivals.add('thermal', 6, 1000, 13.0)
+    report = arrivals.report(13.1)
+    assert report.streams == [StreamArrivals('thermal', 6, 1, 1000)] and report.marks == [ArrivalSample(0, 6, 100000)]
+
+
+def test_reports_are_believed_again_after_the_robots_restart() -> None:
+    """camera's last datagrams come after thermal's new connection, and then it sends nothing any more."""
+    history, arrivals = SentHistory(), ReceiveHistory(iter(range(9)).__next__)
+    arrivals.add('thermal', 500, 1000, 100.0 + AHEAD, connection=1)
+    arrivals.add('camera', 900, 1000, 100.0 + AHEAD, connection=2)
+    reader, now, believed = FeedbackReader(history), 110.0, 0
+    for seq in range(1, 300):
+        history.add('thermal', seq, 1, 1000, now)
+        arrivals.add('thermal', seq, 1000, now + 0.02 + AHEAD, connection=3)
+        if seq < 3:
+            arrivals.add('camera', 900 + seq, 1000, now + 0.03 + AHEAD, connection=2)
+        now += 0.1
+        feedback = reader.read(arrivals.report(now + AHEAD), now + 0.02)
+        believed += feedback is not None and len(feedback.samples) > 0
+    assert believed == 299
+    assert reader.dropped['received more than sent'] < 10 * STREAM_TIMEOUT + 3
+
+
+@given(st.lists(st.tuples(st.sampled_from(['thermal', 'lidar', 'tf']), st.floats(0.0005, 0.05), st.floats(0.02, 0.3),
+                          st.booleans()), min_size=1, max_size=60),
+       st.sets(st.integers(0, 40)), st.randoms())
+def test_what_a_receiver_reports_is_believed(datagrams: List[Tuple[str, float, float, bool]], lost: Set[int],
+                                             random: Any) -> None:
+    """Datagrams: (stream, time since the one before, delay, whether it is lost). They overtake each other, and each
+    stream's thread is up to 50 ms late."""
+    history, arrivals, now, events = SentHistory(), ReceiveHistory(lambda: 7), 100.0, []
+    seqs = {'thermal': 0, 'lidar': 0, 'tf': 0}
+    for stream, wait, delay, gone in datagrams:
+        now += wait
+        seqs[stream] += 1
+        events.append((now, 0, stream, seqs[stream], now))
+        if not gone:
+            events.append((now + delay + random.uniform(0, 0.05), 1, stream, seqs[stream], now + delay))
+    last = max(event[0] for event in events)
+    events += [(100 + 0.1 * k, 2, '', 0, 0.0) for k in range(1, int((last - 100) / 0.1) + 4) if k not in lost]
+    reader, reported = FeedbackReader(history), []
+    for time, kind, stream, seq, when in sorted(events):
+        if kind == 0:
+            history.add(stream, seq, 1, 1000, time)
+        elif kind == 1:
+            arrivals.add(stream, seq, 1000, when + AHEAD)
+        else:
+            feedback = reader.read(arrivals.report(time + AHEAD), time + 0.001)
+            assert feedback is not None
+            reported += [sample.total for sample in feedback.samples]
+    assert not reader.dropped
+    assert reported == sorted(set(reported))
 
 
 @pytest.mark.parametrize('second, reason', [

@@ -42,8 +42,36 @@ def test_a_report_is_a_message() -> None:
     assert [(mark.stream, mark.seq, mark.age) for mark in message.marks] == [(0, 9, 1234)]
 
 
+def test_operators_are_the_subscribers_of_the_streams(monkeypatch: pytest.MonkeyPatch) -> None:
+    ticks: List[Any] = []
+
+    def worker(name: str, work: Any, log: Any, period: float) -> Any:
+        ticks.append(work)
+        return SimpleNamespace(start=lambda: None)
+    monkeypatch.setattr(rospy, 'Publisher', lambda *_, **__: SimpleNamespace(publish=lambda message: None))
+    monkeypatch.setattr(rospy.Time, 'now', lambda: rospy.Time(1))
+    monkeypatch.setattr(link_control.udpros, 'Subscriber', lambda *_, **__: None)
+    monkeypatch.setattr(link_control, 'PeriodicWorker', worker)
+    controller, told = Controller(Limits(), True, 1472), []
+    monkeypatch.setattr(controller, 'on_operators', lambda connections, now: told.append(dict(connections)))
+    shared = SharedController(controller)
+    link = RobotLink(1472, Outbox(PacketScheduler(), shared.on_sent))
+    streams = {'thermal': stream('image', link), 'lidar': stream('cloud', link), 'off': stream('scan', link)}
+    peers = {id(streams['thermal']): {'/desk', '/desk2'}, id(streams['lidar']): {'/desk'}}
+    monkeypatch.setattr(RobotStream, 'subscribers', property(lambda one: peers.get(id(one), set())))
+    LinkControl(shared, link, streams)
+    ticks[0]()
+    peers[id(streams['thermal'])].remove('/desk2')
+    ticks[0]()
+    assert told == [{'/desk': 2, '/desk2': 1}, {'/desk': 2}]
+    peers[id(streams['off'])] = {'/late'}
+    streams['off'].peer_subscribe('', None, None)       # at once, before it is sent much
+    assert told[2:] == [{'/desk': 2, '/late': 1}]
+
+
 @pytest.mark.parametrize('changes, state', [
     ({}, 'as /op reports'), ({'timeout': True, 'silence': 11.96}, 'no reports of /op for 12.0 s'),
+    ({'slower': {'/op3': 1e5, '/op2': 2e5}}, 'as /op reports, less for /op2, /op3'),
     ({'operator': None}, 'no operator has reported yet'), ({'adaptive': False}, 'fixed'),
 ])
 def test_the_status_message_says_what_the_rate_depends_on(changes: Dict[str, Any], state: str) -> None:
@@ -94,7 +122,8 @@ def test_ticks_and_reports_set_the_rate_of_the_outbox(monkeypatch: pytest.Monkey
     scheduler, arrivals = PacketScheduler(), ReceiveHistory(lambda: 7)
     shared = SharedController(Controller(Limits(start_rate=5000.0, min_rate=4000.0), True, 1472))
     link = RobotLink(1472, Outbox(scheduler, shared.on_sent))
-    control = LinkControl(shared, link, {})
+    monkeypatch.setattr(RobotStream, 'subscribers', {'/op'})
+    control, header = LinkControl(shared, link, {'thermal': stream('image', link)}), {'callerid': '/op'}
     ros.tick()
     assert scheduler.rate == 5000.0 and link.datagram_size == 736
     assert (published[-1].state, published[-1].rate) == ('no operator has reported yet', pytest.approx(0.04))
@@ -104,7 +133,7 @@ def test_ticks_and_reports_set_the_rate_of_the_outbox(monkeypatch: pytest.Monkey
         clock.now += 0.05
         arrivals.add('thermal', seq, 1000, clock.now - 0.01)
         report = link_reporter.as_message(arrivals.report(clock.now))
-        report._connection_header = {'callerid': '/op'}
+        report._connection_header = header
         ros.report(report)
     assert scheduler.rate is not None and scheduler.rate > 10000
     ros.tick()

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 import threading
+import time
 from typing import Any, NoReturn
 
 import pytest
@@ -16,12 +17,14 @@ class Publisher:
     """Keeps what it is given, and numbers it as udpros.Publisher does."""
 
     def __init__(self) -> None:
-        self.sent, self.impl = [], self
+        self.sent, self.impl, self.limits = [], self, []
         self.seq = 0
         self._new = threading.Condition()
 
-    def publish_frames(self, *frames) -> Any:
+    def publish_frames(self, *frames, limits=None) -> Any:
         first = self.seq + 1
+        self.published = time.monotonic()
+        self.limits.append(limits)
         for frame in frames:
             with self._new:
                 self.sent += frame.records['ranges'].ravel().tolist()
@@ -68,7 +71,7 @@ def test_frames_leave_in_their_order_and_are_told_of(make) -> None:
     size = frames(1)[0].datagram_size + 28
     assert [what[:2] for what in told] == [('scan', first) for first in (1 + sum(t[2] for t in told[:i])
                                                                         for i in range(len(told)))]
-    assert sum(count for _, _, count, _, _ in told) == 23 and {what[3] for what in told} == {size}
+    assert sum(what[2] for what in told) == 23 and {what[3] for what in told} == {size}
     assert len(told) > 5        # they were spread
 
 
@@ -100,19 +103,24 @@ def test_who_waits_until_a_message_has_left(make) -> None:
 
 
 def test_small_messages_do_not_wait(make) -> None:
-    told, publisher = [], Publisher()
-    outbox = make(PacketScheduler(1.0, burst=1), lambda *what: told.append(what[:4]))      # 1 byte/s
+    told, times, publisher = [], [], Publisher()
+
+    def departed(*what) -> None:
+        told.append(what[:4])
+        times.append(what[4])
+    outbox = make(PacketScheduler(1.0, burst=1), departed)      # 1 byte/s
     outbox.start()
     outbox.put('scan', publisher, frames(5))
     urgent, = frames(2)
     outbox.publish('gas', publisher, urgent)
     size = urgent.datagram_size + 28
     assert told[-1] == ('gas', publisher.seq - 1, 2, size) and outbox.protected == 2 * size
+    assert times[-1] <= publisher.published     # else it would seem to arrive before it left
 
 
 def test_a_stream_that_cannot_be_sent_stops_no_other(make) -> None:
     class Broken:
-        def publish_frames(self, frame) -> NoReturn:
+        def publish_frames(self, frame, limits) -> NoReturn:
             raise OSError('no way')
 
     told, publisher = [], Publisher()
@@ -134,3 +142,22 @@ def test_a_new_rate_counts_at_once(make) -> None:
 
 def test_stop_before_the_beginning(make) -> None:
     make().stop()
+
+
+def test_an_operator_with_a_slower_link_gets_a_part(make) -> None:
+    asked, told, publisher = [], [], Publisher()
+
+    def conforming(stream, count, size, now) -> Any:
+        asked.append((stream, count, size))
+        return {'/slow': count // 2}
+    outbox = make(PacketScheduler(1e6, burst=600), lambda *what: told.append(what), conforming=conforming)
+    outbox.start()
+    outbox.put('scan', publisher, frames(20))
+    outbox.publish('gas', publisher, *frames(1))    # small messages go to everybody
+    publisher.wait_for(19)
+    outbox.stop()
+    told = [what for what in told if what[0] == 'scan']
+    assert asked == [(stream, count, size) for stream, _, count, size, _, _ in told]
+    assert sum(what[2] for what in told) == 20
+    limits = [given for given in publisher.limits if given is not None]
+    assert limits == [what[5] for what in told] == [{'/slow': count // 2} for _, count, _ in asked]

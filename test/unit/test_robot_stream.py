@@ -45,7 +45,7 @@ class Topic:
         self.published.append(message)
         self.seq += 1
 
-    def publish_frames(self, *frames: Any) -> int:
+    def publish_frames(self, *frames: Any, limits: Any = None) -> int:
         first = self.seq + 1
         for frame in frames:
             self.published += [frame.records['total'][row].item() for row in range(len(frame))]
@@ -183,6 +183,7 @@ def test_a_message_goes_from_the_source_to_the_operator(make: Make) -> None:
     stats = made.stream.stats()
     assert (stats.messages_in, stats.messages_out, stats.problem) == (2, 2, None) and stats.enabled and stats.steady
     assert [one.peer for one in stats.connections] == ['/operator'] and not any(stats.dropped.values())
+    assert made.stream.subscribers == {'/operator'}
     made.stream.close()
     assert made.segments.closed and made.source.closed
 

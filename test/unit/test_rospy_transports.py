@@ -8,8 +8,10 @@ from typing import Any
 import pytest
 from rospy.impl.tcpros_pubsub import QueuedConnection
 from rospy.impl.transport import OUTBOUND, Transport
+from sensor_msgs.msg import LaserScan
 from std_msgs.msg import String
 
+from smokebot_udp.udpros import Frame
 from smokebot_udp.udpros.negotiation import Request
 from smokebot_udp.udpros.rospy_transports import PublisherOptions, PublisherTransport, UdpPublisherImpl
 
@@ -145,3 +147,20 @@ def test_a_tcp_subscriber_has_its_queue_while_a_udp_subscriber_is_added(impl, li
     queued = impl.connections[-1]
     assert (queued.endpoint_id, type(queued)) == ('/tcp', QueuedConnection)
     queued.close()
+
+
+@pytest.mark.parametrize('limit, expected', [(None, [1, 2, 3, 4, 5]), (4, [1, 2, 3, 4]), (2, [1, 2]), (0, [])])
+def test_a_subscriber_gets_only_the_first_messages_of_frames(limit, expected) -> None:
+    impl = UdpPublisherImpl('/topic', LaserScan, PublisherOptions(('UDPROS', 'TCPROS'), 1472))
+    sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2)]
+    for bound, name in zip(sockets, ('/fast', '/slow')):
+        bound.bind(('127.0.0.1', 0))
+        bound.settimeout(WAIT)
+        impl.add_connection(connection(bound.getsockname()[1], name))
+    frames = [Frame(LaserScan, count, {'ranges': 1}) for count in (3, 2)]
+    impl.publish_frames(frames, {} if limit is None else {'/slow': limit})
+    impl.publish_frames([Frame(LaserScan, 1, {'ranges': 1})], {})       # the last one
+    for bound, seqs in zip(sockets, ([1, 2, 3, 4, 5], expected)):
+        assert [int.from_bytes(bound.recv(100)[12:16], 'little') for _ in range(len(seqs) + 1)] == [*seqs, 6]
+        bound.close()
+    impl.close()

@@ -2,12 +2,12 @@
 """Congestion control over simulated links: what it has to reach (see estimator.py), over many links."""
 import random
 from dataclasses import replace
-from typing import Any, Dict, Iterator, Optional, Tuple
+from typing import Any, Dict, Iterator, Optional, Set, Tuple
 
 import numpy as np
 import pytest
 
-from evaluation.simulated_air import Events, Greedy, Load, Robot
+from evaluation.simulated_air import FULL, Events, Greedy, Load, Operator, Robot
 from evaluation.simulated_streams import Streams, cloud, grid, image, navigation, scan
 from smokebot_udp.congestion.controller import Controller
 from smokebot_udp.congestion.estimator import LIMITS, Limits
@@ -135,7 +135,7 @@ def test_a_jump_of_the_receivers_clock_neither_stalls_nor_bursts(jump: float) ->
     """Of its steady clock: no other clock is read."""
     events, there, robot = link(2)
     events.run(5)
-    robot.operators_clock += jump
+    robot.operators['operator'].clock += jump
     dropped = there.counts.dropped
     events.run(5 + 0.1 * CLOCK_CONFIRMATIONS + 2)
     assert used(robot, 2, 5, 7.3) <= 1.3
@@ -175,6 +175,70 @@ def test_robots_that_share_the_air() -> None:
     shares = np.array([sent(robot, 15)[:, 1].sum() for robot in robots])
     assert shares.sum() * 8e-6 / 15 / 20 >= 0.85
     assert shares.sum() ** 2 / (len(shares) * (shares ** 2).sum()) >= 0.7     # Jain's index
+
+
+class LossyEnd:
+    """The way to an operator that loses datagrams after they crossed an air that others share."""
+
+    def __init__(self, air: Channel, loss: float, seed: int) -> None:
+        self._air, self._loss, self._draw = air, loss, random.Random(seed)
+
+    def fate(self, now: float, size: int) -> Tuple[float, ...]:
+        times = self._air.fate(now, size)
+        return () if self._draw.random() < self._loss else times
+
+
+def received(operator: Operator, since: float, until: float) -> float:
+    """What came to a greedy robot's operator [Mbit/s]."""
+    return sum(since <= when < until for when, *_ in operator.came) * FULL * 8e-6 / (until - since)
+
+
+def join(robot: Robot, there: Any, loss: float, seed: int) -> Operator:
+    """A second operator, whose reports are lost like its datagrams."""
+    return robot.join('second', there, Channel(LinkConditions(loss=loss, delay=0.02), seed), seed, 7000.0)
+
+
+@pytest.mark.parametrize('rate, loss', [(5, 0.5), (5, 0.0), (0.5, 0.0), (20, 0.2)])
+def test_an_operator_with_another_link_costs_the_first_one_nothing(rate: float, loss: float) -> None:
+    events, _, robot = link(5, seed=1)
+    first = robot.operators['operator']
+    events.run(8)
+    alone = received(first, 3, 8)
+    second = join(robot, Channel(LinkConditions(rate=rate * 1e6, loss=loss, delay=0.02, queue=0.2), 5), loss, 6)
+    events.run(20)
+    assert received(first, 8, 13) >= 0.93 * alone and received(first, 13, 20) >= 0.93 * alone
+    assert received(second, 14, 20) >= 0.85 * (1 - loss) * min(rate, 5)
+    assert not robot.controller.stats(robot.robot_time).refused_reports
+
+
+@pytest.mark.parametrize('loss', [0.0, 0.5])
+@pytest.mark.parametrize('seed', [1, 2])
+def test_operators_that_share_the_air_share_it_and_who_stays_has_all_of_it(loss: float, seed: int) -> None:
+    events, air, robot = link(10, seed=seed)
+    first = robot.operators['operator']
+    events.run(8)
+    second = join(robot, LossyEnd(air, loss, seed + 3), loss, seed + 7)
+    events.run(24)
+    assert min(received(first, since, since + 1) for since in range(8, 24)) >= 0.25 * 10
+    assert received(first, 10, 24) >= 0.45 * 10
+    assert received(second, 16, 24) >= 0.3 * (1 - loss) * 10
+    robot.leave('second')
+    events.run(26)
+    assert received(first, 24.8, 25) >= 0.9 * 10
+
+
+def test_a_slow_link_carries_all_streams_beside_a_fast_one() -> None:
+    events, _, robot = link(20, load=navigation(), seed=1)
+    second = join(robot, Channel(LinkConditions(rate=1e6, delay=0.02, queue=0.2), 5), 0.0, 6)
+    events.run(20)
+    frames: Dict[str, Set[Any]] = {}
+    for when, name, frame, index, _ in second.came:
+        if when >= 10:
+            frames.setdefault(name, set()).add((frame, index) if name in robot.load.demands() else when)
+    assert len(frames['tf']) >= 190 and len(frames['obstacle_scan']) >= 90
+    assert len({frame for frame, _ in frames['thermal']}) >= 80 and len({frame for frame, _ in frames['lidar']}) >= 40
+    delays = [when - left for when, _, _, _, left in second.came if when >= 10]
+    assert np.percentile(delays, 50) <= 0.1 and np.percentile(delays, 99) <= 0.2
 
 
 def test_the_simulator_has_the_nodes_controller() -> None:

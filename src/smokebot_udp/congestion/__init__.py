@@ -7,6 +7,7 @@ Nothing here reads a clock, a socket or a topic; times are arguments, from ``tim
   each report against its ``sent_history`` (FeedbackReader).
 * ``estimator``: feedback to capacity and rate, with ``delay`` (queueing delay), ``loss`` (wireless or congestion loss),
   ``probe_rtt`` (pauses that measure both) and ``probing`` (packet trains that look for more capacity).
+* ``operator_share``: what one of several operators gets, where its link carries less than the best one.
 * ``operating_points`` and ``allocation``: cheaper settings of each stream, and the division of the capacity.
 * ``controller``: all of the above behind one class, Controller. The robot_sender node (nodes/link_control.py) and the
   simulator (evaluation/simulated_air.py) use it alike.

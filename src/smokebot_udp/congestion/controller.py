@@ -4,18 +4,25 @@
 Its owner calls `on_sent` for all that leaves, `on_report` for each report, and `tick` each estimator.REPORT_INTERVAL;
 it sets the packet scheduler's rate after each of the latter two. The nodes and the simulator are such owners.
 
-Each operator that reports has an estimate of its own, and the worst link counts: all operators get the same datagrams.
+Each operator that reports has an estimate of its own. All operators get the same datagrams; the streams are planned for
+the best link, and for those that carry nearly as much. The owner asks `conforming` before datagrams leave: an operator
+with a slower link gets the part of them that its link carries (operator_share.py), and slows nobody else. An owner that
+knows the subscribers calls `on_operators` before `tick`: who left no longer counts, and nobody else's reports do.
 """
 import collections
 import math
 from dataclasses import dataclass, replace
-from typing import Any, Counter, Dict, Mapping, Optional, Tuple
+from types import MappingProxyType
+from typing import Any, Counter, Dict, List, Mapping, Optional, Tuple
 
 from ..monitoring.stats import LinkStats
 from ..monitoring.windows import Rate
 from .allocation import Allocator, DatagramSize, Decimation, Demand, Grant
-from .estimator import Estimator, Limits
+from .allocation import shares as divide
+from .estimator import MAX_GAIN, Estimator, Limits
 from .feedback import FeedbackReader
+from .operating_points import OperatingPoint
+from .operator_share import Policer
 from .probing import ProbeTrain
 from .sent_history import SentHistory
 
@@ -36,6 +43,22 @@ MAX_OPERATORS = 8
 
 OPERATOR_TIMEOUT = 10.0
 """An operator that did not report for this long no longer counts, where others do [s]."""
+
+NEAR = 0.75
+"""The plan suits a link that comes to carry at least this part of what the best one does,"""
+
+STILL_NEAR = 0.55
+"""as long as it carries at least this part: a better link that is not used is assumed to carry MAX_GAIN *
+MAX_OFFERED_FACTOR times as much."""
+
+NO_LIMITS: Mapping[str, int] = MappingProxyType({})
+
+JOIN_TIME = 2.0
+"""Until its first report, but no longer than this, a new operator beside others gets start_rate [s]."""
+
+SOURCE_TIMEOUT = 1.0
+"""While reports of an operator come, those of another connection under its name are ignored; after this long without,
+they are not [s]."""
 
 SENT_WINDOW = 1.0
 """Window over which the rate sent is measured [s],"""
@@ -63,8 +86,11 @@ class _Operator:
     """What is known of the link to one operator."""
 
     def __init__(self, history: SentHistory, limits: Limits, now: float) -> None:
-        self.reader, self.estimator = FeedbackReader(history), Estimator(now, limits)
-        self.heard = now
+        self.reader, self.estimator, self.policer = FeedbackReader(history), Estimator(now, limits), Policer(now)
+        self.heard, self.since = now, now
+        self.source: Any = None
+        self.doubted = -math.inf    # when it lost a connection
+        self.near = False           # whether the plan suits its link
         self.confirmed = False      # whether it ever reported a datagram that was sent
 
 
@@ -80,14 +106,33 @@ class Controller:
         self._limits, self._adapt = limits, adapt
         self._history = SentHistory()
         self._operators: Dict[str, _Operator] = {}
-        self._surplus_reports = 0
+        self._connections: Optional[Mapping[str, int]] = None       # {operator: number}; None: unknown
+        self._ignored: Counter[str] = collections.Counter()     # reports, by reason
         self._sent, self._protected = Rate(SENT_WINDOW), Rate(PROTECTED_WINDOW)
+        self._stream_sent: Dict[str, Rate] = {}
         self._wanted = math.inf
         self._datagram_size, self._decimation = DatagramSize(max_datagram_size), Decimation()
         self._allocator = Allocator()
         self._grants: Dict[str, Optional[Dict[str, Any]]] = {}      # as in the last plan
 
-    def on_sent(self, stream: str, seq: int, count: int, size: int, now: float) -> None:
+    def conforming(self, stream: str, count: int, size: int, now: float) -> Mapping[str, int]:
+        """How many of the datagrams that leave together now operators with slower links get.
+
+        :param stream: its name
+        :param count: number of datagrams
+        :param size: of each on the air, IP and UDP headers included [byte]
+        :return: {operator: number of the first datagrams}; all others get all
+        """
+        rate = self.rate(now) if self._adapt and len(self._operators) > 1 else None
+        if rate is None:
+            return NO_LIMITS
+        numbers = {name: state.policer.conforming(stream, count, size, state.estimator.rate, now)
+                   for name, state in self._operators.items() if state.estimator.rate < rate
+                   and (state.confirmed or now - state.since < JOIN_TIME)}
+        return {name: number for name, number in numbers.items() if number < count}
+
+    def on_sent(self, stream: str, seq: int, count: int, size: int, now: float,
+                limits: Mapping[str, int] = NO_LIMITS) -> None:
         """Record datagrams that were sent together.
 
         :param stream: its name
@@ -95,25 +140,54 @@ class Controller:
         :param count: number of datagrams
         :param size: of each on the air, IP and UDP headers included [byte]
         :param now: when [s]
+        :param limits: as `conforming` returned
         """
         self._history.add(stream, seq, count, size, now)
+        for name, state in self._operators.items():
+            number = limits.get(name, count)
+            state.policer.spend(number * size)
+            if number < count:
+                state.reader.sent.leave_out(stream, seq + number, count - number, size)
 
-    def on_report(self, operator: str, report: Any, now: float) -> Optional[ProbeTrain]:
+    def on_operators(self, connections: Mapping[str, int], now: float) -> None:
+        """Take the operators that the streams are sent to now; the others no longer count.
+
+        Connections end one after another, as streams send. An operator that lost one does not count before it reports
+        again.
+
+        :param connections: {operator as in `on_report`: number of its connections}; without any, the last operators
+            count until there are others
+        """
+        lost = {name for name, number in (self._connections or {}).items() if connections.get(name, 0) < number}
+        for name, state in self._operators.items():
+            if name in lost:
+                state.doubted = now
+            elif lost:
+                state.estimator.expect_more()
+        self._connections = dict(connections)
+        for name in connections:
+            self._state(name, now)
+
+    def on_report(self, operator: str, report: Any, now: float, source: Any = None) -> Optional[ProbeTrain]:
         """Take an operator's report; a forged or impossible one is counted and ignored.
 
         :param operator: its name
         :param report: a feedback.Report or a LinkReport message
         :param now: when it came [s]
+        :param source: the connection that it came by
         :return: a train for the packet scheduler, if one is due
         """
-        state = self._operator(operator, now)
+        state = self._operator(operator, source, now)
         feedback = state.reader.read(report, now) if state else None
         if state is None or feedback is None:
             return None
         state.heard = now
         state.confirmed |= bool(feedback.samples)
         train = state.estimator.on_feedback(feedback, now, self._wanted)
-        return train if self._adapt else None
+        if train is None or not self._adapt:
+            return None
+        state.policer.start_probe(*train)
+        return train if train.rate > (self.rate(now) or math.inf) else None
 
     def tick(self, now: float, demands: Mapping[str, Demand], protected_bytes: int) -> Plan:
         """Make the plan for the time until the next tick.
@@ -126,11 +200,13 @@ class Controller:
         self._protected.read(protected_bytes, now)
         for operator in self._operators.values():
             operator.estimator.poll(now)
+        self._find_near()
         protected = self._protected.per_second or 0.0
         self._wanted = protected + math.fsum(demand.points[-1].cost for demand in demands.values())
         # a dip in the rate soon passes: streams are allocated the capacity
-        capacity = self._capacity(now)
+        capacity = self._capacity()
         shares, self._grants = self._divide(capacity, demands, protected, now)
+        self._divide_slower_links(demands, protected, now)
         unlimited = math.inf if capacity is None else capacity
         return Plan(self.rate(now), self._datagram_size.update(unlimited), shares, dict(self._grants),
                     self._decimation.update(unlimited, protected, now))
@@ -142,43 +218,77 @@ class Controller:
 
     def rate(self, now: float) -> Optional[float]:
         """What may be sent now, of all streams together [byte/s]; None: unlimited."""
-        worst = self._worst(now) if self._adapt else None
-        return worst[1].estimator.rate if worst else self._initial_rate()
+        counting = self._counting() if self._adapt else []
+        if not counting:
+            return self._initial_rate()
+        rates = [state.estimator.rate for _, state in counting]
+        return min(max(rates), MAX_GAIN * self._planned(counting)[1].estimator.link.capacity)
 
     def stats(self, now: float) -> LinkStats:
         """The state for status and diagnostics."""
-        refused: Counter[str] = collections.Counter()
+        refused = collections.Counter(self._ignored)
         for operator in self._operators.values():
             refused.update(operator.reader.dropped)
-        if self._surplus_reports:
-            refused['too many operators'] = self._surplus_reports
         stats = LinkStats(self._adapt, self.rate(now), self._sent.per_second or 0.0, self._wanted,
                           refused_reports=dict(refused))
-        worst = self._worst(now)
-        if worst is None:
+        counting = self._counting()
+        if not counting:
             return stats
-        name, state = worst
+        name, state = self._planned(counting)
         link = state.estimator.link
         return replace(stats, capacity=link.capacity, loss=link.loss, queue_delay=link.queue_delay,
                        round_trip=link.round_trip, operator=name, silence=now - state.heard,
-                       timeout=self._adapt and state.estimator.timeouts > 0)
+                       timeout=self._adapt and state.estimator.timeouts > 0,
+                       slower={other: slow.estimator.rate for other, slow in counting
+                               if self._adapt and not slow.near and other != name})
 
-    def _operator(self, name: str, now: float) -> Optional[_Operator]:
-        """The operator's state; None: there are too many operators."""
+    def _operator(self, name: str, source: Any, now: float) -> Optional[_Operator]:
+        """The state of the operator that reports; None: its report does not count."""
+        if self._connections is not None and name not in self._connections:
+            self._ignored['not of an operator'] += 1
+            return None
+        state = self._state(name, now)
+        if state is None:
+            self._ignored['too many operators'] += 1
+            return None
+        if state.source != source:
+            if state.source is not None and now - state.heard < SOURCE_TIMEOUT:
+                self._ignored["under another operator's name"] += 1
+                return None
+            state.source = source
+        return state
+
+    def _state(self, name: str, now: float) -> Optional[_Operator]:
+        """An operator's state, new if it is unknown; None: there are too many operators."""
         if name not in self._operators:
             self._operators = {other: state for other, state in self._operators.items()
                                if now - state.heard <= OPERATOR_TIMEOUT}
-            if len(self._operators) >= MAX_OPERATORS:
-                self._surplus_reports += 1
-                return None
-            self._operators[name] = _Operator(self._history, self._limits, now)
-        return self._operators[name]
+            unconfirmed = [other for other, state in self._operators.items() if not state.confirmed]
+            if len(self._operators) >= MAX_OPERATORS and unconfirmed:
+                del self._operators[unconfirmed[0]]
+            if len(self._operators) < MAX_OPERATORS:
+                self._operators[name] = _Operator(self._history, self._limits, now)
+        return self._operators.get(name)
 
-    def _worst(self, now: float) -> Optional[Tuple[str, _Operator]]:
-        """The operator with the lowest rate; None: none has reported a datagram that was sent."""
-        confirmed = [item for item in self._operators.items() if item[1].confirmed]
-        present = [item for item in confirmed if now - item[1].heard <= OPERATOR_TIMEOUT] or confirmed
-        return min(present, key=lambda item: item[1].estimator.rate) if present else None
+    def _counting(self) -> List[Tuple[str, _Operator]]:
+        """The operators that have reported a datagram that was sent; only those that are there, if any is."""
+        counting = [item for item in self._operators.items()
+                    if item[1].confirmed and (not self._connections or item[0] in self._connections)]
+        return [item for item in counting if item[1].heard > item[1].doubted] or counting
+
+    def _find_near(self) -> None:
+        """Find out which links carry nearly as much as the best one."""
+        counting = self._counting()
+        best = max((state.estimator.link.capacity for _, state in counting), default=0.0)
+        for _, state in counting:
+            state.near = state.estimator.link.capacity >= (STILL_NEAR if state.near else NEAR) * best
+
+    def _planned(self, counting: List[Tuple[str, _Operator]]) -> Tuple[str, _Operator]:
+        """The operator for whose link the streams are planned: the slowest that is near, else the best."""
+        near = [item for item in counting if item[1].near]
+        if not near:
+            return max(counting, key=lambda item: item[1].estimator.link.capacity)
+        return min(near, key=lambda item: item[1].estimator.link.capacity)
 
     def _initial_rate(self) -> Optional[float]:
         """Without reports [byte/s]; None: unlimited."""
@@ -186,10 +296,10 @@ class Controller:
         rate = min(limits.start_rate, limits.max_rate) if self._adapt else limits.max_rate
         return rate if rate < math.inf else None
 
-    def _capacity(self, now: float) -> Optional[float]:
+    def _capacity(self) -> Optional[float]:
         """[byte/s]; None: unlimited."""
-        worst = self._worst(now) if self._adapt else None
-        return worst[1].estimator.link.capacity if worst else self._initial_rate()
+        counting = self._counting() if self._adapt else []
+        return self._planned(counting)[1].estimator.link.capacity if counting else self._initial_rate()
 
     def _divide(self, capacity: Optional[float], demands: Mapping[str, Demand], protected: float,
                 now: float) -> Tuple[Dict[str, float], Dict[str, Optional[Dict[str, Any]]]]:
@@ -210,6 +320,19 @@ class Controller:
             else:
                 grants[name] = None if grant.point is None else {}
         return {name: grant.share for name, grant in allocated.items()}, grants
+
+    def _divide_slower_links(self, demands: Mapping[str, Demand], protected: float, now: float) -> None:
+        """Decide which part of each stream operators with slower links get, by weights and min_bitrates alike."""
+        rates = {name: self._stream_sent.setdefault(name, Rate(SENT_WINDOW)) for name in demands}
+        self._stream_sent = rates
+        for name, rate in rates.items():
+            rate.read(self._history.totals(name)[1], now)
+        sent = {name: replace(demand, points=[OperatingPoint({}, rates[name].per_second or 0.0)])
+                for name, demand in demands.items()}
+        for state in self._operators.values():
+            granted = divide(max(0.0, state.estimator.link.capacity - protected), sent)
+            state.policer.parts = {name: granted[name] / demand.points[0].cost for name, demand in sent.items()
+                                   if demand.points[0].cost > granted[name]}
 
     def _limiting_settings(self, name: str, grant: Grant, demand: Demand, spare: float) -> Dict[str, Any]:
         """An operating point's settings, refined; those granted before where they are nearly the same."""

@@ -205,6 +205,10 @@ class Estimator:
         self._set_rate(now)
         return self._next_probe(samples, wanted, feedback.unreported, now)
 
+    def expect_more(self) -> None:
+        """The link may carry more from now on: probe with the next report."""
+        self._probes.retry()
+
     def poll(self, now: float) -> None:
         """Lower the rate where reports fail to come: to be called each REPORT_INTERVAL."""
         loss = min(max(self.link.loss, REPORT_LOSS_PROBABILITY), MAX_AIR_LOSS)

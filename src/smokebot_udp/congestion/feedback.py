@@ -9,13 +9,18 @@ Therefore
 * a lost report costs nothing: counters are totals, and each arrival is reported twice;
 * the round trip is ``now - sent - age``, without an echo. The clock offset, for ages shown to people, comes from
   msg/ClockEcho.msg and is not used here;
-* a forged report can at most pretend that everything that was sent arrived at once; max_rate holds all the same.
+* a forged report can at most pretend that everything that was sent arrived at once, and max_rate holds all the same; or
+  that the link is slow, as a link may be. It cannot name a datagram again that was news before.
+
+What is impossible in a report is left out, and the rest is used: a datagram can be reported before it is recorded as
+sent, and counters of a stream can survive the sender's restart. A report without anything possible is dropped.
 """
 import collections
 import math
 from dataclasses import dataclass, field
-from typing import Any, Callable, Counter, Deque, Dict, List, NamedTuple, Optional, Tuple
+from typing import Any, Callable, Counter, Deque, Dict, List, NamedTuple, Optional, Set, Tuple
 
+from .operator_share import OperatorHistory
 from .sent_history import SEQ_MODULUS, SentHistory
 
 SAMPLE_WINDOW = 0.2
@@ -35,6 +40,10 @@ MAX_SAMPLES = 64
 
 MAX_STREAMS = 64
 """Streams in a report."""
+
+STREAM_TIMEOUT = 10.0
+"""A stream that was silent for this long is no longer reported: its counters may be from before the sender's restart
+[s]."""
 
 MAX_AGE = 10.0
 """Older arrivals in a report are not believed [s]."""
@@ -89,9 +98,10 @@ class ReceiveHistory:
     def restart(self) -> None:
         """Begin a new session: the sender restarted."""
         self._session = self._new_session()
-        self._streams: Dict[str, Tuple[int, StreamArrivals]] = {}      # {name: (index in a report, counters)}
-        # (time of arrival, index of the stream, sequence number)
-        self._samples: Deque[Tuple[float, int, int]] = collections.deque(maxlen=MAX_SAMPLES)
+        self._streams: Dict[str, StreamArrivals] = {}
+        self._heard: Dict[str, float] = {}          # {stream: newest time of arrival [s]}
+        # (time of arrival, stream, sequence number)
+        self._samples: Deque[Tuple[float, str, int]] = collections.deque(maxlen=MAX_SAMPLES)
 
     def add(self, stream: str, seq: int, size: int, now: float, count: int = 1, connection: int = 0) -> None:
         """Record datagrams that arrived for the first time.
@@ -114,29 +124,33 @@ class ReceiveHistory:
         if stream not in self._streams:
             if len(self._streams) == MAX_STREAMS:
                 return
-            self._streams[stream] = len(self._streams), StreamArrivals(stream, highest=seq)
-        index, counters = self._streams[stream]
+            self._streams[stream] = StreamArrivals(stream, highest=seq)
+        counters = self._streams[stream]
         if seq < counters.highest - RESTART_GAP:
             self.restart()
             self.add(stream, seq, size, now, count, connection)
             return
+        self._heard[stream] = max(now, self._heard.get(stream, now))
         counters.received += count
         counters.bytes += size
         if seq >= counters.highest:     # a reordered datagram says nothing about the queue now
             counters.highest = seq
             if not self._samples or now - self._samples[-1][0] >= SAMPLE_INTERVAL:
-                self._samples.append((now, index, seq))
+                self._samples.append((now, stream, seq))
 
     def report(self, now: float) -> Report:
         """Make the report of this moment.
 
         :param now: by the same steady clock [s]
         """
+        for name in [name for name, heard in self._heard.items() if now - heard > STREAM_TIMEOUT]:
+            del self._heard[name], self._streams[name]
         samples = [sample for sample in self._samples if 0 <= now - sample[0] <= SAMPLE_WINDOW]
         if len(samples) < MIN_SAMPLES:
             samples = [sample for sample in list(self._samples)[-MIN_SAMPLES:] if 0 <= now - sample[0] <= MAX_QUIET_AGE]
-        marks = [ArrivalSample(index, seq, round(1e6 * (now - arrived))) for arrived, index, seq in samples]
-        streams = [StreamArrivals(one.name, one.highest, one.received, one.bytes) for _, one in self._streams.values()]
+        index = {name: number for number, name in enumerate(self._streams)}
+        marks = [ArrivalSample(index[name], seq, round(1e6 * (now - arrived))) for arrived, name, seq in samples]
+        streams = [StreamArrivals(one.name, one.highest, one.received, one.bytes) for one in self._streams.values()]
         return Report(self._session, round(1e6 * now), streams, marks)
 
 
@@ -178,16 +192,18 @@ class _InvalidReport(Exception):
 
 
 class FeedbackReader:
-    """Checks reports of one receiver. Forged and impossible reports are dropped and counted; nothing is raised.
+    """Checks reports of one receiver. What is impossible is left out and counted; nothing is raised.
 
-    :param history: what was sent
+    :param history: what was sent to all receivers
     """
 
     def __init__(self, history: SentHistory) -> None:
         self.dropped: Counter[str] = collections.Counter()
-        """Reports that were not believed, by reason."""
-        self._history = history
+        """Reports that were not believed, wholly or in part, by reason."""
+        self.sent = OperatorHistory(history)
+        """What the receiver was sent."""
         self._last: Optional[Any] = None    # the last valid report
+        self._counters: Dict[str, Any] = {}     # {stream: its last possible counters of this session}
         self._last_read = -math.inf         # when it came, by our clock [s]
         self._newest = 0                    # total of the newest sample
         self._jumps: List[Tuple[int, float]] = []   # (report's clock [us], when it came [s]) that contradict _last
@@ -199,52 +215,79 @@ class FeedbackReader:
         :param now: by the sender's steady clock [s]
         :return: None: it is not believed
         """
+        impossible: Set[str] = set()
         try:
             _check_form(report)
-            samples = self._samples(report, now)
-            before = self._check_counters(report)
+            samples = self._samples(report, now, impossible)
+            before, counters = self._possible_counters(report, impossible)
             restarted = self._check_clock(report, now)
         except _InvalidReport as invalid:
-            self.dropped[str(invalid)] += 1
+            impossible.add(str(invalid))
             return None
-        expected, received = _difference(report, {} if restarted else before)
+        finally:
+            self.dropped.update(impossible)
+        expected, received = self._difference(counters, {} if restarted else before)
         self._last, self._last_read = report, now
-        if restarted:
-            self._newest = 0
-        fresh = sorted((sample for sample, _ in samples if sample.total > self._newest),
-                       key=lambda sample: sample.total)
+        self._counters = {**{one.name: before[one.name] for one in report.streams if one.name in before}, **counters}
+        # a datagram is news once: even after a restart of the receiver, older ones can no longer arrive
+        news = {sample.total: sample for sample, _ in samples if sample.total > self._newest}
+        fresh = [news[total] for total in sorted(news)]
         self._newest = fresh[-1].total if fresh else self._newest
         round_trip = min((now - sample.sent - age for sample, age in samples), default=math.nan)
-        return Feedback(fresh, round_trip, expected, received, self._history.total - self._newest, restarted)
+        return Feedback(fresh, round_trip, expected, received, self.sent.total - self._newest, restarted)
 
-    def _samples(self, report: Any, now: float) -> List[Tuple[PacketSample, float]]:
-        """[(sample, its age at the time of the report [s]), ...]"""
+    def _samples(self, report: Any, now: float, impossible: Set[str]) -> List[Tuple[PacketSample, float]]:
+        """[(possible sample, its age at the time of the report [s]), ...]
+
+        :param impossible: reasons of others are added
+        """
         samples, made = [], 1e-6 * report.clock
         for mark in report.marks:
             if mark.stream >= len(report.streams):
                 raise _InvalidReport('no such stream')
-            packet = self._history.find(report.streams[mark.stream].name, mark.seq)
+            packet, age = self.sent.find(report.streams[mark.stream].name, mark.seq), 1e-6 * mark.age
             if packet is None:
-                raise _InvalidReport('never sent')
-            age = 1e-6 * mark.age
-            if age > MAX_AGE or now - packet.sent < age:
-                raise _InvalidReport('arrived before it was sent')
-            samples.append((PacketSample(packet.sent, made - age, packet.size, packet.total), age))
+                impossible.add('never sent')
+            elif age > MAX_AGE or now - packet.sent < age:
+                impossible.add('arrived before it was sent')
+            else:
+                samples.append((PacketSample(packet.sent, made - age, packet.size, packet.total), age))
+        if report.marks and not samples:
+            raise _InvalidReport(impossible.pop())
         return samples
 
-    def _check_counters(self, report: Any) -> Dict[str, Any]:
-        """{stream: its counters in the last report of this session}"""
+    def _possible_counters(self, report: Any, impossible: Set[str]) -> Tuple[Dict[str, Any], Dict[str, Any]]:
+        """({stream: its last counters in this session}, {stream: its counters now}), those that are possible.
+
+        :param impossible: reasons of others are added
+        """
         same_session = self._last is not None and self._last.session == report.session
-        before = {one.name: one for one in self._last.streams} if self._last is not None and same_session else {}
+        before, counters = self._counters if same_session else {}, {}
         for one in report.streams:
-            count, size = self._history.totals(one.name)
-            if one.received > count or one.bytes > size:
-                raise _InvalidReport('received more than sent')
+            count, size = self.sent.totals(one.name)
             known = before.get(one.name)
-            if known is not None and (one.received < known.received or one.bytes < known.bytes
-                                      or (one.highest - known.highest) % SEQ_MODULUS >= SEQ_MODULUS // 2):
+            if one.received > count or one.bytes > size:
+                impossible.add('received more than sent')
+            elif not self.sent.reached(one.name, one.highest):
+                impossible.add('never sent')
+            elif known is not None and (one.received < known.received or one.bytes < known.bytes
+                                        or (one.highest - known.highest) % SEQ_MODULUS >= SEQ_MODULUS // 2):
                 raise _InvalidReport('counters go backwards')
-        return before
+            else:
+                counters[one.name] = one
+        if report.streams and not counters:
+            raise _InvalidReport(impossible.pop())
+        return before, counters
+
+    def _difference(self, counters: Dict[str, Any], before: Dict[str, Any]) -> Tuple[int, int]:
+        """(expected, received) datagrams since the last report."""
+        expected = received = 0
+        for name, one in counters.items():
+            if name in before:
+                could = self.sent.sent_between(name, before[name].highest, one.highest)
+                expected += could
+                received += min(could, one.received - before[name].received)
+        return expected, received
 
     def _check_clock(self, report: Any, now: float) -> bool:
         """Whether the receiver's clock started again."""
@@ -262,17 +305,6 @@ class FeedbackReader:
             raise _InvalidReport('clock jumps')
         self._jumps = []
         return True
-
-
-def _difference(report: Any, before: Dict[str, Any]) -> Tuple[int, int]:
-    """(expected, received) datagrams since the last report."""
-    expected = received = 0
-    for one in report.streams:
-        if one.name in before:
-            could = (one.highest - before[one.name].highest) % SEQ_MODULUS
-            expected += could
-            received += min(could, one.received - before[one.name].received)
-    return expected, received
 
 
 def _check_form(report: Any) -> None:

@@ -58,6 +58,10 @@ class ProbeController:
         self._next = -math.inf      # not before [s]
         self._pending: Optional[_Pending] = None
 
+    def retry(self) -> None:
+        """Wait no longer after an unsuccessful train."""
+        self._next = -math.inf
+
     def next(self, capacity: float, empty: bool, wanted: bool, newest: PacketSample, unreported: int,
              now: float) -> Optional[ProbeTrain]:
         """The train that leaves now, if any.

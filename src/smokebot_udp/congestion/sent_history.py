@@ -82,7 +82,7 @@ class SentHistory:
         known = self._streams.get(stream)
         if known is None:
             return None
-        seq = known.last - (known.last - seq) % SEQ_MODULUS
+        seq = self.unwrapped(stream, seq)
         index = bisect.bisect_right(known.firsts, seq) - 1
         if index < 0:
             return None
@@ -91,6 +91,16 @@ class SentHistory:
         if place > burst.packets:
             return None
         return SentPacket(burst.sent, burst.size, burst.total_before + place * burst.size)
+
+    def unwrapped(self, stream: str, seq: int) -> int:
+        """The sequence number, of those equal to `seq` modulo 2^32, that the stream had last."""
+        known = self._streams.get(stream)
+        return known.last - (known.last - seq) % SEQ_MODULUS if known else seq
+
+    def reached(self, stream: str, seq: int) -> bool:
+        """Whether a stream's numbers have come as far as this one, modulo 2^32."""
+        known = self._streams.get(stream)
+        return known is not None and (known.last - seq) % SEQ_MODULUS < SEQ_MODULUS // 2
 
     def totals(self, stream: str) -> Tuple[int, int]:
         """(datagrams, bytes) of a stream sent so far."""

@@ -16,6 +16,7 @@ def link_status(stats: LinkStats) -> Status:
         'sent [Mbit/s]': stats.sent / MBIT, 'wanted [Mbit/s]': stats.wanted / MBIT,
         'capacity [Mbit/s]': stats.capacity / MBIT, 'loss [%]': 100 * stats.loss,
         'queue delay [ms]': 1e3 * stats.queue_delay, 'round trip [ms]': 1e3 * stats.round_trip,
+        **{'rate for %s [Mbit/s]' % operator: rate / MBIT for operator, rate in sorted(stats.slower.items())},
         **{'reports refused, ' + reason: count for reason, count in sorted(stats.refused_reports.items())}})
 
 

@@ -66,7 +66,7 @@ class StreamStats:
 class LinkStats:
     """The link as the robot estimates it from the reports of its operators. Rates include IP and UDP headers.
 
-    Of several operators the one with the worst link counts. NaN: unknown.
+    Of several operators it is the link that the streams are planned for. NaN: unknown.
     """
     adaptive: bool
     """Whether the rate follows the reports."""
@@ -90,8 +90,10 @@ class LinkStats:
     """Time since its last report [s]."""
     timeout: bool = False
     """Whether the rate falls because reports are missing."""
+    slower: Dict[str, float] = field(default_factory=dict)
+    """{operator with a slower link: its part of the rate [byte/s]}; it gets a part of the datagrams."""
     refused_reports: Dict[str, int] = field(default_factory=dict)
-    """{reason: reports of operators that were refused}"""
+    """{reason: reports of operators that were refused, wholly or in part}"""
 
     @property
     def state(self) -> str:
@@ -102,4 +104,4 @@ class LinkStats:
             return 'no operator has reported yet'
         if self.timeout:
             return 'no reports of %s for %.1f s' % (self.operator, self.silence)
-        return 'as %s reports' % self.operator
+        return 'as %s reports%s' % (self.operator, ', less for ' * bool(self.slower) + ', '.join(sorted(self.slower)))

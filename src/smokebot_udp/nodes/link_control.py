@@ -2,6 +2,7 @@
 """Runs the robot's link controller: takes operators' reports, sets the outbox's rate and streams' grants, and publishes
 ~link.
 """
+import collections
 import threading
 import time
 from typing import Any, Dict, Mapping
@@ -9,7 +10,7 @@ from typing import Any, Dict, Mapping
 import rospy
 
 from .. import udpros
-from ..congestion.controller import Controller, Plan
+from ..congestion.controller import NO_LIMITS, Controller, Plan
 from ..congestion.estimator import REPORT_INTERVAL
 from ..congestion.packet_scheduler import PacketScheduler
 from ..monitoring.stats import LinkStats
@@ -37,10 +38,16 @@ class SharedController:
     def __exit__(self, *_: Any) -> None:
         self._lock.release()
 
-    def on_sent(self, stream: str, seq: int, count: int, size: int, now: float) -> None:
+    def conforming(self, stream: str, count: int, size: int, now: float) -> Mapping[str, int]:
+        """As Controller.conforming, for the outbox."""
+        with self as controller:
+            return controller.conforming(stream, count, size, now)
+
+    def on_sent(self, stream: str, seq: int, count: int, size: int, now: float,
+                limits: Mapping[str, int] = NO_LIMITS) -> None:
         """As Controller.on_sent, for the outbox."""
         with self as controller:
-            controller.on_sent(stream, seq, count, size, now)
+            controller.on_sent(stream, seq, count, size, now, limits)
 
 
 class LinkControl:
@@ -59,6 +66,7 @@ class LinkControl:
         self._reports = udpros.Subscriber(TOPIC, LinkReport, self._on_report, queue_size=10)
         self._ticks = PeriodicWorker('link', self._tick, log_error('link'), REPORT_INTERVAL)
         self._ticks.start()
+        link.subscribed = self._count_operators
 
     def forget(self) -> None:
         """The mission focus changed: the next tick divides the link without hysteresis."""
@@ -74,7 +82,8 @@ class LinkControl:
         """Take a report; the transport's thread."""
         now = time.monotonic()
         with self._controller as controller:
-            train = controller.on_report(report._connection_header['callerid'], report, now)
+            header = report._connection_header      # one object for each connection
+            train = controller.on_report(header['callerid'], report, now, id(header))
 
         def follow(scheduler: PacketScheduler) -> None:
             self._set_rate(scheduler, now)
@@ -85,6 +94,7 @@ class LinkControl:
     def _tick(self) -> None:
         now = time.monotonic()
         demands = {name: stream.demand(now) for name, stream in self._streams.items()}
+        self._count_operators()
         with self._controller as controller:
             plan = controller.tick(now, {name: demand for name, demand in demands.items() if demand is not None},
                                    self._link.outbox.protected)
@@ -100,6 +110,12 @@ class LinkControl:
         status = as_message(stats)
         status.header.stamp = rospy.Time.now()
         self._status.publish(status)
+
+    def _count_operators(self) -> None:
+        """Pass on who subscribes to the streams now; any thread."""
+        connections = collections.Counter(name for stream in self._streams.values() for name in stream.subscribers)
+        with self._controller as controller:
+            controller.on_operators(connections, time.monotonic())
 
     def _set_rate(self, scheduler: PacketScheduler, now: float) -> None:
         """Set the present rate, under the outbox's lock: a report may have changed it since the plan was made."""

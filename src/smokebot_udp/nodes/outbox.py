@@ -3,7 +3,7 @@
 import math
 import threading
 import time
-from typing import Any, Callable, Optional, Sequence
+from typing import Any, Callable, Mapping, Optional, Sequence
 
 from ..congestion.packet_scheduler import Chunk, PacketScheduler
 from ..udpros.endpoints import IP_UDP_HEADERS
@@ -18,8 +18,15 @@ MAX_WAIT = 0.5
 MAX_WHOLE_WAIT = 2.0
 """or this, where a message is useless without all its datagrams [s]."""
 
-Departed = Callable[[str, int, int, int, float], None]
-"""f(stream, seq, count, size, now): `count` datagrams of `size` bytes each as IP packets left, numbered from seq."""
+Departed = Callable[[str, int, int, int, float, Mapping[str, int]], None]
+"""f(stream, seq, count, size, now, limits): `count` datagrams of `size` bytes each as IP packets left.
+
+* seq: of the first one
+* limits: {subscriber that got only the first datagrams: their number}
+"""
+
+Conforming = Callable[[str, int, int, float], Mapping[str, int]]
+"""f(stream, count, size, now) -> limits as in Departed, for datagrams that leave now."""
 
 
 class Outbox:
@@ -28,12 +35,14 @@ class Outbox:
     :param scheduler: decides what leaves when
     :param departed: see Departed; called for all datagrams that left
     :param on_error: f(stream, exception), called where sending fails; the other streams go on
+    :param conforming: see Conforming; called for all datagrams that wait for their turn
     """
 
     def __init__(self, scheduler: Optional[PacketScheduler] = None, departed: Departed = lambda *_: None,
-                 on_error: Callable[[str, Exception], None] = lambda *_: None) -> None:
+                 on_error: Callable[[str, Exception], None] = lambda *_: None,
+                 conforming: Conforming = lambda *_: {}) -> None:
         self._scheduler = scheduler or PacketScheduler()
-        self._departed, self._on_error = departed, on_error
+        self._departed, self._on_error, self._conforming = departed, on_error, conforming
         self.protected = 0
         """What ever left at once [byte of IP packets]."""
         lock = threading.Lock()
@@ -84,13 +93,13 @@ class Outbox:
 
         :param publisher: udpros.Publisher
         """
-        now = time.monotonic()
+        now = time.monotonic()      # before it leaves: it may arrive at once
         first = publisher.publish_frames(frame)
         size = frame.datagram_size + IP_UDP_HEADERS
         with self._changed:
             self.protected += len(frame) * size
             self._scheduler.charge(len(frame) * size, now)
-            self._departed(stream, first, len(frame), size, now)
+            self._departed(stream, first, len(frame), size, now, {})
 
     def drop(self, stream: str) -> None:
         """Nothing more of a stream's message leaves."""
@@ -134,6 +143,7 @@ class Outbox:
     def _send(self, chunk: Chunk) -> None:
         publisher, frames = chunk.work
         frame = frames[chunk.part].part(chunk.start, chunk.stop)
-        now = time.monotonic()
-        first = publisher.publish_frames(frame)
-        self._departed(chunk.stream, first, len(frame), frame.datagram_size + IP_UDP_HEADERS, now)
+        now, size = time.monotonic(), frame.datagram_size + IP_UDP_HEADERS
+        limits = self._conforming(chunk.stream, len(frame), size, now)
+        first = publisher.publish_frames(frame, limits=limits)
+        self._departed(chunk.stream, first, len(frame), size, now, limits)

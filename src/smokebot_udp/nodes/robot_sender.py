@@ -60,7 +60,7 @@ class RobotSender:
                 shared_work = {'fans': fans[rospy.resolve_name(settings['robot_topic'])]}
             return RobotStream(name, settings, encoder_class(settings['type'])(settings, **shared_work), link)
         with udpros.registered_together():
-            link = RobotLink(size, Outbox(scheduler, shared.on_sent, _log))
+            link = RobotLink(size, Outbox(scheduler, shared.on_sent, _log, shared.conforming))
             link.outbox.start()
             self._outbox = link.outbox
             self.streams = load_streams(parameters, make_stream)

@@ -7,7 +7,7 @@ encoder (streams/encoder.py) decides how messages are encoded, the outbox (outbo
 import functools
 import time
 from dataclasses import dataclass, field
-from typing import Any, Callable, Mapping, Optional, Sequence
+from typing import Any, Callable, Mapping, Optional, Sequence, Set
 
 import rospy
 
@@ -36,6 +36,8 @@ class RobotLink:
     max_datagram_size: int
     """As configured [byte of UDP payload]."""
     outbox: Outbox = field(default_factory=Outbox)
+    subscribed: Callable[[], None] = lambda: None
+    """Called when a stream has a new subscriber."""
 
     def __post_init__(self) -> None:
         self.datagram_size = self.max_datagram_size
@@ -115,6 +117,11 @@ class RobotStream(rospy.SubscribeListener):
         return self._publisher is not None and self._publisher.get_num_connections() > 0
 
     @property
+    def subscribers(self) -> Set[str]:
+        """Names of the nodes that the segments are sent to as datagrams."""
+        return {connection['peer'] for connection in self._publisher.connections()} if self.heard else set()
+
+    @property
     def wanted(self) -> bool:
         """Whether segments are to be sent now."""
         settings = self.settings.current
@@ -169,6 +176,7 @@ class RobotStream(rospy.SubscribeListener):
 
     def peer_subscribe(self, topic_name: str, topic_publish: Any, peer_publish: Any) -> None:
         """A new subscriber gets at once what is repeated."""
+        self.link.subscribed()
         with self._worker.changing():
             self._schedule.wake()
 

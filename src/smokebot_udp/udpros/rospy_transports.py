@@ -10,7 +10,7 @@ import threading
 import time
 import traceback
 from dataclasses import dataclass
-from typing import Any, Callable, Iterable, Iterator, List, Optional, Sequence, Set, Tuple
+from typing import Any, Callable, Iterable, Iterator, List, Mapping, Optional, Sequence, Set, Tuple
 
 import numpy as np
 import rospy
@@ -268,8 +268,11 @@ class UdpPublisherImpl(_PublisherImpl):
         finally:
             self.release()
 
-    def publish_frames(self, frames: Sequence[Frame]) -> None:
-        """Number the messages of some frames, and send them to all connections; the caller holds publock."""
+    def publish_frames(self, frames: Sequence[Frame], limits: Mapping[str, int]) -> None:
+        """Number the messages of some frames, and send them to all connections; the caller holds publock.
+
+        :param limits: {subscriber: number of the first messages that it gets}; the others get all
+        """
         for frame in frames:
             if has_header(self.data_class):   # the numbering of rospy.msg.serialize_message
                 frame.records['header']['seq'] = self.seq + 1 + np.arange(len(frame))
@@ -279,7 +282,7 @@ class UdpPublisherImpl(_PublisherImpl):
         for connection in self.connections:
             try:
                 if isinstance(connection, PublisherTransport):
-                    for frame in frames:
+                    for frame in _first(frames, limits.get(connection.endpoint_id)):
                         connection.write_frame(frame)
                 else:
                     stream = b''.join(frame.stream() for frame in frames) if stream is None else stream
@@ -317,6 +320,15 @@ class UdpSubscriberImpl(_SubscriberImpl):
             for message in msgs:
                 with contextlib.suppress(LayoutError):
                     self.call_batch(_as_records(message), np.ones(1, bool))
+
+
+def _first(frames: Sequence[Frame], limit: Optional[int]) -> Iterator[Frame]:
+    """The first messages of some frames; None: all."""
+    left = sum(map(len, frames)) if limit is None else limit
+    for frame in frames:
+        if left > 0:
+            yield frame if left >= len(frame) else frame.part(0, left)
+        left -= len(frame)
 
 
 def _as_records(message: Any) -> Records:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """rospy.Publisher and rospy.Subscriber with UDPROS and options for the transport."""
-from typing import Any, Callable, Dict, List, Optional
+from types import MappingProxyType
+from typing import Any, Callable, Dict, List, Mapping, Optional
 
 import rospy
 from rospy.impl.registration import Registration, get_topic_manager
@@ -77,9 +78,10 @@ class Publisher(rospy.Publisher):
                      lambda resolved: UdpPublisherImpl(resolved, data_class, options))
         super().__init__(name, data_class, subscriber_listener, tcp_nodelay, latch, headers, queue_size)
 
-    def publish_frames(self, *frames: Frame) -> int:
+    def publish_frames(self, *frames: Frame, limits: Mapping[str, int] = MappingProxyType({})) -> int:
         """Send all messages of some Frames at once; much cheaper than `publish` for each message.
 
+        :param limits: {node name of a UDPROS subscriber: it gets only this number of the first messages}
         :return: the first message's sequence number; those of the others follow
         :raises ValueError: if a frame is of another type than the topic
         :raises rospy.ROSException: if the publisher has been unregistered
@@ -92,7 +94,7 @@ class Publisher(rospy.Publisher):
                     self.resolved_name, self.data_class._type, frame.message_class._type))
         with self.impl.publock:
             first: int = self.impl.seq + 1
-            self.impl.publish_frames(frames)
+            self.impl.publish_frames(frames, limits)
         return first
 
     def connections(self) -> List[Dict[str, Any]]:

@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What one of several operators gets of the datagrams that are sent: as much as its own link carries.
+
+All operators get the same frames, as fast as the best link carries them. Each datagram is a sample of a whole message,
+so for a slower link some are left out, and its operator sees the same messages less complete.
+"""
+import bisect
+from typing import Dict, List, Mapping, Optional, Tuple
+
+from .sent_history import SEQ_MODULUS, SentHistory, SentPacket
+
+MAX_RANGES = 4096
+"""Ranges of datagrams that were left out, remembered of each stream, at least."""
+
+BURST_DURATION = 0.05
+"""After a pause, what the link carries in this time may leave at once [s];"""
+
+MAX_DEBT = 0.1
+"""streams that keep all their datagrams, and messages that leave in any case, delay others by this much at most [s]."""
+
+
+class Policer:
+    """Decides which datagrams an operator gets: a part of each stream's, and not too many at once (a token bucket, RFC
+    2697).
+
+    :param now: by a steady clock [s]
+    """
+
+    def __init__(self, now: float) -> None:
+        self.parts: Mapping[str, float] = {}
+        """{stream: part of its datagrams to keep, 0..1}; of others all."""
+        self._credit: Dict[str, float] = {}         # {stream: datagrams}
+        self._tokens, self._updated = 0.0, now      # [byte], [s]
+        self._probe_rate = self._probe_left = 0.0
+
+    def start_probe(self, rate: float, size: float) -> None:
+        """Let the next ``size`` bytes pass at another rate [byte/s]: a probing.ProbeTrain."""
+        self._probe_rate, self._probe_left = rate, size
+
+    def conforming(self, stream: str, count: int, size: int, rate: float, now: float) -> int:
+        """How many of a stream's `count` datagrams may be sent now.
+
+        :param size: of each on the air [byte]
+        :param rate: of the operator's link [byte/s]
+        """
+        part = self.parts.get(stream, 1.0)
+        if self._probe_left > 0:
+            part, rate = 1.0, max(rate, self._probe_rate)
+        depth = max(size, rate * BURST_DURATION)
+        self._tokens = min(depth, max(self._tokens, -rate * MAX_DEBT) + rate * (now - self._updated))
+        self._updated = now
+        credit = min(self._credit.get(stream, 0.0), 1.0) + part * count
+        room = self._tokens + (rate * MAX_DEBT if part >= 1 else 0.0)
+        number = max(0, min(count, int(credit + 1e-9), int(room // size)))
+        self._credit[stream] = credit - number
+        return number
+
+    def spend(self, size: int) -> None:
+        """Account for bytes that were sent."""
+        self._tokens -= size
+        self._probe_left -= size
+
+
+class _LeftOut:
+    """Ranges of a growing number that were left out, and how much of it that is."""
+
+    def __init__(self) -> None:
+        self.amount = 0
+        self._starts: List[int] = []
+        self._before: List[Tuple[int, int]] = []    # (length, left out before the range)
+
+    def add(self, start: int, length: int) -> None:
+        if self._starts and start <= self._starts[-1]:
+            self._starts, self._before = [], []     # the numbering started again
+        self._starts.append(start)
+        self._before.append((length, self.amount))
+        self.amount += length
+        if len(self._starts) >= 2 * MAX_RANGES:
+            del self._starts[:MAX_RANGES], self._before[:MAX_RANGES]
+
+    def until(self, end: int) -> int:
+        """How much was left out before `end`."""
+        index = bisect.bisect_left(self._starts, end) - 1
+        if index < 0:
+            return self._before[0][1] if self._before else 0
+        length, before = self._before[index]
+        return before + min(length, end - self._starts[index])
+
+
+class OperatorHistory:
+    """What one operator was sent: a SentHistory without what was left out.
+
+    :param history: what was sent to all
+    """
+
+    def __init__(self, history: SentHistory) -> None:
+        self._history = history
+        self._bytes = _LeftOut()                    # of all streams
+        self._seqs: Dict[str, _LeftOut] = {}        # of each stream
+        self._sizes: Dict[str, int] = {}            # {stream: bytes}
+
+    @property
+    def total(self) -> int:
+        """Bytes of all streams sent so far."""
+        return self._history.total - self._bytes.amount
+
+    def leave_out(self, stream: str, first: int, count: int, size: int) -> None:
+        """Record that of the datagrams which were added to the history last, the last ones were left out.
+
+        :param first: sequence number of the first one left out (not wrapped)
+        :param count: number of datagrams
+        :param size: of each on the air [byte]
+        """
+        self._bytes.add(self._history.total - count * size, count * size)
+        self._seqs.setdefault(stream, _LeftOut()).add(first, count)
+        self._sizes[stream] = self._sizes.get(stream, 0) + count * size
+
+    def find(self, stream: str, seq: int) -> Optional[SentPacket]:
+        """As SentHistory.find; None also for what was left out."""
+        packet = self._history.find(stream, seq)
+        if packet is None or self._missing(stream, seq) > self._missing(stream, seq - 1):
+            return None
+        return packet._replace(total=packet.total - self._bytes.until(packet.total))
+
+    def reached(self, stream: str, seq: int) -> bool:
+        """As SentHistory.reached."""
+        return self._history.reached(stream, seq)
+
+    def sent_between(self, stream: str, first: int, last: int) -> int:
+        """Number of datagrams of a stream after one sequence number, up to and with another one, modulo 2^32."""
+        return (last - first) % SEQ_MODULUS - self._missing(stream, last) + self._missing(stream, first)
+
+    def totals(self, stream: str) -> Tuple[int, int]:
+        """(datagrams, bytes) of a stream sent so far."""
+        count, size = self._history.totals(stream)
+        left_out = self._seqs.get(stream)
+        return (count - left_out.amount, size - self._sizes[stream]) if left_out else (count, size)
+
+    def _missing(self, stream: str, seq: int) -> int:
+        """Number of datagrams of a stream left out, up to and with a sequence number."""
+        left_out = self._seqs.get(stream)
+        return left_out.until(self._history.unwrapped(stream, seq) + 1) if left_out else 0

@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: BSD-3-Clause
+from typing import List, Tuple
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from smokebot_udp.congestion.operator_share import BURST_DURATION, MAX_DEBT, MAX_RANGES, OperatorHistory, Policer
+from smokebot_udp.congestion.sent_history import SentHistory
+
+SIZE = 1000
+
+
+def passed(policer: Policer, stream: str, rate: float, each: int, every: float, start: float = 0.0,
+           until: float = 10.0) -> int:
+    """How much of a stream passes from one time to another: `each` datagrams `every` [s]."""
+    number, now = 0, start
+    while now < until:
+        got = policer.conforming(stream, each, SIZE, rate, now)
+        policer.spend(got * SIZE)
+        number, now = number + got, now + every
+    return number
+
+
+@pytest.mark.parametrize('part, each, every, expected', [
+    (1.0, 1, 0.002, 1000), (1.0, 5, 0.01, 1000), (0.9, 5, 0.01, 1000),
+    (0.9, 60, 0.1, 500),        # that is a burst
+])
+def test_no_more_passes_than_the_link_carries(part: float, each: int, every: float, expected: int) -> None:
+    assert BURST_DURATION == 0.05
+    policer = Policer(0.0)
+    policer.parts = {'thermal': part}
+    assert passed(policer, 'thermal', 100 * SIZE, each, every) == pytest.approx(expected, rel=0.02)
+
+
+def test_a_part_of_each_stream_passes_on_a_link_with_room() -> None:
+    policer = Policer(0.0)
+    policer.parts = {'thermal': 0.3}
+    assert passed(policer, 'thermal', 1e7, 2, 0.01) == pytest.approx(600, abs=1)
+    assert passed(policer, 'scan', 1e7, 2, 0.01) == 2000
+
+
+def test_what_keeps_all_its_datagrams_goes_first() -> None:
+    policer = Policer(0.0)
+    policer.parts = {'thermal': 0.9}
+    assert passed(policer, 'thermal', 10 * SIZE, 1, 0.001, until=1.0) == pytest.approx(10, abs=1)
+    assert policer.conforming('scan', 1, SIZE, 10 * SIZE, 1.0) == 1
+    policer.spend(2 * SIZE)
+    assert policer.conforming('scan', 1, SIZE, 10 * SIZE, 1.0) == 0
+
+
+def test_messages_that_leave_in_any_case_delay_others_for_a_short_time_only() -> None:
+    policer = Policer(0.0)
+    policer.parts = {'thermal': 0.9}
+    policer.spend(1000 * SIZE)
+    assert policer.conforming('thermal', 1, SIZE, 100 * SIZE, 0.0) == 0
+    assert policer.conforming('thermal', 20, SIZE, 100 * SIZE, MAX_DEBT + 0.021) == 2
+
+
+def test_a_train_passes_at_its_own_rate() -> None:
+    policer = Policer(0.0)
+    policer.parts = {'thermal': 0.1}
+    assert passed(policer, 'thermal', 50 * SIZE, 1, 0.001, until=0.1) <= 5
+    policer.start_probe(500 * SIZE, 10 * SIZE)
+    assert passed(policer, 'thermal', 50 * SIZE, 1, 0.001, 0.1, 0.125) == pytest.approx(11, abs=2)
+    assert passed(policer, 'thermal', 50 * SIZE, 1, 0.001, 0.125, 0.225) <= 5
+
+
+def test_what_was_left_out_was_not_sent() -> None:
+    history = SentHistory()
+    own = OperatorHistory(history)
+    history.add('thermal', 1, 5, SIZE, 1.0)
+    own.leave_out('thermal', 4, 2, SIZE)
+    history.add('tf', 1, 1, 200, 1.1)
+    history.add('thermal', 6, 3, SIZE, 1.2)
+    own.leave_out('thermal', 6, 3, SIZE)
+    history.add('thermal', 9, 1, SIZE, 1.3)
+    assert own.total == 4200 and history.total == 9200
+    assert own.totals('thermal') == (4, 4000) and own.totals('tf') == (1, 200) and own.totals('map') == (0, 0)
+    assert own.find('thermal', 3) == (1.0, SIZE, 3000)
+    assert own.find('tf', 1) == (1.1, 200, 3200)
+    assert own.find('thermal', 9) == (1.3, SIZE, 4200)
+    assert [own.find('thermal', seq) for seq in (4, 5, 6, 8)] == [None] * 4
+    assert (own.sent_between('thermal', 3, 9), own.sent_between('thermal', 1, 4)) == (1, 2)
+    assert own.reached('thermal', 9) and not own.reached('thermal', 10)
+
+
+def test_sequence_numbers_wrap() -> None:
+    history = SentHistory()
+    own = OperatorHistory(history)
+    history.add('thermal', 2 ** 32 - 2, 6, SIZE, 1.0)
+    own.leave_out('thermal', 2 ** 32, 4, SIZE)
+    assert own.find('thermal', 2 ** 32 - 1) is not None and own.find('thermal', 1) is None
+    assert own.sent_between('thermal', 2 ** 32 - 2, 3) == 1
+
+
+def test_memory_is_bounded_and_recent_datagrams_stay_known() -> None:
+    history = SentHistory()
+    own = OperatorHistory(history)
+    count = 5 * MAX_RANGES
+    for k in range(count):
+        history.add('thermal', 2 * k + 1, 2, SIZE, float(k))
+        own.leave_out('thermal', 2 * k + 2, 1, SIZE)
+    assert own.total == count * SIZE and own.totals('thermal') == (count, count * SIZE)
+    assert own.find('thermal', 2 * count) is None
+    assert own.find('thermal', 2 * count - 1) == (count - 1.0, SIZE, count * SIZE)
+    assert own.sent_between('thermal', 2 * count - 201, 2 * count - 1) == 100
+
+
+@given(st.lists(st.tuples(st.sampled_from(['thermal', 'lidar']), st.integers(1, 5), st.integers(0, 5),
+                          st.integers(1, 3)), max_size=30))
+def test_it_is_the_history_of_an_operator_who_was_sent_only_that(
+        chunks: List[Tuple[str, int, int, int]]) -> None:
+    """Chunks: (stream, datagrams, of which are sent to the operator at most, size)."""
+    everything, alone = SentHistory(), SentHistory()
+    own, seqs = OperatorHistory(everything), {'thermal': 0, 'lidar': 0}
+    for number, (stream, count, most, size) in enumerate(chunks):
+        first, kept = seqs[stream] + 1, min(count, most)
+        seqs[stream] += count
+        everything.add(stream, first, count, size, float(number))
+        if kept < count:
+            own.leave_out(stream, first + kept, count - kept, size)
+        if kept:
+            alone.add(stream, first, kept, size, float(number))
+    assert own.total == alone.total
+    for stream, last in seqs.items():
+        assert own.totals(stream) == alone.totals(stream)
+        found = [own.find(stream, seq) for seq in range(1, last + 1)]
+        assert found == [alone.find(stream, seq) if alone.totals(stream)[0] else None for seq in range(1, last + 1)]
+        if last:
+            assert own.sent_between(stream, 0, last) == sum(packet is not None for packet in found)
