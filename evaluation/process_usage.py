@@ -24,8 +24,10 @@ def kept_open(process: int, port: int) -> int:
         with contextlib.suppress(FileNotFoundError):    # closed meanwhile
             sockets.add(os.readlink(str(descriptor)))
     rows = [line.split() for line in (folder / 'net' / 'tcp').read_text().splitlines()[1:]]
-    return sum(row[3] == ESTABLISHED and int(row[1].split(':')[1], 16) == port and 'socket:[%s]' % row[9] in sockets
-               for row in rows)
+    # a set: the kernel may list one twice, or miss one, where others come and go meanwhile
+    kept = {'socket:[%s]' % row[9] for row in rows
+            if row[3] == ESTABLISHED and int(row[1].split(':')[1], 16) == port}
+    return len(kept & sockets)
 
 
 def usage(process: int, port: Optional[int]) -> Usage:

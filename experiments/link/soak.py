@@ -17,9 +17,9 @@ EXPLANATION = """
 Round after round a random fault hits the robot, its master, the link or an operator, at 5 % packet loss. Nodes are
 killed without warning (`kill -9`) and started again. When the robot reboots, its master and all its nodes end together,
 while the operator's side goes on. The link is cut for up to 30 s. The operator's machine gets another address: the
-machines know each other by host names. A second operator comes, and ends in order. The robot's clock is stepped by up to an hour
-either way. A stranger calls the nodes: connections in others' names, forged notifications. All kinds of faults come
-equally often, in an order drawn from the seed.
+machines know each other by host names. A second operator comes, and ends in order. The robot's clock is stepped by up
+to an hour either way. A stranger calls the nodes: connections in others' names, forged notifications. All kinds of
+faults come equally often, in an order drawn from the seed.
 
 A stream is fresh when the operator shows a message that is stamped after the end of the fault. The wait counts from the
 moment at which the last part that was started again has registered at the master, else from the end of the fault, until
@@ -136,7 +136,9 @@ def plot(folder: pathlib.Path) -> List[Union[Figure, Table]]:
         never = sum(wait is None for wait in waits)
         if never:
             above.text(soak.KINDS[kind].worst, height + 0.35, ' %d never' % never, va='center', color=drawing.OURS)
-    above.set(xlabel='[s] until every stream is fresh; the stroke is the goal', xlim=(0, None))
+    longest = max((row['wait [s]'] or 0.0 for row in rounds), default=0.0)
+    above.set(xlabel='[s] until every stream is fresh; the stroke is the goal', xlim=(0, max(12.0, 1.05 * longest)),
+              ylim=(-0.6, len(kinds) - 0.4))
     above.set_yticks(range(len(kinds)), kinds)
     for node, colour in zip(OURS, ('#1f77b4', drawing.OURS, '#2ca02c')):
         rows = [row for row in resources if row['node'] == node]

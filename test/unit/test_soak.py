@@ -8,7 +8,7 @@ import socket
 import subprocess
 import sys
 import time
-from typing import Any, Dict, List, Optional
+from typing import Any, Callable, Dict, List, Optional
 
 import pytest
 
@@ -192,25 +192,31 @@ def test_a_side_knows_itself_by_a_local_address() -> None:
         '127.0.0.1 localhost\n127.0.1.1 robot\n10.0.0.3 operator\n')
 
 
+def wait_until(condition: Callable[[], bool]) -> bool:
+    """Whether it comes true within 10 s."""
+    deadline = time.monotonic() + 10
+    while not condition() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    return condition()
+
+
 def test_connections_that_clients_keep_open_do_not_count() -> None:
     with socket.create_server(('127.0.0.1', 0)) as server:
         port = server.getsockname()[1]
-        before = process_usage.usage(os.getpid(), port)
+
+        def count(kept: int, descriptors: int) -> Callable[[], bool]:
+            return lambda: (process_usage.kept_open(os.getpid(), port) == kept
+                            and process_usage.usage(os.getpid(), port).descriptors == descriptors)
+
+        before = process_usage.usage(os.getpid(), port).descriptors
         clients = [socket.create_connection(('127.0.0.1', port)) for _ in range(3)]
         served = [server.accept()[0] for _ in clients]
-        assert process_usage.kept_open(os.getpid(), port) == 3
-        # the clients are in this process, too
-        assert process_usage.usage(os.getpid(), port).descriptors == before.descriptors + 3
+        assert wait_until(count(3, before + 3))     # the clients are in this process, too
         clients.pop().close()
-        # a connection that its client has closed is the server's own business
-        deadline = time.monotonic() + 10
-        while process_usage.kept_open(os.getpid(), port) == 3 and time.monotonic() < deadline:
-            time.sleep(0.01)
-        assert process_usage.kept_open(os.getpid(), port) == 2
+        assert wait_until(count(2, before + 3))     # what its client has closed is the server's own business
         for connection in clients + served:
             connection.close()
-        assert process_usage.usage(os.getpid(), port).descriptors == before.descriptors
-        assert process_usage.kept_open(os.getpid(), port) == 0
+        assert wait_until(count(0, before))
 
 
 CLOCKS = """
