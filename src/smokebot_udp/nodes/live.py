@@ -23,6 +23,9 @@ from .parameters import DIAGNOSTICS
 PUBLISHING = threading.RLock()
 """Held while this node writes parameters, and while it reads what others wrote. Taken after a server's mutex."""
 
+BEGIN_PERIOD = 2.0
+"""Time from one attempt to start to the next, where the master does not answer [s]."""
+
 TYPES = {bool: 'bool', int: 'int', float: 'double', str: 'str'}
 LIMITS: Dict[type, Any] = {bool: (False, True), int: (-2 ** 31, 2 ** 31 - 1), float: (-float('inf'), float('inf')),
                            str: ('', '')}
@@ -232,12 +235,20 @@ class ParameterWatch:
     def __init__(self, parts: Sequence[LiveSettings], background: bool) -> None:
         self._parts = parts
         self._changed = threading.Event()
-        self._ended = False
-        self._begun = not background
-        if self._begun:
-            self._begin()
+        self._ended = self._begun = False
+        if not background:
+            self._try_to_begin()
         self._thread = threading.Thread(target=self._run, name='parameters', daemon=True)
         self._thread.start()
+
+    def _try_to_begin(self) -> None:
+        """Start the live settings; without the master nothing begins."""
+        try:
+            self._begin()
+            self._begun = True
+        except Exception as error:
+            if not self._ended:
+                rospy.logwarn_throttle(10, 'settings cannot be changed yet: %s' % error)
 
     def _begin(self) -> None:
         found = _found()
@@ -247,10 +258,11 @@ class ParameterWatch:
         rospy.get_param_cached('~')     # subscribes
         # rospy ignores updates of names that its cache lacks: of all whose namespace was replaced, and of former names
         cache = get_param_server_cache()
-        self._update_known, cache.update = cache.update, self._update
+        if cache.update != self._update:
+            self._update_known, cache.update = cache.update, self._update
         with udpros.registered_together():
             for part in self._parts:
-                part.serve()
+                part.serve()        # adopted, so this calls nobody
 
     def _update(self, key: str, value: Any) -> None:
         """The cache's update: a parameter has changed, by the master's notification or by rospy.set_param."""
@@ -268,14 +280,12 @@ class ParameterWatch:
             self._thread.join()
 
     def _run(self) -> None:
-        try:
-            if not self._begun:
-                self._begin()
-                self._begun = True
-        except Exception as error:
-            if not self._ended:
-                rospy.logerr('settings cannot be changed while this runs: %s', error)
-            return
+        while not self._begun:
+            self._try_to_begin()
+            if not self._begun and self._changed.wait(BEGIN_PERIOD):
+                self._changed.clear()
+            if self._ended:
+                return
         while True:
             self._changed.wait()
             self._changed.clear()
