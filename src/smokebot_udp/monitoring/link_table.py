@@ -16,7 +16,8 @@ STALE_AFTER = 3.0
 MAX_NODES = 32
 """Number of nodes whose reports are kept, the newest."""
 
-KINDS = {'topic': 'stream', 'peer': 'connection', 'jumps': 'clock', 'state': 'link', 'problems': 'settings'}
+KINDS = {'topic': 'stream', 'peer': 'connection', 'jumps': 'clock', 'state': 'link', 'problems': 'settings',
+         'refused requests': 'requests'}
 """{value that only this kind of status has: kind}"""
 
 STREAM_COLUMNS = (
@@ -119,7 +120,8 @@ def render(board: Board, now: float) -> Tuple[List[Line], List[Line]]:
     top = [Line('smokebot_udp link: last report %.1f s ago%s' % (age, missing))]
     top += map(_link_line, by_kind['link'])
     top += map(_clock_line, by_kind['clock'])
-    top += [_line(status, '%s: %s' % (status.node, status.message)) for status in by_kind['settings'] if status.level]
+    top += [_line(status, '%s: %s' % (status.node, status.message))
+            for status in by_kind['settings'] + by_kind['requests'] if status.level]
     body = [_headings(STREAM_COLUMNS)] + _stream_lines(by_kind['stream'])
     if by_kind['connection']:
         body += [Line(''), _headings(CONNECTION_COLUMNS)]
