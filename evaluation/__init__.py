@@ -7,6 +7,7 @@
 * Without ROS: simulated_air (robots and operators over a shared link), simulated_streams (what a robot sends).
 * Over the emulated link: stack (ROS on both sides), listener and recorder (what arrives), sensor_source and baseline
   (senders), link_run (one method at a time), rate_steps (a link whose rate changes in steps).
+* hostile_flood: what a stranger may do to nodes.
 * processes: child processes that end with their parent.
 """
 import pathlib
