@@ -9,7 +9,8 @@
   (senders), link_run (one method at a time), rate_steps (a link whose rate changes in steps).
 * Faults over the emulated link: soak (which, and how they are judged; pure), soak_run (the nodes, and what hits them),
   named_stack (host names, and an address that changes), registrations (who is known to the master, and since when),
-  process_usage, robot_clock (a clock that can be stepped), hostile_calls (a stranger).
+  process_usage, robot_clock (a clock that can be stepped), hostile_flood (what a stranger
+  may do to nodes).
 * processes: child processes that end with their parent.
 """
 import pathlib

@@ -6,7 +6,6 @@ a second operator on the other one. A listener beside the operators reports what
 what the fault itself ended; only where a stream does not come back, all parts are started anew for the next round.
 """
 import contextlib
-import importlib.util
 import os
 import pathlib
 import subprocess
@@ -66,8 +65,7 @@ GOODBYE = 15.0
 SAMPLING = 2.0
 """Interval between samples of the resources [s]."""
 
-FLOOD = 'evaluation.hostile_flood' if importlib.util.find_spec('evaluation.hostile_flood') else \
-    'evaluation.hostile_calls'
+FLOOD = 'evaluation.hostile_flood'
 """The program of a stranger."""
 
 CALL_RATE = 170.0

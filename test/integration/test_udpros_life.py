@@ -6,6 +6,7 @@ import gc
 import os
 import pathlib
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -18,6 +19,7 @@ from typing import Any
 import rosgraph
 import rospy
 import rostest
+from rospy.impl.registration import RegManager, get_registration_listeners
 from std_msgs.msg import Header
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
@@ -25,7 +27,11 @@ from waiting import wait_for
 
 from smokebot_udp import udpros
 from smokebot_udp.srv import SetFocus, SetFocusResponse
-from smokebot_udp.udpros import master, rospy_binding
+from smokebot_udp.udpros import acceptor, connector, master
+from smokebot_udp.udpros.admission import MAX_PER_HOST, SETTLED
+from smokebot_udp.udpros.negotiation import Request
+from smokebot_udp.udpros.rospy_transports import PublisherTransport
+from smokebot_udp.udpros.silence import SILENCE_TIMEOUT
 
 HERE = pathlib.Path(__file__).resolve().parent
 NODE = '/udpros_life'
@@ -95,7 +101,7 @@ class Life(unittest.TestCase):
             process = self.run_script('udpros_listener.py', '/restarted', 'restarted_listener')
             before = publisher.connections()
             wait_for(lambda old=before: publisher.connections() and publisher.connections() != old, what='it')
-            self.assertEqual(publisher.get_num_connections(), 1)
+            wait_for(lambda: publisher.get_num_connections() == 1, 5, 'the end of the one before')
             process.kill()
             process.wait(10)
 
@@ -111,22 +117,118 @@ class Life(unittest.TestCase):
             del times[:]
             wait_for(lambda: times, 10, 'a message of the talker')
             print('heard again %.2f s after the notification of the master' % (times[0] - told))
-            self.assertLess(times[0] - told, rospy_binding.SILENCE_TIMEOUT, 'found by the watch of silent topics only')
+            self.assertLess(times[0] - told, SILENCE_TIMEOUT, 'found by the watch of silent topics only')
             self.assertEqual(len(subscriber.connections()), 1)
             process.send_signal(how)
             process.wait(10)
 
     def test_the_masters_lost_word_is_asked_for(self) -> None:
-        self.run_script('udpros_talker.py', '/unheard', 'unheard_talker')
+        """The talker dies and another one starts, and nobody notifies us."""
+        first = self.run_script('udpros_talker.py', '/unheard', 'unheard_talker')
         times = []
         subscriber = udpros.Subscriber('/unheard', Header, lambda _: times.append(time.monotonic()), transport='udp')
         self.addCleanup(subscriber.unregister)
         wait_for(lambda: times, what='the talker')
-        with xmlrpc.client.ServerProxy(rospy.get_node_uri()) as proxy:     # as if the publisher had gone
-            proxy.publisherUpdate('/master', '/unheard', [])
-        wait_for(lambda: not subscriber.connections(), what='the end of the connection')
-        del times[:]
-        wait_for(lambda: times, rospy_binding.SILENCE_TIMEOUT + 10, 'the talker again')
+        handler = next(x for x in get_registration_listeners().listeners if isinstance(x, RegManager)).handler
+        with unittest.mock.patch.object(handler, 'publisherUpdate', lambda *_: (1, '', 0)):
+            end(first)
+            self.run_script('udpros_talker.py', '/unheard', 'unheard_talker')
+            del times[:]
+            wait_for(lambda: times, SILENCE_TIMEOUT + 10, 'the talker again')
+        wait_for(lambda: len(subscriber.connections()) == 1, what='the end of the connection to the first one')
+
+    def test_a_stranger_ends_no_connection(self) -> None:
+        """By notifications, in its own name and in the master's, that a topic has no publisher, or others."""
+        self.run_script('udpros_talker.py', '/steady', 'steady_talker')
+        times = []
+        subscriber = udpros.Subscriber('/steady', Header, lambda _: times.append(time.monotonic()), transport='udp')
+        self.addCleanup(subscriber.unregister)
+        wait_for(lambda: times, what='the talker')
+        before, threads = subscriber.impl.connections, threading.active_count()
+        with xmlrpc.client.ServerProxy(rospy.get_node_uri()) as proxy:
+            for number in range(100):
+                for name in ('/master', '/stranger'):
+                    proxy.publisherUpdate(name, '/steady', [])
+                    proxy.publisherUpdate(name, '/steady', ['http://127.0.0.1:%d/' % (1 + number)])
+                self.assertLess(threading.active_count(), threads + 10)
+        ended = time.monotonic() + 2
+        while time.monotonic() < ended:
+            self.assertEqual(subscriber.impl.connections, before)
+            self.assertLess(time.monotonic() - times[-1], 1)
+            time.sleep(0.05)
+        uri = rosgraph_uri('/steady_talker')
+        wait_for(lambda: subscriber.impl.publishers == (uri,), 10, 'the end of the attempts to connect to others')
+
+    def test_a_stranger_takes_no_stream_away(self) -> None:
+        """By requests in the subscriber's name for another port, its own port, or another host."""
+        publisher = self.publisher('/wanted')
+        self.run_script('udpros_listener.py', '/wanted', 'victim')
+        wait_for(publisher.connections, what='the subscriber')
+        before = publisher.connections()
+        time.sleep(SETTLED + 0.5)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+            other.bind(('127.0.0.1', 0))
+            port = before[0]['address'][1]
+            for place in (('127.0.0.1', other.getsockname()[1]), ('127.0.0.1', port), ('192.0.2.1', port)) * 3:
+                request_topic('/wanted', '/victim', *place)
+                publisher.publish(Header())
+                self.assertEqual(publisher.connections()[0]['connection_id'], before[0]['connection_id'])
+                self.assertEqual(len(publisher.connections()), 1)
+        reasons = udpros.refused_requests()
+        self.assertGreaterEqual(min(reasons['connected already'], reasons['address']), 3)
+
+    def test_a_stranger_ends_no_tcp_connection_of_a_plain_publisher(self) -> None:
+        publisher, got = rospy.Publisher('/plain_wanted', Header, queue_size=1), []
+        self.addCleanup(publisher.unregister)
+        subscriber = rospy.Subscriber('/plain_wanted', Header, got.append)
+        self.addCleanup(subscriber.unregister)
+        wait_for(publisher.get_num_connections, what='the subscriber')
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+            other.bind(('127.0.0.1', 0))
+            self.assertEqual(request_topic('/plain_wanted', NODE, *other.getsockname())[0], 1)
+            self.published_until(publisher, lambda: got, 'a message')
+            self.assertTrue(other.recv(1000))
+
+    def test_connections_are_bounded(self) -> None:
+        publisher = self.publisher('/bounded')
+        sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(MAX_PER_HOST + 4)]
+        codes = []
+        for number, one in enumerate(sockets):
+            self.addCleanup(one.close)
+            one.bind(('127.0.0.1', 0))
+            name = '/bounded_%d' % number
+            rosgraph.Master(name).registerSubscriber('/other', Header._type, 'http://localhost:%d/' % (1 + number))
+            self.addCleanup(rosgraph.Master(name).unregisterSubscriber, '/other', 'http://localhost:%d/' % (1 + number))
+            codes.append(request_topic('/bounded', name, *one.getsockname())[0])
+        self.assertEqual(codes, MAX_PER_HOST * [1] + 4 * [0])
+        self.assertEqual(len(publisher.connections()), MAX_PER_HOST)
+        self.assertEqual(udpros.refused_requests()['connections of a host'], 4)
+
+    def test_a_publisher_that_sends_elsewhere_is_asked_again(self) -> None:
+        """Its connection has our name and another port: the node's address has changed, or a stranger's request."""
+        publisher, got = self.publisher('/elsewhere'), []
+        subscriber = udpros.Subscriber('/elsewhere', Header, got.append, transport='udp')
+        self.addCleanup(subscriber.unregister)
+        self.published_until(publisher, lambda: got, 'a message')
+        publisher.impl.connections[0].close()
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+            other.bind(('127.0.0.1', 0))
+            header = {'callerid': NODE}
+            publisher.impl.add_connection(
+                PublisherTransport('/elsewhere', Request('127.0.0.1', other.getsockname()[1], header), 77, 1472))
+            wait_for(lambda: subscriber.connections()[0]['idle'] > 1, 5, 'silence')
+            del got[:]
+            self.published_until(publisher, lambda: got, 'a message again')
+        wait_for(lambda: publisher.get_num_connections() == 1, 5, 'the end of the other connection')
+
+    def test_a_publisher_that_unregisters_is_disconnected(self) -> None:
+        self.run_script('udpros_talker.py', '/ended', 'ended_talker')
+        got = []
+        subscriber = udpros.Subscriber('/ended', Header, got.append, transport='udp')
+        self.addCleanup(subscriber.unregister)
+        wait_for(lambda: got, what='the talker')
+        rosgraph.Master('/ended_talker').unregisterPublisher('/ended', rosgraph_uri('/ended_talker'))
+        wait_for(lambda: not subscriber.connections(), 5, 'the end of the connection')
 
     def test_a_publisher_that_forgot_us_is_asked_again(self) -> None:
         """Its side of the connection is closed, ours is open: only the silence reveals it."""
@@ -138,14 +240,14 @@ class Life(unittest.TestCase):
         for connection in publisher.impl.connections:
             connection.close()
         del got[:]
-        wait_for(lambda: publisher.get_num_connections(), rospy_binding.SILENCE_TIMEOUT + 10, 'a new connection')
+        wait_for(lambda: publisher.get_num_connections(), SILENCE_TIMEOUT + 10, 'a new connection')
         self.published_until(publisher, lambda: got, 'a message again')
 
     def test_a_refusal_does_not_make_a_stream_tcp_for_ever(self) -> None:
         """Here the publisher has no route to the subscriber for a moment."""
         publisher, got = self.publisher('/fell_back'), []
         error = OSError(errno.ENETUNREACH, 'Network is unreachable')
-        with unittest.mock.patch.object(rospy_binding, 'path_payload', side_effect=error):
+        with unittest.mock.patch.object(acceptor, 'path_payload', side_effect=error):
             subscriber = udpros.Subscriber('/fell_back', Header, got.append)
             self.addCleanup(subscriber.unregister)
             self.published_until(publisher, lambda: got, 'a message by TCP')
@@ -158,7 +260,7 @@ class Life(unittest.TestCase):
 
     def test_no_file_descriptor_for_a_moment(self) -> None:
         """The attempt to connect is repeated, long before the watch of silent topics asks again."""
-        open_receiver = rospy_binding.open_receiver
+        open_receiver = connector.open_receiver
         results = [OSError(errno.EMFILE, 'Too many open files')]
 
         def fail_once(*args) -> Any:
@@ -167,7 +269,7 @@ class Life(unittest.TestCase):
             return open_receiver(*args)
 
         publisher = self.publisher('/no_file')
-        with unittest.mock.patch.object(rospy_binding, 'open_receiver', fail_once):
+        with unittest.mock.patch.object(connector, 'open_receiver', fail_once):
             self.addCleanup(udpros.Subscriber('/no_file', Header).unregister)
             wait_for(publisher.connections, 3, 'the connection')
         self.assertFalse(results)
@@ -298,6 +400,13 @@ class Life(unittest.TestCase):
         leave.set()
         wait_for(lambda: got and got[-1].frame_id == 'fresh', what='the fresh message')
         self.assertLess(len(got), 30)
+
+
+def request_topic(topic, caller, host, port, size=1472) -> Any:
+    """A request to this node, as anybody could make it; returns the answer's code and text."""
+    header = {'topic': topic, 'md5sum': Header._md5sum, 'type': Header._type, 'callerid': caller}
+    with xmlrpc.client.ServerProxy(rospy.get_node_uri()) as proxy:
+        return proxy.requestTopic(caller, topic, [Request(host, port, header, size).params()])[:2]
 
 
 def rosgraph_uri(node) -> Any:

@@ -21,8 +21,11 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from waiting import wait_for
 
 from smokebot_udp import udpros
+from smokebot_udp.mission.parameters import Parameter
+from smokebot_udp.mission.settings import SettingsStore
+from smokebot_udp.nodes.live import LiveSettings, ParameterWatch
 from smokebot_udp.srv import SetFocus, SetFocusResponse
-from smokebot_udp.udpros import rospy_binding
+from smokebot_udp.udpros.silence import SILENCE_TIMEOUT
 
 HERE = pathlib.Path(__file__).resolve().parent
 NODE = '/udpros_master'
@@ -136,16 +139,28 @@ class Master(unittest.TestCase):
         finally:
             self.master.process.send_signal(signal.SIGCONT)
         logged.join(5)
+    def test_live_settings_begin_when_the_master_comes(self) -> None:
+        store = SettingsStore({'rate': Parameter(1.0, 'Hz', 'how often', live=True)}, {'rate': 2.0}, lambda _: None)
+        self.master.end()
+        try:
+            watch = ParameterWatch([LiveSettings('late', store, self.fail)], background=False)
+        finally:
+            self.master.start()
+        wait_for(lambda: ('srv', NODE + '/late/set_parameters') in self.master.registered(NODE), 10, 'the service')
+        self.assertEqual(self.master.call('getParam', NODE + '/late/rate'), 2.0)
+        self.master.call('setParam', NODE + '/late/rate', 3.0)
+        wait_for(lambda: store.current.requested['rate'] == 3.0, 5, 'the change')
+        watch.stop()
 
     def test_a_working_connection_outlives_the_master(self) -> None:
         """Also to a publisher that does not register again."""
-        deaf = 'from smokebot_udp.udpros import rospy_binding as b; b.UdprosHandler._watch = lambda self: None'
+        deaf = 'from smokebot_udp.udpros.watch import Watch; Watch.start = lambda self: None'
         self.talker('/both', 'deaf_talker', deaf), self.talker('/both', 'both_talker')
         subscriber, times = self.subscriber('/both')
         wait_for(lambda: times and len(subscriber.connections()) == 2, what='both talkers')
         before = list(subscriber.impl.connections)
         self.master.restart()
-        ended = time.monotonic() + rospy_binding.SILENCE_TIMEOUT + 3
+        ended = time.monotonic() + SILENCE_TIMEOUT + 3
         wait_for(lambda: ('pub', '/both') in self.master.registered('/both_talker'), 6, "the one's registration")
         while time.monotonic() < ended:
             self.assertEqual(set(subscriber.impl.connections), set(before))
@@ -155,8 +170,8 @@ class Master(unittest.TestCase):
     def test_a_silent_connection_outlives_the_master(self) -> None:
         """As long as its publisher answers: then it is renewed if the publisher has forgotten it."""
         code = 'import rospy; from rospy.impl.registration import RegManager as R; from smokebot_udp import udpros; ' \
-            'from std_msgs.msg import Header; from smokebot_udp.udpros import rospy_binding as b; ' \
-            'b.UdprosHandler._watch = lambda self: None; rospy.init_node("silent"); ' \
+            'from std_msgs.msg import Header; from smokebot_udp.udpros.watch import Watch; ' \
+            'Watch.start = lambda self: None; rospy.init_node("silent"); ' \
             'p = udpros.Publisher("/silent", Header, queue_size=1); ' \
             's = rospy.Subscriber("/speak", Header, p.publish); ' \
             'c = rospy.Subscriber("/forget", Header, lambda _: p.impl.connections[0].close()); rospy.spin()'
@@ -171,8 +186,8 @@ class Master(unittest.TestCase):
             before = list(subscriber.impl.connections)
             if renewed:
                 forget.publish(Header())
-            asked = subscriber.impl.last_asked
-            wait_for(lambda old=asked: subscriber.impl.last_asked > old, 10, 'the watch')
+            asked = time.monotonic()
+            wait_for(lambda old=asked: subscriber.impl.silence.asked_at > old, 20, 'the watch')
             wait_for(lambda: len(subscriber.impl.connections) == 1, 5, 'the connection')
             time.sleep(2)
             self.assertEqual(list(subscriber.impl.connections) == before, not renewed)

@@ -272,3 +272,11 @@ def test_a_clock_that_was_set_does_not_falsify_the_time_of_arrival(receiver, mak
     clock = time.time
     monkeypatch.setattr(time, 'time', lambda: clock() + step)
     assert before <= receiver.arrival(0) <= time.monotonic()
+
+
+def test_addresses_of_this_machine() -> None:
+    assert all(map(endpoints.is_own, ('127.0.0.1', '127.0.1.1', 'localhost', '0.0.0.0')))
+    assert not endpoints.is_own('192.0.2.1')        # RFC 5737: nobody's
+    assert endpoints.is_own('no.such.host.invalid') and endpoints.is_own('x' * 64)      # unknown
+    assert endpoints.is_loopback(endpoints.number_of('127.3.4.5'))
+    assert not endpoints.is_loopback(endpoints.number_of('128.0.0.1'))

@@ -25,15 +25,17 @@ EVERYWHERE = {'arrays', 'units'}
 PURE = {'codecs', 'congestion', 'mission', 'monitoring', 'simulation', 'streams'}
 """Packages without threads, sockets, topics or a clock."""
 
-PURE_UDPROS = {'batches', 'datagram', 'frame', 'negotiation', 'reassembly', 'records', 'sequence'}
+PURE_UDPROS = {'admission', 'batches', 'bus_info', 'datagram', 'frame', 'negotiation', 'reassembly', 'records',
+               'sequence', 'silence'}
 """The protocol core of udpros, likewise."""
 
 IMPURE = {'rospy', 'socket', 'select', 'time', 'rosgraph', 'udpros'}
 MESSAGES_ONLY = {'rospy.numpy_msg', 'rospy.numpy_msg.numpy_msg'}
 """A class decorator for message classes: no node is needed."""
 
-USES_ROSPY_INTERNALS = {('udpros', 'master'), ('udpros', 'registration'), ('udpros', 'rospy_binding'),
-                        ('udpros', 'rospy_transports'), ('udpros', 'topics'), ('nodes', 'live')}
+USES_ROSPY_INTERNALS = {('udpros', 'acceptor'), ('udpros', 'connector'), ('udpros', 'master'),
+                        ('udpros', 'registration'), ('udpros', 'rospy_binding'), ('udpros', 'rospy_transports'),
+                        ('udpros', 'topics'), ('udpros', 'watch'), ('nodes', 'live')}
 
 BESIDE = {'evaluation': {'smokebot_udp'}, 'benchmarks': {'smokebot_udp', 'evaluation'},
           'experiments': {'smokebot_udp', 'evaluation'}}

@@ -112,20 +112,25 @@ def test_a_listener_publishes_to_the_new_subscriber(impl, listening) -> None:
     assert listening.recv(100).endswith(b'to you /topic')
 
 
-def test_a_subscriber_that_connects_again_has_one_connection(impl, listening) -> None:
-    first, second = (connection(listening.getsockname()[1]) for _ in range(2))
-    impl.add_connection(first)
-    impl.add_connection(second)
-    assert impl.connections == [second] and first.done
-
-
 class Tcp(Transport):
-    def __init__(self) -> None:
+    def __init__(self, name='/tcp') -> None:
         super().__init__(OUTBOUND, '/topic')
-        self.endpoint_id = '/tcp'
+        self.endpoint_id = name
 
     def write_data(self, _) -> bool:
         return True
+
+
+def test_a_connection_does_not_end_others_of_the_same_name(impl, listening) -> None:
+    """Anybody can use it; only by TCPROS, rospy's rule holds."""
+    first, second = (connection(listening.getsockname()[1]) for _ in range(2))
+    tcp = [Tcp('/subscriber') for _ in range(2)]
+    for one in (first, tcp[0], second, tcp[1]):
+        impl.add_connection(one)
+    assert impl.connections == [first, second, tcp[1]]
+    assert [one.done for one in (first, second, *tcp)] == [False, False, True, False]
+    first.close()
+    assert impl.connections == [second, tcp[1]]
 
 
 def test_a_tcp_subscriber_has_its_queue_while_a_udp_subscriber_is_added(impl, listening) -> None:

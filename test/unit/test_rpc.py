@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """TCP connections that race, against real sockets."""
 import contextlib
+import gzip
 import http.client
+import resource
 import socket
 import socketserver
 import threading
+import time
 import xmlrpc.client
 from typing import Any
 from xmlrpc.server import SimpleXMLRPCRequestHandler, SimpleXMLRPCServer
@@ -192,3 +195,93 @@ def test_a_session_keeps_its_connection_and_notices_a_new_one() -> None:
     with api(address):
         assert session.call('getPid')[2] == 7
         assert session.connections == before + 1
+
+
+def wait_until(condition) -> None:
+    deadline = time.monotonic() + 10
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def test_a_session_notices_the_end_of_its_connection_without_a_call() -> None:
+    session = None
+    with api(('127.0.0.1', 0)) as address:
+        session = rpc.Session('http://%s:%d' % address)
+        assert not session.alive
+        session.call('getPid')
+        assert session.alive
+    wait_until(lambda: not session.alive)
+    session.close()
+    assert not session.alive
+
+
+def test_an_idle_connection_is_probed_by_the_kernel(monkeypatch) -> None:
+    made = []
+    connect = rpc.create_connection
+    monkeypatch.setattr(rpc, 'create_connection', lambda *args: made.append(connect(*args)) or made[-1])
+    with api(('127.0.0.1', 0)) as address:
+        session = rpc.Session('http://%s:%d' % address)
+        session.call('getPid')
+        options = [made[0].getsockopt(socket.IPPROTO_TCP, option)
+                   for option in (socket.TCP_KEEPIDLE, socket.TCP_KEEPINTVL)]
+        assert made[0].getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)
+        assert sum(options) <= 3        # [s]
+        session.close()
+
+
+def test_calls_are_made_in_one() -> None:
+    with SimpleXMLRPCServer(('127.0.0.1', 0), logRequests=False) as server:
+        server.register_multicall_functions()
+        server.register_function(lambda caller: (1, '', caller), 'good')
+        server.register_function(lambda caller: (-1, 'no', ''), 'bad')
+        threading.Thread(target=server.serve_forever, args=(0.01,), daemon=True).start()
+        calls = [{'methodName': name, 'params': ['/me']} for name in ('good', 'bad', 'noSuchMethod', 'good')]
+        uri = 'http://127.0.0.1:%d' % server.server_address[1]
+        assert rpc.call_all(uri, calls, 5.0) == ['/me', None, None, '/me']
+        server.shutdown()
+
+
+@contextlib.contextmanager
+def http_server(*answers: bytes) -> Any:
+    """A context with a server that gives these answers, one to each connection; yields its URI."""
+    with socket.create_server(('127.0.0.1', 0)) as listening:
+        def serve() -> None:
+            for answer in answers:
+                connection, _ = listening.accept()
+                with connection:
+                    connection.recv(65536)
+                    connection.sendall(answer)
+        thread = threading.Thread(target=serve, daemon=True)
+        thread.start()
+        yield 'http://127.0.0.1:%d' % listening.getsockname()[1]
+        thread.join(10)
+
+
+HEAD = b'HTTP/1.1 200 OK\r\nContent-Type: text/xml\r\nContent-Length: %d\r\n%s\r\n'
+WHOLE = xmlrpc.client.dumps(((1, '', 7),), methodresponse=True).encode()
+CUT = HEAD % (len(WHOLE), b'') + WHOLE[:50]
+
+
+def test_an_answer_that_is_cut_off() -> None:
+    """By the end of the master, or of the link: IncompleteRead, of http.client."""
+    with http_server(CUT) as uri, pytest.raises(rpc.Unreachable):
+        rpc.call(uri, 'getPid')
+    with http_server(CUT) as uri, pytest.raises(rpc.Unreachable):
+        rpc.call_all(uri, [{'methodName': 'getPid', 'params': []}], 5.0)
+
+
+def test_a_call_of_rospys_is_repeated_until_the_master_answers() -> None:
+    with http_server(CUT, CUT, HEAD % (len(WHOLE), b'') + WHOLE) as uri:
+        assert rpc.repeated(lambda: xmlrpc.client.ServerProxy(uri).getPid()) == [1, '', 7]
+    with pytest.raises(KeyError):
+        rpc.repeated(lambda: {}['wrong'])
+
+
+def test_an_answer_that_is_compressed_too_well_is_not_unpacked() -> None:
+    bomb = gzip.compress(bytes(100 << 20))
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    answer = HEAD % (len(bomb), b'Content-Encoding: gzip\r\n') + bomb
+    with http_server(answer) as uri, pytest.raises(rpc.Unreachable):
+        rpc.call(uri, 'getBusInfo')
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 50 << 10       # [kB]

@@ -16,7 +16,8 @@ STALE_AFTER = 3.0
 MAX_NODES = 32
 """Number of nodes whose reports are kept, the newest."""
 
-KINDS = {'topic': 'stream', 'peer': 'connection', 'jumps': 'clock', 'state': 'link', 'problems': 'settings'}
+KINDS = {'topic': 'stream', 'peer': 'connection', 'jumps': 'clock', 'state': 'link', 'problems': 'settings',
+         'refused requests': 'requests'}
 """{value that only this kind of status has: kind}"""
 
 UNKNOWN_ROBOT = '/robot'

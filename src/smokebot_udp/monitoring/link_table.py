@@ -57,7 +57,7 @@ def render(board: Board, now: float, only: str = '') -> Tuple[List[Line], List[L
         several = len(_nodes(statuses, side)) > 1
         top += [line(status, ' of ' + status.node if several else '') for status in statuses if status.kind == kind]
     top += [_line(status, '%s: %s' % (status.node, status.message)) for status in statuses
-            if status.kind == 'settings' and status.level]
+            if status.kind in ('settings', 'requests') and status.level]
     body: List[Line] = []
     for section in sections:
         body += [Line(''), Line(section.title)] if len(sections) > 1 else []

@@ -8,6 +8,7 @@ import rospy
 
 from ..mission.parameters import Table
 from ..streams import config
+from ..udpros import rpc
 
 Load = Callable[[str, Callable[[str], None]], Tuple[Dict[str, Any], List[str]]]
 """f(text, warn) -> ({name: valid entry}, [problem, ...])"""
@@ -29,7 +30,7 @@ class Parameters:
     """
 
     def __init__(self, table: Table, report: Callable[[str], None] = rospy.logerr) -> None:
-        found = rospy.get_param('~', {})
+        found = rpc.repeated(lambda: rospy.get_param('~', {}))
         self.table, self.report = table, report
         self.values: Dict[str, Any] = found if isinstance(found, dict) else {}
 

@@ -20,7 +20,9 @@ import rosgraph
 import rospy
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
+from .. import udpros
 from ..monitoring.link_status import clock_status, link_status
+from ..monitoring.request_status import RequestMonitor
 from ..monitoring.source_types import SourceTypes
 from ..monitoring.stats import LinkStats
 from ..monitoring.status import OPERATOR, ROBOT, Status
@@ -92,7 +94,7 @@ def robot_diagnostics(streams: Mapping[str, Any], link_stats: Callable[[float], 
     :param problems: problems.Problems
     :return: to be closed before the streams
     """
-    types = SourceTypes(_topic_types)
+    types, requests = SourceTypes(_topic_types), RequestMonitor(ROBOT)
 
     def update(stream: Any, monitor: StreamMonitor, now: float) -> List[Status]:
         stats = stream.stats()
@@ -101,7 +103,8 @@ def robot_diagnostics(streams: Mapping[str, Any], link_stats: Callable[[float], 
         return monitor.update(stats, now)
 
     def update_node(now: float) -> List[Status]:
-        return [link_status(link_stats(now)), _settings_status(problems, ROBOT, now)]
+        return [link_status(link_stats(now)), _settings_status(problems, ROBOT, now),
+                requests.update(udpros.refused_requests(), now)]
     return Diagnostics(_sources(ROBOT, streams, parameters, update) + [update_node])
 
 
@@ -116,6 +119,8 @@ def operator_diagnostics(streams: Mapping[str, Any], clock: Any, parameters: Any
     :param sent: f() -> {name: StreamStatus}, the robot's last report of what it sends
     :return: to be closed before the streams and the clock
     """
+    requests = RequestMonitor(OPERATOR)
+
     def update(stream: Any, monitor: StreamMonitor, now: float) -> List[Status]:
         stats, robot, estimate = stream.stats(), sent().get(stream.name), clock.estimate
         if robot is not None:
@@ -123,7 +128,8 @@ def operator_diagnostics(streams: Mapping[str, Any], clock: Any, parameters: Any
         return monitor.update(stats, now, estimate.offset if estimate else None)
 
     def update_node(now: float) -> List[Status]:
-        return [clock_status(clock.estimate, clock.counts), _settings_status(problems, OPERATOR, now)]
+        return [clock_status(clock.estimate, clock.counts), _settings_status(problems, OPERATOR, now),
+                requests.update(udpros.refused_requests(), now)]
     return Diagnostics(_sources(OPERATOR, streams, parameters, update) + [update_node])
 
 

@@ -254,7 +254,8 @@ class ParameterWatch:
                 # rospy ignores updates of names that its cache lacks: of all whose namespace was replaced, and of
                 # former names
                 cache = get_param_server_cache()
-                self._update_known, cache.update = cache.update, self._update
+                if cache.update != self._update:    # not from an attempt that failed
+                    self._update_known, cache.update = cache.update, self._update
                 for part in self._parts:
                     part.serve()
         except Exception as error:
@@ -282,6 +283,7 @@ class ParameterWatch:
             self._begun = self._begin()
             if not self._begun:
                 self._changed.wait(RETRY_PERIOD)    # set by `stop`
+                self._changed.clear()
         while not self._ended:
             self._changed.wait()
             self._changed.clear()

@@ -41,6 +41,9 @@ TIMESTAMP = struct.Struct('@Nii2l')
 
 SOCKADDR_IN = np.dtype([('family', '=u2'), ('port', '>u2'), ('address', '>u4'), ('zero', 'u1', (8,))])
 
+LOOPBACK = 0x7f000000, 0xff000000
+"""127.0.0.0/8: network and mask."""
+
 Address = Tuple[str, int]
 """Host and port."""
 
@@ -251,7 +254,7 @@ class DatagramReceiver:
                 self.lengths[count], (host, port) = self.socket.recvfrom_into(self.datagrams[count])
             except (BlockingIOError, ConnectionRefusedError):
                 return count
-            self.sources[count] = (socket.AF_INET, port, int.from_bytes(socket.inet_aton(host), 'big'), [0] * 8)
+            self.sources[count] = (socket.AF_INET, port, number_of(host), [0] * 8)
         return self.batch
 
     def arrival(self, row: int) -> float:
@@ -307,4 +310,29 @@ def addresses_of(host: Optional[str]) -> Set[int]:
         found = socket.getaddrinfo(host, None, socket.AF_INET, socket.SOCK_DGRAM)
     except (OSError, ValueError):   # ValueError: not a name, such as one with a label of 64 characters
         return set()
-    return {int.from_bytes(socket.inet_aton(info[4][0]), 'big') for info in found}
+    return {number_of(info[4][0]) for info in found}
+
+
+def number_of(address: str) -> int:
+    """A numeric IPv4 address as a number.
+
+    :raises OSError: if it is not one
+    """
+    return int.from_bytes(socket.inet_aton(address), 'big')
+
+
+def is_loopback(address: int) -> bool:
+    """Whether an IPv4 address, as a number, is the machine's own."""
+    return address & LOOPBACK[1] == LOOPBACK[0]
+
+
+def is_own(host: str) -> bool:
+    """Whether a host name or address is this machine's; True if the name is unknown."""
+    try:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            probe.bind((host, 0))
+        return True
+    except OSError as error:
+        return error.errno != errno.EADDRNOTAVAIL
+    except UnicodeError:
+        return True

@@ -10,11 +10,10 @@ rospy never registers again. If the master is restarted, `MasterWatch` finds it,
 node with the new one.
 """
 import contextlib
+import math
 import threading
 import time
-import xmlrpc.client
 from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Tuple
-from xml.parsers.expat import ExpatError
 
 import rosgraph
 import rospy
@@ -92,7 +91,8 @@ class Acquaintance:
 
 
 class MasterWatch:
-    """Finds out whether the master is a new one, by one short call over a TCP connection that is kept open.
+    """Finds out whether the master is a new one, over a TCP connection that is kept open: its end reveals the master's,
+    and costs nothing until then.
 
     :param master_uri: of the master
     :param uri: of the node's XML-RPC server
@@ -104,9 +104,14 @@ class MasterWatch:
         self._uri = uri
         self._node = node
         self._acquaintance = Acquaintance()
-        self._process: Tuple[int, int] = (0, 0)
-        self._next_lookup = 0.0
+        self._connection = 0        # the session's number of the one through which the master was identified
+        self._next_lookup = -math.inf
         self._master: Optional[Identity] = None
+
+    @property
+    def connections(self) -> int:
+        """How many connections to the master have been made until now."""
+        return self._session.connections
 
     def is_new(self) -> bool:
         """Whether this node has to be registered.
@@ -120,23 +125,34 @@ class MasterWatch:
             raise
 
     def _ask(self) -> bool:
-        pid = int(self._session.call('getPid')[2])
-        # a new master is another process, at another connection at least
-        process, now = (pid, self._session.connections), time.monotonic()
-        if process == self._process and now < self._next_lookup:
+        now = time.monotonic()
+        if self._session.alive and self._connection == self._session.connections and now < self._next_lookup:
             return False
-        code, _, run_id = self._session.call('getParam', '/run_id')
-        self._master = Identity(pid, run_id if code == 1 else None)
+        if not self._session.alive:
+            self._session.close()
         code, _, found = self._session.call('lookupNode', self._node or rospy.get_caller_id())
+        if self._master is None or self._connection != self._session.connections:
+            pid = int(self._session.call('getPid')[2])
+            known, _, run_id = self._session.call('getParam', '/run_id')
+            self._master, self._connection = Identity(pid, run_id if known == 1 else None), self._session.connections
         if self._acquaintance.is_lost(self._master, found if code == 1 else None, self._uri):
+            self._next_lookup = -math.inf
             return True
-        self._process, self._next_lookup = process, now + LOOKUP_PERIOD
+        self._next_lookup = now + LOOKUP_PERIOD
         return False
 
     def registered(self) -> None:
         """This node has been registered with the master that was new."""
         if self._master is not None:
             self._acquaintance.registered(self._master)
+
+    def register(self, registrations: Sequence[Registration]) -> List[Any]:
+        """The master's answers to some registrations, None where it refuses.
+
+        :raises Unreachable: if it does not answer
+        """
+        name = rospy.get_caller_id()
+        return self._session.call_all([one.call(name, self._uri) for one in registrations])
 
 
 def register_together(manager: Any, registrations: Sequence[Registration]) -> List[Registration]:
@@ -218,17 +234,11 @@ def ask_together(registrations: Sequence[Registration], node: str, uri: str
     if not registrations:
         return [], {}
     calls = [one.call(node, uri) for one in registrations] + [{'methodName': 'getSystemState', 'params': [node]}]
-    answers: List[Any] = []
     try:
-        transport = rpc.MasterTransport(MULTICALL_TIMEOUT)
-        with xmlrpc.client.ServerProxy(rosgraph.get_master_uri(), transport=transport) as proxy:
-            master: Any = proxy
-            answers = master.system.multicall(calls)
-    except (OSError, xmlrpc.client.Error, ExpatError) as error:
+        values = rpc.call_all(rosgraph.get_master_uri(), calls, MULTICALL_TIMEOUT)
+    except rpc.Unreachable as error:
         rospy.logdebug('the master does not register all at once: %s', error)
-    # an answer is in a list of one; a fault is a dictionary
-    values = [answer[0][2] if isinstance(answer, list) and answer[0][0] == 1 else None for answer in answers]
-    values += [None] * (len(calls) - len(values))
+        return [None] * len(registrations), {}
     return values[:-1], dict(values[-1][0]) if values[-1] else {}
 
 

@@ -28,7 +28,14 @@ FALLBACK_PERIOD, MAX_FALLBACK_PERIOD = 3.0, 60.0
 
 
 class Refused(ValueError):
-    """The peer's request or answer is not acceptable; the text is sent to the peer."""
+    """The peer's request or answer is not acceptable; the text is sent to the peer.
+
+    :param reason: in a few words, by which refusals are counted
+    """
+
+    def __init__(self, text: str, reason: str = 'malformed') -> None:
+        super().__init__(text)
+        self.reason = reason
 
 
 class Fallbacks:

@@ -7,6 +7,7 @@ import rospy
 from rospy.impl.paramserver import get_param_server_cache
 from rospy.impl.registration import RegistrationListener, RegManager, get_registration_listeners
 
+from . import rpc
 from .master import Registration, register_together, registering
 from .rospy_binding import install
 
@@ -53,7 +54,7 @@ def registered_together() -> Iterator[None]:
             yield
             return
         postponed, cache = _Postponed(manager), get_param_server_cache()
-        cache.set(STATISTICS, rospy.get_param(STATISTICS, False))
+        cache.set(STATISTICS, rpc.repeated(lambda: rospy.get_param(STATISTICS, False)))
         _replace(listeners, manager, postponed)
         try:
             yield

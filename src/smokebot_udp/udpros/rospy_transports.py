@@ -3,6 +3,7 @@
 
 ROS messages and their classes have no types, so they are Any here.
 """
+import collections
 import contextlib
 import functools
 import io
@@ -10,7 +11,7 @@ import threading
 import time
 import traceback
 from dataclasses import dataclass
-from typing import Any, Callable, Iterable, Iterator, List, Mapping, Optional, Sequence, Set, Tuple
+from typing import Any, Callable, DefaultDict, Iterable, Iterator, List, Mapping, Optional, Sequence, Set, Tuple
 
 import numpy as np
 import rospy
@@ -24,6 +25,7 @@ from .endpoints import Address, DatagramReceiver, DatagramSender, PeerGone
 from .frame import Frame
 from .negotiation import PROTOCOL, Fallbacks, Reply, Request
 from .records import LayoutError, has_header, lengths_of, record_dtype
+from .silence import Renegotiation, Silence
 from .subscription import Arrived, Subscription
 
 BatchCallback = Callable[[Records, BoolArray], None]
@@ -82,6 +84,8 @@ class PublisherTransport(UdpTransport):
         super().__init__(OUTBOUND, name=topic)
         self.endpoint_id = request.header['callerid']
         self.connection_id, self.max_datagram_size = connection_id, max_datagram_size
+        self.since = time.monotonic()
+        """When it was made, by time.monotonic() [s]."""
         self.sender = DatagramSender(request.host, request.port)
         self._fileno = self.sender.socket.fileno()
         self.local_endpoint, self.remote_endpoint = self.sender.local, self.sender.remote
@@ -171,7 +175,10 @@ class SubscriberTransport(UdpTransport):
         self.latch: Any = None
         self.local_endpoint, self.remote_endpoint = receiver.address, (reply.host, reply.port)
         self._fileno = receiver.socket.fileno()
-        self.publisher_pid: Optional[int] = None
+        self.orphan = False
+        """Whether the master has been restarted and does not list the publisher since."""
+        self.refused_before = 0
+        """`refused_datagrams` when its publisher was asked last."""
         self._impl = impl
         self.subscription = Subscription(
             receiver, reply, hosts, self, impl.data_class, impl.queue_size,
@@ -194,6 +201,12 @@ class SubscriberTransport(UdpTransport):
     def idle(self) -> float:
         """Time since a datagram of the publisher was received last [s]."""
         return time.monotonic() - self.subscription.last_arrival
+
+    @property
+    def refused_datagrams(self) -> int:
+        """Datagrams from another address than the publisher's, or of another connection."""
+        dropped = self.subscription.inbox.dropped
+        return int(dropped['stranger'] + dropped['connection id'])
 
     @property
     def wants_batches(self) -> bool:
@@ -234,7 +247,38 @@ class SubscriberTransport(UdpTransport):
             super().close()
 
 
-class UdpPublisherImpl(_PublisherImpl):
+def udpros_connections(impl: Any) -> List[Any]:
+    """A topic's UDPROS connections; those of a plain rospy.Publisher are wrapped in queues."""
+    return [c for c in impl.connections if c.transport_type == PROTOCOL]
+
+
+class _Connections(_TopicImpl):
+    """A topic's connections; a new one does not end others of the same peer, except that by TCPROS another one does.
+
+    A peer's name proves nothing: udpros.acceptor decides which of its connections has ended.
+    """
+    connections: List[Any]
+
+    def add_connection(self, c: Any) -> bool:
+        """As rospy's."""
+        udp = isinstance(c, PublisherTransport)
+        with self.c_lock:
+            if self.closed:
+                return False
+            if not udp:
+                for old in self.connections:
+                    if old.endpoint_id == c.endpoint_id and not isinstance(old, PublisherTransport):
+                        self.remove_connection(old)
+            if c.fileno() is not None:
+                self.connection_poll.add_fd(c.fileno())
+            self.connections = [*self.connections, c]
+            previous = c.cleanup_cb
+            c.set_cleanup_callback(
+                self.remove_connection if previous is None else lambda s: (self.remove_connection(s), previous(s)))
+        return True
+
+
+class UdpPublisherImpl(_PublisherImpl, _Connections):
     """A topic's publishing side, which can send frames, and sends by UDP without a queue or a thread."""
 
     def __init__(self, name: str, data_class: Any, options: PublisherOptions) -> None:
@@ -249,16 +293,17 @@ class UdpPublisherImpl(_PublisherImpl):
         """
         if not isinstance(c, PublisherTransport):
             return bool(super().add_connection(c))
-        for old in self.connections:
-            if old.endpoint_id == c.endpoint_id:    # rospy would close it under c_lock
-                old.close()
-        if not _TopicImpl.add_connection(self, c):
+        if not _Connections.add_connection(self, c):
             return False
         for listener in list(self.subscriber_listeners or ()):      # None once the topic is closed
             listener.peer_subscribe(self.resolved_name, self.publish, functools.partial(self._publish_to, c))
-        if self.is_latch and self.latch is not None:
-            self._publish_to(c, self.latch)
+        self.send_latched(c)
         return True
+
+    def send_latched(self, connection: PublisherTransport) -> None:
+        """Send the latched message, if there is one, to one subscriber."""
+        if self.is_latch and self.latch is not None:
+            self._publish_to(connection, self.latch)
 
     def _publish_to(self, connection: PublisherTransport, message: Any) -> None:
         """Publish a message to one subscriber."""
@@ -300,13 +345,15 @@ class UdpSubscriberImpl(_SubscriberImpl):
         self.options = options
         self.batch_callbacks: List[BatchCallback] = []
         self.publishers: Tuple[str, ...] = ()
-        """URIs of the publishers, as the master last reported them."""
+        """URIs of the publishers, as the master last reported them, and of a few that others did."""
         self.connecting: Set[str] = set()
         """URIs of the publishers with which a connection is being negotiated."""
         self.fallbacks = Fallbacks()
         """The publishers that refused UDPROS."""
-        self.last_asked = time.monotonic()
-        """When the master was last asked for the publishers, by time.monotonic() [s]."""
+        self.silence = Silence(time.monotonic())
+        """When the master is asked for the publishers."""
+        self.renegotiations: DefaultDict[str, Renegotiation] = collections.defaultdict(Renegotiation)
+        """{URI of a publisher: when to negotiate with it anew}"""
 
     def call_batch(self, records: Records, mask: BoolArray) -> None:
         """Call the batch callbacks; rospy logs what they raise."""

@@ -12,16 +12,19 @@ import errno
 import http.client
 import math
 import os
+import select
 import selectors
 import socket
 import time
 import xmlrpc.client
-from typing import Any, Iterable, Optional, Tuple
+import zlib
+from typing import Any, Callable, Dict, Iterable, List, Optional, Sequence, Tuple, TypeVar
 from xml.parsers.expat import ExpatError
 
+import rospy
 import rospy.names
 
-from .endpoints import Address
+from .endpoints import Address, is_own
 from .negotiation import Refused
 
 RPC_TIMEOUT = 5.0
@@ -33,6 +36,11 @@ MAX_ANSWER = 4 << 20
 RACE_DELAY, MAX_RACE_DELAY = 0.3, 5.0
 """Time from the first to the second attempt to connect; it doubles from one attempt to the next, up to the maximum
 [s]."""
+
+KEEPALIVE_IDLE, KEEPALIVE_PERIOD, KEEPALIVE_COUNT = 2, 1, 30
+"""The kernel probes an idle connection that is kept open, with a packet of 52 bytes: after this time, then at this
+interval [s], and gives it up after so many without an answer. A machine that has been restarted answers that it does
+not know the connection."""
 
 TCP_THIN_LINEAR_TIMEOUTS = 16
 """linux/tcp.h: with little data in flight, retransmission timeouts do not double."""
@@ -132,11 +140,12 @@ class _Connection(http.client.HTTPConnection):
 class Transport(xmlrpc.client.Transport):
     """The client side of XML-RPC, with a timeout and a limit of the answer's size, tolerant of roscpp's NULs.
 
-    roscpp's base64 puts NUL bytes into some answers (ros_comm#2160), which are removed.
+    roscpp's base64 puts NUL bytes into some answers (ros_comm#2160), which are removed. Servers written in Python
+    compress long answers: one packet instead of ten.
 
     :param timeout: to connect and for each read [s]
     """
-    accept_gzip_encoding = False   # parse_response reads the answer as it is
+    accept_gzip_encoding = True
 
     def __init__(self, timeout: float = RPC_TIMEOUT) -> None:
         super().__init__()
@@ -153,35 +162,54 @@ class Transport(xmlrpc.client.Transport):
     def parse_response(self, response: http.client.HTTPResponse) -> Any:
         """As xmlrpc.client.Transport's."""
         parser, unmarshaller = self.getparser()
-        parser.feed(response.read(MAX_ANSWER).replace(b'\0', b''))
+        data = response.read(MAX_ANSWER)
+        if response.getheader('Content-Encoding', '') == 'gzip':
+            data = zlib.decompressobj(16 + zlib.MAX_WBITS).decompress(data, MAX_ANSWER)
+        parser.feed(data.replace(b'\0', b''))
         parser.close()
         return unmarshaller.close()
 
 
 class MasterTransport(Transport):
-    """For long lists to and from the master, which is written in Python and supports gzip: one packet instead of ten.
-    """
-    accept_gzip_encoding = True
+    """For the master, which is written in Python: long requests are compressed, too."""
     encode_threshold = 1000     # [byte]
-    parse_response = xmlrpc.client.Transport.parse_response
 
 
-FAILURES = (OSError, http.client.HTTPException, xmlrpc.client.Error, ExpatError, TypeError, ValueError)
+RETRY_PERIOD, MAX_RETRY_PERIOD = 0.2, 2.0
+"""Time from one attempt to the next, until a call is answered; it doubles up to the maximum [s]."""
+
+Value = TypeVar('Value')
+
+FAILURES = (OSError, http.client.HTTPException, xmlrpc.client.Error, ExpatError, TypeError, ValueError, zlib.error)
 """What a call raises that gets no correct answer."""
+
+TRANSIENT = (OSError, http.client.HTTPException, ExpatError, xmlrpc.client.ProtocolError)
+"""What rospy's own calls of the master raise when it is away, or ends, or the link does."""
 
 
 class Session:
-    """Calls of one server over a TCP connection that is kept open, from one thread.
+    """Calls of the master, or another server in Python, over a TCP connection that is kept open, from one thread.
 
     :param uri: of the XML-RPC server
+    :param timeout: to connect and for each read [s]
     """
 
-    def __init__(self, uri: str) -> None:
+    def __init__(self, uri: str, timeout: float = RPC_TIMEOUT) -> None:
         self.connections = 0
         """How many connections have been made until now."""
-        self._transport = Transport()
+        self._transport = MasterTransport(timeout)
         self._proxy = xmlrpc.client.ServerProxy(uri, transport=self._transport)
         self._socket: Any = None
+
+    @property
+    def alive(self) -> bool:
+        """Whether the connection is open, as far as the kernel knows; nothing is sent."""
+        if self._socket is None:
+            return False
+        try:    # its end can be read; without our address nothing comes any more
+            return not select.select([self._socket], [], [], 0)[0] and is_own(self._socket.getsockname()[0])
+        except (OSError, ValueError):       # ValueError: it is closed
+            return False
 
     def call(self, method: str, *args: Any) -> Tuple[int, str, Any]:
         """The answer of the API of a node or the master: status code (1: success), message and value.
@@ -189,32 +217,96 @@ class Session:
         :param args: the method's, without the caller's name
         :raises Unreachable: if there is no correct answer
         """
+        code, message, value = self._request(method, rospy.names.get_caller_id(), *args)
+        return code, message, value
+
+    def call_all(self, calls: Sequence[Dict[str, Any]]) -> List[Any]:
+        """The value that each of some calls returns, None where it fails; all are made in one.
+
+        :param calls: {methodName, params} each
+        :raises Unreachable: if there is no correct answer
+        """
+        answers = self._request('system.multicall', calls)
+        if not isinstance(answers, list) or len(answers) != len(calls):
+            raise Unreachable('system.multicall: not %d answers' % len(calls))
+        try:    # an answer is in a list of one; a fault is a dictionary
+            return [answer[0][2] if isinstance(answer, list) and answer[0][0] == 1 else None for answer in answers]
+        except (TypeError, IndexError, KeyError) as error:
+            raise Unreachable('system.multicall: %s' % error) from error
+
+    def _request(self, method: str, *args: Any) -> Any:
         try:
-            answer: Any = getattr(self._proxy, method)(rospy.names.get_caller_id(), *args)
-            code, message, value = answer
+            answer: Any = getattr(self._proxy, method)(*args)
         except FAILURES as error:
-            self._transport.close()
+            self.close()
             raise Unreachable('%s: %s' % (method, error)) from error
         connection: Any = self._transport._connection[1]
         if connection.sock is None or connection.sock is not self._socket:
             self._socket = connection.sock
             self.connections += 1
-        return code, message, value
+            if self._socket is not None:
+                _keep_alive(self._socket)
+        return answer
+
+    def close(self) -> None:
+        """End the connection; the next call makes another one."""
+        self._transport.close()
+        self._socket = None
 
 
-def call(uri: str, method: str, *args: Any) -> Any:
+def _keep_alive(connected: socket.socket) -> None:
+    """Let the kernel find out whether the other machine still knows a connection."""
+    connected.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    for option, value in ((socket.TCP_KEEPIDLE, KEEPALIVE_IDLE), (socket.TCP_KEEPINTVL, KEEPALIVE_PERIOD),
+                          (socket.TCP_KEEPCNT, KEEPALIVE_COUNT)):
+        connected.setsockopt(socket.IPPROTO_TCP, option, value)
+
+
+def call(uri: str, method: str, *args: Any, timeout: float = RPC_TIMEOUT) -> Any:
     """Call the API of a node or the master; returns the value.
 
     :param uri: of the XML-RPC server
     :param args: the method's, without the caller's name
+    :param timeout: to connect and for each read [s]
     :raises Unreachable: if there is no correct answer
     :raises Refused: if the answer is an error
     """
     try:
-        with xmlrpc.client.ServerProxy(uri, transport=Transport()) as proxy:
+        with xmlrpc.client.ServerProxy(uri, transport=Transport(timeout)) as proxy:
             code, message, value = getattr(proxy, method)(rospy.names.get_caller_id(), *args)
     except FAILURES as error:
         raise Unreachable('%s: %s' % (method, error)) from error
     if code != 1:
         raise Refused('%s: %s' % (method, message))
     return value
+
+
+def call_all(uri: str, calls: Sequence[Dict[str, Any]], timeout: float) -> List[Any]:
+    """As Session.call_all, over a connection of its own.
+
+    :raises Unreachable: if there is no correct answer
+    """
+    session = Session(uri, timeout)
+    try:
+        return session.call_all(calls)
+    finally:
+        session.close()
+
+
+def repeated(call: Callable[[], Value]) -> Value:
+    """The result of a call that rospy makes of the master, repeated until the master answers.
+
+    :param call: f()
+    :raises Exception: what it raises otherwise, or while the node is shutting down
+    """
+    period = RETRY_PERIOD
+    while True:
+        try:
+            return call()
+        except TRANSIENT as error:
+            if rospy.is_shutdown():
+                raise
+            if period == RETRY_PERIOD:
+                rospy.logwarn('the master does not answer, it is asked again: %r', error)
+        time.sleep(period)
+        period = min(2 * period, MAX_RETRY_PERIOD)

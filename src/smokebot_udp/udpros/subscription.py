@@ -13,7 +13,7 @@ import numpy as np
 from ..arrays import Array, BoolArray, IntArray, Records, UInt8Array
 from .batches import BatchReader
 from .datagram import HEADER, IP_UDP_HEADERS, LENGTH, OVERHEAD, Op
-from .endpoints import DatagramReceiver, addresses_of
+from .endpoints import LOOPBACK, DatagramReceiver, addresses_of
 from .negotiation import Reply
 from .reassembly import Inbox
 from .records import has_header
@@ -35,9 +35,6 @@ MAX_SINGLES = 8
 
 MAX_BATCHES = 4
 """Batches received before messages are delivered, so that the newest are among them."""
-
-LOOPBACK = 0x7f000000, 0xff000000
-"""127.0.0.0/8: network and mask."""
 
 Arrived = Callable[[int, int, int, int, float], None]
 """f(connection, seq, size, count, when): `count` new messages of a topic whose messages have a header arrived together.

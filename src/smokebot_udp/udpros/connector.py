@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The subscriber's side of negotiation: connects to publishers, by UDPROS or else by TCPROS."""
+import itertools
+import threading
+import time
+import urllib.parse
+from typing import Any, Callable, Iterable, List, Sequence, Tuple
+
+import rosgraph.network
+import rospy
+import rospy.core
+import rospy.names
+from rospy.impl.registration import get_topic_manager
+from rospy.impl.tcpros import get_tcpros_handler
+
+from . import rpc
+from .endpoints import DatagramReceiver, addresses_of
+from .loss_emulation import open_receiver
+from .negotiation import PROTOCOL, Refused, Reply, Request
+from .rospy_transports import SubscriberTransport, UdpSubscriberImpl
+
+TCPROS = 'TCPROS'
+
+ApiResult = Tuple[int, str, Any]
+"""Status code (1: success), status message and value of a method of the ROS slave API."""
+
+
+class Connector:
+    """Connects the Subscribers of a node; any thread.
+
+    :param connect_plain: rospy's ROSHandler._connect_topic
+    """
+
+    def __init__(self, connect_plain: Callable[[str, str], ApiResult]) -> None:
+        self._connect_plain = connect_plain
+        self._lock = threading.Lock()
+        self._ended = threading.Event()
+
+    def stop(self) -> None:
+        """End all attempts."""
+        self._ended.set()
+
+    def connect_topic(self, topic: str, uri: str) -> ApiResult:
+        """ROSHandler._connect_topic: connect to one publisher, unless already connected."""
+        impl = get_topic_manager().get_subscriber_impl(topic)
+        if not isinstance(impl, UdpSubscriberImpl) or PROTOCOL not in impl.options.protocols:
+            return self._connect_plain(topic, uri)
+        with self._lock:
+            if uri in impl.connecting:
+                return 1, 'already connecting to %s' % uri, 0
+            impl.connecting.add(uri)
+        try:
+            return self._connect(impl, uri)
+        finally:
+            with self._lock:
+                impl.connecting.discard(uri)
+
+    def connect_all(self, topic: str, uris: Iterable[str]) -> None:
+        """Connect to some publishers of a topic, each in a thread of its own."""
+        for uri in uris:
+            threading.Thread(target=self.connect_topic, args=(topic, uri), daemon=True).start()
+
+    def renew(self, connection: SubscriberTransport) -> None:
+        """Replace a connection."""
+        connection.close()
+        self.connect_all(connection.name, [connection.endpoint_id])
+
+    def _connect(self, impl: UdpSubscriberImpl, uri: str) -> ApiResult:
+        """Negotiate with one publisher until it answers, or publishes no longer."""
+        for connection in impl.connections:
+            if connection.endpoint_id == uri:
+                return 1, 'already connected to %s' % uri, 0
+        period = rpc.RETRY_PERIOD
+        while uri in impl.publishers and not impl.closed and not self._ended.is_set():
+            try:
+                return _negotiate(impl, uri, impl.options.protocols)
+            except Refused as refusal:
+                rospy.logerr_throttle_identical(10, '[%s]: %s refuses: %s' % (impl.resolved_name, uri, refusal))
+                return 0, str(refusal), 0
+            except (rpc.Unreachable, OSError) as error:     # OSError: such as EMFILE, here
+                rospy.logdebug('[%s]: no connection to %s, retrying: %s', impl.resolved_name, uri, error)
+            self._ended.wait(period)
+            period = min(2 * period, rpc.MAX_RETRY_PERIOD)
+        return 0, '%s is no longer a publisher' % uri, 0
+
+    def upgrade(self, impls: Iterable[UdpSubscriberImpl], now: float) -> None:
+        """Ask the publishers for UDPROS that refused it before, and are connected by TCPROS."""
+        for impl, uri in itertools.chain.from_iterable(
+                ((impl, uri) for uri in impl.fallbacks.due(now)) for impl in impls):
+            if any(c.endpoint_id == uri and not isinstance(c, SubscriberTransport) for c in impl.connections):
+                impl.fallbacks.refused(uri, now)    # until it agrees
+                threading.Thread(target=self._ask_for_udp, args=(impl, uri), daemon=True).start()
+            else:
+                impl.fallbacks.forget(uri)
+
+    def _ask_for_udp(self, impl: UdpSubscriberImpl, uri: str) -> None:
+        """Replace a TCPROS connection by UDPROS, if the publisher agrees now."""
+        with self._lock:
+            if uri in impl.connecting:
+                return
+            impl.connecting.add(uri)
+        try:
+            _negotiate(impl, uri, (PROTOCOL,))
+            impl.fallbacks.forget(uri)
+            rospy.loginfo('[%s]: %s is connected by UDPROS now', impl.resolved_name, uri)
+        except (Refused, rpc.Unreachable, OSError) as error:
+            rospy.logdebug('[%s]: %s stays connected by TCPROS: %s', impl.resolved_name, uri, error)
+        finally:
+            with self._lock:
+                impl.connecting.discard(uri)
+
+
+def _negotiate(impl: UdpSubscriberImpl, uri: str, protocols: Sequence[str]) -> ApiResult:
+    """Connect to one publisher by the first protocol on which both sides agree.
+
+    :param protocols: to request, best first
+    :raises Refused: if it refuses, or answers with something else
+    :raises rpc.Unreachable: if it does not answer, or has an unknown host
+    :raises OSError: if there is no socket
+    """
+    options = impl.options
+    receiver = open_receiver(impl.resolved_name, rosgraph.network.get_bind_address(), options.max_datagram_size,
+                             options.receive_buffer)
+    if receiver.receive_buffer < 2 * options.receive_buffer:   # the kernel adds its own overhead: twice the size
+        rospy.logwarn_throttle_identical(60, (
+            'the kernel grants a receive buffer of %d bytes only, so bursts may be lost here: '
+            'sudo sysctl -w net.core.rmem_max=%d') % (receiver.receive_buffer // 2, options.receive_buffer))
+    kept = False
+    try:
+        params = _request(uri, impl, receiver, protocols)
+        if params[0] == TCPROS:
+            result: ApiResult = get_tcpros_handler().create_transport(impl.resolved_name, uri, params)
+            return result
+        reply = Reply.parse(params)
+        if impl.data_class._md5sum not in ('*', reply.header['md5sum']):
+            raise Refused('it publishes %s with md5sum %s, not %s' % (
+                reply.header['type'], reply.header['md5sum'], impl.data_class._md5sum))
+        hosts = {reply.host, urllib.parse.urlparse(uri).hostname}
+        if not any(map(addresses_of, hosts)):
+            raise rpc.Unreachable('nobody knows the addresses of %s' % ', '.join(map(str, hosts)))
+        connection = SubscriberTransport(impl, receiver, reply, uri, hosts)
+        kept = impl.add_connection(connection)
+    finally:
+        if not kept:
+            receiver.close()
+    if not kept:
+        return 0, '[%s] has been unregistered' % impl.resolved_name, 0
+    connection.start()
+    return 1, 'connected to %s by UDPROS' % uri, 1
+
+
+def _request(uri: str, impl: UdpSubscriberImpl, receiver: DatagramReceiver, protocols: Sequence[str]) -> List[Any]:
+    """Request a topic from a publisher; one that fails at UDPROS is asked again for TCPROS alone."""
+    header = {'topic': impl.resolved_name, 'type': impl.data_class._type, 'md5sum': impl.data_class._md5sum,
+              'callerid': rospy.names.get_caller_id()}
+    request = Request(rosgraph.network.get_host_name(), receiver.address[1], header, impl.options.max_datagram_size)
+    offers = [request.params() if protocol == PROTOCOL else [protocol] for protocol in protocols]
+    try:
+        return _checked(rpc.call(uri, 'requestTopic', impl.resolved_name, offers))
+    except Refused as refusal:
+        if offers[-1] != [TCPROS] or len(offers) == 1:
+            raise
+        params = _checked(rpc.call(uri, 'requestTopic', impl.resolved_name, offers[-1:]))
+        if impl.fallbacks.refused(uri, time.monotonic()):
+            rospy.logwarn('[%s]: %s is connected by TCPROS for now, as it refuses UDPROS: %s',
+                          impl.resolved_name, uri, refusal)
+        return params
+
+
+def _checked(params: Any) -> List[Any]:
+    if not isinstance(params, list) or not params or params[0] not in (PROTOCOL, TCPROS):
+        raise Refused('the answer does not name a known protocol: %.100r' % (params,))
+    return params

@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""When a subscriber asks about a topic that is silent."""
+
+SILENCE_TIMEOUT = 3.0
+"""After this time without a message of a topic, the master and its publishers are asked for it [s]."""
+
+MAX_SILENCE_PERIOD = 30.0
+"""Longest time from one such question to the next [s]."""
+
+RENEGOTIATION, MAX_RENEGOTIATION = 120.0, 1200.0
+"""After this time of silence a connection is negotiated anew, whatever its publisher says; it doubles up to the
+maximum [s]."""
+
+
+class Silence:
+    """The questions about one topic: at intervals that double while it stays silent.
+
+    :param now: when the topic is subscribed [s]
+    """
+
+    def __init__(self, now: float) -> None:
+        self.asked_at = now
+        """When it was asked for last [s]."""
+        self._period = SILENCE_TIMEOUT
+
+    def due(self, heard: float, now: float, early: float = 1.0) -> bool:
+        """Whether to ask now.
+
+        :param heard: when the topic was heard last; -inf: never [s]
+        :param early: the part of the interval that is enough
+        """
+        if heard > self.asked_at:
+            self._period = SILENCE_TIMEOUT
+        return now - heard >= SILENCE_TIMEOUT and now - max(heard, self.asked_at) >= early * self._period
+
+    def asked(self, now: float) -> None:
+        """The question is being asked."""
+        self.asked_at = now
+        self._period = min(2 * self._period, MAX_SILENCE_PERIOD)
+
+    def unanswered(self) -> None:
+        """It was not answered: it is repeated soon."""
+        self._period = SILENCE_TIMEOUT
+
+    def hurry(self) -> None:
+        """Something has changed: if the topic is silent, it is asked for at once."""
+        self.asked_at, self._period = -float('inf'), SILENCE_TIMEOUT
+
+
+class Renegotiation:
+    """When to negotiate anew with a publisher that says it serves us: the path from it may be broken."""
+
+    def __init__(self) -> None:
+        self._period = RENEGOTIATION
+
+    def due(self, idle: float, worked: bool) -> bool:
+        """Whether to replace a connection; if so, the next one after twice the time.
+
+        :param idle: how long it has been silent [s]
+        :param worked: whether anything was ever received through it
+        """
+        if worked:
+            self._period = RENEGOTIATION
+        if idle < self._period:
+            return False
+        self._period = min(2 * self._period, MAX_RENEGOTIATION)
+        return True

@@ -1,0 +1,269 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The supervision of a node's topics: a restarted master, publishers that are gone, silent connections.
+
+A notification may be lost with the link, and anybody can send one. So it only makes the master be asked, whose answer
+counts. Questions are asked together: of the master one for all topics, of another node one for all connections to it.
+"""
+import threading
+import time
+import traceback
+from typing import Any, Callable, Dict, List, Sequence, Set, Tuple
+
+import rosgraph
+import rospy
+import rospy.core
+import rospy.names
+from rospy.impl.registration import get_topic_manager
+
+from . import rpc
+from .bus_info import OUTBOUND, BusEntry, udpros_entries
+from .connector import Connector
+from .endpoints import is_own
+from .master import MasterWatch, Registration, register_node
+from .negotiation import Refused
+from .rospy_transports import SubscriberTransport, UdpSubscriberImpl
+from .silence import SILENCE_TIMEOUT
+
+PERIOD = 1.0
+"""How often the master's connection is checked, and topics are checked for silence [s]."""
+
+MIN_QUESTION_PERIOD, MAX_QUESTION_PERIOD = 0.2, 8.0
+"""Time from one question about notifications to the next: it doubles up to the maximum while they are wrong [s]."""
+
+SETTLING_TIME = 60.0
+"""Time after the registration with a restarted master during which it may not know all nodes [s]."""
+
+MAX_UNCONFIRMED = 2
+"""Publishers of one topic to connect to before the master has confirmed them."""
+
+
+class Watch:
+    """Supervises the topics of a node, in a thread of its own.
+
+    :param registration: rospy's RegManager
+    :param chores: f(), called once a period as well
+    """
+
+    def __init__(self, connector: Connector, registration: Any, chores: Callable[[], None]) -> None:
+        self._connector, self._registration, self._chores = connector, registration, chores
+        self._update_plain = registration.publisher_update
+        self._master = MasterWatch(rosgraph.get_master_uri(), registration.uri)
+        self._registered_at = -float('inf')
+        self._lock = threading.Lock()
+        self._confirmed: Dict[str, Tuple[str, ...]] = {}    # {topic: publishers, as the master last said}
+        self._doubtful: Set[str] = set()                    # topics with notifications that differ
+        self._asked_at, self._question_period = -float('inf'), MIN_QUESTION_PERIOD
+        self._reviewing: Set[str] = set()                   # URIs of the nodes that are being asked
+        self._wake, self._ended = threading.Event(), threading.Event()
+
+    def start(self) -> None:
+        """Begin to supervise."""
+        threading.Thread(target=self._run, name='UDPROS watch', daemon=True).start()
+
+    def stop(self) -> None:
+        """End the thread."""
+        self._ended.set()
+        self._wake.set()
+
+    def settling(self) -> bool:
+        """Whether the master has been restarted, and may not know all nodes yet."""
+        return time.monotonic() - self._registered_at < SETTLING_TIME
+
+    def notified(self, topic: str, uris: Sequence[str]) -> None:
+        """ROSHandler.publisherUpdate: somebody says which publishers a topic has.
+
+        New ones are connected at once, as long as they are few. The master is asked whether it is true.
+        """
+        impl, new = get_topic_manager().get_subscriber_impl(topic), []
+        with self._lock:
+            confirmed = self._confirmed.get(topic, ())
+            if impl is None or set(uris) == set(confirmed):
+                return
+            if isinstance(impl, UdpSubscriberImpl):
+                room = MAX_UNCONFIRMED - len(set(impl.publishers) - set(confirmed))
+                new = [uri for uri in dict.fromkeys(uris) if uri not in impl.publishers][:max(0, room)]
+                impl.publishers = (*impl.publishers, *new)
+            self._doubtful.add(topic)
+        self._connector.connect_all(topic, new)
+        self._wake.set()
+
+    def publisher_update(self, topic: str, uris: Sequence[str]) -> None:
+        """RegManager.publisher_update: the topic's publishers that the master knows.
+
+        Connections to others end; but a restarted master does not know those of nodes that register once.
+        """
+        impl = get_topic_manager().get_subscriber_impl(topic)
+        with self._lock:
+            changed = set(uris) != set(self._confirmed.get(topic, ()))
+            self._confirmed[topic] = tuple(uris)
+        if changed:
+            self._question_period = MIN_QUESTION_PERIOD
+        if not isinstance(impl, UdpSubscriberImpl):
+            self._update_plain(topic, uris)
+            return
+        if changed:
+            impl.silence.hurry()
+        ended = []
+        for connection in _connections(impl):
+            connection.orphan &= connection.endpoint_id not in uris
+            if connection.endpoint_id not in uris and not connection.orphan:
+                ended.append(connection)
+        orphans = [c.endpoint_id for c in _connections(impl) if c.orphan]
+        impl.publishers = tuple(dict.fromkeys((*uris, *orphans)))
+        for connection in ended:
+            connection.close()
+        self._connector.connect_all(topic, [uri for uri in uris if not impl.has_connection(uri)])
+
+    # -- the thread --------------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        while not self._ended.is_set() and not rospy.core.is_shutdown_requested():
+            try:
+                self._step(time.monotonic())
+            except (rpc.Unreachable, Refused) as error:
+                rospy.logdebug('the master does not answer: %s', error)
+            except Exception:   # a bug of ours must not end the watch
+                rospy.logerr_throttle(60, 'watching the topics failed: %s' % traceback.format_exc())
+            self._wake.wait(MIN_QUESTION_PERIOD if self._doubtful else PERIOD)
+            self._wake.clear()
+
+    def _step(self, now: float) -> None:
+        self._chores()
+        self._connector.upgrade(_subscribed(), now)
+        silent = _silent(now)
+        try:
+            connections = self._master.connections
+            if self._master.is_new() and self._register():
+                self._master.registered()
+            if self._master.connections != connections:     # the link was down, or the master
+                for impl in _subscribed():
+                    impl.silence.hurry()
+            self._ask_master([impl.resolved_name for impl in silent])
+            self._ask_doubtful(now)
+        finally:
+            self._review(silent)
+
+    def _register(self) -> bool:
+        """Register the node with a new master; whether this succeeded."""
+        self._registered_at = time.monotonic()
+        for impl in _subscribed():
+            for connection in _connections(impl):
+                connection.orphan = True
+        registered = register_node(self._registration)
+        if registered:
+            rospy.loginfo('registered again: the master has been restarted')
+        return registered
+
+    def _ask_doubtful(self, now: float) -> None:
+        """Ask the master whether notifications are true, unless it was asked a moment ago."""
+        if now - self._asked_at > 2 * MAX_QUESTION_PERIOD:
+            self._question_period = MIN_QUESTION_PERIOD
+        if not self._doubtful or now - self._asked_at < self._question_period:
+            return
+        with self._lock:
+            topics, self._doubtful = self._doubtful, set()
+        self._asked_at, self._question_period = now, min(2 * self._question_period, MAX_QUESTION_PERIOD)
+        try:
+            self._ask_master(list(topics))
+        except rpc.Unreachable:
+            with self._lock:
+                self._doubtful |= topics
+            raise
+
+    def _ask_master(self, topics: Sequence[str]) -> None:
+        """Ask the master for the publishers of some topics.
+
+        :raises Unreachable: if it does not answer
+        """
+        manager = get_topic_manager()
+        impls = [impl for impl in map(manager.get_subscriber_impl, dict.fromkeys(topics)) if impl is not None]
+        if not impls:
+            return
+        asked = [Registration(impl.resolved_name, impl.type, 'sub') for impl in impls]
+        for impl, one, uris in zip(impls, asked, self._master.register(asked)):
+            if impl.closed:
+                self._registration.reg_removed(*one)
+            elif isinstance(uris, list):
+                self.publisher_update(one.name, uris)
+
+    # -- silent connections ------------------------------------------------------------------------
+
+    def _review(self, silent: Sequence[UdpSubscriberImpl]) -> None:
+        """Ask the publishers of silent topics, in the background, whether they still send them to us."""
+        of_node: Dict[str, List[Tuple[UdpSubscriberImpl, SubscriberTransport]]] = {}
+        for impl in silent:
+            for connection in _connections(impl):
+                if connection.idle >= SILENCE_TIMEOUT:
+                    of_node.setdefault(connection.endpoint_id, []).append((impl, connection))
+        for uri, found in of_node.items():
+            if uri not in self._reviewing:
+                self._reviewing.add(uri)
+                threading.Thread(target=self._ask_node, args=(uri, found), daemon=True).start()
+
+    def _ask_node(self, uri: str, found: Sequence[Tuple[UdpSubscriberImpl, SubscriberTransport]]) -> None:
+        try:
+            entries = udpros_entries(rpc.call(uri, 'getBusInfo'))
+        except (rpc.Unreachable, Refused) as error:
+            rospy.logdebug('%s does not answer: %s', uri, error)
+            for impl, connection in found:
+                impl.silence.unanswered()
+                if connection.orphan and connection.idle >= SILENCE_TIMEOUT:
+                    impl.publishers = tuple(other for other in impl.publishers if other != uri)
+                    connection.close()
+        else:
+            for impl, connection in found:
+                if not connection.done and connection.idle >= SILENCE_TIMEOUT and _is_broken(impl, connection, entries):
+                    rospy.logdebug('[%s]: connecting to %s again', impl.resolved_name, uri)
+                    self._connector.renew(connection)
+        finally:
+            self._reviewing.discard(uri)
+
+
+def _subscribed() -> List[UdpSubscriberImpl]:
+    """The topics with our Subscribers."""
+    return [impl for impl in list(get_topic_manager().subs.values())
+            if isinstance(impl, UdpSubscriberImpl) and not impl.closed]
+
+
+def _connections(impl: UdpSubscriberImpl) -> List[SubscriberTransport]:
+    """A topic's UDPROS connections."""
+    return [connection for connection in impl.connections if isinstance(connection, SubscriberTransport)]
+
+
+def _silent(now: float) -> List[UdpSubscriberImpl]:
+    """The topics to ask for now: all that are silent, as soon as one is due."""
+    heard = {impl: _last_heard(impl, now) for impl in _subscribed()}
+    if not any(impl.silence.due(when, now) for impl, when in heard.items()):
+        return []
+    silent = [impl for impl, when in heard.items() if impl.silence.due(when, now, early=0.5)]
+    for impl in silent:
+        impl.silence.asked(now)
+    return silent
+
+
+def _last_heard(impl: UdpSubscriberImpl, now: float) -> float:
+    """When a topic was heard last [s]; a TCP connection notices itself when it ends."""
+    return max((now - connection.idle if isinstance(connection, SubscriberTransport) else now
+                for connection in impl.connections), default=-float('inf'))
+
+
+def _is_broken(impl: UdpSubscriberImpl, connection: SubscriberTransport, entries: Sequence[BusEntry]) -> bool:
+    """Whether a silent connection has to be negotiated anew.
+
+    :param entries: of its publisher's getBusInfo
+    """
+    if not any(_is_ours(entry, connection) for entry in entries):
+        return True
+    refused, connection.refused_before = connection.refused_before, connection.refused_datagrams
+    if connection.refused_datagrams > refused:      # from another address of the publisher, or another connection
+        return True
+    worked = connection.subscription.datagrams > 0
+    return not (worked and connection.is_latched) and impl.renegotiations[connection.endpoint_id].due(
+        connection.idle, worked)
+
+
+def _is_ours(entry: BusEntry, connection: SubscriberTransport) -> bool:
+    """Whether a publisher's connection leads to the socket of ours."""
+    return ((entry.peer, entry.direction, entry.topic) == (rospy.names.get_caller_id(), OUTBOUND, connection.name)
+            and entry.remote_port in (None, connection.local_endpoint[1])
+            and (entry.remote_host is None or is_own(entry.remote_host)))

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""When a silent topic is asked for."""
+import math
+
+from smokebot_udp.udpros.silence import (
+    MAX_RENEGOTIATION,
+    MAX_SILENCE_PERIOD,
+    RENEGOTIATION,
+    SILENCE_TIMEOUT,
+    Renegotiation,
+    Silence,
+)
+
+
+def asked_at(silence, heard, begin, end) -> list:
+    """When a topic is asked for that is silent from begin to end [s]."""
+    times = []
+    for step in range(round(10 * (end - begin))):
+        now = begin + step / 10
+        if silence.due(heard, now):
+            silence.asked(now)
+            times.append(round(now - begin))
+    return times
+
+
+def test_a_topic_is_asked_for_less_and_less_often_while_it_is_silent() -> None:
+    silence = Silence(100.0)
+    assert asked_at(silence, -math.inf, 100.0, 200.0) == [3, 9, 21, 45, 75]
+    assert MAX_SILENCE_PERIOD == 30.0
+
+
+def test_a_message_makes_it_begin_anew() -> None:
+    silence = Silence(100.0)
+    asked_at(silence, 100.0, 100.0, 200.0)
+    assert not silence.due(201.0, 201.0 + SILENCE_TIMEOUT - 0.1)
+    assert asked_at(silence, 201.0, 201.0, 231.0) == [3, 9, 21]
+
+
+def test_a_question_without_answer_is_repeated_soon() -> None:
+    silence = Silence(100.0)
+    asked_at(silence, 100.0, 100.0, 150.0)
+    silence.asked(150.0)
+    silence.unanswered()
+    assert not silence.due(100.0, 152.9) and silence.due(100.0, 153.0)
+
+
+def test_a_change_makes_silent_topics_be_asked_for_at_once() -> None:
+    silence = Silence(100.0)
+    asked_at(silence, 100.0, 100.0, 150.0)
+    silence.hurry()
+    assert silence.due(100.0, 150.0)
+    assert not silence.due(149.0, 150.0)        # it is not silent
+
+
+def test_topics_share_a_question() -> None:
+    silence = Silence(100.0)
+    silence.asked(100.0)
+    assert not silence.due(100.0, 103.0) and silence.due(100.0, 103.0, early=0.5)
+    assert not silence.due(100.5, 103.0, early=0.5)     # not silent
+
+
+def test_a_connection_is_negotiated_anew_less_and_less_often() -> None:
+    renegotiation = Renegotiation()
+    assert not renegotiation.due(RENEGOTIATION - 1, worked=True)
+    assert renegotiation.due(RENEGOTIATION, worked=True)
+    assert not renegotiation.due(RENEGOTIATION, worked=False)
+    assert renegotiation.due(2 * RENEGOTIATION, worked=False)
+    for _ in range(10):
+        renegotiation.due(math.inf, worked=False)
+    assert not renegotiation.due(MAX_RENEGOTIATION - 1, worked=False)
+    assert renegotiation.due(MAX_RENEGOTIATION, worked=False)
+    assert renegotiation.due(RENEGOTIATION, worked=True)
