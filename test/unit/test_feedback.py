@@ -179,7 +179,30 @@ def test_a_silent_stream_is_no_longer_reported() -> None:
     assert [one.name for one in report.streams] == ['camera']
     arrivals.add('thermal', 6, 1000, 13.0)
     report = arrivals.report(13.1)
-    assert report.streams == [StreamArrivals('thermal', 6, 1, 1000)] and report.marks == [ArrivalSample(0, 6, 100000)]
+    assert report.streams == [StreamArrivals('thermal', 6, 2, 2000)] and report.marks == [ArrivalSample(0, 6, 100000)]
+
+
+def test_a_sender_that_restarted_during_the_silence_begins_another_session() -> None:
+    arrivals = ReceiveHistory(iter(range(9)).__next__)
+    arrivals.add('thermal', 500, 1000, 1.0)
+    first = arrivals.report(1.1).session
+    arrivals.add('thermal', 2, 1000, 1.0 + STREAM_TIMEOUT + 1.0)
+    report = arrivals.report(1.0 + STREAM_TIMEOUT + 1.1)
+    assert report.session != first and report.streams == [StreamArrivals('thermal', 2, 1, 1000)]
+
+
+def test_reports_are_believed_after_a_long_cut() -> None:
+    history, arrivals = path()
+    reader = FeedbackReader(history)
+    assert reader.read(arrivals.report(100.15 + AHEAD), 100.17) is not None
+    for k in range(1, 130):     # neither datagrams nor reports cross
+        history.add('thermal', 10 + k, 1, 1000, 100.15 + 0.1 * k)
+        arrivals.report(100.2 + 0.1 * k + AHEAD)
+    history.add('thermal', 140, 1, 1000, 113.2)
+    arrivals.add('thermal', 140, 1000, 113.25 + AHEAD)
+    feedback = reader.read(arrivals.report(113.3 + AHEAD), 113.35)
+    assert (feedback.expected, feedback.received, len(feedback.samples)) == (130, 1, 1)
+    assert not reader.dropped
 
 
 def test_reports_are_believed_again_after_the_robots_restart() -> None:

@@ -42,8 +42,8 @@ MAX_STREAMS = 64
 """Streams in a report."""
 
 STREAM_TIMEOUT = 10.0
-"""A stream that was silent for this long is no longer reported: its counters may be from before the sender's restart
-[s]."""
+"""A stream that was silent for this long is not reported: its counters may be from before the sender's restart. They go
+on when it is heard again, if its sequence numbers do [s]."""
 
 MAX_AGE = 10.0
 """Older arrivals in a report are not believed [s]."""
@@ -126,7 +126,8 @@ class ReceiveHistory:
                 return
             self._streams[stream] = StreamArrivals(stream, highest=seq)
         counters = self._streams[stream]
-        if seq < counters.highest - RESTART_GAP:
+        silence = now - self._heard.get(stream, now)
+        if seq < counters.highest - (RESTART_GAP if silence <= STREAM_TIMEOUT else 0):
             self.restart()
             self.add(stream, seq, size, now, count, connection)
             return
@@ -143,14 +144,13 @@ class ReceiveHistory:
 
         :param now: by the same steady clock [s]
         """
-        for name in [name for name, heard in self._heard.items() if now - heard > STREAM_TIMEOUT]:
-            del self._heard[name], self._streams[name]
         samples = [sample for sample in self._samples if 0 <= now - sample[0] <= SAMPLE_WINDOW]
         if len(samples) < MIN_SAMPLES:
             samples = [sample for sample in list(self._samples)[-MIN_SAMPLES:] if 0 <= now - sample[0] <= MAX_QUIET_AGE]
-        index = {name: number for number, name in enumerate(self._streams)}
+        reported = [one for one in self._streams.values() if now - self._heard[one.name] <= STREAM_TIMEOUT]
+        index = {one.name: number for number, one in enumerate(reported)}
         marks = [ArrivalSample(index[name], seq, round(1e6 * (now - arrived))) for arrived, name, seq in samples]
-        streams = [StreamArrivals(one.name, one.highest, one.received, one.bytes) for one in self._streams.values()]
+        streams = [StreamArrivals(one.name, one.highest, one.received, one.bytes) for one in reported]
         return Report(self._session, round(1e6 * now), streams, marks)
 
 
