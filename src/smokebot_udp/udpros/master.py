@@ -113,6 +113,11 @@ class MasterWatch:
         """How many connections to the master have been made until now."""
         return self._session.connections
 
+    @property
+    def own_address(self) -> Optional[str]:
+        """This machine's address towards the master; None: unknown."""
+        return self._session.own_address
+
     def is_new(self) -> bool:
         """Whether this node has to be registered.
 

@@ -132,16 +132,26 @@ class Watch:
         self._connector.upgrade(_subscribed(), now)
         silent = _silent(now)
         try:
-            connections = self._master.connections
+            connections, address = self._master.connections, self._master.own_address
             if self._master.is_new() and self._register():
                 self._master.registered()
             if self._master.connections != connections:     # the link was down, or the master
-                for impl in _subscribed():
-                    impl.silence.hurry()
+                self._reconnected(address not in (None, self._master.own_address))
             self._ask_master([impl.resolved_name for impl in silent])
             self._ask_doubtful(now)
         finally:
             self._review(silent)
+
+    def _reconnected(self, moved: bool) -> None:
+        """The connection to the master was replaced: others may be broken, too.
+
+        :param moved: whether this machine has another address now, to which nobody sends yet
+        """
+        for impl in _subscribed():
+            impl.silence.hurry()
+            for connection in _connections(impl) if moved else ():
+                if connection.idle > PERIOD / 2:
+                    self._connector.renew(connection)
 
     def _register(self) -> bool:
         """Register the node with a new master; whether this succeeded."""
