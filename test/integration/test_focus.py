@@ -99,7 +99,9 @@ class Focus(StreamsCase):
         return self.status.messages[max(self.status.messages)] if self.status.messages else RobotStatus()
 
     def rate(self, name: str) -> float:
-        stamps = sorted(self.out[name].messages)    # when they were sent: how long they took on the way varies
+        """Over the last WATCHED seconds, by the stamps: how long messages take on the way varies [Hz]."""
+        stamps = sorted(self.out[name].messages)
+        stamps = [stamp for stamp in stamps if (stamps[-1] - stamp).to_sec() <= WATCHED]
         return (len(stamps) - 1) / (stamps[-1] - stamps[0]).to_sec() if len(stamps) > 1 else 0.0
 
     def check_focus(self, focus) -> None:
@@ -112,8 +114,9 @@ class Focus(StreamsCase):
         for name in ('thermal', 'camera'):
             settings = streams.get(name, PROFILES[focus].get('others', {}))
             if settings.get('enabled', True):
-                self.assertAlmostEqual(self.rate(name), settings['rate'], delta=0.1 * settings['rate'],
-                                       msg=(focus, name))
+                # a busy machine may hold up a single message of the few
+                wait_for(lambda topic=name, rate=settings['rate']: abs(self.rate(topic) - rate) <= 0.1 * rate, 10,
+                         '%s at the rate of %s' % (name, focus))
                 newest = self.out[name].messages[max(self.out[name].messages)]
                 self.assertEqual(newest.width, 320 // settings.get('scale', 1))
             else:
