@@ -57,7 +57,7 @@ SETTLING = 20.0
 """Time within which threads and descriptors have to be as before, counted from when all streams are fresh [s]."""
 
 WINDOW, WINDOW_INTERVAL = 10, 0.2
-"""Samples of which the lowest numbers count, and the time between them [s]."""
+"""Number of samples, of which the minimum counts, and the interval between them [s]."""
 
 GOODBYE = 15.0
 """A node that is asked to end is killed after this time [s]."""

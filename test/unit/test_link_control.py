@@ -23,6 +23,24 @@ from smokebot_udp.streams import encoder_class
 from smokebot_udp.units import MBIT
 
 
+@pytest.fixture
+def ros(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """What ROS does for a LinkControl: `published` has its messages, and the test calls `report` and `tick`."""
+    ros = SimpleNamespace(published=[])
+
+    def subscriber(topic: str, kind: Any, callback: Any, **_: Any) -> None:
+        ros.report = callback
+
+    def worker(name: str, work: Any, log: Any, period: float) -> Any:
+        ros.tick = work
+        return SimpleNamespace(start=lambda: None)
+    monkeypatch.setattr(rospy, 'Publisher', lambda *_, **__: SimpleNamespace(publish=ros.published.append))
+    monkeypatch.setattr(rospy.Time, 'now', lambda: rospy.Time(1))
+    monkeypatch.setattr(link_control.udpros, 'Subscriber', subscriber)
+    monkeypatch.setattr(link_control, 'PeriodicWorker', worker)
+    return ros
+
+
 def stream(kind: str, link: RobotLink, **settings: Any) -> RobotStream:
     """A RobotStream that is not started: nobody listens to it."""
     class_ = encoder_class(kind)
@@ -42,16 +60,7 @@ def test_a_report_is_a_message() -> None:
     assert [(mark.stream, mark.seq, mark.age) for mark in message.marks] == [(0, 9, 1234)]
 
 
-def test_operators_are_the_subscribers_of_the_streams(monkeypatch: pytest.MonkeyPatch) -> None:
-    ticks: List[Any] = []
-
-    def worker(name: str, work: Any, log: Any, period: float) -> Any:
-        ticks.append(work)
-        return SimpleNamespace(start=lambda: None)
-    monkeypatch.setattr(rospy, 'Publisher', lambda *_, **__: SimpleNamespace(publish=lambda message: None))
-    monkeypatch.setattr(rospy.Time, 'now', lambda: rospy.Time(1))
-    monkeypatch.setattr(link_control.udpros, 'Subscriber', lambda *_, **__: None)
-    monkeypatch.setattr(link_control, 'PeriodicWorker', worker)
+def test_operators_are_the_subscribers_of_the_streams(ros: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     controller, told = Controller(Limits(), True, 1472), []
     monkeypatch.setattr(controller, 'on_operators', lambda connections, now: told.append(dict(connections)))
     shared = SharedController(controller)
@@ -60,9 +69,9 @@ def test_operators_are_the_subscribers_of_the_streams(monkeypatch: pytest.Monkey
     peers = {id(streams['thermal']): {'/desk', '/desk2'}, id(streams['lidar']): {'/desk'}}
     monkeypatch.setattr(RobotStream, 'subscribers', property(lambda one: peers.get(id(one), set())))
     LinkControl(shared, link, streams)
-    ticks[0]()
+    ros.tick()
     peers[id(streams['thermal'])].remove('/desk2')
-    ticks[0]()
+    ros.tick()
     assert told == [{'/desk': 2, '/desk2': 1}, {'/desk': 2}]
     peers[id(streams['off'])] = {'/late'}
     streams['off'].peer_subscribe('', None, None)       # at once, before it is sent much
@@ -103,22 +112,9 @@ def test_a_plan_reaches_the_streams() -> None:
     assert not any(one.settings.current.paused for one in streams.values())
 
 
-def test_ticks_and_reports_set_the_rate_of_the_outbox(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A LinkControl whose publisher, subscriber and thread are called by the test."""
-    ros, clock, published = SimpleNamespace(), SimpleNamespace(now=1000.0), []
-
-    def subscriber(topic: str, kind: Any, callback: Any, **_: Any) -> None:
-        ros.report = callback
-
-    def worker(name: str, work: Any, log: Any, period: float) -> Any:
-        ros.tick = work
-        return SimpleNamespace(start=lambda: None)
-    monkeypatch.setattr(rospy, 'Publisher', lambda *_, **__: SimpleNamespace(publish=published.append))
-    monkeypatch.setattr(rospy.Time, 'now', lambda: rospy.Time(1))
-    monkeypatch.setattr(link_control.udpros, 'Subscriber', subscriber)
-    monkeypatch.setattr(link_control, 'PeriodicWorker', worker)
+def test_ticks_and_reports_set_the_rate_of_the_outbox(ros: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    clock, published = SimpleNamespace(now=1000.0), ros.published
     monkeypatch.setattr(link_control, 'time', SimpleNamespace(monotonic=lambda: clock.now))
-
     scheduler, arrivals = PacketScheduler(), ReceiveHistory(lambda: 7)
     shared = SharedController(Controller(Limits(start_rate=5000.0, min_rate=4000.0), True, 1472))
     link = RobotLink(1472, Outbox(scheduler, shared.on_sent))
@@ -144,21 +140,12 @@ def test_ticks_and_reports_set_the_rate_of_the_outbox(monkeypatch: pytest.Monkey
     assert control.stats(clock.now).state == 'no reports of /op for 12.0 s'
 
 
-def test_a_tick_does_not_undo_what_a_report_changes_meanwhile(monkeypatch: pytest.MonkeyPatch) -> None:
-    ticks: List[Any] = []
-
-    def worker(name: str, work: Any, log: Any, period: float) -> Any:
-        ticks.append(work)
-        return SimpleNamespace(start=lambda: None)
-    monkeypatch.setattr(rospy, 'Publisher', lambda *_, **__: SimpleNamespace(publish=lambda message: None))
-    monkeypatch.setattr(rospy.Time, 'now', lambda: rospy.Time(1))
-    monkeypatch.setattr(link_control.udpros, 'Subscriber', lambda *_, **__: None)
-    monkeypatch.setattr(link_control, 'PeriodicWorker', worker)
+def test_a_tick_does_not_undo_what_a_report_changes_meanwhile(ros: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     scheduler, controller = PacketScheduler(), Controller(Limits(), True, 1472)
     shared, rates = SharedController(controller), [5000.0]
     monkeypatch.setattr(controller, 'rate', lambda now: rates[-1])
     LinkControl(shared, RobotLink(1472, Outbox(scheduler, shared.on_sent)), {})
     # while the plan's grants are made, a report halves the rate
     monkeypatch.setattr(link_control, 'grant', lambda plan, streams: rates.append(plan.rate / 2))
-    ticks[0]()
+    ros.tick()
     assert scheduler.rate == 2500.0

@@ -21,7 +21,7 @@ KINDS = {'topic': 'stream', 'peer': 'connection', 'jumps': 'clock', 'state': 'li
 """{value that only this kind of status has: kind}"""
 
 UNKNOWN_ROBOT = '/robot'
-"""Name of a robot of which only relayed reports came."""
+"""Name of a robot that is known only by relayed reports."""
 
 Report = Tuple[float, List['NodeStatus']]
 """When it came [s], and its content."""

@@ -197,15 +197,11 @@ class Session:
     def __init__(self, uri: str, timeout: float = RPC_TIMEOUT) -> None:
         self.connections = 0
         """How many connections have been made until now."""
+        self.own_address: Optional[str] = None
+        """This machine's address towards the server, by the newest connection; None: there was none yet."""
         self._transport = MasterTransport(timeout)
         self._proxy = xmlrpc.client.ServerProxy(uri, transport=self._transport)
         self._socket: Any = None
-        self._own_address: Optional[str] = None
-
-    @property
-    def own_address(self) -> Optional[str]:
-        """This machine's address towards the server, by the newest connection; None: there was none yet."""
-        return self._own_address
 
     @property
     def alive(self) -> bool:
@@ -252,7 +248,7 @@ class Session:
             self.connections += 1
             if self._socket is not None:
                 _keep_alive(self._socket)
-                self._own_address = self._socket.getsockname()[0]
+                self.own_address = self._socket.getsockname()[0]
         return answer
 
     def close(self) -> None:
