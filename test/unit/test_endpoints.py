@@ -10,7 +10,14 @@ import numpy as np
 import pytest
 
 from smokebot_udp.udpros import endpoints
-from smokebot_udp.udpros.endpoints import DatagramReceiver, DatagramSender, PeerGone, addresses_of, path_payload
+from smokebot_udp.udpros.endpoints import (
+    ClockOffset,
+    DatagramReceiver,
+    DatagramSender,
+    PeerGone,
+    addresses_of,
+    path_payload,
+)
 
 LOCALHOST = 0x7f000001
 WAIT = 10.0     # longer than any of it takes [s]
@@ -262,6 +269,27 @@ def test_the_time_of_arrival_does_not_depend_on_when_a_datagram_is_received(rece
         assert receiver.arrival(0) < sent + 0.2
     else:
         assert receiver.arrival(0) >= sent + 0.2      # unknown
+
+
+def test_the_offset_of_the_clocks_does_not_follow_interrupted_readings(monkeypatch) -> None:
+    """The thread is interrupted for longer and longer between the readings of both clocks; then the clock is set."""
+    now, interruption, step = 0.0, 0.0, 1000.0
+
+    def wall() -> float:
+        nonlocal now
+        now += interruption
+        return now + step
+
+    monkeypatch.setattr(time, 'time', wall)
+    monkeypatch.setattr(time, 'monotonic', lambda: now)
+    offset = ClockOffset()
+    first = offset()
+    assert first == pytest.approx(1000.0, abs=1e-5)
+    for seconds in (1e-6, 1e-3, 0.2):
+        interruption = seconds
+        assert offset() == first
+    step, interruption = 1000.5, 0.0
+    assert offset() == pytest.approx(1000.5, abs=1e-5)
 
 
 @pytest.mark.parametrize('step', [3600.0, -3600.0])

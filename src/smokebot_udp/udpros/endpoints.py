@@ -8,6 +8,7 @@ import collections
 import contextlib
 import ctypes
 import errno
+import math
 import select
 import socket
 import struct
@@ -35,6 +36,9 @@ NO_GSO = (errno.EINVAL, errno.EIO, errno.EMSGSIZE, errno.ENOPROTOOPT, errno.EOPN
 
 MAX_QUEUEING = 1.0
 """A datagram that seems to have waited longer in this machine did not: the clock was set [s]."""
+
+READING_ERROR = 1e-5
+"""Of a clock, its resolution included [s]."""
 
 TIMESTAMP = struct.Struct('@Nii2l')
 """A control message with a struct timespec: length, level, type, seconds, nanoseconds."""
@@ -161,6 +165,31 @@ class _MMsgHdr(ctypes.Structure):
     _fields_ = [('hdr', _MsgHdr), ('len', ctypes.c_uint)]
 
 
+class ClockOffset:
+    """The machine's clock (time.time) minus the steady clock (time.monotonic).
+
+    It is the same for as long as the machine's clock is not set: then times of the one clock keep their order in the
+    other one, and a thread that is interrupted between both readings does no harm.
+    """
+
+    def __init__(self) -> None:
+        self._value = math.nan
+
+    def __call__(self) -> float:
+        """The offset [s]; any thread."""
+        least, most = self._bounds()
+        if not least <= self._value <= most:
+            least, most = min((self._bounds() for _ in range(5)), key=lambda bounds: bounds[1] - bounds[0])
+            self._value = (least + most) / 2
+        return self._value
+
+    @staticmethod
+    def _bounds() -> Tuple[float, float]:
+        """Between which the offset is now [s]."""
+        before, wall, after = time.monotonic(), time.time(), time.monotonic()
+        return wall - after - READING_ERROR, wall - before + READING_ERROR
+
+
 class DatagramReceiver:
     """One bound UDP socket and a batch of receive slots.
 
@@ -197,6 +226,7 @@ class DatagramReceiver:
         self.sources: Records = np.zeros(batch, SOCKADDR_IN)
         """(batch,) of SOCKADDR_IN: the senders."""
         self.batch = batch
+        self._offset = ClockOffset()
         self._poll = select.poll()
         self._poll.register(self.socket, select.POLLIN)
         self._recvmmsg = _find_recvmmsg() if recvmmsg else None
@@ -263,8 +293,8 @@ class DatagramReceiver:
         if self._recvmmsg is None or self._control_lengths[row] < TIMESTAMP.size:
             return now
         _, _, _, seconds, nanoseconds = TIMESTAMP.unpack(self._control[row])
-        age = time.time() - (seconds + 1e-9 * nanoseconds)
-        return now - age if 0 <= age <= MAX_QUEUEING else now
+        arrived = seconds + 1e-9 * nanoseconds - self._offset()
+        return arrived if 0 <= now - arrived <= MAX_QUEUEING else now
 
     def kernel_drops(self) -> Optional[int]:
         """Datagrams that the kernel dropped because the receive buffer was full; None if unknown."""
