@@ -14,13 +14,20 @@ END_TIMEOUT = 5.0
 """A process that is asked to end is killed after this time [s]."""
 
 
+RUN_WITH_PARENT = '[ "$PPID" = "$0" ] && exec "$@"'
+"""A shell's script whose $0 is the process id of the parent."""
+
+
 def start(command: Sequence[str], death_signal: str = 'TERM', **options: Any) -> 'subprocess.Popen[Any]':
     """Start a process that gets a signal when this one ends, however this one ends.
+
+    It does not run where this one ended before it could ask for the signal.
 
     :param death_signal: its name without SIG
     :param options: of subprocess.Popen; without them there is neither input nor output
     """
-    return subprocess.Popen(['setpriv', '--pdeathsig', death_signal, *command], **{
+    return subprocess.Popen(['setpriv', '--pdeathsig', death_signal, 'sh', '-c', RUN_WITH_PARENT, str(os.getpid()),
+                             *command], **{
         'stdin': subprocess.DEVNULL, 'stdout': subprocess.DEVNULL, 'stderr': subprocess.DEVNULL, **options})
 
 
