@@ -2,6 +2,8 @@
 """Real sockets on the loopback device."""
 import os
 import socket
+import subprocess
+import sys
 import threading
 import time
 from typing import Any
@@ -228,6 +230,29 @@ def test_the_receive_buffer_is_what_the_kernel_grants(make) -> None:
     assert receiver.receive_buffer == receiver.socket.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF) == 100000
     huge = make(DatagramReceiver, '127.0.0.1', 200, receive_buffer=1 << 30)
     assert huge.receive_buffer == huge.socket.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF) > 100000
+
+
+MEMORY = """
+import psutil
+from smokebot_udp.nodes.malloc_tuning import keep_freed_memory
+from smokebot_udp.udpros.endpoints import DatagramReceiver
+
+keep_freed_memory()
+before = psutil.Process().memory_info().rss
+receiver = DatagramReceiver('127.0.0.1', 1472, batch=8192)
+receiver.datagrams[:] = 1
+print(psutil.Process().memory_info().rss - before)
+receiver.close()
+del receiver
+print(psutil.Process().memory_info().rss - before)
+"""
+"""A program that prints how much memory the slots of a receiver take, and what is left of it [byte]."""
+
+
+def test_the_memory_of_an_ended_connection_returns_to_the_kernel() -> None:
+    """Also where malloc keeps freed memory: each reconnection would add some to another arena."""
+    taken, left = map(int, subprocess.check_output([sys.executable, '-c', MEMORY]).split())
+    assert taken > 12e6 and left < 3e6
 
 
 def test_the_kernels_drops_are_counted(make) -> None:

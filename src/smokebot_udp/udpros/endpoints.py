@@ -9,6 +9,7 @@ import contextlib
 import ctypes
 import errno
 import math
+import mmap
 import select
 import socket
 import struct
@@ -219,7 +220,7 @@ class DatagramReceiver:
         """The local address and port."""
         self.max_datagram_size = max_datagram_size
         # one more byte reveals a datagram that is too long
-        self.datagrams: UInt8Array = np.zeros((batch, max_datagram_size + 1), np.uint8)
+        self.datagrams: UInt8Array = _mapped(batch, max_datagram_size + 1)
         """(batch, max_datagram_size + 1) uint8."""
         self.lengths: IntArray = np.zeros(batch, np.int64)
         """(batch,) int64; max_datagram_size + 1 if the datagram is longer than max_datagram_size [byte]."""
@@ -312,6 +313,15 @@ class DatagramReceiver:
     def close(self) -> None:
         """Free the socket."""
         self.socket.close()
+
+
+def _mapped(rows: int, columns: int) -> UInt8Array:
+    """(rows, columns) uint8 of zeros in a mapping of its own, which returns to the kernel when the array is freed.
+
+    malloc would keep the memory of ended connections, in the arenas of the threads that made them.
+    """
+    memory = mmap.mmap(-1, rows * columns, mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+    return np.frombuffer(memory, np.uint8).reshape(rows, columns)
 
 
 def _find_recvmmsg() -> Any:
