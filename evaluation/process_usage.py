@@ -12,6 +12,9 @@ from .soak import Usage
 ESTABLISHED = '01'
 """State of a connection in /proc/PID/net/tcp, see proc(5)."""
 
+ATTEMPTS = 5
+"""How often a process is looked at where connections come and go meanwhile."""
+
 
 def kept_open(process: int, port: int) -> int:
     """The number of TCP connections to a port of a process that its clients keep open.
@@ -40,6 +43,9 @@ def usage(process: int, port: Optional[int]) -> Usage:
     :raises OSError, psutil.Error: if the process has ended
     """
     running = psutil.Process(process)
-    clients = 0 if port is None else kept_open(process, port)
-    with running.oneshot():
-        return Usage(running.num_threads() - clients, running.num_fds() - clients, running.memory_info().rss / 1e6)
+    for _ in range(ATTEMPTS):
+        clients = 0 if port is None else kept_open(process, port)
+        found = Usage(running.num_threads() - clients, running.num_fds() - clients, running.memory_info().rss / 1e6)
+        if port is None or kept_open(process, port) == clients:     # else one came or went meanwhile
+            break
+    return found

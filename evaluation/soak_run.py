@@ -47,7 +47,12 @@ STREAMS = TOP / 'config' / 'streams.yaml'
 SOURCE = '_width:=160', '_height:=120', '_lidar_rate:=5'
 """Small images: a soak tests what comes back, not how much."""
 
-NODES = 'source', 'robot_sender', 'operator_receiver', SECOND_OPERATOR
+OURS = 'robot_sender', 'operator_receiver', SECOND_OPERATOR
+"""The package's nodes, which are judged."""
+
+NODES = ('source', *OURS)
+"""All nodes. The source stands for the drivers of the robot: it is plain rospy, where a subscriber that connects before
+its publisher has a queue_size gets a connection without a thread."""
 
 START, RECOVERY = 120.0, 40.0
 """A part registers within the first time after it was started, and a stream that is not fresh within the second after
@@ -223,7 +228,7 @@ class Soak:
                     self.samples.append(Sample(time.time() - self._begun, part, process.pid, found))
 
     def _settle(self) -> str:
-        """Wait until threads and descriptors are as they usually are with these parts; see soak.unequal.
+        """Wait until threads and descriptors of our nodes are as they usually are with these parts; see soak.unequal.
 
         The first time with these parts, those numbers are usual that stay from one window to the next.
         """
@@ -235,7 +240,8 @@ class Soak:
             for _ in range(WINDOW):
                 time.sleep(WINDOW_INTERVAL)
                 samples.append(self._usage())
-            before, found = found, lowest(samples)
+            lows = lowest(samples)
+            before, found = found, {node: lows[node] for node in OURS if node in lows}
             usual = self._usual.get(parts, before)
             difference = unequal(usual, found)
             if (usual and not difference) or time.time() > end:

@@ -6,7 +6,7 @@ import time
 from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Union
 
 from evaluation import machine, soak
-from evaluation.soak_run import Round, Sample, Soak
+from evaluation.soak_run import OURS, Round, Sample, Soak
 
 from .. import drawing, table
 from ..runner import Figure, Run, Skipped, Table
@@ -38,9 +38,6 @@ WARM_UP = 120.0
 
 MAX_SLOPE = 0.2
 """Goal of the resident memory's growth [MB/min]."""
-
-OURS = 'robot_sender', 'operator_receiver', soak.SECOND_OPERATOR
-"""The package's nodes; the others belong to the test."""
 
 
 def run(run: Run) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-from smokebot_udp.congestion.sent_history import MAX_BURSTS, SentHistory
+from smokebot_udp.congestion.sent_history import MAX_AGE, MAX_BURSTS, MIN_BURSTS, SentHistory
 
 
 def test_a_datagram_is_found_with_the_total_sent_by_then() -> None:
@@ -51,7 +51,20 @@ def test_a_numbering_that_starts_again_replaces_the_old_one() -> None:
 def test_memory_is_bounded() -> None:
     history = SentHistory()
     for k in range(5 * MAX_BURSTS):
-        history.add('thermal', k + 1, 1, 10, float(k))
+        history.add('thermal', k + 1, 1, 10, 1e-3 * k)
     assert history.find('thermal', 1) is None
     assert history.find('thermal', 4 * MAX_BURSTS + 1).total == 10 * (4 * MAX_BURSTS + 1)
     assert history.totals('thermal') == (5 * MAX_BURSTS, 50 * MAX_BURSTS)
+
+
+def test_old_bursts_are_forgotten_but_for_the_last_ones() -> None:
+    history = SentHistory()
+    for k in range(2000):       # 200 s
+        history.add('thermal', k + 1, 1, 10, 0.1 * k)
+    for k in range(4 * MIN_BURSTS):
+        history.add('map', k + 1, 1, 10, MAX_AGE * k)
+    assert history.find('thermal', 2000 - int(10 * MAX_AGE)) is not None
+    assert history.find('thermal', 2000 - 2 * int(10 * MAX_AGE) - 1) is None
+    assert history.find('map', 3 * MIN_BURSTS + 1) is not None
+    assert history.find('map', 2 * MIN_BURSTS) is None
+    assert history.totals('thermal') == (2000, 20000)

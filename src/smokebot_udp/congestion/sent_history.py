@@ -4,7 +4,10 @@ import bisect
 from typing import Dict, List, NamedTuple, Optional, Tuple
 
 MAX_BURSTS = 4096
-"""Bursts remembered of each stream, at least: some seconds at full speed."""
+"""Of each stream more bursts are not needed: some seconds at full speed;"""
+
+MAX_AGE, MIN_BURSTS = 20.0, 64
+"""nor are older ones [s], but for this number: feedback.py does not believe arrivals half as old."""
 
 SEQ_MODULUS = 1 << 32
 """std_msgs/Header.seq wraps here."""
@@ -50,8 +53,9 @@ class _Stream:
         self.bursts.append(burst)
         self.count += burst.packets
         self.bytes += burst.packets * burst.size
-        if len(self.firsts) >= 2 * MAX_BURSTS:
-            del self.firsts[:MAX_BURSTS], self.bursts[:MAX_BURSTS]
+        half = len(self.firsts) // 2
+        if half >= MAX_BURSTS or (half >= MIN_BURSTS and self.bursts[half].sent < burst.sent - MAX_AGE):
+            del self.firsts[:half], self.bursts[:half]
 
 
 class SentHistory:

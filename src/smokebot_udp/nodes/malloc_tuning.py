@@ -1,9 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""malloc tuning: freed memory stays with the process, because each image needs arrays of the same sizes again."""
+"""malloc tuning: freed memory stays with the process, because each image needs arrays of the same sizes again.
+
+All threads share one arena. glibc would make eight for each core, and what a thread freed in one of them is of no use to
+a thread of another: each connection has a thread of its own, so with each connection made anew some memory would be
+added to another arena. Python's threads hardly ever wait for an arena, because most allocate under Python's own lock.
+"""
 import contextlib
 import ctypes
 
-M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3     # malloc.h
+M_TRIM_THRESHOLD, M_MMAP_THRESHOLD, M_ARENA_MAX = -1, -3, -8     # malloc.h
 MAX_KEPT_BLOCK = 32 << 20
 """glibc always returns larger blocks to the kernel at once [byte]."""
 
@@ -18,3 +23,4 @@ def keep_freed_memory() -> None:
         mallopt = ctypes.CDLL(None).mallopt
         mallopt(M_MMAP_THRESHOLD, MAX_KEPT_BLOCK)
         mallopt(M_TRIM_THRESHOLD, 8 * MAX_KEPT_BLOCK)
+        mallopt(M_ARENA_MAX, 1)

@@ -29,6 +29,9 @@ from .worker import DeadlineWorker
 SOURCE_RATE_OVER = 2.0
 """The rate of a source is measured over this time [s]."""
 
+READ_SIZE = 1 << 20
+"""What rospy reads at once from a source; for each read, however short, it allocates this much [byte]."""
+
 
 @dataclass
 class RobotLink:
@@ -91,7 +94,7 @@ class RobotStream(rospy.SubscribeListener):
             self._local_publisher = self._make_local_publisher(topic, self.encoder.DERIVED, queue_size=2)
         self._worker.start()
         self._subscriber = self._make_subscriber(self.topic, self.encoder.MESSAGE, self.receive,
-                                                 queue_size=self.encoder.QUEUE_SIZE, buff_size=1 << 24,
+                                                 queue_size=self.encoder.QUEUE_SIZE, buff_size=READ_SIZE,
                                                  tcp_nodelay=True)
 
     def close(self) -> None:
