@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """malloc tuning: freed memory stays with the process, because each image needs arrays of the same sizes again.
 
-All threads share one arena. glibc would make eight for each core, and what a thread freed in one of them is of no use to
-a thread of another: each connection has a thread of its own, so with each connection made anew some memory would be
-added to another arena. Python's threads hardly ever wait for an arena, because most allocate under Python's own lock.
+All threads share one arena. glibc would make eight for each core, and what a thread frees in one of them is of no use
+to a thread of another: each connection has a thread of its own, so each one that is made anew would add some memory to
+another arena. Threads hardly ever wait for the arena, because most of them allocate while they hold Python's lock.
 """
 import contextlib
 import ctypes

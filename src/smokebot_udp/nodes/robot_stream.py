@@ -29,7 +29,7 @@ from .worker import DeadlineWorker
 SOURCE_RATE_OVER = 2.0
 """The rate of a source is measured over this time [s]."""
 
-READ_SIZE = 1 << 20
+READ_SIZE = 1 << 18
 """What rospy reads at once from a source; for each read, however short, it allocates this much [byte]."""
 
 

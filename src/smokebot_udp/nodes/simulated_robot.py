@@ -27,6 +27,7 @@ from typing import Any, Callable
 import numpy as np
 import rospy
 
+from .. import udpros
 from ..simulation import mounts
 from ..simulation.camera import Camera
 from ..simulation.drive import Drive
@@ -79,17 +80,18 @@ class SimulatedRobot:
         world = building(seed)
         pinhole = Pinhole(parameters['width'], parameters['height'], FIELD_OF_VIEW, mounts.CAMERA)
         self._start_time = rospy.Time.now()
-        self._mounts = topics.Mounts()
-        self._start('thermal', lambda: topics.CameraTopics(
-            'thermal', 'mono16', ThermalCamera(world, pinhole, seed, noise=0.05 * noisy)))
-        self._start('camera', lambda: topics.CameraTopics(
-            'camera', 'bgr8', Camera(world, pinhole, seed, noise=2.0 * noisy)))
-        self._start('lidar', lambda: topics.CloudTopic(Lidar(world, mounts.LIDAR, seed, lidar_noise)))
-        self._start('scan', lambda: topics.ScanTopic(Scanner(world, mounts.LASER, seed, 0.01 * noisy)))
-        self._start('map', lambda: topics.MapTopic(Mapper(world)))
-        self._start('odom', lambda: topics.OdometryTopics(Odometry(drive)))
-        self._start('gas', lambda: topics.GasTopic(GasSensor(world, seed, 1.0 * noisy)))
-        self._start('battery', topics.BatteryTopic)
+        with udpros.registered_together():
+            self._mounts = topics.Mounts()
+            self._start('thermal', lambda: topics.CameraTopics(
+                'thermal', 'mono16', ThermalCamera(world, pinhole, seed, noise=0.05 * noisy)))
+            self._start('camera', lambda: topics.CameraTopics(
+                'camera', 'bgr8', Camera(world, pinhole, seed, noise=2.0 * noisy)))
+            self._start('lidar', lambda: topics.CloudTopic(Lidar(world, mounts.LIDAR, seed, lidar_noise)))
+            self._start('scan', lambda: topics.ScanTopic(Scanner(world, mounts.LASER, seed, 0.01 * noisy)))
+            self._start('map', lambda: topics.MapTopic(Mapper(world)))
+            self._start('odom', lambda: topics.OdometryTopics(Odometry(drive)))
+            self._start('gas', lambda: topics.GasTopic(GasSensor(world, seed, 1.0 * noisy)))
+            self._start('battery', topics.BatteryTopic)
 
     def _start(self, name: str, make: Callable[[], Any]) -> None:
         """Start a sensor unless its ~NAME_rate is 0."""
