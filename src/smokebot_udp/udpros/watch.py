@@ -7,7 +7,7 @@ counts. Questions are asked together: of the master one for all topics, of anoth
 import threading
 import time
 import traceback
-from typing import Any, Callable, Dict, List, Sequence, Set, Tuple
+from typing import Any, Callable, Dict, List, Optional, Sequence, Set, Tuple
 
 import rosgraph
 import rospy
@@ -26,6 +26,12 @@ from .silence import SILENCE_TIMEOUT
 
 PERIOD = 1.0
 """How often the master's connection is checked, and topics are checked for silence [s]."""
+
+ADDRESS_PERIOD = 0.2
+"""How often this machine's own address is checked, without a packet [s]."""
+
+MOVED = 0.5
+"""After this time without a datagram a connection to this machine's former address is made anew [s]."""
 
 MIN_QUESTION_PERIOD, MAX_QUESTION_PERIOD = 0.2, 8.0
 """Time from one question about notifications to the next: it doubles up to the maximum while they are wrong [s]."""
@@ -54,6 +60,9 @@ class Watch:
         self._doubtful: Set[str] = set()                    # topics with notifications that differ
         self._asked_at, self._question_period = -float('inf'), MIN_QUESTION_PERIOD
         self._reviewing: Set[str] = set()                   # URIs of the nodes that are being asked
+        self._lost_address: Optional[str] = None            # the one towards the master, once it is not ours any more
+        self._moved: List[SubscriberTransport] = []         # connections to this machine's former address,
+        self._moved_at = -float('inf')                      # and when it was found to have another one [s]
         self._wake, self._ended = threading.Event(), threading.Event()
 
     def start(self) -> None:
@@ -124,12 +133,22 @@ class Watch:
                 rospy.logdebug('the master does not answer: %s', error)
             except Exception:   # a bug of ours must not end the watch
                 rospy.logerr_throttle(60, 'watching the topics failed: %s' % traceback.format_exc())
-            self._wake.wait(MIN_QUESTION_PERIOD if self._doubtful else PERIOD)
+            self._pause(MIN_QUESTION_PERIOD if self._doubtful or self._moved else PERIOD)
             self._wake.clear()
+
+    def _pause(self, period: float) -> None:
+        """Wait for a period [s], until something is to be done, or until this machine loses its address."""
+        end = time.monotonic() + period
+        while not self._wake.wait(max(0.0, min(ADDRESS_PERIOD, end - time.monotonic()))) and time.monotonic() < end:
+            address = self._master.own_address
+            known, self._lost_address = self._lost_address, None if address is None or is_own(address) else address
+            if self._lost_address not in (None, known):
+                return
 
     def _step(self, now: float) -> None:
         self._chores()
         self._connector.upgrade(_subscribed(), now)
+        self._renew_moved()
         silent = _silent(now)
         try:
             connections, address = self._master.connections, self._master.own_address
@@ -149,9 +168,19 @@ class Watch:
         """
         for impl in _subscribed():
             impl.silence.hurry()
-            for connection in _connections(impl) if moved else ():
-                if connection.idle > PERIOD / 2:
-                    self._connector.renew(connection)
+            if moved:
+                self._moved += _connections(impl)
+        if moved:
+            self._moved_at = time.monotonic()
+            self._renew_moved()
+
+    def _renew_moved(self) -> None:
+        """Make connections to the former address anew as soon as they are silent; those that are not need it not."""
+        for connection in self._moved:
+            if connection.idle > MOVED and not connection.done:
+                self._connector.renew(connection)
+        late = time.monotonic() > self._moved_at + 2 * MOVED
+        self._moved = [] if late else [c for c in self._moved if not c.done]
 
     def _register(self) -> bool:
         """Register the node with a new master; whether this succeeded."""
