@@ -122,6 +122,18 @@ class Life(unittest.TestCase):
             process.send_signal(how)
             process.wait(10)
 
+    def test_a_killed_publisher_among_others_leaves_nothing_behind(self) -> None:
+        """It cannot unregister, and the topic is not silent."""
+        self.run_script('udpros_talker.py', '/outlived', 'survivor')
+        killed = self.run_script('udpros_talker.py', '/outlived', 'killed_talker')
+        subscriber = udpros.Subscriber('/outlived', Header, transport='udp')
+        self.addCleanup(subscriber.unregister)
+        wait_for(lambda: len(subscriber.connections()) == 2, what='both publishers')
+        end(killed)
+        wait_for(lambda: [thread.name for thread in threading.enumerate()].count('UDPROS /outlived') == 1,
+                 SILENCE_TIMEOUT + 10, 'the end of the connection')
+        self.assertEqual([one['peer'] for one in subscriber.connections()], ['/survivor'])
+
     def test_the_masters_lost_word_is_asked_for(self) -> None:
         """The talker dies and another one starts, and nobody notifies us."""
         first = self.run_script('udpros_talker.py', '/unheard', 'unheard_talker')

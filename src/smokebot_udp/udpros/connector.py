@@ -21,6 +21,9 @@ from .rospy_transports import SubscriberTransport, UdpSubscriberImpl
 
 TCPROS = 'TCPROS'
 
+GONE_AFTER = 10.0
+"""A publisher's node that has ended is not asked for longer than this; the watch asks the master again [s]."""
+
 ApiResult = Tuple[int, str, Any]
 """Status code (1: success), status message and value of a method of the ROS slave API."""
 
@@ -66,11 +69,11 @@ class Connector:
         self.connect_all(connection.name, [connection.endpoint_id])
 
     def _connect(self, impl: UdpSubscriberImpl, uri: str) -> ApiResult:
-        """Negotiate with one publisher until it answers, or publishes no longer."""
+        """Negotiate with one publisher until it answers, publishes no longer, or has ended."""
         for connection in impl.connections:
             if connection.endpoint_id == uri:
                 return 1, 'already connected to %s' % uri, 0
-        period = rpc.RETRY_PERIOD
+        period, begun = rpc.RETRY_PERIOD, time.monotonic()
         while uri in impl.publishers and not impl.closed and not self._ended.is_set():
             try:
                 return _negotiate(impl, uri, impl.options.protocols)
@@ -79,6 +82,8 @@ class Connector:
                 return 0, str(refusal), 0
             except (rpc.Unreachable, OSError) as error:     # OSError: such as EMFILE, here
                 rospy.logdebug('[%s]: no connection to %s, retrying: %s', impl.resolved_name, uri, error)
+                if isinstance(error, rpc.Gone) and time.monotonic() > begun + GONE_AFTER:
+                    return 0, '%s has ended' % uri, 0
             self._ended.wait(period)
             period = min(2 * period, rpc.MAX_RETRY_PERIOD)
         return 0, '%s is no longer a publisher' % uri, 0

@@ -179,6 +179,8 @@ class SubscriberTransport(UdpTransport):
         """Whether the master has been restarted and does not list the publisher since."""
         self.refused_before = 0
         """`refused_datagrams` when its publisher was asked last."""
+        self.silence = Silence(time.monotonic())
+        """When its publisher is asked while others of the topic are heard."""
         self._impl = impl
         self.subscription = Subscription(
             receiver, reply, hosts, self, impl.data_class, impl.queue_size,

@@ -50,6 +50,10 @@ class Unreachable(Exception):
     """The other side of an XML-RPC call does not answer, or not in XML-RPC."""
 
 
+class Gone(Unreachable):
+    """Its machine says that nobody listens: a node keeps its port as long as it lives, so it has ended."""
+
+
 class _Race(contextlib.ExitStack):
     """Attempts to connect to one of several addresses; leaving the context closes all of them but the winner.
 
@@ -271,12 +275,14 @@ def call(uri: str, method: str, *args: Any, timeout: float = RPC_TIMEOUT) -> Any
     :param uri: of the XML-RPC server
     :param args: the method's, without the caller's name
     :param timeout: to connect and for each read [s]
-    :raises Unreachable: if there is no correct answer
+    :raises Unreachable: if there is no correct answer; Gone: if the node has ended
     :raises Refused: if the answer is an error
     """
     try:
         with xmlrpc.client.ServerProxy(uri, transport=Transport(timeout)) as proxy:
             code, message, value = getattr(proxy, method)(rospy.names.get_caller_id(), *args)
+    except ConnectionRefusedError as error:
+        raise Gone('%s: %s' % (method, error)) from error
     except FAILURES as error:
         raise Unreachable('%s: %s' % (method, error)) from error
     if code != 1:

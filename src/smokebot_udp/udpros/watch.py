@@ -159,7 +159,7 @@ class Watch:
             self._ask_master([impl.resolved_name for impl in silent])
             self._ask_doubtful(now)
         finally:
-            self._review(silent)
+            self._review(silent, now)
 
     def _reconnected(self, moved: bool) -> None:
         """The connection to the master was replaced: others may be broken, too.
@@ -227,12 +227,18 @@ class Watch:
 
     # -- silent connections ------------------------------------------------------------------------
 
-    def _review(self, silent: Sequence[UdpSubscriberImpl]) -> None:
-        """Ask the publishers of silent topics, in the background, whether they still send them to us."""
+    def _review(self, silent: Sequence[UdpSubscriberImpl], now: float) -> None:
+        """Ask the publishers of silent connections, in the background, whether they still send to us.
+
+        :param silent: the topics that are asked for now; in those that are heard each connection has its own time
+        """
         of_node: Dict[str, List[Tuple[UdpSubscriberImpl, SubscriberTransport]]] = {}
-        for impl in silent:
+        for impl in _subscribed():
+            heard = now - _last_heard(impl, now) < SILENCE_TIMEOUT
             for connection in _connections(impl):
-                if connection.idle >= SILENCE_TIMEOUT:
+                if connection.idle >= SILENCE_TIMEOUT and (
+                        impl in silent or (heard and connection.silence.due(now - connection.idle, now))):
+                    connection.silence.asked(now)
                     of_node.setdefault(connection.endpoint_id, []).append((impl, connection))
         for uri, found in of_node.items():
             if uri not in self._reviewing:
@@ -246,7 +252,8 @@ class Watch:
             rospy.logdebug('%s does not answer: %s', uri, error)
             for impl, connection in found:
                 impl.silence.unanswered()
-                if connection.orphan and connection.idle >= SILENCE_TIMEOUT:
+                ended = connection.orphan or isinstance(error, rpc.Gone)
+                if ended and connection.idle >= SILENCE_TIMEOUT:
                     impl.publishers = tuple(other for other in impl.publishers if other != uri)
                     connection.close()
         else:
