@@ -1,12 +1,16 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """When a silent topic is asked for."""
 import math
+from dataclasses import dataclass
 
 from smokebot_udp.udpros.silence import (
+    BROKEN,
     MAX_RENEGOTIATION,
     MAX_SILENCE_PERIOD,
     RENEGOTIATION,
     SILENCE_TIMEOUT,
+    WATCHED,
+    FormerAddress,
     Renegotiation,
     Silence,
 )
@@ -70,3 +74,23 @@ def test_a_connection_is_negotiated_anew_less_and_less_often() -> None:
     assert not renegotiation.due(MAX_RENEGOTIATION - 1, worked=False)
     assert renegotiation.due(MAX_RENEGOTIATION, worked=False)
     assert renegotiation.due(RENEGOTIATION, worked=True)
+
+
+@dataclass
+class Connected:
+    idle: float
+    done: bool = False
+
+
+def test_connections_to_a_former_address_are_replaced_once_they_are_silent() -> None:
+    former: FormerAddress[Connected] = FormerAddress()
+    assert not former and former.broken(0.0) == []
+    silent, heard_just_now, working, closed = Connected(2.0), Connected(0.1), Connected(0.0), Connected(2.0, done=True)
+    former.lost([silent, heard_just_now, working, closed], 10.0)
+    assert former.broken(10.0) == [silent]
+    heard_just_now.idle = BROKEN + 0.1
+    assert former and former.broken(10.5) == [heard_just_now]
+    assert former.broken(10.7) == []
+    assert former.broken(10.0 + WATCHED) == [] and not former
+    working.idle = 2.0
+    assert former.broken(13.0) == []

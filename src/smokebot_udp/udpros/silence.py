@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""When a subscriber asks about a topic that is silent."""
+"""When a subscriber asks about a topic that is silent, and when it replaces a connection."""
+from typing import Generic, Iterable, List, Protocol, TypeVar
 
 SILENCE_TIMEOUT = 3.0
 """After this time without a message of a topic, the master and its publishers are asked for it [s]."""
@@ -10,6 +11,10 @@ MAX_SILENCE_PERIOD = 30.0
 RENEGOTIATION, MAX_RENEGOTIATION = 120.0, 1200.0
 """After this time of silence a connection is negotiated anew, whatever its publisher says; it doubles up to the
 maximum [s]."""
+
+BROKEN, WATCHED = 0.5, 1.0
+"""After a change of this machine's address a connection is replaced that is silent for the first time within the second
+[s]."""
 
 
 class Silence:
@@ -65,3 +70,51 @@ class Renegotiation:
             return False
         self._period = min(2 * self._period, MAX_RENEGOTIATION)
         return True
+
+
+class Connection(Protocol):
+    """What FormerAddress knows of a connection."""
+
+    @property
+    def done(self) -> bool:
+        """Whether it has been closed."""
+
+    @property
+    def idle(self) -> float:
+        """Time since a datagram came by it last [s]."""
+
+
+Made = TypeVar('Made', bound=Connection)
+
+
+class FormerAddress(Generic[Made]):
+    """Finds the connections that a change of this machine's address breaks.
+
+    Nothing comes to the former address any more; but with several addresses, others go on. So each connection is
+    watched until it is silent.
+    """
+
+    def __init__(self) -> None:
+        self._watched: List[Made] = []
+        self._until = 0.0
+
+    def __bool__(self) -> bool:
+        """Whether connections are watched."""
+        return bool(self._watched)
+
+    def lost(self, connections: Iterable[Made], now: float) -> None:
+        """The address has changed.
+
+        :param connections: all that were made before
+        """
+        self._watched, self._until = list(connections), now + WATCHED
+
+    def broken(self, now: float) -> List[Made]:
+        """Those to be replaced now, each once."""
+        found: List[Made] = []
+        going_on: List[Made] = []
+        for connection in self._watched:
+            if not connection.done:
+                (found if connection.idle > BROKEN else going_on).append(connection)
+        self._watched = going_on if now < self._until else []
+        return found

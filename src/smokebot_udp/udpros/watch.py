@@ -22,16 +22,13 @@ from .endpoints import is_own
 from .master import MasterWatch, Registration, register_node
 from .negotiation import Refused
 from .rospy_transports import SubscriberTransport, UdpSubscriberImpl
-from .silence import SILENCE_TIMEOUT
+from .silence import SILENCE_TIMEOUT, FormerAddress
 
 PERIOD = 1.0
 """How often the master's connection is checked, and topics are checked for silence [s]."""
 
 ADDRESS_PERIOD = 0.2
 """How often this machine's own address is checked, without a packet [s]."""
-
-MOVED = 0.5
-"""After this time without a datagram a connection to this machine's former address is made anew [s]."""
 
 MIN_QUESTION_PERIOD, MAX_QUESTION_PERIOD = 0.2, 8.0
 """Time from one question about notifications to the next: it doubles up to the maximum while they are wrong [s]."""
@@ -61,8 +58,7 @@ class Watch:
         self._asked_at, self._question_period = -float('inf'), MIN_QUESTION_PERIOD
         self._reviewing: Set[str] = set()                   # URIs of the nodes that are being asked
         self._lost_address: Optional[str] = None            # the one towards the master, once it is not ours any more
-        self._moved: List[SubscriberTransport] = []         # connections to this machine's former address,
-        self._moved_at = -float('inf')                      # and when it was found to have another one [s]
+        self._former: FormerAddress[SubscriberTransport] = FormerAddress()
         self._wake, self._ended = threading.Event(), threading.Event()
 
     def start(self) -> None:
@@ -133,7 +129,7 @@ class Watch:
                 rospy.logdebug('the master does not answer: %s', error)
             except Exception:   # a bug of ours must not end the watch
                 rospy.logerr_throttle(60, 'watching the topics failed: %s' % traceback.format_exc())
-            self._pause(MIN_QUESTION_PERIOD if self._doubtful or self._moved else PERIOD)
+            self._pause(MIN_QUESTION_PERIOD if self._doubtful or self._former else PERIOD)
             self._wake.clear()
 
     def _pause(self, period: float) -> None:
@@ -148,7 +144,7 @@ class Watch:
     def _step(self, now: float) -> None:
         self._chores()
         self._connector.upgrade(_subscribed(), now)
-        self._renew_moved()
+        self._renew_former()
         silent = _silent(now)
         try:
             connections, address = self._master.connections, self._master.own_address
@@ -168,19 +164,14 @@ class Watch:
         """
         for impl in _subscribed():
             impl.silence.hurry()
-            if moved:
-                self._moved += _connections(impl)
         if moved:
-            self._moved_at = time.monotonic()
-            self._renew_moved()
+            self._former.lost([c for impl in _subscribed() for c in _connections(impl)], time.monotonic())
+            self._renew_former()
 
-    def _renew_moved(self) -> None:
-        """Make connections to the former address anew as soon as they are silent; those that are not need it not."""
-        for connection in self._moved:
-            if connection.idle > MOVED and not connection.done:
-                self._connector.renew(connection)
-        late = time.monotonic() > self._moved_at + 2 * MOVED
-        self._moved = [] if late else [c for c in self._moved if not c.done]
+    def _renew_former(self) -> None:
+        """Make connections to an address anew that this machine no longer has."""
+        for connection in self._former.broken(time.monotonic()):
+            self._connector.renew(connection)
 
     def _register(self) -> bool:
         """Register the node with a new master; whether this succeeded."""
