@@ -18,7 +18,7 @@ from typing import Any, Counter, Optional, Sequence, Set, Tuple, Union
 
 import numpy as np
 
-from ..arrays import IntArray, Records, UInt8Array
+from ..arrays import Array, IntArray, Records, UInt8Array
 from .datagram import IP_UDP_HEADERS, UDP_MAX_PAYLOAD, Buffer
 
 UDP_SEGMENT = 103           # linux/udp.h: cut the data into datagrams of this size
@@ -220,11 +220,11 @@ class DatagramReceiver:
         """The local address and port."""
         self.max_datagram_size = max_datagram_size
         # one more byte reveals a datagram that is too long
-        self.datagrams: UInt8Array = _mapped(batch, max_datagram_size + 1)
+        self.datagrams: UInt8Array = _mapped((batch, max_datagram_size + 1), np.uint8)
         """(batch, max_datagram_size + 1) uint8."""
-        self.lengths: IntArray = np.zeros(batch, np.int64)
+        self.lengths: IntArray = _mapped((batch,), np.int64)
         """(batch,) int64; max_datagram_size + 1 if the datagram is longer than max_datagram_size [byte]."""
-        self.sources: Records = np.zeros(batch, SOCKADDR_IN)
+        self.sources: Records = _mapped((batch,), SOCKADDR_IN)
         """(batch,) of SOCKADDR_IN: the senders."""
         self.batch = batch
         self._offset = ClockOffset()
@@ -241,18 +241,17 @@ class DatagramReceiver:
 
     def _prepare(self) -> None:
         """Let the kernel's headers point to the rows of our arrays."""
-        self._headers: Any = (_MMsgHdr * self.batch)()
-        self._iovecs = np.zeros((self.batch, 2), np.uintp)
+        self._headers = _mapped((self.batch,), _MMsgHdr)
+        self._iovecs = _mapped((self.batch, 2), np.uintp)
         self._iovecs[:, 0] = self.datagrams.ctypes.data + self.datagrams.strides[0] * np.arange(self.batch)
         self._iovecs[:, 1] = self.datagrams.shape[1]
-        view: Any = np.frombuffer(self._headers, np.dtype(_MMsgHdr))
-        header = view['hdr']
+        header = self._headers['hdr']
         header['name'] = self.sources.ctypes.data + SOCKADDR_IN.itemsize * np.arange(self.batch)
         header['namelen'] = SOCKADDR_IN.itemsize
         header['iov'] = self._iovecs.ctypes.data + self._iovecs.strides[0] * np.arange(self.batch)
         header['iovlen'] = 1
-        self._lengths = view['len']
-        self._control = np.zeros((self.batch, TIMESTAMP.size), np.uint8)
+        self._lengths = self._headers['len']
+        self._control = _mapped((self.batch, TIMESTAMP.size), np.uint8)
         header['control'] = self._control.ctypes.data + self._control.strides[0] * np.arange(self.batch)
         self._control_lengths = header['controllen']
         with contextlib.suppress(OSError):
@@ -270,7 +269,8 @@ class DatagramReceiver:
         if self._recvmmsg is None:
             return self._receive_one_by_one()
         self._control_lengths[:] = TIMESTAMP.size
-        count: int = self._recvmmsg(self.socket.fileno(), self._headers, self.batch, socket.MSG_DONTWAIT, None)
+        count: int = self._recvmmsg(
+            self.socket.fileno(), self._headers.ctypes.data, self.batch, socket.MSG_DONTWAIT, None)
         if count < 0:
             number = ctypes.get_errno()
             if number in (errno.EAGAIN, errno.EINTR, errno.ECONNREFUSED):
@@ -315,13 +315,13 @@ class DatagramReceiver:
         self.socket.close()
 
 
-def _mapped(rows: int, columns: int) -> UInt8Array:
-    """(rows, columns) uint8 of zeros in a mapping of its own, which returns to the kernel when the array is freed.
+def _mapped(shape: Tuple[int, ...], dtype: Any) -> Array:
+    """Zeros in a mapping of their own, which returns to the kernel when the array is freed.
 
-    malloc would keep the memory of ended connections, in the arenas of the threads that made them.
+    malloc would keep the memory of ended connections, and add to it with each connection that is made anew.
     """
-    memory = mmap.mmap(-1, rows * columns, mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
-    return np.frombuffer(memory, np.uint8).reshape(rows, columns)
+    memory = mmap.mmap(-1, math.prod(shape) * np.dtype(dtype).itemsize, mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+    return np.frombuffer(memory, dtype).reshape(shape)
 
 
 def _find_recvmmsg() -> Any:
