@@ -120,7 +120,7 @@ class Life(unittest.TestCase):
             self.assertLess(times[0] - told, SILENCE_TIMEOUT, 'found by the watch of silent topics only')
             self.assertEqual(len(subscriber.connections()), 1)
             process.send_signal(how)
-            process.wait(10)
+            process.wait(60)
 
     def test_a_killed_publisher_among_others_leaves_nothing_behind(self) -> None:
         """It cannot unregister, and the topic is not silent."""

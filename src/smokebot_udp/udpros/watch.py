@@ -245,7 +245,8 @@ class Watch:
                 impl.silence.unanswered()
                 ended = connection.orphan or isinstance(error, rpc.Gone)
                 if ended and connection.idle >= SILENCE_TIMEOUT:
-                    impl.publishers = tuple(other for other in impl.publishers if other != uri)
+                    with self._lock:    # new ones may be notified of meanwhile
+                        impl.publishers = tuple(other for other in impl.publishers if other != uri)
                     connection.close()
         else:
             for impl, connection in found:
