@@ -286,14 +286,20 @@ def test_addresses_of_unknown_hosts(host) -> None:
 
 
 def test_the_time_of_arrival_does_not_depend_on_when_a_datagram_is_received(receiver, make) -> None:
-    make(DatagramSender, '127.0.0.1', receiver.address[1]).send_one(b'first')
-    sent = time.monotonic()
-    time.sleep(0.2)
-    assert receiver.receive() == 1
-    if receiver.recvmmsg:
-        assert receiver.arrival(0) < sent + 0.2
+    sender = make(DatagramSender, '127.0.0.1', receiver.address[1])
+
+    def is_known() -> bool:
+        """Of a datagram that is received 0.1 s after it was sent."""
+        sender.send_one(b'first')
+        sent = time.monotonic()
+        time.sleep(0.1)
+        assert receiver.receive() == 1
+        return receiver.arrival(0) < sent + 0.1
+
+    if receiver.recvmmsg:       # the kernel stamps datagrams some time after the first socket has asked for it
+        assert any(is_known() for _ in range(50))
     else:
-        assert receiver.arrival(0) >= sent + 0.2      # unknown
+        assert not is_known()
 
 
 def test_the_offset_of_the_clocks_does_not_follow_interrupted_readings(monkeypatch) -> None:
