@@ -18,8 +18,6 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from streams_case import LOSSES, StreamsCase
 from waiting import Collector, stamps, wait_for
 
-from smokebot_udp.congestion.allocation import MIN_DECIMATION
-
 
 def transform(parent, child, x=0.0, stamp=None) -> Any:
     message = TransformStamped(child_frame_id=child)
@@ -29,18 +27,16 @@ def transform(parent, child, x=0.0, stamp=None) -> Any:
 
 
 class Transforms:
-    """What came on a tf topic: {(parent, child): [(when, transform), ...]}, how many messages, and the most transforms
-    of one."""
+    """What came on a tf topic: {(parent, child): [(when, transform), ...]}, and how many messages."""
 
     def __init__(self, topic) -> None:
-        self.got, self.messages, self.largest = {}, 0, 0
+        self.got, self.messages = {}, 0
         self._lock = threading.Lock()
         self.subscriber = rospy.Subscriber(topic, TFMessage, self._take, queue_size=100)
 
     def _take(self, message) -> None:
         with self._lock:
             self.messages += 1
-            self.largest = max(self.largest, len(message.transforms))
             for one in message.transforms:
                 self.got.setdefault((one.header.frame_id, one.child_frame_id), []).append((time.monotonic(), one))
 
@@ -62,12 +58,6 @@ class RelayStreams(StreamsCase):
         for collector in cls.out.values():
             collector.wait_connected()
 
-    def assert_rate(self, times, rate) -> None:
-        """A stream's rate, or less where the link's estimate dips: on a busy machine relays are decimated."""
-        found = (len(times) - 1) / (times[-1] - times[0])
-        self.assertLess(found, 1.15 * rate)
-        self.assertGreater(found, 0.85 * MIN_DECIMATION * rate)
-
     def test_messages_arrive_as_they_are_at_their_rate(self) -> None:
         for collector in self.out.values():
             collector.clear()
@@ -84,7 +74,7 @@ class RelayStreams(StreamsCase):
             got.header.seq = sent[stamp].header.seq
             self.assertEqual(got, sent[stamp])
         arrivals = sorted(out.arrivals.values())
-        self.assert_rate(arrivals, 10.0)     # of 50 Hz
+        self.assertAlmostEqual((len(arrivals) - 1) / (arrivals[-1] - arrivals[0]), 10.0, delta=1.5)   # of 50 Hz
         self.assertGreater(len(self.out[50].messages), 3)
 
     def test_transforms_are_merged_and_throttled_by_pair(self) -> None:
@@ -100,19 +90,23 @@ class RelayStreams(StreamsCase):
         wait_for(lambda: all(pair in watch.got and watch.got[pair][-1][1].transform.translation.x == count
                              for pair in pairs), 5, 'the newest of every pair')
         for came in watch.got.values():
-            self.assert_rate([when for when, _ in came], 20.0)
+            times = [when for when, _ in came]
+            self.assertAlmostEqual((len(times) - 1) / (times[-1] - times[0]), 20.0, delta=3.0)
         self.assertLess(watch.messages, 1.5 * max(map(len, watch.got.values())))
 
     def test_many_transforms_stay_in_single_datagrams(self) -> None:
         watch = Transforms('/operator/tf')
 
-        def all_came() -> bool:
-            """As a source of transforms does, publish them again and again."""
-            self.tf.publish(TFMessage([transform('map', 'one_of_many_%d' % k) for k in range(60)]))
-            return sum('one_of_many' in child for _, child in watch.got) == 60
+        def is_connected() -> bool:
+            """Whether messages come: rospy's publisher adds a connection after the subscriber counts it."""
+            self.tf.publish(TFMessage([transform('map', 'first')]))
+            return ('map', 'first') in watch.got
 
-        wait_for(all_came, what='all of them')
-        self.assertLess(watch.largest, 20)
+        wait_for(is_connected, what='operator_receiver')
+        before = watch.messages
+        self.tf.publish(TFMessage([transform('map', 'one_of_many_%d' % k) for k in range(60)]))
+        wait_for(lambda: sum('one_of_many' in child for _, child in watch.got) == 60, 5, 'all of them')
+        self.assertGreater(watch.messages - before, 3)
         self.assertFalse([text for text in self.warnings if "'tf'" in text])
 
     def test_static_transforms_reach_everybody(self) -> None:

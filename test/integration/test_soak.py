@@ -23,14 +23,15 @@ SEED = 2
 LONGEST = 2.0
 """Limit of the duration of a fault [s]."""
 
+PATIENCE = 10.0
+"""Every stream is to be fresh within this time after the last part's registration; it takes some 2 s [s]."""
+
 
 def problems_of(found: Round) -> List[str]:
-    """What a round shows that is not as it should be. How soon streams come back depends on the machine's load: the
-    experiment judges it.
-    """
+    """What a round shows that is not as it should be."""
     problems = [found.unequal] if found.unequal else []
-    if found.wait is None:
-        problems.append('%s did not come back' % found.slowest)
+    if found.wait is None or found.wait > PATIENCE:
+        problems.append('%s fresh after %s s' % (found.slowest, found.wait))
     return problems + ['%s ended by itself' % part for part in found.died]
 
 
