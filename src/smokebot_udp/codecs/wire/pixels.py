@@ -66,16 +66,25 @@ def reduce_by(pixels: Array, factor: int) -> Array:
     """Average each block of factor by factor pixels. Blocks at the right and the lower border may be incomplete.
 
     :param pixels: (height, width) or (height, width, channels) array from as_pixels, in any byte order
-    :return: (ceil(height / factor), ceil(width / factor)) array of whole pixels, in the same byte order
+    :return: (ceil(height / factor), ceil(width / factor)) or (..., channels) array, in the same byte order
     """
     below, beside = (-side % factor for side in pixels.shape[:2])
     native = np.ascontiguousarray(pixels, pixels.dtype.newbyteorder('='))
     if below or beside:
         native = cv2.copyMakeBorder(native, 0, below, 0, beside, cv2.BORDER_REPLICATE)
     height, width = (side // factor for side in native.shape[:2])
-    means = cv2.resize(native, (width, height), interpolation=cv2.INTER_AREA).astype(pixels.dtype, copy=False)
-    size = means.itemsize * (means.shape[2] if means.ndim == 3 else 1)
-    return np.ascontiguousarray(means).view(_item(size)).reshape(height, width)
+    means: Array = cv2.resize(native, (width, height), interpolation=cv2.INTER_AREA)
+    return np.ascontiguousarray(means.reshape((height, width) + pixels.shape[2:]), pixels.dtype)
+
+
+def whole(pixels: Array) -> Array:
+    """Pixels as items, to be moved but not calculated with.
+
+    :param pixels: (height, width) or (height, width, channels) array, C-contiguous
+    :return: (height, width) array of whole pixels, a view
+    """
+    size = pixels.itemsize * (pixels.shape[2] if pixels.ndim == 3 else 1)
+    return pixels.view(_item(size)).reshape(pixels.shape[:2])
 
 
 def _check(data: Buffer, height: int, width: int, step: int, encoding: str, pixel_size: int) -> None:

@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Where numba keeps the compiled loops, whether all are there, and which are out of date; without importing numba."""
+import contextlib
+import fcntl
+import hashlib
+import os
+import pathlib
+import platform
+import sys
+import sysconfig
+import tempfile
+from typing import Iterator, List, Optional
+
+FOLDER = pathlib.Path(os.path.abspath(__file__)).parent
+STAMP = 'loops.nbs'
+"""A file beside the cache: the key of the sources; then, a line each, the keys of the machines that all loops were
+compiled for from them."""
+LOCK = 'loops.lock'
+"""A file beside the cache: who compiles all loops locks it."""
+
+CPU_INFO = pathlib.Path('/proc/cpuinfo')
+_CPU = ('vendor_id', 'cpu family', 'model', 'model name', 'flags', 'CPU implementer', 'CPU variant', 'CPU part',
+        'Features')
+"""Of CPU_INFO: what code is compiled for. numba asks LLVM, which takes an import."""
+
+
+def cache_folder() -> Optional[pathlib.Path]:
+    """Where numba keeps these loops: the first that it can write into, of the folder that it is told, beside the
+    sources, and the user's cache. It is made; None: there is none."""
+    name = '%s_%s' % (FOLDER.name, hashlib.sha1(str(FOLDER).encode()).hexdigest())
+    user = os.environ.get('XDG_CACHE_HOME', os.path.expanduser('~/.cache'))
+    folders = [FOLDER / '__pycache__', pathlib.Path(user, 'numba', name)]
+    told = os.environ.get('NUMBA_CACHE_DIR')
+    if told:
+        folders.insert(0, pathlib.Path(told, name))
+    for folder in folders:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            tempfile.TemporaryFile(dir=str(folder)).close()
+            return folder
+        except OSError:
+            continue
+    return None
+
+
+def remove_stale() -> None:
+    """Remove what was compiled from other sources.
+
+    numba compares the time and size of a function's own file only: others' old loops, compiled into it, would stay.
+    """
+    folder, sources = cache_folder(), _sources()
+    if folder is None or _noted(folder)[:1] == [sources]:
+        return
+    for index in folder.glob('*.nbi'):
+        with contextlib.suppress(OSError):
+            index.unlink()
+    _note(folder, [sources])
+
+
+def compiled() -> bool:
+    """Whether all loops are in numba's cache, for these sources, this Python, numba and processor."""
+    folder = cache_folder()
+    if folder is None:
+        return False
+    sources, *machines = _noted(folder) or ['']
+    return sources == _sources() and _machine() in machines
+
+
+def remember() -> None:
+    """Note that all loops were compiled."""
+    folder = cache_folder()
+    if folder is not None:
+        noted, machine = _noted(folder), _machine()
+        others = [other for other in noted[1:] if other != machine] if noted[:1] == [_sources()] else []
+        _note(folder, [_sources(), *others, machine])
+
+
+@contextlib.contextmanager
+def locked() -> Iterator[None]:
+    """While all loops are compiled: one process at a time, as each takes a minute of a core."""
+    folder = cache_folder()
+    with contextlib.ExitStack() as stack:
+        if folder is not None:
+            with contextlib.suppress(OSError):      # another's file, or a file system without locks
+                fcntl.flock(stack.enter_context(open(str(folder / LOCK), 'a')), fcntl.LOCK_EX)
+        yield
+
+
+def _noted(folder: pathlib.Path) -> List[str]:
+    try:
+        return (folder / STAMP).read_text(errors='replace').split()
+    except OSError:
+        return []
+
+
+def _note(folder: pathlib.Path, lines: List[str]) -> None:
+    """In one step, also where another user's file is there."""
+    with contextlib.suppress(OSError):
+        with tempfile.NamedTemporaryFile('w', dir=str(folder), prefix=STAMP, delete=False) as file:
+            file.write('\n'.join(lines))
+        os.chmod(file.name, 0o644)
+        os.replace(file.name, str(folder / STAMP))
+
+
+def _sources() -> str:
+    """The key of the sources: numba goes by their times, which a wrong clock or a copy may keep or turn back."""
+    digest = hashlib.sha256()
+    for path in sorted(FOLDER.glob('*.py')):
+        status = path.stat()
+        digest.update(('%s %d %d\n' % (path.name, status.st_mtime_ns, status.st_size)).encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def _machine() -> str:
+    """The key of what compiles the sources, and for what."""
+    options = ['%s=%s' % item for item in sorted(os.environ.items())
+               if item[0].startswith('NUMBA_') and item[0] != 'NUMBA_CACHE_DIR']
+    parts = [sys.version, sysconfig.get_platform(), platform.machine(), str(_numba()), *_processor(), *options]
+    return hashlib.sha256('\n'.join(parts).encode()).hexdigest()
+
+
+def _numba() -> Optional[str]:
+    """What tells the installed numba from others, without its import; None: there is none."""
+    for folder in sys.path:
+        version = pathlib.Path(folder or '.', 'numba', '_version.py')
+        if version.is_file():
+            return hashlib.sha256(version.read_bytes()).hexdigest()
+    return None
+
+
+def _processor() -> List[str]:
+    """Name and features of the first processor."""
+    try:
+        first = CPU_INFO.read_text(errors='replace').split('\n\n')[0]
+    except OSError:
+        return []
+    return [line for line in first.splitlines() if line.partition(':')[0].strip() in _CPU]

@@ -1,0 +1,218 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Encode and decode an image: doc/layered_images.md describes the stream."""
+import itertools
+import math
+import struct
+from typing import List, NamedTuple, Optional, Tuple
+
+import numpy as np
+
+from ...arrays import Array, FloatArray, IntArray, UInt8Array
+from ..wire.interleave import MAX_SIDE
+from . import class_map, coefficients, colour, contexts, layout, passes, range_coder
+
+CENTRE = 0.45
+"""Where in its interval a coefficient is thought to be: smaller ones are likelier."""
+SMALLEST = 0.1
+"""Sums of squared errors of an exact stream below this are those of adding; one coefficient's is 0.36."""
+PARTS = 24
+"""A truncation point comes at least once for this part of the image's cells: a 24th."""
+MAP_PART = 0.25
+"""A map of classes takes this part of the budget at most, unless all of the stream fits."""
+LEAST_MAP = 16
+"""But it may always take this [byte]."""
+WRONG_CLASS = 1.0
+"""A cell that is shown as finite but is not, or the other way round, counts as this squared error: a map that is not
+exact makes no exact image."""
+_HEAD, _LENGTH = struct.Struct('<BHHHBI'), struct.Struct('<I')
+_LOSSLESS, _CLASSES, _COLOUR, _WIDE, _EXPONENT = 1, 2, 4, 8, 4
+"""Flags; and the bit from which on they hold log2 of the sides of the blocks of the map of classes."""
+
+
+class LayeredStream(NamedTuple):
+    """An encoded image."""
+    data: bytes
+    """A head, then an embedded stream; any prefix decodes, with any bytes behind the whole."""
+    ends: IntArray
+    """(s,) ascending: truncation points [byte]; the first is the head's end, the last len(data)"""
+    errors: FloatArray
+    """(s,) about the squared error, summed over all cells, of data[:ends[i]]"""
+    cells: int
+    """height * width * channels"""
+    missing: int = 0
+    """What the exact map of classes takes more than the one that was coded [byte]; 0: that is exact."""
+
+    def cut(self, points: int) -> 'LayeredStream':
+        """The stream up to its `points`-th truncation point, from 1 on, as a whole: zeros may follow it."""
+        end = int(self.ends[points - 1])
+        data = self.data[:_HEAD.size - _LENGTH.size] + _LENGTH.pack(end) + self.data[_HEAD.size:end]
+        return self._replace(data=data, ends=self.ends[:points], errors=self.errors[:points])
+
+
+class Decoded(NamedTuple):
+    """A decoded image."""
+    pixels: Array
+    """As given to encode."""
+    classes: Optional[UInt8Array]
+    """(height, width) 0 finite, 1 NaN, 2 +Inf, 3 -Inf; None: all finite"""
+
+
+def _new_work(plan: layout.Layout, data: UInt8Array, lossless: bool) -> passes.Work:
+    coefficients_count = int((plan.bands[:, layout.ROWS] * plan.bands[:, layout.COLUMNS]).sum())
+    guesses = CENTRE * 2.0 ** np.arange(layout.MAX_PLANES + 1)
+    counts = np.zeros((len(plan.bands), 9), np.int64)
+    counts[:, passes.BLOCKS] = np.diff(plan.firsts)
+    lists = [np.empty(coefficients_count, np.int32) for _ in range(3)]
+    return passes.Work(np.zeros(plan.cells, np.int32), np.zeros(plan.cells, np.uint8), np.zeros(plan.cells, np.int8),
+                       lists[0], lists[1], lists[2], plan.blocks.copy(), plan.firsts, np.zeros(plan.places, np.uint8),
+                       counts, contexts.initial_odds(len(plan.bands)), np.zeros(1),
+                       np.floor(guesses) if lossless else guesses, data)
+
+
+def _rounded(variance: float) -> float:
+    """The variance of a normally distributed error once it is rounded to an integer."""
+    return 2 * sum((2 * k - 1) * math.erfc((k - 0.5) / math.sqrt(2 * variance)) / 2 for k in range(1, 8))
+
+
+_VARIANCES = np.concatenate([[0.0], np.geomspace(0.01, 1.0, 40)])
+_ROUNDED = np.array([0.0] + [_rounded(float(variance)) for variance in _VARIANCES[1:]])
+
+
+def _after_rounding(errors: FloatArray, cells: int, lossless: bool) -> FloatArray:
+    """The squared errors once pixels are rounded: 1/12 of a count more, unless they are small.
+
+    Of the 5/3, whose lifting steps round and whose coefficients are not orthogonal: fitted to photographs and thermal
+    images.
+    """
+    variances = errors / cells
+    if lossless:
+        found = cells * (1.1 * variances + 0.42 * np.minimum(variances / 0.45, 1))
+        return np.asarray(np.where(errors < SMALLEST, 0.0, found))
+    small = np.interp(variances, _VARIANCES, _ROUNDED)
+    return np.asarray(cells * np.where(variances < 1.0, small, variances + 1 / 12))
+
+
+def _part(height: int, width: int) -> int:
+    return max(height * width // PARTS, 256)
+
+
+class _CodedMap(NamedTuple):
+    """A map of classes, coded behind the head."""
+    state: range_coder.State
+    exponent: int
+    wrong: int
+    """Cells of another class."""
+    missing: int
+    """As LayeredStream.missing."""
+    end: int
+    """Where it is known nearly always: without its last class there is no image [byte]."""
+
+
+def _code_map(classes: UInt8Array, data: UInt8Array, most: int) -> Optional[_CodedMap]:
+    """Code the exact map, or the finest one of blocks, that ends before the byte `most`; None: not even the coarsest
+    does."""
+    room = np.zeros(len(data) + classes.size // 2, np.uint8)
+    exact_end = 0
+    for exponent, blocks in enumerate(itertools.chain([classes], class_map.reductions(classes))):
+        low, interval, at = range_coder.begin(True, room, _HEAD.size)
+        complete, low, interval, at = class_map.code_classes(True, blocks, room, low, interval, at)
+        end = range_coder.determined(interval, at) + 2
+        exact_end = exact_end or end
+        if complete and end <= most:
+            data[:at] = room[:at]
+            wrong = int((class_map.enlarged(blocks, exponent, *classes.shape) != classes).sum()) if exponent else 0
+            return _CodedMap((low, interval, at), exponent, wrong, exact_end - end, end)
+    return None
+
+
+def encode(pixels: Array, lossless: bool, budget: int, classes: Optional[UInt8Array] = None) -> LayeredStream:
+    """An image's stream, of `budget` bytes at most; the head is always there.
+
+    :param pixels: (height, width) uint8 or uint16, or (height, width, 3) uint8: B, G, R
+    :param lossless: the whole stream is exact (5/3); else shorter streams are better (9/7)
+    :param classes: (height, width) uint8: coded before anything else; coarsely where that takes more than MAP_PART of a
+        budget which does not hold the whole stream with them
+    """
+    most = max(int(MAP_PART * budget), _HEAD.size + LEAST_MAP)
+    stream = _encode(pixels, lossless, budget, classes, min(most, budget))
+    if stream.missing and len(stream.data) + stream.missing <= budget:
+        return _encode(pixels, lossless, budget, classes, budget)
+    return stream
+
+
+def _encode(pixels: Array, lossless: bool, budget: int, classes: Optional[UInt8Array], most: int) -> LayeredStream:
+    """As `encode`, with a map of classes that ends before the byte `most`."""
+    height, width = pixels.shape[:2]
+    channels = 1 if pixels.ndim == 2 else 3
+    plan = layout.layout_of(height, width, channels, lossless)
+    room = min(budget, layout.most_bytes(pixels.size, pixels.itemsize))
+    data = np.zeros(room + 64, np.uint8)
+    offset = int(pixels[::4, ::4].mean())
+    work = _new_work(plan, data[:room + 4], lossless)
+    planes = coefficients.analyse(colour.to_channels(pixels, lossless, offset), plan, lossless, work)
+    flags = lossless * _LOSSLESS | (channels == 3) * _COLOUR | (pixels.itemsize == 2) * _WIDE
+    beginning = _CodedMap(range_coder.begin(True, data, _HEAD.size), 0, 0, 0, _HEAD.size)
+    if classes is not None:
+        coded = _code_map(np.require(classes, np.uint8, ['C', 'A', 'W']), data, most)
+        flags |= _CLASSES | coded.exponent << _EXPONENT if coded else 0
+        beginning = coded or beginning._replace(wrong=int(np.count_nonzero(classes)), missing=classes.size // 4)
+    low, interval, at = beginning.state
+    ends, errors = np.zeros(2000, np.int64), np.zeros(2000)
+    ends[0], errors[0] = beginning.end, work.error[0]
+    points, low, interval, at = passes.code_planes(
+        True, work, plan.bands, plan.weights, plan.steps, plan.stride, planes, _part(height, width), ends, errors,
+        low, interval, at)
+    end = max(min(range_coder.finish(data, low, interval, at), budget), int(ends[0]))
+    points = min(points, int(np.searchsorted(ends[:points], end)))
+    ends[points], errors[points] = end, max(work.error[0], 0.0)
+    head = _HEAD.pack(flags, height, width, offset, planes, end)
+    data[:len(head)] = np.frombuffer(head, np.uint8)
+    cells = height * width * channels
+    return LayeredStream(data[:end].tobytes(), ends[:points + 1].copy(),
+                         _after_rounding(errors[:points + 1], cells, lossless) + WRONG_CLASS * beginning.wrong, cells,
+                         beginning.missing)
+
+
+def _checked_head(data: bytes, height: int, width: int, channels: int, itemsize: int
+                  ) -> Optional[Tuple[int, int, int, int]]:
+    """Flags, offset, planes and the stream's length; None: too little, or another image's."""
+    if len(data) < _HEAD.size or not _may_be(height, width, channels, itemsize):
+        return None
+    flags, its_height, its_width, offset, planes, length = _HEAD.unpack_from(data)
+    same = (its_height, its_width, 3 if flags & _COLOUR else 1, 2 if flags & _WIDE else 1) == (
+        height, width, channels, itemsize)
+    impossible = flags >> 7 or (flags >> _EXPONENT and not flags & _CLASSES)
+    if not same or impossible or planes > layout.MAX_PLANES - (0 if flags & _WIDE else 8):
+        return None
+    return flags, offset, planes, min(length, layout.most_bytes(height * width * channels, itemsize))
+
+
+def _may_be(height: int, width: int, channels: int, itemsize: int) -> bool:
+    return (0 < height <= MAX_SIDE and 0 < width <= MAX_SIDE
+            and (channels, itemsize) in ((1, 1), (1, 2), (3, 1)) and height * width * channels <= layout.MAX_CELLS)
+
+
+def decode(data: bytes, height: int, width: int, channels: int, itemsize: int) -> Optional[Decoded]:
+    """The image of a stream or of its beginning; None: of too little, or of none of this shape."""
+    head = _checked_head(data, height, width, channels, itemsize)
+    if head is None:
+        return None
+    flags, offset, planes, length = head
+    lossless = bool(flags & _LOSSLESS)
+    plan = layout.layout_of(height, width, channels, lossless)
+    stream = np.frombuffer(data, np.uint8)[:length].copy()
+    work = _new_work(plan, stream, lossless)
+    low, interval, at = range_coder.begin(False, stream, _HEAD.size)
+    classes = None
+    if flags & _CLASSES:
+        exponent = flags >> _EXPONENT
+        blocks = np.zeros(class_map.reduced_size(height, width, exponent), np.uint8)
+        complete, low, interval, at = class_map.code_classes(False, blocks, stream, low, interval, at)
+        if not complete:
+            return None
+        classes = class_map.enlarged(blocks, exponent, height, width)
+    nothing: List[Array] = [np.zeros(1, np.int64), np.zeros(1)]
+    passes.code_planes(False, work, plan.bands, plan.weights, plan.steps, plan.stride, planes, _part(height, width),
+                       nothing[0], nothing[1], low, interval, at)
+    parts = coefficients.synthesise(plan, lossless, work, channels)
+    return Decoded(colour.from_channels(parts, lossless, offset, itemsize), classes)

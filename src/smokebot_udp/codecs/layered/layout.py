@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Where the coefficients of an image are, and in which order their bit planes are coded.
+
+All bands of all channels share one canvas, a flat array with rows of `stride` cells, each band with a margin of one
+cell around it. A coefficient at p has its children, the four coefficients of the next finer level at the same place,
+from 2 p + `child` on.
+"""
+import functools
+import math
+from typing import Dict, List, NamedTuple, Tuple
+
+import numpy as np
+
+from ...arrays import Array, IntArray
+
+MAX_LEVELS = 5
+MAX_CELLS = 1 << 22
+MAX_PLANES = 27
+MAX_EXPANSION, SLACK = 1.75, 4096
+"""No stream is longer than the pixels times one, plus the other [byte]. Exact streams of noise of 8 bits take 1.13."""
+FINE = 3
+"""9/7 coefficients are multiples of 2^-FINE."""
+BLOCK = 4
+"""Side of the blocks that are coded as one while all their coefficients are zero."""
+HL, LH, HH, LL = range(4)
+"""Orientations: of the columns' and rows' high halves."""
+NORMS_9_7 = (0.991, 1.015, 1.026, 1.029, 1.03), (1.02, 0.983, 1.02, 1.037, 1.042)
+"""L2 norms of the low and high synthesis functions of each level, in one dimension."""
+NORMS_5_3 = (1.225, 1.658, 2.318, 3.269, 4.62), (0.848, 0.96, 1.259, 1.744, 2.454)
+CHANNEL_WEIGHTS = {1: (1.0,), 3: (1.732, 0.707, 0.866)}
+"""How much errors of Y, Co, Cg count in those of B, G, R: roots of 3, 1/2 and 3/4."""
+NEAR, REFINEMENT, FAR = range(3)
+DELAYS = {NEAR: 0.0, REFINEMENT: 0.5, FAR: 0.51}
+"""A byte of these passes reduces the error as much as one of near passes that number of planes lower."""
+
+# columns of the table of bands
+ORIGIN, ROWS, COLUMNS, CHILD, START, KIND, ALIVE_STRIDE, HAS_CHILDREN = range(8)
+# columns of the table of blocks: first cell, place in the blocks' map, parent cell or -1, rows * 8 + columns
+CELL, PLACE, PARENT, SHAPE = range(4)
+
+
+class Layout(NamedTuple):
+    """Of images of one shape."""
+    levels: int
+    stride: int
+    cells: int
+    """Of the canvas."""
+    bands: Array
+    """(n, 8) int64: flat ORIGIN, ROWS, COLUMNS, CHILD, START in lists of coefficients, KIND, ..."""
+    weights: Array
+    """(n,) float64: a coefficient's squared error counts weight^2 times."""
+    steps: Array
+    """(s, 3) int64: band, plane, pass; in the order of the stream."""
+    blocks: Array
+    """(b, 4) int32; each band's from `firsts` on"""
+    firsts: IntArray
+    """(n + 1,)"""
+    places: int
+    """Of the map of blocks, margins included."""
+
+
+def levels_of(height: int, width: int) -> int:
+    """How often an image is split."""
+    return min(MAX_LEVELS, max(min(height, width) // 4, 1).bit_length() - 1)
+
+
+def most_bytes(cells: int, itemsize: int) -> int:
+    """No stream of an image is longer: encode ends there, and decode looks no further.
+
+    :param cells: height * width * channels
+    """
+    return int(MAX_EXPANSION * cells * itemsize) + SLACK
+
+
+def _norms(levels: int, lossless: bool) -> Dict[Tuple[int, int], float]:
+    """{(level, orientation): L2 norm of a coefficient's synthesis function}; of the 9/7, that of a step."""
+    low, high = NORMS_5_3 if lossless else NORMS_9_7
+    step = 1.0 if lossless else 2.0 ** -FINE
+    if not levels:
+        return {(0, LL): step}
+    return {(level, o): step * across * along for level in range(levels) for o, across, along in (
+        (HL, low[level], high[level]), (LH, low[level], high[level]), (HH, high[level], high[level]),
+        (LL, low[level], low[level]))}
+
+
+def _axis(size: int, levels: int) -> Tuple[List[int], List[int], int]:
+    """Lengths of the low halves, origins of the high ones by level, and the canvas's length."""
+    lows = [size]
+    for _ in range(levels):
+        lows.append((lows[-1] + 1) // 2)
+    origins, end = [0] * levels, 1 + lows[-1]
+    for level in range(levels - 1, -1, -1):
+        origins[level] = end + 1
+        end += 1 + lows[level] // 2
+    return lows, origins, end + 1
+
+
+def _steps(bands: Array, weights: List[float], order: List[int]) -> Array:
+    # rounded: logarithms differ in the last bit between machines, and the order must not
+    steps = sorted((-round(math.log2(weight) + plane - delay, 6), order[band], band, plane, kind)
+                   for band, weight in enumerate(weights) for plane in range(MAX_PLANES)
+                   for kind, delay in DELAYS.items())
+    return np.array([step[2:] for step in steps], np.int64)
+
+
+def _blocks_of(origin: int, rows: int, columns: int, stride: int, parent: int, place: int) -> Array:
+    """(n, 4) int32: the blocks of a band; `parent` is the flat origin of the parents' band or -1."""
+    y, x = np.mgrid[0:rows:BLOCK, 0:columns:BLOCK]
+    high, wide = np.minimum(rows - y, BLOCK), np.minimum(columns - x, BLOCK)
+    places = place + (y // BLOCK + 1) * (-(-columns // BLOCK) + 2) + x // BLOCK + 1
+    parents = parent + (y // 2) * stride + x // 2 if parent >= 0 else np.full(y.shape, -1)
+    table = np.stack([origin + y * stride + x, places, parents, high * 8 + wide], -1)
+    return np.asarray(table.reshape(-1, 4), np.int32)
+
+
+@functools.lru_cache(maxsize=8)
+def layout_of(height: int, width: int, channels: int, lossless: bool) -> Layout:
+    """The layout of an image."""
+    levels = levels_of(height, width)
+    norms = _norms(levels, lossless)
+    (high, tops, canvas), (wide, lefts, stride) = _axis(height, levels), _axis(width, levels)
+    bands: List[List[int]] = []
+    weights, order, blocks, firsts, start, places = [], [], [], [0], 0, 0
+    last = max(levels - 1, 0)
+    for channel, factor in enumerate(CHANNEL_WEIGHTS[channels]):
+        top = channel * canvas * stride
+        parents: Dict[int, int] = {}
+        for level, o in [(last, LL)] + [(level, o) for level in range(levels - 1, -1, -1) for o in (HL, LH, HH)]:
+            y, rows = (tops[level], high[level] // 2) if o in (LH, HH) else (1, high[level + 1] if levels else height)
+            x, columns = ((lefts[level], wide[level] // 2) if o in (HL, HH) else
+                          (1, wide[level + 1] if levels else width))
+            origin = top + y * stride + x
+            if o in parents:
+                bands[parents[o]][CHILD] = origin - 2 * bands[parents[o]][ORIGIN]
+                bands[parents[o]][HAS_CHILDREN] = 1
+            along = -(-columns // BLOCK) + 2
+            blocks.append(_blocks_of(origin, rows, columns, stride, bands[parents[o]][ORIGIN] if o in parents else -1,
+                                     places))
+            places += (-(-rows // BLOCK) + 2) * along
+            if o != LL:
+                parents[o] = len(bands)
+            bands.append([origin, rows, columns, 0, start, o, along, 0])
+            firsts.append(firsts[-1] + len(blocks[-1]))
+            weights.append(factor * norms[level, o])
+            order.append(-level)
+            start += rows * columns
+    table = np.array(bands, np.int64)
+    return Layout(levels, stride, channels * canvas * stride, table, np.array(weights),
+                  _steps(table, weights, order), np.concatenate(blocks), np.array(firsts), places)

@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""An adaptive binary range coder with carry (Martin 1979; Schindler 1998), in 48-bit integers and bytes by pairs.
+
+The state is (low, width, at). Of the encoder: the interval [low, low + width) in units of the last byte written, and
+the number of bytes in `data`. Of the decoder: `low` is what the stream says above the interval's lower end, and `at`
+the number of bytes read. Each context has two estimates of the probability of 0, a fast and a slow one, of which the
+mean is used. A stream may end anywhere: the decoder stops at the first symbol that its bytes do not determine.
+"""
+from typing import Tuple
+
+from ...arrays import Array
+from .loops import compiled, inlined, int64
+
+State = Tuple[int, int, int]
+
+FULL = 1 << 48
+"""The first interval."""
+LEAST = 1 << 32
+"""A narrower interval is shifted by two bytes."""
+FAST, SLOW = 4, 7
+"""Each symbol moves the estimates by 2^-FAST and 2^-SLOW of what is left to certainty."""
+END = -1
+"""In place of a symbol: the stream ends here, or the encoder's room."""
+
+
+@compiled
+def begin(encoding: bool, data: Array, at: int) -> State:
+    """The state at the byte `at`."""
+    if encoding:
+        return 0, FULL, at
+    low = 0
+    for i in range(at, at + 6):
+        low = low << 8 | (int64(data[i]) if i < len(data) else 0)
+    return low, FULL, at + 6
+
+
+@compiled
+def _carry(data: Array, at: int) -> None:
+    """Add 1 to the number that ends before byte `at`. The sum of all intervals is below 1: it ends within `data`."""
+    i = at - 1
+    while i > 0 and data[i] == 255:
+        data[i] = 0
+        i -= 1
+    data[i] += 1
+
+
+@inlined
+def decide(encoding: bool, symbol: int, odds: int, low: int, width: int, unknown: int) -> Tuple[int, int, int, int]:
+    """Code a symbol, 0 or 1, and adapt its context; the decoder ignores the given one. `refill` comes next.
+
+    It takes no arrays, as numba would count references to them at each symbol.
+
+    :param odds: the two estimates of the probability of 0 [2^-16], fast << 16 | slow
+    :returns: the symbol or END, and the new odds, low and width
+    """
+    fast, slow = odds >> 16, odds & 65535
+    bound = (width >> 16) * ((fast + slow) >> 1)
+    if not encoding:
+        symbol = 1 if low >= bound else 0
+        if symbol == 0 and low + unknown > bound:
+            symbol = END
+    if symbol > 0:
+        low += bound if encoding else -bound
+        width -= bound
+        fast -= fast >> FAST
+        slow -= slow >> SLOW
+    else:
+        width = bound
+        fast += (65536 - fast) >> FAST
+        slow += (65536 - slow) >> SLOW
+    return symbol, fast << 16 | slow, low, width
+
+
+@inlined
+def decide_evenly(encoding: bool, symbol: int, low: int, width: int, unknown: int) -> Tuple[int, int, int]:
+    """Code a symbol for which 0 and 1 are as likely. What it shares with `decide` is not a function: 6 % slower."""
+    bound = width >> 1
+    if not encoding:
+        symbol = 1 if low >= bound else 0
+        if symbol == 0 and low + unknown > bound:
+            symbol = END
+    if symbol > 0:
+        low += bound if encoding else -bound
+        width -= bound
+    else:
+        width = bound
+    return symbol, low, width
+
+
+@compiled
+def refill(encoding: bool, data: Array, low: int, width: int, at: int) -> Tuple[int, int, int, int]:
+    """Where the width is below LEAST: write or read two bytes.
+
+    :returns: the new low, width and at, and `unknown`: the decoder's low may be so much larger, less 1; 0: the encoder
+        has no room
+    """
+    if not encoding:
+        for i in range(at, at + 2):
+            low = low << 8 | (int64(data[i]) if i < len(data) else 0)
+        return low, width << 16, at + 2, unknown_of(data, at + 2)
+    if at + 8 > len(data):
+        return low, width, at, 0
+    if low >= FULL:
+        _carry(data, at)
+        low -= FULL
+    data[at] = low >> 40
+    data[at + 1] = (low >> 32) & 255
+    return (low & (LEAST - 1)) << 16, width << 16, at + 2, 1
+
+
+@compiled
+def unknown_of(data: Array, at: int) -> int:
+    """1 where all bytes before `at` are known, 256 where one is not, ..."""
+    return 1 << 8 * min(max(at - len(data), 0), 6)
+
+
+@compiled
+def code(encoding: bool, data: Array, odds: Array, context: int, symbol: int, low: int, width: int, at: int
+         ) -> Tuple[int, int, int, int]:
+    """Code one symbol, all in one; END also where the encoder has no room.
+
+    :param odds: (contexts,) uint32
+    """
+    symbol, odd, low, width = decide(encoding, symbol, int64(odds[context]), low, width, unknown_of(data, at))
+    odds[context] = odd
+    if width < LEAST:
+        low, width, at, unknown = refill(encoding, data, low, width, at)
+        if unknown == 0:
+            symbol = END
+    return symbol, low, width, at
+
+
+@compiled
+def determined(width: int, at: int) -> int:
+    """How many bytes determine all symbols until here, but for one time in 16 the last ones."""
+    missing = 0
+    while missing < 6 and (FULL >> 8 * missing) << 4 > width:
+        missing += 1
+    return at + missing
+
+
+@compiled
+def finish(data: Array, low: int, width: int, at: int) -> int:
+    """Write the fewest bytes that determine all symbols; the end of the stream."""
+    for missing in range(7):
+        granule = FULL >> 8 * missing
+        value = (low + granule - 1) // granule * granule
+        if value + granule <= low + width:
+            break
+    if value >= FULL:
+        _carry(data, at)
+        value -= FULL
+    for i in range(missing):
+        data[at + i] = (value >> (40 - 8 * i)) & 255
+    return at + missing

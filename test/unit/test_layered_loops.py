@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: BSD-3-Clause
+import fcntl
+import os
+import pathlib
+import shutil
+import subprocess
+import sys
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip('numba')
+
+from smokebot_udp.arrays import Array  # noqa: E402
+from smokebot_udp.codecs.layered import cache  # noqa: E402
+from smokebot_udp.codecs.layered.loops import compiled  # noqa: E402
+from smokebot_udp.codecs.layered.range_coder import begin  # noqa: E402
+
+
+@compiled
+def element(x: Array, i: int) -> int:
+    return int(x[i])
+
+
+def test_indexes_out_of_range_are_found_in_these_tests() -> None:
+    assert element(np.array([5, 6]), 1) == 6
+    with pytest.raises(IndexError):
+        element(np.array([5, 6]), 2)
+
+
+def sources(folder: pathlib.Path, monkeypatch: Any) -> pathlib.Path:
+    """A source that stands for all, and a cache of its own."""
+    folder.mkdir()
+    monkeypatch.setattr(cache, 'FOLDER', folder)
+    monkeypatch.setenv('NUMBA_CACHE_DIR', str(folder / 'told'))
+    source = folder / 'passes.py'
+    source.write_text('# old')
+    return source
+
+
+@pytest.mark.parametrize('clock', ['right', 'back', 'the same'])
+def test_what_was_compiled_from_other_sources_is_removed_whatever_the_times_say(clock: str, tmp_path, monkeypatch
+                                                                                ) -> None:
+    source = sources(tmp_path / 'layered', monkeypatch)
+    before = source.stat().st_mtime_ns
+    cache.remember()
+    folder = cache.cache_folder()
+    index = folder / 'passes.old.nbi'
+    index.touch()
+    cache.remove_stale()
+    assert index.exists() and cache.compiled()
+    source.write_text('# new')
+    times = {'right': before + 10 ** 9, 'back': before - 10 ** 12, 'the same': before}
+    os.utime(source, ns=(times[clock], times[clock]))
+    assert not cache.compiled()
+    cache.remove_stale()
+    assert not index.exists() and not cache.compiled()
+    index.touch()           # compiled from the new source
+    cache.remove_stale()
+    assert index.exists()
+
+
+def test_a_stamp_says_that_the_cache_is_filled_for_this_machine(tmp_path, monkeypatch) -> None:
+    sources(tmp_path / 'layered', monkeypatch)
+    assert not cache.compiled()
+    cache.remember()
+    assert cache.compiled()
+    with monkeypatch.context() as changed:
+        changed.setenv('NUMBA_BOUNDSCHECK', '0')
+        assert not cache.compiled()
+    with monkeypatch.context() as changed:
+        changed.setattr(cache.platform, 'machine', lambda: 'another')
+        assert not cache.compiled()
+    text = 'processor : 0\nmodel name : %s\ncpu MHz : %d\nflags : fpu %s\n\nprocessor : 1\n'
+    monkeypatch.setattr(cache, 'CPU_INFO', tmp_path / 'cpuinfo')
+    for filled, processor in ((False, ('A', 1000, 'avx2')), (True, ('A', 2000, 'avx2')), (False, ('B', 2000, 'avx2')),
+                              (False, ('A', 2000, 'avx2 avx512f')), (True, ('A', 2000, 'avx2'))):
+        cache.CPU_INFO.write_text(text % processor)
+        assert cache.compiled() == filled
+        cache.remember()        # a home folder may be shared by machines
+    (cache.cache_folder() / cache.STAMP).unlink()
+    assert not cache.compiled()
+
+
+def test_the_folder_is_the_one_that_numba_uses(tmp_path) -> None:
+    assert str(cache.cache_folder()) == begin.stats.cache_path
+    # sources that this user cannot write beside
+    package = tmp_path / 'smokebot_udp'
+    shutil.copytree(str(cache.FOLDER.parents[1]), str(package), ignore=shutil.ignore_patterns('__pycache__'))
+    (package / 'codecs' / 'layered' / '__pycache__').touch()
+    program = ('from smokebot_udp.codecs.layered import cache, range_coder; cache.remember(); '
+               'print(cache.cache_folder(), range_coder.begin.stats.cache_path, cache.compiled())')
+    environment = {**os.environ, 'PYTHONPATH': str(tmp_path), 'XDG_CACHE_HOME': str(tmp_path / 'home')}
+    del environment['NUMBA_CACHE_DIR']
+    said = subprocess.run([sys.executable, '-B', '-c', program], env=environment, stdout=subprocess.PIPE, check=True)
+    folder, numbas, filled = said.stdout.decode().split()
+    assert folder == numbas and folder.startswith(str(tmp_path / 'home')) and filled == 'True'
+
+
+def test_where_no_folder_can_be_written_nothing_is_compiled_ahead(tmp_path, monkeypatch) -> None:
+    sources(tmp_path / 'layered', monkeypatch)
+    (tmp_path / 'file').touch()
+    (tmp_path / 'layered' / '__pycache__').touch()
+    monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path / 'file'))
+    monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path / 'file'))
+    cache.remember()
+    assert cache.cache_folder() is None and not cache.compiled()
+
+
+def test_one_process_compiles_at_a_time(tmp_path, monkeypatch) -> None:
+    sources(tmp_path / 'layered', monkeypatch)
+    with cache.locked(), open(str(cache.cache_folder() / cache.LOCK)) as lock, pytest.raises(BlockingIOError):
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    with open(str(cache.cache_folder() / cache.LOCK)) as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def test_real_images_compile_nothing_more() -> None:
+    """Their pixels are views of messages, read-only and anywhere."""
+    program = """
+import numpy as np
+from smokebot_udp.codecs.layered import class_map, coefficients, colour, compile, depth
+from smokebot_udp.codecs.layered import image, passes, range_coder, wavelet
+compile.compile_all()
+def compiled():
+    return {(name, str(signature)) for module in (class_map, coefficients, colour, depth, passes, range_coder, wavelet)
+            for name, loop in vars(module).items() for signature in getattr(loop, 'signatures', ())}
+before = compiled()
+for kind, channels, offset in (('uint8', 1, 1), ('uint16', 1, 1), ('uint8', 3, 0)):
+    pixels = np.frombuffer(bytes(offset + 60 * 90 * channels * 2), np.uint8)[offset:].view(kind)[:60 * 90 * channels]
+    pixels = pixels.reshape((60, 90, 3) if channels == 3 else (60, 90))
+    assert not pixels.flags.writeable
+    for lossless in (False, True):
+        for classes in (None, np.frombuffer(bytes(60 * 90), np.uint8).reshape(60, 90)):
+            stream = image.encode(pixels, lossless, 9999, classes)
+            image.decode(memoryview(stream.data), 60, 90, channels, pixels.itemsize)
+metres = np.frombuffer(np.array([[1.0, np.nan]], np.float32).tobytes(), np.float32).reshape(1, 2)
+depth.to_counts(metres, 0.1)
+print(len(before), compiled() - before)
+"""
+    said = subprocess.run([sys.executable, '-c', program], stdout=subprocess.PIPE, check=True).stdout.decode()
+    number, added = said.split(' ', 1)
+    assert int(number) > 30 and added.strip() == 'set()'
+
+
+def test_asking_whether_the_cache_is_filled_does_not_import_numba() -> None:
+    program = ('import sys; from smokebot_udp.codecs.layered.compile import compiled; compiled(); '
+               'sys.exit("numba" in sys.modules)')
+    assert subprocess.run([sys.executable, '-c', program]).returncode == 0

@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Plans: probabilities by hand and by simulation, the best of all plans of a small case, budgets kept."""
+import itertools
+import math
+from typing import Dict, Iterator, List, Optional, Tuple
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from smokebot_udp.arrays import FloatArray, IntArray
+from smokebot_udp.codecs.layered.pieces import GROUP, Layer, codes_of, parts_of
+from smokebot_udp.codecs.layered.plan import LAYER_BYTES, arrivals, best_plan, promised, survival, upper_hull, worth
+
+HEAD, ROOM = 93, 1379
+
+
+def curve(length: int, points: int = 60) -> Tuple[IntArray, FloatArray]:
+    """(ends, values) of a stream whose error falls ever more slowly."""
+    ends = np.unique(np.geomspace(20, length, points).astype(int))
+    return ends, worth(76800 * 3000.0 / (ends / 20.0) ** 1.6, 76800, 0.065)
+
+
+def test_arrivals_by_hand() -> None:
+    one = arrivals(2, np.array([0.25]), np.array([0.75]))       # independent losses
+    assert one[0] == pytest.approx([0.0625, 0.375, 0.5625])
+    # lost half the time, and the next one shares its fate in three of four cases
+    two = arrivals(2, np.array([0.5]), np.array([0.25]))
+    assert two[0] == pytest.approx([0.375, 0.25, 0.375])
+    assert arrivals(1, np.array([0.1]), np.array([0.2]))[0] == pytest.approx([0.1, 0.9])
+
+
+@pytest.mark.parametrize('count', [3, 12, 71, 240])
+@pytest.mark.parametrize('loss', [1e-4, 0.05, 0.5, 0.9])
+@pytest.mark.parametrize('burst', [None, 1.5, 8.0, 40.0])
+def test_arrivals_datagram_by_datagram(count, loss, burst) -> None:
+    recovery = 1 - loss if burst is None else min(1 / burst, 1 - loss)
+    failure = loss * recovery / (1 - loss)
+    good, bad = np.zeros(count + 1), np.zeros(count + 1)
+    good[0], bad[0] = 1 - loss, loss
+    for _ in range(count):
+        come = np.concatenate([[0], good[:-1]])
+        good, bad = come * (1 - failure) + bad * recovery, come * failure + bad * (1 - recovery)
+    assert arrivals(count, np.array([loss]), np.array([recovery]))[0] == pytest.approx(good + bad, abs=1e-9)
+
+
+@pytest.mark.parametrize('threshold', [30, 120])
+def test_survival_with_two_codes_by_simulation(threshold) -> None:
+    count, loss = 480, 0.47 if threshold == 120 else 0.935
+    came = np.random.RandomState(1).random_sample((4000, count)) >= loss
+    if parts_of(threshold, count) == 1:
+        restored = (came[:, :240] | came[:, 240:]).sum(axis=1) >= threshold
+    else:
+        restored = (came[:, ::2].sum(axis=1) >= threshold) & (came[:, 1::2].sum(axis=1) >= threshold)
+    assert 0.2 < restored.mean() < 0.9
+    assert survival(count, {loss: 1.0}, None)[threshold - 1] == pytest.approx(restored.mean(), abs=0.03)
+
+
+def test_survival_mixes_losses_and_falls() -> None:
+    mixed = survival(20, {0.1: 0.75, 0.5: 0.25}, None)
+    assert mixed == pytest.approx(0.75 * survival(20, {0.1: 1.0}, None) + 0.25 * survival(20, {0.5: 1.0}, None))
+    assert (np.diff(mixed) <= 0).all() and mixed[0] <= 1 and len(mixed) == 20
+
+
+def test_hull_by_hand() -> None:
+    hull = upper_hull(np.array([0.0, 1, 2, 3, 4, 5]), np.array([0.0, 4, 5, 9, 9.5, 9]))
+    assert hull.points.tolist() == [0, 1, 3, 4]
+    assert hull.x.tolist() == [0, 1, 3, 4] and hull.y.tolist() == [0, 4, 9, 9.5]
+    assert upper_hull(np.array([0.0, 1]), np.array([3.0, 2])).points.tolist() == [0]
+
+
+def test_worth() -> None:
+    errors = np.array([300.0, 75.0, 0.0])
+    assert worth(errors, 3, None) == pytest.approx([-125.91254 ** 0.0625, -100.02 ** 0.0625, -25.02 ** 0.0625,
+                                                    -0.02 ** 0.0625])
+    assert worth(errors, 3, 1.0) == pytest.approx([-10 * math.log10(126.89254), -10 * math.log10(101),
+                                                   -10 * math.log10(26), 0])
+
+
+def all_plans(count: int, space: int, layers: int, step: int) -> Iterator[List[Layer]]:
+    """All of so many layers with pieces of multiples of `step` bytes."""
+    for thresholds in itertools.combinations(range(1, count + 1), layers):
+        left = space - LAYER_BYTES * layers
+        for sizes in itertools.product(range(step, left + 1, step), repeat=layers):
+            if left - step < sum(sizes) <= left:
+                yield [Layer(*layer) for layer in zip(thresholds, sizes)]
+
+
+@pytest.mark.parametrize('losses', [{0.1: 1.0}, {0.3: 1.0}, {0.05: 0.7, 0.5: 0.3}])
+def test_no_small_plan_promises_more(losses: Dict[float, float]) -> None:
+    ends, values = curve(4000)
+    budget = 4 * (HEAD + 300)
+    plan = best_plan(ends, values, budget, losses, None, HEAD, 300)
+    likely = survival(plan.count, losses, None)
+    promise = promised(plan.count, plan.layers, ends, values, likely)
+    space = budget // plan.count - HEAD
+    best = max(promised(plan.count, layers, ends, values, likely)
+               for number in (1, 2, 3) for layers in all_plans(plan.count, space, number, 24))
+    assert promise > best - 0.1
+
+
+@given(st.integers(1000, 900000), st.integers(300, 400000), st.floats(0, 0.95), st.floats(0, 1),
+       st.sampled_from([None, 1.0, 4.0, 50.0]))
+@settings(max_examples=60, deadline=None)
+def test_plans_are_possible_and_keep_the_budget(budget: int, length: int, loss: float, share: float,
+                                                burst: Optional[float]) -> None:
+    ends, values = curve(length)
+    plan = best_plan(ends, values, budget, {loss: share, 0.6: 1 - share}, burst, HEAD, ROOM)
+    count, layers = plan.count, plan.layers
+    content = sum(layer.size + LAYER_BYTES for layer in layers)
+    assert content <= ROOM and count * (HEAD + content) <= budget
+    thresholds = [layer.threshold for layer in layers]
+    assert thresholds == sorted(set(thresholds)) and thresholds[0] >= 1
+    assert count % codes_of(count) == 0 and thresholds[-1] <= count // codes_of(count) <= GROUP
+    assert min(layer.size for layer in layers) >= 1
+    # not more than the stream, but for filling the last layer
+    filled = sum(layer.size * layer.threshold * parts_of(layer.threshold, count) for layer in layers)
+    assert filled < length + sum(layer.threshold * parts_of(layer.threshold, count) for layer in layers)
+
+
+@pytest.mark.parametrize('budget, head, room', [
+    (600, 290, 238),    # a second datagram would have room for 10 bytes
+    (1060, 290, 238), (330, 290, 40), (310, 290, 20), (300, 290, 10), (2000, 290, 60)])
+def test_plans_of_datagrams_that_are_nearly_all_head(budget: int, head: int, room: int) -> None:
+    ends, values = curve(3000)
+    for losses in ({0.1: 1.0}, {0.05: 0.7, 0.5: 0.3}):
+        plan = best_plan(ends, values, budget, losses, None, head, room)
+        content = sum(layer.size + LAYER_BYTES for layer in plan.layers)
+        assert min(layer.size for layer in plan.layers) >= 1
+        assert content <= room and plan.count * (head + content) <= budget
+        assert content > min(room, budget - head) / 2
+
+
+def test_all_of_a_short_stream_is_sent() -> None:
+    ends, values = curve(3000)
+    plan = best_plan(ends, values, 40000, {0.1: 1.0}, None, HEAD, ROOM)
+    assert sum(layer.size * layer.threshold for layer in plan.layers) >= 3000
+    assert survival(plan.count, {0.1: 1.0}, None)[plan.layers[-1].threshold - 1] > 0.999
+
+
+def test_expected_heavier_losses_lower_the_thresholds() -> None:
+    ends, values = curve(60000)
+    known, robust = (best_plan(ends, values, 20000, losses, None, HEAD, ROOM)
+                     for losses in ({0.05: 1.0}, {0.05: 0.7, 0.5: 0.3}))
+    first = [plan.layers[0].threshold / plan.count for plan in (known, robust)]
+    assert first[1] < 0.6 < first[0]
+
+
+@pytest.mark.parametrize('budget, room', [(50, ROOM), (5000, 3)])
+def test_too_few_bytes(budget, room) -> None:
+    ends, values = curve(3000)
+    with pytest.raises(ValueError, match='too few'):
+        best_plan(ends, values, budget, {0.1: 1.0}, None, HEAD, room)
