@@ -27,7 +27,7 @@ from waiting import wait_for
 
 from smokebot_udp import udpros
 from smokebot_udp.srv import SetFocus, SetFocusResponse
-from smokebot_udp.udpros import acceptor, connector, master
+from smokebot_udp.udpros import acceptor, connector, master, presence
 from smokebot_udp.udpros.admission import MAX_PER_HOST, SETTLED
 from smokebot_udp.udpros.negotiation import Request
 from smokebot_udp.udpros.rospy_transports import PublisherTransport
@@ -81,6 +81,28 @@ class Life(unittest.TestCase):
         process.kill()
         process.wait(10)
         self.published_until(publisher, lambda: publisher.get_num_connections() == 0, 'the end of its connection')
+
+    def test_silent_topics_leave_nothing_of_killed_subscribers(self) -> None:
+        """Nothing is sent, so nothing is refused; each one has another name, so nothing replaces it."""
+        with unittest.mock.patch.object(presence, 'HURRIED_PERIOD', 1.0), \
+                unittest.mock.patch.object(acceptor, 'SETTLED', 1.0):
+            silent, plain = self.publisher('/silent'), rospy.Publisher('/silent_plain', Header, queue_size=1)
+            self.addCleanup(plain.unregister)
+            for number in range(3):
+                killed = [self.run_script('udpros_listener.py', publisher.name, 'silent_%d_%d' % (number, which))
+                          for which, publisher in enumerate((silent, plain))]
+                wait_for(lambda one=number: all(
+                    any('_%d_' % one in c.endpoint_id for c in publisher.impl.connections)
+                    for publisher in (silent, plain)), what='the subscribers')
+                for process in killed:
+                    process.kill()
+                    process.wait(10)
+            files = open_files()
+            living = self.run_script('udpros_listener.py', '/silent', 'silent_living')
+            wait_for(lambda: '/silent_living' in [c.endpoint_id for c in silent.impl.connections], what='another one')
+            wait_for(lambda: (silent.get_num_connections(), plain.get_num_connections()) == (1, 0), 15, 'their end')
+            self.assertLessEqual(open_files(), files - 5)
+            self.assertIsNone(living.poll())
 
     def test_a_frozen_subscriber_blocks_nobody(self) -> None:
         publisher = self.publisher('/frozen')

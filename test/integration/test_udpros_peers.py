@@ -11,6 +11,7 @@ import tempfile
 import threading
 import time
 import unittest
+import unittest.mock
 import xmlrpc.client
 from typing import Any
 
@@ -25,6 +26,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from waiting import wait_for
 
 from smokebot_udp import udpros
+from smokebot_udp.udpros import acceptor, presence
 
 NODE = '/udpros_peers'
 
@@ -64,6 +66,23 @@ class Peers(unittest.TestCase):
             publisher.publish(String(text))
             return any(message.data == text for message in got)
         wait_for(crossed, seconds, '%d bytes' % len(text))
+
+    def test_a_living_roscpp_subscriber_keeps_its_connection_to_a_silent_topic(self) -> None:
+        """It is asked for its ports; it would not ask again for a connection that its publisher ended."""
+        publisher = udpros.Publisher('/silent_to_roscpp', String, queue_size=10)
+        self.addCleanup(publisher.unregister)
+        relay = start_relay('/silent_to_roscpp', '/from_silent', 'silent_relay')
+        self.addCleanup(end, [relay])
+        wait_for(publisher.connections, what='the subscriber')
+        before, answers = publisher.connections(), []
+
+        def answered(_, node, when) -> None:
+            answers.append((node.name, when))
+        with unittest.mock.patch.multiple(presence, PERIOD=0.5), \
+                unittest.mock.patch.object(acceptor, 'SETTLED', 0.0), \
+                unittest.mock.patch.object(presence.Presence, 'answered', answered):
+            wait_for(lambda: [name for name, _ in answers].count('/silent_relay') >= 3, what='its answers')
+            self.assertEqual(publisher.connections(), before)
 
     def test_both_ways_with_roscpp_small_and_of_many_blocks(self) -> None:
         relay = start_relay('/to_roscpp', '/from_roscpp', 'relay')

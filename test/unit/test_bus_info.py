@@ -5,7 +5,7 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smokebot_udp.udpros.bus_info import BusEntry, udpros_entries
+from smokebot_udp.udpros.bus_info import BusEntry, receiving_ports, udpros_entries
 
 ROSPY = [3, '/operator', 'o', 'UDPROS', '/a', True, 'UDPROS connection on port 40000 to [10.0.0.2:50000 on socket 12]']
 ROSCPP = [7, '/viewer', 'o', 'UDPROS', '/a', 1, 'UDPROS connection on port 40001 to [laptop:50001 on socket 9]']
@@ -24,6 +24,17 @@ def test_what_a_node_does_not_say_is_unknown() -> None:
     unknown = BusEntry('/operator', 'o', '/a', None, None, None)
     for text in ([], [True], [True, 7], [True, 'UDPROS'], [True, 'connected to [10.0.0.2:50000 on socket 12]']):
         assert udpros_entries([ROSPY[:5] + text]) == [unknown]
+
+
+def test_ports_on_which_a_topic_is_received() -> None:
+    entries = udpros_entries([ROSPY, TCP, ROSCPP, ROSCPP_INBOUND])
+    assert receiving_ports(entries, '/b') == {50002}
+    assert receiving_ports(entries, '/a') == receiving_ports([], '/b') == frozenset()
+
+
+def test_a_node_that_does_not_say_its_ports_may_have_any() -> None:
+    assert receiving_ports(None, '/b') is None
+    assert receiving_ports(udpros_entries([ROSCPP_INBOUND, ROSCPP_INBOUND[:5]]), '/b') is None
 
 
 def test_malformed_entries_are_left_out() -> None:

@@ -139,6 +139,12 @@ def test_hosts_that_do_not_exist() -> None:
             path_payload(host, 5)
 
 
+def test_a_closed_receiver_raises(receiver) -> None:
+    receiver.close()
+    with pytest.raises(OSError):
+        receiver.receive()
+
+
 def test_a_closed_sender_raises(receiver, make) -> None:
     sender = make(DatagramSender, '127.0.0.1', receiver.address[1])
     sender.close()
@@ -243,16 +249,33 @@ receiver = DatagramReceiver('127.0.0.1', 1472, batch=8192)
 receiver.datagrams[:] = 1
 print(psutil.Process().memory_info().rss - before)
 receiver.close()
+print(psutil.Process().memory_info().rss - before)
 del receiver
 print(psutil.Process().memory_info().rss - before)
 """
-"""A program that prints how much memory the slots of a receiver take, and what is left of it [byte]."""
+"""A program that prints how much memory a receiver takes with its slots in use, when it is closed, and afterwards."""
 
 
 def test_the_memory_of_an_ended_connection_returns_to_the_kernel() -> None:
     """Also where malloc keeps freed memory: each reconnection would add some to another arena."""
-    taken, left = map(int, subprocess.check_output([sys.executable, '-c', MEMORY]).split())
-    assert taken > 12e6 and left < 1e6
+    taken, closed, left = map(int, subprocess.check_output([sys.executable, '-c', MEMORY]).split())
+    assert taken > 12e6 and closed < taken - 12e6 and left < 1e6
+
+
+SLOTS = """
+import psutil
+from smokebot_udp.udpros.endpoints import DatagramReceiver
+
+receiver = DatagramReceiver('127.0.0.1', 1472)
+before = psutil.Process().memory_info().rss
+receiver.datagrams[:] = 1
+print(psutil.Process().memory_info().rss - before)
+"""
+"""A program that prints by how much the memory grows when all slots are used [byte]."""
+
+
+def test_a_long_burst_takes_no_memory_that_was_not_taken_before() -> None:
+    assert int(subprocess.check_output([sys.executable, '-c', SLOTS])) < 65536
 
 
 def test_the_kernels_drops_are_counted(make) -> None:

@@ -14,6 +14,8 @@ from smokebot_udp.udpros.negotiation import (
     Request,
     decode_header,
     encode_header,
+    is_other_type,
+    other_type,
 )
 
 FIELDS = {'topic': '/chatter', 'md5sum': '992ce8a1687cec8c8bd883ec73ca41d1', 'callerid': '/listener',
@@ -198,3 +200,10 @@ def test_a_publisher_that_refuses_is_asked_again_less_and_less_often() -> None:
     fallbacks.forget('a')
     fallbacks.forget('a')
     assert fallbacks.due(1e9) == []
+
+
+def test_another_version_is_recognised_in_the_text_that_names_both() -> None:
+    refusal = other_type('/chatter', 'std_msgs/String', 'a' * 32, 'b' * 32)
+    assert str(refusal) == '[/chatter] is of type std_msgs/String with md5sum %s, not %s' % ('a' * 32, 'b' * 32)
+    assert refusal.reason == 'type' and is_other_type(refusal)
+    assert is_other_type(Refused('requestTopic: %s' % refusal)) and not is_other_type(Refused('no route to robot:5'))

@@ -13,7 +13,8 @@ from .loss_emulation import emulate_loss
 from .registration import registered_together
 from .rospy_binding import refused_requests
 from .rpc import race_all_connections
+from .starting import init_node
 from .topics import Publisher, Subscriber
 
-__all__ = ['Frame', 'Publisher', 'Subscriber', 'emulate_loss', 'race_all_connections', 'refused_requests',
+__all__ = ['Frame', 'Publisher', 'Subscriber', 'emulate_loss', 'init_node', 'race_all_connections', 'refused_requests',
            'registered_together']

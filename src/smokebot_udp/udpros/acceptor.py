@@ -14,10 +14,12 @@ from rospy.impl.registration import get_topic_manager
 
 from . import admission, rpc
 from .admission import Claim
+from .bus_info import receiving_ports
 from .callers import MAX_AGE, Callers, is_home
 from .datagram import MIN_MAX_DATAGRAM_SIZE, ROSCPP_MAX_DATAGRAM_SIZE
 from .endpoints import is_own, number_of, path_payload
-from .negotiation import Refused, Reply, Request
+from .negotiation import Refused, Reply, Request, other_type
+from .presence import SETTLED, Node, Presence
 from .rospy_transports import PublisherTransport, UdpPublisherImpl, udpros_connections
 
 REVIEW_PERIOD = 2.0
@@ -35,6 +37,7 @@ class Acceptor:
         """{reason: requests}"""
         self._incomplete = incomplete
         self._callers = Callers()
+        self._presence = Presence()
         self._ids = itertools.count(1)
         self._growing: List[Tuple[str, str]] = []       # (topic, address) of those that are being made
         self._lock = threading.Lock()
@@ -59,8 +62,7 @@ class Acceptor:
         request = Request.parse(protocol)
         md5sum = impl.data_class._md5sum
         if request.header['md5sum'] not in ('*', md5sum):
-            raise Refused('[%s] is of type %s with md5sum %s, not %s' % (
-                topic, impl.data_class._type, md5sum, request.header['md5sum']), 'type')
+            raise other_type(topic, impl.data_class._type, md5sum, request.header['md5sum'])
         try:
             request.host = socket.gethostbyname(request.host)       # from now on one address
             admission.check_address(request.host)
@@ -83,15 +85,16 @@ class Acceptor:
 
     def _connect(self, impl: Any, request: Request, size: int) -> PublisherTransport:
         """Make a connection, in the place of those that the caller no longer has."""
-        self._identify(impl, request)
+        uri = self._identify(impl, request)
+        self._presence.requested(request.host, time.monotonic())
         place = impl.resolved_name, request.host
         with self._lock:
-            others = [(c.name, c.remote_endpoint[0]) for one in list(get_topic_manager().pubs.values())
-                      for c in udpros_connections(one)] + self._growing
+            others = [(c.name, c.remote_endpoint[0]) for c in _connections()] + self._growing
             admission.check_room(place, others)
             self._growing.append(place)
         try:
             connection = PublisherTransport(impl.resolved_name, request, next(self._ids), size)
+            connection.caller_uri = uri
             added = _add(impl, connection)
         finally:
             with self._lock:
@@ -101,11 +104,12 @@ class Acceptor:
             raise Refused('[%s] is no longer published' % impl.resolved_name, 'topic')
         return connection
 
-    def _identify(self, impl: Any, request: Request) -> None:
+    def _identify(self, impl: Any, request: Request) -> Optional[str]:
         """Check that a request is of the node that it names, and end the connections that this node no longer has.
 
         Without an answer of the master or the node, a request is believed, but it does not end a connection.
 
+        :return: the node's URI; None: unknown
         :raises Refused: if another one is connected by this name, or the master does not know it
         """
         name = request.header['callerid']
@@ -124,6 +128,7 @@ class Acceptor:
             self._settle(impl, name, uri, mine)
         if sum(not c.done for c in mine) >= admission.MAX_PER_CALLER:
             raise Refused('%s has %d connections already' % (name, len(mine)), 'connected already')
+        return uri
 
     def _settle(self, impl: Any, name: str, uri: str, mine: List[Any]) -> None:
         """End a caller's connections that it does not have.
@@ -131,38 +136,41 @@ class Acceptor:
         :param mine: its connections
         :raises Refused: if it has one
         """
-        ports = self._callers.ports(uri, impl.resolved_name, MAX_AGE)
-        if any(admission.is_living(_claim(c, uri), ports) for c in mine):
-            ports = self._callers.ports(uri, impl.resolved_name)    # the answer may have been older than the request
+        ports = receiving_ports(self._callers.bus(uri, MAX_AGE), impl.resolved_name)
+        if any(admission.is_living(_claim(c, uri), ports) for c in mine):   # the answer may be older than the request
+            ports = receiving_ports(self._callers.bus(uri), impl.resolved_name)
         _close_ended(mine, uri, ports)
         for connection in mine:
             if admission.is_living(_claim(connection, uri), ports):
                 raise Refused('%s is connected already, at port %d' % (name, connection.remote_endpoint[1]),
                               'connected already')
 
-    # -- several connections of one caller -----------------------------------------------------------
+    # -- connections that have ended -----------------------------------------------------------------
 
     def review(self) -> None:
         """End connections that this machine can no longer send from, and find out, in the background, which of several
-        connections of one caller it has; called periodically."""
+        connections of one caller it has, and which callers have ended; called periodically."""
         _close_stale()
-        if time.monotonic() < self._next_review or (self._review is not None and self._review.is_alive()):
+        now = time.monotonic()
+        if self._review is not None and self._review.is_alive():
             return
-        doubles = [(impl, name, mine) for impl in list(get_topic_manager().pubs.values())
-                   for name, mine in _by_caller(impl).items() if len(mine) > 1]
+        doubles = _doubles() if now >= self._next_review else []
+        nodes = self._presence.due({_node(c) for c in _connections()}, now)
         if doubles:
-            self._next_review = time.monotonic() + REVIEW_PERIOD
-            self._review = threading.Thread(target=self._resolve, args=(doubles,), daemon=True)
+            self._next_review = now + REVIEW_PERIOD
+        if doubles or nodes:
+            self._review = threading.Thread(target=self._ask, args=(doubles, nodes), daemon=True)
             self._review.start()
+
+    def _ask(self, doubles: List[Any], nodes: List[Node]) -> None:
+        self._resolve(doubles)
+        for node in nodes:
+            self._check(node)
 
     def _resolve(self, doubles: List[Any]) -> None:
         for impl, name, mine in doubles:
-            ports, uri = None, None
-            try:
-                uri = self._callers.uri(name)
-                ports = self._callers.ports(uri, impl.resolved_name, MAX_AGE) if uri is not None else None
-            except (rpc.Unreachable, Refused) as error:
-                rospy.logdebug('[%s]: which connection %s has is unknown: %s', impl.resolved_name, name, error)
+            uri = self._uri(name)
+            ports = None if uri is None else receiving_ports(self._callers.bus(uri, MAX_AGE), impl.resolved_name)
             newest = max(mine, key=lambda c: c.since)
             if uri is not None and ports is not None:
                 _close_ended(mine, uri, ports)
@@ -171,10 +179,49 @@ class Acceptor:
                     if connection is not newest:
                         connection.close()
 
+    def _check(self, node: Node) -> None:
+        """Ask a node which of its connections it has, and end the others."""
+        asked = time.monotonic()
+        mine = [c for c in _connections() if _node(c) == node and asked - c.since >= SETTLED]
+        uri = node.uri or self._uri(node.name)
+        bus = None if uri is None else self._callers.bus(uri)
+        now = time.monotonic()
+        if bus is not None:
+            self._presence.answered(node, now)
+        lost = self._presence.is_lost(node, now)
+        for connection in mine:
+            ports = receiving_ports(bus, connection.name)
+            if lost or (ports is not None and connection.remote_endpoint[1] not in ports):
+                rospy.loginfo('[%s]: a connection to %s has ended', connection.name, node.name)
+                connection.close()
+
+    def _uri(self, name: str) -> Optional[str]:
+        """The URI of a node; None: unknown."""
+        try:
+            return self._callers.uri(name)
+        except (rpc.Unreachable, Refused) as error:
+            rospy.logdebug('the master does not say who %s is: %s', name, error)
+            return None
+
+
+def _connections() -> List[Any]:
+    """The UDPROS connections of the node's publishers."""
+    return [c for impl in list(get_topic_manager().pubs.values()) for c in udpros_connections(impl)]
+
+
+def _node(connection: Any) -> Node:
+    return Node(connection.remote_endpoint[0], connection.endpoint_id, connection.caller_uri)
+
+
+def _doubles() -> List[Any]:
+    """[(topic, caller, its connections), ...] of the callers with several connections of one topic."""
+    return [(impl, name, mine) for impl in list(get_topic_manager().pubs.values())
+            for name, mine in _by_caller(impl).items() if len(mine) > 1]
+
 
 def _close_stale() -> None:
     """End connections from an address that this machine no longer has; their subscribers ask for them again."""
-    connections = [c for impl in list(get_topic_manager().pubs.values()) for c in udpros_connections(impl)]
+    connections = _connections()
     stale = {address for address in {c.local_endpoint[0] for c in connections} if not is_own(address)}
     for connection in connections:
         if connection.local_endpoint[0] in stale:

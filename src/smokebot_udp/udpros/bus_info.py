@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What a node's getBusInfo says of its UDPROS connections."""
 import re
-from typing import Any, List, NamedTuple, Optional
+from typing import Any, FrozenSet, List, NamedTuple, Optional, Sequence
 
 from .negotiation import PROTOCOL
 
@@ -35,6 +35,15 @@ def udpros_entries(bus: Any) -> List[BusEntry]:
             local, host, port = text.groups() if text else (None, None, None)
             found.append(BusEntry(entry[1], entry[2], entry[4], _number(local), host, _number(port)))
     return found
+
+
+def receiving_ports(entries: Optional[Sequence[BusEntry]], topic: str) -> Optional[FrozenSet[int]]:
+    """The UDP ports on which a node receives a topic; None: it does not say.
+
+    :param entries: of its getBusInfo; None: it does not answer
+    """
+    ports = [entry.local_port for entry in entries or () if (entry.direction, entry.topic) == (INBOUND, topic)]
+    return None if entries is None or None in ports else frozenset(port for port in ports if port is not None)
 
 
 def _number(text: Optional[str]) -> Optional[int]:

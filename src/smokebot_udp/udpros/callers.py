@@ -3,13 +3,13 @@
 import threading
 import time
 import urllib.parse
-from typing import Dict, FrozenSet, List, Optional
+from typing import Dict, List, Optional
 
 import rosgraph
 
 from . import rpc
 from .admission import Budget
-from .bus_info import INBOUND, BusEntry, udpros_entries
+from .bus_info import BusEntry, udpros_entries
 from .endpoints import addresses_of, is_loopback
 from .negotiation import Refused
 from .shared_answers import SharedAnswers
@@ -58,17 +58,17 @@ class Callers:
                     del self._known[next(iter(self._known))]
         return uri
 
-    def ports(self, uri: str, topic: str, max_age: float = 0.0) -> Optional[FrozenSet[int]]:
-        """The UDP ports on which a node receives a topic, by its own word; None: it does not answer.
+    def bus(self, uri: str, max_age: float = 0.0) -> Optional[List[BusEntry]]:
+        """The UDPROS connections of a node, by its own word; none if it has ended, None: it does not answer.
 
         :param max_age: how old its word may be [s]
         """
         try:
-            entries = self._buses.ask(uri, max_age)
+            return self._buses.ask(uri, max_age)
+        except rpc.Gone:
+            return []
         except (rpc.Unreachable, Refused):
             return None
-        return frozenset(entry.local_port for entry in entries if entry.local_port is not None
-                         and (entry.direction, entry.topic) == (INBOUND, topic))
 
 
 def _look_up(name: str) -> Optional[str]:

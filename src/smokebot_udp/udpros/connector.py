@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The subscriber's side of negotiation: connects to publishers, by UDPROS or else by TCPROS."""
+"""The subscriber's side of negotiation: connects to publishers, by UDPROS or else by TCPROS.
+
+A publisher of another type, or of another version of it, is not asked for TCPROS: it would refuse that, too, and rospy
+would try it again and again. One error names both versions.
+"""
 import itertools
 import threading
 import time
@@ -16,7 +20,7 @@ from rospy.impl.tcpros import get_tcpros_handler
 from . import rpc
 from .endpoints import DatagramReceiver, addresses_of
 from .loss_emulation import open_receiver
-from .negotiation import PROTOCOL, Refused, Reply, Request
+from .negotiation import OTHER_TYPE_PERIOD, PROTOCOL, Refused, Reply, Request, is_other_type, other_type
 from .rospy_transports import SubscriberTransport, UdpSubscriberImpl
 
 TCPROS = 'TCPROS'
@@ -69,16 +73,18 @@ class Connector:
         self.connect_all(connection.name, [connection.endpoint_id])
 
     def _connect(self, impl: UdpSubscriberImpl, uri: str) -> ApiResult:
-        """Negotiate with one publisher until it answers, publishes no longer, or has ended."""
+        """Negotiate with one publisher, once it is wanted, until it answers, publishes no longer, or has ended."""
         for connection in impl.connections:
             if connection.endpoint_id == uri:
                 return 1, 'already connected to %s' % uri, 0
         period, begun = rpc.RETRY_PERIOD, time.monotonic()
         while uri in impl.publishers and not impl.closed and not self._ended.is_set():
             try:
-                return _negotiate(impl, uri, impl.options.protocols)
+                if impl.options.wanted():
+                    return _negotiate(impl, uri, impl.options.protocols)
             except Refused as refusal:
-                rospy.logerr_throttle_identical(10, '[%s]: %s refuses: %s' % (impl.resolved_name, uri, refusal))
+                period = OTHER_TYPE_PERIOD if is_other_type(refusal) else 10
+                rospy.logerr_throttle_identical(period, '[%s]: %s refuses: %s' % (impl.resolved_name, uri, refusal))
                 return 0, str(refusal), 0
             except (rpc.Unreachable, OSError) as error:     # OSError: such as EMFILE, here
                 rospy.logdebug('[%s]: no connection to %s, retrying: %s', impl.resolved_name, uri, error)
@@ -138,8 +144,7 @@ def _negotiate(impl: UdpSubscriberImpl, uri: str, protocols: Sequence[str]) -> A
             return result
         reply = Reply.parse(params)
         if impl.data_class._md5sum not in ('*', reply.header['md5sum']):
-            raise Refused('it publishes %s with md5sum %s, not %s' % (
-                reply.header['type'], reply.header['md5sum'], impl.data_class._md5sum))
+            raise other_type(impl.resolved_name, reply.header['type'], reply.header['md5sum'], impl.data_class._md5sum)
         hosts = {reply.host, urllib.parse.urlparse(uri).hostname}
         if not any(map(addresses_of, hosts)):
             raise rpc.Unreachable('nobody knows the addresses of %s' % ', '.join(map(str, hosts)))
@@ -163,7 +168,7 @@ def _request(uri: str, impl: UdpSubscriberImpl, receiver: DatagramReceiver, prot
     try:
         return _checked(rpc.call(uri, 'requestTopic', impl.resolved_name, offers))
     except Refused as refusal:
-        if offers[-1] != [TCPROS] or len(offers) == 1:
+        if offers[-1] != [TCPROS] or len(offers) == 1 or is_other_type(refusal):
             raise
         params = _checked(rpc.call(uri, 'requestTopic', impl.resolved_name, offers[-1:]))
         if impl.fallbacks.refused(uri, time.monotonic()):

@@ -28,6 +28,7 @@ SO_MEMINFO = 55             # asm-generic/socket.h: the socket's memory statisti
 MEMINFO_DROPS = 8           # linux/sock_diag.h: SK_MEMINFO_DROPS
 SO_TIMESTAMPNS = 35         # asm-generic/socket.h: a control message holds the time of arrival
 IP_MTU = 14                 # linux/in.h: the path MTU of a connected socket
+MAP_POPULATE = 0x8000       # asm-generic/mman.h, and x86; Python 3.8 does not name it
 
 SEND_TIMEOUT = 0.05
 """How long a call waits for room in the socket before it drops the rest [s]."""
@@ -37,6 +38,9 @@ NO_GSO = (errno.EINVAL, errno.EIO, errno.EMSGSIZE, errno.ENOPROTOOPT, errno.EOPN
 
 MAX_QUEUEING = 1.0
 """A datagram that seems to have waited longer in this machine did not: the clock was set [s]."""
+
+MAX_POPULATED = 1 << 20
+"""Shorter receive slots get their memory at once, so that a rare long burst does not need any [byte]."""
 
 READING_ERROR = 1e-5
 """Of a clock, its resolution included [s]."""
@@ -280,6 +284,8 @@ class DatagramReceiver:
         return count
 
     def _receive_one_by_one(self) -> int:
+        if self.socket.fileno() < 0:
+            raise OSError(errno.EBADF, 'the receiver was closed')
         for count in range(self.batch):
             try:
                 self.lengths[count], (host, port) = self.socket.recvfrom_into(self.datagrams[count])
@@ -311,8 +317,12 @@ class DatagramReceiver:
             self.socket.shutdown(socket.SHUT_RD)
 
     def close(self) -> None:
-        """Free the socket."""
+        """Free the socket and the slots, in the thread that receives.
+
+        Who keeps the ended connection, such as Python's garbage collector, keeps little then.
+        """
         self.socket.close()
+        self.datagrams = self.datagrams[:0].copy()
 
 
 def _mapped(shape: Tuple[int, ...], dtype: Any) -> Array:
@@ -320,7 +330,9 @@ def _mapped(shape: Tuple[int, ...], dtype: Any) -> Array:
 
     malloc would keep the memory of ended connections, and add to it with each connection that is made anew.
     """
-    memory = mmap.mmap(-1, math.prod(shape) * np.dtype(dtype).itemsize, mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+    size = math.prod(shape) * np.dtype(dtype).itemsize
+    populate = MAP_POPULATE if size <= MAX_POPULATED else 0
+    memory = mmap.mmap(-1, size, mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS | populate)
     return np.frombuffer(memory, dtype).reshape(shape)
 
 

@@ -27,6 +27,13 @@ FALLBACK_PERIOD, MAX_FALLBACK_PERIOD = 3.0, 60.0
 """Time until a publisher that refused UDPROS is asked for it again; it doubles up to the maximum [s]."""
 
 
+OTHER_TYPE = ' with md5sum '
+"""By which a subscriber recognises the refusal in the publisher's text."""
+
+OTHER_TYPE_PERIOD = 3600
+"""Such a refusal is logged again only after this time: it lasts until somebody updates a machine [s]."""
+
+
 class Refused(ValueError):
     """The peer's request or answer is not acceptable; the text is sent to the peer.
 
@@ -36,6 +43,20 @@ class Refused(ValueError):
     def __init__(self, text: str, reason: str = 'malformed') -> None:
         super().__init__(text)
         self.reason = reason
+
+
+def other_type(topic: str, type_: str, md5sum: str, wanted: str) -> Refused:
+    """The refusal where publisher and subscriber have different types, or versions of one.
+
+    :param type_, md5sum: of the publisher
+    :param wanted: md5sum of the subscriber
+    """
+    return Refused('[%s] is of type %s%s%s, not %s' % (topic, type_, OTHER_TYPE, md5sum, wanted), 'type')
+
+
+def is_other_type(refusal: Exception) -> bool:
+    """Whether a peer's refusal is one of `other_type`: no other transport would do."""
+    return OTHER_TYPE in str(refusal)
 
 
 class Fallbacks:

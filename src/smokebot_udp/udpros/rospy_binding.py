@@ -28,7 +28,7 @@ from .acceptor import Acceptor
 from .admission import Budget
 from .connector import ApiResult, Connector
 from .master import log_without_master
-from .negotiation import PROTOCOL, Refused
+from .negotiation import OTHER_TYPE_PERIOD, PROTOCOL, Refused
 from .rospy_transports import UdpPublisherImpl
 from .watch import Watch
 
@@ -77,7 +77,8 @@ class UdprosHandler(ProtocolHandler):
             return 1, 'ready', self.acceptor.accept(topic, protocol).params()
         except Refused as refusal:
             if self._log_budget.take(time.monotonic()):
-                rospy.logwarn_throttle_identical(10, '[%s]: a UDPROS subscriber is refused: %s' % (topic, refusal))
+                period = OTHER_TYPE_PERIOD if refusal.reason == 'type' else 10
+                rospy.logwarn_throttle_identical(period, '[%s]: a UDPROS subscriber is refused: %s' % (topic, refusal))
             return 0, str(refusal), []
 
 

@@ -53,6 +53,8 @@ class SubscriberOptions:
     """How long to wait for a batch to grow [s]."""
     arrived: Optional[Arrived]
     """Called for new messages."""
+    wanted: Callable[[], bool] = lambda: True
+    """Whether publishers are connected now; asked again and again until then."""
 
 
 class UdpTransport(Transport):
@@ -84,6 +86,8 @@ class PublisherTransport(UdpTransport):
         super().__init__(OUTBOUND, name=topic)
         self.endpoint_id = request.header['callerid']
         self.connection_id, self.max_datagram_size = connection_id, max_datagram_size
+        self.caller_uri: Optional[str] = None
+        """Of the subscriber's XML-RPC server; None: unknown."""
         self.since = time.monotonic()
         """When it was made, by time.monotonic() [s]."""
         self.sender = DatagramSender(request.host, request.port)

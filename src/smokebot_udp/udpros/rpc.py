@@ -302,10 +302,11 @@ def call_all(uri: str, calls: Sequence[Dict[str, Any]], timeout: float) -> List[
         session.close()
 
 
-def repeated(call: Callable[[], Value]) -> Value:
+def repeated(call: Callable[[], Value], warn: Callable[..., None] = rospy.logwarn) -> Value:
     """The result of a call that rospy makes of the master, repeated until the master answers.
 
     :param call: f()
+    :param warn: called with a text and its arguments, once
     :raises Exception: what it raises otherwise, or while the node is shutting down
     """
     period = RETRY_PERIOD
@@ -316,6 +317,6 @@ def repeated(call: Callable[[], Value]) -> Value:
             if rospy.is_shutdown():
                 raise
             if period == RETRY_PERIOD:
-                rospy.logwarn('the master does not answer, it is asked again: %r', error)
+                warn('the master does not answer, it is asked again: %r', error)
         time.sleep(period)
         period = min(2 * period, MAX_RETRY_PERIOD)

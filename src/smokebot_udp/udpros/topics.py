@@ -128,6 +128,8 @@ class Subscriber(rospy.Subscriber):
     :param coalesce: with a batch_callback, how long to wait for a batch to grow [s]
     :param arrived: f(connection, seq, size, count, when), called for new messages, see udpros.subscription.Arrived;
         None: nothing is called
+    :param wanted: f() -> bool, called when the topic has a publisher, and again until it is True: no publisher is
+        connected before, by UDPROS or TCPROS
     :raises ValueError: if the transport is unknown, the size is out of range, or a batch_callback is given for a type
         without record layout
     :raises rospy.ROSException: if the topic already has a plain rospy.Subscriber in this process
@@ -138,9 +140,10 @@ class Subscriber(rospy.Subscriber):
                  tcp_nodelay: bool = False, transport: str = 'prefer_udp',
                  batch_callback: Optional[BatchCallback] = None,
                  max_datagram_size: int = DEFAULT_MAX_DATAGRAM_SIZE, receive_buffer: int = 4 << 20,
-                 coalesce: float = 2e-3, arrived: Optional[Arrived] = None) -> None:
+                 coalesce: float = 2e-3, arrived: Optional[Arrived] = None,
+                 wanted: Callable[[], bool] = lambda: True) -> None:
         _check(transport, max_datagram_size)
-        options = SubscriberOptions(PROTOCOLS[transport], max_datagram_size, receive_buffer, coalesce, arrived)
+        options = SubscriberOptions(PROTOCOLS[transport], max_datagram_size, receive_buffer, coalesce, arrived, wanted)
         if batch_callback is not None:
             record_dtype(data_class, {})    # raises if the type has no layout
         self._batch_callback = batch_callback

@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The start of a node while the master restarts."""
+import logging
+import xmlrpc.client
+from typing import Any
+
+import rosgraph
+import rospy
+import rospy.core
+
+from . import rpc
+
+
+class _Transport(xmlrpc.client.Transport):
+    """Repeats each call until the master answers, as long as `repeats`."""
+    repeats = True
+
+    def request(self, *args: Any, **kwargs: Any) -> Any:
+        """As xmlrpc.client.Transport's."""
+        request = super().request
+        if not self.repeats:
+            return request(*args, **kwargs)
+        # not by rospy.logwarn: it asks the master, through this proxy
+        return rpc.repeated(lambda: request(*args, **kwargs), logging.getLogger('rospy.' + __name__).warning)
+
+
+def init_node(name: str) -> None:
+    """rospy.init_node, but a master that restarts at this moment does not end the node.
+
+    rospy sets the node's private parameters and asks for /use_sim_time once; neither it nor a second call of
+    rospy.init_node could go on where that failed. So its proxy of the master repeats its calls meanwhile.
+
+    :param name: as for rospy.init_node
+    :raises Exception: as rospy.init_node
+    """
+    uri, transport = rosgraph.get_master_uri(), _Transport()
+    cache = rospy.core._xmlrpc_cache
+    cache[uri] = type(rospy.core.xmlrpcapi(uri))(uri, transport=transport)
+    try:
+        rospy.init_node(name)
+    finally:
+        transport.repeats = False       # rospy keeps the proxy

@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""When a publisher is asked for a connection: a real XML-RPC server, no master."""
+import threading
+import xmlrpc.server
+from typing import Any, Iterator, List
+
+import pytest
+import rospy
+from std_msgs.msg import String
+
+from smokebot_udp.udpros import connector, rpc
+from smokebot_udp.udpros.connector import Connector
+from smokebot_udp.udpros.rospy_transports import SubscriberOptions, UdpSubscriberImpl
+
+
+class Publisher:
+    """A node that refuses all connections."""
+
+    def __init__(self) -> None:
+        self.server = xmlrpc.server.SimpleXMLRPCServer(('127.0.0.1', 0), logRequests=False)
+        self.server.register_function(self.request, 'requestTopic')
+        self.uri = 'http://127.0.0.1:%d/' % self.server.server_address[1]
+        self.topics: List[str] = []
+        threading.Thread(target=self.server.serve_forever, args=(0.01,), daemon=True).start()
+
+    def request(self, caller: str, topic: str, offers: Any) -> Any:
+        self.topics.append(topic)
+        return [0, 'not today', 0]
+
+
+@pytest.fixture
+def publisher() -> Iterator[Publisher]:
+    made = Publisher()
+    yield made
+    made.server.shutdown()
+    made.server.server_close()
+
+
+def subscriber(publisher: Publisher, wanted: Any, monkeypatch: Any) -> UdpSubscriberImpl:
+    impl = UdpSubscriberImpl('/topic', String, SubscriberOptions(('UDPROS',), 1472, 1 << 16, 0.0, None, wanted))
+    impl.publishers = (publisher.uri,)
+
+    class Manager:
+        """Stands in for rospy's, which has a master."""
+        @staticmethod
+        def get_subscriber_impl(topic: str) -> UdpSubscriberImpl:
+            return impl
+    monkeypatch.setattr(connector, 'get_topic_manager', Manager)
+    monkeypatch.setattr(rpc, 'RETRY_PERIOD', 0.01)
+    monkeypatch.setattr(rospy, 'logerr_throttle_identical', lambda period, text: None)
+    return impl
+
+
+def test_a_publisher_is_asked_once_it_is_wanted(publisher: Publisher, monkeypatch: Any) -> None:
+    requests_before: List[int] = []
+
+    def wanted() -> bool:
+        requests_before.append(len(publisher.topics))
+        return len(requests_before) == 4
+    impl = subscriber(publisher, wanted, monkeypatch)
+    assert Connector(lambda *_: (0, 'by TCPROS', 0)).connect_topic('/topic', publisher.uri)[0] == 0
+    assert requests_before == [0, 0, 0, 0] and publisher.topics == ['/topic'] and not impl.connecting
+
+
+def test_a_subscriber_that_ends_before_asks_nobody(publisher: Publisher, monkeypatch: Any) -> None:
+    def wanted() -> bool:
+        impl.close()
+        return False
+    impl = subscriber(publisher, wanted, monkeypatch)
+    assert Connector(lambda *_: (0, 'by TCPROS', 0)).connect_topic('/topic', publisher.uri)[0] == 0
+    assert publisher.topics == [] and not impl.connecting

@@ -1,0 +1,29 @@
+# SPDX-License-Identifier: BSD-3-Clause
+import subprocess
+import sys
+
+PROGRAM = """
+import gc
+import time
+import weakref
+from smokebot_udp.nodes.garbage import collect_regularly
+
+class Connection:
+    def __init__(self):
+        self.itself = self
+
+first = Connection()
+collect_regularly(0.05)
+connection = Connection()
+gc.collect()            # it lives for a while
+ended, deadline = weakref.ref(connection), time.monotonic() + 30
+del connection
+while ended() is not None and time.monotonic() < deadline:
+    time.sleep(0.01)
+print(ended() is None, any(one is first for one in gc.get_objects()))
+"""
+"""A node with few objects, one of which ends; it prints whether that is freed, and whether an old one is looked at."""
+
+
+def test_what_has_ended_is_freed_soon_and_what_is_old_is_not_looked_at() -> None:
+    assert subprocess.check_output([sys.executable, '-c', PROGRAM]).split() == [b'True', b'False']

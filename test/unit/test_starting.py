@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The start of a node while the master restarts: a process, and a master that cuts its first answers off."""
+import collections
+import os
+import subprocess
+import sys
+import threading
+from typing import Any, Counter, Iterator, Tuple
+from xmlrpc.server import SimpleXMLRPCRequestHandler, SimpleXMLRPCServer
+
+import pytest
+
+NODE = """
+import sys
+import rospy
+from smokebot_udp import udpros
+{init}('starting')
+print('started', rospy.get_time() > 0, flush=True)
+rospy.signal_shutdown('the test has ended')
+"""
+
+CUT = b'HTTP/1.1 200 OK\r\nContent-Type: text/xml\r\nContent-Length: 100\r\n\r\n<?xml'
+
+
+class Server(SimpleXMLRPCServer):
+    """A master that answers these methods only from the second time on."""
+    weak = 'setParam', 'getParam', 'registerPublisher'
+
+    def __init__(self) -> None:
+        super().__init__(('127.0.0.1', 0), Handler, logRequests=False)
+        self.asked: Counter[str] = collections.Counter()
+
+    def _dispatch(self, method: str, params: Tuple[Any, ...]) -> Any:
+        return 1, '', [] if method.startswith('register') else 0
+
+
+class Handler(SimpleXMLRPCRequestHandler):
+
+    def do_POST(self) -> None:
+        server: Any = self.server
+        length = int(self.headers['Content-Length'])
+        body = self.rfile.read(length)
+        method = body.split(b'<methodName>')[1].split(b'<')[0].decode()
+        server.asked[method] += 1
+        if method in server.weak and server.asked[method] == 1:
+            self.wfile.write(CUT)
+            self.close_connection = True
+            return
+        answer = server._marshaled_dispatch(body)
+        self.send_response(200)
+        self.send_header('Content-Length', str(len(answer)))
+        self.end_headers()
+        self.wfile.write(answer)
+
+
+@pytest.fixture
+def master() -> Iterator[Server]:
+    with Server() as server:
+        thread = threading.Thread(target=server.serve_forever, args=(0.05,), daemon=True)
+        thread.start()
+        yield server
+        server.shutdown()
+
+
+def output(master: Server, init: str) -> str:
+    """What a node prints that is started at this master."""
+    environment = {**os.environ, 'ROS_MASTER_URI': 'http://127.0.0.1:%d' % master.server_address[1],
+                   'ROS_HOSTNAME': '127.0.0.1'}
+    return subprocess.run([sys.executable, '-c', NODE.format(init=init), '_private:=7'], env=environment, timeout=60,
+                          stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True).stdout
+
+
+def test_a_node_starts_while_the_master_restarts(master: Server) -> None:
+    assert output(master, 'udpros.init_node') == 'started True\n'
+    assert master.asked['setParam'] == 2
+
+
+def test_rospys_own_start_fails_then(master: Server) -> None:
+    """Otherwise this module would not be needed any more."""
+    assert output(master, 'rospy.init_node') == ''
