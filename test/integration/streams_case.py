@@ -5,9 +5,7 @@ import xmlrpc.client
 from typing import Any, Callable, List
 
 import rosgraph
-import rospy
-from rosgraph_msgs.msg import Log
-from waiting import wait_for
+from waiting import errors_logged, wait_for
 
 from smokebot_udp import udpros
 
@@ -22,9 +20,7 @@ class StreamsCase(unittest.TestCase):
     @classmethod
     def listen(cls, *streams: str) -> None:
         """Record errors, and wait until every stream reaches all three receivers."""
-        cls.errors = []
-        cls.log = rospy.Subscriber('/rosout', Log, lambda log: cls.errors.append(log.msg)
-                                   if log.level >= Log.ERROR else None)
+        cls.errors = errors_logged()
         for stream in streams:
             wait_for(lambda name=stream: cls.receivers(name) == len(LOSSES), what='the receivers of ' + stream)
 

@@ -14,11 +14,10 @@ import rospy
 import rostest
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
-from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import Image
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from waiting import Collector, stamps, wait_for
+from waiting import Collector, errors_logged, stamps, wait_for
 
 from smokebot_udp import udpros
 from smokebot_udp.codecs.display.view import COLOURS, FRESH, FROZEN, OLD
@@ -48,9 +47,7 @@ class ImageStreams(unittest.TestCase):
     @classmethod
     def setUpClass(cls) -> Any:
         rospy.init_node('image_streams')
-        cls.errors = []
-        cls.log = rospy.Subscriber('/rosout', Log, lambda log: cls.errors.append(log.msg)
-                                   if log.level >= Log.ERROR else None)
+        cls.errors = errors_logged()
         cls.source = rospy.Publisher('/thermal/image_raw', Image, queue_size=5)
         cls.out = {loss: Collector(topic, Image) for loss, topic in (
             (0, '/operator/thermal/image_raw'), (50, '/loss50/thermal'), (90, '/loss90/thermal'))}

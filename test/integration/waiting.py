@@ -4,9 +4,10 @@ import threading
 import time
 import xml.etree.ElementTree as ElementTree
 import xmlrpc.client
-from typing import Any, Callable, Dict, Iterator
+from typing import Any, Callable, Dict, Iterator, List
 
 import rospy
+from rosgraph_msgs.msg import Log
 from rosunit import xmlrunner
 
 
@@ -26,6 +27,13 @@ class ResultWithSkips(xmlrunner._XMLTestResult):
 
 
 xmlrunner._XMLTestResult = ResultWithSkips
+
+
+def errors_logged() -> List[str]:
+    """The texts of the errors that any node logs from now on; rospy keeps the subscriber."""
+    errors: List[str] = []
+    rospy.Subscriber('/rosout', Log, lambda log: errors.append(log.msg) if log.level >= Log.ERROR else None)
+    return errors
 
 
 def wait_for(condition: Callable[[], Any], seconds: float = 20.0, what: str = 'the condition') -> Any:

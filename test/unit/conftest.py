@@ -1,6 +1,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""How hypothesis runs here: a machine that is busy with something else makes no property false."""
+"""How hypothesis runs here: a machine that is busy with something else makes no property false.
+
+Compiled loops check their indexes here. They have a cache of their own: numba would take unchecked ones from another.
+"""
+import os
+import pathlib
+
 from hypothesis import HealthCheck, settings
 
 settings.register_profile('busy machine', deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile('busy machine')
+
+os.environ['NUMBA_BOUNDSCHECK'] = '1'
+os.environ['NUMBA_CACHE_DIR'] = str(pathlib.Path(__file__).resolve().parents[2] / '.pytest_cache' / 'checked_loops')

@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
+import collections
 import math
 from dataclasses import fields, replace
 from typing import Any, Callable, List, Sequence, Set, Tuple
@@ -62,6 +63,45 @@ def test_loss_is_counted_between_reports_and_a_lost_report_costs_nothing() -> No
     assert (feedback.expected, feedback.received) == (6, 4)
     assert [sample.total for sample in feedback.samples] == [5000, 7000, 8000, 10000]
     assert feedback.unreported == 2000
+
+
+def test_arrivals_are_counted_by_name_and_an_idle_part_loses_nothing() -> None:
+    history, arrivals, last = SentHistory(), ReceiveHistory(lambda: 7), collections.Counter()
+    reader = FeedbackReader(history)
+
+    def second(number: int, name: str, lost: Sequence[int] = ()) -> Any:
+        """Ten datagrams of one name, and a report."""
+        for k in range(10):
+            last[name] += 1
+            seq, left = last[name], 100 + number + 0.01 * k
+            history.add(name, seq, 1, 1000, left)
+            if k not in lost:
+                arrivals.add(name, seq, 1000, left + 0.02 + AHEAD)
+        return reader.read(arrivals.report(100.9 + number + AHEAD), 100.95 + number)
+
+    second(0, 'thermal')
+    assert second(1, 'thermal', (3, 4)).arrivals == [('thermal', 10, 8)]
+    feedback = second(2, 'thermal/layers')      # the first that is heard of it: nothing to compare with
+    assert feedback.arrivals == [('thermal', 0, 0), ('thermal/layers', 0, 0)] and feedback.expected == 0
+    assert not feedback.restarted
+    feedback = second(3, 'thermal/layers', (0, 1, 2))
+    assert feedback.arrivals[1] == ('thermal/layers', 10, 7) and (feedback.expected, feedback.received) == (10, 7)
+    feedback = second(4, 'thermal', (9,))       # its numbers go on where they ended, and the last one is not missed yet
+    assert feedback.arrivals[0] == ('thermal', 9, 9) and not feedback.restarted and not reader.dropped
+
+
+def test_what_was_left_out_for_a_slower_link_has_not_arrived() -> None:
+    history, arrivals = path(sent=4)
+    reader = FeedbackReader(history)
+    reader.read(arrivals.report(100.09 + AHEAD), 100.11)
+    history.add('thermal', 5, 4, 1000, 100.2)
+    reader.sent.leave_out('thermal', 7, 2, 1000)
+    for seq in (5, 6):
+        arrivals.add('thermal', seq, 1000, 100.25 + 0.004 * seq + AHEAD)
+    history.add('thermal', 9, 1, 1000, 100.21)
+    arrivals.add('thermal', 9, 1000, 100.3 + AHEAD)
+    feedback = reader.read(arrivals.report(100.35 + AHEAD), 100.36)
+    assert feedback.arrivals == [('thermal', 5, 3)] and (feedback.expected, feedback.received) == (3, 3)
 
 
 def test_samples_are_spaced_and_bounded() -> None:

@@ -75,8 +75,11 @@ def test_late_segments_change_nothing() -> None:
     assert feed(1 * S, range(10, 64), 0.11) == []
     assert feed.frames.dropped['late'] == 54
     assert feed(2 * S, range(20, 64), 0.12) == [(2 * S, 64)]
-    assert feed(2 * S, range(64), 0.13) == []       # of a frame that is finished
-    assert feed.frames.dropped['late'] == 54 + 64
+    assert feed(2 * S, range(64), 0.13) == []       # of a frame that is complete
+    assert +feed.frames.dropped == {'late': 54, 'not needed': 64}
+    assert feed(3 * S, [63], 0.2) == [] and feed.poll(0.2 + QUIET) == (3 * S, 1)
+    assert feed(3 * S, range(63), 0.23) == []       # of one that was finished without them
+    assert +feed.frames.dropped == {'late': 54 + 63, 'not needed': 64}
 
 
 def test_after_one_of_the_last_segments_it_waits_for_reordered_ones_only() -> None:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from smokebot_udp.codecs.display.view import COLOURS, FRESH, FROZEN, OLD
+from smokebot_udp.image_error import ImageError
 from smokebot_udp.mission.parameters import check, live
 from smokebot_udp.mission.settings import SettingsStore
 from smokebot_udp.streams.image.assembler import ImageAssembler
@@ -97,6 +98,23 @@ def test_limits_that_change_show_at_once() -> None:
     assert next_drawn(shown, 10.0)[1] == FRESH and next_drawn(shown, 10.5)[1] == OLD
     shown.configure(check({'frozen_after': 0.3}, PARAMETERS), {'frozen_after': 0.3})
     assert next_drawn(shown, 10.6)[1] == FROZEN
+
+
+@pytest.mark.parametrize('rms, least_psnr, expected', [(8.0, 20.0, OLD), (8.0, 10.0, FRESH), (0.0, 100.0, FRESH)])
+def test_the_error_of_a_layered_image_is_judged(rms: float, least_psnr: float, expected: str) -> None:
+    """The colours of this image span 35 counts."""
+    shown, new = view(least_psnr=least_psnr), image(10.0)
+    new.error = ImageError(rms)
+    shown.add(new)
+    assert next_drawn(shown, 10.0) == (new, expected)
+
+
+def test_an_image_of_which_nothing_came_leaves_the_old_one_to_grow_old() -> None:
+    """Of a layered image of which nothing can be restored, the view hears nothing."""
+    shown, good = view(old_after=0.2, frozen_after=0.4), image(10.0)
+    good.error = ImageError(0.0)
+    shown.add(good)
+    assert [next_drawn(shown, now)[1] for now in (10.0, 10.25, 10.8)] == [FRESH, OLD, FROZEN]
 
 
 def drawn_after(*changes: Any) -> Any:

@@ -1,7 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The commands of link_lab and the running link, over a real socket."""
+import os
 import pathlib
+import signal
 import socket
+import subprocess
+import sys
 from typing import Any, Dict, Iterator, List, cast
 
 import pytest
@@ -79,3 +83,33 @@ def test_a_socket_that_nobody_answers_is_replaced(path: str) -> None:
     with pytest.raises(LabError, match='no link is up'):
         request(path, {})
     assert not pathlib.Path(path).exists()
+
+
+UP = """
+import contextlib, signal, sys
+from smokebot_udp.link_lab import cli
+
+class Lab(contextlib.ExitStack):        # the real one needs root
+    def __init__(self, *_):
+        super().__init__()
+        self.callback(print, 'the link is removed', flush=True)
+
+    def set(self, *_):
+        pass
+
+signal.signal(signal.SIGINT, signal.default_int_handler)    # a background job of a shell ignores it
+cli.Lab, cli.SOCKET = Lab, sys.argv.pop()
+cli.main()
+"""
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_link_that_is_ended_leaves_no_socket(path: str, number: int) -> None:
+    command = [sys.executable, '-c', UP, 'up', path]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, universal_newlines=True) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline().startswith('the link is up')
+        assert os.path.exists(path)
+        process.send_signal(number)
+        assert process.stdout.read() == 'the link is removed\n'
+    assert (process.returncode, os.path.exists(path)) == (0, False)

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The nodes around the link controller, without ROS: messages, and what a plan does to streams and outbox."""
+import math
 from types import SimpleNamespace
 from typing import Any, Dict, List, Mapping
 
@@ -8,9 +9,10 @@ import rospy
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import LaserScan
 
-from smokebot_udp.congestion.controller import Controller, Plan
+from smokebot_udp.congestion.controller import PLANNING_SHARE, Controller, Demand, Plan
 from smokebot_udp.congestion.estimator import Limits
 from smokebot_udp.congestion.feedback import ArrivalSample, ReceiveHistory, Report, StreamArrivals
+from smokebot_udp.congestion.operating_points import OperatingPoint
 from smokebot_udp.congestion.packet_scheduler import PacketScheduler
 from smokebot_udp.mission.parameters import check
 from smokebot_udp.monitoring.stats import LinkStats
@@ -138,6 +140,54 @@ def test_ticks_and_reports_set_the_rate_of_the_outbox(ros: Any, monkeypatch: pyt
     ros.tick()
     assert control.stats(clock.now).capacity == 4000.0 and scheduler.rate <= 4400.0
     assert control.stats(clock.now).state == 'no reports of /op for 12.0 s'
+
+
+def test_encoders_know_what_reports_say_about_their_stream_whichever_part_is_sent(
+        ros: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = SimpleNamespace(now=1000.0)
+    monkeypatch.setattr(link_control, 'time', SimpleNamespace(monotonic=lambda: clock.now))
+    monkeypatch.setattr(RobotStream, 'subscribers', {'/op'})
+    shared, arrivals = SharedController(Controller(Limits(), True, 1472)), ReceiveHistory(lambda: 7)
+    link = RobotLink(1472, Outbox(PacketScheduler(), shared.on_sent))
+    streams = {'thermal': stream('image', link), 'camera': stream('image', link)}
+    LinkControl(shared, link, streams)
+    ros.tick()
+    assert not streams['thermal'].encoder.outlook.air.known
+    header, seqs = {'callerid': '/op'}, {'thermal': 0, 'thermal/layers': 0, 'camera': 0}
+
+    def second(name: str, lost: int) -> float:
+        """Ten reports, each of ten datagrams of which some are lost: the loss that thermal's encoder expects."""
+        for _ in range(10):
+            for one, missing in ((name, lost), ('camera', 0)):
+                shared.on_sent(one, seqs[one] + 1, 10, 1000, clock.now)
+                for k in range(10):
+                    if k >= missing:
+                        arrivals.add(one, seqs[one] + 1 + k, 1000, clock.now + 0.01)
+                seqs[one] += 10
+            clock.now += 0.1
+            report = link_reporter.as_message(arrivals.report(clock.now))
+            report._connection_header = header
+            ros.report(report)
+        ros.tick()
+        return streams['thermal'].encoder.outlook.loss(0.5)
+
+    assert second('thermal', 0) < 0.02
+    assert 0.2 < second('thermal', 3) < 0.45
+    assert 0.2 < second('thermal/layers', 3) < 0.45     # what is known of the stream is known of its other part
+    assert second('thermal/layers', 0) < 0.05
+    assert streams['camera'].encoder.outlook.loss(0.5) < 0.02
+    clock.now += 2.0
+    ros.tick()
+    assert not streams['thermal'].encoder.outlook.air.known     # no reports
+
+
+def test_a_plan_says_what_a_stream_may_use_beside_the_others(ros: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    controller = Controller(Limits(max_rate=1e5), False, 1472)
+    points = [OperatingPoint({'rate': 1.0}, 1e4), OperatingPoint({'rate': 2.0}, 2e4)]
+    plan = controller.tick(0.0, {'thermal': Demand(points), 'camera': Demand(points)}, 0)
+    budget = PLANNING_SHARE * 1e5
+    assert plan.rooms == {name: pytest.approx(budget - 2e4) for name in ('thermal', 'camera')}
+    assert Controller(Limits(max_rate=math.inf), False, 1472).tick(0.0, {'thermal': Demand(points)}, 0).rooms == {}
 
 
 def test_a_tick_does_not_undo_what_a_report_changes_meanwhile(ros: Any, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,11 +9,14 @@ import pytest
 for library in ('cv2', 'matplotlib', 'tqdm'):
     pytest.importorskip(library)
 
+from evaluation import TOP, sensor_source  # noqa: E402
 from evaluation.linear_fit import linear_fit  # noqa: E402
-from evaluation.link_run import summary  # noqa: E402
+from evaluation.link_run import IMAGE_METHODS, summary  # noqa: E402
 from evaluation.listener import Heard  # noqa: E402
+from experiments import drawing  # noqa: E402
 from experiments.link.start_up import EVENTS, starts  # noqa: E402
 from experiments.link.traces import shown  # noqa: E402
+from smokebot_udp.streams import config  # noqa: E402
 
 
 def test_linear_fit() -> None:
@@ -53,3 +56,14 @@ def test_a_start_ends_with_the_last_stream_that_has_to_arrive() -> None:
             (2, start, 'thermal', 6.0), (2, start, 'camera', None),
             (1, restart, 'thermal', 3.0), (1, restart, 'camera', 2.0), (1, restart, 'map', 60.0))]
     assert starts(waits) == dict(zip(EVENTS, ([(4.0, 9.0), (6.0, math.inf)], [(2.0, 3.0)], [])))
+
+
+def test_image_methods_have_a_colour_a_source_and_a_stream_of_their_own() -> None:
+    assert set(IMAGE_METHODS) <= set(drawing.COLOURS)
+    assert {method.source for method in IMAGE_METHODS.values()} <= set(sensor_source.TOPICS)
+    streams, problems = config.load((TOP / 'evaluation' / 'link_streams.yaml').read_text())
+    coding = {settings['operator_topic']: settings['coding'] for settings in streams.values()
+              if settings['type'] == 'image'}
+    assert not problems and {name: coding['/' + method.subscriptions[0][0]] for name, method in IMAGE_METHODS.items()
+                             if name.startswith('smokebot_udp')} == {
+        'smokebot_udp': 'interleaved', 'smokebot_udp, layered': 'layered'}

@@ -28,7 +28,7 @@ def stream(side: str, name: str = 'thermal', level: int = 0, message: str = 'fin
 
 ROBOT = {'rate in [Hz]': '30.04', 'rate out [Hz]': '10', 'bytes/s': '512000'}
 OPERATOR = {'rate in [Hz]': '9.9', 'rate out [Hz]': '9.8', 'bytes/s': '400000', 'loss [%]': '12.34',
-            'completeness [%]': '87.6', 'age p50 [ms]': '123.4', 'age p99 [ms]': '456.7'}
+            'completeness [%]': '87.6', 'error': '+-4.5 counts', 'age p50 [ms]': '123.4', 'age p99 [ms]': '456.7'}
 
 
 def shown(*reports: List[NodeStatus], now: float = 0.4) -> Tuple[List[str], List[Optional[int]]]:
@@ -51,15 +51,17 @@ def test_refused_settings_are_shown_at_the_top() -> None:
 def test_both_sides_of_a_stream_share_a_line() -> None:
     texts, levels = shown([stream('robot', **ROBOT)], [stream('operator', **OPERATOR)])
     assert texts[0] == 'smokebot_udp link: last report 0.4 s ago'
-    assert texts[1].split() == ['LEVEL', 'STREAM', 'SOURCE', 'SENT', 'CAME', 'SHOWN', 'LOSS', '%', 'COMPL', '%', 'AGE',
-                                'ms', 'p99', 'kB/s']
-    assert texts[2].split() == ['OK', 'thermal', '30.0', '10.0', '9.9', '9.8', '12.3', '88', '123', '457', '400.0']
+    assert texts[1].split() == ['LEVEL', 'STREAM', 'SOURCE', 'SENT', 'CAME', 'SHOWN', 'LOSS', '%', 'COMPL', '%',
+                                'ERROR', 'AGE', 'ms', 'p99', 'kB/s']
+    assert texts[2].split() == ['OK', 'thermal', '30.0', '10.0', '9.9', '9.8', '12.3', '88',
+                                '+-4.5', 'counts', '123', '457', '400.0']
     assert levels == [None, None, 0] and len(texts) == 3
 
 
 def test_values_are_aligned_with_their_headings() -> None:
     texts, _ = shown([stream('robot', **ROBOT)], [stream('operator', **OPERATOR)])
-    for head, value in (('SOURCE', '30.0'), ('SHOWN', '9.8'), ('LOSS %', '12.3'), ('p99', '457'), ('kB/s', '400.0')):
+    for head, value in (('SOURCE', '30.0'), ('SHOWN', '9.8'), ('LOSS %', '12.3'),
+                        ('ERROR', '+-4.5 counts'), ('p99', '457'), ('kB/s', '400.0')):
         assert texts[1].index(head) + len(head) == texts[2].index(value) + len(value)
 
 
@@ -73,13 +75,13 @@ def test_the_worse_side_gives_the_level_and_the_reason() -> None:
 def test_one_side_alone_is_shown_and_the_other_is_reported_missing() -> None:
     texts, _ = shown([stream('robot', **ROBOT)])
     assert texts[0].endswith('no report of the operator')
-    assert texts[2].split() == ['OK', 'thermal', '30.0', '10.0', '-', '-', '-', '-', '-', '-', '512.0']
+    assert texts[2].split() == ['OK', 'thermal', '30.0', '10.0'] + ['-'] * 7 + ['512.0']
 
 
 def test_values_that_are_not_numbers_are_a_dash() -> None:
     texts, _ = shown([stream('operator', **{
         'loss [%]': 'nan', 'bytes/s': 'inf', 'age p50 [ms]': '', 'rate in [Hz]': 'x'})])
-    assert texts[2].split() == ['OK', 'thermal'] + ['-'] * 9
+    assert texts[2].split() == ['OK', 'thermal'] + ['-'] * 10
 
 
 def receives(node: str, robot: str, name: str = 'thermal') -> List[NodeStatus]:
@@ -93,7 +95,7 @@ def test_two_operators_are_listed_apart() -> None:
     texts, _ = shown([stream('robot', node='robot_sender', **ROBOT)], receives('operator_receiver', '/robot_sender'),
                      [*receives('desk2/operator_receiver', '/robot_sender'), clock])
     assert texts[1] == 'WARN   clock of /desk2/operator_receiver: not known'
-    row = 'OK thermal 30.0 10.0 9.9 9.8 12.3 88 123 457 400.0'.split()
+    row = 'OK thermal 30.0 10.0 9.9 9.8 12.3 88 +-4.5 counts 123 457 400.0'.split()
     assert texts[2:4] == ['', '/desk2/operator_receiver receives from /robot_sender'] and texts[5].split() == row
     assert texts[6:8] == ['', '/operator_receiver receives from /robot_sender'] and texts[9].split() == row
 
@@ -250,7 +252,7 @@ def test_the_number_of_nodes_is_bounded() -> None:
 
 @given(st.text())
 def test_no_report_can_control_the_terminal(text: str) -> None:
-    texts, _ = shown([stream('operator', text, 2, text, text, **{'loss [%]': text}),
+    texts, _ = shown([stream('operator', text, 2, text, text, **{'loss [%]': text, 'error': text}),
                       status(text, 2, text, side='operator', peer=text, address=text)])
     assert all(sign == ' ' or sign.isascii() and sign.isprintable() for text in texts for sign in text)
 

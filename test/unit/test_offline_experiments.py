@@ -12,13 +12,14 @@ for library in ('cv2', 'matplotlib', 'skimage', 'tqdm'):
 import cv2  # noqa: E402
 from nav_msgs.msg import OccupancyGrid  # noqa: E402
 
-from evaluation import TOP, jpeg_packets, offline_link  # noqa: E402
+from evaluation import TOP, jpeg_packets, offline_link, quality  # noqa: E402
 from evaluation.display import GREY, HEIGHT, WIDTH, Display  # noqa: E402
 from evaluation.quality import MAX_PSNR  # noqa: E402
 from experiments import doc_images  # noqa: E402
-from experiments.offline import cloud_loss, map_reduction  # noqa: E402
+from experiments.offline import cloud_loss, image_quality, map_reduction  # noqa: E402
 from smokebot_udp.arrays import UInt8Array  # noqa: E402
 from smokebot_udp.codecs.wire.grid import UNKNOWN  # noqa: E402
+from smokebot_udp.link_lab.channel import Channel, LinkConditions  # noqa: E402
 from smokebot_udp.udpros.frame import Frame  # noqa: E402
 
 IMAGE = np.random.RandomState(1).randint(0, 256, (240, 320)).astype(np.uint8)
@@ -47,6 +48,24 @@ def test_segments_are_in_sending_order_across_frames() -> None:
     first, last = offline_link.records_of(frames, arrived)
     assert first['index'].tolist() == frames[0].records['index'][[0, 2]].tolist()
     assert last['index'].tolist() == [frames[-1].records['index'][-1]]
+
+
+def test_a_layered_image_needs_enough_of_its_datagrams() -> None:
+    frames = offline_link.Sender('image', coding='layered').frames(offline_link.image_message(IMAGE // 16))
+    receiver, arrived = offline_link.image_receiver('nearest'), np.ones(offline_link.datagram_count(frames), bool)
+    assert receiver.part_of(frames[0]) == 'layers'
+    whole = offline_link.image_of(offline_link.received(receiver, frames, arrived))
+    assert quality.psnr(IMAGE // 16, whole) > 45
+    arrived[1:] = False
+    assert offline_link.received(receiver, frames, arrived) is None
+
+
+@pytest.mark.parametrize('loss, shown', [(0.0, [True] * 3), (1.0, [False] * 3)])
+def test_layered_images_within_a_budget(loss: float, shown: List[bool]) -> None:
+    smooth = cv2.GaussianBlur(IMAGE, (0, 0), 4)
+    images = list(image_quality.layered_shown(9000, [smooth] * 3, Channel(LinkConditions(loss=loss), 1)))
+    assert [image is not None for image in images] == shown
+    assert all(quality.psnr(smooth, image) > 40 for image in images if image is not None)
 
 
 def test_refresh_cycles_of_a_map_complete_each_other() -> None:

@@ -10,21 +10,24 @@ import rospy
 from std_msgs.msg import String
 
 from smokebot_udp import udpros
+from smokebot_udp.image_error import ImageError
 from smokebot_udp.mission.parameters import Parameter
-from smokebot_udp.monitoring.stats import ConnectionStats, StreamStats
+from smokebot_udp.monitoring.stats import ConnectionStats, Shown, StreamStats
 from smokebot_udp.nodes import operator_stream
 from smokebot_udp.nodes.operator_stream import OperatorLink, OperatorStream
 from smokebot_udp.streams.assembler import Assembled, Assembler
 from smokebot_udp.streams.parameters import OPERATOR
+from smokebot_udp.streams.segments import MAIN_PART
 
 GOOD = np.ones(1, bool)
 STAMP = 90 * 10 ** 9
 NOW = 100
+ERROR = ImageError(2.0)
 
 
 class FakeAssembler(Assembler[Any, Assembled]):
     """Makes of each record a message, and keeps a record of what is called."""
-    MESSAGE = SEGMENT = String
+    MESSAGE, SEGMENTS, COMPILED = String, {MAIN_PART: String, 'layers': String}, frozenset(['layers'])
     PARAMETERS = {**OPERATOR, 'max_wait': Parameter(0.1, 's', '', above=0.0, live=True),
                   'fill': Parameter('nearest', '', '', live=True)}
 
@@ -36,8 +39,8 @@ class FakeAssembler(Assembler[Any, Assembled]):
     def configure(self, settings: Any, changed: Any) -> None:
         self.log.put(('configure', dict(changed)))
 
-    def receive(self, records: Any, mask: Any, now: float) -> None:
-        self.finished.append(records)
+    def receive(self, records: Any, mask: Any, now: float, part: str = MAIN_PART) -> None:
+        self.finished.append(records if part == MAIN_PART else (part, records))
 
     def deadline(self) -> Optional[float]:
         return 0.0 if self.finished else None
@@ -51,7 +54,9 @@ class FakeAssembler(Assembler[Any, Assembled]):
             raise ValueError('it is broken')
         if finished == 'warn':
             self.warnings.append('something is odd')
-        return None if finished == 'same' else Assembled(finished, STAMP, 0.5)
+        assembled = Assembled(finished, STAMP, 0.5)
+        assembled.error = ERROR
+        return None if finished == 'same' else assembled
 
     def settle(self, finished: Any, assembled: Assembled, settings: Any, now: float) -> None:
         self.log.put(('settle', finished))
@@ -109,19 +114,20 @@ class Bench:
         self.topics[name] = FakeTopic(self.log, name, class_, **options)
         return self.topics[name]
 
-    def start(self, class_: Any = FakeAssembler, name: str = 'thermal') -> OperatorStream:
+    def start(self, class_: Any = FakeAssembler, name: str = 'thermal', codec: Any = None) -> OperatorStream:
         self._class = class_
         settings = {'type': 'fake', 'operator_topic': '/operator/' + name, 'max_wait': 0.1, 'fill': 'nearest',
                     'robot_topic': '/robots'}
-        link = OperatorLink(1472, is_still=lambda: True, images_compared=self.compared.put)
+        link = OperatorLink(1472, is_still=lambda: True, images_compared=self.compared.put, codec=codec,
+                            arrived=lambda name, *rest: self.log.put(('arrived', name, *rest)))
         stream = OperatorStream(name, settings, link)
         stream.assembler.log = self.log     # type: ignore[attr-defined]
         stream.start()
         self.streams.append(stream)
         return stream
 
-    def receive(self, records: Any, name: str = 'thermal') -> None:
-        self.topics['/smokebot_udp/%s/segments' % name].options['batch_callback'](records, GOOD)
+    def receive(self, records: Any, name: str = 'thermal', part: str = MAIN_PART) -> None:
+        self.topics['/smokebot_udp/%s/%s' % (name, part)].options['batch_callback'](records, GOOD)
 
     def logs(self, count: int) -> List[Any]:
         return [self.log.get(timeout=10) for _ in range(count)]
@@ -142,8 +148,8 @@ def test_a_message_is_published_and_then_settled(bench: Bench) -> None:
     assert bench.logs(3) == [('assemble', 'one', True), ('publish', 'one'), ('settle', 'one')]
     assert bench.compared.get(timeout=10) == 0.25
     stats = stream.stats()
-    assert stats == StreamStats(1, 1, shown=[(10.0, 0.5)],
-                                connections=[ConnectionStats('/robot', ('10.0.0.1', 5), 1, 99)])
+    assert stats == StreamStats(1, 1, shown=[Shown(10.0, 0.5, ERROR)], connections=[
+        ConnectionStats('/robot', ('10.0.0.1', 5), 1, 99, name=name) for name in ('thermal', 'thermal/layers')])
     assert stream.stats().shown == [] and stream.last_shown is not None
 
 
@@ -191,7 +197,8 @@ def test_whole_messages_are_published_in_the_transports_thread(bench: Bench) -> 
     assert bench.logs(2) == [('publish', 'one'), ('publish', 'odd')] and bench.log.empty()
     assert bench.logged.get_nowait() == "stream 'thermal': odd"
     stats = stream.stats()
-    assert (stats.messages_in, stats.messages_out, stats.shown, stats.steady) == (3, 2, [(None, None)] * 2, False)
+    assert (stats.messages_in, stats.messages_out, stats.shown, stats.steady) == (
+        3, 2, [Shown(None, None)] * 2, False)
     assert bench.topics['/operator/thermal'].options['latch'] is True
 
 
@@ -217,3 +224,42 @@ def test_closing_joins_the_thread_and_closes_the_topics(bench: Bench) -> None:
     assert threading.active_count() == count and all(topic.closed for topic in bench.topics.values())
     bench.receive('late')
     assert bench.log.empty()
+
+
+def test_all_parts_are_received_from_the_start_and_reported_by_their_names(bench: Bench) -> None:
+    bench.start()
+    bench.receive('one', part='layers')
+    assert bench.logs(2)[1] == ('publish', ('layers', 'one'))
+    for part, name in ((MAIN_PART, 'thermal'), ('layers', 'thermal/layers')):
+        bench.logs(bench.log.qsize())
+        bench.topics['/smokebot_udp/thermal/' + part].options['arrived'](1, 2, 3, 4, 5.0)
+        while True:
+            entry = bench.logs(1)[0]
+            if entry[0] == 'arrived':
+                break
+        assert entry == ('arrived', name, 1, 2, 3, 4, 5.0)
+
+
+class FakeCodec:
+    problem: Optional[str] = None
+    asked = 0
+
+    def ready(self) -> bool:
+        self.asked += 1
+        self.problem = 'it is loaded' if self.asked < 3 else None
+        return self.problem is None
+
+
+def test_a_compiled_part_is_connected_once_the_codec_is_loaded_and_says_so(bench: Bench) -> None:
+    """Loading begins when the part has a publisher. Until it is connected the robot sends the other part."""
+    codec = FakeCodec()
+    streams = [bench.start(name=name, codec=codec) for name in ('thermal', 'other')]
+    wanted = bench.topics['/smokebot_udp/thermal/layers'].options['wanted']
+    assert 'wanted' not in bench.topics['/smokebot_udp/thermal/segments'].options
+    bench.receive('interleaved')
+    assert bench.logs(2)[1] == ('publish', 'interleaved') and codec.asked == 0
+    for loaded, problem in ((False, 'it is loaded'), (False, 'it is loaded'), (True, None)):
+        assert wanted() is loaded
+        assert [stream.stats().problem for stream in streams] == [problem, None]
+    bench.start(name='third')
+    assert bench.topics['/smokebot_udp/third/layers'].options['wanted']()      # without a codec

@@ -75,6 +75,19 @@ def test_frames_leave_in_their_order_and_are_told_of(make) -> None:
     assert len(told) > 5        # they were spread
 
 
+def test_all_parts_of_a_stream_are_one_flow_and_are_recorded_by_their_names(make) -> None:
+    told, asked, publisher, layers = [], [], Publisher(), Publisher()
+    outbox = make(PacketScheduler(), lambda *what: told.append(what[:3]), conforming=(
+        lambda stream, *_: asked.append(stream) or {}))
+    outbox.put('scan', publisher, frames(4))        # not started: nothing leaves
+    outbox.put('scan/layers', layers, frames(2))
+    assert outbox.dropped('scan') == 4 and outbox.sending('scan')
+    outbox.start()
+    layers.wait_for(1)
+    outbox.stop()
+    assert told == [('scan/layers', 1, 2)] and asked == ['scan'] and publisher.sent == []
+
+
 def test_an_older_message_is_given_up(make) -> None:
     outbox, publisher, old, new = make(), Publisher(), frames(4), frames(2)     # not started: nothing leaves
     outbox.put('scan', publisher, old)

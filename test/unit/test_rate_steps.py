@@ -60,3 +60,12 @@ def test_shares_around_a_switch() -> None:
         (-1.0, 'thermal', 300.0), (-1.0, 'map', 100.0), (0.7, 'thermal', 100.0), (0.7, 'map', 100.0))]
     assert {row[0]: row[1:] for row in adaptation.switch_table(rows).rows} == {
         'thermal': [75.0, 0.0, 50.0, 0.0], 'map': [25.0, 0.0, 50.0, 0.0]}
+
+
+def test_methods_have_a_colour_and_say_how_images_are_coded() -> None:
+    """Each method sends images as its name says, whatever the default is."""
+    assert set(adaptation.COLOURS) == set(rate_steps.METHODS)
+    layered = rate_steps.METHODS[adaptation.LAYERED]
+    assert {'_thermal/coding:=layered', '_camera/coding:=layered'} < set(layered.robot or ())
+    assert all('_thermal/coding:=interleaved' in method.robot for name, method in rate_steps.METHODS.items()
+               if method.robot is not None and name != adaptation.LAYERED)

@@ -13,7 +13,7 @@ from sensor_msgs.msg import LaserScan, PointCloud2
 
 from smokebot_udp.mission.parameters import Parameter
 from smokebot_udp.mission.settings import Settings
-from smokebot_udp.msg import ScanSegment
+from smokebot_udp.msg import GridSegment, ScanSegment
 from smokebot_udp.nodes.outbox import Outbox
 from smokebot_udp.nodes.robot_stream import RobotLink, RobotStream
 from smokebot_udp.streams.encoder import Encoder
@@ -37,6 +37,7 @@ class Topic:
         self.name, self.message_class, self.options = name, message_class, options
         self.listeners, self.seq, self.impl, self.closed = 1, 0, self, False
         self.published: List[Any] = []
+        self.peer = '/operator'
 
     def get_num_connections(self) -> int:
         return self.listeners
@@ -48,12 +49,13 @@ class Topic:
     def publish_frames(self, *frames: Any, limits: Any = None) -> int:
         first = self.seq + 1
         for frame in frames:
-            self.published += [frame.records['total'][row].item() for row in range(len(frame))]
+            number = 'total' if frame.message_class is ScanSegment else 'index'
+            self.published += [frame.records[number][row].item() for row in range(len(frame))]
             self.seq += len(frame)
         return first
 
     def connections(self) -> List[Any]:
-        return [{'peer': '/operator', 'address': ('10.0.0.2', 5), 'datagrams': 1, 'bytes': 99}] * self.listeners
+        return [{'peer': self.peer, 'address': ('10.0.0.2', 5), 'datagrams': 1, 'bytes': 99}] * self.listeners
 
     def unregister(self) -> None:
         self.closed = True
@@ -61,7 +63,7 @@ class Topic:
 
 class Recorder(Encoder[Any]):
     """Writes a scan's number of ranges into a frame, and keeps what it is asked."""
-    MESSAGE, SEGMENT = LaserScan, ScanSegment
+    MESSAGE, SEGMENTS = LaserScan, {'segments': ScanSegment}
     PARAMETERS: Mapping[str, Parameter] = {**ROBOT, 'repeat_rate': Parameter(20.0, 'Hz', '', above=0.0, live=True)}
 
     def __init__(self, settings: Mapping[str, Any]) -> None:
@@ -101,6 +103,24 @@ class Keeper(Recorder):
 
     def repeat(self, settings: Settings, max_datagram_size: int) -> Sequence[Any]:
         return [self._frame(100 + (self.number or 0))]
+
+
+class TwoParts(Recorder):
+    """Sends scans of more than 10 ranges on another part, where that may be and all receive it."""
+    SEGMENTS = {'segments': ScanSegment, 'layers': GridSegment}
+    PARAMETERS = {**ROBOT, 'coding': Parameter('interleaved', '', '', live=True)}
+
+    def parts(self, settings: Settings) -> Sequence[str]:
+        return ['segments'] if settings['coding'] == 'interleaved' else ['segments', 'layers']
+
+    def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Any]:
+        number = len(message.ranges)
+        self.message_size = 1000
+        if number <= 10 or not self.heard('layers'):
+            return [self._frame(number)]
+        frame = Frame(GridSegment, 1, {})
+        frame.records['index'] = number
+        return [frame]
 
 
 class Deriver(Recorder):
@@ -153,11 +173,14 @@ def make(logged: List[str]) -> Iterator[Make]:
             topics.append(Topic(*args, **options))
             return topics[-1]
 
+        def named(name: str) -> Any:
+            return next((one for one in topics if one.name == name), None)
+
         stream = RobotStream('scan', settings, kind(settings), link, topic, topic, topic)
         stream.start()
         made.append((stream, link))
         return SimpleNamespace(stream=stream, link=link, segments=topics[0], local=topics[1] if kind.DERIVED else None,
-                               source=topics[-1])
+                               source=topics[-1], topics=topics, named=named)
 
     yield make_one
     for stream, link in made:
@@ -349,6 +372,53 @@ def test_a_stream_that_is_turned_off_stops_in_the_middle(make: Make) -> None:
     assert not made.link.outbox.sending('scan') and made.stream.stats().dropped['datagrams of replaced messages'] == 1
 
 
+# streams of several parts
+
+LAYERS = '/smokebot_udp/scan/layers'
+
+
+def test_a_part_is_advertised_when_it_is_first_needed_and_stays(make: Make) -> None:
+    made = make(TwoParts)
+    made.stream.receive(scan(11))
+    wait_for(lambda: made.segments.published == [11])
+    assert made.named(LAYERS) is None
+    made.stream.settings.request({'coding': 'auto'})
+    made.stream.receive(scan(12))
+    wait_for(lambda: made.named(LAYERS) and made.named(LAYERS).published == [12])
+    layers = made.named(LAYERS)
+    assert layers.message_class is GridSegment and layers.options['max_datagram_size'] == 1472
+    made.stream.settings.request({'coding': 'interleaved'})
+    for number in (3, 13):
+        made.stream.receive(scan(number))
+        wait_for(lambda number=number: number in made.segments.published + layers.published)
+    assert layers.published == [12, 13] and len([one for one in made.topics if one.name == LAYERS]) == 1
+    assert made.stream.stats().messages_out == 4 and [
+        one.name for one in made.stream.stats().connections] == ['scan', 'scan/layers']
+    made.stream.close()
+    assert layers.closed and made.segments.closed
+
+
+def test_a_part_counts_as_heard_only_where_every_operator_receives_it(make: Make) -> None:
+    made = make(TwoParts, coding='auto')
+    layers = made.named(LAYERS)
+    layers.listeners = 0            # the operator is about to subscribe
+    made.stream.receive(scan(11))
+    wait_for(lambda: made.segments.published == [11])
+    layers.listeners, layers.peer = 1, '/desk2'
+    made.stream.receive(scan(12))
+    wait_for(lambda: made.segments.published == [11, 12])
+    assert made.stream.subscribers == {'/operator', '/desk2'}
+    layers.peer = '/operator'
+    made.stream.receive(scan(13))
+    wait_for(lambda: layers.published == [13])
+    made.segments.listeners = 0     # somebody wants nothing but layers
+    made.stream.receive(scan(14))
+    wait_for(lambda: layers.published == [13, 14])
+    assert made.stream.heard and made.stream.demand(0.0) is not None
+    layers.listeners = 0
+    assert not made.stream.heard and not made.stream.subscribers
+
+
 # messages made on the robot
 
 def cloud(number: int) -> Any:
@@ -419,6 +489,7 @@ def test_a_demand_is_of_the_source_where_that_is_slower(make: Make) -> None:
         made.stream.received = step     # ten a second
         demand = made.stream.demand(0.1 * step)
     assert demand.rate == pytest.approx(10.0, rel=0.05) and demand.weight == 2.0 and demand.min_bitrate == 1000.0
+    assert made.stream.encoder.source_rate == demand.rate
     assert demand.points[-1].cost == pytest.approx(1000 * demand.rate)
     assert demand.refine({'rate': 3.0}, 100.0) == {'rate': 3.0}
     made.segments.listeners = 0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-from smokebot_udp.congestion.sent_history import MAX_AGE, MAX_BURSTS, MIN_BURSTS, SentHistory
+from smokebot_udp.congestion.sent_history import MAX_AGE, MAX_BURSTS, MIN_BURSTS, SentHistory, stream_of
 
 
 def test_a_datagram_is_found_with_the_total_sent_by_then() -> None:
@@ -13,6 +13,16 @@ def test_a_datagram_is_found_with_the_total_sent_by_then() -> None:
     assert history.find('thermal', 5) == (10.2, 500, 4200)
     assert history.total == 4200
     assert history.totals('thermal') == (5, 4000)
+
+
+def test_the_parts_of_a_stream_are_numbered_by_themselves_and_add_up() -> None:
+    history = SentHistory()
+    history.add('thermal', 1, 3, 1000, 10.0)
+    history.add('thermal/layers', 1, 2, 700, 10.1)
+    history.add('thermal2', 1, 1, 99, 10.1)
+    assert history.find('thermal/layers', 1) == (10.1, 700, 3700) and history.totals('thermal') == (3, 3000)
+    assert history.bytes_of('thermal') == 4400 and history.bytes_of('thermal2') == 99 and history.bytes_of('tf') == 0
+    assert [stream_of(name) for name in ('thermal', 'thermal/layers')] == ['thermal', 'thermal']
 
 
 def test_a_datagram_that_was_never_sent_is_not_found() -> None:

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Congestion control over simulated links: what it has to reach (see estimator.py), over many links."""
+import bisect
+import itertools
 import random
 from dataclasses import replace
 from typing import Any, Dict, Iterator, Optional, Set, Tuple
@@ -9,7 +11,7 @@ import pytest
 
 from evaluation.simulated_air import FULL, Events, Greedy, Load, Operator, Robot
 from evaluation.simulated_streams import Streams, cloud, grid, image, navigation, scan
-from smokebot_udp.congestion.controller import Controller
+from smokebot_udp.congestion.controller import Controller, Demand
 from smokebot_udp.congestion.estimator import LIMITS, Limits
 from smokebot_udp.congestion.feedback import CLOCK_CONFIRMATIONS
 from smokebot_udp.link_lab.channel import Channel, LinkConditions
@@ -239,6 +241,41 @@ def test_a_slow_link_carries_all_streams_beside_a_fast_one() -> None:
     assert len({frame for frame, _ in frames['thermal']}) >= 80 and len({frame for frame, _ in frames['lidar']}) >= 40
     delays = [when - left for when, _, _, _, left in second.came if when >= 10]
     assert np.percentile(delays, 50) <= 0.1 and np.percentile(delays, 99) <= 0.2
+
+
+class Bursts(Load):
+    """Few datagrams at a time; the link is idle between."""
+    DATAGRAMS, PERIOD = 15, 0.1
+
+    def start(self, robot: Robot) -> None:
+        self._put(robot)
+
+    def demands(self) -> Dict[str, Demand]:
+        return {'bursts': Greedy.DEMAND}
+
+    def _put(self, robot: Robot) -> None:
+        robot.put('bursts', None, [(self.DATAGRAMS, FULL)])
+        robot.events.at(robot.events.now + self.PERIOD, self._put, robot)
+
+
+@pytest.mark.parametrize('seed', [0, 2])
+def test_a_receiver_that_reads_late_does_not_make_the_link_seem_faster(seed: int) -> None:
+    draw, rate = random.Random(seed), 5.0
+    ends = list(itertools.accumulate(
+        length for _ in range(1000) for length in (draw.expovariate(1 / 0.05), draw.uniform(0.005, 0.03))))
+
+    def reads(arrives: float) -> float:
+        at = bisect.bisect_right(ends, arrives)
+        return ends[at] if at % 2 else arrives      # ends of pauses and stalls alternate
+
+    events, _, robot = link(rate, seed=seed, load=Bursts())
+    robot.operators['operator'].reads = reads
+    capacities = []
+    while events.now < 30:
+        events.run(events.now + 0.1)
+        capacities.append(robot.controller.rate(robot.robot_time) or np.inf)
+    assert max(capacities) <= 1.5 * rate * MBIT
+    assert np.median(capacities[20:]) >= 0.5 * rate * MBIT
 
 
 def test_the_simulator_has_the_nodes_controller() -> None:

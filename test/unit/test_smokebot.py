@@ -4,6 +4,7 @@ import os
 import pathlib
 import re
 import subprocess
+from typing import Any, Sequence
 
 import pytest
 
@@ -12,11 +13,18 @@ SCRIPT = pathlib.Path(__file__).resolve().parents[2] / 'smokebot'
 
 def run(function: str, top: pathlib.Path) -> str:
     """Call a function of the script for another checkout; what it says."""
-    source = SCRIPT.read_text()
-    body, = re.findall(r'^%s\(\) \{\n.*?^\}\n' % function, source, re.DOTALL | re.MULTILINE)
-    script = 'set -euo pipefail\nsay() { echo "$*"; }\ntop=$1 state=$1/.smokebot workspace=$1/.smokebot/ws\n%s%s' % (
-        body, function)
-    return subprocess.run(['bash', '-c', script, 'bash', str(top)], check=True, stdout=subprocess.PIPE).stdout.decode()
+    return completed([function], function, top).stdout.decode()
+
+
+def completed(functions: Sequence[str], commands: str, top: pathlib.Path, status: int = 0) -> Any:
+    """Run commands with these functions of the script, for another checkout."""
+    source, script = SCRIPT.read_text(), 'set -euo pipefail\nsay() { echo "$*"; }\n'
+    script += 'top=$1 state=$1/.smokebot workspace=$1/.smokebot/ws\n'
+    for function in functions:
+        script += ''.join(re.findall(r'^%s\(\) \{\n.*?^\}\n' % function, source, re.DOTALL | re.MULTILINE))
+    done = subprocess.run(['bash', '-c', script + commands, 'bash', str(top)], stdout=subprocess.PIPE)
+    assert done.returncode == status
+    return done
 
 
 def test_links_that_are_right_stay(tmp_path: pathlib.Path) -> None:
@@ -38,8 +46,34 @@ def test_what_root_made_goes_to_the_owner_of_the_checkout(tmp_path: pathlib.Path
     made = tmp_path / '.smokebot' / 'ws'
     made.mkdir(parents=True)
     (made / 'link').symlink_to('/etc/hostname')
+    loops = tmp_path / 'src' / 'smokebot_udp' / 'codecs' / 'layered' / '__pycache__'
+    loops.mkdir(parents=True)
     assert run('hand_over', tmp_path) == ''
     os.chown(str(tmp_path), 65534, 65534)
     assert run('hand_over', tmp_path).startswith('giving what root made in ')
-    assert {path.lstat().st_uid for path in (made.parent, made, made / 'link')} == {65534}
+    assert {path.lstat().st_uid for path in (made.parent, made, made / 'link', loops)} == {65534}
+    assert loops.parent.stat().st_uid == 0
     assert os.stat('/etc/hostname').st_uid == 0 and run('hand_over', tmp_path) == ''
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason='only root can give files away')
+def test_what_a_command_of_root_makes_goes_to_the_owner_of_the_checkout(tmp_path: pathlib.Path) -> None:
+    made = tmp_path / '.smokebot' / 'log'
+    made.mkdir(parents=True)
+    os.chown(str(tmp_path), 65534, 65534)
+    commands = 'trap hand_over EXIT\nbecome bash -c "touch $state/log/new; exit 3"'
+    completed(['hand_over', 'become'], commands, tmp_path, 3)
+    assert {path.stat().st_uid for path in (made, made / 'new')} == {65534}
+
+
+def test_loops_that_cannot_be_compiled_are_reported_and_all_else_goes_on(tmp_path: pathlib.Path) -> None:
+    python = tmp_path / '.smokebot' / 'bin' / 'python3'
+    python.parent.mkdir(parents=True)
+    python.write_text('#!/bin/sh\n[ "$3" = --check ] || echo no numba >&2\nexit 1\n')
+    python.chmod(0o755)
+    commands = 'die() { say "$*"; exit 1; }\nvenv=$state\ncompile_loops\necho the end'
+    said = completed(['logged', 'compile_loops'], commands, tmp_path).stdout.decode().splitlines()
+    assert [line.split(' ')[0] for line in said] == ['compiling', 'the', 'going', 'the'] and said[-1] == 'the end'
+    assert (tmp_path / '.smokebot' / 'loops.log').read_text() == 'no numba\n'
+    python.write_text('#!/bin/sh\n')
+    assert completed(['logged', 'compile_loops'], commands, tmp_path).stdout == b'the end\n'

@@ -4,7 +4,8 @@ from typing import Any, Callable, Dict, List, Optional
 
 import pytest
 
-from smokebot_udp.monitoring.stats import ConnectionStats, StreamStats
+from smokebot_udp.image_error import EIGHT_BITS, ImageError
+from smokebot_udp.monitoring.stats import ConnectionStats, Shown, StreamStats
 from smokebot_udp.monitoring.status import ERROR, OK, OPERATOR, ROBOT, WARN, Status
 from smokebot_udp.monitoring.stream_status import StreamMonitor
 from smokebot_udp.monitoring.thresholds import Thresholds
@@ -40,8 +41,9 @@ def tenfold(second: int) -> int:
 
 def test_a_good_stream_is_fine_and_all_its_values_are_shown() -> None:
     stream, found = watch(
-        OPERATOR, offset=-1.0, messages_in=tenfold, messages_out=tenfold, shown=[(1.05, 0.9)] * 9 + [(1.25, 1.0)],
-        dropped={'late': 3}, connections=connection(received=lambda s: 90 * s, lost=lambda s: 10 * s))
+        OPERATOR, offset=-1.0, messages_in=tenfold, messages_out=tenfold, dropped={'late': 3},
+        shown=[Shown(1.05, 0.9)] * 9 + [Shown(1.25, 1.0)],
+        connections=connection(received=lambda s: 90 * s, lost=lambda s: 10 * s))
     assert (stream.name, stream.level, stream.message) == ('thermal', OK, 'fine')
     values = {key: value for key, value in stream.values.items() if isinstance(value, float)}
     assert values == pytest.approx({'rate in [Hz]': 10, 'rate out [Hz]': 10, 'loss [%]': 10, 'completeness [%]': 90,
@@ -85,24 +87,56 @@ def test_late_messages_were_not_lost() -> None:
 
 @pytest.mark.parametrize('age, level', [(0.4, OK), (0.5, WARN), (2.0, ERROR)])
 def test_age_is_judged_by_the_robot_s_clock(age: float, level: int) -> None:
-    stream, _ = watch(OPERATOR, offset=100.0, messages_out=tenfold, shown=[(age - 100.0, None)],
+    stream, _ = watch(OPERATOR, offset=100.0, messages_out=tenfold, shown=[Shown(age - 100.0, None)],
                       connections=connection())
     assert stream.level == level
 
 
 def test_without_the_robot_s_clock_there_is_no_age() -> None:
-    stream, _ = watch(OPERATOR, offset=None, messages_out=tenfold, shown=[(99.0, 1.0)], connections=connection())
+    stream, _ = watch(OPERATOR, offset=None, messages_out=tenfold, shown=[Shown(99.0, 1.0)], connections=connection())
     assert stream.level == OK and stream.values['age p50 [ms]'] is None
 
 
 def test_a_stream_that_is_not_steady_may_be_old_and_silent() -> None:
-    stream, _ = watch(OPERATOR, messages_out=1, shown=[(99.0, 1.0)], steady=False, connections=connection())
+    stream, _ = watch(OPERATOR, messages_out=1, shown=[Shown(99.0, 1.0)], steady=False, connections=connection())
     assert stream.level == OK
 
 
 def test_incomplete_images_are_a_warning() -> None:
-    stream, _ = watch(OPERATOR, messages_out=tenfold, shown=[(0.1, 0.3)], connections=connection())
+    stream, _ = watch(OPERATOR, messages_out=tenfold, shown=[Shown(0.1, 0.3)], connections=connection())
     assert stream.level == WARN and stream.message == 'only 30 % complete'
+
+
+@pytest.mark.parametrize('errors, text', [
+    ([ImageError(2.55, EIGHT_BITS)] * 3 + [ImageError(0.0, EIGHT_BITS)] * 2, '40 dB'),
+    ([ImageError(0.0, EIGHT_BITS)] * 3 + [ImageError(2.55, EIGHT_BITS)] * 2, 'exact'),
+    ([ImageError(9.0), ImageError(4.0, None, 25.0, 'K'), ImageError(2.0, None, 25.0, 'K')], '+-0.16 K'),
+    ([ImageError(9.0), None], None), ([None], None)])
+def test_the_median_error_of_layered_images_is_shown(errors: List[Any], text: Optional[str]) -> None:
+    """In the words of the newest one; where images cross interleaved now, none."""
+    stream, _ = watch(OPERATOR, messages_out=tenfold, shown=[Shown(0.1, None, error) for error in errors],
+                      connections=connection())
+    assert stream.values['error'] == text and stream.level == OK
+
+
+@pytest.mark.parametrize('error, message', [
+    (ImageError(25.6, EIGHT_BITS), 'only 20 dB'), (ImageError(81.0, EIGHT_BITS), 'only 10 dB'),
+    (ImageError(25.4, EIGHT_BITS), 'fine'), (ImageError(0.0, EIGHT_BITS), 'fine'), (ImageError(900.0), 'fine')])
+def test_bad_layered_images_of_8_bits_are_a_warning(error: ImageError, message: str) -> None:
+    stream, _ = watch(OPERATOR, messages_out=tenfold, shown=[Shown(0.1, None, error)], connections=connection())
+    assert (stream.level, stream.message) == (OK if message == 'fine' else WARN, message)
+
+
+def test_connections_of_two_parts_of_a_stream_are_told_apart() -> None:
+    """One peer may send both from one address."""
+    def both(second: int) -> List[ConnectionStats]:
+        first, = connection(received=tenfold, lost=0)(second)
+        second_one, = connection(received=tenfold, lost=tenfold, name='thermal/layers', bytes=0)(second)
+        return [first, second_one]
+    stream, first, second = watch(OPERATOR, messages_out=tenfold, connections=both)
+    assert (first.name, second.name) == ('thermal, /robot_sender', 'thermal/layers, /robot_sender')
+    assert (first.values['loss [%]'], second.values['loss [%]']) == (0.0, 50.0)
+    assert stream.values['loss [%]'] == pytest.approx(100 / 3) and stream.values['bytes/s'] == pytest.approx(1e5)
 
 
 def test_drops_of_the_kernel_are_a_warning() -> None:

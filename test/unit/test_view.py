@@ -9,6 +9,7 @@ import pytest
 from smokebot_udp.arrays import UInt8Array
 from smokebot_udp.codecs.display.colouring import MARKS, SHADES, Coloured, Colouring
 from smokebot_udp.codecs.display.view import BLACK, COLOURS, FRESH, FROZEN, OLD, Limits, duration, framed, layout
+from smokebot_udp.image_error import EIGHT_BITS, ImageError
 
 LIMITS = Limits(old_after=0.5, frozen_after=2.0, least_complete=0.5)
 KELVIN = {'counts_per_unit': 25.0, 'zero': -273.15, 'unit': 'degC'}
@@ -130,6 +131,24 @@ def texts_of(monkeypatch: pytest.MonkeyPatch, *arguments: float, **options: Any)
     (math.inf, 0.0, math.inf, ['? s', '0 %', 'NO DATA YET'])])
 def test_texts(monkeypatch, age, completeness, silence, texts) -> None:
     assert texts_of(monkeypatch, age, completeness, silence=silence) == texts
+
+
+@pytest.mark.parametrize('rms, text, state', [
+    (0.0, 'exact', FRESH), (2.55, '40 dB', FRESH), (25.4, '20 dB', FRESH), (25.6, '20 dB', OLD), (255.0, '0 dB', OLD)])
+def test_an_error_replaces_the_completeness(monkeypatch, rms, text, state) -> None:
+    """Yellow below least_psnr; the completeness does not count then."""
+    error = ImageError(rms, EIGHT_BITS)
+    assert middle_of_border(framed(GREY, 0.1, 0.0, LIMITS, error=error)) == [COLOURS[state]] * 4
+    assert texts_of(monkeypatch, 0.1, 0.0, error=error) == ['0.10 s', text]
+
+
+@pytest.mark.parametrize('rms, text, state', [(10.0, '+-0.4 degC', FRESH), (251.0, '+-10 degC', OLD)])
+def test_an_error_is_judged_by_the_range_of_the_colours(monkeypatch, rms, text, state) -> None:
+    coloured = Colouring('jet', 20.0, 120.0, **KELVIN)(np.uint16([[8000]]), 'mono16', 0.0)
+    assert coloured.span == pytest.approx(2500.0)
+    error = ImageError(rms, None, 25.0, 'degC')
+    assert middle_of_border(framed(coloured, 0.1, 1.0, LIMITS, error=error))[:3] == [COLOURS[state]] * 3
+    assert texts_of(monkeypatch, 0.1, 1.0, coloured=coloured, error=error)[1] == text
 
 
 def test_numbers_and_unit_are_written(monkeypatch) -> None:

@@ -11,9 +11,9 @@ knows the subscribers calls `on_operators` before `tick`: who left no longer cou
 """
 import collections
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Any, Counter, Dict, List, Mapping, Optional, Tuple
+from typing import Any, Callable, Counter, Dict, List, Mapping, Optional, Tuple
 
 from ..monitoring.stats import LinkStats
 from ..monitoring.windows import Rate
@@ -24,7 +24,7 @@ from .feedback import FeedbackReader
 from .operating_points import OperatingPoint
 from .operator_share import Policer
 from .probing import ProbeTrain
-from .sent_history import SentHistory
+from .sent_history import SentHistory, stream_of
 
 __all__ = ['Controller', 'Demand', 'Plan']
 
@@ -67,6 +67,10 @@ PROTECTED_WINDOW = 2.0
 """and that of the protected streams [s]."""
 
 
+OnArrivals = Callable[[str, str, int, int, float], None]
+"""f(operator, stream, expected, received, now): of `expected` datagrams sent, `received` arrived (feedback.Arrivals)"""
+
+
 @dataclass
 class Plan:
     """What a tick decides."""
@@ -80,6 +84,9 @@ class Plan:
     """{stream: settings that limit it}, of the streams with a demand; {}: nothing does, None: it has to pause."""
     decimation: float
     """Part of their rates that protected streams keep."""
+    rooms: Dict[str, float] = field(default_factory=dict)
+    """What each stream with a demand may use, at most, while the others use what they are granted; empty: unlimited
+    [byte/s]."""
 
 
 class _Operator:
@@ -114,6 +121,8 @@ class Controller:
         self._datagram_size, self._decimation = DatagramSize(max_datagram_size), Decimation()
         self._allocator = Allocator()
         self._grants: Dict[str, Optional[Dict[str, Any]]] = {}      # as in the last plan
+        self.on_arrivals: OnArrivals = lambda *_: None
+        """Called with what each valid report says about each stream."""
 
     def conforming(self, stream: str, count: int, size: int, now: float) -> Mapping[str, int]:
         """How many of the datagrams that leave together now operators with slower links get.
@@ -135,7 +144,7 @@ class Controller:
                 limits: Mapping[str, int] = NO_LIMITS) -> None:
         """Record datagrams that were sent together.
 
-        :param stream: its name
+        :param stream: its name in reports, see sent_history.py
         :param seq: sequence number of the first one; the others follow without a gap
         :param count: number of datagrams
         :param size: of each on the air, IP and UDP headers included [byte]
@@ -183,6 +192,8 @@ class Controller:
             return None
         state.heard = now
         state.confirmed |= bool(feedback.samples)
+        for one in feedback.arrivals:
+            self.on_arrivals(operator, stream_of(one.stream), one.expected, one.received, now)
         train = state.estimator.on_feedback(feedback, now, self._wanted)
         if train is None or not self._adapt:
             return None
@@ -205,11 +216,11 @@ class Controller:
         self._wanted = protected + math.fsum(demand.points[-1].cost for demand in demands.values())
         # a dip in the rate soon passes: streams are allocated the capacity
         capacity = self._capacity()
-        shares, self._grants = self._divide(capacity, demands, protected, now)
+        shares, rooms, self._grants = self._divide(capacity, demands, protected, now)
         self._divide_slower_links(demands, protected, now)
         unlimited = math.inf if capacity is None else capacity
         return Plan(self.rate(now), self._datagram_size.update(unlimited), shares, dict(self._grants),
-                    self._decimation.update(unlimited, protected, now))
+                    self._decimation.update(unlimited, protected, now), rooms)
 
     def forget(self) -> None:
         """The mission focus changed: the next tick divides the link at once, without hysteresis."""
@@ -302,10 +313,10 @@ class Controller:
         return self._planned(counting)[1].estimator.link.capacity if counting else self._initial_rate()
 
     def _divide(self, capacity: Optional[float], demands: Mapping[str, Demand], protected: float,
-                now: float) -> Tuple[Dict[str, float], Dict[str, Optional[Dict[str, Any]]]]:
-        """(shares, grants) as in a Plan."""
+                now: float) -> Tuple[Dict[str, float], Dict[str, float], Dict[str, Optional[Dict[str, Any]]]]:
+        """(shares, rooms, grants) as in a Plan."""
         if capacity is None:
-            return {}, {name: {} for name in demands}
+            return {}, {}, {name: {} for name in demands}
         budget = PLANNING_SHARE * capacity
         allocated = self._allocator.allocate(budget, demands, protected, now)
         limited = {name for name, grant in allocated.items()
@@ -319,14 +330,15 @@ class Controller:
                 grants[name] = self._limiting_settings(name, grant, demands[name], part)
             else:
                 grants[name] = None if grant.point is None else {}
-        return {name: grant.share for name, grant in allocated.items()}, grants
+        return ({name: grant.share for name, grant in allocated.items()},
+                {name: spare + max(grant.share, grant.cost) for name, grant in allocated.items()}, grants)
 
     def _divide_slower_links(self, demands: Mapping[str, Demand], protected: float, now: float) -> None:
         """Decide which part of each stream operators with slower links get, by weights and min_bitrates alike."""
         rates = {name: self._stream_sent.setdefault(name, Rate(SENT_WINDOW)) for name in demands}
         self._stream_sent = rates
         for name, rate in rates.items():
-            rate.read(self._history.totals(name)[1], now)
+            rate.read(self._history.bytes_of(name), now)
         sent = {name: replace(demand, points=[OperatingPoint({}, rates[name].per_second or 0.0)])
                 for name, demand in demands.items()}
         for state in self._operators.values():

@@ -5,9 +5,10 @@ Its parts:
 
 * **Delivery rate** (BBR, draft-cardwell-iccrg-bbr-congestion-control; draft-cheng-iccrg-delivery-rate-estimation):
   between two datagrams that arrived, the bytes sent over the longer of the sending and the arrival interval are a rate
-  that the link carries at least. It never exceeds what was offered, so clumped arrivals do not inflate it. Where the
-  later datagram was queued the air was busy in between, and bytes over the arrival interval are the capacity itself,
-  even while sources pause: no marks for "application-limited" are needed.
+  that the link carries at least. It never exceeds what was offered. Nor do clumped arrivals inflate it: a datagram that
+  the receiver read late counts from when it can have come off the air. Where the later datagram was queued the air was
+  busy in between, and bytes over the arrival interval are the capacity itself, even while sources pause: no marks for
+  "application-limited" are needed.
 * **A standing queue of a few ms as the target** (LEDBAT, RFC 6817; SCReAM, RFC 8298): with it the air is busy and
   the capacity is measured all the time; a rate correction proportional to what the queue lacks keeps it. LEDBAT's
   constant target is unfair to early starters and has no fixed point for the shares, so the target falls with the rate
@@ -244,9 +245,10 @@ class Estimator:
                 link.capacity += step
         if queue < LONG_QUEUE and not self._loss.excess:
             # what was sent beside a long queue was not all carried
-            cleared = chain[max((at + 1 for at, wait in enumerate(waits) if wait > LONG_QUEUE), default=0):]
+            since = max((at + 1 for at, wait in enumerate(waits) if wait > LONG_QUEUE), default=0)
+            cleared = chain[since:]
             ceiling = math.inf if busy < duration * 3 / 4 else MAX_PUSH_FACTOR * link.capacity
-            link.capacity = max(link.capacity, min(ceiling, peak_rate(cleared, 2 * self._delay.noise)))
+            link.capacity = max(link.capacity, min(ceiling, peak_rate(cleared, waits[since:], 2 * self._delay.noise)))
             self._delay.update_noise(cleared)
             if queue < self._target() / 2:
                 self._grow(chain)
@@ -300,10 +302,15 @@ class Estimator:
         return self._probes.next(self.link.capacity, empty, wanted > self.rate, samples[-1], unreported, now)
 
 
-def peak_rate(chain: List[PacketSample], noise: float) -> float:
+def peak_rate(chain: List[PacketSample], waits: List[float], noise: float) -> float:
     """The highest delivery rate between any two samples [byte/s]; 0: none is certain.
 
+    The receiver may have read the first of the two late, with others, rather than that it was queued. It came off the
+    air no earlier than it could have without a queue, and than the sample before it was read, as both were read apart.
+    The interval begins there. So on a link that keeps the order the rate is never beyond the link's.
+
     :param chain: in sending order
+    :param waits: queueing delay of each [s]
     :param noise: uncertainty of intervals, for reasons other than the rate [s]
     """
     sent, arrived, total = (np.array([getattr(sample, name) for sample in chain])
@@ -311,6 +318,7 @@ def peak_rate(chain: List[PacketSample], noise: float) -> float:
     size = max((sample.size for sample in chain), default=0)
     first, last = np.triu_indices(len(chain), 1)
     carried = total[last] - total[first]
-    interval = np.maximum(sent[last] - sent[first], arrived[last] - arrived[first]) + noise
+    held = np.minimum(np.array(waits) - noise, np.diff(arrived, prepend=-np.inf)).clip(0)
+    interval = np.maximum(sent[last] - sent[first], arrived[last] - (arrived - held)[first]) + noise
     certain = (carried >= 2 * size) & (interval > 1e-4)
     return float(np.max(carried[certain] / interval[certain], initial=0.0))

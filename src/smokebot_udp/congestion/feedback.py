@@ -18,7 +18,7 @@ sent, and counters of a stream can survive the sender's restart. A report withou
 import collections
 import math
 from dataclasses import dataclass, field
-from typing import Any, Callable, Counter, Deque, Dict, List, NamedTuple, Optional, Set, Tuple
+from typing import Any, Callable, Counter, Deque, Dict, List, Mapping, NamedTuple, Optional, Sequence, Set, Tuple
 
 from .operator_share import OperatorHistory
 from .sent_history import SEQ_MODULUS, SentHistory
@@ -171,6 +171,15 @@ class PacketSample(NamedTuple):
         return self.arrived - self.sent
 
 
+class Arrivals(NamedTuple):
+    """Datagrams of one stream between two reports."""
+    stream: str
+    """As the report names it."""
+    expected: int
+    """Those sent, to anybody: for this receiver some may have been left out on purpose."""
+    received: int
+
+
 class Feedback(NamedTuple):
     """The news in a valid report."""
     samples: List[PacketSample]
@@ -185,6 +194,8 @@ class Feedback(NamedTuple):
     """Bytes sent after the newest sample."""
     restarted: bool
     """Whether the receiver or its clock restarted: delays before and after are not comparable."""
+    arrivals: Sequence[Arrivals] = ()
+    """Of each stream in the report."""
 
 
 class _InvalidReport(Exception):
@@ -226,7 +237,9 @@ class FeedbackReader:
             return None
         finally:
             self.dropped.update(impossible)
-        expected, received = self._difference(counters, {} if restarted else before)
+        known = {} if restarted else before
+        expected, received = self._difference(counters, known)
+        arrivals = self._arrivals(counters, known)
         self._last, self._last_read = report, now
         self._counters = {**{one.name: before[one.name] for one in report.streams if one.name in before}, **counters}
         # a datagram is news once: even after a restart of the receiver, older ones can no longer arrive
@@ -234,7 +247,8 @@ class FeedbackReader:
         fresh = [news[total] for total in sorted(news)]
         self._newest = fresh[-1].total if fresh else self._newest
         round_trip = min((now - sample.sent - age for sample, age in samples), default=math.nan)
-        return Feedback(fresh, round_trip, expected, received, self.sent.total - self._newest, restarted)
+        return Feedback(fresh, round_trip, expected, received, self.sent.total - self._newest, restarted,
+                        arrivals)
 
     def _samples(self, report: Any, now: float, impossible: Set[str]) -> List[Tuple[PacketSample, float]]:
         """[(possible sample, its age at the time of the report [s]), ...]
@@ -288,6 +302,15 @@ class FeedbackReader:
                 expected += could
                 received += min(could, one.received - before[name].received)
         return expected, received
+
+    @staticmethod
+    def _arrivals(counters: Mapping[str, Any], before: Mapping[str, Any]) -> List[Arrivals]:
+        found = []
+        for name, one in counters.items():
+            last = before.get(name, one)
+            expected = (one.highest - last.highest) % SEQ_MODULUS
+            found.append(Arrivals(name, expected, min(expected, one.received - last.received)))
+        return found
 
     def _check_clock(self, report: Any, now: float) -> bool:
         """Whether the receiver's clock started again."""

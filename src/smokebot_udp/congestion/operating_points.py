@@ -49,6 +49,45 @@ def image_points(rate: float, subimages: int, per_datagram: int, datagram: int, 
     return _ascending(point, rate * datagrams / least_rate)
 
 
+FAIR_PREFERENCE = 0.75
+"""degradation_preference from which on images lose only bytes as long as they are fair."""
+
+
+def layered_points(rate: float, size: float, degradation_preference: float = 0.75, fair_size: float = 4000.0,
+                   least_size: float = 1000.0, least_rate: float = 4.0) -> List[OperatingPoint]:
+    """Operating points of layered images: fewer bytes an image, and fewer images.
+
+    The last bytes of an image are hardly seen. So bytes give way first, and from a fair image on both.
+
+    :param rate: of images, as requested or of the source [Hz]
+    :param size: of a complete image on the air [byte]
+    :param degradation_preference: as of image_points: 1: maintain the frame rate, and send fewer bytes down to
+        least_size; 0: maintain quality, and send fewer images down to least_rate; in between both give way, in these
+        parts of the octaves, and down to fair_size in parts of the octaves that are larger by 1 / FAIR_PREFERENCE
+    :param fair_size: of a fair image on the air [byte]
+    :param least_size: of an image [byte]
+    :param least_rate: rates do not fall below it. Where fewer images are requested, they cost as much as this rate of
+        them: an image leaves within its period at the stream's share of the link, and is no older [Hz]
+    :return: max_bytes (0: complete) and rate, the cheapest first
+    """
+    size, least_size = int(max(size, least_size)), int(least_size)
+    slowest, fair = min(rate, least_rate), min(max(fair_size, least_size), size)
+    preference = min(1.0, degradation_preference / FAIR_PREFERENCE)
+
+    def point(scarcity: float) -> OperatingPoint:
+        count = int(size / scarcity ** preference + TOLERANCE)
+        if count < fair:
+            scarcity_of_fair = (size / fair) ** (1 / preference)
+            count = int(fair / (scarcity / scarcity_of_fair) ** degradation_preference + TOLERANCE)
+        count = min(size, max(least_size, count))
+        images = min(rate, max(slowest, rate / scarcity * size / count))
+        count = min(count, max(least_size, int(size * rate / scarcity / images + TOLERANCE)))
+        return OperatingPoint({'max_bytes': 0 if count == size else count, 'rate': images},
+                              count * max(images, least_rate))
+
+    return _ascending(point, rate / slowest * size / least_size)
+
+
 def cloud_points(rate: float, leaf_size: float, size: float, max_leaf_size: float = 1.0,
                  least_rate: float = 1.0) -> List[OperatingPoint]:
     """Operating points of clouds: larger voxels and fewer clouds alike; at least_rate larger voxels only.

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What was sent and when. A receiver only needs to name a datagram: the sender looks the rest up here."""
+"""What was sent and when. A receiver only needs to name a datagram: the sender looks the rest up here.
+
+A stream whose messages are numbered on several topics is in here, and in reports, as `<stream>` and `<stream>/<part>`.
+"""
 import bisect
 from typing import Dict, List, NamedTuple, Optional, Tuple
 
@@ -11,6 +14,11 @@ MAX_AGE, MIN_BURSTS = 20.0, 64
 
 SEQ_MODULUS = 1 << 32
 """std_msgs/Header.seq wraps here."""
+
+
+def stream_of(name: str) -> str:
+    """The stream that a name in reports belongs to: itself, or what is before the slash."""
+    return name.split('/', 1)[0]
 
 
 class SentPacket(NamedTuple):
@@ -110,3 +118,7 @@ class SentHistory:
         """(datagrams, bytes) of a stream sent so far."""
         known = self._streams.get(stream)
         return (known.count, known.bytes) if known else (0, 0)
+
+    def bytes_of(self, stream: str) -> int:
+        """Bytes of a stream sent so far, in all its parts."""
+        return sum(known.bytes for name, known in self._streams.items() if stream_of(name) == stream)

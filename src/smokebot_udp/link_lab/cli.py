@@ -51,7 +51,8 @@ def parse(words: Sequence[str]) -> Dict[str, Any]:
 
 
 def up(arguments: argparse.Namespace) -> None:
-    """Create the link, serve the other commands and play the trace, until Ctrl-C."""
+    """Create the link, serve the other commands and play the trace, until Ctrl-C or SIGTERM."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit())     # not before the link and the socket are removed
     seed = 0
     trace: Sequence[Step] = ()
     if arguments.course:

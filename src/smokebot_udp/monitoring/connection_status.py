@@ -33,8 +33,9 @@ class ConnectionMonitor:
         """The status of the connection of a stream, by the counters read last."""
         verdict = Verdict()
         loss = judge_connections(verdict, [self], thresholds)
-        return Status('%s, %s' % (stream, stats.peer), verdict.level, str(verdict) or 'connected', {
-            'side': side, 'stream': stream, 'peer': stats.peer, 'address': '%s:%s' % tuple(stats.address[:2]),
+        name = stats.name or stream
+        return Status('%s, %s' % (name, stats.peer), verdict.level, str(verdict) or 'connected', {
+            'side': side, 'stream': name, 'peer': stats.peer, 'address': '%s:%s' % tuple(stats.address[:2]),
             'datagrams': stats.datagrams, 'datagrams/s': self.datagrams.per_second, 'bytes/s': self.bytes.per_second,
             'lost': stats.lost, 'loss [%]': scaled(loss, 100), 'idle [s]': stats.idle,
             'kernel drops': stats.kernel_drops, 'receive buffer [byte]': stats.receive_buffer,

@@ -5,11 +5,13 @@ from typing import Dict, Iterable, List, NamedTuple, Optional, Sequence, Tuple
 from .link_board import LEVELS, STALE, Board, NodeStatus
 from .status import OPERATOR, ROBOT
 
+ERROR_WIDTH = 13
 STREAM_COLUMNS = (
     ('LEVEL', -6), ('STREAM', -18), ('SOURCE', 7), ('SENT', 6), ('CAME', 6), ('SHOWN', 6), ('LOSS %', 7),
-    ('COMPL %', 8), ('AGE ms', 8), ('p99', 7), ('kB/s', 8))
+    ('COMPL %', 8), ('ERROR', ERROR_WIDTH), ('AGE ms', 8), ('p99', 7), ('kB/s', 8))
 """(heading, width), negative: left-aligned and cut. The rates [Hz] are those of the robot's source, of the messages it
-sends (<= the most it may, where only that is known), of those received, and of those published for the operator."""
+sends (<= the most it may, where only that is known), of those received, and of those published for the operator. The
+error is that of layered images, the median."""
 
 CONNECTION_COLUMNS = (
     ('LEVEL', -6), ('STREAM', -18), ('SIDE', -9), ('PEER', -24), ('ADDRESS', -22), ('DATAGRAMS', 11), ('LOSS %', 7),
@@ -134,6 +136,7 @@ def _stream_line(name: str, robot: NodeStatus, operator: NodeStatus) -> Line:
         robot.number('rate in [Hz]', 1), robot.number('rate out [Hz]', 1) if most == '-' else '<=' + most,
         operator.number('rate in [Hz]', 1), operator.number('rate out [Hz]', 1),
         operator.number('loss [%]', 1), operator.number('completeness [%]', 0),
+        operator.values.get('error', '-')[:ERROR_WIDTH],
         operator.number('age p50 [ms]', 0), operator.number('age p99 [ms]', 0),
         sender.number('bytes/s', 1, 1e-3)], notes), level)
 

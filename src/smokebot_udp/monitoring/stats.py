@@ -5,14 +5,17 @@ Counters only grow, or restart from 0.
 """
 import math
 from dataclasses import dataclass, field
-from typing import Dict, Optional, Sequence, Tuple
+from typing import Dict, NamedTuple, Optional, Sequence, Tuple
+
+from ..image_error import ImageError
 
 
 @dataclass(frozen=True)
 class ConnectionStats:
     """One UDPROS connection. None: this side does not know the value.
 
-    The fields are the keys of an item of `udpros.Publisher.connections()` and `udpros.Subscriber.connections()`.
+    The fields but `name` are the keys of an item of `udpros.Publisher.connections()` and
+    `udpros.Subscriber.connections()`.
     """
     peer: str
     """Name of the node at the other end."""
@@ -37,6 +40,18 @@ class ConnectionStats:
     """Size of the socket's receive buffer [byte]."""
     kernel_drops: Optional[int] = None
     """Datagrams that found the receive buffer full."""
+    name: str = ''
+    """Of the part of the stream that it carries, as in link reports; empty: the stream's."""
+
+
+class Shown(NamedTuple):
+    """A message that was published. None: unknown."""
+    age: Optional[float]
+    """The difference between this machine's clock and the message's stamp [s]."""
+    completeness: Optional[float]
+    """0..1"""
+    error: Optional[ImageError] = None
+    """Of an image that was coded with loss."""
 
 
 @dataclass(frozen=True)
@@ -54,9 +69,8 @@ class StreamStats:
     """False for a stream that may be silent and old without a fault: a latched topic, a carousel."""
     dropped: Dict[str, int] = field(default_factory=dict)
     """{reason: messages, segments or datagrams that were discarded}"""
-    shown: Sequence[Tuple[Optional[float], Optional[float]]] = ()
-    """Messages published since the last call: (age [s], completeness 0..1), None where unknown. The age is the
-    difference between this machine's clock and the message's stamp."""
+    shown: Sequence[Shown] = ()
+    """Messages published since the last call."""
     connections: Sequence[ConnectionStats] = ()
     problem: Optional[str] = None
     """Another problem, in words, that deserves a warning now."""

@@ -2,6 +2,7 @@
 """The status of a stream and of its connections, from its stats over time."""
 from typing import Dict, Iterable, List, Optional, Tuple
 
+from ..image_error import ImageError
 from .connection_status import ConnectionMonitor, judge_connections
 from .stats import ConnectionStats, StreamStats
 from .status import ERROR, ROBOT, WARN, Status, Verdict, by_reason, scaled
@@ -24,8 +25,9 @@ class StreamMonitor:
         self._side, self._name, self._topic, self._thresholds = side, name, topic, thresholds
         self._rate_in, self._rate_out = Rate(), Rate()
         self._silence_in, self._silence_out = Silence(now), Silence(now)
-        self._ages, self._completeness = Samples(), Samples()
-        self._connections: Dict[Tuple[str, str], ConnectionMonitor] = {}    # by peer and address
+        self._ages, self._completeness, self._errors = Samples(), Samples(), Samples()
+        self._last_error: Optional[ImageError] = None
+        self._connections: Dict[Tuple[str, str, str], ConnectionMonitor] = {}    # by name, peer and address
 
     def update(self, stats: StreamStats, now: float, clock_offset: Optional[float] = 0.0) -> List[Status]:
         """Take the newest stats.
@@ -38,9 +40,11 @@ class StreamMonitor:
         self._rate_out.read(stats.messages_out, now)
         self._silence_in.read(stats.messages_in, now)
         self._silence_out.read(stats.messages_out, now)
-        for age, completeness in stats.shown:
+        for age, completeness, error in stats.shown:
             self._ages.add(None if age is None or clock_offset is None else age + clock_offset, now)
             self._completeness.add(completeness, now)
+            self._errors.add(None if error is None else error.rms, now)
+            self._last_error = error
         if not stats.enabled or (self._side == ROBOT and not stats.connections):
             self._silence_out.reset(now)
         connections = self._follow(stats.connections, now)
@@ -59,7 +63,7 @@ class StreamMonitor:
     def _follow(self, connections: Iterable[ConnectionStats],
                 now: float) -> List[Tuple[ConnectionMonitor, ConnectionStats]]:
         """Read each connection's counters; monitors of connections that have ended are dropped."""
-        found = {(connection.peer, str(connection.address)): connection for connection in connections}
+        found = {(connection.name, connection.peer, str(connection.address)): connection for connection in connections}
         self._connections = {key: self._connections.get(key) or ConnectionMonitor() for key in found}
         for key, monitor in self._connections.items():
             monitor.read(found[key], now)
@@ -67,10 +71,12 @@ class StreamMonitor:
 
     def _status(self, stats: StreamStats, now: float) -> Status:
         age, completeness = self._ages.percentile(50, now), self._completeness.percentile(50, now)
+        rms = self._errors.percentile(50, now)
+        error = None if rms is None or self._last_error is None else self._last_error._replace(rms=rms)
         verdict = Verdict()
         if stats.enabled:
             self._judge_silence(verdict, stats, now)
-            self._judge_quality(verdict, age if stats.steady else None, completeness)
+            self._judge_quality(verdict, age if stats.steady else None, completeness, error)
         if stats.problem:
             verdict.add(WARN, stats.problem)
         monitors = self._connections.values()
@@ -81,6 +87,8 @@ class StreamMonitor:
             'datagrams': _sum(connection.datagrams for connection in stats.connections),
             'lost': _sum(connection.lost for connection in stats.connections),
             'loss [%]': scaled(loss, 100), 'completeness [%]': scaled(completeness, 100),
+            'error': None if error is None else str(error),
+            'rms error': rms,
             'age p50 [ms]': scaled(age, 1e3), 'age p99 [ms]': scaled(self._ages.percentile(99, now), 1e3),
             'bytes/s': sum(monitor.bytes.per_second or 0.0 for monitor in monitors),
             'kernel drops': _sum(connection.kernel_drops for connection in stats.connections),
@@ -102,11 +110,14 @@ class StreamMonitor:
             elif stats.steady:
                 verdict.add(ERROR, 'nothing is shown for %.0f s' % silence_out)
 
-    def _judge_quality(self, verdict: Verdict, age: Optional[float], completeness: Optional[float]) -> None:
+    def _judge_quality(self, verdict: Verdict, age: Optional[float], completeness: Optional[float],
+                       error: Optional[ImageError]) -> None:
         limits = self._thresholds
         verdict.check(age, limits.warn_age, limits.error_age, '%.0f ms old', 1e3)
         if completeness is not None and completeness < limits.warn_completeness:
             verdict.add(WARN, 'only %.0f %% complete' % (100 * completeness))
+        if error is not None and error.peak is not None and error.psnr(error.peak) < limits.warn_psnr:
+            verdict.add(WARN, 'only ' + str(error))
 
 
 def _sum(values: Iterable[Optional[int]]) -> Optional[int]:

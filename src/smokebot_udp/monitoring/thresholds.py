@@ -13,6 +13,8 @@ class Thresholds:
     error_loss: float = 0.7
     warn_completeness: float = 0.5
     """Ratio, 0..1."""
+    warn_psnr: float = 20.0
+    """[dB]"""
     warn_age: float = 0.5
     """[s]"""
     error_age: float = 2.0

@@ -5,15 +5,14 @@ from typing import Any, Callable, Mapping, Type, Union
 import rospy
 from sensor_msgs.msg import Image
 
-from ..codecs.wire.partial_image import mask_of
 from ..codecs.wire.pixels import as_pixels
 from ..mission.settings import SettingsStore
-from ..streams.image.assembler import AssembledImage
+from ..streams.image.assembled import ShownImage
 from .view_publisher import ViewPublisher
 
 
 class MaskOutput:
-    """Publishes the origin of each image's pixels, see codecs.wire.partial_image.mask_of.
+    """Publishes the origin of each image's pixels, or their quality, see streams.image.assembled.
 
     :param topic: resolved topic of the images; the mask's is `mask` beside it
     """
@@ -21,13 +20,13 @@ class MaskOutput:
     def __init__(self, topic: str, settings: SettingsStore, clock_offset: Callable[[], float]) -> None:
         self._publisher = rospy.Publisher(rospy.names.namespace(topic) + 'mask', Image, queue_size=2, tcp_nodelay=True)
 
-    def show(self, assembled: AssembledImage) -> None:
+    def show(self, assembled: ShownImage) -> None:
         """Publish the mask of an image, if there is any subscriber."""
         if self._publisher.get_num_connections():
             image = assembled.message
             self._publisher.publish(Image(
                 header=image.header, height=image.height, width=image.width, encoding='mono8', step=image.width,
-                data=mask_of(assembled.received, assembled.filtered.known).tobytes()))
+                data=assembled.mask().tobytes()))
 
     def close(self) -> None:
         self._publisher.unregister()
@@ -43,11 +42,11 @@ class ViewOutput:
         self._view = ViewPublisher(settings.current, clock_offset)
         settings.subscribe(self._view.configure)
 
-    def show(self, assembled: AssembledImage) -> None:
+    def show(self, assembled: ShownImage) -> None:
         """Publish the view of an image soon."""
         image = assembled.message
         pixels = as_pixels(image.data, image.height, image.width, image.step, image.encoding, image.is_bigendian)
-        self._view.show(pixels, image.encoding, image.header, assembled.filtered.known_ratio)
+        self._view.show(pixels, image.encoding, image.header, assembled.known_ratio, error=assembled.error)
 
     def close(self) -> None:
         self._view.close()

@@ -3,6 +3,7 @@
 ~link.
 """
 import collections
+import math
 import threading
 import time
 from typing import Any, Dict, Mapping
@@ -15,6 +16,7 @@ from ..congestion.estimator import REPORT_INTERVAL
 from ..congestion.packet_scheduler import PacketScheduler
 from ..monitoring.stats import LinkStats
 from ..msg import LinkReport, LinkStatus
+from ..streams.outlook import Outlook, StreamLosses
 from ..units import MBIT
 from .link_reporter import TOPIC
 from .logging import log_error
@@ -60,6 +62,9 @@ class LinkControl:
 
     def __init__(self, controller: SharedController, link: RobotLink, streams: Mapping[str, RobotStream]) -> None:
         self._controller, self._link, self._streams = controller, link, streams
+        self._losses = StreamLosses()
+        with controller as unshared:
+            unshared.on_arrivals = self._losses.add
         self.shares: Dict[str, float] = {}
         """{stream: its share of the link [byte/s]}; empty: unlimited."""
         self._status = rospy.Publisher('~link', LinkStatus, queue_size=1)
@@ -99,6 +104,7 @@ class LinkControl:
             plan = controller.tick(now, {name: demand for name, demand in demands.items() if demand is not None},
                                    self._link.outbox.protected)
             stats = controller.stats(now)
+            self._give_outlooks(plan, now)
         self._link.datagram_size, self.shares = plan.datagram_size, plan.shares
         grant(plan, self._streams)
 
@@ -110,6 +116,13 @@ class LinkControl:
         status = as_message(stats)
         status.header.stamp = rospy.Time.now()
         self._status.publish(status)
+
+    def _give_outlooks(self, plan: Plan, now: float) -> None:
+        """Pass on to the encoders what to expect of the link, under the controller's lock: reports change it."""
+        for name, stream in self._streams.items():
+            if stream.encoder.FORESEES:
+                stream.encoder.outlook = Outlook(self._losses.air(name, stream.subscribers, now),
+                                                 plan.rooms.get(name, math.inf))
 
     def _count_operators(self) -> None:
         """Pass on who subscribes to the streams now; any thread."""

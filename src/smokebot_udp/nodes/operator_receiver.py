@@ -3,16 +3,18 @@
 
 Parameters: OPERATOR_RECEIVER in nodes/parameters.py, listed in doc/parameters.md.
 
-Each stream subscribes /smokebot_udp/<stream>/segments and publishes its operator_topic in the node's namespace, which
-distinguishes several operators of one robot. Service: ~set_focus, the robot's mission focus.
+Each stream subscribes /smokebot_udp/<stream>/segments, and an image stream also /smokebot_udp/<stream>/layers. It
+publishes its operator_topic in the node's namespace, which distinguishes several operators of one robot. Service:
+~set_focus, the robot's mission focus.
 """
 import rospy
 
 from .. import udpros
 from ..msg import RobotStatus
-from . import malloc_tuning
+from . import garbage, malloc_tuning
 from .clock_sync import ClockClient
 from .common import Parameters, load_streams, operator_topic
+from .compiled_codec import CompiledCodec
 from .diagnostics import operator_diagnostics
 from .focus_client import FocusClient
 from .link_reporter import LinkReporter
@@ -36,8 +38,9 @@ class OperatorReceiver:
             self._motion = MotionListener(operator_topic(parameters['odom_topic']), parameters['cmd_vel_topic'])
             self._clock = ClockClient()
             self._reporter = LinkReporter()
+            self._codec = CompiledCodec()
             link = OperatorLink(parameters['max_datagram_size'], parameters['receive_buffer'], self._motion.is_still,
-                                self._motion.images_compared, self._reporter.arrived, self._clock.offset)
+                                self._motion.images_compared, self._reporter.arrived, self._clock.offset, self._codec)
             self.streams = load_streams(parameters, lambda name, settings: OperatorStream(name, settings, link))
             status = [stream.topic for stream in self.streams.values() if stream.assembler.MESSAGE is RobotStatus]
             self._focus = FocusClient(status[0] if status else None, parameters['focus_patience'])
@@ -57,6 +60,7 @@ class OperatorReceiver:
         self._motion.close()
         for stream in self.streams.values():
             stream.close()
+        self._codec.close()
         self._reporter.close()
         self._clock.close()
 
@@ -65,7 +69,8 @@ def main() -> None:
     malloc_tuning.keep_freed_memory()
     udpros.race_all_connections()
     wait_until_free('operator_receiver', SECOND_OPERATOR)
-    rospy.init_node('operator_receiver')
+    udpros.init_node('operator_receiver')
     receiver = OperatorReceiver()
+    garbage.collect_regularly()
     rospy.loginfo('operator_receiver: receiving %s', ', '.join(receiver.streams) or 'nothing: no stream is valid')
     rospy.spin()

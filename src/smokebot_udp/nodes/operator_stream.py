@@ -4,7 +4,7 @@ import collections
 import functools
 import time
 from dataclasses import dataclass
-from typing import Any, Callable, Deque, Dict, List, Mapping, Optional, Tuple
+from typing import Any, Callable, Deque, Dict, List, Mapping, Optional
 
 import rospy
 
@@ -12,16 +12,17 @@ from .. import udpros
 from ..arrays import BoolArray, Records
 from ..mission.parameters import live
 from ..mission.settings import Settings, SettingsStore
-from ..monitoring.stats import ConnectionStats, StreamStats
+from ..monitoring.stats import ConnectionStats, Shown, StreamStats
 from ..streams import assembler_class
 from ..streams.assembler import Assembled, Assembler
 from ..streams.relay.transforms import QUEUE
-from ..streams.segments import wire_topic
+from ..streams.segments import reported_name, wire_topic
 from .common import operator_topic
+from .compiled_codec import CompiledCodec
 from .worker import DeadlineWorker
 
 MAX_SHOWN = 512
-"""Age and completeness of this number of messages are kept until `stats` is called."""
+"""What is known of this number of messages is kept until `stats` is called."""
 
 
 @dataclass
@@ -36,9 +37,11 @@ class OperatorLink:
     images_compared: Callable[[Optional[float]], None] = lambda changed: None
     """Receives the share of the cells that differ between two images of a stream, 0..1; None: not comparable."""
     arrived: Callable[..., None] = lambda *_: None
-    """f(stream, number, seq, size, count, when), see udpros.Subscriber."""
+    """f(name, number, seq, size, count, when), see segments.reported_name and udpros.Subscriber."""
     clock_offset: Callable[[], float] = lambda: 0.0
     """The robot's clock minus the operator's [s]."""
+    codec: Optional[CompiledCodec] = None
+    """Needed for parts that are compiled; None: they are received at once."""
 
 
 class OperatorStream:
@@ -59,9 +62,10 @@ class OperatorStream:
         self.last_shown: Optional[float] = None
         """When a message was published last, by time.monotonic() [s]."""
         self._link = link
-        self._shown: Deque[Tuple[Optional[float], Optional[float]]] = collections.deque(maxlen=MAX_SHOWN)
+        self._shown: Deque[Shown] = collections.deque(maxlen=MAX_SHOWN)
         self._publisher: Any = None     # made by start(), as are these
-        self._subscriber: Any = None
+        self._subscribers: Dict[str, Any] = {}      # {part: udpros.Subscriber}
+        self._needs_codec = False       # whether the robot may send a part that needs it
         self._outputs: List[Any] = []
         self._worker: DeadlineWorker[Any] = DeadlineWorker(
             name, self.assembler.poll, self.assembler.deadline, self._show, self._report)
@@ -72,30 +76,48 @@ class OperatorStream:
         self._publisher = rospy.Publisher(self.topic, self.assembler.MESSAGE, queue_size=2, latch=self.assembler.LATCH,
                                           tcp_nodelay=True)
         self._outputs = list(self._make_outputs())
+        if not self.assembler.FORWARDS:
+            self._worker.start()
+        # all parts from the start: the robot may use another one at any time
+        self._subscribers = {part: self._subscribe(part) for part in self.assembler.SEGMENTS}
+
+    def _subscribe(self, part: str) -> Any:
         options: Dict[str, Any]
         if self.assembler.FORWARDS:
             options = {'callback': self._forward, 'queue_size': QUEUE}
         else:
-            options = {'batch_callback': self._receive}
-            self._worker.start()
-        self._subscriber = udpros.Subscriber(
-            wire_topic(self.name), self.assembler.SEGMENT, max_datagram_size=self._link.max_datagram_size,
-            receive_buffer=self._link.receive_buffer, arrived=functools.partial(self._link.arrived, self.name),
-            **options)
+            options = {'batch_callback': functools.partial(self._receive, part)}
+        if part in self.assembler.COMPILED:
+            options['wanted'] = self._codec_ready
+        return udpros.Subscriber(
+            wire_topic(self.name, part), self.assembler.SEGMENTS[part], max_datagram_size=self._link.max_datagram_size,
+            receive_buffer=self._link.receive_buffer,
+            arrived=functools.partial(self._link.arrived, reported_name(self.name, part)), **options)
+
+    def _codec_ready(self) -> bool:
+        """Whether parts that need the codec can be received, asked when the robot advertises one (udpros.Subscriber).
+
+        The robot sends the other parts until this one is connected.
+        """
+        self._needs_codec = True
+        return self._link.codec is None or self._link.codec.ready()
 
     def stats(self) -> StreamStats:
         """What the stream does and did, for diagnostics; `shown` since the last call."""
         shown = [self._shown.popleft() for _ in range(len(self._shown))]
+        connections = [ConnectionStats(name=reported_name(self.name, part), **found)
+                       for part, subscriber in self._subscribers.items()
+                       for found in subscriber.connections()]
         return StreamStats(
             self.received, self.published, steady=self.assembler.STEADY, dropped=dict(self.assembler.dropped),
-            shown=shown, connections=[ConnectionStats(**found) for found in self._subscriber.connections()],
-            problem=self.assembler.problem(self.settings.current, time.monotonic()))
+            shown=shown, connections=connections,
+            problem=self._problem() or self.assembler.problem(self.settings.current, time.monotonic()))
 
     def close(self) -> None:
         """End all threads and topics."""
         self._worker.close()
-        if self._subscriber is not None:
-            self._subscriber.unregister()
+        for subscriber in self._subscribers.values():
+            subscriber.unregister()
         for output in self._outputs:
             output.close()
         if self._publisher is not None:
@@ -114,10 +136,10 @@ class OperatorStream:
         with self._worker.changing():
             self.assembler.configure(settings, changed)
 
-    def _receive(self, records: Records, mask: BoolArray) -> None:
+    def _receive(self, part: str, records: Records, mask: BoolArray) -> None:
         """Take a batch of segments, in the transport's thread."""
         with self._worker.changing():
-            self.assembler.receive(records, mask, time.monotonic())
+            self.assembler.receive(records, mask, time.monotonic(), part)
 
     def _forward(self, segment: Any) -> None:
         """Publish the message that a segment completes, in the transport's thread."""
@@ -149,12 +171,16 @@ class OperatorStream:
         finally:
             self._log_warnings()
 
+    def _problem(self) -> Optional[str]:
+        """Why compiled parts are not received; None: they are, or the robot has none."""
+        return self._link.codec.problem if self._needs_codec and self._link.codec is not None else None
+
     def _publish(self, assembled: Assembled) -> None:
         self._publisher.publish(assembled.message)
         self.published += 1
         self.last_shown = time.monotonic()
         age = (rospy.Time.now().to_nsec() - assembled.stamp) / 1e9 if assembled.stamp else None
-        self._shown.append((age, assembled.completeness))
+        self._shown.append(Shown(age, assembled.completeness, assembled.error))
 
     def _log_warnings(self) -> None:
         while self.assembler.warnings:

@@ -6,11 +6,13 @@ import time
 from typing import Any, Callable, Mapping, Optional, Sequence
 
 from ..congestion.packet_scheduler import Chunk, PacketScheduler
+from ..congestion.sent_history import stream_of
 from ..udpros.endpoints import IP_UDP_HEADERS
 from ..udpros.frame import Frame
 
 MAX_BACKLOG = 0.02
-"""A newer message of a stream waits for the one before if everything that waits leaves within this time [s],"""
+"""A newer message of a stream waits for the one before if everything that waits leaves within this time, unless its
+encoder says otherwise [s],"""
 
 MAX_WAIT = 0.5
 """but no longer than this [s],"""
@@ -19,8 +21,9 @@ MAX_WHOLE_WAIT = 2.0
 """or this, where a message is useless without all its datagrams [s]."""
 
 Departed = Callable[[str, int, int, int, float, Mapping[str, int]], None]
-"""f(stream, seq, count, size, now, limits): `count` datagrams of `size` bytes each as IP packets left.
+"""f(name, seq, count, size, now, limits): `count` datagrams of `size` bytes each as IP packets left.
 
+* name: of the stream, or of the part of it, in reports
 * seq: of the first one
 * limits: {subscriber that got only the first datagrams: their number}
 """
@@ -61,25 +64,26 @@ class Outbox:
         if self._thread.ident:
             self._thread.join()
 
-    def put(self, stream: str, publisher: Any, frames: Sequence[Frame]) -> None:
+    def put(self, name: str, publisher: Any, frames: Sequence[Frame]) -> None:
         """Send the frames of a message; what did not leave yet of the stream's last message is dropped.
 
+        :param name: of the stream, or of the part of it that carries the message, as in Departed
         :param publisher: udpros.Publisher
         """
         parts = [(len(frame), frame.datagram_size + IP_UDP_HEADERS) for frame in frames]
         with self._changed:
-            self._scheduler.put(stream, (publisher, frames), parts)
+            self._scheduler.put(stream_of(name), (name, publisher, frames), parts)
             self._changed.notify()
 
-    def await_rest(self, stream: str, whole: bool = False) -> None:
+    def await_rest(self, stream: str, whole: bool = False, backlog: float = MAX_BACKLOG) -> None:
         """Wait until the last message of a stream has left, so that the next one does not cut it off, but only if
-        everything that waits leaves within MAX_BACKLOG. A busy machine takes longer than the link: at most MAX_WAIT.
+        everything that waits leaves within `backlog` [s]. A busy machine takes longer than the link: at most MAX_WAIT.
 
         :param whole: whether the message is useless without all its datagrams: it leaves then, if it can within
             MAX_WHOLE_WAIT
         """
         with self._left:
-            if whole or self._scheduler.takes() <= MAX_BACKLOG:
+            if whole or self._scheduler.takes() <= backlog:
                 self._left.wait_for(lambda: self._ended or self._scheduler.sending(stream) is None,
                                     MAX_WHOLE_WAIT if whole else MAX_WAIT)
 
@@ -141,9 +145,9 @@ class Outbox:
             return None
 
     def _send(self, chunk: Chunk) -> None:
-        publisher, frames = chunk.work
+        name, publisher, frames = chunk.work
         frame = frames[chunk.part].part(chunk.start, chunk.stop)
         now, size = time.monotonic(), frame.datagram_size + IP_UDP_HEADERS
         limits = self._conforming(chunk.stream, len(frame), size, now)
         first = publisher.publish_frames(frame, limits=limits)
-        self._departed(chunk.stream, first, len(frame), size, now, limits)
+        self._departed(name, first, len(frame), size, now, limits)

@@ -12,6 +12,7 @@ _MEANINGS = {
     'warn_loss': ('', 'packet-loss ratio that triggers WARN'),
     'error_loss': ('', 'packet-loss ratio that triggers ERROR'),
     'warn_completeness': ('', 'median completeness of messages, 0..1, below which there is a WARN'),
+    'warn_psnr': ('dB', 'median of the estimated PSNR of layered images of 8 bits below which there is a WARN'),
     'warn_age': ('s', 'median age of messages on arrival that triggers WARN'),
     'error_age': ('s', 'median age of messages on arrival that triggers ERROR'),
     'error_silence': ('s', 'time without messages that triggers ERROR, if it is three times longer than usual, too'),

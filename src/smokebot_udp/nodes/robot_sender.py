@@ -3,9 +3,10 @@
 
 Parameters: ROBOT_SENDER in nodes/parameters.py, listed in doc/parameters.md.
 
-Each stream subscribes its robot_topic and publishes /smokebot_udp/<stream>/segments. ~status (latched) shows the
-focus and the settings of each stream, ~focus/modified (latched) whether any of them was set by hand since the focus was
-switched, ~link the state of the link. Service: ~set_focus.
+Each stream subscribes its robot_topic and publishes /smokebot_udp/<stream>/segments, an image stream that may be
+layered also /smokebot_udp/<stream>/layers. ~status (latched) shows the focus and the settings of each stream,
+~focus/modified (latched) whether any of them was set by hand since the focus was switched, ~link the state of the link.
+Service: ~set_focus.
 """
 import collections
 import math
@@ -23,9 +24,10 @@ from ..streams import encoder_class
 from ..streams.virtual_scan.fans import FanCache
 from ..udpros.endpoints import IP_UDP_HEADERS
 from ..units import MBIT
-from . import malloc_tuning
+from . import garbage, malloc_tuning
 from .clock_sync import ClockServer
 from .common import Parameters, load_streams, read_file
+from .compiled_codec import CompiledCodec
 from .diagnostics import robot_diagnostics
 from .focus import FocusControl
 from .level_frame import TransformLookup
@@ -52,12 +54,15 @@ class RobotSender:
         shared = SharedController(controller)
         scheduler = PacketScheduler(controller.rate(time.monotonic()), BURST * (size + IP_UDP_HEADERS))
         lookup = TransformLookup()
+        self._codec = CompiledCodec()
         fans: DefaultDict[str, FanCache] = collections.defaultdict(lambda: FanCache(lookup))    # by the cloud's topic
 
         def make_stream(name: str, settings: Dict[str, Any]) -> RobotStream:
-            shared_work = {}
+            shared_work: Dict[str, Any] = {}
             if settings['type'] == 'virtual_scan':
                 shared_work = {'fans': fans[rospy.resolve_name(settings['robot_topic'])]}
+            elif settings['type'] == 'image':
+                shared_work = {'codec': self._codec, 'clock': time.monotonic}
             return RobotStream(name, settings, encoder_class(settings['type'])(settings, **shared_work), link)
         with udpros.registered_together():
             link = RobotLink(size, Outbox(scheduler, shared.on_sent, _log, shared.conforming))
@@ -78,6 +83,7 @@ class RobotSender:
         self.focus.close()
         for stream in self.streams.values():
             stream.close()
+        self._codec.close()
         self._outbox.stop()
 
 
@@ -97,7 +103,8 @@ def main() -> None:
     malloc_tuning.keep_freed_memory()
     udpros.race_all_connections()
     wait_until_free('robot_sender', 'A master can have one robot_sender.')
-    rospy.init_node('robot_sender')
+    udpros.init_node('robot_sender')
     sender = RobotSender()
+    garbage.collect_regularly()
     rospy.loginfo('robot_sender: sending %s', ', '.join(sender.streams) or 'nothing: no stream is valid')
     rospy.spin()

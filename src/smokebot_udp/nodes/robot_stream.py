@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The runner of the robot's streams: subscribes a topic, has its messages encoded, and sends the frames.
 
+A part of a stream is a topic on the wire. It is advertised when the encoder needs it first, and stays.
+
 One thread per stream encodes the newest message when its rate allows, and repeats the last one when that is due. The
 encoder (streams/encoder.py) decides how messages are encoded, the outbox (outbox.py) when datagrams leave.
 """
 import functools
 import time
 from dataclasses import dataclass, field
-from typing import Any, Callable, Mapping, Optional, Sequence, Set
+from typing import Any, Callable, Dict, Mapping, Optional, Sequence, Set
 
 import rospy
 
@@ -20,10 +22,10 @@ from ..monitoring.windows import Rate
 from ..streams.encoder import Encoder
 from ..streams.rate import RateLimiter
 from ..streams.schedule import Schedule
-from ..streams.segments import wire_topic
+from ..streams.segments import reported_name, wire_topic
 from ..udpros.frame import Frame
 from ..units import KBIT
-from .outbox import Outbox
+from .outbox import MAX_BACKLOG, Outbox
 from .worker import DeadlineWorker
 
 SOURCE_RATE_OVER = 2.0
@@ -69,8 +71,10 @@ class RobotStream(rospy.SubscribeListener):
         self.received, self.sent = 0, 0
         """Messages of the source; messages handed to the outbox, repeats included where they are PROTECTED."""
         self._make_publisher, self._make_subscriber, self._make_local_publisher = publisher, subscriber, local_publisher
-        self._publisher: Any = None     # made by start(), as are these
-        self._subscriber: Any = None
+        self._publishers: Dict[str, Any] = {}   # of the parts advertised
+        self._part_of = {class_: part for part, class_ in encoder.SEGMENTS.items()}
+        encoder.heard = self._complete
+        self._subscriber: Any = None    # made by start(), as is this
         self._local_publisher: Any = None
         self._invalid = 0
         self._stamp: Any = None         # of the last message encoded
@@ -86,9 +90,7 @@ class RobotStream(rospy.SubscribeListener):
 
     def start(self) -> None:
         """Begin to send; a stream can be made without ROS, but not started."""
-        self._publisher = self._make_publisher(
-            wire_topic(self.name), self.encoder.SEGMENT, subscriber_listener=self, queue_size=10,
-            max_datagram_size=self.link.max_datagram_size)
+        self._advertise(self.settings.current)
         if self.encoder.DERIVED is not None:
             topic = self.settings.current['scan_topic'] or self.name
             self._local_publisher = self._make_local_publisher(topic, self.encoder.DERIVED, queue_size=2)
@@ -103,9 +105,18 @@ class RobotStream(rospy.SubscribeListener):
             self._subscriber.unregister()
         self._worker.close()
         self.link.outbox.drop(self.name)
-        for publisher in (self._publisher, self._local_publisher):
+        for publisher in (*self._publishers.values(), self._local_publisher):
             if publisher is not None:
                 publisher.unregister()
+
+    def _advertise(self, settings: Settings) -> None:
+        """Advertise the parts that these settings need."""
+        for part in self.encoder.parts(settings):
+            if part not in self._publishers:
+                publisher = self._make_publisher(
+                    wire_topic(self.name, part), self.encoder.SEGMENTS[part], subscriber_listener=self, queue_size=10,
+                    max_datagram_size=self.link.max_datagram_size)
+                self._publishers = {**self._publishers, part: publisher}    # other threads iterate
 
     # -- state, for any thread ----------------------------------------------------------------------
 
@@ -117,12 +128,21 @@ class RobotStream(rospy.SubscribeListener):
     @property
     def heard(self) -> bool:
         """Whether the segments have a subscriber."""
-        return self._publisher is not None and self._publisher.get_num_connections() > 0
+        return any(publisher.get_num_connections() > 0 for publisher in self._publishers.values())
 
     @property
     def subscribers(self) -> Set[str]:
         """Names of the nodes that the segments are sent to as datagrams."""
-        return {connection['peer'] for connection in self._publisher.connections()} if self.heard else set()
+        return {name for part in self._publishers for name in self._subscribers_of(part)}
+
+    def _subscribers_of(self, part: str) -> Set[str]:
+        return {connection['peer'] for connection in self._publishers[part].connections()}
+
+    def _complete(self, part: str) -> bool:
+        """Whether a part has subscribers now, all of those that other parts are sent to as datagrams among them."""
+        publisher = self._publishers.get(part)
+        return (publisher is not None and publisher.get_num_connections() > 0
+                and self._subscribers_of(part) >= self.subscribers)
 
     @property
     def wanted(self) -> bool:
@@ -138,11 +158,12 @@ class RobotStream(rospy.SubscribeListener):
         :param now: by a steady clock [s]
         """
         self._source.read(self.received, now)
+        self.encoder.source_rate = self._source.per_second or None
         settings = self.settings.current
         requested = settings.requested
         if self.encoder.PROTECTED or not requested['enabled'] or not self.heard:
             return None
-        rate = min(requested['rate'], self._source.per_second or requested['rate'])
+        rate = min(requested['rate'], self.encoder.source_rate or requested['rate'])
         points = self.encoder.operating_points(rate, settings)
         return Demand(points, requested['weight'], requested['min_bitrate'] * KBIT, rate,
                       self.encoder.refine) if points else None
@@ -150,12 +171,13 @@ class RobotStream(rospy.SubscribeListener):
     def stats(self) -> StreamStats:
         """What the stream does and did, for diagnostics."""
         settings = self.settings.current
-        connections = self._publisher.connections() if self._publisher is not None else []
+        connections = [ConnectionStats(name=reported_name(self.name, part), **found)
+                       for part, publisher in self._publishers.items() for found in publisher.connections()]
         return StreamStats(
             self.received, self.sent, settings['enabled'], settings['rate'], self.encoder.STEADY,
             {'replaced': self._schedule.replaced, 'invalid': self._invalid,
              'datagrams of replaced messages': self.link.outbox.dropped(self.name)},
-            connections=[ConnectionStats(**connection) for connection in connections],
+            connections=connections,
             problem='the link is too slow for it and the other streams' if settings.paused else None)
 
     # -- input: rospy's threads, and those that change settings ------------------------------------
@@ -216,6 +238,7 @@ class RobotStream(rospy.SubscribeListener):
 
     def _encode(self, message: Any) -> None:
         encoder, settings = self.encoder, self.settings.current
+        self._advertise(settings)
         if encoder.STAMPED:
             self._check_stamp(message)
         if self._local_publisher is not None:
@@ -226,7 +249,7 @@ class RobotStream(rospy.SubscribeListener):
                 return
             self._sending_limiter.take(now)
         elif not encoder.PROTECTED:
-            self.link.outbox.await_rest(self.name, encoder.WHOLE)
+            self.link.outbox.await_rest(self.name, encoder.WHOLE, encoder.backlog or MAX_BACKLOG)
         frames = encoder.encode(message, settings, self._datagram_size)
         if not frames:
             return
@@ -262,11 +285,13 @@ class RobotStream(rospy.SubscribeListener):
 
     def _send(self, frames: Sequence[Frame]) -> None:
         """Hand over the frames that carry one message, or the messages of a PROTECTED stream."""
+        part = self._part_of[frames[0].message_class]
+        name, publisher = reported_name(self.name, part), self._publishers[part]
         if not self.encoder.PROTECTED:
-            self.link.outbox.put(self.name, self._publisher, frames)
+            self.link.outbox.put(name, publisher, frames)
             return
         for frame in frames:
-            self.link.outbox.publish(self.name, self._publisher, frame)
+            self.link.outbox.publish(name, publisher, frame)
             self.sent += 1
 
     def _report(self, error: Exception) -> None:

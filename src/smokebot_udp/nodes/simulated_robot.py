@@ -107,6 +107,6 @@ class SimulatedRobot:
 
 
 def main() -> None:
-    rospy.init_node('simulated_robot')
+    udpros.init_node('simulated_robot')
     SimulatedRobot()
     rospy.spin()

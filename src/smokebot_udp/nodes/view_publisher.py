@@ -8,6 +8,7 @@ from sensor_msgs.msg import Image
 from std_msgs.msg import Header
 
 from ..arrays import Array
+from ..image_error import ImageError
 from ..streams.image.view import View, ViewedImage
 from .common import operator_topic
 from .worker import DeadlineWorker
@@ -42,7 +43,7 @@ class ViewPublisher:
             self._view.configure(settings, changed)
 
     def show(self, pixels: Array, encoding: str, header: Any, completeness: float,
-             now: Optional[float] = None) -> None:
+             now: Optional[float] = None, error: Optional[ImageError] = None) -> None:
         """Publish the view of an image soon, in a thread of its own.
 
         :param pixels: (height, width) or (height, width, channels) array, see codecs.wire.pixels.as_pixels; it is kept
@@ -50,11 +51,13 @@ class ViewPublisher:
         :param header: std_msgs/Header of the source
         :param completeness: share of the pixels that are not concealed, 0..1
         :param now: by the operator's ROS clock; None: now [s]
+        :param error: of an image that was coded with loss
         """
         now = rospy.get_time() if now is None else now
         age = now + self._clock_offset() - header.stamp.to_sec()
         with self._worker.changing():
-            self._view.add(ViewedImage(header, completeness, age, time.monotonic(), pixels, encoding))
+            self._view.add(ViewedImage(header, completeness, age, time.monotonic(), pixels, encoding,
+                                       error=error))
 
     def close(self) -> None:
         self._worker.close()

@@ -4,21 +4,23 @@
 A kind derives from Assembler. The runner (nodes/operator_stream.py) owns the subscription, the publishers, the worker
 thread and the settings:
 
-    receive(records, mask, now)  under its lock, for each batch of segments
-    deadline(), poll(now)        under its lock, in the worker thread
-    assemble(finished, ...)      without the lock, in the worker thread, once for each result of `poll`
-    settle(finished, ...)        likewise, after the message is published
+    receive(records, ...)    under its lock, for each batch of segments
+    deadline(), poll(now)    under its lock, in the worker thread
+    assemble(finished, ...)  without the lock, in the worker thread, once for each result of `poll`
+    settle(finished, ...)    likewise, after the message is published
 
 A kind whose messages need no work (FORWARDS) implements `join` and `forward` instead, called in the transport's thread.
 """
 import collections
 from dataclasses import dataclass, field
-from typing import Any, Callable, ClassVar, Counter, Generic, List, Mapping, Optional, TypeVar
+from typing import Any, Callable, ClassVar, Counter, FrozenSet, Generic, List, Mapping, Optional, TypeVar
 
 from ..arrays import BoolArray, Records
+from ..image_error import ImageError
 from ..mission.parameters import Parameter
 from ..mission.settings import Settings
 from .parameters import OPERATOR
+from .segments import MAIN_PART
 
 Clock = Callable[[], float]
 
@@ -38,6 +40,8 @@ class Assembled:
     """Received share of it, 0..1; None: unknown."""
     changed: Optional[float] = field(default=None, init=False)
     """Of images: share of their cells that differ from the image before, 0..1; None: not compared."""
+    error: Optional[ImageError] = field(default=None, init=False)
+    """Of images that were coded with loss; None: what was received is exact."""
 
 
 Finished = TypeVar('Finished')
@@ -54,8 +58,10 @@ class Assembler(Generic[Finished, Result]):
     """
     MESSAGE: Any = None
     """Class of the messages that come out."""
-    SEGMENT: Any = None
-    """Class of the messages on the wire."""
+    SEGMENTS: ClassVar[Mapping[str, Any]] = {}
+    """{part: class of its messages on the wire}, see segments.wire_topic."""
+    COMPILED: ClassVar[FrozenSet[str]] = frozenset()
+    """Parts whose segments need the compiled codec. The runner discards them until it is loaded."""
     PARAMETERS: ClassVar[Mapping[str, Parameter]] = OPERATOR
     """What streams.yaml may set for the operator's side of this kind."""
     LATCH: bool = False
@@ -79,12 +85,13 @@ class Assembler(Generic[Finished, Result]):
         :param changed: {name: value} of the settings whose effective value differs from before, never empty
         """
 
-    def receive(self, records: Records, mask: BoolArray, now: float) -> None:
-        """Sort a batch of segments.
+    def receive(self, records: Records, mask: BoolArray, now: float, part: str = MAIN_PART) -> None:
+        """Sort a batch of segments of one part.
 
         :param records: (n,) structured array of segments, see udpros.records; valid during the call only
         :param mask: (n,) which of them are good
         :param now: by a steady clock [s]
+        :param part: of SEGMENTS
         """
         raise NotImplementedError
 
@@ -107,7 +114,7 @@ class Assembler(Generic[Finished, Result]):
         """Do the work that can wait until the message is published; may set ``assembled.changed``."""
 
     def join(self, segment: Any) -> Optional[Any]:
-        """The message that a segment (a message of class SEGMENT) completes; None: none."""
+        """The message that a segment (a message of a class of SEGMENTS) completes; None: none."""
         raise NotImplementedError
 
     def forward(self, message: Any) -> Optional[Result]:

@@ -5,13 +5,15 @@ To add a kind, derive from Encoder. The runner (nodes/robot_stream.py) owns the 
 thread and the settings; it passes settings in and sends the frames that come out.
 """
 import collections
-from typing import Any, ClassVar, Deque, Dict, Generic, List, Mapping, Optional, Sequence, TypeVar
+from typing import Any, Callable, ClassVar, Deque, Dict, Generic, List, Mapping, Optional, Sequence, TypeVar
 
 from ..congestion.operating_points import OperatingPoint, rate_points
 from ..mission.parameters import Parameter
 from ..mission.settings import Settings
 from ..udpros.frame import Frame
+from .outlook import Outlook
 from .parameters import ROBOT
+from .segments import MAIN_PART
 
 Message = TypeVar('Message')
 """What `merge` returns and `encode` takes: mostly a ROS message."""
@@ -26,8 +28,8 @@ class Encoder(Generic[Message]):
     """
     MESSAGE: Any = None
     """Class of the source's messages."""
-    SEGMENT: Any = None
-    """Class of the messages on the wire."""
+    SEGMENTS: ClassVar[Mapping[str, Any]] = {}
+    """{part: class of its messages on the wire}, see segments.wire_topic; a frame belongs to the part of its class."""
     PARAMETERS: ClassVar[Mapping[str, Parameter]] = ROBOT
     """Settings of the robot's side of this kind."""
     PROTECTED: bool = False
@@ -44,6 +46,8 @@ class Encoder(Generic[Message]):
     """Whether messages are encoded even where nobody is subscribed, for late subscribers."""
     REENCODES: ClassVar[bool] = False
     """Whether the last message is encoded again when settings change; `encode` returns [] where nothing changes."""
+    FORESEES: ClassVar[bool] = False
+    """Whether `outlook` is used: it costs some computing for each report."""
     QUEUE_SIZE: ClassVar[int] = 1
     """Queue size of the subscription."""
     DERIVED: ClassVar[Any] = None
@@ -58,6 +62,16 @@ class Encoder(Generic[Message]):
         """Size of the last message on the air; None: nothing was encoded yet [byte]."""
         self.warnings: Deque[str] = collections.deque(maxlen=16)
         """For the log: problems of messages that were encoded nevertheless. The runner removes them."""
+        self.backlog: Optional[float] = None
+        """A newer message waits for the rest of the last one if everything that waits leaves within this time; None: as
+        the outbox decides [s]."""
+        self.outlook = Outlook()
+        """What to expect of the link. Where it is used, the runner replaces it, many times a second."""
+        self.source_rate: Optional[float] = None
+        """Of the source as measured, however many of its messages are encoded [Hz]. The runner replaces it; None: it is
+        not known."""
+        self.heard: Callable[[str], bool] = lambda part: True
+        """Whether all operators that receive the stream receive this part of it now. The runner replaces it."""
 
     @staticmethod
     def check(settings: Mapping[str, Any]) -> None:
@@ -66,6 +80,10 @@ class Encoder(Generic[Message]):
         :param settings: {name: value} of PARAMETERS, each checked
         :raises ValueError: naming the settings and their values
         """
+
+    def parts(self, settings: Settings) -> Sequence[str]:
+        """The parts that messages may be sent on with these settings."""
+        return [MAIN_PART]
 
     def merge(self, waiting: Optional[Message], message: Any) -> Message:
         """What waits to be encoded after a message has arrived; unless a kind overrides this, the newest message.

@@ -3,7 +3,11 @@
 
 A frame is the segments of one message: they have the same stamp. It is finished when all that was sent of it has been
 received, QUIET after one of its last segments, when a segment of a newer frame is received, or max_wait after its
-first segment. Segments of a finished frame are late and change nothing.
+first segment. Segments of a finished frame are late, or not needed if it was complete, and change nothing.
+
+A frame is finished once: what is received later does not bring out a better version of it. Two messages of one stamp
+would look like two images to whoever counts or records them, and the better version is at most QUIET, or the time to
+the next frame, away.
 """
 import collections
 import math
@@ -26,6 +30,10 @@ set back by less, or a short recording starts again [s]."""
 QUIET = 0.02
 """How long a frame waits for reordered segments after one of its last ones [s]."""
 
+MAX_WAIT = 0.2
+"""How long images, clouds and the like are waited for, unless an operator changes max_wait. Encoders that spread a
+message over time know by it how long it may take [s]."""
+
 MAX_FINISHED = 2
 """Finished frames that wait to be taken; newer ones replace the oldest."""
 
@@ -39,7 +47,7 @@ class PartialFrame(Protocol):
 
     @property
     def complete(self) -> bool:
-        """Whether all that was sent of it was received."""
+        """Whether all that was sent of it was received, or can be restored."""
 
     @property
     def completeness(self) -> float:
@@ -74,9 +82,10 @@ class FrameAssembler(Generic[Partial]):
     def __init__(self, begin: Callable[[SimpleNamespace], Partial], max_wait: float) -> None:
         self.max_wait = max_wait
         self.dropped: Counter[str] = collections.Counter()
-        """Segments that changed nothing, by reason: late, contradiction, impossible head."""
+        """Segments that changed nothing, by reason: late, not needed, contradiction, impossible head."""
         self._begin = begin
         self._newest: Optional[int] = None      # stamp of the frame in progress, or of the last one finished
+        self._surplus = 'late'                  # what further segments of the last finished frame are
         self._accepted = -math.inf              # when a segment was accepted last
         self._current: Optional[Frame[Partial]] = None
         self._finished: Deque[Frame[Partial]] = collections.deque(maxlen=MAX_FINISHED)
@@ -114,7 +123,7 @@ class FrameAssembler(Generic[Partial]):
         elif stamp != self._newest:
             self._add_new(head, parts, now)
         elif self._current is None:
-            self.dropped['late'] += count
+            self.dropped[self._surplus] += count
         elif self._current.head != head:
             self.dropped['contradiction'] += count
         elif self._fit(self._current.content, parts):
@@ -142,5 +151,6 @@ class FrameAssembler(Generic[Partial]):
 
     def _finish(self) -> None:
         assert self._current is not None
+        self._surplus = 'not needed' if self._current.content.complete else 'late'
         self._finished.append(self._current)
         self._current = None

@@ -12,10 +12,21 @@ from ..arrays import BoolArray, IntArray, Records, UInt8Array
 from ..udpros.datagram import IP_UDP_HEADERS, OVERHEAD
 from ..udpros.frame import Frame
 
+MAIN_PART = 'segments'
+"""The part of a stream that every kind has. A kind that sends segments of several types has a part for each type."""
 
-def wire_topic(name: str) -> str:
+LAYERS = 'layers'
+"""The part of a stream of images that carries layered ones."""
+
+
+def wire_topic(name: str, part: str = MAIN_PART) -> str:
     """The topic on which a stream's segments are sent: the same for all nodes, whatever their namespaces."""
-    return '/smokebot_udp/%s/segments' % name
+    return '/smokebot_udp/%s/%s' % (name, part)
+
+
+def reported_name(name: str, part: str = MAIN_PART) -> str:
+    """The name of a part of a stream in link reports."""
+    return name if part == MAIN_PART else '%s/%s' % (name, part)
 
 
 def size_on_air(frames: Iterable[Frame]) -> int:

@@ -11,9 +11,9 @@ from ..arrays import BoolArray, Records
 from ..mission.parameters import Parameter
 from ..mission.settings import Settings
 from .assembler import Assembled, Assembler, Clock, no_clock
-from .frame_assembler import Frame, FrameAssembler, PartialFrame
+from .frame_assembler import MAX_WAIT, Frame, FrameAssembler, PartialFrame
 from .parameters import OPERATOR
-from .segments import head_of, picked, same_head, stamps_of
+from .segments import MAIN_PART, head_of, picked, same_head, stamps_of
 
 Partial = TypeVar('Partial', bound=PartialFrame)
 Result = TypeVar('Result', bound=Assembled)
@@ -22,13 +22,13 @@ Result = TypeVar('Result', bound=Assembled)
 class StampedAssembler(Assembler[Frame[Partial], Result]):
     """Makes one message of each stamp's segments.
 
-    A kind derives from it, with HEAD, `begin`, `parts` and `assemble`.
+    A kind derives from it, with HEADS, `begin`, `parts` and `assemble`. All segments of a stamp are of one part.
     """
-    HEAD: ClassVar[Tuple[str, ...]] = ()
-    """The fields that are equal in all segments of one stamp, besides the header."""
+    HEADS: ClassVar[Mapping[str, Tuple[str, ...]]] = {}
+    """{part: the fields that are equal in all segments of one stamp, besides the header}"""
     PARAMETERS: ClassVar[Mapping[str, Parameter]] = {
         **OPERATOR,
-        'max_wait': Parameter(0.2, 's', 'longest time from the first segment of a message until the message is '
+        'max_wait': Parameter(MAX_WAIT, 's', 'longest time from the first segment of a message until the message is '
                               'published', above=0.0, most=60.0, live=True),
     }
 
@@ -40,28 +40,29 @@ class StampedAssembler(Assembler[Frame[Partial], Result]):
     def begin(self, head: SimpleNamespace) -> Partial:
         """An empty frame.
 
-        :param head: stamp, frame_id and HEAD of its segments, see segments.head_of
+        :param head: stamp, frame_id and HEADS of its segments, see segments.head_of, and their `part`
         :raises ValueError: the head is impossible
         """
         raise NotImplementedError
 
-    def parts(self, records: Records) -> Tuple[Any, ...]:
-        """The arguments of PartialFrame.add for (m,) segments of one layout."""
+    def parts(self, records: Records, part: str) -> Tuple[Any, ...]:
+        """The arguments of PartialFrame.add for (m,) segments of one part and layout."""
         raise NotImplementedError
 
     def configure(self, settings: Settings, changed: Mapping[str, Any]) -> None:
         self._frames.max_wait = settings['max_wait']
 
-    def receive(self, records: Records, mask: BoolArray, now: float) -> None:
+    def receive(self, records: Records, mask: BoolArray, now: float, part: str = MAIN_PART) -> None:
         rows = np.flatnonzero(mask)
         if not len(rows):
             return
         starts = np.flatnonzero(np.diff(stamps_of(records, rows))) + 1
         for of_stamp in np.split(rows, starts):
-            head = head_of(records[of_stamp[0]], self.SEGMENT, self.HEAD)
-            same = same_head(records, of_stamp, self.HEAD)
+            head = head_of(records[of_stamp[0]], self.SEGMENTS[part], self.HEADS[part])
+            head.part = part
+            same = same_head(records, of_stamp, self.HEADS[part])
             self.dropped['contradiction'] += int(np.count_nonzero(~same))
-            self._frames.add(head, self.parts(picked(records, of_stamp[same])), now)
+            self._frames.add(head, self.parts(picked(records, of_stamp[same]), part), now)
 
     def deadline(self) -> Optional[float]:
         return self._frames.deadline()

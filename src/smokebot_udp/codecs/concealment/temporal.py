@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Fills missing pixels with those of earlier images where the scene stands still (D6.3, section 4.2, last paragraph).
 
-Whether it stands still is measured in the images. A pixel that is received and also known from earlier images is a
-pair. The squared differences of the pairs are summed in square cells of pixels. A cell whose sum is more than the
-sensor's noise explains (a chi-square test) has changed; it and its neighbours are forgotten.
+Whether it stands still is measured in the images, see cells.py: a pixel that is received and also known from earlier
+images is a pair. A cell that has changed and its neighbours are forgotten.
 """
 import math
 from typing import NamedTuple, Optional, Tuple, Union
@@ -13,36 +12,14 @@ import numpy as np
 from ...arrays import Array, BoolArray, DType, Float32Array
 from ..wire.interleave import Interleave
 from ..wire.partial_image import PartialImage
+from .cells import MIN_CELL, PAIRS_EXPECTED, CellComparison, numbers_of
 
-MIN_CELL, MAX_CELL = 8, 64
-"""The side of a cell is a power of two between them: the fewer pixels are received, the larger, so it has pairs
-[pixel]."""
-
-PAIRS_EXPECTED = 8
-"""Pairs that a cell should have if only one earlier image, with the same loss, is known."""
+MAX_CELL = 64
+"""The side of a cell is a power of two from MIN_CELL to this: the fewer pixels are received, the larger, so it has
+PAIRS_EXPECTED if only one earlier image, with the same loss, is known [pixel]."""
 
 MIN_PAIRS = 8
 """Earlier pixels are shown only if their cell and its neighbours together have this many pairs as evidence."""
-
-SIGNIFICANCE = 4.75
-"""Standard deviations of a normal variable: noise alone makes one cell in a million look changed."""
-
-NOISE_MARGIN = 2.0
-"""Factor by which a cell's noise variance may exceed the image's: noise depends on brightness."""
-
-MAX_NOISE_RISE = 1.02
-"""The noise variance rises by at most this factor per image, and falls at once. Movement looks like noise, but no
-sensor's noise rises like that."""
-
-MIN_INTEGER_VARIANCE = 2.0
-"""Lower limit for the variance of the difference of two integers, as if the noise were one count: less is invisible,
-and flat parts of a compressed image seem to have none."""
-
-SMOOTHING_FACTOR = 3.0
-"""Factor by which a camera that smooths or compresses may reduce the variance between neighbouring pixels."""
-
-NAN_DIFFERENCE = 1e15
-"""Difference between a number and NaN. Sums of its square are finite in float32."""
 
 MOVED = 0.5
 """If a larger ratio of the cells has changed, the camera has moved, and everything is forgotten."""
@@ -76,8 +53,7 @@ class TemporalFilter:
         self._items: Array = np.zeros((0, 0))
         self._seen: Float32Array = np.zeros((0, 0), np.float32)
         """When each pixel was received, one second before _began is 0 [s]; 0: never."""
-        self._noise = 0.0
-        """Variance of the difference of two images of the same scene; 0: unknown."""
+        self._cells = CellComparison()
 
     def reset(self) -> None:
         """Forget everything, including the sensor's noise."""
@@ -102,7 +78,8 @@ class TemporalFilter:
         time = np.float32(now - self._began + 1)
         received, cell = image.received, _cell_side(image.completeness)
         known: BoolArray = self._seen >= max(time - np.float32(self.max_age), np.float32(1))
-        changed, pairs = self._compare(_numbers(items, channel), _numbers(self._items, channel), received, known, cell)
+        changed, pairs = self._cells.compare(numbers_of(items, channel), numbers_of(self._items, channel), received,
+                                             known, cell)
         compared = np.count_nonzero(pairs)
         ratio = float(np.count_nonzero(changed)) / compared if compared else None
         if image.have.all():    # no earlier pixel is shown, and all are replaced
@@ -128,41 +105,7 @@ class TemporalFilter:
         self._began = now
         self._items = np.zeros((cut.height, cut.width), dtype)
         self._seen = np.zeros((cut.height, cut.width), np.float32)
-        self._noise = 0.0
-
-    def _compare(self, new: Array, old: Array, received: BoolArray, known: BoolArray,
-                 cell: int) -> Tuple[BoolArray, Float32Array]:
-        """Which cells changed, (rows, columns) bool, and the number of pairs of each, float32.
-
-        :param new, old: (height, width, channels) numbers of the images
-        """
-        squares, pairs = _squared_differences(new, old, received & known, cell)
-        noise = self._update_noise(squares, pairs, new, received)
-        with np.errstate(divide='ignore', invalid='ignore'):
-            # quantile of the chi-square distribution: E. B. Wilson and M. M. Hilferty, 1931
-            freedom = pairs * new.shape[2]
-            spread = 2 / (9 * freedom)
-            limit = NOISE_MARGIN * noise * freedom * (1 - spread + SIGNIFICANCE * np.sqrt(spread)) ** 3
-            return (squares > limit) & (pairs > 0), pairs
-
-    def _update_noise(self, squares: Float32Array, pairs: Float32Array, new: Array, received: BoolArray) -> float:
-        """The noise variance of a difference: by how much the median cell changed.
-
-        If all cells moved, that is too much. But neighbouring pixels of one image differ by the noise and by the scene,
-        so the noise is not more than that, except for what SMOOTHING_FACTOR allows.
-        """
-        lower_limit = MIN_INTEGER_VARIANCE if new.dtype.kind == 'u' else 0.0
-        if pairs.any():
-            some = slice(None, None, 7)   # rows: enough of them, and of all subimages
-            beside = _squared_differences(new[some, 1:], new[some, :-1], received[some, 1:] & received[some, :-1],
-                                          MIN_CELL)
-            noise = min(_median_square(squares, pairs), SMOOTHING_FACTOR * _median_square(*beside)) / new.shape[2]
-            if not self._noise:
-                self._noise = max(noise, lower_limit) if math.isfinite(noise) else 0.0
-            elif noise:   # with 0 the camera repeats an image, which is no measurement
-                self._noise = max(min(noise, self._noise * MAX_NOISE_RISE), lower_limit)
-        return max(self._noise, lower_limit)
-
+        self._cells = CellComparison()
 
 def _cell_side(completeness: float) -> int:
     """Side of a cell in which PAIRS_EXPECTED pairs are expected [pixel]."""
@@ -170,50 +113,6 @@ def _cell_side(completeness: float) -> int:
     while side < MAX_CELL and (completeness * side) ** 2 < PAIRS_EXPECTED:
         side *= 2
     return side
-
-
-def _numbers(items: Array, channel: DType) -> Array:
-    """(height, width, channels) view."""
-    return items.view(channel).reshape(items.shape + (-1,))
-
-
-def _squared_differences(first: Array, second: Array, both: BoolArray, side: int) -> Tuple[Float32Array, Float32Array]:
-    """Sums of the squared differences of two images in cells, and the number of pixels compared in each.
-
-    :param first, second: (height, width, channels) numbers
-    :param both: (height, width) bool: the pixels to compare
-    :return: both (rows, columns) float32; NAN_DIFFERENCE stands for the difference of a number and NaN
-    """
-    weights = both.astype(np.float32)
-    with np.errstate(invalid='ignore', over='ignore'):
-        difference: Float32Array = np.subtract(first, second, dtype=np.float32, casting='unsafe')
-        if first.dtype.kind == 'f':
-            # NaN, as where a depth camera sees nothing, equals NaN only
-            undefined = ~(np.abs(difference) < NAN_DIFFERENCE)
-            if undefined.any():
-                number = np.isfinite(first[undefined]) | np.isfinite(second[undefined])
-                difference[undefined] = np.where(number, NAN_DIFFERENCE, 0)
-        np.multiply(difference, difference, out=difference)
-        squares = difference[..., 0]
-        for channel in range(1, difference.shape[2]):
-            squares = squares + difference[..., channel]
-        return _sum_cells(squares * weights, side), _sum_cells(weights, side)
-
-
-def _sum_cells(pixels: Float32Array, side: int) -> Float32Array:
-    """Sums over cells: (height, width) -> (ceil(height / side), ceil(width / side))."""
-    (height, width), below, beside = pixels.shape, -pixels.shape[0] % side, -pixels.shape[1] % side
-    if below or beside:
-        pixels = np.pad(pixels, ((0, below), (0, beside)))
-    rows, columns = (height + below) // side, (width + beside) // side
-    sums: Float32Array = pixels.reshape(rows, side, width + beside).sum(axis=1).reshape(rows, columns, side).sum(axis=2)
-    return sums
-
-
-def _median_square(squares: Float32Array, pairs: Float32Array) -> float:
-    """The mean squared difference of the median cell; infinite if there is none."""
-    some = (pairs >= min(PAIRS_EXPECTED, pairs.max(initial=1))) & (squares < NAN_DIFFERENCE)
-    return float(np.median(squares[some] / pairs[some])) if some.any() else math.inf
 
 
 def _with_neighbours(cells: Union[BoolArray, Float32Array]) -> Float32Array:
@@ -235,7 +134,7 @@ def _select(mask: BoolArray, chosen: Array, others: Array) -> Array:
     By bits: a branch for each pixel, which no processor predicts in such a mask, takes ten times as long.
     """
     word = chosen.dtype if chosen.dtype.kind == 'u' else np.dtype(np.uint8)
-    old, new = _numbers(others, word), _numbers(chosen, word)
+    old, new = numbers_of(others, word), numbers_of(chosen, word)
     bits = np.empty(new.shape, word)
     for i in range(new.shape[2]):   # np.repeat takes ten times as long, too
         np.negative(mask, out=bits[..., i], dtype=word, casting='unsafe')

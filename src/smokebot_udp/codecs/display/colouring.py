@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from ...arrays import Array, FloatArray, UInt8Array
+from ...image_error import EIGHT_BITS
 
 PALETTES = ('inferno', 'hot', 'jet', 'turbo', 'gray', 'bone', 'rainbow', 'magma', 'plasma', 'viridis', 'cividis')
 """The colour maps of OpenCV 4.2 (Ubuntu 20.04) that are suitable for a scale, and gray."""
@@ -50,6 +51,8 @@ class Coloured:
     numbers: Tuple[str, ...] = ()
     """The values of the shades at MARKS."""
     unit: str = ''
+    span: float = EIGHT_BITS
+    """Range of the pixels' values that the colours show."""
 
 
 class Colouring:
@@ -103,7 +106,8 @@ class Colouring:
         index = (np.interp(np.arange(65536), places, ratios) * (SHADES - 1) + 2.5).astype(np.uint8)
         index[0] = 0
         marks = numbers(np.interp(MARKS, ratios, values) / self._per_unit + self._zero)
-        return Coloured(cv2.applyColorMap(np.take(index, codes), self._colours), self._palette, marks, self.unit)
+        return Coloured(cv2.applyColorMap(np.take(index, codes), self._colours), self._palette, marks, self.unit,
+                        float(values[-1] - values[0]))
 
 
 class AutomaticRange:

@@ -1,17 +1,19 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""An annotated colour image for display: with a frame, its scale, its age, and how much of it was received.
+"""An annotated colour image for display: with a frame, its scale, its age, and how much of it was received or how good
+it is.
 
 Nothing of the image is covered: the scale and the texts are in a strip below it. The colour of the strip and of the
 frame shows the state. A frozen image is grey and has a banner across it: it must never look live.
 """
 import math
 from dataclasses import dataclass
-from typing import NamedTuple, Sequence, Tuple
+from typing import NamedTuple, Optional, Sequence, Tuple
 
 import cv2
 import numpy as np
 
 from ...arrays import UInt8Array
+from ...image_error import ImageError
 from .colouring import MARKS, Coloured
 
 FRESH, OLD, FROZEN = 'fresh', 'old', 'frozen'
@@ -37,12 +39,17 @@ class Limits:
     """Red from this age, and grey [s]."""
     least_complete: float = 0.5
     """Yellow below this ratio of received pixels."""
+    least_psnr: float = 20.0
+    """Yellow below this ratio of an image's range to its error [dB]."""
 
-    def state(self, age: float, completeness: float) -> str:
-        """FRESH, OLD or FROZEN. An age that is NaN is FROZEN, one below 0 OLD."""
+    def state(self, age: float, good: bool) -> str:
+        """FRESH, OLD or FROZEN. An age that is NaN is FROZEN, one below 0 OLD.
+
+        :param good: whether the quality is
+        """
         if not age < self.frozen_after:
             return FROZEN
-        return FRESH if 0 <= age < self.old_after and completeness >= self.least_complete else OLD
+        return FRESH if 0 <= age < self.old_after and good else OLD
 
 
 class Layout(NamedTuple):
@@ -65,12 +72,14 @@ def layout(height: int, width: int) -> Layout:
                   max(4, inner // 100), round(0.085 * inner))
 
 
-def framed(coloured: Coloured, age: float, completeness: float, limits: Limits, silence: float = 0.0) -> UInt8Array:
+def framed(coloured: Coloured, age: float, completeness: float, limits: Limits, silence: float = 0.0,
+           error: Optional[ImageError] = None) -> UInt8Array:
     """The view: an image in a frame whose colour shows whether it is live, with its age in the strip.
 
     :param age: time since the image was taken [s]; below 0 if the clocks disagree; infinite: there was no image yet
     :param completeness: ratio of its pixels that were received, 0..1
     :param silence: time since it was received [s]; it is at least this old, whatever the clocks say
+    :param error: of an image that was coded with loss, shown in place of the completeness
     :return: (height, width, 3) uint8, bgr; see layout
     :raises ValueError: completeness is not from 0 to 1
     """
@@ -80,19 +89,27 @@ def framed(coloured: Coloured, age: float, completeness: float, limits: Limits, 
         age = max(silence, age)   # in this order it is silence also if age is NaN
     elif -SKEW <= age < 0:
         age = 0.0
-    state = limits.state(age, completeness)
+    quality, good = _quality(coloured, completeness, error, limits)
+    state = limits.state(age, good)
     place = layout(*coloured.pixels.shape[:2])
     view = _surrounded(coloured.pixels if state != FROZEN else _dimmed(coloured.pixels), place, COLOURS[state])
     strip = view[-place.strip:]
     _draw_texts(strip, state, (
         (duration(age), not 0 <= age < limits.old_after),
-        ('%d %%' % math.floor(100 * completeness + 1e-6), completeness < limits.least_complete)))
+        (quality, not good)))
     if coloured.palette is not None:
         _draw_scale(strip[:-place.border, :-place.border], coloured, coloured.palette, state == FROZEN)
     if state == FROZEN:
         word = 'NO DATA' if silence >= limits.old_after else 'LATE'
         _draw_banner(view[:-place.strip], 'NO DATA YET' if age == math.inf else '%s %s' % (word, duration(age)))
     return view
+
+
+def _quality(coloured: Coloured, completeness: float, error: Optional[ImageError], limits: Limits) -> Tuple[str, bool]:
+    """How good an image is, as a text, and whether that is good enough."""
+    if error is not None:
+        return str(error), error.psnr(coloured.span) >= limits.least_psnr
+    return '%d %%' % math.floor(100 * completeness + 1e-6), completeness >= limits.least_complete
 
 
 def duration(seconds: float) -> str:

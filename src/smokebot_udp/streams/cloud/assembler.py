@@ -14,6 +14,7 @@ from ...mission.settings import Settings
 from ...msg import CloudChunk
 from ..assembler import Assembled, Clock, no_clock
 from ..frame_assembler import Frame
+from ..segments import MAIN_PART
 from ..stamped_assembler import StampedAssembler, header_of
 
 MAX_PERSISTENT_POINTS = 1000000
@@ -33,8 +34,9 @@ class Points(NamedTuple):
 
 class CloudAssembler(StampedAssembler[CloudParts, Assembled]):
     """Makes one cloud of each stamp's chunks."""
-    MESSAGE, SEGMENT = PointCloud2, CloudChunk
-    HEAD = 'points', 'chunks', 'has_intensity', 'step', 'origin', 'bits', 'intensity_min', 'intensity_step'
+    MESSAGE, SEGMENTS = PointCloud2, {MAIN_PART: CloudChunk}
+    HEADS = {MAIN_PART: ('points', 'chunks', 'has_intensity', 'step', 'origin', 'bits', 'intensity_min',
+                         'intensity_step')}
     PARAMETERS = {
         **StampedAssembler.PARAMETERS,
         'persistence': Parameter(0.0, 's', 'how long the points of earlier clouds are kept while the robot stands '
@@ -50,7 +52,7 @@ class CloudAssembler(StampedAssembler[CloudParts, Assembled]):
         return CloudParts(head.points, head.chunks, PointFormat(
             bool(head.has_intensity), head.step, head.origin, head.bits, head.intensity_min, head.intensity_step))
 
-    def parts(self, records: Records) -> Tuple[Any, ...]:
+    def parts(self, records: Records, part: str) -> Tuple[Any, ...]:
         return records['index'].astype(int), records['data']
 
     def assemble(self, finished: Frame[CloudParts], settings: Settings, still: bool, now: float) -> Assembled:

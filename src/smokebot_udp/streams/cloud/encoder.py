@@ -17,7 +17,7 @@ from ...msg import CloudChunk
 from ...udpros.frame import Frame
 from ..encoder import Encoder
 from ..parameters import ROBOT
-from ..segments import room, size_on_air, write_header
+from ..segments import MAIN_PART, room, size_on_air, write_header
 
 FAR = 1000.0
 """The crop box does not crop at this distance [m]."""
@@ -27,7 +27,7 @@ SIDES = tuple((side, axis) for axis in 'xyz' for side in ('min', 'max'))
 
 class CloudEncoder(Encoder[Any]):
     """Reduces each cloud, and deals its points to datagrams so that each shows all of it."""
-    MESSAGE, SEGMENT = PointCloud2, CloudChunk
+    MESSAGE, SEGMENTS = PointCloud2, {MAIN_PART: CloudChunk}
     PARAMETERS = {
         **ROBOT,
         'leaf_size': Parameter(0.1, 'm', 'edge length of the voxel grid filter: the points of a voxel are replaced by '

@@ -22,7 +22,7 @@ from ...msg import GridSegment
 from ..assembler import Assembled, Assembler, Clock, no_clock
 from ..carousel import Carousel
 from ..parameters import OPERATOR
-from ..segments import head_of, same_head, stamps_of
+from ..segments import MAIN_PART, head_of, same_head, stamps_of
 from ..stamped_assembler import header_of
 
 CELL = item_type('mono8')
@@ -42,7 +42,7 @@ class GridSnapshot(NamedTuple):
 
 class GridAssembler(Assembler[GridSnapshot, Assembled]):
     """Makes a map of the segments of all cycles; it is latched."""
-    MESSAGE, SEGMENT = numpy_msg(OccupancyGrid), GridSegment
+    MESSAGE, SEGMENTS = numpy_msg(OccupancyGrid), {MAIN_PART: GridSegment}
     LATCH, STEADY = True, False
     HEAD = 'info', 'depth'
     PARAMETERS = {
@@ -75,12 +75,12 @@ class GridAssembler(Assembler[GridSnapshot, Assembled]):
     def configure(self, settings: Settings, changed: Mapping[str, Any]) -> None:
         self._carousel.max_wait, self._fill = settings['max_wait'], FILLS[settings['fill']]
 
-    def receive(self, records: Records, mask: BoolArray, now: float) -> None:
+    def receive(self, records: Records, mask: BoolArray, now: float, part: str = MAIN_PART) -> None:
         rows = np.flatnonzero(mask)
         while len(rows):
             stamps = stamps_of(records, rows)
             same = same_head(records, rows, self.HEAD) & (stamps == stamps[0])
-            head = head_of(records[rows[0]], self.SEGMENT, self.HEAD)
+            head = head_of(records[rows[0]], self.SEGMENTS[part], self.HEAD)
             segments = records[rows[same]]
             _, *place = head.info       # not the load time: the same map may be loaded anew
             self._carousel.add(head, (head.frame_id, head.depth, place), (

@@ -17,7 +17,7 @@ from ...udpros.datagram import IP_UDP_HEADERS
 from ...udpros.frame import Frame
 from ..encoder import Encoder
 from ..parameters import ROBOT
-from ..segments import room, size_on_air, write_header
+from ..segments import MAIN_PART, room, size_on_air, write_header
 from ..subimages import subimage_frames, write_subimages
 
 
@@ -30,7 +30,7 @@ class _Requested(NamedTuple):
 
 class GridEncoder(Encoder[Any]):
     """Sends a changed map at once, and repeats an unchanged one."""
-    MESSAGE, SEGMENT = numpy_msg(OccupancyGrid), GridSegment
+    MESSAGE, SEGMENTS = numpy_msg(OccupancyGrid), {MAIN_PART: GridSegment}
     STEADY, STAMPED = False, False
     KEEPS = REENCODES = True    # a map may be published only once
     PARAMETERS = {

@@ -1,45 +1,52 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Segments to sensor_msgs/Image; missing pixels come from earlier images or are concealed (D6.3, section 4.2)."""
-from dataclasses import dataclass
+"""Segments to sensor_msgs/Image.
+
+Of interleaved images missing pixels come from earlier images or are concealed (D6.3, section 4.2). Layered images are
+decoded from all layers that can be restored when the image is finished. Of an image of which nothing can be restored
+nothing is published: the one before goes on growing old.
+"""
 from types import SimpleNamespace
-from typing import Any, Mapping, Optional, Tuple
+from typing import Any, Mapping, Optional, Tuple, Union
 
 from sensor_msgs.msg import Image
 
 from ...arrays import Array, BoolArray, Records
 from ...codecs.concealment import fill
+from ...codecs.concealment.successive import SuccessiveImages
 from ...codecs.concealment.temporal import FilteredImage, TemporalFilter
+from ...codecs.layered.quality import from_byte
 from ...codecs.wire.partial_image import PartialImage
 from ...codecs.wire.pixels import item_type, pixel_type
+from ...image_error import EIGHT_BITS, ImageError
 from ...mission.parameters import Parameter
 from ...mission.settings import Settings
-from ...msg import ImageSegment
-from ..assembler import Assembled, Clock, no_clock
+from ...msg import ImageSegment, LayeredSegment
+from ..assembler import Clock, no_clock
 from ..concealment_budget import CHEAPEST, FALLBACK, ConcealmentBudget
 from ..frame_assembler import Frame
+from ..segments import LAYERS, MAIN_PART
 from ..stamped_assembler import StampedAssembler, header_of
+from .assembled import AssembledImage, RestoredImage, ShownImage
+from .layered import LayeredImage
+from .size_guard import SizeGuard
 from .view import PARAMETERS as VIEW
 
 LARGEST_INTEGRATED = 1920 * 1200
 """Larger images are not integrated over time: it takes some 8 ms a megapixel, and 20 bytes a pixel [pixel]."""
 
-
-@dataclass
-class AssembledImage(Assembled):
-    """An image to be published, with the origin of its pixels."""
-    received: BoolArray
-    """(height, width), the pixels that were received with this image."""
-    filtered: FilteredImage
-    """Its pixels, and which of them were received with this image or an earlier one; the others are concealed."""
+Content = Union[PartialImage, LayeredImage]
 
 
-class ImageAssembler(StampedAssembler[PartialImage, AssembledImage]):
-    """Makes one image of each stamp's segments.
+class ImageAssembler(StampedAssembler[Content, ShownImage]):
+    """Makes one image of each stamp's segments. Both parts may be received in turns: the newest stamp counts.
 
     :param clock: measures how long concealment takes [s]
     """
-    MESSAGE, SEGMENT = Image, ImageSegment
-    HEAD = 'height', 'width', 'encoding', 'is_bigendian', 'depth', 'total'
+    MESSAGE, SEGMENTS = Image, {MAIN_PART: ImageSegment, LAYERS: LayeredSegment}
+    COMPILED = frozenset([LAYERS])
+    HEADS = {
+        MAIN_PART: ('height', 'width', 'encoding', 'is_bigendian', 'depth', 'total'),
+        LAYERS: ('height', 'width', 'encoding', 'is_bigendian', 'depth_unit', 'count', 'thresholds', 'sizes', 'errors')}
     PARAMETERS = {
         **StampedAssembler.PARAMETERS,
         'integrate': Parameter('when_still', '', 'when pixels of earlier images replace missing ones, unless the scene '
@@ -50,7 +57,8 @@ class ImageAssembler(StampedAssembler[PartialImage, AssembledImage]):
         'fill_time': Parameter(0.1, 's', 'longest time for concealment; the frame period limits it, too. If it takes '
                                'longer, %s is used for %g s' % (CHEAPEST, FALLBACK), above=0.0, most=60.0, live=True),
         'publish_mask': Parameter(False, '', 'whether a mask is published with each image, on mask in the namespace of '
-                                  'its topic: 255: received pixel, 128: pixel of an earlier image, 0: concealed pixel'),
+                                  'its topic: 255: received pixel, 128: pixel of an earlier image, 0: concealed pixel; '
+                                  'all over a layered image 255 - error byte (doc/wire_format.md): 255: exact'),
         **VIEW,
     }
 
@@ -58,55 +66,96 @@ class ImageAssembler(StampedAssembler[PartialImage, AssembledImage]):
         super().__init__(settings, clock)
         self._budget = ConcealmentBudget()
         self._filter = TemporalFilter()
+        self._successive = SuccessiveImages()
+        self._guard = SizeGuard()
+        self._received = 0.0    # when the last batch was [s]
 
-    def begin(self, head: SimpleNamespace) -> PartialImage:
+    def receive(self, records: Records, mask: BoolArray, now: float, part: str = MAIN_PART) -> None:
+        self._received = now
+        super().receive(records, mask, now, part)
+
+    def begin(self, head: SimpleNamespace) -> Content:
+        if head.part == LAYERS:
+            return LayeredImage(head, self._guard, self._received)
         self._budget.frame_began(head.stamp)
         return PartialImage(head.height, head.width, head.depth, item_type(head.encoding), head.total)
 
-    def parts(self, records: Records) -> Tuple[Any, ...]:
+    def parts(self, records: Records, part: str) -> Tuple[Any, ...]:
+        if part == LAYERS:
+            return records['index'].astype(int), records['data']
         return records['index'].astype(int), records['count'], records['data']
 
-    def assemble(self, finished: Frame[PartialImage], settings: Settings, still: bool, now: float) -> AssembledImage:
+    def assemble(self, finished: Frame[Content], settings: Settings, still: bool, now: float) -> Optional[ShownImage]:
         head, image = finished.head, finished.content
-        filtered = FilteredImage(self._concealed(finished, settings), image.received, None)
+        if isinstance(image, LayeredImage):
+            return self._restored(head, image, settings, now)
+        return self._assembled(head, image, settings, still, now)
+
+    def _restored(self, head: SimpleNamespace, image: LayeredImage, settings: Settings,
+                  now: float) -> Optional[RestoredImage]:
+        """The image of the layers that were received; None: nothing can be restored."""
+        pixels, error = image.pixels(), image.error_byte
+        if pixels is None or error is None:
+            self.dropped['image'] += 1
+            return None
+        self._guard.good(image.shape.cells, now)
+        restored = RestoredImage(_message(head, pixels), head.stamp, None, error, pixels)
+        rms = from_byte(error) * (head.depth_unit or 1.0)
+        restored.error = ImageError(rms, EIGHT_BITS) if image.shape.itemsize == 1 else ImageError(
+            rms, None, settings['counts_per_unit'], settings['unit'])
+        return restored
+
+    def _assembled(self, head: SimpleNamespace, image: PartialImage, settings: Settings, still: bool,
+                   now: float) -> AssembledImage:
+        """The image of the pixels that were received."""
+        filtered = FilteredImage(self._concealed(head, image, settings), image.received, None)
         # no earlier pixel replaces one of a complete image: it need not wait for the filter, see `settle`
         if not image.have.all():
-            filtered = self._filtered(finished, filtered, settings, still, now)
-        items = filtered.items
-        message = Image(header=header_of(head), height=head.height, width=head.width, encoding=head.encoding,
-                        is_bigendian=head.is_bigendian, step=items.strides[0], data=items.tobytes())
-        assembled = AssembledImage(message, head.stamp, image.completeness, image.received, filtered)
+            filtered = self._filtered(head, image, filtered, settings, still, now)
+        assembled = AssembledImage(_message(head, filtered.items), head.stamp, image.completeness, image.received,
+                                   filtered)
         assembled.changed = filtered.changed
         return assembled
 
-    def settle(self, finished: Frame[PartialImage], assembled: AssembledImage, settings: Settings, now: float) -> None:
-        if finished.content.have.all():
-            assembled.changed = self._filtered(finished, assembled.filtered, settings, False, now).changed
+    def settle(self, finished: Frame[Content], assembled: ShownImage, settings: Settings, now: float) -> None:
+        head, image = finished.head, finished.content
+        if isinstance(image, PartialImage) and isinstance(assembled, AssembledImage) and image.have.all():
+            assembled.changed = self._filtered(head, image, assembled.filtered, settings, False, now).changed
+        if isinstance(assembled, RestoredImage) and assembled.error is not None and settings['integrate'] != 'never':
+            assembled.changed = self._successive.changed(assembled.pixels, assembled.error.rms)
 
     def problem(self, settings: Settings, now: float) -> Optional[str]:
         if settings['fill'] != CHEAPEST and self._budget.falls_back(now):
             return 'filled by %s because %s takes too long' % (CHEAPEST, settings['fill'])
         return None
 
-    def _concealed(self, frame: Frame[PartialImage], settings: Settings) -> Array:
+    def _concealed(self, head: SimpleNamespace, image: PartialImage, settings: Settings) -> Array:
         """(height, width) array of whole pixels, the missing ones concealed."""
         began = self._clock()
         method = self._budget.method(settings['fill'], settings['fill_time'], began)
-        channel, _ = pixel_type(frame.head.encoding, frame.head.is_bigendian)
-        items = frame.content.items(fill.METHODS[method], channel)
+        channel, _ = pixel_type(head.encoding, head.is_bigendian)
+        items = image.items(fill.METHODS[method], channel)
         now = self._clock()
         if self._budget.took(method, now - began, now):
             self.warnings.append('images are filled by %s for %g s: %s takes longer than fill_time or the frame period'
                                  % (CHEAPEST, FALLBACK, method))
         return items
 
-    def _filtered(self, frame: Frame[PartialImage], image: FilteredImage, settings: Settings, still: bool,
-                  now: float) -> FilteredImage:
+    def _filtered(self, head: SimpleNamespace, image: PartialImage, concealed: FilteredImage, settings: Settings,
+                  still: bool, now: float) -> FilteredImage:
         """The image with pixels of earlier ones (D6.3, section 4.2), as `integrate` demands."""
-        head = frame.head
         if settings['integrate'] == 'never' or head.height * head.width > LARGEST_INTEGRATED:
             self._filter.reset()
-            return image
+            return concealed
         self._filter.max_age = settings['remember']
         channel, _ = pixel_type(head.encoding, head.is_bigendian)
-        return self._filter.apply(frame.content, image.items, channel, now, still or settings['integrate'] == 'always')
+        return self._filter.apply(image, concealed.items, channel, now, still or settings['integrate'] == 'always')
+
+
+def _message(head: SimpleNamespace, pixels: Array) -> Image:
+    """The image of a head's encoding and byte order.
+
+    :param pixels: (height, width, ...) array, C-contiguous
+    """
+    return Image(header=header_of(head), height=head.height, width=head.width, encoding=head.encoding,
+                 is_bigendian=head.is_bigendian, step=pixels.strides[0], data=pixels.tobytes())

@@ -9,11 +9,12 @@ import numpy as np
 from ...arrays import Array, UInt8Array
 from ...codecs.display.colouring import PALETTES, AutomaticRange, Coloured, Colouring
 from ...codecs.display.view import Limits, framed
+from ...image_error import ImageError
 from ...mission.parameters import Parameter
 
 PARAMETERS = {
     'view_topic': Parameter('', '', "operator's topic of the view, an annotated colour image for display with age and "
-                            'completeness; empty: none'),
+                            'completeness or error; empty: none'),
     'palette': Parameter('inferno', '', 'colour map of 16-bit and float images', choices=PALETTES, live=True),
     'range_low': Parameter(0.0, '', 'lower end of the colour map, in units', live=True),
     'range_high': Parameter(0.0, '', 'upper end; if it is not above range_low, both follow the scene', live=True),
@@ -23,6 +24,8 @@ PARAMETERS = {
     'old_after': Parameter(0.5, 's', 'age from which the frame is yellow', above=0.0, most=3600.0, live=True),
     'frozen_after': Parameter(2.0, 's', 'age from which the frame is red and the image grey', above=0.0, most=3600.0,
                               live=True),
+    'least_psnr': Parameter(20.0, 'dB', 'estimated PSNR of a layered image below which the frame is yellow; with a '
+                            'colour map it is relative to the range of the colours', least=0.0, most=100.0, live=True),
     'least_complete': Parameter(0.5, '', 'share of received pixels below which the frame is yellow', least=0.0,
                                 most=1.0, live=True),
 }
@@ -50,6 +53,8 @@ class ViewedImage:
     """As in sensor_msgs/Image."""
     coloured: Optional[Coloured] = None
     """None until it is drawn."""
+    error: Optional[ImageError] = None
+    """Of an image that was coded with loss."""
 
 
 class View:
@@ -122,13 +127,14 @@ class View:
             assert image.pixels is not None
             image.coloured, image.pixels = self._colouring(image.pixels, image.encoding, image.received), None
         silence = now - image.received
-        view = framed(image.coloured, image.age + silence, image.completeness, self._limits, silence)
+        view = framed(image.coloured, image.age + silence, image.completeness, self._limits, silence,
+                      image.error)
         self._drawn = image
         return view
 
 
 def _limits(settings: Mapping[str, Any]) -> Limits:
-    return Limits(settings['old_after'], settings['frozen_after'], settings['least_complete'])
+    return Limits(settings['old_after'], settings['frozen_after'], settings['least_complete'], settings['least_psnr'])
 
 
 def _colouring(settings: Mapping[str, Any], automatic: Optional[AutomaticRange] = None) -> Colouring:

@@ -6,6 +6,7 @@ from typing import Any, Mapping, Optional
 from ...msg import RelaySegment
 from ..assembler import Assembled, Assembler, Clock, no_clock
 from ..parameters import OPERATOR
+from ..segments import MAIN_PART
 from .parts import PartJoiner
 from .transforms import RELAY, TF_TYPES, TransformSet, message_class, stamp_of
 
@@ -15,7 +16,7 @@ class RelayAssembler(Assembler[None, Assembled]):
 
     Of latched messages subscribers receive only the last one, so transforms are merged into one message.
     """
-    SEGMENT = RelaySegment
+    SEGMENTS = {MAIN_PART: RelaySegment}
     FORWARDS = True
     PARAMETERS = {**OPERATOR, **RELAY}
 

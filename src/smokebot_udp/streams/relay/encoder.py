@@ -5,7 +5,7 @@ Transforms are merged: the newest of each pair of frames is sent, those of many 
 fit a datagram. Latched messages are repeated, for lost datagrams and late subscribers. Only short messages are sent
 before all others; a stream of longer ones has a share of the link, as images have.
 """
-from typing import Any, List, Mapping, Optional, Sequence
+from typing import Any, ClassVar, List, Mapping, Optional, Sequence
 
 from ...congestion.operating_points import OperatingPoint, rate_points
 from ...mission.parameters import Parameter
@@ -14,7 +14,7 @@ from ...msg import RelaySegment
 from ...udpros.frame import Frame
 from ..encoder import Encoder
 from ..parameters import ROBOT
-from ..segments import room, size_on_air
+from ..segments import MAIN_PART, room, size_on_air
 from .parts import relay_frame
 from .transforms import QUEUE, RELAY, TF_TYPES, TransformSet, message_class
 
@@ -32,7 +32,7 @@ class RelayEncoder(Encoder[Any]):
 
     :raises ValueError: where the message type is unknown
     """
-    SEGMENT = RelaySegment
+    SEGMENTS: ClassVar[Mapping[str, Any]] = {MAIN_PART: RelaySegment}
     PROTECTED, WHOLE, STAMPED, QUEUE_SIZE = True, True, False, QUEUE
     LEAST = {'rate': 1.0, 'repeat_rate': 0.2}
     PARAMETERS = {

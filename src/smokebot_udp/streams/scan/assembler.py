@@ -15,14 +15,15 @@ from ...mission.settings import Settings
 from ...msg import ScanSegment
 from ..assembler import Assembled
 from ..frame_assembler import Frame
+from ..segments import MAIN_PART
 from ..stamped_assembler import StampedAssembler, header_of
 from .fields import FIXED
 
 
 class ScanAssembler(StampedAssembler[ScanParts, Assembled]):
     """Makes one scan of each stamp's parts."""
-    MESSAGE, SEGMENT = numpy_msg(LaserScan), ScanSegment
-    HEAD = FIXED + ('total', 'parts', 'range_size', 'intensity_size')
+    MESSAGE, SEGMENTS = numpy_msg(LaserScan), {MAIN_PART: ScanSegment}
+    HEADS = {MAIN_PART: FIXED + ('total', 'parts', 'range_size', 'intensity_size')}
     PARAMETERS = {
         **StampedAssembler.PARAMETERS,
         'max_wait': Parameter(0.1, 's', 'longest time from the first part of a scan until the scan is published',
@@ -37,7 +38,7 @@ class ScanAssembler(StampedAssembler[ScanParts, Assembled]):
                 raise ValueError('%s is NaN' % field)
         return ScanParts(head.total, head.parts, head.range_size, head.intensity_size)
 
-    def parts(self, records: Records) -> Tuple[Any, ...]:
+    def parts(self, records: Records, part: str) -> Tuple[Any, ...]:
         return records['part'].astype(int), records['ranges'], records['intensities']
 
     def assemble(self, finished: Frame[ScanParts], settings: Settings, still: bool, now: float) -> Assembled:

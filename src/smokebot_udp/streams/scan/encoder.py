@@ -14,13 +14,13 @@ from ...msg import ScanSegment
 from ...udpros.frame import Frame
 from ..encoder import Encoder
 from ..parameters import ROBOT
-from ..segments import room, size_on_air, write_header
+from ..segments import MAIN_PART, room, size_on_air, write_header
 from .fields import FIXED
 
 
 class ScanEncoder(Encoder[Any]):
     """Sends each scan in two datagrams, each of which covers the whole field of view."""
-    MESSAGE, SEGMENT = numpy_msg(LaserScan), ScanSegment
+    MESSAGE, SEGMENTS = numpy_msg(LaserScan), {MAIN_PART: ScanSegment}
     PARAMETERS = {
         **ROBOT,
         'intensity': Parameter(False, '', 'send intensities, where the scan has them', live=True),

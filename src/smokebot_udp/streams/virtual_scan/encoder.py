@@ -20,7 +20,7 @@ from ...udpros.frame import Frame
 from ..encoder import Encoder
 from ..parameters import ROBOT
 from ..scan.encoder import scan_frames
-from ..segments import size_on_air
+from ..segments import MAIN_PART, size_on_air
 from .fans import FanCache
 
 Scan = numpy_msg(LaserScan)
@@ -32,7 +32,7 @@ class VirtualScanEncoder(Encoder[Any]):
 
     :param fans: shared with other streams of the same topic; None: it has its own, without transforms
     """
-    MESSAGE, SEGMENT, DERIVED = PointCloud2, ScanSegment, Scan
+    MESSAGE, SEGMENTS, DERIVED = PointCloud2, {MAIN_PART: ScanSegment}, Scan
     PARAMETERS = {
         **ROBOT,
         'select': Parameter('obstacle', '', 'obstacle: the nearest obstacles; landmark: the farthest walls',

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Images to be published, with what is known of the quality of their pixels."""
+from dataclasses import dataclass
+from typing import Union
+
+import numpy as np
+
+from ...arrays import Array, BoolArray, UInt8Array
+from ...codecs.concealment.temporal import FilteredImage
+from ...codecs.wire.partial_image import RECEIVED, mask_of
+from ..assembler import Assembled
+
+
+@dataclass
+class AssembledImage(Assembled):
+    """An image of interleaved pixels, with their origin."""
+    received: BoolArray
+    """(height, width), the pixels that were received with this image."""
+    filtered: FilteredImage
+    """Its pixels, and which of them were received with this image or an earlier one; the others are concealed."""
+
+    @property
+    def known_ratio(self) -> float:
+        """Share of the pixels that are not concealed, 0..1."""
+        return self.filtered.known_ratio
+
+    def mask(self) -> UInt8Array:
+        """(height, width) uint8, see partial_image.mask_of."""
+        return mask_of(self.received, self.filtered.known)
+
+
+@dataclass
+class RestoredImage(Assembled):
+    """An image restored from layers. All of its pixels are equally good, as `error` says."""
+    error_byte: int
+    """See codecs.layered.quality."""
+    pixels: Array
+    """(height, width) or (height, width, channels): those of the message."""
+    known_ratio = 1.0
+
+    def mask(self) -> UInt8Array:
+        """(height, width) uint8: RECEIVED where the image is exact, and the less the larger the error is."""
+        return np.full((self.message.height, self.message.width), RECEIVED - self.error_byte, np.uint8)
+
+
+ShownImage = Union[AssembledImage, RestoredImage]

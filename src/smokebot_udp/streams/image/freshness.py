@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""How many bytes of an image are worth the time they take: an image on the screen shows what was, and the scene moves.
+
+The squared error on the screen is that of the coding, which falls with each byte, and that of the motion since, which
+grows with the age of the image, and so with each byte that is on the air before it is complete.
+"""
+from collections import deque
+from typing import Deque, Optional, Tuple
+
+import numpy as np
+
+from ...arrays import Array, FloatArray, IntArray, UInt8Array
+
+SAMPLED = 4
+"""Every fourth row and column is compared."""
+
+SMOOTHING = 0.3
+"""Weight of the newest measurement."""
+
+LEAST_PART = 0.6
+"""However fast the scene moves, this part of the bytes is sent: a blurred image is of no use, whatever its error."""
+
+MAX_GAP = 1.0
+"""Images that are farther apart are not compared [s]."""
+
+
+class MotionMeter:
+    """Measures how fast the images of a stream become outdated."""
+
+    def __init__(self) -> None:
+        self.growth = 0.0
+        """Of the mean squared difference from the scene, without noise [count^2/s]."""
+        self._last: Deque[Tuple[float, Array]] = deque(maxlen=2)
+
+    def add(self, pixels: Array, stamp: float, classes: Optional[UInt8Array] = None) -> None:
+        """Compare an image with the two before, where all three are finite; elsewhere they count as alike.
+
+        Noise is in both differences alike, so what the farther one is larger by is motion.
+
+        :param pixels: (height, width) or (height, width, channels)
+        :param stamp: its time [s]
+        :param classes: (height, width), 0: finite; None: all are
+        """
+        image = pixels[::SAMPLED, ::SAMPLED].astype(np.float32)
+        if classes is not None:
+            image[classes[::SAMPLED, ::SAMPLED] > 0] = np.nan
+        if self._last and (self._last[-1][1].shape != image.shape or not 0 < stamp - self._last[-1][0] < MAX_GAP):
+            self._last.clear()
+            self.growth = 0.0
+        if len(self._last) == 2:
+            (first, earlier), (second, later) = self._last
+            growths = np.square(image - earlier) - np.square(image - later)
+            growth = max(0.0, float(np.nansum(growths)) / growths.size) / (second - first)
+            self.growth += SMOOTHING * (growth - self.growth)
+        self._last.append((stamp, image))
+
+
+def worth_sending(ends: IntArray, errors: FloatArray, growth: float, duration: float) -> int:
+    """The number of truncation points up to the one with the least error on the screen, or to LEAST_PART of the bytes.
+
+    :param ends: (s,) truncation points of a stream [byte]
+    :param errors: (s,) sums of squared errors there
+    :param growth: of the sum of squared errors with age [1/s]
+    :param duration: of a byte of the stream on the air [s]
+    """
+    least = int(np.searchsorted(ends, LEAST_PART * ends[-1]))
+    return least + int(np.argmin((errors + growth * duration * ends)[least:])) + 1

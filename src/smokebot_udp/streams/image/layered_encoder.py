@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Images in layers: an embedded stream, protected so that any of its datagrams show the image (doc/layered_images.md).
+
+Importing this module loads the compiled codec.
+"""
+import math
+from typing import Any, Dict, List, Mapping, Optional, Tuple
+
+import numpy as np
+
+from ...arrays import FloatArray, IntArray, UInt8Array
+from ...codecs.layered import image, quality
+from ...codecs.layered.pieces import MAX_LAYERS, Plan, protect
+from ...codecs.layered.plan import LAYER_BYTES, best_plan, worth
+from ...congestion.operating_points import OperatingPoint, layered_points
+from ...mission.settings import Settings
+from ...msg import LayeredSegment
+from ...udpros.datagram import IP_UDP_HEADERS
+from ...udpros.frame import Frame
+from ..frame_assembler import MAX_WAIT
+from ..outlook import Outlook
+from ..segments import as_bytes, room, write_header
+from .freshness import MotionMeter, worth_sending
+from .pixel_layers import Layerable, layerable
+
+FLOOR = 255.0 ** 2 / 1e6
+"""Mean squared errors of 8 bits below this are not distinguished: 60 dB [count^2]."""
+
+TABLE = LAYER_BYTES * MAX_LAYERS // 2
+"""Length of a datagram's table of layers, about [byte]."""
+
+LEAST_BYTES = 600
+"""Of an image on the air: a datagram that is of use [byte]."""
+
+AIR_PART = 0.8
+"""An image takes this part of the time that it is granted on the air. Images come with jitter, and the rest of one that
+still waits when the next one comes is never sent.
+"""
+
+FAIR_BITS = 0.25
+"""Of a fair image: 28 dB of photographs of 320 x 240 pixels [bit per value]."""
+
+LEAST_PIECES = 128
+"""Beside however long texts [byte]."""
+
+LEAST_RATE = AIR_PART / (MAX_WAIT / 2)
+"""An image leaves within the period of this rate at what its stream may use of the link, however rare images are: its
+last datagrams come long before the operator stops waiting for them, also where the link is slower than expected [Hz].
+"""
+
+RESERVE = 0.85
+"""A complete image is protected against losses that are not exceeded with this probability."""
+
+LEAST_ROOM = 1.0
+"""A stream that may use less of the link counts as if it could use this [byte/s]."""
+
+MOST_LOSS = 0.99
+"""Against heavier losses an image is protected as against this packet-loss ratio."""
+
+UNIFORM_ERROR = 12 ** -0.5
+"""Rms error of values rounded to counts: below it, further bytes make an image exact [count]."""
+
+SIZE_STEP = 2 ** 0.25
+"""Estimated sizes of complete images are rounded up to powers of this: operating points change rarely."""
+
+CERTAIN_FIT, LIKELY = 0.97, 0.7
+"""The exact transform is used where the whole stream is estimated to fill this part, at most, of what arrives of the
+budget at losses that are not exceeded with that probability."""
+
+
+class LayeredImages:
+    """Encodes images, and estimates what a complete one takes. `encode` is called by one thread, the others by any."""
+
+    def __init__(self) -> None:
+        self._stream_size: Optional[float] = None   # of a complete stream of an image like the last one [byte]
+        self._shape: Tuple[Any, ...] = ()           # what it depends on
+        self._size: Optional[float] = None          # of such an image on the air [byte]
+        self._fair_size = 0.0                       # of a fair image on the air [byte]
+        self._motion = MotionMeter()
+        self._shortened = False                     # whether the scene moves too fast for a complete image
+
+    def operating_points(self, rate: float, settings: Settings) -> List[OperatingPoint]:
+        """As Encoder.operating_points."""
+        if self._size is None:
+            return []
+        size = min(self._size, settings.requested['max_bytes'] or self._size)
+        return layered_points(rate, size, settings.requested['degradation_preference'], self._fair_size, LEAST_BYTES,
+                              LEAST_RATE)
+
+    def refine(self, point: Mapping[str, Any], spare: float) -> Dict[str, Any]:
+        """As Encoder.refine."""
+        size, planned = self._size, point['max_bytes']
+        if not planned or size is None:
+            return {name: value for name, value in point.items() if name != 'max_bytes'}
+        more = planned + int(spare / max(point['rate'], LEAST_RATE))
+        return {**point, 'max_bytes': more} if more < size else {'rate': point['rate']}
+
+    def encode(self, message: Any, settings: Settings, max_datagram_size: int, outlook: Outlook) -> List[Frame]:
+        """As Encoder.encode.
+
+        :param outlook: what to expect of the link
+        """
+        source = layerable(message, settings['scale'], settings['depth_unit'])
+        texts = message.header.frame_id.encode(), source.encoding.encode()
+        free = room(LayeredSegment, max_datagram_size, *texts)
+        head = max_datagram_size + IP_UDP_HEADERS - free
+        overhead = (head + TABLE) / max(free - TABLE, 1)
+        least = max(LEAST_BYTES, head + LEAST_PIECES)
+        self._forget_others(source, settings)
+        budget = max(self._budget(source, settings, overhead, outlook), least)
+        stream = self._compress(source, settings, int(budget / (1 + overhead)), outlook)
+        ends, errors = _useful(stream, settings['max_quality'], source.pixels.itemsize)
+        floor = None if source.pixels.itemsize > 1 else max(FLOOR, _bound(settings['max_quality'], 1))
+        self._estimate(source, stream, int(ends[-1]), overhead, outlook)
+        self._motion.add(source.pixels, message.header.stamp.to_sec(), source.classes)
+        fresh = worth_sending(ends, errors, self._motion.growth * stream.cells,
+                              _protected(overhead, outlook.loss(LIKELY)) / max(outlook.room, LEAST_ROOM))
+        self._shortened = fresh < len(ends)
+        budget = max(int(budget * ends[fresh - 1] / ends[-1]), least)
+        ends, errors = ends[:fresh], errors[:fresh]
+        plan = best_plan(ends, worth(errors, stream.cells, floor), budget, outlook.air.losses, outlook.air.burst, head,
+                         free)
+        return [_frame(message, source, plan, protect(stream.cut(len(ends)).data, plan), texts,
+                       _error_bytes(plan, ends, errors, stream.cells))]
+
+    def _forget_others(self, source: Layerable, settings: Settings) -> None:
+        """Forget what was measured of images of another kind."""
+        shape = (source.pixels.shape, source.encoding, source.depth_unit, settings['scale'], settings['max_quality'])
+        if shape != self._shape:
+            self._shape, self._stream_size, self._motion, self._shortened = shape, None, MotionMeter(), False
+
+    def _budget(self, source: Layerable, settings: Settings, overhead: float, outlook: Outlook) -> int:
+        """What the image may take on the air [byte].
+
+        :param overhead: of the datagrams' heads, relative to what they carry
+        """
+        whole = source.pixels.nbytes * (1 + overhead)
+        if self._stream_size is not None and self._size is not None:
+            whole = self._size
+        granted = (settings.granted or {}).get('max_bytes') or math.inf
+        most = min(settings.requested['max_bytes'] or whole, AIR_PART * granted,
+                   AIR_PART * outlook.room / max(settings['rate'], LEAST_RATE))
+        return int(max(min(whole, most), LEAST_BYTES))
+
+    def _compress(self, source: Layerable, settings: Settings, budget: int, outlook: Outlook) -> image.LayeredStream:
+        """The stream of an image, exact where all of it is likely to arrive."""
+        lossless = (not settings['max_quality'] and self._stream_size is not None and not self._shortened
+                    and self._stream_size <= CERTAIN_FIT * budget * (1 - outlook.loss(LIKELY)))
+        return image.encode(source.pixels, lossless, budget, source.classes)
+
+    def _estimate(self, source: Layerable, stream: image.LayeredStream, useful: int, overhead: float,
+                  outlook: Outlook) -> None:
+        """Estimate the size of a complete image: each bit a value halves the error."""
+        rms = math.sqrt(max(float(stream.errors[-1]), 0.0) / stream.cells)
+        size = float(useful + stream.missing)
+        if useful == len(stream.data) and rms:
+            size += stream.cells * max(math.log2(rms / UNIFORM_ERROR), 0.0) / 8
+        self._stream_size = size
+        protected = _protected(overhead, outlook.loss(RESERVE))
+        self._fair_size = FAIR_BITS / 8 * stream.cells * protected
+        on_air = min(size / CERTAIN_FIT * protected, source.pixels.nbytes * (1 + overhead))
+        self._size = SIZE_STEP ** math.ceil(math.log(max(on_air, LEAST_BYTES), SIZE_STEP))
+
+
+def _protected(overhead: float, loss: float) -> float:
+    """Bytes on the air of one of the stream."""
+    return (1 + overhead) / max(1 - loss, 1 - MOST_LOSS)
+
+
+def _bound(max_quality: float, itemsize: int) -> float:
+    """The mean squared error of a PSNR [count^2]; 0 for max_quality 0, which is exact.
+
+    :param max_quality: [dB]
+    """
+    peak = 256.0 ** itemsize - 1
+    return peak ** 2 / 10 ** (max_quality / 10) if max_quality else 0.0
+
+
+def _useful(stream: image.LayeredStream, max_quality: float, itemsize: int) -> Tuple[IntArray, FloatArray]:
+    """(ends, errors) of the stream up to the first one that is good enough."""
+    good = np.flatnonzero(stream.errors <= _bound(max_quality, itemsize) * stream.cells)
+    stop = int(good[0]) + 1 if len(good) else len(stream.ends)
+    return stream.ends[:stop], stream.errors[:stop]
+
+
+def _error_bytes(plan: Plan, ends: IntArray, errors: FloatArray, cells: int) -> UInt8Array:
+    """(m,) uint8: the error of the image once each layer is restored, see quality.py."""
+    bytes_restored = np.cumsum([layer.length(plan.count) for layer in plan.layers])
+    points = np.maximum(np.searchsorted(ends, bytes_restored, 'right') - 1, 0)
+    return np.array([quality.to_byte(math.sqrt(error / cells)) for error in np.maximum(errors[points], 0).tolist()],
+                    np.uint8)
+
+
+def _frame(message: Any, source: Layerable, plan: Plan, pieces: UInt8Array, texts: Tuple[bytes, bytes],
+           error_bytes: UInt8Array) -> Frame:
+    """The datagrams of an image.
+
+    :param pieces: (count, s) uint8
+    :param texts: frame_id and encoding
+    """
+    layers = len(plan.layers)
+    frame = Frame(LayeredSegment, plan.count, {
+        'header.frame_id': len(texts[0]), 'encoding': len(texts[1]), 'thresholds': layers, 'sizes': layers,
+        'errors': layers, 'data': pieces.shape[1]})
+    records = frame.records
+    write_header(records, message.header)
+    records['height'], records['width'] = source.pixels.shape[:2]
+    records['encoding'], records['is_bigendian'] = as_bytes(texts[1]), bool(message.is_bigendian)
+    records['depth_unit'] = source.depth_unit
+    records['index'], records['count'] = np.arange(plan.count), plan.count
+    records['thresholds'] = [layer.threshold for layer in plan.layers]
+    records['sizes'] = [layer.size for layer in plan.layers]
+    records['errors'], records['data'] = error_bytes, pieces
+    return frame

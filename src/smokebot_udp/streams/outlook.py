@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What the encoder of a stream may expect of the link, and how that follows from the operators' reports."""
+import math
+from typing import Collection, Dict, NamedTuple
+
+from .air import UNKNOWN, Air, LossBeliefs, merged
+
+
+class Outlook(NamedTuple):
+    """What a stream may expect of the link. Immutable: threads may pass it on."""
+    air: Air = UNKNOWN
+    """What becomes of its datagrams."""
+    room: float = math.inf
+    """What the stream may use, at most, while the other streams use what they use now [byte/s]."""
+
+    def loss(self, probability: float) -> float:
+        """The packet-loss ratio that is not exceeded with a probability below 1."""
+        total = 0.0
+        for loss in sorted(self.air.losses):
+            total += self.air.losses[loss]
+            if total >= probability:
+                break
+        return loss
+
+
+class StreamLosses:
+    """What the operators' reports say about each stream, from the first `air` of it on."""
+
+    def __init__(self) -> None:
+        self._beliefs: Dict[str, Dict[str, LossBeliefs]] = {}   # {stream: {operator: ...}}
+
+    def add(self, operator: str, stream: str, expected: int, received: int, now: float) -> None:
+        """As controller.OnArrivals."""
+        if stream in self._beliefs:     # the others, such as relays, are never asked for, and would keep each operator
+            self._beliefs[stream].setdefault(operator, LossBeliefs()).add(expected, received, now)
+
+    def air(self, stream: str, operators: Collection[str], now: float) -> Air:
+        """What to expect of a stream that is sent to these operators now; the others are forgotten.
+
+        :param now: by a steady clock [s]
+        """
+        known = {name: beliefs for name, beliefs in self._beliefs.get(stream, {}).items() if name in operators}
+        self._beliefs[stream] = known
+        return merged([beliefs.air(now) for beliefs in known.values()])

@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: BSD-3-Clause
+from typing import Any, List
+
+import pytest
+
+from smokebot_udp.streams.image.coding_choice import FITS, HOLD, MEASURED, RETRY, CodingChoice, Conditions
+
+FAST, SLOW = 1e7, 1e6       # links [byte/s]
+
+
+def conditions(raw: float = 2e6, room: float = FAST, loss: Any = 0.0, period: float = 0.1) -> Conditions:
+    return Conditions(raw, room, loss, period)
+
+
+@pytest.mark.parametrize('now, layered', [
+    (conditions(), False),
+    (conditions(room=float('inf')), False),
+    (conditions(room=SLOW), True),                  # raw pixels do not fit
+    (conditions(raw=0.9 * FAST), True),             # they do, without time to spare
+    (conditions(loss=0.05), True),
+    (conditions(loss=None), True),                  # plan for the worst
+])
+def test_the_first_image_is_coded_as_its_link_is(now: Conditions, layered: bool) -> None:
+    assert CodingChoice().update(now, 5.0) is layered
+
+
+def test_a_link_that_gets_worse_counts_at_once_and_one_that_gets_better_after_a_while() -> None:
+    choice = CodingChoice()
+    assert not choice.update(conditions(), 0.0)
+    assert choice.update(conditions(room=SLOW), 0.1)
+    assert choice.update(conditions(), 0.2) and choice.update(conditions(), 0.1 + HOLD)
+    assert choice.update(conditions(loss=0.2), 5.15)        # the time begins anew
+    assert choice.update(conditions(), 5.2) and choice.update(conditions(), 5.1 + HOLD)
+    assert not choice.update(conditions(), 5.3 + HOLD)
+
+
+def test_neither_loss_nor_bandwidth_near_the_limit_changes_it_to_and_fro() -> None:
+    choice, chosen = CodingChoice(), []
+    for step in range(300):
+        near = conditions(raw=(FITS + 0.1 * (step % 2)) * FAST, loss=0.005 + 0.015 * (step % 3 == 0))
+        chosen.append(choice.update(near, 0.1 * step))
+    assert len([1 for before, after in zip(chosen, chosen[1:]) if before != after]) <= 1
+
+
+def run(choice: CodingChoice, duration: float, images: int, start: float) -> List[bool]:
+    """Layered images that take so long, ten a second [s]."""
+    chosen = []
+    for number in range(images):
+        chosen.append(choice.update(conditions(room=SLOW), start + 0.1 * number))
+        if chosen[-1]:
+            choice.took(duration)
+    return chosen
+
+
+def test_a_processor_that_is_too_slow_interleaves_and_tries_again_later() -> None:
+    choice = CodingChoice()
+    chosen = run(choice, 0.12, 20, 0.0)
+    assert chosen == [True] * (MEASURED + 1) + [False] * (19 - MEASURED)    # the first one loads the code
+    assert not any(run(choice, 0.12, 10, 0.9 * RETRY))
+    assert run(choice, 0.02, 20, 1.1 * RETRY) == [True] * 20                # something else is no longer running
+    assert all(run(choice, 0.02, 100, 2 * RETRY))
+
+
+def test_one_slow_image_changes_nothing() -> None:
+    choice = CodingChoice()
+    run(choice, 0.02, 10, 0.0)
+    choice.took(3.0)
+    assert all(run(choice, 0.02, 10, 1.0))
