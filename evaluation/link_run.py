@@ -10,7 +10,7 @@ import subprocess
 import sys
 import time
 from dataclasses import dataclass
-from typing import Any, Dict, List, Sequence, Tuple
+from typing import Any, Dict, List, Sequence, Set, Tuple
 
 import numpy as np
 
@@ -41,10 +41,18 @@ class Method:
     """The topic that sensor_source publishes."""
     subscriptions: List[Subscription]
     """Of the operator's side."""
+    warm_up: float = 0.0
+    """How long nodes need after their first message of this method until they send as it says [s]."""
 
+
+LOAD_CODEC = 8.0
+"""Both sides load the compiled codec of layered images with the first image; until then, images cross interleaved [s].
+"""
 
 IMAGE_METHODS = {
     'smokebot_udp': Method('camera/image_raw', [['operator/camera/image_raw', 'image', 'TCPROS']]),
+    'smokebot_udp, layered': Method('layered/image_raw', [['operator/layered/image_raw', 'image', 'TCPROS']],
+                                    LOAD_CODEC),
     'JPEG over TCPROS': Method('whole/jpeg', [['whole/jpeg', 'jpeg', 'TCPROS']]),
     'JPEG over UDPROS': Method('whole/jpeg', [['whole/jpeg', 'jpeg', 'UDPROS']]),
     'raw over TCPROS': Method('whole/raw', [['whole/raw', 'image', 'TCPROS']]),
@@ -77,6 +85,7 @@ class LinkRun:
 
     def __init__(self, seed: int, log: pathlib.Path, quick: bool = False, adapt: bool = False) -> None:
         self._settle = QUICK_SETTLE if quick else SETTLE
+        self._warm: Set[str] = set()    # sources of the methods that were used
         self._stack = Stack(seed, log=log)
         try:
             self._start(adapt)
@@ -125,6 +134,9 @@ class LinkRun:
         missing = topics - set(self.listener.first(topics, timeout))
         if missing:
             raise RuntimeError('nothing arrives on %s over a good link: see nodes.log' % ', '.join(missing))
+        if method.source not in self._warm:
+            self._warm.add(method.source)
+            time.sleep(method.warm_up)
 
     def state(self) -> Dict[str, float]:
         """lab_state of this link."""

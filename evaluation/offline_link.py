@@ -11,8 +11,10 @@ from smokebot_udp.codecs.concealment.fill import BEST
 from smokebot_udp.mission.parameters import check
 from smokebot_udp.mission.settings import Settings
 from smokebot_udp.streams import assembler_class, encoder_class
+from smokebot_udp.streams.air import Air
 from smokebot_udp.streams.assembler import Assembled, Assembler
-from smokebot_udp.streams.segments import size_on_air
+from smokebot_udp.streams.outlook import Outlook
+from smokebot_udp.streams.segments import MAIN_PART, size_on_air
 from smokebot_udp.udpros.frame import Frame
 
 MAX_DATAGRAM_SIZE = 1472
@@ -36,12 +38,13 @@ def operator_side(kind: str, **settings: Any) -> Tuple[Assembler[Any, Any], Sett
 
 
 def assemble_all(assembler: Assembler[Any, Any], settings: Settings, batches: Iterable[Records], now: float = 0.0,
-                 still: bool = False) -> List[Assembled]:
+                 still: bool = False, part: str = MAIN_PART) -> List[Assembled]:
     """What an assembler makes of segments that are received at one moment, when nothing follows them.
 
     :param batches: (n,) structured arrays of segments, see udpros.records
     :param now: [s]
     :param still: whether the robot stands still
+    :param part: of the stream, that of all segments
     """
     results: List[Assembled] = []
 
@@ -55,7 +58,7 @@ def assemble_all(assembler: Assembler[Any, Any], settings: Settings, batches: It
             finished = assembler.poll(until)
 
     for records in batches:
-        assembler.receive(records, np.ones(len(records), bool), now)
+        assembler.receive(records, np.ones(len(records), bool), now, part)
         take(now)
     take(math.inf)
     return results
@@ -73,6 +76,10 @@ class Sender:
         class_: Any = encoder_class(kind)
         self._settings = Settings(check({'robot_topic': 'unused', **settings}, class_.PARAMETERS))
         self._encoder = class_(self._settings.requested, *shared)
+
+    def expect(self, air: Air) -> None:
+        """Plan for such a link from now on, whatever its rate."""
+        self._encoder.outlook = Outlook(air)
 
     def frames(self, message: Any) -> List[Frame]:
         """The frames that carry a message, in sending order."""
@@ -93,13 +100,19 @@ class Receiver:
         self._message: Any = None
         self._now = 0.0
 
-    def assemble(self, batches: Sequence[Records]) -> Any:
-        """The message made of the segments that arrived of one, by itself.
+    def assemble(self, batches: Sequence[Records], part: str = MAIN_PART) -> Optional[Any]:
+        """The message made of the segments that arrived of one, by itself; None: they are too few.
 
         :param batches: one array at least, see records_of
+        :param part: of the stream
         """
         assembler = type(self._assembler)(self._settings)      # an older one may know a message with this stamp
-        return assemble_all(assembler, self._settings, batches)[-1].message
+        assembled = assemble_all(assembler, self._settings, batches, part=part)
+        return assembled[-1].message if assembled else None
+
+    def part_of(self, frame: Frame) -> str:
+        """The part of the stream that carries a frame."""
+        return next(part for part, class_ in self._assembler.SEGMENTS.items() if class_ is frame.message_class)
 
     def update(self, batches: Sequence[Records]) -> Any:
         """The map after another refresh cycle, whose segments complete those of earlier ones.
@@ -137,11 +150,13 @@ def records_of(frames: Sequence[Frame], arrived: BoolArray) -> List[Records]:
 
 
 def received(receiver: Receiver, frames: Sequence[Frame], arrived: BoolArray) -> Optional[Any]:
-    """The message made of the segments that arrived; None: none did.
+    """The message made of the segments that arrived; None: none did, or too few of them.
 
     :param arrived: (n,) bool for each datagram, in sending order
     """
-    return receiver.assemble(records_of(frames, arrived)) if arrived.any() else None
+    if not arrived.any():
+        return None
+    return receiver.assemble(records_of(frames, arrived), receiver.part_of(frames[0]))
 
 
 def image_message(image: UInt8Array) -> Any:

@@ -12,7 +12,7 @@ import numpy as np
 from smokebot_udp.arrays import Array
 
 from . import TOP, recorder
-from .link_run import MAX_LATENESS
+from .link_run import LOAD_CODEC, MAX_LATENESS
 from .listener import Heard, Listener, Subscription
 from .quality import psnr
 from .stack import Stack
@@ -61,6 +61,8 @@ class Method:
     transport: str = 'UDPROS'
     """Of the baseline."""
     congestion_control: str = 'cubic'
+    warm_up: float = 0.0
+    """How long the nodes need after their first image until they send as the method says [s]."""
 
     @property
     def image_topic(self) -> str:
@@ -94,9 +96,12 @@ class Method:
 THERMAL_FIRST = '_thermal/weight:=4.0'
 """As in all profiles of focus.yaml."""
 
+INTERLEAVED, LAYERED = (['_thermal/coding:=' + coding, '_camera/coding:=' + coding]
+                        for coding in ('interleaved', 'layered'))
 METHODS = {
-    'ours, adapting': Method([THERMAL_FIRST]),
-    'ours, fixed at 20 Mbit/s': Method([THERMAL_FIRST, '_adapt:=false', '_max_rate:=20']),
+    'ours, adapting': Method([THERMAL_FIRST, *INTERLEAVED]),
+    'ours, layered': Method([THERMAL_FIRST, *LAYERED], warm_up=LOAD_CODEC),
+    'ours, fixed at 20 Mbit/s': Method([THERMAL_FIRST, *INTERLEAVED, '_adapt:=false', '_max_rate:=20']),
     'whole, over UDPROS': Method(None),
     'whole, over TCPROS, cubic': Method(None, 'TCPROS'),
     'whole, over TCPROS, bbr': Method(None, 'TCPROS', 'bbr'),
@@ -157,6 +162,7 @@ class RateStepRun:
             Listener(self.stack, side, ('evaluation.recorder', str(file))) for side, file in self._files.items())
         self.robot.subscribe(self.method.robot_subscriptions)
         self.connect()
+        time.sleep(self.method.warm_up)
 
     def connect(self) -> None:
         """Reconnect over a good link, so that TCP knows nothing of the link before, and wait for an image."""

@@ -75,6 +75,8 @@ class Operator:
         self.phase = draw.uniform(0, REPORT_INTERVAL)
         self.came: List[Tuple[float, str, Any, int, float]] = []
         """(when, stream, frame, index, when it was sent) of each datagram that arrived"""
+        self.reads: Callable[[float], float] = lambda arrives: arrives
+        """When it reads what arrives at a time [s]"""
 
 
 class Robot:
@@ -161,8 +163,8 @@ class Robot:
             for operator in self.operators.values():
                 if index - start < limits.get(operator.name, stop - start):
                     for time in operator.there.fate(now, size)[:1]:
-                        self.events.at(time, self._arrive, operator, stream, first + index - start, frame, index, size,
-                                       now)
+                        self.events.at(operator.reads(time), self._arrive, operator, stream, first + index - start,
+                                       frame, index, size, now)
             self.sent.append((now, size, queued))
 
     def _arrive(self, operator: Operator, stream: str, seq: int, frame: Any, index: int, size: int,

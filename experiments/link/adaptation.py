@@ -5,6 +5,7 @@ import os
 import pathlib
 import subprocess
 import time
+from itertools import product
 from typing import Any, Dict, Iterator, List, Mapping, Sequence, Union
 
 import numpy as np
@@ -22,10 +23,11 @@ TITLE = 'Adapting to the link'
 EXPLANATION = """
 The data of the simulated robot (thermal images of 320 x 240 pixels and 16 bits and colour ones of the same size, both
 at 10 Hz, clouds, map, scans, transforms, odometry) cross a link that carries 20, 5, 1, 0.3 and again 20 Mbit/s, in both
-directions, with 20 ms of delay each way and a queue of 200 ms, without loss and with random loss. Five methods, one at
-a time: this package with a rate that follows the link; the same at a fixed rate, as the deliverable has it, set for the
-link at its best; and everything *whole*, one message each, as ROS sends it: images as JPEG of quality 80, clouds
-decimated to 0.1 m, odometry and transforms at 10 Hz, over UDPROS, and over TCPROS with cubic and with bbr.
+directions, with 20 ms of delay each way and a queue of 200 ms, without loss and with random loss. Six methods, one at a
+time: this package with a rate that follows the link, images interleaved (raw pixels); the same with images *layered*,
+that is compressed and protected; interleaved images at a fixed rate, as the deliverable has it, set for the link at its
+best; and everything *whole*, one message each, as ROS sends it: images as JPEG of quality 80, clouds decimated to 0.1
+m, odometry and transforms at 10 Hz, over UDPROS, and over TCPROS with cubic and with bbr.
 
 *Used* is the share of its capacity that the air carried, *queue* how long packets waited for the air; the emulated link
 itself counts both, from 2 s after a step to its end. *Dropped* are packets that found the queue full, from 1 s after a
@@ -34,13 +36,14 @@ in 256 grey levels from 23 to 43 degC, so that age costs quality, too. All these
 *late* is how late the emulated link was itself (p99 of each quarter of a second, their median), *load* the machine's.
 """
 
-OURS = 'ours, adapting'
+OURS, LAYERED = 'ours, adapting', 'ours, layered'
 LOSSES, SECONDS = (0.0, 0.05, 0.2), 6.0
 QUICK_LOSSES, QUICK_SECONDS = (0.05,), 5.0
 SHOWN_LOSS = 0.05
 
-COLOURS = {OURS: drawing.OURS, 'ours, fixed at 20 Mbit/s': drawing.PAPER, 'whole, over UDPROS': '#2ca02c',
-           'whole, over TCPROS, cubic': '#1f77b4', 'whole, over TCPROS, bbr': '#17becf'}
+COLOURS = {OURS: drawing.OURS, LAYERED: drawing.LAYERED, 'ours, fixed at 20 Mbit/s': drawing.PAPER,
+           'whole, over UDPROS': '#2ca02c', 'whole, over TCPROS, cubic': '#1f77b4',
+           'whole, over TCPROS, bbr': '#17becf'}
 
 FILM_TIME = 4.5
 """When the film strip has an image, after each step [s]."""
@@ -174,10 +177,10 @@ def plot(folder: pathlib.Path) -> List[Union[Figure, Table]]:
         Figure('film.png', 'At a loss of %g %%: left what the camera sees, right what is on the operator\'s display at '
                'that instant, %g s after each step of the link. The robot drives, and its place differs between '
                'the methods.' % (shown, FILM_TIME))]
-    for loss in losses:
-        ours = [row for row in rows if (row['way'], row['loss [%]']) == (OURS, loss)]
-        items.append(Table('This package, adapting, at a loss of %g %%. The goals: used from 85 %%, queue up to 60 ms, '
-                           'none dropped, odom and tf lost as the air loses, and 80 ms old at p99.' % loss,
+    for method, loss in product((OURS, LAYERED), losses):
+        ours = [row for row in rows if (row['way'], row['loss [%]']) == (method, loss)]
+        items.append(Table('%s, at a loss of %g %%. The goals: used from 85 %%, queue up to 60 ms, none dropped, odom '
+                           'and tf lost as the air loses, and 80 ms old at p99.' % (method.capitalize(), loss),
                            list(COLUMNS), [[row[key] for key in COLUMNS.values()] for row in ours]))
     items += simulation_tables(folder, rows)
     links = ['%g Mbit/s, %g %%' % (row['rate [Mbit/s]'], row['loss [%]']) for row in rows if row['way'] == OURS]
@@ -239,7 +242,7 @@ def draw_times(rows: Sequence[table.Row], path: pathlib.Path) -> None:
         mine = [row for row in rows if row['way'] == method]
         for ax, key in zip(axes, panels):
             ax.plot([row['time [s]'] for row in mine], [np.nan if row[key] is None else row[key] for row in mine],
-                    color=COLOURS[method], label=method, linewidth=1.4, zorder=3 if method == OURS else 2)
+                    color=COLOURS[method], label=method, linewidth=1.4, zorder=3 if method in (OURS, LAYERED) else 2)
             ax.set_ylabel(key)
     ours = [row for row in rows if row['way'] == OURS]
     axes[0].step([row['time [s]'] for row in ours], [row['capacity [Mbit/s]'] for row in ours], where='pre',

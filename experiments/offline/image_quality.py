@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Image quality over loss, at equal bytes on the wire: segments beside JPEG with and without an erasure code."""
+"""Image quality over loss, at equal bytes on the wire: layered and interleaved images, and JPEG with erasure codes."""
 import pathlib
 from typing import Any, Dict, Iterable, Iterator, List, Mapping, Optional, Sequence, Tuple, Union
 
@@ -9,11 +9,12 @@ from evaluation import jpeg_packets
 from evaluation.display import HEIGHT, PAN, WIDTH, Display, clip
 from evaluation.jpeg_packets import ErasureCode, JpegLadder
 from evaluation.losses import delivered
-from evaluation.offline_link import FILLS, Sender, image_message, image_of, image_receiver, received, wire_size
+from evaluation.offline_link import Sender, datagram_count, image_message, image_of, image_receiver, received, wire_size
 from evaluation.recordings import photographs
 from smokebot_udp.arrays import Array, BoolArray, UInt8Array
 from smokebot_udp.codecs.concealment.fill import BEST
 from smokebot_udp.link_lab.channel import Channel, LinkConditions
+from smokebot_udp.streams.air import LossBeliefs
 
 from .. import drawing, table
 from ..runner import Figure, Run, Table
@@ -24,8 +25,10 @@ EXPLANATION = """
 A camera of 320 × 240 pixels pans over a photograph, 8 pixels per image, as on a robot that turns. Each method may use
 the same number of bytes per image, headers included: as many as all 64 segments need, as 16 and as 4 of them.
 
-* **Segments** (this package, coarse ones first): whatever arrives makes an image. Missing pixels are filled by kriging,
-  or from the nearest pixel, as in the deliverable. Nothing is compressed.
+* **Layered** (this package, `coding: layered`): compressed, and protected for the loss that the reports of the last 6 s
+  say.
+* **Interleaved** (this package, `coding: interleaved`, coarse segments first): nothing is compressed, and whatever
+  arrives makes an image. Missing pixels are filled by kriging, or from the nearest pixel, as in the deliverable.
 * **Whole JPEG**: the best one that fits, scaled down where that is better. One lost packet costs the image.
 * **JPEG with 25 % redundancy**: an ideal erasure code restores up to a fifth of the packets.
 * **JPEG with a code that knows the loss**: an ideal erasure code with the redundancy of the highest expected PSNR at
@@ -49,9 +52,16 @@ BURSTY = 16
 IMAGES, QUICK_IMAGES = 12, 4
 """Of each clip."""
 
-COLOURS = {
-    FILLS[BEST]: drawing.OURS, FILLS['nearest']: drawing.PAPER, 'whole JPEG': '#1f77b4',
-    'JPEG, 25 % redundancy': '#2ca02c', 'JPEG, a code that knows the loss': '#9467bd'}
+REPORTS, RATE = 60, 10.0
+"""Images that were reported before the first one, and how many there are a second."""
+
+LAYERED = 'layered (this package)'
+INTERLEAVED = {BEST: 'interleaved, kriging (this package)', 'nearest': 'interleaved, nearest pixel (the deliverable)'}
+"""{method of concealment: name}"""
+
+JPEGS = 'whole JPEG', 'JPEG, 25 % redundancy', 'JPEG, a code that knows the loss'
+COLOURS = dict(zip((LAYERED, *INTERLEAVED.values(), *JPEGS), (
+    drawing.LAYERED, drawing.OURS, drawing.PAPER, '#1f77b4', '#2ca02c', '#9467bd')))
 """{method: colour}"""
 
 SHOWN = 'motorcycle_left', 16, (0.05, 0.3, 0.7)
@@ -61,13 +71,37 @@ Case = Dict[str, Any]
 """photograph, segments, burst, loss"""
 
 
-def segments_shown(fill: str, sender: Sender, truths: Sequence[UInt8Array],
-                   arrived: Sequence[BoolArray]) -> Iterator[Optional[UInt8Array]]:
-    """What can be shown of each image with segments and this fill; None: nothing."""
+def interleaved_shown(fill: str, sender: Sender, truths: Sequence[UInt8Array],
+                      arrived: Sequence[BoolArray]) -> Iterator[Optional[UInt8Array]]:
+    """What can be shown of each interleaved image, its missing pixels filled so; None: nothing."""
     receiver = image_receiver(fill)
     for truth, which in zip(truths, arrived):
-        message = received(receiver, sender.frames(image_message(truth)), which)
-        yield None if message is None else image_of(message)
+        yield shown_of(received(receiver, sender.frames(image_message(truth)), which))
+
+
+def layered_shown(budget: int, truths: Sequence[UInt8Array], channel: Channel) -> Iterator[Optional[UInt8Array]]:
+    """What can be shown of each layered image; None: nothing.
+
+    :param budget: of an image on the wire [byte]
+    :param channel: carries the images that were reported before, too
+    """
+    sender, receiver, beliefs = Sender('image', coding='layered', max_bytes=budget), image_receiver(BEST), LossBeliefs()
+    packets = -(-budget // jpeg_packets.MTU)
+    for number in range(REPORTS):
+        beliefs.add(packets, np.count_nonzero(delivered(channel, packets)), number / RATE)
+    for number, truth in enumerate(truths, REPORTS):
+        sender.expect(beliefs.air(number / RATE))
+        frames = sender.frames(image_message(truth))
+        if wire_size(frames) > budget:
+            raise RuntimeError('an image takes %d bytes of %d' % (wire_size(frames), budget))
+        which = delivered(channel, datagram_count(frames))
+        beliefs.add(len(which), np.count_nonzero(which), number / RATE)
+        yield shown_of(received(receiver, frames, which))
+
+
+def shown_of(message: Optional[Any]) -> Optional[UInt8Array]:
+    """The image of a message; None: there is none."""
+    return None if message is None else image_of(message)
 
 
 def jpegs_shown(code: ErasureCode, ladders: Sequence[JpegLadder],
@@ -77,9 +111,14 @@ def jpegs_shown(code: ErasureCode, ladders: Sequence[JpegLadder],
         yield ladder.decoded(code.room) if np.count_nonzero(which) >= code.data else None
 
 
+def channel_of(case: Case, seed: int) -> Channel:
+    """The link of a case."""
+    return Channel(LinkConditions(loss=case['loss'], burst=case['burst']), '%s %s' % (seed, case['photograph']))
+
+
 def arrivals(case: Case, seed: int, count: int, packets: int) -> List[BoolArray]:
     """Which packets of each of some images arrive: (packets,) bool each."""
-    channel = Channel(LinkConditions(loss=case['loss'], burst=case['burst']), '%s %s' % (seed, case['photograph']))
+    channel = channel_of(case, seed)
     return [delivered(channel, packets) for _ in range(count)]
 
 
@@ -88,13 +127,14 @@ def methods(case: Case, truths: Sequence[UInt8Array], ladders: Sequence[JpegLadd
     """{method: what can be shown of each image} of one case; examples: JPEGs by which a code is chosen."""
     sender = Sender('image', max_subimages=case['segments'])
     budget = budget_of(sender, truths[0])
-    codes = dict(zip(list(COLOURS)[2:], (
+    codes = dict(zip(JPEGS, (
         jpeg_packets.codes(budget)[-1], jpeg_packets.with_redundancy(budget, 0.25),
         jpeg_packets.for_loss(budget, case['loss'], examples))))
     arrived = arrivals(case, seed, len(truths), case['segments'])
     shown: Dict[str, Iterable[Optional[UInt8Array]]] = {
-        words: segments_shown(fill, sender, truths, arrived) for fill, words in FILLS.items()}
-    arrived = arrivals(case, seed, len(truths), codes['whole JPEG'].packets)
+        LAYERED: layered_shown(budget, truths, channel_of(case, seed)),
+        **{words: interleaved_shown(fill, sender, truths, arrived) for fill, words in INTERLEAVED.items()}}
+    arrived = arrivals(case, seed, len(truths), codes[JPEGS[0]].packets)
     return {**shown, **{method: jpegs_shown(code, ladders, arrived) for method, code in codes.items()}}
 
 
@@ -193,7 +233,7 @@ def draw(rows: Sequence[table.Row], panels: Sequence[Tuple[str, int, int]], colu
 
 def draw_shown(shown: Mapping[str, Array], rows: Sequence[table.Row], path: pathlib.Path) -> None:
     """Images to look at: a row for each loss, a column for each method."""
-    figure, grid = drawing.canvas(15, 2.5 * len(SHOWN[2]), len(SHOWN[2]), len(COLOURS))
+    figure, grid = drawing.canvas(3 * len(COLOURS), 2.5 * len(SHOWN[2]), len(SHOWN[2]), len(COLOURS))
     for i, (axes, row) in enumerate(zip(grid.flat, rows)):
         drawing.show_image(axes, shown[str(i)], '%s\n%g %% lost: %.1f dB%s' % (
             row['way'], row['lost [%]'], row['PSNR [dB]'], '' if row['new'] else ', nothing new'), vmin=0, vmax=255)
