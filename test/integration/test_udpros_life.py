@@ -36,8 +36,8 @@ from smokebot_udp.udpros.silence import SILENCE_TIMEOUT
 HERE = pathlib.Path(__file__).resolve().parent
 NODE = '/udpros_life'
 
-def start(script, topic, name) -> Any:
-    return subprocess.Popen([sys.executable, str(HERE / script), topic, '__name:=' + name],
+def start(script, topic, name, *arguments) -> Any:
+    return subprocess.Popen([sys.executable, str(HERE / script), topic, *arguments, '__name:=' + name],
                             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
@@ -58,8 +58,8 @@ class Life(unittest.TestCase):
     def setUpClass(cls) -> Any:
         rospy.init_node('udpros_life')
 
-    def run_script(self, script, topic, name) -> Any:
-        process = start(script, topic, name)
+    def run_script(self, script, topic, name, *arguments) -> Any:
+        process = start(script, topic, name, *arguments)
         self.addCleanup(end, process)
         return process
 
@@ -88,6 +88,7 @@ class Life(unittest.TestCase):
                 unittest.mock.patch.object(acceptor, 'SETTLED', 1.0):
             silent, plain = self.publisher('/silent'), rospy.Publisher('/silent_plain', Header, queue_size=1)
             self.addCleanup(plain.unregister)
+            files = open_files()
             for number in range(3):
                 killed = [self.run_script('udpros_listener.py', publisher.name, 'silent_%d_%d' % (number, which))
                           for which, publisher in enumerate((silent, plain))]
@@ -97,11 +98,11 @@ class Life(unittest.TestCase):
                 for process in killed:
                     process.kill()
                     process.wait(10)
-            files = open_files()
             living = self.run_script('udpros_listener.py', '/silent', 'silent_living')
             wait_for(lambda: '/silent_living' in [c.endpoint_id for c in silent.impl.connections], what='another one')
             wait_for(lambda: (silent.get_num_connections(), plain.get_num_connections()) == (1, 0), 15, 'their end')
-            self.assertLessEqual(open_files(), files - 5)
+            # of six that were killed; the living one has one, and two may be of calls at this moment
+            wait_for(lambda: open_files() <= files + 3, what='the end of their sockets')
             self.assertIsNone(living.poll())
 
     def test_a_frozen_subscriber_blocks_nobody(self) -> None:
@@ -140,7 +141,7 @@ class Life(unittest.TestCase):
             wait_for(lambda: times, 10, 'a message of the talker')
             print('heard again %.2f s after the notification of the master' % (times[0] - told))
             self.assertLess(times[0] - told, SILENCE_TIMEOUT, 'found by the watch of silent topics only')
-            self.assertEqual(len(subscriber.connections()), 1)
+            wait_for(lambda: len(subscriber.connections()) == 1, 5, 'the end of the connection to the one before')
             process.send_signal(how)
             process.wait(60)
 
@@ -254,6 +255,22 @@ class Life(unittest.TestCase):
             del got[:]
             self.published_until(publisher, lambda: got, 'a message again')
         wait_for(lambda: publisher.get_num_connections() == 1, 5, 'the end of the other connection')
+
+    def test_what_a_node_publishes_is_asked_for_again_when_it_has_another_address(self) -> None:
+        """It may have ended its connections; that is known before the topic has been silent for long."""
+        self.run_script('udpros_talker.py', '/slow', 'moved', '0.02')
+        publisher, got = self.publisher('/to_moved'), []
+        subscriber = udpros.Subscriber('/slow', Header, got.append, transport='udp')
+        self.addCleanup(subscriber.unregister)
+        first = wait_for(subscriber.connections, what='the talker')[0]['address']
+        wait_for(lambda: subscriber.connections()[0]['idle'] > 0.5, what='silence')
+        publisher.impl.add_connection(PublisherTransport(
+            '/to_moved', Request('127.0.0.2', 9, {'callerid': '/moved'}), 77, 1472))
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as now:
+            now.bind(('127.0.0.1', 0))
+            self.assertEqual(request_topic('/to_moved', '/moved', *now.getsockname())[0], 1)
+        wait_for(lambda: [c for c in subscriber.connections() if c['address'] != first], SILENCE_TIMEOUT,
+                 'another connection')
 
     def test_a_publisher_that_unregisters_is_disconnected(self) -> None:
         self.run_script('udpros_talker.py', '/ended', 'ended_talker')

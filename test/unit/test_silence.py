@@ -94,3 +94,12 @@ def test_connections_to_a_former_address_are_replaced_once_they_are_silent() -> 
     assert former.broken(10.0 + WATCHED) == [] and not former
     working.idle = 2.0
     assert former.broken(13.0) == []
+
+
+def test_a_second_change_of_an_address_forgets_no_connection_of_the_first() -> None:
+    former: FormerAddress[Connected] = FormerAddress()
+    first, second = Connected(0.0), Connected(0.0)
+    former.lost([first], 10.0)
+    former.lost([second, first], 10.5)
+    first.idle = second.idle = BROKEN + 0.1
+    assert former.broken(10.0 + WATCHED + 0.4) == [first, second]

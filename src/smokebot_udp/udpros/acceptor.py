@@ -30,12 +30,13 @@ class Acceptor:
     """Grants the UDPROS connections of a node's publishers; any thread.
 
     :param incomplete: f() -> whether the master, which has been restarted, may not know all nodes yet
+    :param moved: f(URI), called when a node with a connection requests one from another address
     """
 
-    def __init__(self, incomplete: Callable[[], bool]) -> None:
+    def __init__(self, incomplete: Callable[[], bool], moved: Callable[[str], None]) -> None:
         self.refused: Counter[str] = collections.Counter()
         """{reason: requests}"""
-        self._incomplete = incomplete
+        self._incomplete, self._moved = incomplete, moved
         self._callers = Callers()
         self._presence = Presence()
         self._ids = itertools.count(1)
@@ -85,7 +86,10 @@ class Acceptor:
 
     def _connect(self, impl: Any, request: Request, size: int) -> PublisherTransport:
         """Make a connection, in the place of those that the caller no longer has."""
+        before = {c.remote_endpoint[0] for c in _by_caller(impl).get(request.header['callerid'], [])}
         uri = self._identify(impl, request)
+        if uri is not None and before - {request.host}:
+            self._moved(uri)
         self._presence.requested(request.host, time.monotonic())
         place = impl.resolved_name, request.host
         with self._lock:
@@ -155,7 +159,7 @@ class Acceptor:
         if self._review is not None and self._review.is_alive():
             return
         doubles = _doubles() if now >= self._next_review else []
-        nodes = self._presence.due({_node(c) for c in _connections()}, now)
+        nodes = self._presence.due(collections.Counter(map(_node, _connections())), now)
         if doubles:
             self._next_review = now + REVIEW_PERIOD
         if doubles or nodes:

@@ -4,14 +4,14 @@
 By UDP a publisher learns of an ended subscriber only when it sends (ICMP port unreachable), and not at all where ICMP
 is dropped. So each subscriber's node is asked now and then, for all topics together.
 """
-from typing import Collection, Dict, List, NamedTuple, Optional, Set
+from typing import Dict, List, Mapping, NamedTuple, Optional, Set
 
 PERIOD = 120.0
 """Time from one question to a node to the next; each costs a TCP connection [s]."""
 
 HURRIED_PERIOD = 10.0
-"""The same to the first question, and after a request for a connection came from the node's host: something was
-restarted there [s]."""
+"""The same to the first question, after a request for a connection came from the node's host, as something was
+restarted there, and after a connection to the node has ended, as silent ones may have ended with it [s]."""
 
 SETTLED = 10.0
 """Age of a connection from which on its node surely lists it, even if the answer to its request was slow [s]."""
@@ -35,7 +35,9 @@ class Presence:
 
     def __init__(self) -> None:
         self._asked: Dict[Node, float] = {}
-        self._new: Set[Node] = set()        # not asked yet: they may have ended before they were seen
+        # not asked yet, so that they may have ended before they were seen; or with fewer connections than before
+        self._doubtful: Set[Node] = set()
+        self._connections: Mapping[Node, int] = {}
         self._answered: Dict[Node, float] = {}
         self._requests: Dict[str, float] = {}      # {address: when a request came from it [s]}
 
@@ -43,21 +45,23 @@ class Presence:
         """A request for a connection came from a node on this host; any thread."""
         self._requests[address] = now
 
-    def due(self, nodes: Collection[Node], now: float) -> List[Node]:
+    def due(self, nodes: Mapping[Node, int], now: float) -> List[Node]:
         """The nodes to ask now.
 
-        :param nodes: all that have connections; the others are forgotten
+        :param nodes: {node: number of its connections}, of all that have any; the others are forgotten
         :param now: by a steady clock [s]
         """
         addresses = {node.address for node in nodes}
         self._requests = {address: at for address, at in list(self._requests.items()) if address in addresses}
-        self._new = {node for node in nodes if node in self._new or node not in self._asked}
+        self._doubtful = {node for node, number in nodes.items() if node in self._doubtful or node not in self._asked
+                          or number < self._connections[node]}
+        self._connections = dict(nodes)
         self._asked = {node: self._asked.get(node, now) for node in nodes}
         self._answered = {node: self._answered.get(node, now) for node in nodes}
         found = [node for node, asked in self._asked.items()
-                 if now - asked >= (HURRIED_PERIOD if node in self._new or
+                 if now - asked >= (HURRIED_PERIOD if node in self._doubtful or
                                     self._requests.get(node.address, asked) > asked else PERIOD)]
-        self._new -= set(found)
+        self._doubtful -= set(found)
         self._asked.update(dict.fromkeys(found, now))
         return found
 

@@ -13,8 +13,7 @@ RENEGOTIATION, MAX_RENEGOTIATION = 120.0, 1200.0
 maximum [s]."""
 
 BROKEN, WATCHED = 0.5, 1.0
-"""After a change of this machine's address a connection is replaced that is silent for the first time within the second
-[s]."""
+"""After a change of an address a connection is replaced that is silent for the first time within the second [s]."""
 
 
 class Silence:
@@ -88,10 +87,10 @@ Made = TypeVar('Made', bound=Connection)
 
 
 class FormerAddress(Generic[Made]):
-    """Finds the connections that a change of this machine's address breaks.
+    """Finds the connections that a change of an address breaks: of this machine, or of a publisher's.
 
-    Nothing comes to the former address any more; but with several addresses, others go on. So each connection is
-    watched until it is silent.
+    Nothing comes to the former address any more, or from it; but with several addresses, others go on. So each
+    connection is watched until it is silent.
     """
 
     def __init__(self) -> None:
@@ -105,9 +104,11 @@ class FormerAddress(Generic[Made]):
     def lost(self, connections: Iterable[Made], now: float) -> None:
         """The address has changed.
 
-        :param connections: all that were made before
+        :param connections: all that were made before, and may be broken
         """
-        self._watched, self._until = list(connections), now + WATCHED
+        watched = set(map(id, self._watched))
+        self._watched += [connection for connection in connections if id(connection) not in watched]
+        self._until = now + WATCHED
 
     def broken(self, now: float) -> List[Made]:
         """Those to be replaced now, each once."""

@@ -58,6 +58,7 @@ class Watch:
         self._asked_at, self._question_period = -float('inf'), MIN_QUESTION_PERIOD
         self._reviewing: Set[str] = set()                   # URIs of the nodes that are being asked
         self._lost_address: Optional[str] = None            # the one towards the master, once it is not ours any more
+        self._moved: Set[str] = set()                       # URIs of nodes that have another address now
         self._former: FormerAddress[SubscriberTransport] = FormerAddress()
         self._wake, self._ended = threading.Event(), threading.Event()
 
@@ -119,6 +120,13 @@ class Watch:
             connection.close()
         self._connector.connect_all(topic, [uri for uri in uris if not impl.has_connection(uri)])
 
+    def moved(self, uri: str) -> None:
+        """A node has asked from another address than before: what it publishes may have been sent from the former one.
+        """
+        with self._lock:
+            self._moved.add(uri)
+        self._wake.set()
+
     # -- the thread --------------------------------------------------------------------------------
 
     def _run(self) -> None:
@@ -129,16 +137,17 @@ class Watch:
                 rospy.logdebug('the master does not answer: %s', error)
             except Exception:   # a bug of ours must not end the watch
                 rospy.logerr_throttle(60, 'watching the topics failed: %s' % traceback.format_exc())
-            self._pause(MIN_QUESTION_PERIOD if self._doubtful or self._former else PERIOD)
+            hurry = self._doubtful or self._former or self._lost_address is not None
+            self._pause(MIN_QUESTION_PERIOD if hurry else PERIOD)
             self._wake.clear()
 
     def _pause(self, period: float) -> None:
         """Wait for a period [s], until something is to be done, or until this machine loses its address."""
         end = time.monotonic() + period
-        while not self._wake.wait(max(0.0, min(ADDRESS_PERIOD, end - time.monotonic()))) and time.monotonic() < end:
+        while not self._wake.wait(max(0.0, min(ADDRESS_PERIOD, end - time.monotonic()))):
             address = self._master.own_address
             known, self._lost_address = self._lost_address, None if address is None or is_own(address) else address
-            if self._lost_address not in (None, known):
+            if self._lost_address not in (None, known) or time.monotonic() >= end:
                 return
 
     def _step(self, now: float) -> None:
@@ -169,7 +178,13 @@ class Watch:
             self._renew_former()
 
     def _renew_former(self) -> None:
-        """Make connections to an address anew that this machine no longer has."""
+        """Make connections anew that were made to an address of this machine, or from one of another, that it no longer
+        has."""
+        with self._lock:
+            moved, self._moved = self._moved, set()
+        if moved:
+            self._former.lost([c for impl in _subscribed() for c in _connections(impl) if c.endpoint_id in moved],
+                              time.monotonic())
         for connection in self._former.broken(time.monotonic()):
             self._connector.renew(connection)
 

@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""How often a node looks after its topics: the watch's thread, and a master that knows the node."""
+import socketserver
+import threading
+import time
+import unittest.mock
+from types import SimpleNamespace
+from typing import Any, Callable, Iterator, List
+from xmlrpc.server import SimpleXMLRPCRequestHandler, SimpleXMLRPCServer
+
+import pytest
+
+from smokebot_udp.udpros import watch
+
+URI = 'http://here:1/'
+
+
+class Handler(SimpleXMLRPCRequestHandler):
+    protocol_version = 'HTTP/1.1'   # the connection stays open
+
+
+class Master(socketserver.ThreadingMixIn, SimpleXMLRPCServer):
+    daemon_threads, block_on_close = True, False
+
+    def _dispatch(self, method: str, params: Any) -> Any:
+        return 1, '', {'lookupNode': URI, 'getPid': 7}.get(method, 0)
+
+
+@pytest.fixture
+def master(monkeypatch: Any) -> Iterator[None]:
+    with Master(('127.0.0.1', 0), Handler, logRequests=False) as server:
+        monkeypatch.setenv('ROS_MASTER_URI', 'http://127.0.0.1:%d/' % server.server_address[1])
+        threading.Thread(target=server.serve_forever, args=(0.05,), daemon=True).start()
+        yield
+        server.shutdown()
+
+
+def wait_for(condition: Callable[[], bool]) -> bool:
+    """Whether it comes true within 20 s."""
+    deadline = time.monotonic() + 20
+    while not condition() and time.monotonic() < deadline:
+        time.sleep(0.02)
+    return condition()
+
+
+@pytest.mark.usefixtures('master')
+def test_the_watch_hurries_only_while_this_machine_has_lost_its_address() -> None:
+    steps: List[float] = []
+    registration: Any = SimpleNamespace(publisher_update=None, uri=URI)
+    connector: Any = SimpleNamespace(upgrade=lambda impls, now: None)
+    watched = watch.Watch(connector, registration, lambda: steps.append(time.monotonic()))
+
+    def gap() -> float:
+        return steps[-1] - steps[-2]
+
+    watched.start()
+    try:
+        assert wait_for(lambda: len(steps) > 1 and gap() >= 0.9 * watch.PERIOD)
+        with unittest.mock.patch.object(watch, 'is_own', lambda address: False):
+            assert wait_for(lambda: gap() < 0.5 * watch.PERIOD)
+        assert wait_for(lambda: gap() >= 0.9 * watch.PERIOD)
+    finally:
+        watched.stop()
