@@ -11,7 +11,6 @@ shown afterwards. Prints what was refused, and by how much the memory of the pro
 """
 import collections
 import pathlib
-import resource
 import sys
 import time
 from random import Random
@@ -19,7 +18,9 @@ from typing import Any, Counter, List, NamedTuple, Tuple
 
 import numpy as np
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
+sys.path[:0] = [str(pathlib.Path(__file__).resolve().parents[2]), str(pathlib.Path(__file__).resolve().parent)]
+from fuzzing import run  # noqa: E402
+
 from evaluation.offline_link import operator_side  # noqa: E402
 from smokebot_udp.codecs.layered.image import decode, encode  # noqa: E402
 from smokebot_udp.codecs.layered.pieces import GROUP, Layer, Plan, protect  # noqa: E402
@@ -122,16 +123,20 @@ class Fuzzer:
         self._images, self._large = images(), [image_of(LARGE, 2, False, 78), noise()]
         self._assembler, self._settings = operator_side('image')
         self._now, self._stamp = 100.0, 1
-        self.segments = self.shown = 0
+        self.inputs = self.shown = 0
         self.worst = 0.0
         """Longest processor time of a batch [s]."""
+
+    def report(self) -> str:
+        """What became of the segments."""
+        return '%d images shown; refused: %s' % (self.shown, dict(self.dropped))
 
     @property
     def dropped(self) -> Counter[str]:
         """Refused segments, by reason."""
         return collections.Counter(self._assembler.dropped)
 
-    def good_images(self) -> None:
+    def good(self) -> None:
         """Feed the good images, which compiles all loops.
 
         :raises AssertionError: one of them is not shown
@@ -161,7 +166,7 @@ class Fuzzer:
         self._assembler.receive(records, self._numpy.random_sample(len(records)) < 0.95, self._now, LAYERS)
         self._take()
         self.worst = max(self.worst, time.process_time() - begun)
-        self.segments += len(records)
+        self.inputs += len(records)
 
     def _decode(self) -> None:
         """Decode a stream with faults, as no assembler would cut it; it counts as a segment."""
@@ -173,7 +178,7 @@ class Fuzzer:
         begun = time.process_time()
         decode(bytes(data[:random.choice((len(data), random.randrange(len(data))))]), *image.shape)
         self.worst = max(self.worst, time.process_time() - begun)
-        self.segments += 1
+        self.inputs += 1
 
     def _byte(self) -> int:
         return self._random.choice((0, 1, 127, 255, self._random.randrange(256)))
@@ -237,25 +242,6 @@ class Fuzzer:
         return records
 
 
-def memory() -> int:
-    """The largest memory of the process so far [MiB]."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024
-
-
-def main(segments: int, seed: int) -> int:
-    """Run; the exit status."""
-    fuzzer, reported = Fuzzer(Random(seed)), 0
-    fuzzer.good_images()
-    before = memory()
-    while fuzzer.segments < segments:
-        fuzzer.batch()
-        if fuzzer.segments >= reported:
-            reported += segments // 20
-            print('%d segments, %d images shown, longest batch %.3f s, memory + %d MiB; refused: %s' % (
-                fuzzer.segments, fuzzer.shown, fuzzer.worst, memory() - before, dict(fuzzer.dropped)), flush=True)
-    fuzzer.good_images()
-    return int(fuzzer.worst > MAX_TIME)
-
-
 if __name__ == '__main__':
-    sys.exit(main(*[int(argument) for argument in sys.argv[1:]] + [SEGMENTS, 1][len(sys.argv) - 1:]))
+    count, seed = [int(argument) for argument in sys.argv[1:]] + [SEGMENTS, 1][len(sys.argv) - 1:]
+    sys.exit(run(Fuzzer(Random(seed)), count, MAX_TIME))

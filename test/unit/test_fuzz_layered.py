@@ -14,11 +14,11 @@ spec.loader.exec_module(fuzz_layered)
 
 def test_hostile_segments() -> None:
     fuzzer = fuzz_layered.Fuzzer(Random(5))
-    fuzzer.good_images()
+    fuzzer.good()
     good = fuzzer.shown
     for _ in range(250):
         fuzzer.batch()
     # the mutated ones get behind the checks, and into them
     assert fuzzer.shown > good + 50
     assert min(fuzzer.dropped[reason] for reason in ('contradiction', 'impossible head', 'image')) > 20
-    fuzzer.good_images()    # are shown again
+    fuzzer.good()    # are shown again

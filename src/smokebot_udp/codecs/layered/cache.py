@@ -12,6 +12,8 @@ import tempfile
 from typing import Iterator, List, Optional
 
 FOLDER = pathlib.Path(os.path.abspath(__file__)).parent
+OTHERS = ('tiles',)
+"""Packages beside this one with loops, which are compiled with these."""
 STAMP = 'loops.nbs'
 """A file beside the cache: the key of the sources; then, a line each, the keys of the machines that all loops were
 compiled for from them."""
@@ -24,12 +26,13 @@ _CPU = ('vendor_id', 'cpu family', 'model', 'model name', 'flags', 'CPU implemen
 """Of CPU_INFO: what code is compiled for. numba asks LLVM, which takes an import."""
 
 
-def cache_folder() -> Optional[pathlib.Path]:
-    """Where numba keeps these loops: the first that it can write into, of the folder that it is told, beside the
-    sources, and the user's cache. It is made; None: there is none."""
-    name = '%s_%s' % (FOLDER.name, hashlib.sha1(str(FOLDER).encode()).hexdigest())
+def cache_folder(package: Optional[pathlib.Path] = None) -> Optional[pathlib.Path]:
+    """Where numba keeps the loops of a package, of this one if None: the first that it can write into, of the folder
+    that it is told, beside the sources, and the user's cache. It is made; None: there is none."""
+    package = package or FOLDER
+    name = '%s_%s' % (package.name, hashlib.sha1(str(package).encode()).hexdigest())
     user = os.environ.get('XDG_CACHE_HOME', os.path.expanduser('~/.cache'))
-    folders = [FOLDER / '__pycache__', pathlib.Path(user, 'numba', name)]
+    folders = [package / '__pycache__', pathlib.Path(user, 'numba', name)]
     told = os.environ.get('NUMBA_CACHE_DIR')
     if told:
         folders.insert(0, pathlib.Path(told, name))
@@ -51,9 +54,10 @@ def remove_stale() -> None:
     folder, sources = cache_folder(), _sources()
     if folder is None or _noted(folder)[:1] == [sources]:
         return
-    for index in folder.glob('*.nbi'):
-        with contextlib.suppress(OSError):
-            index.unlink()
+    for package in _packages():
+        for index in (cache_folder(package) or folder).glob('*.nbi'):
+            with contextlib.suppress(OSError):
+                index.unlink()
     _note(folder, [sources])
 
 
@@ -102,12 +106,16 @@ def _note(folder: pathlib.Path, lines: List[str]) -> None:
         os.replace(file.name, str(folder / STAMP))
 
 
+def _packages() -> List[pathlib.Path]:
+    return [FOLDER] + [FOLDER.parent / name for name in OTHERS if (FOLDER.parent / name).is_dir()]
+
+
 def _sources() -> str:
     """The key of the sources: numba goes by their times, which a wrong clock or a copy may keep or turn back."""
     digest = hashlib.sha256()
-    for path in sorted(FOLDER.glob('*.py')):
+    for path in sorted(path for package in _packages() for path in package.glob('*.py')):
         status = path.stat()
-        digest.update(('%s %d %d\n' % (path.name, status.st_mtime_ns, status.st_size)).encode())
+        digest.update(('%s %s %d %d\n' % (path.parent.name, path.name, status.st_mtime_ns, status.st_size)).encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()
 

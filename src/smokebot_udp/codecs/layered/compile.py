@@ -12,9 +12,10 @@ __all__ = ['compile_all', 'compiled']
 
 
 def compile_all() -> None:
-    """Run all loops once with each kind of image; numba compiles them, or takes them from its cache."""
+    """Run all loops once with each kind of image and tile; numba compiles them, or takes them from its cache."""
     import numpy as np
 
+    from ..tiles import coder
     from . import depth, erasure, image
     for pixels in (np.zeros((40, 40), np.uint8), np.zeros((40, 40), np.uint16), np.zeros((40, 40, 3), np.uint8)):
         pixels[5:, 7:] = 200
@@ -23,6 +24,9 @@ def compile_all() -> None:
             image.decode(stream.data, 40, 40, 3 if pixels.ndim == 3 else 1, pixels.itemsize)
     depth.to_counts(np.full((2, 2), np.nan, np.float32), 1.0)
     erasure.extend(np.zeros((2, 9), np.uint8), 3)
+    for value in (100, 50):
+        tile = coder.encode(np.array([[0, value]], np.int8), 100)
+        coder.decode(np.frombuffer(tile or b'', np.uint8), 1, 2)
 
 
 def main(*arguments: str) -> int:

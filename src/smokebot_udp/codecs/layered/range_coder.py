@@ -72,6 +72,26 @@ def decide(encoding: bool, symbol: int, odds: int, low: int, width: int, unknown
 
 
 @inlined
+def decide_by(encoding: bool, symbol: int, chance: int, low: int, width: int, unknown: int) -> Tuple[int, int, int]:
+    """Code a symbol by a probability that the caller adapts. `refill` comes next.
+
+    :param chance: probability of 0 [2^-16], 1..65535
+    :returns: the symbol or END, and the new low and width
+    """
+    bound = (width >> 16) * chance
+    if not encoding:
+        symbol = 1 if low >= bound else 0
+        if symbol == 0 and low + unknown > bound:
+            symbol = END
+    if symbol > 0:
+        low += bound if encoding else -bound
+        width -= bound
+    else:
+        width = bound
+    return symbol, low, width
+
+
+@inlined
 def decide_evenly(encoding: bool, symbol: int, low: int, width: int, unknown: int) -> Tuple[int, int, int]:
     """Code a symbol for which 0 and 1 are as likely. What it shares with `decide` is not a function: 6 % slower."""
     bound = width >> 1
