@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Figures 12 to 14: point clouds with datagrams lost, and how evenly; points over loss as in Figure 11."""
 import pathlib
-from typing import Any, Dict, List, Mapping, Sequence, Union
+from typing import Dict, List, Mapping, Sequence, Union
 
 import numpy as np
-from scipy.spatial import cKDTree
-from sensor_msgs.msg import PointCloud2, PointField
 
+from evaluation.clouds import distance, message_of, points_of
 from evaluation.linear_fit import linear_fit
 from evaluation.offline_link import Receiver, Sender, datagram_count, received, wire_size
-from evaluation.recordings import RECORDINGS
+from evaluation.recordings import RECORDINGS, cloud_points
 from smokebot_udp.arrays import Array, BoolArray, Float32Array
 from smokebot_udp.simulation import mounts
 from smokebot_udp.simulation.drive import Drive
@@ -20,7 +19,6 @@ from smokebot_udp.udpros.frame import Frame
 
 from .. import drawing, table
 from ..runner import Figure, Run, Table
-from .virtual_scans import read
 
 TITLE = 'Point clouds with datagrams lost (Figures 12 to 14)'
 
@@ -33,6 +31,7 @@ that a lost one thins the cloud evenly. The measure is the **distance** from eac
 nearest received one, 99th percentile.
 """
 
+ENCODINGS = 'float32', 'packed', 'sorted'
 SHARES = 1.0, 0.5, 0.1
 LOSSES = 0.0, 0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95
 DRAWS, QUICK_DRAWS = 20, 3
@@ -52,33 +51,14 @@ def clouds() -> Dict[str, Float32Array]:
     points = Lidar(building(1), mounts.LIDAR, 1).scan(Drive().pose(SCAN_TIME), SCAN_TIME)
     found = {'simulated': np.stack([points[axis] for axis in 'xyz'], axis=1)}
     for path in sorted(RECORDINGS.joinpath('lidar', RECORDED).glob('*.pcd'))[:1]:
-        found['recorded VLP-16'] = read(path)
+        found['recorded VLP-16'] = cloud_points(path)
     return found
-
-
-def message_of(xyz: Float32Array) -> Any:
-    """A PointCloud2 of (n, 3) points [m]."""
-    fields = [PointField(name, 4 * i, PointField.FLOAT32, 1) for i, name in enumerate('xyz')]
-    message = PointCloud2(height=1, width=len(xyz), fields=fields, point_step=12, row_step=12 * len(xyz),
-                          data=xyz.astype('<f4').tobytes())
-    message.header.frame_id = 'velodyne'
-    return message
-
-
-def points_of(message: Any) -> Float32Array:
-    """The points of an operator's cloud: (n, 3) [m]; no points of None."""
-    return np.frombuffer(b'' if message is None else message.data, '<f4').reshape(-1, 3)
-
-
-def distance(whole: Array, arrived: Array) -> float:
-    """The 99th percentile of the distance from the points of a cloud to the nearest received one [m]."""
-    return float(np.percentile(cKDTree(arrived).query(whole)[0], 99)) if len(arrived) else np.inf
 
 
 def run(run: Run) -> None:
     """Lose chunks of each cloud: sizes.csv, losses.csv, and SHARES of each cloud in NAME.npz."""
     random, sizes, rows = np.random.RandomState(run.seed), [], []
-    senders = {encoding: Sender('cloud', encoding=encoding) for encoding in ('float32', 'packed')}
+    senders = {encoding: Sender('cloud', encoding=encoding) for encoding in ENCODINGS}
     receiver, found = Receiver('cloud'), clouds()
     for name, loss in run.steps([(name, loss) for name in found for loss in LOSSES], lambda case: case[0]):
         frames = {encoding: sender.frames(message_of(found[name])) for encoding, sender in senders.items()}
@@ -137,7 +117,8 @@ def plot(folder: pathlib.Path) -> List[Union[Figure, Table]]:
         Figure('distance.png', 'How close the received points are to the lost ones: with points dealt, and with '
                'points in a row. Where no point arrives in some draw, there is no line.'),
         Table('On the wire, whole IP packets (*packed*: the short offsets of this package, accurate to an eighth of a '
-              'voxel):', list(sizes[0]), [list(row.values()) for row in sizes])]
+              'voxel; *sorted*, its default: the same, sorted and entropy-coded):', list(sizes[0]),
+              [list(row.values()) for row in sizes])]
 
 
 def draw(clouds: Sequence[Float32Array], path: pathlib.Path) -> None:

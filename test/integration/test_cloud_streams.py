@@ -58,8 +58,8 @@ class CloudStreams(StreamsCase):
         cls.lidar = Lidar(building(1), 0.9, 1)
         cls.clouds = rospy.Publisher('/velodyne_points', PointCloud2, queue_size=5)
         cls.scans = rospy.Publisher('/scan', LaserScan, queue_size=5)
-        types = {'lidar/points': PointCloud2, 'packed/points': PointCloud2, 'scan': LaserScan,
-                 'obstacle_scan': LaserScan, 'landmark_scan': LaserScan}
+        types = {'lidar/points': PointCloud2, 'packed/points': PointCloud2, 'sorted/points': PointCloud2,
+                 'scan': LaserScan, 'obstacle_scan': LaserScan, 'landmark_scan': LaserScan}
         cls.out = {(name, loss): Collector('%s/%s' % (where, name), message_class)
                    for name, message_class in types.items() for loss, where in LOSSES.items()}
         for collector in cls.out.values():
@@ -67,7 +67,7 @@ class CloudStreams(StreamsCase):
         cls.on_robot = {name: Collector('/' + name, LaserScan) for name in ('obstacle_scan', 'landmark_scan')}
         for collector in cls.on_robot.values():
             collector.wait_connected()
-        cls.listen('lidar', 'packed', 'scan', 'obstacle_scan', 'landmark_scan')
+        cls.listen('lidar', 'packed', 'sorted', 'scan', 'obstacle_scan', 'landmark_scan')
         wait_for(lambda: cls.clouds.get_num_connections() and cls.scans.get_num_connections(), what='robot_sender')
 
     def setUp(self) -> None:
@@ -89,6 +89,10 @@ class CloudStreams(StreamsCase):
         packed = self.shown(message, 'packed/points')
         np.testing.assert_allclose(xyz(packed), centroids, rtol=0, atol=BOUND + 1e-5)
         self.assertEqual([field.name for field in packed.fields], ['x', 'y', 'z', 'intensity'])
+        ordered = self.shown(message, 'sorted/points')      # the same in another order
+        self.assertEqual(ordered.fields, packed.fields)
+        self.assertEqual(*(sorted(np.frombuffer(shown.data, '<f4').reshape(-1, 4).tolist())
+                           for shown in (packed, ordered)))
 
     def test_through_loss_a_cloud_thins_evenly_at_the_sources_rate(self) -> None:
         points = self.lidar.scan((1.5, 7.0, 0.3), 1.0)
@@ -111,6 +115,10 @@ class CloudStreams(StreamsCase):
             took, lasted = (times[came[-1]] - times[came[0]] for times in (out.arrivals, sent))
             self.assertAlmostEqual(took / lasted, 1, delta=0.1)
             self.check_evenly(whole, got, share)
+        got = [xyz(message) for message in self.out['sorted/points', 50].messages.values()]
+        # in 10 chunks: of 1 cloud in 1000 nothing is received
+        self.assertGreaterEqual(len(got), CLOUDS - 3)
+        self.assertAlmostEqual(np.mean([len(cloud_points) / len(whole) for cloud_points in got]), 0.5, delta=0.1)
 
     def check_evenly(self, whole, got, share) -> None:
         """Each 2 m block of the scene keeps its share, over all clouds."""
@@ -234,6 +242,8 @@ class CloudStreams(StreamsCase):
                                step=numbers(0.0, 0.025, -1.0, float('nan'), float('inf')),
                                origin=random.randint(-2 ** 31, 2 ** 31, 3).tolist(), bits=random.bytes(3),
                                intensity_min=float('nan'), intensity_step=1e38, data=random.bytes(random.randint(1300)))
+            if random.randint(2):
+                chunk.bits, chunk.codes = b'\x08\x08\x08', b'\x02\x11' * (2 + chunk.has_intensity)
             chunk.header.stamp = rospy.Time.now() - rospy.Duration(random.randint(2) * 100)
             return chunk
 
@@ -246,6 +256,7 @@ class CloudStreams(StreamsCase):
             return segment
         self.flood('lidar', CloudChunk, forge_chunk)
         self.flood('packed', CloudChunk, forge_chunk)
+        self.flood('sorted', CloudChunk, forge_chunk)
         self.flood('scan', ScanSegment, forge_scan)
         self.test_without_loss_a_cloud_is_the_voxel_filtered_one()
         self.test_without_loss_scans_are_exact()

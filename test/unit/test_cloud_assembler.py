@@ -89,7 +89,30 @@ def test_both_ends_agree(scan: Any, encoding: str, intensity: bool, leaf: float)
     assert assembled.stamp == 1700000000 * 10 ** 9 + 5
 
 
-@pytest.mark.parametrize('encoding, deviation', [('float32', 0.2), ('packed', 0.3)])
+@pytest.mark.parametrize('intensity', [False, True])
+@pytest.mark.parametrize('leaf', [0.0, LEAF])
+def test_a_sorted_cloud_is_the_packed_one_in_another_order(scan: Any, intensity: bool, leaf: float) -> None:
+    packed, ordered = (received(frame_of(cloud_message(scan), encoding=encoding, intensity=intensity, leaf_size=leaf))
+                       for encoding in ('packed', 'sorted'))
+    rows = [np.frombuffer(assembled.message.data, '<f4').reshape(-1, 3 + intensity) for assembled in (packed, ordered)]
+    assert rows[0].tolist() != rows[1].tolist()
+    assert sorted(rows[0].tolist()) == sorted(rows[1].tolist())
+    assert ordered.completeness == 1.0 and ordered.message.fields == packed.message.fields
+
+
+def test_broken_chunks_do_not_count_as_received(scan: Any) -> None:
+    frame = frame_of(cloud_message(scan), encoding='sorted')
+    frame.records['data'][1:3, 1:4] = 255
+    assembler, values = operator_side('cloud')
+    assembled, = assemble_all(assembler, values, [frame.records])
+    assert assembler.dropped['broken'] == 2 and assembled.completeness == 1 - 2 / len(frame)
+    frame.records['data'] = 255
+    frame.records['header']['stamp']['secs'] += 1
+    assert assemble_all(assembler, values, [frame.records]) == []
+    assert assembler.dropped['broken'] == 2 + len(frame)
+
+
+@pytest.mark.parametrize('encoding, deviation', [('float32', 0.2), ('packed', 0.3), ('sorted', 0.3)])
 def test_lost_chunks_thin_the_cloud_evenly(scan: Any, encoding: str, deviation: float) -> None:
     frame = frame_of(cloud_message(scan), encoding=encoding)
     whole = points_in(received(frame).message)[0]
@@ -112,7 +135,7 @@ def test_lost_chunks_thin_the_cloud_evenly(scan: Any, encoding: str, deviation: 
 
 
 def test_a_cloud_cropped_to_nothing_comes_as_an_empty_one(scan: Any) -> None:
-    for encoding in ('float32', 'packed'):
+    for encoding in ('float32', 'packed', 'sorted'):
         frame = frame_of(cloud_message(scan), encoding=encoding, min_x=900.0)
         message = received(frame).message
         assert (len(frame), message.height, message.width, message.data) == (1, 1, 0, b'')
@@ -175,16 +198,20 @@ HOSTILE = {
     'step': [0.0, -0.0, 1e-45, 0.025, 3e38, -1.0, np.inf, -np.inf, np.nan],
     'origin': [0, -2 ** 31, 2 ** 31 - 1], 'bits': [0, 1, 8, 20, 21, 255],
     'intensity_min': [0.0, np.nan, np.inf, 3e38], 'intensity_step': [0.0, np.nan, -np.inf, 3e38]}
+CODES = [2, 0x11, 3, 0x12, 0x20, 4, 0x22, 0x22]
+"""Of three sequences; the first 5 bytes are of two."""
+
 SIZES = [0, 1, 5, 6, 8, 12, 16, 24, 32, 80, 384, 512, 960, 1280]
-BATCH = st.tuples(st.integers(0, 2 ** 32 - 1), st.integers(1, 4), st.sampled_from(SIZES), st.integers(0, 3),
+BATCH = st.tuples(st.integers(0, 2 ** 32 - 1), st.integers(1, 4), st.sampled_from(SIZES), st.sampled_from([0, 3, 5, 8]),
                   st.fixed_dictionaries({name: st.sampled_from([None, *values]) for name, values in HOSTILE.items()}),
                   st.sampled_from([None, 0, 1, 2 ** 32 - 1]))
 
 
-def forged(seed: int, count: int, size: int, text: int, fields: Any, secs: Optional[int]) -> Any:
+def forged(seed: int, count: int, size: int, codes: int, fields: Any, secs: Optional[int]) -> Any:
     """Records of random bytes, where fields do not say otherwise."""
-    dtype = record_dtype(CloudChunk, {'header.frame_id': text, 'data': size})
+    dtype = record_dtype(CloudChunk, {'header.frame_id': 3, 'codes': codes, 'data': size})
     records = np.frombuffer(np.random.RandomState(seed).bytes(count * dtype.itemsize), dtype).copy()
+    records['codes'] = CODES[:codes]
     for name, value in fields.items():
         if value is not None:
             records[name] = value
@@ -210,7 +237,7 @@ def test_forged_chunks_do_get_through() -> None:
     assembler, values = operator_side('cloud')
     fields = {'points': 4, 'chunks': 2, 'index': 1, 'has_intensity': 255, 'step': 3e38, 'origin': 2 ** 31 - 1,
               'bits': 8, 'intensity_min': np.inf, 'intensity_step': np.nan}
-    assembled, = assemble_all(assembler, values, [forged(1, 2, 8, 3, fields, 7)])
+    assembled, = assemble_all(assembler, values, [forged(1, 2, 8, 0, fields, 7)])
     assert assembled.completeness == 0.5
 
 
@@ -221,7 +248,7 @@ def test_forged_chunks_cost_the_true_cloud_nothing(scan: Any) -> None:
     batches = [frame.records[half]]
     for seed in range(20):
         fields = {'points': seed, 'chunks': 1 + seed % 3, 'step': 0.0, 'bits': 0, 'has_intensity': 0}
-        records = forged(seed, 3, 12 * seed, 8, fields, None)
+        records = forged(seed, 3, 12 * seed, 0, fields, None)
         records['header']['stamp'] = frame.records['header']['stamp'][0]
         batches.append(records)
     assembler, values = operator_side('cloud')

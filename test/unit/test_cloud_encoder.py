@@ -12,7 +12,9 @@ from smokebot_udp.mission.settings import Settings
 from smokebot_udp.msg import CloudChunk
 from smokebot_udp.simulation.lidar import POINT, Lidar
 from smokebot_udp.simulation.world import building
+from smokebot_udp.streams.air import Air
 from smokebot_udp.streams.cloud.encoder import CloudEncoder
+from smokebot_udp.streams.outlook import Outlook
 from smokebot_udp.streams.segments import size_on_air
 from smokebot_udp.udpros.datagram import OVERHEAD
 
@@ -105,6 +107,40 @@ def test_packed_takes_less_than_half(scan: Any) -> None:
         count = int(short.records['points'][0])
         assert count == exact.records['points'][0] and -(-count // len(short)) >= 200
         assert len(exact) == -(-count // 80)
+
+
+@pytest.mark.parametrize('size', [200, 576, DATAGRAM, 8000])
+@pytest.mark.parametrize('intensity', [False, True])
+def test_sorted_takes_less_than_packed_in_datagrams_that_fit(scan: Any, size: int, intensity: bool) -> None:
+    packed, ordered = (frame_of(cloud_message(scan, 'velodyne'), size, encoding=encoding, intensity=intensity)
+                       for encoding in ('packed', 'sorted'))
+    assert ordered.datagram_size <= size and ordered.records['points'][0] == packed.records['points'][0]
+    assert len(packed.records['codes'][0]) == 0 < len(ordered.records['codes'][0])
+    assert ordered.rows.nbytes < (0.55 if size >= DATAGRAM and not intensity else 0.95) * packed.rows.nbytes
+    for field in ('step', 'origin', 'bits', 'has_intensity', 'intensity_min', 'intensity_step'):
+        assert packed.records[field][0].tolist() == ordered.records[field][0].tolist()
+
+
+@pytest.mark.parametrize('x, step', [
+    ([0, 1], 0.025),                    # the codes would take more than they save
+    ([0, 30000], 0.0),                  # too far apart for offsets
+    ([0] * 700 + [25000], 0.025)])      # sorted
+def test_what_sorting_does_not_shorten_is_sent_as_packed(x: Any, step: float) -> None:
+    points = np.zeros(len(x), POINT)
+    points['x'] = x
+    records = frame_of(cloud_message(points), encoding='sorted', leaf_size=0.0).records
+    assert records['step'][0] == np.float32(step) and bool(len(records['codes'][0])) == (len(x) > 2)
+
+
+@pytest.mark.parametrize('losses, known, least', [
+    ({0.0: 1.0}, True, 8), ({0.5: 1.0}, True, 8), ({0.8: 1.0}, True, 11), ({0.5: 0.8, 0.9: 0.2}, True, 8),
+    ({0.5: 0.6, 0.9: 0.4}, True, 22), ({0.99: 1.0}, True, 32), ({1.0: 1.0}, True, 32), ({0.9: 1.0}, False, 8)])
+def test_the_more_is_lost_the_more_datagrams_there_are(scan: Any, losses: Any, known: bool, least: int) -> None:
+    of = settings(encoding='sorted')
+    encoder = CloudEncoder(of.requested)
+    encoder.outlook = Outlook(Air(losses, None, known))
+    frame, = encoder.encode(cloud_message(scan), of, DATAGRAM)
+    assert len(frame) == least
 
 
 def test_a_cloud_in_too_many_chunks_is_refused() -> None:

@@ -6,7 +6,7 @@ other in a cloud, in a scanner's order as in the voxel filter's, so they are in 
 """
 import functools
 from dataclasses import dataclass
-from typing import Optional, Tuple
+from typing import NamedTuple, Optional, Tuple
 
 import numpy as np
 
@@ -76,13 +76,12 @@ class PointFormat:
             values = points if intensity is None else np.column_stack([points, intensity])
             return np.ascontiguousarray(values, '<f4').view(np.uint8).reshape(len(points), self.size)
         words, shift = np.zeros(len(points), np.uint64), 0
-        offsets = np.rint(points.astype(np.float64) / self.step).astype(np.int64) - np.array(self.origin)
+        offsets = self.offsets(points)
         for axis in range(3):
             words |= offsets[:, axis].astype(np.uint64) << np.uint64(shift)
             shift += self.bits[axis]
         if intensity is not None:
-            levels = np.rint((intensity.astype(np.float64) - self.intensity_min) / (self.intensity_step or 1.0))
-            words |= np.fmin(np.fmax(levels, 0), 255).astype(np.uint64) << np.uint64(shift)
+            words |= self.levels(intensity).astype(np.uint64) << np.uint64(shift)
         return words.astype('<u8').view(np.uint8).reshape(len(points), 8)[:, :self.size]
 
     def read(self, data: UInt8Array) -> Tuple[Float32Array, Optional[Float32Array]]:
@@ -97,16 +96,48 @@ class PointFormat:
         padded = np.zeros((len(data), 8), np.uint8)
         padded[:, :self.size] = data
         words = padded.view('<u8').reshape(-1)
-        points, shift = np.empty((len(data), 3), np.float32), 0
+        offsets, shift = np.empty((len(data), 3), int), 0
+        for axis in range(3):
+            offsets[:, axis] = (words >> np.uint64(shift)) & np.uint64((1 << self.bits[axis]) - 1)
+            shift += self.bits[axis]
+        points = self.points(offsets)
+        return points, self.intensities((words >> np.uint64(shift)) & np.uint64(255)) if self.has_intensity else None
+
+    def offsets(self, points: Float32Array) -> IntArray:
+        """(n, 3) int: the offsets of (n, 3) float32 points [m]."""
+        steps: IntArray = np.rint(points.astype(np.float64) / self.step).astype(np.int64) - np.array(self.origin)
+        return steps
+
+    def points(self, offsets: IntArray) -> Float32Array:
+        """(n, 3) float32: the points of (n, 3) int offsets [m]."""
         with np.errstate(over='ignore', invalid='ignore'):     # a forged step
-            for axis in range(3):
-                offsets = (words >> np.uint64(shift)) & np.uint64((1 << self.bits[axis]) - 1)
-                points[:, axis] = (offsets.astype(np.int64) + self.origin[axis]) * self.step
-                shift += self.bits[axis]
-            if not self.has_intensity:
-                return points, None
-            levels = (words >> np.uint64(shift)) & np.uint64(255)
-            return points, (levels * self.intensity_step + self.intensity_min).astype(np.float32)
+            points: Float32Array = ((offsets + np.array(self.origin)) * self.step).astype(np.float32)
+        return points
+
+    def levels(self, intensity: Float32Array) -> IntArray:
+        """(n,) int: intensities in 8 bits; NaN becomes the minimum."""
+        steps = np.rint((intensity.astype(np.float64) - self.intensity_min) / (self.intensity_step or 1.0))
+        levels: IntArray = np.fmin(np.fmax(steps, 0), 255).astype(int)
+        return levels
+
+    def intensities(self, levels: Array) -> Float32Array:
+        """(n,) float32: the inverse of levels."""
+        with np.errstate(over='ignore', invalid='ignore'):     # a forged step
+            intensities: Float32Array = (levels * self.intensity_step + self.intensity_min).astype(np.float32)
+        return intensities
+
+
+class Chunks(NamedTuple):
+    """A cloud's chunks."""
+    codes: bytes
+    """What is needed to read any of them; empty: their points are not sorted."""
+    data: UInt8Array
+    """(chunks, size) uint8"""
+
+    @property
+    def size(self) -> int:
+        """Size of all of them [byte]."""
+        return len(self.data) * (len(self.codes) + self.data.shape[1])
 
 
 def plain(has_intensity: bool) -> PointFormat:

@@ -2,13 +2,14 @@
 """Chunks to sensor_msgs/PointCloud2, of the points that were received (D6.3, section 6.1)."""
 import collections
 from types import SimpleNamespace
-from typing import Any, Deque, Mapping, NamedTuple, Optional, Tuple
+from typing import Any, Deque, Mapping, NamedTuple, Optional, Tuple, Union
 
 import numpy as np
 from sensor_msgs.msg import PointCloud2, PointField
 
 from ...arrays import Float32Array, Records
 from ...codecs.wire.cloud import CloudParts, PointFormat
+from ...codecs.wire.sorted_parts import SortedParts
 from ...mission.parameters import Parameter
 from ...mission.settings import Settings
 from ...msg import CloudChunk
@@ -32,11 +33,14 @@ class Points(NamedTuple):
     """(n,)"""
 
 
-class CloudAssembler(StampedAssembler[CloudParts, Assembled]):
+Content = Union[CloudParts, SortedParts]
+
+
+class CloudAssembler(StampedAssembler[Content, Assembled]):
     """Makes one cloud of each stamp's chunks."""
     MESSAGE, SEGMENTS = PointCloud2, {MAIN_PART: CloudChunk}
     HEADS = {MAIN_PART: ('points', 'chunks', 'has_intensity', 'step', 'origin', 'bits', 'intensity_min',
-                         'intensity_step')}
+                         'intensity_step', 'codes')}
     PARAMETERS = {
         **StampedAssembler.PARAMETERS,
         'persistence': Parameter(0.0, 's', 'how long the points of earlier clouds are kept while the robot stands '
@@ -48,16 +52,23 @@ class CloudAssembler(StampedAssembler[CloudParts, Assembled]):
         super().__init__(settings, clock)
         self._earlier: Deque[Points] = collections.deque()
 
-    def begin(self, head: SimpleNamespace) -> CloudParts:
-        return CloudParts(head.points, head.chunks, PointFormat(
-            bool(head.has_intensity), head.step, head.origin, head.bits, head.intensity_min, head.intensity_step))
+    def begin(self, head: SimpleNamespace) -> Content:
+        point_format = PointFormat(bool(head.has_intensity), head.step, head.origin, head.bits, head.intensity_min,
+                                   head.intensity_step)
+        if head.codes:
+            return SortedParts(head.points, head.chunks, point_format, bytes(head.codes))
+        return CloudParts(head.points, head.chunks, point_format)
 
     def parts(self, records: Records, part: str) -> Tuple[Any, ...]:
         return records['index'].astype(int), records['data']
 
-    def assemble(self, finished: Frame[CloudParts], settings: Settings, still: bool, now: float) -> Assembled:
+    def assemble(self, finished: Frame[Content], settings: Settings, still: bool, now: float) -> Optional[Assembled]:
         head, cloud = finished.head, finished.content
         points = Points(now, head.frame_id, *cloud.merge())
+        if isinstance(cloud, SortedParts):
+            self.dropped['broken'] += cloud.broken
+        if not cloud.have.any():    # nothing can be read
+            return None
         persistence = settings['persistence']
         if persistence:
             points = self._with_earlier(points, persistence, still)

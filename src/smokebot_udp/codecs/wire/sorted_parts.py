@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The chunks of a sorted cloud, as far as they were received (see sorted_cloud.py).
+
+Chunks come from the network: one that is broken is left out, whatever it contains, and memory and time are bounded by
+the bytes that were received.
+"""
+from typing import Dict, Iterator, List, Optional, Sequence, Tuple
+
+import numpy as np
+
+from ...arrays import Array, BoolArray, Float32Array, IntArray, UInt8Array
+from . import bit_fields
+from .bit_fields import unzigzag
+from .cloud import ENDING, MAX_POINTS, PointFormat, sending_order
+from .parts import ReceivedParts
+from .prefix_code import CLASSES, MAX_LENGTH, UNKNOWN, PrefixCode, follow, read_codes
+from .sorted_cloud import HASHED, LENGTH_BITS, MAX_KEY, can_sort, spread
+from .z_order import offsets_of
+
+BLOCK = 100000
+"""Chunks are decoded at a time that have this size together, if all were as long as the longest of them; or one that is
+longer. Decoding takes some 200 bytes for each byte of that [byte]."""
+
+MOST_BYTES = -(-(MAX_LENGTH + CLASSES - 2) // 8)
+"""What a number takes at most, its code word and the bits below its highest one [byte]."""
+
+
+class SortedParts(ReceivedParts):
+    """The chunks of one cloud, as far as they were received.
+
+    :param points: number of points of the whole cloud
+    :param chunks: number of chunks
+    :param codes: what is needed to read any of them
+    :raises ValueError: these contradict each other or exceed a limit
+    """
+
+    def __init__(self, points: int, chunks: int, point_format: PointFormat, codes: bytes) -> None:
+        if not (1 <= chunks <= points <= MAX_POINTS):
+            raise ValueError('%d points in %d chunks; there are up to %d' % (points, chunks, MAX_POINTS))
+        if not can_sort(point_format):
+            raise ValueError('step is %r, bits are %r; sorted points have up to %d bits' % (
+                point_format.step, point_format.bits, MAX_KEY))
+        super().__init__(chunks)
+        self._codes = read_codes(codes, 3 if point_format.has_intensity else 2)
+        self._points, self._format = points, point_format
+        self._chunks: Dict[int, UInt8Array] = {}
+        self.ending = False
+        """Whether one of the last chunks was received: little can follow."""
+        self._last = sending_order(chunks)[-ENDING:]
+        self.broken = 0
+        """How many chunks `merge` has found to be broken. They do not count as received any more."""
+
+    def add(self, indexes: IntArray, payloads: UInt8Array) -> BoolArray:
+        """Add chunks of the same length.
+
+        :param indexes: (m,) int, their numbers
+        :param payloads: (m, k) uint8
+        :return: (m,) bool: those that fit the cloud; the others were dropped
+        """
+        good: BoolArray = indexes < len(self.have)
+        size, sequences = payloads.shape[1], len(self._codes)
+        # each number takes a bit at least
+        good &= self._counts(indexes) * sequences <= 8 * size
+        # the longest chunk has as many points as the first one; shorter ones may end with zeros
+        longest = int(self._counts(np.zeros(1, int))[0])
+        good &= size <= 1 + sequences * (LENGTH_BITS // 8 + MOST_BYTES * longest)
+        for index, payload in zip(indexes[good].tolist(), payloads[good]):
+            self._chunks[index] = payload.copy()     # not a view, which would keep the whole batch
+        self.have[indexes[good]] = True
+        self.ending = self.ending or bool(self.have[self._last].any())
+        return good
+
+    def _counts(self, indexes: IntArray) -> IntArray:
+        """(m,) int: how many points these chunks have."""
+        counts: IntArray = (self._points - 1 - indexes) // len(self.have) + 1
+        return counts
+
+    def merge(self) -> Tuple[Float32Array, Optional[Float32Array]]:
+        """The points received, without those of broken chunks and forged ones that are not finite.
+
+        :return: (n, 3) float32 points [m], and (n,) float32 intensities or None
+        """
+        blocks = [self._decoded(np.array(block)) for block in self._blocks()]
+        nothing = np.zeros((0, 3), np.float32), np.zeros(0, np.float32)
+        points, intensity = (np.concatenate(parts) for parts in zip(nothing, *blocks))
+        return points, intensity if self._format.has_intensity else None
+
+    def _blocks(self) -> Iterator[List[int]]:
+        """The numbers of the chunks that were received, those that are decoded at a time."""
+        block: List[int] = []
+        longest = 0
+        for index in np.flatnonzero(self.have).tolist():
+            size = len(self._chunks[index])
+            longest = max(longest, size)
+            if block and (len(block) + 1) * longest > BLOCK:
+                yield block
+                block, longest = [], size
+            block.append(index)
+        if block:
+            yield block
+
+    def _decoded(self, indexes: IntArray) -> Tuple[Float32Array, Float32Array]:
+        """The points of some chunks, (n, 3), and their intensities, (n,): minima where there are none.
+
+        :param indexes: (m,) int, m >= 1, received
+        """
+        counts = self._counts(indexes)
+        reader = _Reader([self._chunks[index] for index in indexes.tolist()], counts)
+        centres = reader.data[:, 0].astype(int)[:, np.newaxis]
+        numbers = [reader.numbers(code) for code in self._codes]
+        hashed = min(HASHED, sum(self._format.bits))
+        higher = np.cumsum(numbers[0], axis=1)
+        reader.good &= (numbers[1] < 1 << hashed).all(axis=1)
+        # each gap has less than 57 bits: a sum beyond 64 bits is smaller than the one before
+        reader.good &= (higher[:, 1:] >= higher[:, :-1]).all(axis=1)
+        reader.good &= higher[:, -1] <= np.uint64((1 << sum(self._format.bits) >> hashed) - 1)
+        own = (unzigzag(numbers[1]) + centres).astype(np.uint64) - spread(higher, hashed)
+        keys = higher << np.uint64(hashed) | own & np.uint64((1 << hashed) - 1)
+        changes = numbers[2] if len(numbers) > 2 else np.zeros_like(keys)
+        levels = np.cumsum(unzigzag(changes), axis=1) & 255
+        reader.good &= (changes < 256).all(axis=1)
+        self.have[indexes[~reader.good]] = False
+        self.broken += int(np.count_nonzero(~reader.good))
+        kept = reader.valid & reader.good[:, np.newaxis]
+        points = self._format.points(offsets_of(keys[kept], self._format.bits))
+        finite = np.isfinite(points).all(axis=1)
+        return points[finite], self._format.intensities(levels[kept][finite])
+
+
+class _Reader:
+    """Reads sequences of numbers from chunks, the same of each.
+
+    :param chunks: m arrays (k,) uint8 of any lengths, at least 1
+    :param counts: (m,) int: how many numbers their sequences have, at least 1
+    """
+
+    def __init__(self, chunks: Sequence[UInt8Array], counts: IntArray) -> None:
+        self._ends = np.array([len(chunk) for chunk in chunks])
+        self.data = np.zeros((len(chunks), int(self._ends.max()) + bit_fields.PADDING), np.uint8)
+        """(m, largest k and padding) uint8"""
+        for row, chunk in zip(self.data, chunks):
+            row[:len(chunk)] = chunk
+        self._counts = counts
+        self.valid = np.arange(int(counts.max())) < counts[:, np.newaxis]
+        """(m, largest count) bool: which numbers there are."""
+        self.good = np.ones(len(chunks), bool)
+        """(m,) bool: whether all that was read of a chunk is possible."""
+        self._at = np.ones(len(chunks), int)    # the first byte is the centre
+
+    def numbers(self, code: PrefixCode) -> Array:
+        """The next sequence: (m, largest count) uint64; 0 behind the last of a chunk, and in broken chunks."""
+        classes, starts = self._classes(code)
+        classes = np.where(self.valid & self.good[:, np.newaxis], classes, 0).astype(int)
+        widths = np.maximum(classes - 1, 0)
+        stops = np.cumsum(widths, axis=1)
+        self._at = self._checked(starts + -(-stops[:, -1] // 8))
+        widths[~self.good] = classes[~self.good] = 0
+        firsts = np.arange(len(self.data)) * self.data.shape[1] + starts
+        positions = np.where(widths > 0, 8 * firsts[:, np.newaxis] + stops - widths, 0)
+        rests = bit_fields.read(self.data.reshape(-1), positions, widths)
+        ones = np.uint64(1) << np.maximum(classes - 1, 0).astype(np.uint64)
+        return np.where(classes > 0, ones | rests, np.uint64(0))
+
+    def _classes(self, code: PrefixCode) -> Tuple[UInt8Array, IntArray]:
+        """The classes of the next sequence, and where their code words end [byte]."""
+        rows = np.arange(len(self.data))
+        begins = self._checked(self._at + 2)
+        sizes = self.data[rows, begins - 2].astype(int) << 8 | self.data[rows, begins - 1]
+        ends = self._checked(begins + sizes)
+        size = int((ends - begins).max())
+        places = np.minimum(begins[:, np.newaxis] + np.arange(size), self.data.shape[1] - 1)
+        classes, bits = follow(code, self.data[rows[:, np.newaxis], places], self._counts)
+        self.good &= bits <= 8 * (ends - begins)
+        self.good &= ~((classes == UNKNOWN) & self.valid).any(axis=1)
+        return classes, ends
+
+    def _checked(self, at: IntArray) -> IntArray:
+        """Places in the data; those beyond a chunk's end become 2, and the chunk is broken [byte]."""
+        self.good &= at <= self._ends
+        checked: IntArray = np.where(self.good, at, 2)
+        return checked
