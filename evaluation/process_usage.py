@@ -3,49 +3,72 @@
 import contextlib
 import os
 import pathlib
-from typing import Optional
+from typing import Callable, FrozenSet, NamedTuple, Optional, Sequence
 
 import psutil
 
 from .soak import Usage
 
-ESTABLISHED = '01'
-"""State of a connection in /proc/PID/net/tcp, see proc(5)."""
+ESTABLISHED, CLOSE_WAIT = '01', '08'
+"""States of a connection in /proc/PID/net/tcp, see proc(5); of the latter the other side has ended."""
 
-ATTEMPTS = 5
-"""How often a process is looked at where connections come and go meanwhile."""
+LOCAL, REMOTE = 1, 2
+"""Columns of the addresses there."""
 
-
-def kept_open(process: int, port: int) -> int:
-    """The number of TCP connections to a port of a process that its clients keep open.
-
-    :raises OSError: if the process has ended
-    """
-    folder = pathlib.Path('/proc/%d' % process)
-    sockets = set()
-    for descriptor in (folder / 'fd').iterdir():
-        with contextlib.suppress(FileNotFoundError):    # closed meanwhile
-            sockets.add(os.readlink(str(descriptor)))
-    rows = [line.split() for line in (folder / 'net' / 'tcp').read_text().splitlines()[1:]]
-    # a set: the kernel may list one twice, or miss one, where others come and go meanwhile
-    kept = {'socket:[%s]' % row[9] for row in rows
-            if row[3] == ESTABLISHED and int(row[1].split(':')[1], 16) == port}
-    return len(kept & sockets)
+MAX_IDLE = 3
+"""Connections that do not count: to the master, one of the watch and one of rospy's own calls; and those that the other
+side has ended, as rosout's is with the master. rospy notices, and makes another one, only when it next sends."""
 
 
-def usage(process: int, port: Optional[int]) -> Usage:
-    """The resources of a process.
+class Resources(NamedTuple):
+    """What a process has at one moment."""
+    threads: FrozenSet[int]
+    descriptors: FrozenSet[str]
+    """Number and target of each; sockets have numbers of their own."""
+    clients: FrozenSet[str]
+    """Those of established connections to its server. rosmaster keeps one open, once it had to notify the node; rospy
+    serves it by a thread."""
+    idle: FrozenSet[str]
+    """Those of connections to the master, and of connections that the other side has ended."""
+    memory: float
+    """Resident [MB]."""
 
-    rosmaster keeps a connection to each node's XML-RPC server open, once it had to notify it; rospy serves it by a
-    thread. Such threads and descriptors are not counted: they come and go with the client's decision.
+
+def resources(process: int, port: Optional[int], master: Optional[int] = None) -> Resources:
+    """What a process has now.
 
     :param port: of its XML-RPC server; None: not known
+    :param master: port of the master; None: not known
     :raises OSError, psutil.Error: if the process has ended
     """
+    folder = pathlib.Path('/proc/%d' % process)
+    targets = {}
+    for descriptor in (folder / 'fd').iterdir():
+        with contextlib.suppress(FileNotFoundError):    # closed meanwhile
+            targets['%s %s' % (descriptor.name, os.readlink(str(descriptor)))] = os.readlink(str(descriptor))
+    rows = [line.split() for line in (folder / 'net' / 'tcp').read_text().splitlines()[1:]]
+
+    def those(wanted: Callable[[str, int, int], bool]) -> FrozenSet[str]:
+        """The connections of a state, a local and a remote port that are wanted."""
+        found = {'socket:[%s]' % row[9] for row in rows
+                 if wanted(row[3], *(int(row[column].split(':')[1], 16) for column in (LOCAL, REMOTE)))}
+        return frozenset(name for name, target in targets.items() if target in found)
+
     running = psutil.Process(process)
-    for _ in range(ATTEMPTS):
-        clients = 0 if port is None else kept_open(process, port)
-        found = Usage(running.num_threads() - clients, running.num_fds() - clients, running.memory_info().rss / 1e6)
-        if port is None or kept_open(process, port) == clients:     # else one came or went meanwhile
-            break
-    return found
+    return Resources(
+        frozenset(thread.id for thread in running.threads()), frozenset(targets),
+        those(lambda state, local, _: state == ESTABLISHED and local == port),
+        those(lambda state, _, remote: state == CLOSE_WAIT or remote == master), running.memory_info().rss / 1e6)
+
+
+def lasting(samples: Sequence[Resources]) -> Usage:
+    """What a process had in all of some samples. Threads and connections that come and go do not count, though there
+    may be one at any time; nor do those that clients keep open, and MAX_IDLE idle ones.
+
+    :param samples: one at least
+    """
+    threads, descriptors, clients, idle = (
+        frozenset.intersection(*(getattr(sample, what) for sample in samples))
+        for what in ('threads', 'descriptors', 'clients', 'idle'))
+    return Usage(len(threads) - len(clients), len(descriptors) - len(clients) - min(MAX_IDLE, len(idle)),
+                 min(sample.memory for sample in samples))

@@ -175,23 +175,36 @@ class Usage(NamedTuple):
     """Resident [MB]."""
 
 
-def lowest(samples: Sequence[Mapping[str, Usage]]) -> Dict[str, Usage]:
-    """The lowest numbers of each node in some samples: connections and threads that come and go do not count."""
-    return {node: Usage(min(sample[node].threads for sample in samples),
-                        min(sample[node].descriptors for sample in samples),
-                        min(sample[node].memory for sample in samples))
-            for node in samples[-1] if all(node in sample for sample in samples)}
+def fewest(usual: Mapping[str, Usage], now: Mapping[str, Usage]) -> Dict[str, Usage]:
+    """What is usual from now on. A node that has just ended keeps its numbers: it is judged again after its restart.
+
+    :param usual, now: {node: its usage}
+    """
+    return {**now, **usual, **{node: _lower(usual[node], now[node]) for node in usual if node in now}}
 
 
-def unequal(before: Mapping[str, Usage], now: Mapping[str, Usage]) -> str:
-    """Which nodes have other numbers of threads or descriptors than before; empty: none.
+def _lower(one: Usage, other: Usage) -> Usage:
+    return Usage(min(one.threads, other.threads), min(one.descriptors, other.descriptors),
+                 min(one.memory, other.memory))
 
-    :param before, now: {node: its usage}
+
+SPARE = 1
+"""Threads and descriptors that may be there at one time and not at another: rospy connects, notices the end of a
+connection, and ends threads when it next has something to send. A leak of one is found when it happens again, as the
+fewest ones are usual."""
+
+
+def surplus(usual: Mapping[str, Usage], now: Mapping[str, Usage], spare: int = 0) -> str:
+    """Which nodes have more threads or descriptors than usual; empty: none.
+
+    :param spare: so many more count as usual
+
+    :param usual, now: {node: its usage}
     """
     return '; '.join(
-        '%s: %s %d, was %d' % (node, what, getattr(now[node], what), getattr(before[node], what))
-        for node in before if node in now for what in ('threads', 'descriptors')
-        if getattr(now[node], what) != getattr(before[node], what))
+        '%s: %s %d, was %d' % (node, what, getattr(now[node], what), getattr(usual[node], what))
+        for node in usual if node in now for what in ('threads', 'descriptors')
+        if getattr(now[node], what) > getattr(usual[node], what) + spare)
 
 
 def memory_slope(times: Sequence[float], lives: Sequence[Any], memory: Sequence[float], warm_up: float,

@@ -18,10 +18,12 @@ from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Tu
 import psutil
 import yaml
 
+from smokebot_udp.link_lab.lab import MASTER
+
 from . import TOP
 from .listener import Listener
 from .named_stack import NamedStack
-from .process_usage import usage
+from .process_usage import Resources, lasting, resources
 from .registrations import Registrations
 from .robot_clock import RobotClock
 from .soak import (
@@ -29,14 +31,15 @@ from .soak import (
     KINDS,
     REBOOTS,
     SECOND_OPERATOR,
+    SPARE,
     Fault,
     Stream,
     Usage,
     awaited,
+    fewest,
     fresh,
-    lowest,
     streams_of,
-    unequal,
+    surplus,
 )
 
 LINK = {'loss': 0.05, 'delay': 0.01, 'rate': 54e6, 'queue': 0.1}
@@ -62,7 +65,7 @@ SETTLING = 20.0
 """Time within which threads and descriptors have to be as before, counted from when all streams are fresh [s]."""
 
 WINDOW, WINDOW_INTERVAL = 10, 0.2
-"""Number of samples, of which the minimum counts, and the interval between them [s]."""
+"""Number of samples; what is in all of them counts. And the interval between them [s]."""
 
 GOODBYE = 15.0
 """A node that is asked to end is killed after this time [s]."""
@@ -90,7 +93,7 @@ class Round(NamedTuple):
     waits: Dict[str, Optional[float]]
     """{stream: from the last part's registration (without one, the fault's end) until it is fresh; None: never} [s]"""
     unequal: str
-    """Nodes whose numbers of threads or descriptors differ from before, see soak.unequal."""
+    """Nodes that have more threads or descriptors than usually with these parts, see soak.surplus."""
     died: List[str]
     """Parts that ended by themselves."""
     load: float
@@ -207,30 +210,32 @@ class Soak:
                 return {stream: found.get(stream) for stream in wanted}
             time.sleep(0.1)
 
-    def _usage(self) -> Dict[str, Usage]:
+    def _resources(self) -> Dict[str, Resources]:
         """{node: its resources}, of those that run."""
         states = self._registrations.states
         nodes = states[-1].nodes if states else {}
+        master = urllib.parse.urlparse(MASTER).port
         found = {}
         for part in NODES:
             process = self._parts.get(part)
             if process is not None:
                 port = urllib.parse.urlparse(nodes[part].uri).port if part in nodes else None
                 with contextlib.suppress(OSError, psutil.Error):    # killed meanwhile
-                    found[part] = usage(process.pid, port)
+                    found[part] = resources(process.pid, port, master)
         return found
 
     def _sample(self) -> None:
         while not self._ended.wait(SAMPLING):
-            for part, found in self._usage().items():
+            for part, found in self._resources().items():
                 process = self._parts.get(part)
                 if process is not None:
-                    self.samples.append(Sample(time.time() - self._begun, part, process.pid, found))
+                    self.samples.append(Sample(time.time() - self._begun, part, process.pid, lasting([found])))
 
     def _settle(self) -> str:
-        """Wait until threads and descriptors of our nodes are as they usually are with these parts; see soak.unequal.
+        """Wait until threads and descriptors of our nodes are as they usually are with these parts; see soak.surplus.
 
-        The first time with these parts, those numbers are usual that stay from one window to the next.
+        The first time with these parts, those numbers are usual that stay from one window to the next. Later the
+        fewest ones are: at the first time a call may have been waiting for its answer.
         """
         parts = tuple(sorted(self._parts))
         end = time.time() + SETTLING
@@ -239,14 +244,13 @@ class Soak:
             samples = []
             for _ in range(WINDOW):
                 time.sleep(WINDOW_INTERVAL)
-                samples.append(self._usage())
-            lows = lowest(samples)
-            before, found = found, {node: lows[node] for node in OURS if node in lows}
+                samples.append(self._resources())
+            before, found = found, {node: lasting([sample[node] for sample in samples]) for node in OURS
+                                    if all(node in sample for sample in samples)}
             usual = self._usual.get(parts, before)
-            difference = unequal(usual, found)
-            if (usual and not difference) or time.time() > end:
-                self._usual.setdefault(parts, found)
-                return difference
+            if (usual and not surplus(usual, found) and not surplus(found, usual)) or time.time() > end:
+                self._usual[parts] = fewest(usual, found)
+                return surplus(usual, found, SPARE)
 
     def round(self, fault: Fault) -> Round:
         """Let a fault happen, and wait for what comes back."""

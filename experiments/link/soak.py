@@ -23,7 +23,9 @@ faults come equally often, in an order drawn from the seed.
 
 A stream is fresh when the operator shows a message that is stamped after the end of the fault. The wait counts from the
 moment at which the last part that was started again has registered at the master, else from the end of the fault, until
-every stream is fresh. After each round the threads and file descriptors of each node have to be as they were before.
+every stream is fresh. After each round each node may have one thread and one file descriptor more than after the best
+round before with the same nodes, at most: a leak adds up. Connections that clients keep open do not count, nor three to
+the master or ended by the other side.
 """
 
 MINUTES, QUICK_MINUTES = 30.0, 2.0
@@ -104,7 +106,7 @@ def goals(folder: pathlib.Path) -> List[Goal]:
             'median %.2f s, worst %.2f s of %d' % (waits.median, waits.worst, waits.rounds),
             waits.median <= goal.median and waits.worst <= goal.worst))
     unequal = sum(bool(row['unequal']) for row in rounds)
-    found.append(Goal('threads and descriptors', 'equal after each round', 'not in %d of %d rounds' % (
+    found.append(Goal('threads and descriptors', 'at most one more than ever', 'not in %d of %d rounds' % (
         unequal, len(rounds)), not unequal))
     died = [row['died'] for row in rounds if row['died']]
     found.append(Goal('nodes that ended by themselves', 'none', ', '.join(died) or 'none', not died))

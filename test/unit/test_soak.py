@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What the soak draws and judges: values worked out by hand; and the robot's clock that it steps."""
+import contextlib
 import itertools
 import math
 import os
@@ -8,7 +9,7 @@ import socket
 import subprocess
 import sys
 import time
-from typing import Any, Callable, Dict, List, Optional
+from typing import Any, Callable, Dict, List, Optional, Set
 
 import pytest
 
@@ -30,12 +31,12 @@ from evaluation.soak import (  # noqa: E402
     Waits,
     awaited,
     faults,
+    fewest,
     fresh,
-    lowest,
     memory_slope,
     registered_at,
     streams_of,
-    unequal,
+    surplus,
     waits_by_kind,
 )
 from evaluation.soak_run import Round, Sample  # noqa: E402
@@ -126,15 +127,28 @@ def test_after_a_restart_of_the_master_its_own_states_count() -> None:
     assert registered_at(states[:2], 'master', 10.0) is None
 
 
-def test_what_comes_and_goes_does_not_count() -> None:
-    samples = [{'a': Usage(5, 10, 3.0), 'b': Usage(1, 1, 1.0)}, {'a': Usage(4, 11, 2.5)}, {'a': Usage(5, 12, 2.7)}]
-    assert lowest(samples) == {'a': Usage(4, 10, 2.5)}
+def test_what_comes_and_goes_does_not_count_though_there_is_always_one() -> None:
+    def sample(threads: Set[int], descriptors: str, clients: str = '', idle: str = '', memory: float = 3.0) -> Any:
+        return process_usage.Resources(frozenset(threads), frozenset(descriptors), frozenset(clients),
+                                       frozenset(idle), memory)
+    assert process_usage.lasting([sample({1, 2, 3}, 'abx'), sample({1, 2, 4}, 'aby', memory=2.0)]) == Usage(2, 2, 2.0)
+    # c is a client's, and so is thread 3; of five idle ones three do not count
+    assert process_usage.lasting([sample({1, 2, 3}, 'abcdefgh', 'c', 'defgh')]) == Usage(2, 4, 3.0)
 
 
-def test_more_and_fewer_threads_or_descriptors_are_named() -> None:
+def test_more_threads_or_descriptors_are_named() -> None:
     usual = {'a': Usage(5, 10, 3.0), 'gone': Usage(1, 1, 1.0)}
-    assert unequal(usual, {'a': Usage(5, 10, 99.0), 'new': Usage(2, 2, 2.0)}) == ''
-    assert unequal(usual, {'a': Usage(6, 9, 3.0)}) == 'a: threads 6, was 5; a: descriptors 9, was 10'
+    assert surplus(usual, {'a': Usage(5, 10, 99.0), 'new': Usage(2, 2, 2.0)}) == ''
+    assert surplus(usual, {'a': Usage(6, 9, 3.0)}) == 'a: threads 6, was 5'
+    assert surplus(usual, {'a': Usage(4, 11, 3.0)}) == 'a: descriptors 11, was 10'
+    assert surplus(usual, {'a': Usage(6, 12, 3.0)}, spare=1) == 'a: descriptors 12, was 10'
+
+
+def test_the_fewest_threads_and_descriptors_are_usual_also_of_a_node_that_has_ended() -> None:
+    usual = {'a': Usage(5, 10, 3.0), 'gone': Usage(1, 2, 1.0)}
+    assert fewest(usual, {'a': Usage(6, 9, 2.0), 'new': Usage(2, 2, 2.0)}) == {
+        'a': Usage(5, 9, 2.0), 'gone': Usage(1, 2, 1.0), 'new': Usage(2, 2, 2.0)}
+    assert fewest({}, usual) == usual
 
 
 def test_the_memory_of_all_lives_has_one_slope() -> None:
@@ -200,23 +214,38 @@ def wait_until(condition: Callable[[], bool]) -> bool:
     return condition()
 
 
+def descriptors(port: Optional[int], master: Optional[int] = None) -> int:
+    """Of this process, now."""
+    return process_usage.lasting([process_usage.resources(os.getpid(), port, master)]).descriptors
+
+
 def test_connections_that_clients_keep_open_do_not_count() -> None:
     with socket.create_server(('127.0.0.1', 0)) as server:
         port = server.getsockname()[1]
-
-        def count(kept: int, descriptors: int) -> Callable[[], bool]:
-            return lambda: (process_usage.kept_open(os.getpid(), port) == kept
-                            and process_usage.usage(os.getpid(), port).descriptors == descriptors)
-
-        before = process_usage.usage(os.getpid(), port).descriptors
-        clients = [socket.create_connection(('127.0.0.1', port)) for _ in range(3)]
+        before = descriptors(port)
+        clients = [socket.create_connection(('127.0.0.1', port)) for _ in range(9)]
         served = [server.accept()[0] for _ in clients]
-        assert wait_until(count(3, before + 3))     # the clients are in this process, too
-        clients.pop().close()
-        assert wait_until(count(2, before + 3))     # what its client has closed is the server's own business
+        assert wait_until(lambda: descriptors(port) == before + 9)      # the clients are in this process, too
+        for client in clients[:4]:
+            client.close()
+        # what its client has closed is the server's own business, but for three
+        assert wait_until(lambda: descriptors(port) == before + 5 + 1)
         for connection in clients + served:
             connection.close()
-        assert wait_until(count(0, before))
+        assert wait_until(lambda: descriptors(port) == before)
+
+
+def test_three_connections_to_the_master_do_not_count() -> None:
+    with socket.create_server(('127.0.0.1', 0)) as server, contextlib.ExitStack() as open_ones:
+        master = server.getsockname()[1]
+        before = descriptors(None, master)
+        for count, more in ((1, 0), (2, 0), (3, 0), (4, 1)):
+            open_ones.enter_context(socket.create_connection(('127.0.0.1', master)))
+            assert wait_until(lambda more=more: descriptors(None, master) == before + more), count
+        served = server.accept()[0]
+        assert wait_until(lambda: descriptors(None, master) == before + 2)
+        served.close()      # the master ends one: it stays until its client notices
+        assert wait_until(lambda: descriptors(None, master) == before + 1)
 
 
 CLOCKS = """
