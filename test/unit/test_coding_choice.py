@@ -15,6 +15,7 @@ def conditions(raw: float = 2e6, room: float = FAST, loss: Any = 0.0, period: fl
 @pytest.mark.parametrize('now, layered', [
     (conditions(), False),
     (conditions(room=float('inf')), False),
+    (conditions(raw=float('inf'), room=float('inf')), True),    # they may not be so large
     (conditions(room=SLOW), True),                  # raw pixels do not fit
     (conditions(raw=0.9 * FAST), True),             # they do, without time to spare
     (conditions(loss=0.05), True),

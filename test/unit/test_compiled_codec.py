@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""How the codec of layered images is loaded: once, in the background, with one message."""
+"""How the compiled codec is loaded: once, in the background, with one message."""
 import subprocess
 import sys
 import threading
@@ -36,7 +36,7 @@ def test_it_is_loaded_once_when_it_is_needed_first(logged: List[str]) -> None:
     codec = CompiledCodec(load)
     assert codec.problem is None and loads == []
     assert not codec.ready() and not codec.ready()
-    assert codec.problem == 'layered images wait: their codec is being loaded'
+    assert codec.problem == 'layered images and maps in tiles wait: their codec is being loaded'
     go.set()
     wait(codec)
     assert codec.ready() and codec.problem is None and loads == [1] and logged == []
@@ -89,7 +89,7 @@ def test_another_failure_is_reported_once(logged: List[str], error: Exception) -
     assert not codec.ready()
     wait(codec)
     assert not codec.ready()
-    assert logged == ['layered images cannot be coded: %s' % error] == [codec.problem]
+    assert logged == ['layered images and maps in tiles cannot be coded: %s' % error] == [codec.problem]
 
 
 @pytest.mark.parametrize('program, problem', [
@@ -120,7 +120,7 @@ def test_a_child_compiles(program: str, problem: Any, monkeypatch: Any, logged: 
     wait(codec)
     assert made == [[sys.executable, '-m', 'smokebot_udp.codecs.layered.compile']]
     assert codec.ready() == (problem is None) == bool(loaded) and len(logged) == (1 if problem is None else 2)
-    assert problem is None or logged[1] == 'layered images cannot be coded: ' + problem
+    assert problem is None or logged[1] == 'layered images and maps in tiles cannot be coded: ' + problem
 
 
 def test_a_node_that_ends_kills_the_child(monkeypatch: Any, logged: List[str]) -> None:

@@ -32,7 +32,7 @@ def some_cells(height: int = 90, width: int = 70) -> Any:
 
 def segments(cells: Any, **settings: Any) -> Any:
     """[records of a frame, ...]"""
-    return [frame.records for frame in Sender('grid', **settings).frames(grid_message(cells))]
+    return [frame.records for frame in Sender('grid', coding='interleaved', **settings).frames(grid_message(cells))]
 
 
 @pytest.mark.parametrize('lie', [

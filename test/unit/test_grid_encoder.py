@@ -29,7 +29,8 @@ def some_cells(height: int = 90, width: int = 70, seed: int = 0) -> Any:
 
 
 def settings(granted: Optional[dict] = None, **changes: Any) -> Settings:
-    return Settings(check({'robot_topic': '/map', **changes}, GridEncoder.PARAMETERS), granted or {})
+    values = check({'robot_topic': '/map', 'coding': 'interleaved', **changes}, GridEncoder.PARAMETERS)
+    return Settings(values, granted or {})
 
 
 def encoded(message: Any, size: int = 1472, **changes: Any) -> List[Any]:
@@ -124,6 +125,7 @@ def test_what_is_wrong_leaves_the_map_before_as_it_is() -> None:
 
 def test_an_unchanged_map_is_repeated_at_the_granted_rate() -> None:
     encoder = GridEncoder(settings().requested)
+    encoder.encode(grid_message(some_cells()), settings(), 1472)
     assert encoder.repeat_period(settings()) == 5.0
     assert encoder.repeat_period(settings({'repeat_rate': 0.05})) == 20.0
 

@@ -25,7 +25,7 @@ def segments(pixels: Any, seconds: int) -> List[Any]:
     message = Image(height=pixels.shape[0], width=pixels.shape[1], encoding='mono16', step=pixels.strides[0],
                     data=pixels.tobytes())
     message.header.stamp, message.header.frame_id = Time(seconds, 5), 'camera'
-    return [frame.records for frame in Sender('image').frames(message)]
+    return [frame.records for frame in Sender('image', coding='interleaved').frames(message)]
 
 
 def halves(pixels: Any, seconds: int, first: int = 0) -> List[Any]:

@@ -28,7 +28,8 @@ def noise(seed: int = 0) -> Any:
 
 
 def settings(granted: Optional[dict] = None, **changes: Any) -> Settings:
-    return Settings(check({'robot_topic': '/in', **changes}, ImageEncoder.PARAMETERS), granted or {})
+    return Settings(check({'robot_topic': '/in', 'coding': 'interleaved', **changes}, ImageEncoder.PARAMETERS),
+                    granted or {})
 
 
 def encoded(message: Any, of: Optional[Settings] = None, size: int = DATAGRAM) -> List[Any]:

@@ -397,6 +397,20 @@ def test_auto_gives_up_layers_on_a_processor_that_is_too_slow() -> None:
     assert kinds[0] is LayeredSegment and kinds[-1] is ImageSegment
 
 
+def test_auto_goes_by_the_time_between_the_images_that_the_source_has() -> None:
+    now = iter(np.arange(0.0, 1e3, 0.04))
+    of = settings(coding='auto', rate=30.0)
+    made = encoder(of, BAD, clock=lambda: float(next(now)))
+    made.source_rate = 10.0     # 40 ms are not too slow
+    assert [kind(made, of, second) for second in range(1, 12)] == 11 * [LayeredSegment]
+
+
+def test_auto_interleaves_no_images_above_max_bytes() -> None:
+    for most, expected in ((2000, LayeredSegment), (100000, ImageSegment)):     # raw images take 27 kB
+        of = settings(coding='auto', rate=10.0, max_bytes=most)
+        assert kind(encoder(of, NO_LOSS), of, 1) is expected
+
+
 # operating points
 
 def test_operating_points_are_bytes_and_rate_and_what_is_left_over_makes_more_bytes() -> None:

@@ -26,7 +26,7 @@ IMAGE = np.random.RandomState(1).randint(0, 256, (240, 320)).astype(np.uint8)
 
 
 def image_frames(image: UInt8Array) -> List[Frame]:
-    return offline_link.Sender('image').frames(offline_link.image_message(image))
+    return offline_link.Sender('image', coding='interleaved').frames(offline_link.image_message(image))
 
 
 @pytest.mark.parametrize('fill', offline_link.FILLS)
@@ -72,7 +72,7 @@ def test_refresh_cycles_of_a_map_complete_each_other() -> None:
     cells = np.random.RandomState(2).choice(np.array([0, 100], np.int8), (60, 80))
     message = OccupancyGrid(data=cells.ravel())
     message.info.height, message.info.width, message.info.resolution = 60, 80, 0.05
-    frames = offline_link.Sender('grid').frames(message)
+    frames = offline_link.Sender('grid', coding='interleaved').frames(message)
     receiver = offline_link.Receiver('grid', fill='unknown')
     odd = np.arange(offline_link.datagram_count(frames)) % 2 == 1
     first = map_reduction.cells_of(receiver.update(offline_link.records_of(frames, odd)))

@@ -16,6 +16,7 @@ from smokebot_udp.monitoring.stats import ConnectionStats, Shown, StreamStats
 from smokebot_udp.nodes import operator_stream
 from smokebot_udp.nodes.operator_stream import OperatorLink, OperatorStream
 from smokebot_udp.streams.assembler import Assembled, Assembler
+from smokebot_udp.streams.held import Holding
 from smokebot_udp.streams.parameters import OPERATOR
 from smokebot_udp.streams.segments import MAIN_PART
 
@@ -28,6 +29,7 @@ ERROR = ImageError(2.0)
 class FakeAssembler(Assembler[Any, Assembled]):
     """Makes of each record a message, and keeps a record of what is called."""
     MESSAGE, SEGMENTS, COMPILED = String, {MAIN_PART: String, 'layers': String}, frozenset(['layers'])
+    HELD = frozenset(['layers'])
     PARAMETERS = {**OPERATOR, 'max_wait': Parameter(0.1, 's', '', above=0.0, live=True),
                   'fill': Parameter('nearest', '', '', live=True)}
 
@@ -61,6 +63,9 @@ class FakeAssembler(Assembler[Any, Assembled]):
     def settle(self, finished: Any, assembled: Assembled, settings: Any, now: float) -> None:
         self.log.put(('settle', finished))
         assembled.changed = 0.25
+
+    def holding(self) -> Holding:
+        return Holding(3, ((1, 2),))
 
     def problem(self, settings: Any, now: float) -> Optional[str]:
         return 'slow' if settings['fill'] == 'slow' else None
@@ -100,6 +105,7 @@ class Bench:
         self.topics: Dict[str, FakeTopic] = {}
         self.compared: queue.Queue[Any] = queue.Queue()
         self.logged: queue.Queue[str] = queue.Queue()
+        self.held: queue.Queue[Any] = queue.Queue()
         self.streams: List[OperatorStream] = []
         self.log: queue.Queue[Any] = queue.Queue()
         self._class: Any = FakeAssembler
@@ -119,7 +125,8 @@ class Bench:
         settings = {'type': 'fake', 'operator_topic': '/operator/' + name, 'max_wait': 0.1, 'fill': 'nearest',
                     'robot_topic': '/robots'}
         link = OperatorLink(1472, is_still=lambda: True, images_compared=self.compared.put, codec=codec,
-                            arrived=lambda name, *rest: self.log.put(('arrived', name, *rest)))
+                            arrived=lambda name, *rest: self.log.put(('arrived', name, *rest)),
+                            received=lambda name, holding: self.held.put((name, holding)))
         stream = OperatorStream(name, settings, link)
         stream.assembler.log = self.log     # type: ignore[attr-defined]
         stream.start()
@@ -263,3 +270,12 @@ def test_a_compiled_part_is_connected_once_the_codec_is_loaded_and_says_so(bench
         assert [stream.stats().problem for stream in streams] == [problem, None]
     bench.start(name='third')
     assert bench.topics['/smokebot_udp/third/layers'].options['wanted']()      # without a codec
+
+
+def test_a_part_that_is_repeated_until_it_is_held_is_reported(bench: Bench) -> None:
+    bench.start()
+    bench.receive('one')
+    assert bench.logs(2)[1] == ('publish', 'one') and bench.held.empty()
+    bench.receive('two', part='layers')
+    name, holding = bench.held.get(timeout=10)
+    assert (name, holding()) == ('thermal', (3, ((1, 2),)))

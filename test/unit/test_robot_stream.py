@@ -17,6 +17,7 @@ from smokebot_udp.msg import GridSegment, ScanSegment
 from smokebot_udp.nodes.outbox import Outbox
 from smokebot_udp.nodes.robot_stream import RobotLink, RobotStream
 from smokebot_udp.streams.encoder import Encoder
+from smokebot_udp.streams.held import Holding
 from smokebot_udp.streams.parameters import ROBOT
 from smokebot_udp.udpros.frame import Frame
 
@@ -34,7 +35,7 @@ class Topic:
     """Stands in for publishers and subscribers of rospy."""
 
     def __init__(self, name: str, message_class: Any, *args: Any, **options: Any) -> None:
-        self.name, self.message_class, self.options = name, message_class, options
+        self.name, self.message_class, self.args, self.options = name, message_class, args, options
         self.listeners, self.seq, self.impl, self.closed = 1, 0, self, False
         self.published: List[Any] = []
         self.peer = '/operator'
@@ -417,6 +418,68 @@ def test_a_part_counts_as_heard_only_where_every_operator_receives_it(make: Make
     assert made.stream.heard and made.stream.demand(0.0) is not None
     layers.listeners = 0
     assert not made.stream.heard and not made.stream.subscribers
+
+
+# messages that are sent little by little, until operators hold them
+
+class Counting(Recorder):
+    """Counts down to 0, one datagram each 10 ms, from what operators report; a further topic sets the count."""
+    STAMPED, KEEPS = False, True
+
+    def __init__(self, settings: Mapping[str, Any]) -> None:
+        super().__init__(settings)
+        self.left = 0
+
+    def sources(self, settings: Mapping[str, Any]) -> Mapping[str, Any]:
+        return {'/more': Odometry}
+
+    def merge(self, waiting: Optional[Any], message: Any) -> Optional[Any]:
+        if message._type == LaserScan._type:
+            return message
+        if message.header.seq > 5:
+            raise ValueError('it is too much')
+        return None
+
+    def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Any]:
+        self.left = len(message.ranges)
+        return self.repeat(settings, max_datagram_size)     # type: ignore[return-value]
+
+    def repeat_period(self, settings: Settings) -> Optional[float]:
+        return 0.01 if self.left else 1000.0
+
+    def repeat(self, settings: Settings, max_datagram_size: int) -> Sequence[Any]:
+        self.left -= 1
+        return [self._frame(self.left)]
+
+    def held(self, operator: str, holding: Holding) -> None:
+        self.calls.append(operator)
+        self.left = holding.session
+
+
+def test_repeats_follow_the_period_that_the_encoder_wants_now(make: Make) -> None:
+    made = make(Counting)
+    made.stream.receive(scan(3))
+    wait_for(lambda: made.segments.published == [2, 1, 0])
+    assert made.stream.held('/operator', Holding(2, ()))
+    wait_for(lambda: made.segments.published == [2, 1, 0, 1, 0])
+    assert not made.stream.held('/stranger', Holding(9, ())) and made.stream.encoder.calls == ['/operator']
+
+
+def test_messages_of_further_topics_are_merged(make: Make, logged: List[str]) -> None:
+    made = make(Counting)
+    more = made.named('/more')
+    assert more.message_class is Odometry and made.named('/in').message_class is LaserScan
+    receive = more.args[0]
+    message = Odometry()
+    receive(message)
+    message.header.seq = 6
+    receive(message)
+    receive(scan(1))
+    assert made.segments.published == [] and logged == [
+        "stream 'scan': a message of /more is not sent: it is too much",
+        "stream 'scan': a message of /more is not sent: it is sensor_msgs/LaserScan, must be nav_msgs/Odometry"]
+    made.stream.close()
+    assert more.closed
 
 
 # messages made on the robot

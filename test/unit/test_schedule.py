@@ -32,7 +32,6 @@ def test_what_is_merged_is_not_replaced() -> None:
 
 def test_repeats_begin_with_what_was_sent_first() -> None:
     schedule: Schedule[str] = Schedule(10.0, repeat_period=5.0)
-    schedule.wake()
     assert schedule.deadline() is None and not schedule.take_repeat(100.0)
     schedule.sent(100.0)
     assert schedule.deadline() == 105.0 and not schedule.take_repeat(104.9)

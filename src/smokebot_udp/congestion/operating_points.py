@@ -6,6 +6,8 @@ Four steps halve the byte rate. Bandwidth that is left over between two steps go
 import math
 from typing import Any, Callable, Dict, List, NamedTuple
 
+from ..units import KBIT
+
 STEP = 2 ** 0.25
 """Ratio of the costs of two neighbouring operating points, about."""
 
@@ -127,6 +129,20 @@ def map_points(repeat_rate: float, segments: int, size: float, least_repeat: flo
         return OperatingPoint({'repeat_rate': cycles, 'max_segments': count}, cycles * count * size)
 
     return _ascending(point, repeat_rate / least_repeat * segments / least_segments)
+
+
+def tile_points(max_bitrate: float, need: float, least_bitrate: float = 8.0) -> List[OperatingPoint]:
+    """Operating points of maps in tiles: a lower pace. None costs more than what is needed.
+
+    They are as many whatever is needed: a stream that needs more all at once has it at once, if the link allows.
+
+    :param max_bitrate: as requested [kbit/s]
+    :param need: what it would send [byte/s]
+    :return: max_bitrate, the cheapest first
+    """
+    steps = math.ceil(math.log(max(1.0, max_bitrate / least_bitrate), STEP) - TOLERANCE)
+    bitrates = [max(min(max_bitrate, least_bitrate), max_bitrate / STEP ** step) for step in range(steps, -1, -1)]
+    return [OperatingPoint({'max_bitrate': bitrate}, min(bitrate * KBIT, need)) for bitrate in bitrates]
 
 
 def rate_points(rate: float, size: float, least_rate: float = 1.0) -> List[OperatingPoint]:

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Loads the codec of layered images, whose loops are compiled by numba: in the background, when it is first needed.
+"""Loads the codec of layered images and of maps in tiles, whose loops are compiled by numba: in the background, when it
+is first needed.
 
-Loading takes a second, and 100 MB that a node without layered images saves. Where the loops are not compiled yet for
+Loading takes a second, and 100 MB that a node without them saves. Where the loops are not compiled yet for
 this machine, which takes up to a minute, a child process fills numba's cache: in this one the compiler would hold the
 interpreter's lock and delay everything else.
 """
@@ -19,8 +20,9 @@ PACKAGE = 'smokebot_udp.codecs.layered'
 COMPILE_TIMEOUT = 600.0
 """A child that compiles for longer is ended [s]."""
 
-MISSING = ('layered images cannot be coded: numba is missing. Install python3-numba (sudo apt install python3-numba) '
-           'and restart this node. Until then images cross interleaved')
+CODED = 'layered images and maps in tiles'
+MISSING = CODED + (' cannot be coded: numba is missing. Install python3-numba (sudo apt install python3-numba) '
+                   'and restart this node. Until then images and maps cross interleaved')
 
 
 class CompiledCodec:
@@ -44,7 +46,7 @@ class CompiledCodec:
         if not self._ready and self._thread is None:
             with self._lock:
                 if self._thread is None and not self._closed:
-                    self.problem = 'layered images wait: their codec is being loaded'
+                    self.problem = CODED + ' wait: their codec is being loaded'
                     self._thread = threading.Thread(target=self._run, name='codec', daemon=True)
                     self._thread.start()
         return self._ready
@@ -64,13 +66,13 @@ class CompiledCodec:
         except Exception as error:      # numba's are many, such as RuntimeError where no folder can be the cache
             if not self._closed:
                 self.problem = MISSING if isinstance(error, ImportError) and error.name == 'numba' else (
-                    'layered images cannot be coded: %s' % error)
+                    '%s cannot be coded: %s' % (CODED, error))
                 rospy.logerr('%s', self.problem)
         else:
             self.problem, self._ready = None, True
 
     def _compiling(self) -> None:
-        self.problem = 'layered images wait: their codec is being compiled, once on this machine'
+        self.problem = CODED + ' wait: their codec is being compiled, once on this machine'
         rospy.logwarn('%s. It takes up to a minute', self.problem)
 
     def _compile_and_import(self, compiling: Callable[[], None]) -> None:

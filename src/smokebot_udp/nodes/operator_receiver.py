@@ -3,9 +3,9 @@
 
 Parameters: OPERATOR_RECEIVER in nodes/parameters.py, listed in doc/parameters.md.
 
-Each stream subscribes /smokebot_udp/<stream>/segments, and an image stream also /smokebot_udp/<stream>/layers. It
-publishes its operator_topic in the node's namespace, which distinguishes several operators of one robot. Service:
-~set_focus, the robot's mission focus.
+Each stream subscribes /smokebot_udp/<stream>/segments, an image stream also /smokebot_udp/<stream>/layers, and a grid
+stream /smokebot_udp/<stream>/tiles. It publishes its operator_topic in the node's namespace, which distinguishes
+several operators of one robot. Service: ~set_focus, the robot's mission focus.
 """
 import rospy
 
@@ -17,6 +17,7 @@ from .common import Parameters, load_streams, operator_topic
 from .compiled_codec import CompiledCodec
 from .diagnostics import operator_diagnostics
 from .focus_client import FocusClient
+from .held_reporter import HeldReporter
 from .link_reporter import LinkReporter
 from .live import LiveSettings, ParameterWatch
 from .motion import MotionListener
@@ -39,8 +40,10 @@ class OperatorReceiver:
             self._clock = ClockClient()
             self._reporter = LinkReporter()
             self._codec = CompiledCodec()
+            self._held = HeldReporter(parameters['max_datagram_size'])
             link = OperatorLink(parameters['max_datagram_size'], parameters['receive_buffer'], self._motion.is_still,
-                                self._motion.images_compared, self._reporter.arrived, self._clock.offset, self._codec)
+                                self._motion.images_compared, self._reporter.arrived, self._clock.offset, self._codec,
+                                self._held.received)
             self.streams = load_streams(parameters, lambda name, settings: OperatorStream(name, settings, link))
             status = [stream.topic for stream in self.streams.values() if stream.assembler.MESSAGE is RobotStatus]
             self._focus = FocusClient(status[0] if status else None, parameters['focus_patience'])
@@ -60,6 +63,7 @@ class OperatorReceiver:
         self._motion.close()
         for stream in self.streams.values():
             stream.close()
+        self._held.close()
         self._codec.close()
         self._reporter.close()
         self._clock.close()

@@ -15,6 +15,7 @@ from ..mission.settings import Settings, SettingsStore
 from ..monitoring.stats import ConnectionStats, Shown, StreamStats
 from ..streams import assembler_class
 from ..streams.assembler import Assembled, Assembler
+from ..streams.held import Holding
 from ..streams.relay.transforms import QUEUE
 from ..streams.segments import reported_name, wire_topic
 from .common import operator_topic
@@ -42,6 +43,8 @@ class OperatorLink:
     """The robot's clock minus the operator's [s]."""
     codec: Optional[CompiledCodec] = None
     """Needed for parts that are compiled; None: they are received at once."""
+    received: Callable[[str, Callable[[], Optional[Holding]]], None] = lambda *_: None
+    """f(name, holding), see HeldReporter: segments of a stream were received of which it holds something."""
 
 
 class OperatorStream:
@@ -125,6 +128,9 @@ class OperatorStream:
 
     def _make_outputs(self) -> Any:
         settings = self.settings.current
+        if settings.get('publish_age'):
+            from .age_output import AgeOutput
+            yield AgeOutput(self.topic, self.assembler.MESSAGE, self._ages)
         if 'publish_mask' not in settings:
             return
         from .image_outputs import OUTPUTS  # imports OpenCV, for images only
@@ -140,6 +146,16 @@ class OperatorStream:
         """Take a batch of segments, in the transport's thread."""
         with self._worker.changing():
             self.assembler.receive(records, mask, time.monotonic(), part)
+        if part in self.assembler.HELD:
+            self._link.received(self.name, self._holding)
+
+    def _holding(self) -> Optional[Holding]:
+        with self._worker.changing():
+            return self.assembler.holding()
+
+    def _ages(self) -> Optional[Any]:
+        with self._worker.changing():
+            return self.assembler.ages(time.monotonic())
 
     def _forward(self, segment: Any) -> None:
         """Publish the message that a segment completes, in the transport's thread."""

@@ -4,7 +4,8 @@
 Parameters: ROBOT_SENDER in nodes/parameters.py, listed in doc/parameters.md.
 
 Each stream subscribes its robot_topic and publishes /smokebot_udp/<stream>/segments, an image stream that may be
-layered also /smokebot_udp/<stream>/layers. ~status (latched) shows the focus and the settings of each stream,
+layered also /smokebot_udp/<stream>/layers, and a map that may be in tiles also /smokebot_udp/<stream>/tiles. Operators
+report on /smokebot_udp/held which tiles they hold. ~status (latched) shows the focus and the settings of each stream,
 ~focus/modified (latched) whether any of them was set by hand since the focus was switched, ~link the state of the link.
 Service: ~set_focus.
 """
@@ -30,6 +31,7 @@ from .common import Parameters, load_streams, read_file
 from .compiled_codec import CompiledCodec
 from .diagnostics import robot_diagnostics
 from .focus import FocusControl
+from .held_reports import HeldReports
 from .level_frame import TransformLookup
 from .link_control import LinkControl, SharedController
 from .namesake import wait_until_free
@@ -61,8 +63,10 @@ class RobotSender:
             shared_work: Dict[str, Any] = {}
             if settings['type'] == 'virtual_scan':
                 shared_work = {'fans': fans[rospy.resolve_name(settings['robot_topic'])]}
-            elif settings['type'] == 'image':
+            elif settings['type'] in ('image', 'grid'):
                 shared_work = {'codec': self._codec, 'clock': time.monotonic}
+            if settings['type'] == 'grid':
+                shared_work['lookup'] = lookup
             return RobotStream(name, settings, encoder_class(settings['type'])(settings, **shared_work), link)
         with udpros.registered_together():
             link = RobotLink(size, Outbox(scheduler, shared.on_sent, _log, shared.conforming))
@@ -72,7 +76,7 @@ class RobotSender:
             self._link = LinkControl(shared, link, self.streams)
             self.focus = FocusControl({name: stream.settings for name, stream in self.streams.items()}, profiles,
                                       lambda: self._link.shares, self._link.forget, problems.report)
-            self._clock = ClockServer()
+            self._clock, self._held = ClockServer(), HeldReports(self.streams)
             self._diagnostics = robot_diagnostics(self.streams, self._link.stats, parameters, problems)
         rospy.on_shutdown(self.close)
 
@@ -80,6 +84,7 @@ class RobotSender:
         self._diagnostics.close()
         self._link.close()
         self._clock.close()
+        self._held.close()
         self.focus.close()
         for stream in self.streams.values():
             stream.close()

@@ -9,7 +9,7 @@ encoder (streams/encoder.py) decides how messages are encoded, the outbox (outbo
 import functools
 import time
 from dataclasses import dataclass, field
-from typing import Any, Callable, Dict, Mapping, Optional, Sequence, Set
+from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Set
 
 import rospy
 
@@ -20,6 +20,7 @@ from ..mission.settings import Settings, SettingsStore
 from ..monitoring.stats import ConnectionStats, StreamStats
 from ..monitoring.windows import Rate
 from ..streams.encoder import Encoder
+from ..streams.held import Holding
 from ..streams.rate import RateLimiter
 from ..streams.schedule import Schedule
 from ..streams.segments import reported_name, wire_topic
@@ -73,8 +74,8 @@ class RobotStream(rospy.SubscribeListener):
         self._make_publisher, self._make_subscriber, self._make_local_publisher = publisher, subscriber, local_publisher
         self._publishers: Dict[str, Any] = {}   # of the parts advertised
         self._part_of = {class_: part for part, class_ in encoder.SEGMENTS.items()}
-        encoder.heard = self._complete
-        self._subscriber: Any = None    # made by start(), as is this
+        encoder.heard, encoder.operators = self._complete, self._subscribers_of
+        self._inputs: List[Any] = []    # subscribers, made by start(), as is this
         self._local_publisher: Any = None
         self._invalid = 0
         self._stamp: Any = None         # of the last message encoded
@@ -95,14 +96,17 @@ class RobotStream(rospy.SubscribeListener):
             topic = self.settings.current['scan_topic'] or self.name
             self._local_publisher = self._make_local_publisher(topic, self.encoder.DERIVED, queue_size=2)
         self._worker.start()
-        self._subscriber = self._make_subscriber(self.topic, self.encoder.MESSAGE, self.receive,
-                                                 queue_size=self.encoder.QUEUE_SIZE, buff_size=READ_SIZE,
-                                                 tcp_nodelay=True)
+        further = {rospy.resolve_name(topic): class_
+                   for topic, class_ in self.encoder.sources(self.settings.current.requested).items()}
+        self._inputs = [self._make_subscriber(
+            topic, class_, functools.partial(self._receive, topic, class_._type), queue_size=self.encoder.QUEUE_SIZE,
+            buff_size=READ_SIZE, tcp_nodelay=True)
+            for topic, class_ in {**further, self.topic: self.encoder.MESSAGE}.items()]
 
     def close(self) -> None:
         """End the thread and all topics."""
-        if self._subscriber is not None:
-            self._subscriber.unregister()
+        for one in self._inputs:
+            one.unregister()
         self._worker.close()
         self.link.outbox.drop(self.name)
         for publisher in (*self._publishers.values(), self._local_publisher):
@@ -136,7 +140,8 @@ class RobotStream(rospy.SubscribeListener):
         return {name for part in self._publishers for name in self._subscribers_of(part)}
 
     def _subscribers_of(self, part: str) -> Set[str]:
-        return {connection['peer'] for connection in self._publishers[part].connections()}
+        publisher = self._publishers.get(part)
+        return set() if publisher is None else {connection['peer'] for connection in publisher.connections()}
 
     def _complete(self, part: str) -> bool:
         """Whether a part has subscribers now, all of those that other parts are sent to as datagrams among them."""
@@ -183,21 +188,46 @@ class RobotStream(rospy.SubscribeListener):
     # -- input: rospy's threads, and those that change settings ------------------------------------
 
     def receive(self, message: Any) -> None:
-        """A message of the source arrived.
+        """A message of the source arrived."""
+        self._receive(self.topic, self.source_type, message)
 
-        It may be of another type, where this node subscribes the topic with another type as well.
+    def _receive(self, topic: str, type_name: str, message: Any) -> None:
+        """A message arrived. It may be of another type, where this node subscribes the topic with another type as well.
+
+        :param type_name: that it must have, as package/Type
         """
-        if message._type != self.source_type:
-            self._report(ValueError('it is %s, must be %s' % (message._type, self.source_type)))
+        if message._type != type_name:
+            self._report(ValueError('it is %s, must be %s' % (message._type, type_name)), topic)
             return
         self.received += 1
         local = self._local_publisher is not None and self._local_publisher.get_num_connections() > 0
         if not (self.encoder.KEEPS or local or self.wanted):
             return
+        try:
+            self._put(message)
+        except ValueError as error:
+            self._report(error, topic)
+
+    def _put(self, message: Any) -> None:
+        """:raises ValueError: saying what is wrong with the message"""
         with self._worker.changing():
+            merged = self.encoder.merge(self._schedule.waiting, message)
+            if merged is None:
+                return
             if self.encoder.REENCODES:
-                self._last = message
-            self._schedule.put(self.encoder.merge(self._schedule.waiting, message))
+                self._last = merged
+            self._schedule.put(merged)
+
+    def held(self, operator: str, holding: Holding) -> bool:
+        """An operator reported what it holds.
+
+        :return: whether the stream is sent to an operator of this name
+        """
+        if operator not in self.subscribers:
+            return False
+        self.encoder.held(operator, holding)
+        self._follow_repeats()
+        return True
 
     def peer_subscribe(self, topic_name: str, topic_publish: Any, peer_publish: Any) -> None:
         """A new subscriber gets at once what is repeated."""
@@ -251,6 +281,7 @@ class RobotStream(rospy.SubscribeListener):
         elif not encoder.PROTECTED:
             self.link.outbox.await_rest(self.name, encoder.WHOLE, encoder.backlog or MAX_BACKLOG)
         frames = encoder.encode(message, settings, self._datagram_size)
+        self._follow_repeats()
         if not frames:
             return
         with self._worker.changing():
@@ -260,10 +291,20 @@ class RobotStream(rospy.SubscribeListener):
             self.sent += not encoder.PROTECTED
 
     def _repeat(self) -> None:
+        if self.encoder.backlog is not None:
+            self.link.outbox.await_rest(self.name, False, self.encoder.backlog)
         if self.wanted and not self.link.outbox.sending(self.name):
             frames = self.encoder.repeat(self.settings.current, self._datagram_size)
             if frames:
                 self._send(frames)
+        self._follow_repeats()
+
+    def _follow_repeats(self) -> None:
+        """What was sent or reported may change when the next repeat is due."""
+        period = self.encoder.repeat_period(self.settings.current)
+        if period != self._schedule.repeat_period:
+            with self._worker.changing():
+                self._schedule.repeat_period = period
 
     def _check_stamp(self, message: Any) -> None:
         """Segments are assigned to a message by its stamp: one without gets the time of now, none may come twice.
@@ -294,8 +335,8 @@ class RobotStream(rospy.SubscribeListener):
             self.link.outbox.publish(name, publisher, frame)
             self.sent += 1
 
-    def _report(self, error: Exception) -> None:
+    def _report(self, error: Exception, topic: Optional[str] = None) -> None:
         self._invalid += 1
         if not rospy.is_shutdown():
             rospy.logerr_throttle_identical(5, "stream '%s': a message of %s is not sent: %s" % (
-                self.name, self.topic, error))
+                self.name, topic or self.topic, error))

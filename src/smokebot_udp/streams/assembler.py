@@ -19,6 +19,7 @@ from ..arrays import BoolArray, Records
 from ..image_error import ImageError
 from ..mission.parameters import Parameter
 from ..mission.settings import Settings
+from .held import Holding
 from .parameters import OPERATOR
 from .segments import MAIN_PART
 
@@ -62,6 +63,8 @@ class Assembler(Generic[Finished, Result]):
     """{part: class of its messages on the wire}, see segments.wire_topic."""
     COMPILED: ClassVar[FrozenSet[str]] = frozenset()
     """Parts whose segments need the compiled codec. The runner discards them until it is loaded."""
+    HELD: ClassVar[FrozenSet[str]] = frozenset()
+    """Parts whose segments the robot repeats until `holding` lists them."""
     PARAMETERS: ClassVar[Mapping[str, Parameter]] = OPERATOR
     """What streams.yaml may set for the operator's side of this kind."""
     LATCH: bool = False
@@ -120,6 +123,14 @@ class Assembler(Generic[Finished, Result]):
     def forward(self, message: Any) -> Optional[Result]:
         """What is published of a message from `join`; None if it equals the one published last."""
         raise NotImplementedError
+
+    def holding(self) -> Optional[Holding]:
+        """What the robot need not send again; None: it sends regardless. Under the runner's lock."""
+        return None
+
+    def ages(self, now: float) -> Optional[Any]:
+        """A nav_msgs/OccupancyGrid of the ages of what is shown [s]; None: nothing is. Under the runner's lock."""
+        return None
 
     def problem(self, settings: Settings, now: float) -> Optional[str]:
         """What deserves a warning in diagnostics now; None: nothing. Any thread may ask."""

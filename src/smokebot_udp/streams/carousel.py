@@ -32,12 +32,13 @@ class Carousel(Generic[Map]):
         """Segments that changed nothing, by reason: late, contradiction, impossible head."""
         self._begin = begin
         self._map: Optional[Tuple[SimpleNamespace, Any, Map]] = None    # newest head that fits, its place, the cells
-        self._latest = 0.0      # when the latest segment was received [s]
+        self.latest = 0.0
+        """When the latest segment of the map was received [s]."""
         self._since: Optional[float] = None     # when the first segment was received that is not shown [s]
 
     def deadline(self) -> Optional[float]:
         """When the map is to be shown; None: nothing new was received [s]."""
-        return None if self._since is None else min(self._since + self.max_wait, self._latest + QUIET)
+        return None if self._since is None else min(self._since + self.max_wait, self.latest + QUIET)
 
     def poll(self, now: float) -> Optional[Tuple[SimpleNamespace, Map]]:
         """(head, map) if the map is to be shown now. Later segments are added to the same map."""
@@ -72,10 +73,10 @@ class Carousel(Generic[Map]):
         self.dropped['contradiction'] += count - int(np.count_nonzero(good))
         if good.any():
             self._map = head, place, cells
-            self._latest = now
+            self.latest = now
             self._since = now if self._since is None else self._since
 
     def _is_late(self, stamp: int, now: float) -> bool:
         # only reordered segments are late: otherwise a map whose stamp never changes would always be late
         return (self._map is not None and 0 < self._map[0].stamp - stamp < RESTART * 1e9
-                and now - self._latest < RESTART)
+                and now - self.latest < RESTART)

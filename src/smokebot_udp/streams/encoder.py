@@ -5,12 +5,13 @@ To add a kind, derive from Encoder. The runner (nodes/robot_stream.py) owns the 
 thread and the settings; it passes settings in and sends the frames that come out.
 """
 import collections
-from typing import Any, Callable, ClassVar, Deque, Dict, Generic, List, Mapping, Optional, Sequence, TypeVar
+from typing import Any, Callable, ClassVar, Collection, Deque, Dict, Generic, List, Mapping, Optional, Sequence, TypeVar
 
 from ..congestion.operating_points import OperatingPoint, rate_points
 from ..mission.parameters import Parameter
 from ..mission.settings import Settings
 from ..udpros.frame import Frame
+from .held import Holding
 from .outlook import Outlook
 from .parameters import ROBOT
 from .segments import MAIN_PART
@@ -72,6 +73,8 @@ class Encoder(Generic[Message]):
         not known."""
         self.heard: Callable[[str], bool] = lambda part: True
         """Whether all operators that receive the stream receive this part of it now. The runner replaces it."""
+        self.operators: Callable[[str], Collection[str]] = lambda part: ()
+        """Names of the operators that this part of the stream is sent to now. The runner replaces it."""
 
     @staticmethod
     def check(settings: Mapping[str, Any]) -> None:
@@ -85,10 +88,18 @@ class Encoder(Generic[Message]):
         """The parts that messages may be sent on with these settings."""
         return [MAIN_PART]
 
-    def merge(self, waiting: Optional[Message], message: Any) -> Message:
+    def sources(self, settings: Mapping[str, Any]) -> Mapping[str, Any]:
+        """{topic: class of its messages}: what is subscribed beside `robot_topic`. Their messages are merged, too.
+
+        :param settings: {name: value} of PARAMETERS
+        """
+        return {}
+
+    def merge(self, waiting: Optional[Message], message: Any) -> Optional[Message]:
         """What waits to be encoded after a message has arrived; unless a kind overrides this, the newest message.
 
         :param waiting: what waited before; None: nothing
+        :raises ValueError: saying what is wrong with the message
         """
         newest: Message = message
         return newest
@@ -112,13 +123,22 @@ class Encoder(Generic[Message]):
         raise NotImplementedError
 
     def repeat_period(self, settings: Settings) -> Optional[float]:
-        """How long after it was sent the last message is repeated [s]; None: never."""
+        """How long after something was sent `repeat` is called [s]; None: never.
+
+        Asked after each call of `encode`, `repeat` and `held`. Any thread may ask.
+        """
         return None
 
     def repeat(self, settings: Settings, max_datagram_size: int) -> Sequence[Frame]:
-        """The frames that are sent again, for lost datagrams and late subscribers. Not called while
-        frames of the last message are still leaving."""
+        """The frames that are sent again, for lost datagrams and late subscribers, or the next ones of a kind that
+        sends little by little. Not called while frames of the last message are still leaving."""
         return ()
+
+    def held(self, operator: str, holding: Holding) -> None:
+        """Take an operator's report of what it holds. Unless a kind overrides this, it says nothing.
+
+        :param operator: its name, one of those that the stream is sent to
+        """
 
     def operating_points(self, rate: float, settings: Settings) -> List[OperatingPoint]:
         """The operating points of the stream, the cheapest first; empty where no message was encoded yet.

@@ -14,7 +14,7 @@ Item = TypeVar('Item')
 class Schedule(Generic[Item]):
     """Holds the newest item that waits; older ones are replaced, there is no backlog.
 
-    A repeat is due one period after something was sent, by :meth:`sent`, and after each :meth:`wake`.
+    A repeat is due one period after something was sent, by :meth:`sent`, or repeated, and after each :meth:`wake`.
 
     :param rate: maximum rate of items [Hz]
     :param repeat_period: [s]; None: never
@@ -52,9 +52,8 @@ class Schedule(Generic[Item]):
         self._sent = now
 
     def wake(self) -> None:
-        """A repeat is due at once, unless nothing was sent yet."""
-        if self._sent is not None:
-            self._sent = -math.inf
+        """A repeat is due at once."""
+        self._sent = -math.inf
 
     def take_repeat(self, now: float) -> bool:
         """Whether a repeat is due; the next one is a period away then."""

@@ -18,6 +18,9 @@ MAIN_PART = 'segments'
 LAYERS = 'layers'
 """The part of a stream of images that carries layered ones."""
 
+TILES = 'tiles'
+"""The part of a stream of maps that carries tiles."""
+
 
 def wire_topic(name: str, part: str = MAIN_PART) -> str:
     """The topic on which a stream's segments are sent: the same for all nodes, whatever their namespaces."""

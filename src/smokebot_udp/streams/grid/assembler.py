@@ -1,68 +1,78 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Segments to nav_msgs/OccupancyGrid, as complete as the refresh cycles have made it (D6.3, section 5)."""
+"""Segments to nav_msgs/OccupancyGrid: in tiles, or interleaved and as complete as the refresh cycles have made it
+(D6.3, section 5). Whichever came last is shown.
+"""
 import math
 import zlib
 from types import SimpleNamespace
 from typing import Any, Mapping, NamedTuple, Optional
 
 import numpy as np
-from genpy import Time
-from geometry_msgs.msg import Point, Pose, Quaternion
-from nav_msgs.msg import MapMetaData, OccupancyGrid
-from rospy.numpy_msg import numpy_msg
 
-from ...arrays import Array, BoolArray, Records
+from ...arrays import BoolArray, Records
 from ...codecs.concealment.fill import nearest
+from ...codecs.tiles.rectangle import Rectangle
 from ...codecs.wire.grid import unknown
 from ...codecs.wire.partial_image import PartialImage
 from ...codecs.wire.pixels import item_type
 from ...mission.parameters import Parameter
 from ...mission.settings import Settings
-from ...msg import GridSegment
+from ...msg import GridSegment, MapTile
 from ..assembler import Assembled, Assembler, Clock, no_clock
 from ..carousel import Carousel
-from ..parameters import OPERATOR
-from ..segments import MAIN_PART, head_of, same_head, stamps_of
-from ..stamped_assembler import header_of
+from ..held import Holding
+from ..parameters import OPERATOR, ROBOT
+from ..segments import MAIN_PART, TILES, head_of, same_head, stamps_of
+from .ages import age_message, uniform
+from .snapshot import MESSAGE, GridSnapshot, grid_message
+from .tiles_assembler import TilesAssembler
 
 CELL = item_type('mono8')
 FILLS = {'unknown': unknown, 'nearest': nearest}
 """{`fill`: concealment method}"""
 
+SILENCE = 3.0
+"""An interleaved map is shown once no tiles were heard for this long, three statements of the robot: it does not send
+both, and a forged segment must not begin a map [s]."""
 
-class GridSnapshot(NamedTuple):
-    """A map as it is at one moment."""
+
+class _Interleaved(NamedTuple):
+    """The interleaved map that is shown."""
     head: SimpleNamespace
-    """Of its newest segment."""
-    cells: Array
-    """(height, width) int8"""
-    completeness: float
-    """Received share of the cells, 0..1."""
+    heard: float
+    """When a segment of it was received last [s]."""
 
 
 class GridAssembler(Assembler[GridSnapshot, Assembled]):
-    """Makes a map of the segments of all cycles; it is latched."""
-    MESSAGE, SEGMENTS = numpy_msg(OccupancyGrid), {MAIN_PART: GridSegment}
+    """Makes a map of the segments; it is latched."""
+    MESSAGE, SEGMENTS = MESSAGE, {MAIN_PART: GridSegment, TILES: MapTile}
+    COMPILED = HELD = frozenset([TILES])
     LATCH, STEADY = True, False
     HEAD = 'info', 'depth'
     PARAMETERS = {
         **OPERATOR,
-        'max_wait': Parameter(0.5, 's', 'longest time from the first new segment until the map is published',
-                              above=0.0, most=60.0, live=True),
-        'fill': Parameter('nearest', '', 'value of cells that were never received: unknown, or that of the nearest '
-                          'received cell', choices=tuple(FILLS), live=True),
+        'rate': ROBOT['rate'],
+        'max_wait': Parameter(0.5, 's', 'interleaved: longest time from the first new segment until the map is '
+                              'published', above=0.0, most=60.0, live=True),
+        'fill': Parameter('nearest', '', 'interleaved: value of cells that were never received: unknown, or that of '
+                          'the nearest received cell', choices=tuple(FILLS), live=True),
+        'publish_age': Parameter(True, '', 'whether a map of ages is published once a second, on '
+                                 'operator_topic/age: 3..100: seconds since a region was received or confirmed; 0: '
+                                 'less than 3; -1: never'),
     }
 
     def __init__(self, settings: Mapping[str, Any], clock: Clock = no_clock) -> None:
         super().__init__(settings, clock)
         self._carousel = Carousel(self.begin, settings['max_wait'])
         self.dropped = self._carousel.dropped
+        self._tiles = TilesAssembler(settings['rate'], self.dropped)
         self._fill = FILLS[settings['fill']]
+        self._interleaved: Optional[_Interleaved] = None    # None: the map in tiles is shown
         self._last: Any = None      # content of the last map published
 
     @staticmethod
     def begin(head: SimpleNamespace) -> PartialImage:
-        """An empty map.
+        """An empty interleaved map.
 
         :param head: stamp, frame_id and HEAD of its segments, see segments.head_of
         :raises ValueError: the head is impossible
@@ -74,13 +84,22 @@ class GridAssembler(Assembler[GridSnapshot, Assembled]):
 
     def configure(self, settings: Settings, changed: Mapping[str, Any]) -> None:
         self._carousel.max_wait, self._fill = settings['max_wait'], FILLS[settings['fill']]
+        self._tiles.rate = settings['rate']
 
     def receive(self, records: Records, mask: BoolArray, now: float, part: str = MAIN_PART) -> None:
+        if part == MAIN_PART:
+            self._receive_interleaved(records, mask, now)
+            return
+        self._tiles.receive(records, mask, now)
+        if self._interleaved is not None and self._tiles.heard == now:
+            self._tiles.show(now)
+
+    def _receive_interleaved(self, records: Records, mask: BoolArray, now: float) -> None:
         rows = np.flatnonzero(mask)
         while len(rows):
             stamps = stamps_of(records, rows)
             same = same_head(records, rows, self.HEAD) & (stamps == stamps[0])
-            head = head_of(records[rows[0]], self.SEGMENTS[part], self.HEAD)
+            head = head_of(records[rows[0]], GridSegment, self.HEAD)
             segments = records[rows[same]]
             _, *place = head.info       # not the load time: the same map may be loaded anew
             self._carousel.add(head, (head.frame_id, head.depth, place), (
@@ -88,13 +107,26 @@ class GridAssembler(Assembler[GridSnapshot, Assembled]):
             rows = rows[~same]
 
     def deadline(self) -> Optional[float]:
-        return self._carousel.deadline()
+        deadlines = [found for found in (self._tiles.deadline(), self._interleaved_deadline()) if found is not None]
+        return min(deadlines, default=None)
+
+    def _interleaved_deadline(self) -> Optional[float]:
+        deadline = self._carousel.deadline()
+        if deadline is None or self._carousel.latest < self._tiles.heard:
+            return None     # the robot went on to tiles
+        return max(deadline, self._tiles.heard + SILENCE)
 
     def poll(self, now: float) -> Optional[GridSnapshot]:
-        found = self._carousel.poll(now)
+        snapshot = self._tiles.poll(now)
+        if snapshot is not None:
+            self._interleaved = None
+            return snapshot
+        deadline = self._interleaved_deadline()
+        found = None if deadline is None or now < deadline else self._carousel.poll(now)
         if found is None:
             return None
         head, grid = found      # receive() goes on changing the grid
+        self._interleaved = _Interleaved(head, self._carousel.latest)
         return GridSnapshot(head, grid.items(self._fill).view(np.int8), grid.completeness)
 
     def assemble(self, finished: GridSnapshot, settings: Settings, still: bool, now: float) -> Optional[Assembled]:
@@ -103,8 +135,14 @@ class GridAssembler(Assembler[GridSnapshot, Assembled]):
         if content == self._last:
             return None     # refresh cycles repeat it
         self._last = content
-        load_time, resolution, width, height, (position, orientation) = head.info
-        return Assembled(self.MESSAGE(
-            header=header_of(head), info=MapMetaData(Time(*load_time), resolution, width, height,
-                                                     Pose(Point(*position), Quaternion(*orientation))),
-            data=cells.reshape(-1)), head.stamp, completeness)
+        return Assembled(grid_message(head, cells), head.stamp, completeness)
+
+    def holding(self) -> Optional[Holding]:
+        return self._tiles.holding()
+
+    def ages(self, now: float) -> Optional[Any]:
+        if self._interleaved is None:
+            return self._tiles.ages(now)
+        head, heard = self._interleaved
+        area = Rectangle(0, 0, *head.info[2:4])     # each cycle brings cells of all regions
+        return age_message(head, area, uniform(area, now - heard))

@@ -1,112 +1,218 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Grid streams: nav_msgs/OccupancyGrid, reduced by max-pooling, in interleaved segments, repeated (D6.3, section 5)."""
-import math
-import zlib
-from typing import Any, List, Mapping, NamedTuple, Optional, Sequence, Tuple
+"""Grid streams: nav_msgs/OccupancyGrid, in tiles or interleaved."""
+import collections
+import os
+from typing import Any, Callable, Deque, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple, Union
 
+from map_msgs.msg import OccupancyGridUpdate
 from nav_msgs.msg import OccupancyGrid
 from rospy.numpy_msg import numpy_msg
+from std_msgs.msg import Header
 
-from ...arrays import Records
+from ...arrays import Array
 from ...codecs.wire import grid
-from ...congestion.operating_points import OperatingPoint, map_points
+from ...congestion.operating_points import OperatingPoint
 from ...mission.parameters import Parameter
 from ...mission.settings import Settings
-from ...msg import GridSegment
-from ...udpros.datagram import IP_UDP_HEADERS
+from ...msg import GridSegment, MapTile
 from ...udpros.frame import Frame
+from ..codec import Codec, ImportedCodec
 from ..encoder import Encoder
+from ..held import Holding
 from ..parameters import ROBOT
-from ..segments import MAIN_PART, room, size_on_air, write_header
-from ..subimages import subimage_frames, write_subimages
+from ..segments import MAIN_PART, TILES
+from .interleaved_encoder import InterleavedMaps
+from .map_info import cell_at, check_origin, check_values
+from .map_updates import updated
+
+FALLBACK = 2.0
+"""A new operator has this time to subscribe to the tiles, before the map crosses interleaved for all [s]."""
+
+WAIT = 0.5
+"""While it waits for that, it looks this often; and while there is no operator [s]."""
+
+MAX_REPORTS = 64
+"""Reports that wait to be taken into account; the oldest ones give way."""
+
+LOOKUP_PERIOD = 1.0
+"""The robot's place is looked up this often [s]."""
+
+TILES_BACKLOG = 0.1
+"""Of tiles, the rest of what leaves is waited for this long before more is made [s]."""
+
+SILENT = ''
+"""Stands for subscribers without a name, such as recorders: they never report."""
+
+Lookup = Callable[[str, Any], Optional[Tuple[Any, Any]]]
+"""f(frame, std_msgs/Header) -> (rotation, (3,) translation [m]) into the frame from the header's, or None."""
 
 
-class _Requested(NamedTuple):
-    """Size of a map on the wire with the requested settings."""
-    segments: int
-    datagram: int
-    """[byte of IP packet]"""
+class _Map(NamedTuple):
+    message: Any
+    cells: Array
+    """(height, width) int8"""
 
 
 class GridEncoder(Encoder[Any]):
-    """Sends a changed map at once, and repeats an unchanged one."""
-    MESSAGE, SEGMENTS = numpy_msg(OccupancyGrid), {MAIN_PART: GridSegment}
+    """Sends a changed map at once; an unchanged one until operators hold it (tiles), or again and again (interleaved).
+
+    Without operators, maps are only kept.
+
+    :param codec: of tiles
+    :param clock: steady [s]
+    :param lookup: of transforms
+    :param session: makes random numbers, uint32
+    """
+    MESSAGE, SEGMENTS = numpy_msg(OccupancyGrid), {MAIN_PART: GridSegment, TILES: MapTile}
+    UPDATE = numpy_msg(OccupancyGridUpdate)
     STEADY, STAMPED = False, False
     KEEPS = REENCODES = True    # a map may be published only once
+    FORESEES = True
     PARAMETERS = {
         **ROBOT,
-        'repeat_rate': Parameter(0.2, 'Hz', 'rate at which an unchanged map is repeated, for lost datagrams and late '
-                                 'subscribers', above=0.0, most=100.0, live=True),
-        'max_cells': Parameter(1300, '', 'maximum number of cells in a segment', least=1, most=65000, live=True),
-        'max_segments': Parameter(256, '', 'maximum number of segments of a map, which is reduced until it fits',
-                                  least=1, most=65536, live=True),
+        'coding': Parameter('tiles', '', 'tiles: at full resolution, compressed, only what operators lack; '
+                            'interleaved: reduced to max_segments, uncompressed, repeated as a whole',
+                            choices=('interleaved', 'tiles'), live=True),
+        'max_bitrate': Parameter(1000.0, 'kbit/s', 'tiles: maximum bitrate', least=8.0, most=1e6, live=True),
+        'repeat_rate': Parameter(0.2, 'Hz', 'interleaved: rate at which an unchanged map is repeated, for lost '
+                                 'datagrams and late subscribers; tiles: rate at which the map is repeated for '
+                                 'operators who do not report what they hold', above=0.0, most=100.0, live=True),
+        'robot_frame': Parameter('base_link', '', 'tiles: tf frame of the robot, whose surroundings are sent first; '
+                                 'empty: the surroundings of the last change are'),
+        'updates_topic': Parameter('', '', 'topic of map_msgs/OccupancyGridUpdate with changes of parts of the map; '
+                                   'empty: robot_topic with _updates appended'),
+        'max_cells': Parameter(1300, '', 'interleaved: maximum number of cells in a segment', least=1, most=65000,
+                               live=True),
+        'max_segments': Parameter(256, '', 'interleaved: maximum number of segments of a map, which is reduced until '
+                                  'it fits', least=1, most=65536, live=True),
     }
 
-    def __init__(self, settings: Mapping[str, Any]) -> None:
+    def __init__(self, settings: Mapping[str, Any], codec: Optional[Codec] = None,
+                 clock: Callable[[], float] = lambda: 0.0, lookup: Lookup = lambda *_: None,
+                 session: Callable[[], int] = lambda: int.from_bytes(os.urandom(4), 'little')) -> None:
         super().__init__(settings)
-        self._content: Optional[Tuple[Any, ...]] = None     # what distinguishes the frames' map from others
-        self._frames: List[Frame] = []
-        self._header: Any = None                            # of the last message
-        self._requested: Optional[_Requested] = None
+        self._codec, self._clock, self._lookup, self._session = codec or ImportedCodec(), clock, lookup, session
+        self._robot_frame = settings['robot_frame']
+        self._interleaved, self._tiled = InterleavedMaps(), None    # type: InterleavedMaps, Any
+        self._used: Union[InterleavedMaps, Any, None] = None        # what sent last
+        self._newest: Any = None                    # message, of the thread that merges
+        self._map: Optional[_Map] = None
+        self._taken = False                         # whether self._used has the map
+        self._fallback_at: Optional[float] = None   # when it is interleaved, as an operator does not receive tiles
+        self._reports: Deque[Tuple[str, Holding]] = collections.deque(maxlen=MAX_REPORTS)    # new ones
+        self._robot: Optional[Tuple[float, ...]] = None    # in the map's frame [m]
+        self._looked_up: Optional[float] = None
+
+    def sources(self, settings: Mapping[str, Any]) -> Dict[str, Any]:
+        return {settings['updates_topic'] or settings['robot_topic'] + '_updates': self.UPDATE}
+
+    def parts(self, settings: Settings) -> Sequence[str]:
+        return [MAIN_PART] if settings['coding'] == 'interleaved' else [MAIN_PART, TILES]
+
+    def merge(self, waiting: Optional[Any], message: Any) -> Optional[Any]:
+        """Updates change the newest map; before the first map they say nothing.
+
+        :raises ValueError: an update that is not of the newest map
+        """
+        if message._type == self.MESSAGE._type:
+            self._newest = message
+        elif self._newest is not None:
+            self._newest = updated(self._newest, message)
+        return self._newest
+
+    def refine(self, point: Mapping[str, Any], spare: float) -> Dict[str, Any]:
+        # the coding may have changed since the point was made
+        if 'max_bitrate' not in point or self._tiled is None:
+            return dict(point)
+        refined: Dict[str, Any] = self._tiled.refine(point, spare)
+        return refined
 
     def operating_points(self, rate: float, settings: Settings) -> List[OperatingPoint]:
-        return map_points(settings.requested['repeat_rate'], *self._requested) if self._requested else []
+        points: List[OperatingPoint] = [] if self._used is None else self._used.operating_points(settings)
+        return points
+
+    def held(self, operator: str, holding: Holding) -> None:
+        self._reports.append((operator, holding))
+
+    def repeat_period(self, settings: Settings) -> Optional[float]:
+        if self._used is None or not self._wanted(settings):
+            return WAIT
+        if self._used is self._interleaved:
+            return self._interleaved.repeat_period(settings)
+        period: float = self._tiled.period(self._clock(), bool(self._reports))
+        return period
 
     def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Frame]:
         info = message.info
         cells = grid.as_cells(message.data, info.height, info.width, info.resolution)
         check_origin(info.origin)
-        frame_id = message.header.frame_id.encode()
-        (factor, cut, per_segment), (_, requested_cut, requested_per_segment) = (grid.fit(
-            info.height, info.width, room(GridSegment, max_datagram_size, frame_id),
-            values['max_cells'], values['max_segments']) for values in (settings, settings.requested))
-        cells = grid.reduce_by(cells, factor)
-        content = frame_id, str(info.origin), info.resolution, factor, cut, per_segment, zlib.crc32(cells.tobytes())
-        self._header = message.header
-        if content == self._content:
-            return []
-        subimages = cut.split(cells).reshape(len(cut), -1)
-        parts = subimage_frames(GridSegment, subimages, per_segment, {'header.frame_id': len(frame_id)})
-        for part, frame in parts:
-            write_header(frame.records, message.header)
-            write_subimages(frame.records, cut, part, subimages)
-            write_info(frame.records['info'], info, cut, factor)
-        frames = [frame for _, frame in parts]
-        self._content, self._frames = content, frames
-        self._requested = _Requested(-(-len(requested_cut) // requested_per_segment),
-                                     frames[0].datagram_size + IP_UDP_HEADERS)
-        self.message_size = size_on_air(frames)
-        return list(frames)
-
-    def repeat_period(self, settings: Settings) -> Optional[float]:
-        return 1.0 / float(settings['repeat_rate'])
+        if settings['coding'] == 'tiles':
+            check_values(cells)
+            self._codec.ready()     # it is loaded when the first operator comes
+        self._map, self._taken = _Map(message, cells), False
+        if not self._anyone():
+            self._fallback_at = None
+        return self._frames(settings, max_datagram_size) if self._wanted(settings) else []
 
     def repeat(self, settings: Settings, max_datagram_size: int) -> Sequence[Frame]:
-        """The same frames, with the stamp of the last message."""
-        for frame in self._frames:
-            write_header(frame.records, self._header)
-        return self._frames
+        if self._map is None:
+            return ()
+        frames = self._frames(settings, max_datagram_size)
+        return self._interleaved.repeat() if not frames and self._used is self._interleaved else frames
 
+    def _anyone(self) -> bool:
+        """Whether there is any operator."""
+        return self.heard(TILES) or self.heard(MAIN_PART)
 
-def check_origin(origin: Any) -> None:
-    """:raises ValueError: naming the coordinate of a geometry_msgs/Pose that is not finite"""
-    for part in (origin.position, origin.orientation):
-        for axis in part.__slots__:
-            if not math.isfinite(getattr(part, axis)):
-                raise ValueError('origin.%s is %r' % (axis, getattr(part, axis)))
+    def _wanted(self, settings: Settings) -> bool:
+        """Whether anything may be sent. What is not must not count as sent."""
+        return settings['enabled'] and not settings.paused and self._anyone()
 
+    def _frames(self, settings: Settings, max_datagram_size: int) -> List[Frame]:
+        """What is new, by the way of coding that is possible now."""
+        now = self._clock()
+        chosen = self._chosen(settings, now)
+        if chosen is None:
+            return []
+        if chosen is not self._used:
+            self._used, self._taken = chosen, False
+        tiled, taken, self._taken = chosen is self._tiled, self._taken, True
+        self.backlog = TILES_BACKLOG if tiled else None
+        assert self._map is not None
+        message, cells = self._map
+        if not tiled:
+            return [] if taken else self._interleaved.encode(message, cells, settings, max_datagram_size)
+        if not taken:
+            self._tiled.take(message, cells, max_datagram_size)
+        frames: List[Frame] = self._tiled.frames(self._conditions(message, now), settings, max_datagram_size, now)
+        return frames
 
-def write_info(records: Records, info: Any, cut: Any, factor: int) -> None:
-    """Write the MapMetaData of the reduced map into the `info` of all segments.
+    def _chosen(self, settings: Settings, now: float) -> Union[InterleavedMaps, Any, None]:
+        """What sends now; None: nothing does, as an operator is about to subscribe."""
+        if settings['coding'] == 'interleaved' or not self._codec.ready():
+            return self._interleaved
+        if self.heard(TILES):
+            self._fallback_at = None
+            if self._tiled is None:
+                from .tiles_encoder import TiledMaps  # compiled
+                self._tiled = TiledMaps(self._session)
+            return self._tiled
+        if self._fallback_at is None:
+            self._fallback_at = now + FALLBACK
+        return self._used if now < self._fallback_at else self._interleaved
 
-    :param info: nav_msgs/MapMetaData of the whole map
-    :param cut: interleave.Interleave of the reduced map
-    :param factor: by which it is reduced
-    """
-    for unit in ('secs', 'nsecs'):
-        records['map_load_time'][unit] = getattr(info.map_load_time, unit)
-    records['resolution'], records['width'], records['height'] = info.resolution * factor, cut.width, cut.height
-    for part in ('position', 'orientation'):
-        values = getattr(info.origin, part)
-        for axis in values.__slots__:
-            records['origin'][part][axis] = getattr(values, axis)
+    def _conditions(self, message: Any, now: float) -> Any:
+        from .tiles_encoder import Conditions
+        reports = dict(self._reports.popleft() for _ in range(len(self._reports)))
+        return Conditions(self.operators(TILES) or (SILENT,), reports, self.outlook.loss(0.5),
+                          self._robot_at(message, now))
+
+    def _robot_at(self, message: Any, now: float) -> Optional[Tuple[float, float]]:
+        """Where the robot is, in columns and rows of the map; None: not known."""
+        if not self._robot_frame:
+            return None
+        if self._looked_up is None or now - self._looked_up >= LOOKUP_PERIOD:
+            self._looked_up = now
+            found = self._lookup(message.header.frame_id, Header(frame_id=self._robot_frame))
+            self._robot = None if found is None else tuple(found[1].tolist())
+        return None if self._robot is None else cell_at(message.info, *self._robot)

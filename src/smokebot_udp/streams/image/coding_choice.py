@@ -33,13 +33,13 @@ MEASURED = 5
 class Conditions(NamedTuple):
     """What the choice depends on."""
     raw: float
-    """Interleaved images as requested, or as many as the source has [byte/s]."""
+    """Interleaved images as requested, or as many as the source has; inf: they are larger than requested [byte/s]."""
     room: float
     """What the stream may use of the link [byte/s]."""
     loss: Optional[float]
     """Packet-loss ratio that is expected; None: unknown."""
     period: float
-    """Of the images [s]."""
+    """From an image to the next one [s]."""
 
 
 class CodingChoice:
@@ -78,6 +78,8 @@ class CodingChoice:
     def _raw_fits(self, conditions: Conditions) -> bool:
         chosen = self.layered is False
         if conditions.loss is None or conditions.loss > (STILL_LOSSLESS if chosen else LOSSLESS):
+            return False
+        if math.isinf(conditions.raw):      # so may be the room
             return False
         return conditions.raw <= (STILL_FITS if chosen else FITS) * conditions.room
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Image streams: sensor_msgs/Image of any supported encoding, interleaved or layered."""
 import math
-from typing import Any, Callable, Dict, List, Mapping, Optional, Protocol, Sequence, Union
+from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Union
 
 from sensor_msgs.msg import Image
 
@@ -11,6 +11,7 @@ from ...mission.parameters import Parameter
 from ...mission.settings import Settings
 from ...msg import ImageSegment, LayeredSegment
 from ...udpros.frame import Frame
+from ..codec import Codec, ImportedCodec
 from ..encoder import Encoder
 from ..parameters import ROBOT
 from ..segments import LAYERS, MAIN_PART, size_on_air
@@ -25,24 +26,6 @@ RAW_OVERHEAD = 1.08
 """Size of interleaved images on the air, in terms of their pixels."""
 
 
-class Codec(Protocol):
-    """Whether the compiled codec of layered images can be used: it is loaded where a stream needs it first."""
-
-    def ready(self) -> bool:
-        """Whether it is loaded; begins to load it."""
-
-
-class ImportedCodec:
-    """Imports the codec at once, and compiles it where that was not done before."""
-
-    def ready(self) -> bool:
-        try:
-            from . import layered_encoder
-        except ImportError:
-            return False
-        return layered_encoder is not None
-
-
 class ImageEncoder(Encoder[Any]):
     """Sends images whose every datagram shows all of the image, by the way of coding that the settings name.
 
@@ -53,7 +36,7 @@ class ImageEncoder(Encoder[Any]):
     FORESEES = True
     PARAMETERS = {
         **ROBOT,
-        'coding': Parameter('interleaved', '', 'interleaved: raw pixels; layered: compressed, with protection against '
+        'coding': Parameter('auto', '', 'interleaved: raw pixels; layered: compressed, with protection against '
                             'loss; auto: what shows the better image',
                             choices=('auto', 'interleaved', 'layered'), live=True),
         'scale': Parameter(1, '', 'reduction factor: each block of scale x scale pixels is replaced by its mean',
@@ -127,7 +110,8 @@ class ImageEncoder(Encoder[Any]):
             return True
         height, width = (-(-side // settings['scale']) for side in (message.height, message.width))
         raw = RAW_OVERHEAD * height * width * pixels.item_type(message.encoding).itemsize
-        rate = min(settings.requested['rate'], self.source_rate or math.inf)
+        most, source_rate = settings.requested['max_bytes'] or math.inf, self.source_rate or math.inf
         return self._choice.update(Conditions(
-            raw * rate, self.outlook.room, self.outlook.loss(0.5) if self.outlook.air.known else None,
-            1 / settings['rate']), self._clock())
+            raw * min(settings.requested['rate'], source_rate) if raw <= most else math.inf, self.outlook.room,
+            self.outlook.loss(0.5) if self.outlook.air.known else None, 1 / min(settings['rate'], source_rate)),
+            self._clock())

@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Reports to the robot what this operator holds of its streams (msg/Held), so that it is not sent again."""
+import time
+from typing import Callable, Dict, Optional
+
+import rospy
+
+from .. import udpros
+from ..msg import Held
+from ..streams.held import TOPIC, Holding, to_message
+from ..streams.held_schedule import HeldSchedule
+from .logging import log_error
+from .worker import DeadlineWorker
+
+QUEUE_SIZE = 8
+"""Reports of different streams that leave at one moment."""
+
+
+class HeldReporter:
+    """Sends the reports of a node's streams; lives as long as the node.
+
+    :param max_datagram_size: [byte of UDP payload]
+    """
+
+    def __init__(self, max_datagram_size: int) -> None:
+        self._max_datagram_size = max_datagram_size
+        self._schedule = HeldSchedule()
+        self._streams: Dict[str, Callable[[], Optional[Holding]]] = {}
+        self._publisher = udpros.Publisher(TOPIC, Held, queue_size=QUEUE_SIZE)
+        self._worker: DeadlineWorker[str] = DeadlineWorker(
+            'held reports', self._schedule.poll, self._schedule.deadline, self._report,
+            log_error('reports of what is held'))
+        self._worker.start()
+
+    def received(self, name: str, holding: Callable[[], Optional[Holding]]) -> None:
+        """Note that segments of a stream were received that may be held; any thread.
+
+        :param holding: f(), called in a thread of its own, soon; None: there is nothing to report
+        """
+        with self._worker.changing():
+            self._streams[name] = holding
+            self._schedule.received(name, time.monotonic())
+
+    def close(self) -> None:
+        """Stop reporting."""
+        self._worker.close()
+        self._publisher.unregister()
+
+    def _report(self, name: str) -> None:
+        holding = self._streams[name]()
+        if holding is not None:
+            self._publisher.publish(to_message(holding, rospy.get_name(), name, self._max_datagram_size))

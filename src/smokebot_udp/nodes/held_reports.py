@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Passes the operators' reports of what they hold (msg/Held) on to the robot's streams."""
+import collections
+from typing import Any, Counter, Mapping, Optional
+
+import rospy
+
+from .. import udpros
+from ..msg import Held
+from ..streams.held import TOPIC, from_message
+from .robot_stream import RobotStream
+
+
+class HeldReports:
+    """Receives reports; lives as long as its node.
+
+    :param streams: {name: RobotStream}
+    """
+
+    def __init__(self, streams: Mapping[str, RobotStream]) -> None:
+        self.dropped: Counter[str] = collections.Counter()
+        """{reason: count} of the reports that are not used."""
+        self._streams = streams
+        self._subscriber = udpros.Subscriber(TOPIC, Held, self._receive, queue_size=20)
+
+    def close(self) -> None:
+        """End the subscription."""
+        self._subscriber.unregister()
+
+    def _receive(self, report: Any) -> None:
+        """Take a report; the transport's thread."""
+        reason = self._refused(report, report._connection_header['callerid'])
+        if reason is not None:
+            self.dropped[reason] += 1
+            rospy.logwarn_throttle(60, 'a report of what an operator holds is not used: %s' % reason)
+
+    def _refused(self, report: Any, sender: str) -> Optional[str]:
+        """Pass a report on; the reason why it is not used, or None.
+
+        An operator speaks for itself only: otherwise one could keep tiles from another.
+
+        :param sender: the node that it came from
+        """
+        stream = self._streams.get(report.stream)
+        if stream is None:
+            return 'unknown stream'
+        if report.operator != sender:
+            return 'of another operator'
+        try:
+            holding = from_message(report)
+        except ValueError:
+            return 'impossible'
+        return None if stream.held(sender, holding) else 'unknown operator'

@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""How often and when a datagram is sent again until it is known to have arrived, by the packet loss that is expected.
+
+What changed is sent again before a report could name it, where the loss is high: so that it is seen soon. Everything
+else is sent again after a round trip of reports, or so often in one that a copy is likely to arrive. What is still not
+acknowledged after many copies goes to an operator who does not receive or does not report, or who lies: more and more
+rarely, down to the slow refresh cycle.
+"""
+import math
+from typing import NamedTuple
+
+ROUND_TRIP = 0.3
+"""After this time a report names what arrived: it waits for the next one, 0.1 s at most, and crosses the link [s]."""
+
+URGENT_TIME, URGENT_RESIDUAL = 0.25, 0.01
+"""Copies of what changed leave within this time [s], and are all lost with this probability."""
+
+PATIENCE_RESIDUAL, MIN_PATIENCE, MAX_PATIENCE = 1e-4, 8, 100
+"""Copies are suspicious once all of them were lost with a lower probability than this, but not after fewer, and after
+more in any case."""
+
+SLOWER = 2 ** 0.25
+"""From then on, each interval is longer than the one before by this factor."""
+
+LEAST_LOSS, MOST_LOSS = 1e-3, 0.95
+"""Losses outside are not believed."""
+
+MAX_COPIES = 24
+"""Of what changed, and of an overview: higher losses than 0.82 are not made up for."""
+
+
+def copies(loss: float, residual: float, most: int = MAX_COPIES) -> int:
+    """How many copies of a datagram are sent so that all of them are lost with a probability of `residual` at most."""
+    return max(1, min(most, math.ceil(math.log(residual) / math.log(_believed(loss)) - 1e-9)))
+
+
+class Pattern(NamedTuple):
+    """When copies follow."""
+    loss: float
+    """Expected packet-loss ratio."""
+    slow: float
+    """Longest interval, and that of operators who do not report [s]."""
+
+    def interval(self, tries: int, urgent: bool) -> float:
+        """How long after the last copy the next one is due [s].
+
+        :param tries: copies sent already, at least 1
+        :param urgent: whether it is of a change
+        """
+        if urgent:
+            count = copies(self.loss, URGENT_RESIDUAL)
+            if tries < count:
+                return URGENT_TIME / count
+        a_round = max(1, round(1 / (1 - _believed(self.loss))))
+        patience = max(MIN_PATIENCE, copies(self.loss, PATIENCE_RESIDUAL, MAX_PATIENCE))
+        return min(self.slow, ROUND_TRIP / a_round * SLOWER ** min(max(0, tries - patience), 200))
+
+
+def _believed(loss: float) -> float:
+    return min(max(loss, LEAST_LOSS), MOST_LOSS)

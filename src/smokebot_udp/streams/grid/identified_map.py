@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Which map a segment belongs to, and what it takes for another map to replace the one that is shown.
+
+A datagram can be forged. So another map, another session or another rectangle begins only with PROOF different good
+datagrams of it, with none of the present map in between; these are kept, and nothing of the new map is lost.
+"""
+from typing import Counter, Dict, List, Optional, Tuple
+
+from ...codecs.tiles.lattice import Lattice
+from ...codecs.tiles.rectangle import Rectangle
+from .snapshot import info_message
+from .tile_segment import TileSegment
+
+PROOF = 3
+"""Datagrams that begin a map."""
+
+MAX_CANDIDATES = 8
+"""Maps that may wait for their proof; the one that waits longest gives way."""
+
+PATIENCE = 30.0
+"""A proof takes this long at most: beats come once a second, and most of them may be lost [s]."""
+
+
+class IdentifiedMap:
+    """A map by its session, frame, lattice and rectangle.
+
+    :param segment: any of its segments
+    :raises ValueError: the map is impossible
+    """
+
+    def __init__(self, segment: TileSegment) -> None:
+        self.session, self.frame_id, self.area = segment.session, segment.frame_id, segment.area
+        info = info_message(segment.info)
+        self._info = segment.info
+        self._lattice = Lattice.of(segment.frame_id, info)
+        # the sender's lattice may be that of an earlier map, whose phase is another one within the tolerance
+        self._offset = _difference(segment.area, self._lattice.corner(info))
+
+    def has(self, segment: TileSegment) -> bool:
+        """Whether a segment is of this map.
+
+        :raises ValueError: its map is impossible
+        """
+        return (segment.session == self.session and segment.area == self.area
+                and (self._same_place(segment) or self.on_lattice(segment)))
+
+    def on_lattice(self, segment: TileSegment) -> bool:
+        """Whether the cells of a segment's map have the numbers that they have here.
+
+        :raises ValueError: its map is impossible
+        """
+        if segment.frame_id != self.frame_id:
+            return False
+        corner = self._lattice.corner(info_message(segment.info))
+        return corner is not None and _difference(segment.area, corner) == self._offset
+
+    def _same_place(self, segment: TileSegment) -> bool:
+        """Whether a segment has these very numbers: the load time may differ."""
+        return segment.frame_id == self.frame_id and segment.info[1:] == self._info[1:]
+
+
+def _difference(area: Rectangle, corner: Optional[Tuple[int, int]]) -> Tuple[int, int]:
+    column, row = corner or (0, 0)
+    return area.column - column, area.row - row
+
+
+class _Candidate:
+    """A map that waits for its proof."""
+
+    def __init__(self, segment: TileSegment, now: float) -> None:
+        self.map, self.since = IdentifiedMap(segment), now
+        self.segments: Dict[int, TileSegment] = {}      # by seq
+
+
+class Candidates:
+    """Maps other than the present one, of which segments are received.
+
+    :param dropped: {reason: count} of segments that began nothing, to be added to
+    """
+
+    def __init__(self, dropped: Counter[str]) -> None:
+        self._dropped = dropped
+        self._waiting: List[_Candidate] = []
+
+    @property
+    def session(self) -> Optional[int]:
+        """Of the map that was heard of last; None: of none."""
+        return self._waiting[-1].map.session if self._waiting else None
+
+    def clear(self) -> None:
+        """Note that the present map was heard."""
+        self._keep([])
+
+    def add(self, segment: TileSegment, now: float) -> List[TileSegment]:
+        """Take a segment that is not of the present map.
+
+        :return: the segments that prove a map, in the order received; empty: the proof is not complete
+        :raises ValueError: its map is impossible
+        """
+        self._keep([candidate for candidate in self._waiting if now - candidate.since <= PATIENCE])
+        found = next((candidate for candidate in self._waiting if candidate.map.has(segment)), None)
+        if found is None:
+            found = _Candidate(segment, now)
+            self._keep(self._waiting[1 - MAX_CANDIDATES:])
+        else:
+            self._waiting.remove(found)
+        self._waiting.append(found)     # the one heard of last
+        if segment.seq in found.segments:
+            self._dropped['unproven'] += 1
+        found.segments[segment.seq] = segment
+        if len(found.segments) < PROOF:
+            return []
+        self._waiting.pop()
+        self.clear()
+        return list(found.segments.values())
+
+    def _keep(self, some: List[_Candidate]) -> None:
+        """Give up the others."""
+        for candidate in self._waiting:
+            if candidate not in some:
+                self._dropped['unproven'] += len(candidate.segments)
+        self._waiting = list(some)

@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""A map's nav_msgs/MapMetaData: checked, and written into segments."""
+import math
+from typing import Any, Tuple
+
+from ...arrays import Array, Records
+
+
+def check_origin(origin: Any) -> None:
+    """:raises ValueError: naming the coordinate of a geometry_msgs/Pose that is not finite"""
+    for part in (origin.position, origin.orientation):
+        for axis in part.__slots__:
+            if not math.isfinite(getattr(part, axis)):
+                raise ValueError('origin.%s is %r' % (axis, getattr(part, axis)))
+
+
+def check_values(cells: Array) -> None:
+    """:raises ValueError: naming a value that is none of an occupancy grid
+
+    :param cells: (height, width) int8, not empty
+    """
+    for value in (int(cells.min()), int(cells.max())):
+        if not -1 <= value <= 100:
+            raise ValueError('data has the value %d, must be from -1 to 100; coding: interleaved sends any' % value)
+
+
+def write_info(records: Records, info: Any, resolution: float, shape: Tuple[int, int]) -> None:
+    """Write MapMetaData into the `info` of all segments.
+
+    :param info: nav_msgs/MapMetaData: the load time and the origin
+    :param resolution: of the map as sent [m]
+    :param shape: its rows and columns
+    """
+    for unit in ('secs', 'nsecs'):
+        records['map_load_time'][unit] = getattr(info.map_load_time, unit)
+    records['resolution'] = resolution
+    records['height'], records['width'] = shape
+    for part in ('position', 'orientation'):
+        values = getattr(info.origin, part)
+        for axis in values.__slots__:
+            records['origin'][part][axis] = getattr(values, axis)
+
+
+def cell_at(info: Any, x: float, y: float, z: float) -> Tuple[float, float]:
+    """The place of a point of the map's frame, in columns and rows from the outer corner of the first cell.
+
+    :param info: nav_msgs/MapMetaData
+    :param x, y, z: [m]
+    """
+    at, turn = info.origin.position, info.origin.orientation
+    norm = turn.x ** 2 + turn.y ** 2 + turn.z ** 2 + turn.w ** 2 or 1.0
+    a, b, c = x - at.x, y - at.y, z - at.z
+    # the first two rows of the inverse rotation
+    along = a + 2 / norm * (-(turn.y ** 2 + turn.z ** 2) * a + (turn.x * turn.y + turn.z * turn.w) * b
+                            + (turn.x * turn.z - turn.y * turn.w) * c)
+    across = b + 2 / norm * ((turn.x * turn.y - turn.z * turn.w) * a - (turn.x ** 2 + turn.z ** 2) * b
+                             + (turn.y * turn.z + turn.x * turn.w) * c)
+    return along / info.resolution, across / info.resolution

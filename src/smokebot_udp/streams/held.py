@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What an operator holds of a stream: numbers of one session, reported to the robot as runs (msg/Held).
+
+The robot does not repeat what all operators hold. What does not fit in a report's datagram is left out, and is sent
+once more: a report never claims what is not held.
+"""
+import bisect
+import math
+from typing import Iterable, List, NamedTuple, Tuple
+
+from ..msg import Held
+from .segments import room
+
+TOPIC = '/smokebot_udp/held'
+"""Topic of the reports, on the wire."""
+
+MAX_RUNS = 256
+"""In a report."""
+
+RUN_SIZE = 6
+"""Of a run in a report [byte]."""
+
+MAX_COUNT = (1 << 16) - 1
+"""Numbers in a run of a report."""
+
+END = 1 << 32
+"""Numbers are below."""
+
+
+class Holding(NamedTuple):
+    """Numbers that are held."""
+    session: int
+    """Of the numbers, chosen by the sender."""
+    runs: Tuple[Tuple[int, int], ...]
+    """((first number, count), ...): ascending, without overlaps; empty: nothing is held."""
+
+    @classmethod
+    def of(cls, session: int, numbers: Iterable[int]) -> 'Holding':
+        """What is reported of these numbers: all, or their MAX_RUNS longest runs.
+
+        :param numbers: 0..END - 1, in any order
+        """
+        runs: List[Tuple[int, int]] = []
+        for number in sorted(set(numbers)):
+            first, count = runs[-1] if runs else (0, 0)
+            if number == first + count and 0 < count < MAX_COUNT:
+                runs[-1] = first, count + 1
+            else:
+                runs.append((number, 1))
+        return cls(session, longest(runs))
+
+    def contains(self, number: int) -> bool:
+        """Whether a number is held."""
+        at = bisect.bisect_right(self.runs, (number, math.inf)) - 1
+        return at >= 0 and number < sum(self.runs[at])
+
+
+def longest(runs: Iterable[Tuple[int, int]], most: int = MAX_RUNS) -> Tuple[Tuple[int, int], ...]:
+    """The longest runs, ascending; of equal ones the latest, which were sent last."""
+    return tuple(sorted(sorted(runs, key=lambda run: (run[1], run[0]), reverse=True)[:most]))
+
+
+def to_message(holding: Holding, operator: str, stream: str, max_datagram_size: int) -> Held:
+    """The report of an operator's node about a stream, in one datagram.
+
+    :param max_datagram_size: [byte of UDP payload]
+    :raises ValueError: the names leave no room
+    """
+    runs = longest(holding.runs, room(Held, max_datagram_size, operator, stream) // RUN_SIZE)
+    return Held(operator=operator, stream=stream, session=holding.session,
+                first=[first for first, _ in runs], count=[count for _, count in runs])
+
+
+def from_message(message: Held) -> Holding:
+    """What a report says.
+
+    :raises ValueError: it contradicts itself, or is longer than any that `of` makes
+    """
+    if len(message.first) != len(message.count):
+        raise ValueError('there are %d first numbers and %d counts' % (len(message.first), len(message.count)))
+    if len(message.first) > MAX_RUNS:
+        raise ValueError('%d runs are more than %d' % (len(message.first), MAX_RUNS))
+    runs = tuple(zip(map(int, message.first), map(int, message.count)))
+    end = 0
+    for first, count in runs:
+        if first < end or not count or first + count > END:
+            raise ValueError('a run of %d numbers from %d on, after those below %d' % (count, first, end))
+        end = first + count
+    return Holding(int(message.session), runs)

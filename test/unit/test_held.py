@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Reports of what an operator holds: runs of numbers, and what hostile ones may say."""
+import io
+from typing import Any, List, Set
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from smokebot_udp.msg import Held
+from smokebot_udp.streams.held import END, MAX_RUNS, Holding, from_message, to_message
+from smokebot_udp.udpros.datagram import OVERHEAD
+
+SIZE = 1472
+
+
+def test_numbers_become_runs() -> None:
+    holding = Holding.of(7, [9, 3, 1, 2, 3, END - 1])
+    assert holding == (7, ((1, 3), (9, 1), (END - 1, 1)))
+    assert [number for number in (0, 1, 3, 4, 8, 9, 10, END - 1, END) if holding.contains(number)] == [1, 3, 9, END - 1]
+    assert Holding.of(7, []) == (7, ())
+    assert not Holding.of(7, []).contains(0)
+
+
+def test_a_run_ends_where_its_count_is_full() -> None:
+    assert Holding.of(0, range(5, 70005)).runs == ((5, 65535), (65540, 4465))
+
+
+def test_the_longest_runs_are_reported_and_of_equal_ones_the_latest() -> None:
+    numbers = [10, 11] + list(range(100, 1000, 2))
+    holding = Holding.of(1, numbers)
+    assert len(holding.runs) == MAX_RUNS
+    assert holding.runs[0] == (10, 2)
+    assert holding.runs[1:] == tuple((first, 1) for first in range(1000 - 2 * (MAX_RUNS - 1), 1000, 2))
+
+
+@given(st.sets(st.one_of(st.integers(0, 300), st.integers(0, END - 1)), max_size=MAX_RUNS))
+def test_a_report_holds_what_it_was_made_of(numbers: Set[int]) -> None:
+    holding = from_message(over_the_wire(to_message(Holding.of(3, numbers), '/operator_receiver', 'map', 4000)))
+    assert holding.session == 3
+    assert {number for first, count in holding.runs for number in range(first, first + count)} == numbers
+    assert all(holding.contains(number) for number in numbers)
+    assert not any(holding.contains(number) for number in {number + 1 for number in numbers} - numbers)
+
+
+def over_the_wire(message: Held) -> Held:
+    buffer = io.BytesIO()
+    message.serialize(buffer)
+    found = Held()
+    found.deserialize(buffer.getvalue())
+    return found
+
+
+def test_a_report_fits_in_a_datagram() -> None:
+    holding = Holding.of(1, range(0, 1000, 2))
+    message = to_message(holding, '/crew/operator_receiver', 'map', SIZE)
+    buffer = io.BytesIO()
+    message.serialize(buffer)
+    assert SIZE - 6 < len(buffer.getvalue()) + OVERHEAD <= SIZE
+    assert set(from_message(message).runs) < set(holding.runs)
+
+
+@pytest.mark.parametrize(('first', 'count'), [
+    ([1], []), ([], [1]), ([5], [0]), ([5, 4], [1, 1]), ([5, 5], [1, 1]), ([5, 7], [3, 1]), ([END - 1], [2]),
+    (list(range(0, 2 * MAX_RUNS + 2, 2)), [1] * (MAX_RUNS + 1)),
+])
+def test_hostile_reports_are_refused(first: List[int], count: List[int]) -> None:
+    message: Any = Held(first=first, count=count)
+    with pytest.raises(ValueError):
+        from_message(message)
