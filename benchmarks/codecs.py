@@ -106,9 +106,9 @@ def layered_cases() -> Dict[str, Case]:
 
 def cases() -> Dict[str, Case]:
     """The cases by their names in the table."""
-    plain, packed = (Sender('cloud', encoding=encoding) for encoding in ('float32', 'packed'))
-    image_sender, image_receiver = Sender('image'), Receiver('image')
-    cloud_receiver, map_sender, scan_sender = Receiver('cloud'), Sender('grid'), Sender('scan')
+    plain, packed, ordered = (Sender('cloud', encoding=encoding) for encoding in ('float32', 'packed', 'sorted'))
+    image_sender, image_receiver = Sender('image', coding='interleaved'), Receiver('image')
+    cloud_receiver, map_sender, scan_sender = Receiver('cloud'), Sender('grid', coding='interleaved'), Sender('scan')
     fans = FanCache()       # both scans of a cloud share its points and its ground
     virtual_senders = [Sender('virtual_scan', fans, select=select, base_frame='')
                        for select in ('obstacle', 'landmark')]
@@ -116,7 +116,7 @@ def cases() -> Dict[str, Case]:
     thermal, colour = image_message('mono16'), image_message('bgr8')
     batches = [frame.records.copy() for frame in image_sender.frames(thermal)]
     halves = [records[::2] for records in batches]
-    chunks = [frame.records for frame in packed.frames(points)]
+    chunks, ordered_chunks = ([frame.records for frame in sender.frames(points)] for sender in (packed, ordered))
     grey = pixels.as_pixels(thermal.data, 480, 640, 1280, 'mono16', False)
 
     def both_scans() -> None:
@@ -131,8 +131,10 @@ def cases() -> Dict[str, Case]:
     return {
         'cloud of 23 040: voxels and chunks, float32': Case(lambda: plain.frames(points), 4.0),
         'cloud of 23 040: voxels and chunks, packed': Case(lambda: packed.frames(points), 4.0),
+        'cloud of 23 040: voxels and chunks, sorted': Case(lambda: ordered.frames(points), 6.0),
         **pcl_and_numpy_cases(points),
         'cloud: merge, packed': Case(lambda: cloud_receiver.assemble(chunks)),
+        'cloud: merge, sorted': Case(lambda: cloud_receiver.assemble(ordered_chunks), 6.0),
         'cloud of 23 040: both virtual scans': Case(both_scans, 10.0),
         'map of 2000 x 2000: reduce and split': Case(changed_map, 20.0),
         'scan of 720: split': Case(lambda: scan_sender.frames(ranges)),

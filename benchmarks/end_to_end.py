@@ -132,7 +132,8 @@ def methods(folder: pathlib.Path) -> List[Method]:
 def _ours(name: str, title: str, folder: pathlib.Path, cloud_settings: Mapping[str, Any], cloud_size: int,
           *options: str) -> Method:
     streams: Dict[str, Dict[str, Any]] = {
-        'image': {'type': 'image', 'rate': 100.0}, 'cloud': {'type': 'cloud', 'rate': 100.0, **cloud_settings}}
+        'image': {'type': 'image', 'rate': 100.0, 'coding': 'interleaved'},
+        'cloud': {'type': 'cloud', 'rate': 100.0, **cloud_settings}}
     for kind, stream in streams.items():
         stream.update(robot_topic='in/' + kind, operator_topic='out/' + kind)
     path = folder / (name + '.yaml')

@@ -131,10 +131,10 @@ def image_message(image: Array) -> Any:
 def raw_error(image: Array, budget: int, loss: float) -> float:
     """The mean squared error of as many raw subimages as the budget carries, the rest concealed."""
     message, receiver = image_message(image), image_receiver(BEST)
-    size = wire_size(Sender('image', max_subimages=1).frames(message))
-    frames = Sender('image', max_subimages=max(1, int(1000 * budget / size))).frames(message)
+    size = wire_size(Sender('image', coding='interleaved', max_subimages=1).frames(message))
+    frames = Sender('image', coding='interleaved', max_subimages=max(1, int(1000 * budget / size))).frames(message)
     while wire_size(frames) > 1000 * budget and sum(map(len, frames)) > 1:
-        frames = Sender('image', max_subimages=max(1, sum(map(len, frames)) - 1)).frames(message)
+        frames = Sender('image', coding='interleaved', max_subimages=max(1, sum(map(len, frames)) - 1)).frames(message)
     random, errors = np.random.RandomState(1), []
     for _ in range(PATTERNS):
         shown = received(receiver, frames, random.random_sample(sum(map(len, frames))) >= loss)

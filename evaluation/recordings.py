@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Images to measure with: scikit-image's photographs, and recordings where they lie beside this checkout."""
+"""What to measure with: scikit-image's photographs, and recordings where they lie beside this checkout."""
 import pathlib
 from typing import Dict, Iterator, Mapping
 
@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import skimage.data
 
-from smokebot_udp.arrays import Array, UInt8Array
+from smokebot_udp.arrays import Array, Float32Array, UInt8Array
 from smokebot_udp.simulation.pinhole import Pinhole
 from smokebot_udp.simulation.thermal import ThermalCamera
 from smokebot_udp.simulation.world import building
@@ -46,6 +46,15 @@ def thermal() -> Dict[str, Array]:
             images['lepton_' + file.stem] = arrays['frames'][0]
     camera = ThermalCamera(building(1), Pinhole(640, 480, 1.2, 0.6), 1)
     return {**images, 'simulated': camera.look((1.5, 7.0, 0.3), 0.0)}
+
+
+def cloud_points(path: pathlib.Path) -> Float32Array:
+    """The points of a recorded cloud's file: (n, 3) [m]."""
+    if path.suffix == '.npz':
+        with np.load(str(path)) as arrays:
+            return arrays['xyz'].reshape(-1, 3)
+    import pcl
+    return np.asarray(pcl.load(str(path)))
 
 
 def _recorded(kind: str, folders: Mapping[str, int]) -> Iterator[pathlib.Path]:

@@ -13,6 +13,7 @@ EXPERIMENTS = {
     'supervisor_simulation': 'simulated',
     'subimages': 'offline',
     'map_reduction': 'offline',
+    'maps': 'offline',
     'pictures_per_second': 'link',
     'received_packets': 'link',
     'cloud_points': 'link',

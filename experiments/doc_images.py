@@ -16,6 +16,7 @@ IMAGES = {
     'few_segments.jpg': 'subimages/few.png',
     'more_segments.jpg': 'subimages/more.png',
     'map_reduction.png': 'map_reduction/simulated_building.png',
+    'map_tiles.png': 'maps/maps_time.png',
     'cloud_loss.jpg': 'cloud_loss/simulated.png',
     'cloud_loss_points.png': 'cloud_loss/points.png',
     'image_quality.png': 'image_quality/psnr.png',

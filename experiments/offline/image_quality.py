@@ -125,7 +125,7 @@ def arrivals(case: Case, seed: int, count: int, packets: int) -> List[BoolArray]
 def methods(case: Case, truths: Sequence[UInt8Array], ladders: Sequence[JpegLadder], examples: Sequence[JpegLadder],
             seed: int) -> Dict[str, Iterable[Optional[UInt8Array]]]:
     """{method: what can be shown of each image} of one case; examples: JPEGs by which a code is chosen."""
-    sender = Sender('image', max_subimages=case['segments'])
+    sender = Sender('image', coding='interleaved', max_subimages=case['segments'])
     budget = budget_of(sender, truths[0])
     codes = dict(zip(JPEGS, (
         jpeg_packets.codes(budget)[-1], jpeg_packets.with_redundancy(budget, 0.25),
@@ -167,7 +167,8 @@ def run(run: Run) -> None:
                 shown_rows.append({'way': method, 'lost [%]': 100 * case['loss'], 'PSNR [dB]': quality, 'new': new})
     table.write(run.folder / 'quality.csv', rows)
     table.write(run.folder / 'budgets.csv', [
-        {'segments': segments, 'kB': budget_of(Sender('image', max_subimages=segments), truths[0]) / 1e3}
+        {'segments': segments,
+         'kB': budget_of(Sender('image', coding='interleaved', max_subimages=segments), truths[0]) / 1e3}
         for segments in SEGMENTS])
     table.write(run.folder / 'shown.csv', shown_rows)
     np.savez_compressed(str(run.folder / 'shown.npz'), **shown)

@@ -3,18 +3,13 @@
 import pathlib
 from typing import Any, Dict, Iterator, List, Mapping, Sequence, Tuple, Union
 
-import cv2
 import numpy as np
-from nav_msgs.msg import OccupancyGrid
 from scipy import ndimage
 
+from evaluation.maps import map_message, recorded, recorded_names, simulated
 from evaluation.offline_link import Receiver, Sender, datagram_count, records_of
-from evaluation.recordings import RECORDINGS
 from smokebot_udp.arrays import Array, BoolArray
-from smokebot_udp.codecs.wire.grid import UNKNOWN
-from smokebot_udp.simulation.drive import Drive
-from smokebot_udp.simulation.mapping import RESOLUTION, Mapper
-from smokebot_udp.simulation.world import building
+from smokebot_udp.simulation.mapping import RESOLUTION
 
 from .. import drawing, table
 from ..runner import Figure, Run, Table
@@ -50,21 +45,6 @@ TOUCHING = np.ones((3, 3))
 """Cells that touch, corners included, belong to one piece."""
 
 
-def simulated() -> Array:
-    """The building's map after one tour of the robot: (300, 500) int8."""
-    drive, mapper = Drive(), Mapper(building(1))
-    for time in np.arange(0.0, drive.period, 1.0):
-        mapper.update(drive.pose(time))
-    return mapper.cells
-
-
-def recorded(name: str) -> Array:
-    """The image of a map_server as cells: (height, width) int8, from south to north."""
-    grey = np.flipud(cv2.imread(str(RECORDINGS / 'maps' / (name + '.pgm')), cv2.IMREAD_UNCHANGED))
-    occupancy = 1 - grey / 255.0
-    return np.select([occupancy > 0.65, occupancy < 0.196], [100, 0], UNKNOWN).astype(np.int8)
-
-
 def mean_reduced(cells: Array, factor: int) -> Array:
     """The means of blocks of cells, as images are reduced; unknown counts as free."""
     rows, columns = (-(-side // factor) for side in cells.shape)
@@ -82,10 +62,7 @@ class MapLink:
     """
 
     def __init__(self, cells: Array, resolution: float, **settings: Any) -> None:
-        message = OccupancyGrid(data=cells.ravel())
-        message.info.height, message.info.width = cells.shape
-        message.info.resolution = resolution
-        self._frames = Sender('grid', **settings).frames(message)
+        self._frames = Sender('grid', coding='interleaved', **settings).frames(map_message(cells, resolution))
         self.segments = datagram_count(self._frames)
         self.factor = round(float(self._frames[0].records['info']['resolution'][0]) / resolution)
 
@@ -135,7 +112,7 @@ def run(run: Run) -> None:
     maps = {'simulated building': (simulated(), RESOLUTION)}
     if not run.quick:
         maps.update({name: (recorded(name), resolution) for name, resolution in RECORDED.items()
-                     if (RECORDINGS / 'maps' / (name + '.pgm')).exists()})
+                     if name in recorded_names()})
     rows, random = [], np.random.RandomState(run.seed)
     for name in run.steps(maps, str):
         cells, resolution = maps[name]

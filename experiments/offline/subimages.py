@@ -40,7 +40,7 @@ def run(run: Run) -> None:
     """Fill each image from random segments: psnr.csv, and what is shown in shown.npz."""
     all_photographs = photographs(320, 240)
     names = SHOWN if run.quick else sorted(SKIMAGE_PHOTOGRAPHS)
-    random, sender = np.random.RandomState(run.seed), Sender('image')
+    random, sender = np.random.RandomState(run.seed), Sender('image', coding='interleaved')
     receivers = {fill: image_receiver(fill) for fill in FILLS}
     rows, shown = [], {}
     for name in run.steps(names, str):

@@ -6,7 +6,7 @@ from typing import Iterator, List, Tuple, Union
 
 import numpy as np
 
-from evaluation.recordings import RECORDINGS
+from evaluation.recordings import RECORDINGS, cloud_points
 from smokebot_udp.arrays import Array, Float32Array
 from smokebot_udp.codecs.perception import virtual_scan
 from smokebot_udp.codecs.perception.ground import GroundFinder, Plane
@@ -63,16 +63,7 @@ def recorded(folder: pathlib.Path) -> Iterator[Cloud]:
         if path.suffix in ('.npz', '.pcd'):
             name = '%s_%s' % (path.parent.name, path.stem)
             mount = next((MOUNTS[part] for part in MOUNTS if part in name), MOUNT)
-            yield path.parent.name, name, mount, read(path)
-
-
-def read(path: pathlib.Path) -> Float32Array:
-    """The points of a file: (n, 3) [m]."""
-    if path.suffix == '.npz':
-        with np.load(str(path)) as arrays:
-            return arrays['xyz'].reshape(-1, 3)
-    import pcl
-    return np.asarray(pcl.load(str(path)))
+            yield path.parent.name, name, mount, cloud_points(path)
 
 
 def simulated() -> Iterator[Cloud]:
