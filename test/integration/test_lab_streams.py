@@ -63,7 +63,9 @@ class LabStreams(unittest.TestCase):
         cls.addClassCleanup(cls.stack.close)
         with open(str(STREAMS)) as file:
             cls.streams = yaml.safe_load(file)['streams']
-        cls.streams['thermal'].update(publish_mask=True, coding='interleaved')    # its completeness is judged
+        cls.streams['thermal']['publish_mask'] = True
+        for name in 'thermal', 'camera':
+            cls.streams[name]['coding'] = 'interleaved'     # DATAGRAMS are of raw pixels
         cls.folder = tempfile.TemporaryDirectory()
         cls.addClassCleanup(cls.folder.cleanup)
         cls.file = pathlib.Path(cls.folder.name) / 'streams.yaml'
