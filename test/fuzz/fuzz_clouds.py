@@ -11,7 +11,6 @@ process grew.
 """
 import collections
 import pathlib
-import resource
 import sys
 import time
 import warnings
@@ -21,7 +20,9 @@ from typing import Any, Counter, List
 import numpy as np
 from sensor_msgs.msg import PointCloud2, PointField
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
+sys.path[:0] = [str(pathlib.Path(__file__).resolve().parents[2]), str(pathlib.Path(__file__).resolve().parent)]
+from fuzzing import run  # noqa: E402
+
 from evaluation.offline_link import Sender, operator_side  # noqa: E402
 from smokebot_udp.codecs.wire.cloud import MAX_POINTS  # noqa: E402
 from smokebot_udp.msg import CloudChunk  # noqa: E402
@@ -77,7 +78,7 @@ class Fuzzer:
         self._clouds = clouds()
         self._assembler, self._settings = operator_side('cloud')
         self._now, self._stamp = 100.0, 1
-        self.segments = self.shown = self.points = 0
+        self.inputs = self.shown = self.points = 0
         self.worst = 0.0
         """Longest processor time of a batch [s]."""
 
@@ -86,7 +87,11 @@ class Fuzzer:
         """Refused segments, by reason."""
         return collections.Counter(self._assembler.dropped)
 
-    def good_clouds(self) -> None:
+    def report(self) -> str:
+        """What was shown and refused."""
+        return '%d clouds shown; refused: %s' % (self.shown, dict(self.dropped))
+
+    def good(self) -> None:
         """Feed the good clouds.
 
         :raises AssertionError: one of them is not shown whole
@@ -107,7 +112,7 @@ class Fuzzer:
         begun = time.process_time()
         self._feed(records, self._numpy.random_sample(len(records)) < 0.95)
         self.worst = max(self.worst, time.process_time() - begun)
-        self.segments += len(records)
+        self.inputs += len(records)
 
     def _feed(self, records: Any, mask: Any) -> None:
         records['header']['stamp']['secs'], records['header']['stamp']['nsecs'] = self._stamp, 5
@@ -195,26 +200,7 @@ def empty(count: int, codes: int, size: int) -> Any:
     return Frame(CloudChunk, count, {'header.frame_id': 8, 'codes': codes, 'data': size}).records.copy()
 
 
-def memory() -> int:
-    """The largest memory of the process so far [MiB]."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024
-
-
-def main(segments: int, seed: int) -> int:
-    """Run; the exit status."""
-    warnings.simplefilter('error')
-    fuzzer, reported = Fuzzer(Random(seed)), 0
-    fuzzer.good_clouds()
-    before = memory()
-    while fuzzer.segments < segments:
-        fuzzer.batch()
-        if fuzzer.segments >= reported:
-            reported += segments // 20
-            print('%d segments, %d clouds shown, longest batch %.3f s, memory + %d MiB; refused: %s' % (
-                fuzzer.segments, fuzzer.shown, fuzzer.worst, memory() - before, dict(fuzzer.dropped)), flush=True)
-    fuzzer.good_clouds()
-    return int(fuzzer.worst > MAX_TIME)
-
-
 if __name__ == '__main__':
-    sys.exit(main(*[int(argument) for argument in sys.argv[1:]] + [SEGMENTS, 1][len(sys.argv) - 1:]))
+    warnings.simplefilter('error')
+    count, seed = [int(argument) for argument in sys.argv[1:]] + [SEGMENTS, 1][len(sys.argv) - 1:]
+    sys.exit(run(Fuzzer(Random(seed)), count, MAX_TIME))

@@ -11,7 +11,6 @@ a good map that is not shown exactly afterwards.
 """
 import collections
 import pathlib
-import resource
 import sys
 import time
 from random import Random
@@ -20,7 +19,8 @@ from typing import Any, Counter, List
 import numpy as np
 
 TOP = pathlib.Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(TOP), str(TOP / 'test' / 'unit')]
+sys.path[:0] = [str(TOP), str(TOP / 'test' / 'unit'), str(TOP / 'test' / 'fuzz')]
+from fuzzing import run  # noqa: E402
 from tile_sender import TileSender, info_of  # noqa: E402
 
 from evaluation.offline_link import operator_side  # noqa: E402
@@ -61,7 +61,7 @@ class Fuzzer:
         self._maps: List[List[Any]] = [[] for _ in self._senders]      # records of the newest maps of each
         self._assembler, self._settings = operator_side('grid', rate=50.0)
         self._now = 100.0
-        self.segments = self.shown = 0
+        self.inputs = self.shown = 0
         self.worst = 0.0
         """Longest processor time of a batch [s]."""
         for number in range(SESSIONS):
@@ -72,7 +72,11 @@ class Fuzzer:
         """Refused segments, by reason."""
         return collections.Counter(self._assembler.dropped)
 
-    def good_map(self) -> None:
+    def report(self) -> str:
+        """What was shown and refused."""
+        return '%d maps shown; refused: %s' % (self.shown, dict(self.dropped))
+
+    def good(self) -> None:
         """Feed a good map, twice.
 
         :raises AssertionError: it is not shown
@@ -119,7 +123,7 @@ class Fuzzer:
 
     def _receive(self, record: Any) -> None:
         self._assembler.receive(record, np.ones(1, bool), self._now, TILES)
-        self.segments += 1
+        self.inputs += 1
 
     def _take(self) -> Any:
         """The newest message, if there is any."""
@@ -169,26 +173,6 @@ class Fuzzer:
         return record
 
 
-def memory() -> int:
-    """The largest memory of the process so far [MiB]."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024
-
-
-def main(segments: int, seed: int) -> int:
-    """Run; the exit status."""
-    fuzzer, reported = Fuzzer(Random(seed)), 0
-    fuzzer.good_map()
-    fuzzer.worst, before = 0.0, memory()
-    while fuzzer.segments < segments:
-        fuzzer.batch()
-        if fuzzer.segments >= reported:
-            reported += segments // 20
-            fuzzer.good_map()
-            print('%d segments, %d maps shown, longest batch %.3f s, memory + %d MiB; refused: %s' % (
-                fuzzer.segments, fuzzer.shown, fuzzer.worst, memory() - before, dict(fuzzer.dropped)), flush=True)
-    fuzzer.good_map()
-    return int(fuzzer.worst > MAX_TIME)
-
-
 if __name__ == '__main__':
-    sys.exit(main(*[int(argument) for argument in sys.argv[1:]] + [SEGMENTS, 1][len(sys.argv) - 1:]))
+    count, seed = [int(argument) for argument in sys.argv[1:]] + [SEGMENTS, 1][len(sys.argv) - 1:]
+    sys.exit(run(Fuzzer(Random(seed)), count, MAX_TIME))

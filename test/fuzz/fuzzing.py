@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the fuzzers of compiled codecs have in common: they run until enough inputs were tried, and report."""
+"""What the fuzzers have in common: they run until enough inputs were tried, and report."""
 import resource
 from typing import Any
 
@@ -16,11 +16,12 @@ def run(fuzzer: Any, inputs: int, max_time: float) -> int:
     :param max_time: longest processor time of a batch [s]
     """
     fuzzer.good()
-    before, reported = memory(), 0
+    before, reported, fuzzer.worst = memory(), 0, 0.0
     while fuzzer.inputs < inputs:
         fuzzer.batch()
         if fuzzer.inputs >= reported:
             reported += max(inputs // 20, 1)
+            fuzzer.good()
             print('%d inputs, longest batch %.3f s, memory + %d MiB; %s' % (
                 fuzzer.inputs, fuzzer.worst, memory() - before, fuzzer.report()), flush=True)
     fuzzer.good()

@@ -1,19 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Hostile tiles with a limited number of inputs. Loops check their indexes here, too (conftest.py)."""
-import importlib.util
-import pathlib
-from random import Random
-
 import needs_numba  # noqa: F401
-
-spec = importlib.util.spec_from_file_location(
-    'fuzz_tiles', str(pathlib.Path(__file__).resolve().parents[1] / 'fuzz' / 'fuzz_tiles.py'))
-fuzz_tiles = importlib.util.module_from_spec(spec)
-spec.loader.exec_module(fuzz_tiles)
+from fuzzers import fuzzer as made_fuzzer
 
 
 def test_hostile_tiles() -> None:
-    fuzzer = fuzz_tiles.Fuzzer(Random(5))
+    fuzzer = made_fuzzer('fuzz_tiles')
     fuzzer.good()
     for _ in range(40):
         fuzzer.batch()

@@ -39,7 +39,7 @@ from .layout import (
     START,
 )
 from .loops import compiled, int64, specialised, uint64
-from .range_coder import END, LEAST, code, decide, decide_evenly, determined, refill, unknown_of
+from .range_coder import END, LEAST, code, decide, decide_at, determined, refill, unknown_of
 
 BLOCKS_PASS = 3
 ONE, TWO, THREE = uint64(1), uint64(2), uint64(3)
@@ -210,7 +210,7 @@ def _refine(encoding: bool, work: Work, band: Band, first: int, last: int, low: 
             symbol, odd, low, width = decide(encoding, bit, int64(odds[at_odds]), low, width, unknown)
             odds[at_odds] = odd
         else:
-            symbol, low, width = decide_evenly(encoding, bit, low, width, unknown)
+            symbol, low, width = decide_at(encoding, bit, width >> 1, low, width, unknown)
         if width < LEAST:
             low, width, at, unknown = refill(encoding, data, low, width, at)
         if symbol < 0 or unknown == 0:

@@ -72,29 +72,14 @@ def decide(encoding: bool, symbol: int, odds: int, low: int, width: int, unknown
 
 
 @inlined
-def decide_by(encoding: bool, symbol: int, chance: int, low: int, width: int, unknown: int) -> Tuple[int, int, int]:
-    """Code a symbol by a probability that the caller adapts. `refill` comes next.
+def decide_at(encoding: bool, symbol: int, bound: int, low: int, width: int, unknown: int) -> Tuple[int, int, int]:
+    """Code a symbol by a probability that is not adapted here. `refill` comes next.
 
-    :param chance: probability of 0 [2^-16], 1..65535
+    What it shares with `decide` is not a function: 6 % slower.
+
+    :param bound: the part of the width that 0 has, above 0 and below the width
     :returns: the symbol or END, and the new low and width
     """
-    bound = (width >> 16) * chance
-    if not encoding:
-        symbol = 1 if low >= bound else 0
-        if symbol == 0 and low + unknown > bound:
-            symbol = END
-    if symbol > 0:
-        low += bound if encoding else -bound
-        width -= bound
-    else:
-        width = bound
-    return symbol, low, width
-
-
-@inlined
-def decide_evenly(encoding: bool, symbol: int, low: int, width: int, unknown: int) -> Tuple[int, int, int]:
-    """Code a symbol for which 0 and 1 are as likely. What it shares with `decide` is not a function: 6 % slower."""
-    bound = width >> 1
     if not encoding:
         symbol = 1 if low >= bound else 0
         if symbol == 0 and low + unknown > bound:
@@ -135,6 +120,16 @@ def unknown_of(data: Array, at: int) -> int:
 
 
 @compiled
+def refilled(encoding: bool, data: Array, symbol: int, low: int, width: int, at: int) -> Tuple[int, int, int, int]:
+    """After a symbol: the symbol, END where the encoder has no room, and the state."""
+    if width < LEAST:
+        low, width, at, unknown = refill(encoding, data, low, width, at)
+        if unknown == 0:
+            symbol = END
+    return symbol, low, width, at
+
+
+@compiled
 def code(encoding: bool, data: Array, odds: Array, context: int, symbol: int, low: int, width: int, at: int
          ) -> Tuple[int, int, int, int]:
     """Code one symbol, all in one; END also where the encoder has no room.
@@ -143,11 +138,7 @@ def code(encoding: bool, data: Array, odds: Array, context: int, symbol: int, lo
     """
     symbol, odd, low, width = decide(encoding, symbol, int64(odds[context]), low, width, unknown_of(data, at))
     odds[context] = odd
-    if width < LEAST:
-        low, width, at, unknown = refill(encoding, data, low, width, at)
-        if unknown == 0:
-            symbol = END
-    return symbol, low, width, at
+    return refilled(encoding, data, symbol, low, width, at)
 
 
 @compiled

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...arrays import Array
 from ..layered.loops import compiled, int64
-from ..layered.range_coder import END, LEAST, decide_by, refill, unknown_of
+from ..layered.range_coder import decide_at, refilled, unknown_of
 
 CLASS_BITS = 2
 """Of each neighbour in a context, the nearest first."""
@@ -51,12 +51,9 @@ def _adapted(chance: int, symbol: int) -> int:
 def _code(encoding: bool, data: Array, chance: int, symbol: int, low: int, width: int, at: int
           ) -> Tuple[int, int, int, int]:
     probability = min(max(chance >> 16, LEAST_CHANCE), 65536 - LEAST_CHANCE)
-    symbol, low, width = decide_by(encoding, symbol, probability, low, width, unknown_of(data, at))
-    if width < LEAST:
-        low, width, at, unknown = refill(encoding, data, low, width, at)
-        if unknown == 0:
-            symbol = END
-    return symbol, low, width, at
+    bound = (width >> 16) * probability
+    symbol, low, width = decide_at(encoding, symbol, bound, low, width, unknown_of(data, at))
+    return refilled(encoding, data, symbol, low, width, at)
 
 
 @compiled
