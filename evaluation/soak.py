@@ -8,7 +8,7 @@ import math
 import random
 import statistics
 from dataclasses import dataclass
-from typing import Any, Dict, Iterable, Iterator, List, Mapping, NamedTuple, Optional, Sequence, Set, Tuple
+from typing import Any, Collection, Dict, Iterable, Iterator, List, Mapping, NamedTuple, Optional, Sequence, Set, Tuple
 
 import numpy as np
 
@@ -45,6 +45,9 @@ KINDS = {
 }
 """{name: Kind}"""
 
+GENTLE = [kind for kind, one in KINDS.items() if not {'robot_sender', 'operator_receiver'}.intersection(one.restarts)]
+"""The kinds that both nodes live through: how their memory grows is seen in long lives only."""
+
 REBOOTS = 'robot reboots'
 COMES, GOES = 'second operator comes', 'second operator goes'
 
@@ -63,14 +66,15 @@ class Fault:
     """Of the robot's clock, either way [s]."""
 
 
-def faults(seed: int, longest: float = math.inf) -> Iterator[Fault]:
+def faults(seed: int, longest: float = math.inf, among: Collection[str] = tuple(KINDS)) -> Iterator[Fault]:
     """Endless faults. Every kind comes once before any comes again, in random order; the second operator comes first.
 
     :param longest: limit of Fault.seconds
+    :param among: the kinds that come
     """
     chance = random.Random(seed)
     while True:
-        kinds = list(KINDS)
+        kinds = list(among)
         chance.shuffle(kinds)
         second = iter((COMES, GOES))
         for kind in kinds:

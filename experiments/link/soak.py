@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Half an hour of random faults: what comes back by itself, how soon, and whether anything is left behind."""
 import itertools
+import math
 import pathlib
 import time
 from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Union
@@ -19,7 +20,8 @@ killed without warning (`kill -9`) and started again. When the robot reboots, it
 while the operator's side goes on. The link is cut for up to 30 s. The operator's machine gets another address: the
 machines know each other by host names. A second operator comes, and ends in order. The robot's clock is stepped by up
 to an hour either way. A stranger calls the nodes: connections in others' names, forged notifications. All kinds of
-faults come equally often, in an order drawn from the seed.
+faults come equally often, in an order drawn from the seed. After a third of the time only those come that both nodes
+live through, since the growth of their memory is seen in long lives.
 
 A stream is fresh when the operator shows a message that is stamped after the end of the fault. The wait counts from the
 moment at which the last part that was started again has registered at the master, else from the end of the fault, until
@@ -33,7 +35,7 @@ QUICK_LONGEST = 3.0
 """Limit of the duration of a fault in a quick run [s]."""
 
 SETTLED = 1 / 3
-"""From this share of the soak on the slope of the memory counts."""
+"""From this share of the soak on the slope of the memory counts, and both nodes live on: see GENTLE."""
 
 WARM_UP = 120.0
 """The memory of a process grows for this time after its start: buffers, threads' arenas, the map [s]."""
@@ -45,16 +47,19 @@ MAX_SLOPE = 0.2
 def run(run: Run) -> None:
     """Write rounds.csv, waits.csv, resources.csv."""
     minutes = run.minutes or (QUICK_MINUTES if run.quick else MINUTES)
-    faults = soak.faults(run.seed, *([QUICK_LONGEST] if run.quick else []))
+    longest = QUICK_LONGEST if run.quick else math.inf
     done: List[Round] = []
-    end = time.monotonic() + 60 * minutes
+    begin = time.monotonic()
+    settled, end = begin + SETTLED * 60 * minutes, begin + 60 * minutes
+    faults = itertools.chain(
+        itertools.takewhile(lambda _: time.monotonic() < settled, soak.faults(run.seed, longest)),
+        itertools.takewhile(lambda _: time.monotonic() < end, soak.faults(run.seed, longest, soak.GENTLE)))
     try:
         running = Soak(run.folder, run.seed)
     except FileNotFoundError as error:
         raise Skipped(str(error)) from error
     with running:
-        progress = run.steps(itertools.takewhile(lambda _: time.monotonic() < end, faults), lambda fault: fault.kind)
-        for fault in progress:
+        for fault in run.steps(faults, lambda fault: fault.kind):
             done.append(running.round(fault))
             write(run.folder, done, running.samples)
 

@@ -21,6 +21,7 @@ from evaluation.listener import Heard  # noqa: E402
 from evaluation.named_stack import hosts  # noqa: E402
 from evaluation.soak import (  # noqa: E402
     COMES,
+    GENTLE,
     GOES,
     KINDS,
     Fault,
@@ -63,6 +64,11 @@ def test_each_kind_comes_once_before_any_comes_again() -> None:
             kinds = [fault.kind for fault in drawn[i:i + len(KINDS)]]
             assert sorted(kinds) == sorted(KINDS)
             assert kinds.index(COMES) < kinds.index(GOES)
+
+
+def test_both_nodes_live_through_gentle_faults() -> None:
+    drawn = {fault.kind for fault in itertools.islice(faults(1, among=GENTLE), 3 * len(GENTLE))}
+    assert drawn == set(GENTLE) == set(KINDS) - {'robot_sender killed', 'operator_receiver killed', 'robot reboots'}
 
 
 def test_faults_follow_from_the_seed_and_keep_their_limits() -> None:

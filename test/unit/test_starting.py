@@ -19,6 +19,17 @@ print('started', rospy.get_time() > 0, flush=True)
 rospy.signal_shutdown('the test has ended')
 """
 
+ENDED = """
+import rospy
+from smokebot_udp import udpros
+udpros.init_node('starting')
+rospy.signal_shutdown('new node registered with same name')
+try:
+    udpros.Publisher('chatter', rospy.AnyMsg)
+except rospy.ROSInterruptException as error:
+    print(error, flush=True)
+"""
+
 CUT = b'HTTP/1.1 200 OK\r\nContent-Type: text/xml\r\nContent-Length: 100\r\n\r\n<?xml'
 
 
@@ -62,19 +73,23 @@ def master() -> Iterator[Server]:
         server.shutdown()
 
 
-def output(master: Server, init: str) -> str:
+def output(master: Server, program: str) -> str:
     """What a node prints that is started at this master."""
     environment = {**os.environ, 'ROS_MASTER_URI': 'http://127.0.0.1:%d' % master.server_address[1],
                    'ROS_HOSTNAME': '127.0.0.1'}
-    return subprocess.run([sys.executable, '-c', NODE.format(init=init), '_private:=7'], env=environment, timeout=60,
+    return subprocess.run([sys.executable, '-c', program, '_private:=7'], env=environment, timeout=60,
                           stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True).stdout
 
 
 def test_a_node_starts_while_the_master_restarts(master: Server) -> None:
-    assert output(master, 'udpros.init_node') == 'started True\n'
+    assert output(master, NODE.format(init='udpros.init_node')) == 'started True\n'
     assert master.asked['setParam'] == 2
 
 
 def test_rospys_own_start_fails_then(master: Server) -> None:
     """Otherwise this module would not be needed any more."""
-    assert output(master, 'rospy.init_node') == ''
+    assert output(master, NODE.format(init='rospy.init_node')) == ''
+
+
+def test_a_node_that_the_master_ends_while_it_starts_says_so(master: Server) -> None:
+    assert output(master, ENDED) == 'the node is ending\n'

@@ -90,13 +90,16 @@ def install() -> None:
     """Bind UDPROS to this process's node, once; after rospy.init_node, before any UDPROS topic.
 
     :raises rospy.exceptions.ROSInitException: before rospy.init_node
+    :raises rospy.exceptions.ROSInterruptException: the node is ending already: the master may end it while it starts
     """
     with _install_lock:
         if _installed:
             return
         if not rospy.core.is_initialized():
             raise rospy.exceptions.ROSInitException('call rospy.init_node before using smokebot_udp.udpros')
-        registration = next(x for x in get_registration_listeners().listeners if isinstance(x, RegManager))
+        registration = next((x for x in get_registration_listeners().listeners if isinstance(x, RegManager)), None)
+        if registration is None:    # rospy's shutdown removes it
+            raise rospy.exceptions.ROSInterruptException('the node is ending')
         node_handler = registration.handler
         handler = UdprosHandler(node_handler, registration)
         node_handler.protocol_handlers.insert(0, handler)
