@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Plans: probabilities by hand and by simulation, the best of all plans of a small case, budgets kept."""
+"""Plans: the best of all plans of a small case, budgets kept."""
 import itertools
 import math
 from typing import Dict, Iterator, List, Optional, Tuple
 
+import needs_numba  # noqa: F401
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,7 +12,9 @@ from hypothesis import strategies as st
 
 from smokebot_udp.arrays import FloatArray, IntArray
 from smokebot_udp.codecs.layered.pieces import GROUP, Layer, codes_of, parts_of
-from smokebot_udp.codecs.layered.plan import LAYER_BYTES, arrivals, best_plan, promised, survival, upper_hull, worth
+from smokebot_udp.codecs.layered.plan import LAYER_BYTES, best_plan, promised, upper_hull, worth
+from smokebot_udp.codecs.layered.prices import bytes_at_price, filling_bytes
+from smokebot_udp.codecs.layered.survival import survival
 
 HEAD, ROOM = 93, 1379
 
@@ -22,52 +25,23 @@ def curve(length: int, points: int = 60) -> Tuple[IntArray, FloatArray]:
     return ends, worth(76800 * 3000.0 / (ends / 20.0) ** 1.6, 76800, 0.065)
 
 
-def test_arrivals_by_hand() -> None:
-    one = arrivals(2, np.array([0.25]), np.array([0.75]))       # independent losses
-    assert one[0] == pytest.approx([0.0625, 0.375, 0.5625])
-    # lost half the time, and the next one shares its fate in three of four cases
-    two = arrivals(2, np.array([0.5]), np.array([0.25]))
-    assert two[0] == pytest.approx([0.375, 0.25, 0.375])
-    assert arrivals(1, np.array([0.1]), np.array([0.2]))[0] == pytest.approx([0.1, 0.9])
-
-
-@pytest.mark.parametrize('count', [3, 12, 71, 240])
-@pytest.mark.parametrize('loss', [1e-4, 0.05, 0.5, 0.9])
-@pytest.mark.parametrize('burst', [None, 1.5, 8.0, 40.0])
-def test_arrivals_datagram_by_datagram(count, loss, burst) -> None:
-    recovery = 1 - loss if burst is None else min(1 / burst, 1 - loss)
-    failure = loss * recovery / (1 - loss)
-    good, bad = np.zeros(count + 1), np.zeros(count + 1)
-    good[0], bad[0] = 1 - loss, loss
-    for _ in range(count):
-        come = np.concatenate([[0], good[:-1]])
-        good, bad = come * (1 - failure) + bad * recovery, come * failure + bad * (1 - recovery)
-    assert arrivals(count, np.array([loss]), np.array([recovery]))[0] == pytest.approx(good + bad, abs=1e-9)
-
-
-@pytest.mark.parametrize('threshold', [30, 120])
-def test_survival_with_two_codes_by_simulation(threshold) -> None:
-    count, loss = 480, 0.47 if threshold == 120 else 0.935
-    came = np.random.RandomState(1).random_sample((4000, count)) >= loss
-    if parts_of(threshold, count) == 1:
-        restored = (came[:, :240] | came[:, 240:]).sum(axis=1) >= threshold
-    else:
-        restored = (came[:, ::2].sum(axis=1) >= threshold) & (came[:, 1::2].sum(axis=1) >= threshold)
-    assert 0.2 < restored.mean() < 0.9
-    assert survival(count, {loss: 1.0}, None)[threshold - 1] == pytest.approx(restored.mean(), abs=0.03)
-
-
-def test_survival_mixes_losses_and_falls() -> None:
-    mixed = survival(20, {0.1: 0.75, 0.5: 0.25}, None)
-    assert mixed == pytest.approx(0.75 * survival(20, {0.1: 1.0}, None) + 0.25 * survival(20, {0.5: 1.0}, None))
-    assert (np.diff(mixed) <= 0).all() and mixed[0] <= 1 and len(mixed) == 20
-
-
 def test_hull_by_hand() -> None:
     hull = upper_hull(np.array([0.0, 1, 2, 3, 4, 5]), np.array([0.0, 4, 5, 9, 9.5, 9]))
     assert hull.points.tolist() == [0, 1, 3, 4]
     assert hull.x.tolist() == [0, 1, 3, 4] and hull.y.tolist() == [0, 4, 9, 9.5]
     assert upper_hull(np.array([0.0, 1]), np.array([3.0, 2])).points.tolist() == [0]
+
+
+def test_prices_by_hand() -> None:
+    # two parts of 100 and 60 bytes; thresholds 4 and 2, which cost a quarter and a half of a byte
+    parts = np.array([8.0, 1.0]), np.array([100.0, 60.0]), np.array([3.0, 0.5]), np.array([0.25, 0.5])
+    assert bytes_at_price(25.0, *parts).tolist() == [0, 0]
+    assert bytes_at_price(5.0, *parts).tolist() == [25, 0]
+    assert bytes_at_price(2.0, *parts).tolist() == [15, 50]
+    assert bytes_at_price(0.1, *parts).tolist() == [0, 80]
+    assert filling_bytes(90.0, *parts).tolist() == [0, 80]
+    # at the price of 4 the first part changes from 25 bytes of threshold 4 to 50 of threshold 2: two fifths do
+    assert filling_bytes(35.0, *parts) == pytest.approx([15, 20])
 
 
 def test_worth() -> None:

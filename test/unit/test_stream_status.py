@@ -121,8 +121,10 @@ def test_the_median_error_of_layered_images_is_shown(errors: List[Any], text: Op
 
 @pytest.mark.parametrize('error, message', [
     (ImageError(25.6, EIGHT_BITS), 'only 20 dB'), (ImageError(81.0, EIGHT_BITS), 'only 10 dB'),
-    (ImageError(25.4, EIGHT_BITS), 'fine'), (ImageError(0.0, EIGHT_BITS), 'fine'), (ImageError(900.0), 'fine')])
-def test_bad_layered_images_of_8_bits_are_a_warning(error: ImageError, message: str) -> None:
+    (ImageError(25.4, EIGHT_BITS), 'fine'), (ImageError(0.0, EIGHT_BITS), 'fine'), (ImageError(99.0), 'fine'),
+    (ImageError(900.0), 'an error of +-900 counts'), (ImageError(900.0, None, 100.0, 'K'), 'an error of +-9 K'),
+    (ImageError(0.9, None, 0.01, 'cm'), 'fine')])
+def test_bad_layered_images_are_a_warning(error: ImageError, message: str) -> None:
     stream, _ = watch(OPERATOR, messages_out=tenfold, shown=[Shown(0.1, None, error)], connections=connection())
     assert (stream.level, stream.message) == (OK if message == 'fine' else WARN, message)
 

@@ -116,7 +116,12 @@ class StreamMonitor:
         verdict.check(age, limits.warn_age, limits.error_age, '%.0f ms old', 1e3)
         if completeness is not None and completeness < limits.warn_completeness:
             verdict.add(WARN, 'only %.0f %% complete' % (100 * completeness))
-        if error is not None and error.peak is not None and error.psnr(error.peak) < limits.warn_psnr:
+        if error is None:
+            return
+        if error.peak is None:
+            if error.rms > limits.warn_error:
+                verdict.add(WARN, 'an error of ' + str(error))
+        elif error.psnr(error.peak) < limits.warn_psnr:
             verdict.add(WARN, 'only ' + str(error))
 
 

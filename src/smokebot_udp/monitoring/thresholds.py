@@ -15,6 +15,8 @@ class Thresholds:
     """Ratio, 0..1."""
     warn_psnr: float = 20.0
     """[dB]"""
+    warn_error: float = 100.0
+    """[values of pixels]"""
     warn_age: float = 0.5
     """[s]"""
     error_age: float = 2.0

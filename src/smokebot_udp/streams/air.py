@@ -24,7 +24,11 @@ TIMEOUT = 1.0
 """Without reports for this long nothing is known [s]."""
 
 UNKNOWN_LOSS = 0.7
-"""Then all losses up to this one are equally likely."""
+"""Then all losses up to this one are equally likely;"""
+
+UNKNOWN_TAIL: Mapping[float, float] = {0.82: 0.04, 0.89: 0.04, 0.95: 0.04}
+"""{heavy loss: its weight}: what is rare, but for which a small part of an image is protected so that any of its
+datagrams shows it."""
 
 DRIFT = 0.1
 """The probability that the loss moves to a neighbouring value of the grid [1/s]."""
@@ -48,10 +52,11 @@ PRIOR_VARIANCE = 3.0
 IMPOSSIBLE = 1e-12
 """No loss becomes less likely: otherwise sudden contradictions could not be believed."""
 
-HEAVIER, HEAVIER_BY = 0.14, 0.16
-"""With this weight, the loss is thought to take this part of what would arrive otherwise;"""
+HEAVIER, HEAVIER_BY, HEAVIER_LEAST = 0.12, 0.16, 0.35
+"""With this weight, the loss is thought to take this part of what would arrive otherwise, and to be at least so large;
+"""
 
-TAIL: Mapping[float, float] = {0.43: 0.05, 0.82: 0.01}
+TAIL: Mapping[float, float] = {0.82: 0.01}
 """{heavy loss: its weight}"""
 
 MIXED: Mapping[float, float] = {0.0: 0.1, 0.04: 1.0, 0.1: 0.7}
@@ -177,7 +182,8 @@ def _spread(weights: Mapping[float, float]) -> FloatArray:
 def _with_heavier(loss: float) -> FloatArray:
     """(losses,) what is planned for at this loss."""
     part = float(np.interp(loss, list(MIXED), list(MIXED.values())))
-    heavier = part * HEAVIER * _spread({loss + HEAVIER_BY * (1 - loss): 1.0}) + part * _spread(TAIL)
+    heavier_loss = max(loss + HEAVIER_BY * (1 - loss), HEAVIER_LEAST)
+    heavier = part * (HEAVIER * _spread({heavier_loss: 1.0}) + _spread(TAIL))
     mixed: FloatArray = (1 - heavier.sum()) * _spread({loss: 1.0}) + heavier
     return mixed
 
@@ -186,5 +192,6 @@ _MIXTURE: FloatArray = np.array([_with_heavier(loss) for loss in LOSSES.tolist()
 _ANY: FloatArray = np.gradient(LOSSES) / np.gradient(LOSSES).sum()
 _STEPS: FloatArray = np.eye(len(LOSSES))
 _NEIGHBOURS: FloatArray = (_STEPS[np.r_[0, :len(LOSSES) - 1]] + _STEPS[np.r_[1:len(LOSSES), len(LOSSES) - 1]]) / 2
-UNKNOWN = _air(np.where(LOSSES <= UNKNOWN_LOSS, _ANY, 0.0), None, False)
+_UP_TO: FloatArray = np.where(LOSSES <= UNKNOWN_LOSS, _ANY, 0.0)
+UNKNOWN = _air((1 - sum(UNKNOWN_TAIL.values())) * _UP_TO / _UP_TO.sum() + _spread(UNKNOWN_TAIL), None, False)
 """Without reports."""

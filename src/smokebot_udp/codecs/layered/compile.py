@@ -16,12 +16,13 @@ def compile_all() -> None:
     import numpy as np
 
     from ..tiles import coder
-    from . import depth, erasure, image
+    from . import depth, erasure, image, plan
     for pixels in (np.zeros((40, 40), np.uint8), np.zeros((40, 40), np.uint16), np.zeros((40, 40, 3), np.uint8)):
         pixels[5:, 7:] = 200
         for lossless in (False, True):
             stream = image.encode(pixels, lossless, 1 << 20, np.zeros((40, 40), np.uint8))
             image.decode(stream.data, 40, 40, 3 if pixels.ndim == 3 else 1, pixels.itemsize)
+    plan.best_plan(stream.ends, plan.worth(stream.errors, stream.cells, None), 4000, {0.1: 1.0}, None, 100, 1300)
     depth.to_counts(np.full((2, 2), np.nan, np.float32), 1.0)
     erasure.extend(np.zeros((2, 9), np.uint8), 3)
     for value in (100, 50):

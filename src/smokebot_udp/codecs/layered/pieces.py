@@ -64,8 +64,12 @@ def codes_of(count: int) -> int:
 
 def parts_of(threshold: int, count: int) -> int:
     """The number of parts of a layer, each of `threshold` pieces: one if all codes have the same pieces."""
-    codes = codes_of(count)
-    return 1 if REPEATED * threshold * codes <= count else codes
+    return 1 if threshold <= most_repeated(count) else codes_of(count)
+
+
+def most_repeated(count: int) -> int:
+    """The highest threshold of layers that have the same pieces in each code."""
+    return count // (REPEATED * codes_of(count))
 
 
 def check(count: int, layers: Sequence[Layer]) -> None:

@@ -58,7 +58,8 @@ MOST_LOSS = 0.99
 """Against heavier losses an image is protected as against this packet-loss ratio."""
 
 UNIFORM_ERROR = 12 ** -0.5
-"""Rms error of values rounded to counts: below it, further bytes make an image exact [count]."""
+"""Rms error of values rounded to counts. The exact stream is as long as the other one is up to this error, within 5 %.
+Each bit a value halves the error [count]."""
 
 SIZE_STEP = 2 ** 0.25
 """Estimated sizes of complete images are rounded up to powers of this: operating points change rarely."""
@@ -150,16 +151,28 @@ class LayeredImages:
 
     def _estimate(self, source: Layerable, stream: image.LayeredStream, useful: int, overhead: float,
                   outlook: Outlook) -> None:
-        """Estimate the size of a complete image: each bit a value halves the error."""
-        rms = math.sqrt(max(float(stream.errors[-1]), 0.0) / stream.cells)
-        size = float(useful + stream.missing)
-        if useful == len(stream.data) and rms:
-            size += stream.cells * max(math.log2(rms / UNIFORM_ERROR), 0.0) / 8
+        """Estimate the size of a complete image."""
+        size = _complete(stream, useful)
         self._stream_size = size
         protected = _protected(overhead, outlook.loss(RESERVE))
         self._fair_size = FAIR_BITS / 8 * stream.cells * protected
         on_air = min(size / CERTAIN_FIT * protected, source.pixels.nbytes * (1 + overhead))
         self._size = SIZE_STEP ** math.ceil(math.log(max(on_air, LEAST_BYTES), SIZE_STEP))
+
+
+def _complete(stream: image.LayeredStream, useful: int) -> float:
+    """The estimated length of a complete stream [byte].
+
+    :param useful: what is useful of this one [byte]
+    """
+    if useful < len(stream.data) or stream.errors[-1] == 0:
+        return float(useful + stream.missing)
+    variances = np.maximum(stream.errors, 0) / stream.cells
+    fine = np.flatnonzero(variances <= UNIFORM_ERROR ** 2)
+    if len(fine):
+        return float(stream.ends[fine[0]] + stream.missing)
+    more = math.log2(math.sqrt(float(variances[-1])) / UNIFORM_ERROR)
+    return useful + stream.missing + stream.cells * max(more, 0.0) / 8
 
 
 def _protected(overhead: float, loss: float) -> float:
