@@ -5,7 +5,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smokebot_udp.congestion.operator_share import BURST_DURATION, MAX_DEBT, MAX_RANGES, OperatorHistory, Policer
+from smokebot_udp.congestion.operator_share import (
+    BURST_DURATION,
+    MAX_DEBT,
+    MAX_RANGES,
+    MAX_WHOLE_DEBT,
+    OperatorHistory,
+    Policer,
+)
 from smokebot_udp.congestion.sent_history import SentHistory
 
 SIZE = 1000
@@ -64,6 +71,71 @@ def test_a_train_passes_at_its_own_rate() -> None:
     policer.start_probe(500 * SIZE, 10 * SIZE)
     assert passed(policer, 'thermal', 50 * SIZE, 1, 0.001, 0.1, 0.125) == pytest.approx(11, abs=2)
     assert passed(policer, 'thermal', 50 * SIZE, 1, 0.001, 0.125, 0.225) <= 5
+
+
+def messages(policer: Policer, rate: float, total: int, every: float, until: float, pace: float = 1e9) -> List[bool]:
+    """Whether each message of a whole stream passes: one of `total` datagrams every so often [s], in chunks of 4.
+
+    :param pace: of the chunks [byte/s]
+    """
+    found, number = [], 0
+    while number * every < until:
+        passed, now = [], number * every
+        for start in range(0, total, 4):
+            count = min(4, total - start)
+            got = policer.conforming('jpeg', count, SIZE, rate, now, start, total)
+            policer.spend(got * SIZE)
+            passed.append(got)
+            now += count * SIZE / pace
+        assert sum(passed) in (0, total)
+        found.append(sum(passed) == total)
+        number += 1
+    return found
+
+
+def whole(part: float) -> Policer:
+    policer = Policer(0.0)
+    policer.parts, policer.whole = {'jpeg': part}, {'jpeg'}
+    return policer
+
+
+def test_messages_that_are_useless_in_part_pass_whole_and_fewer_of_them() -> None:
+    assert messages(whole(0.3), 1000 * SIZE, 15, 0.1, 10.0).count(True) == 30
+    assert messages(whole(0.25), 1000 * SIZE, 15, 0.1, 1.0) == [
+        False, False, False, True, False, False, False, True, False, False]
+
+
+def test_whole_messages_do_not_take_more_than_the_link_carries() -> None:
+    assert messages(whole(1.0), 100 * SIZE, 15, 0.1, 10.0).count(True) == pytest.approx(66, abs=3)
+
+
+@pytest.mark.parametrize('total, passes', [(30, True), (31, False)])      # 0.25 s, and what may leave at once
+def test_a_message_that_would_wait_too_long_does_not_pass(total: int, passes: bool) -> None:
+    assert MAX_WHOLE_DEBT == 0.25
+    assert any(messages(whole(0.5), 100 * SIZE, total, 1.0, 10.0)) == passes
+
+
+def test_other_streams_wait_until_a_whole_message_has_crossed_the_link() -> None:
+    policer = whole(1.0)
+    policer.parts = {'thermal': 0.9}
+    assert messages(policer, 100 * SIZE, 24, 0.1, 0.1) == [True]
+    assert policer.conforming('thermal', 4, SIZE, 100 * SIZE, 0.23) == 0
+    assert policer.conforming('thermal', 4, SIZE, 100 * SIZE, 0.27) > 0
+
+
+def test_a_link_that_falls_behind_within_a_message_gets_the_rest_of_it() -> None:
+    policer = whole(0.1)
+    assert policer.conforming('jpeg', 4, SIZE, 100 * SIZE, 0.0, 8, 20) == 4
+    assert policer.conforming('jpeg', 8, SIZE, 100 * SIZE, 0.0, 12, 20) == 8
+    assert policer.conforming('jpeg', 4, SIZE, 100 * SIZE, 0.1, 0, 20) == 0
+    assert policer.conforming('jpeg', 4, SIZE, 100 * SIZE, 0.1, 4, 20) == 0
+    assert policer.conforming('jpeg', 4, SIZE, 100 * SIZE, 0.1, 12, 20) == 4     # of a message whose start passed
+
+
+def test_a_train_does_not_make_a_message_pass() -> None:
+    policer = whole(0.1)
+    policer.start_probe(10000 * SIZE, 100 * SIZE)
+    assert messages(policer, 100 * SIZE, 20, 0.1, 0.1) == [False]
 
 
 def test_what_was_left_out_was_not_sent() -> None:

@@ -55,6 +55,8 @@ class Demand:
     """Messages, as requested or of the source, whichever is lower [Hz]."""
     refine: Callable[[Mapping[str, Any], float], Dict[str, Any]] = _unrefined
     """f(settings of a point, spare [byte/s]) -> settings, improved by bandwidth left over (Encoder.refine)."""
+    whole: bool = False
+    """Whether a message is useless without all its datagrams."""
 
 
 class Grant(NamedTuple):

@@ -124,18 +124,22 @@ class Controller:
         self.on_arrivals: OnArrivals = lambda *_: None
         """Called with what each valid report says about each stream."""
 
-    def conforming(self, stream: str, count: int, size: int, now: float) -> Mapping[str, int]:
+    def conforming(self, stream: str, count: int, size: int, now: float, start: int = 0,
+                   total: int = 1) -> Mapping[str, int]:
         """How many of the datagrams that leave together now operators with slower links get.
 
         :param stream: its name
         :param count: number of datagrams
         :param size: of each on the air, IP and UDP headers included [byte]
+        :param start: index in its message of the first datagram
+        :param total: datagrams of the message
         :return: {operator: number of the first datagrams}; all others get all
         """
         rate = self.rate(now) if self._adapt and len(self._operators) > 1 else None
         if rate is None:
             return NO_LIMITS
-        numbers = {name: state.policer.conforming(stream, count, size, state.estimator.rate, now)
+        numbers = {name: state.policer.conforming(stream, count, size, state.estimator.rate, now, start,
+                                                        total)
                    for name, state in self._operators.items() if state.estimator.rate < rate
                    and (state.confirmed or now - state.since < JOIN_TIME)}
         return {name: number for name, number in numbers.items() if number < count}
@@ -343,6 +347,7 @@ class Controller:
                 for name, demand in demands.items()}
         for state in self._operators.values():
             granted = divide(max(0.0, state.estimator.link.capacity - protected), sent)
+            state.policer.whole = {name for name, demand in demands.items() if demand.whole}
             state.policer.parts = {name: granted[name] / demand.points[0].cost for name, demand in sent.items()
                                    if demand.points[0].cost > granted[name]}
 

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What one of several operators gets of the datagrams that are sent: as much as its own link carries.
 
-All operators get the same frames, as fast as the best link carries them. Each datagram is a sample of a whole message,
-so for a slower link some are left out, and its operator sees the same messages less complete.
+All operators get the same frames, as fast as the best link carries them. Most datagrams are samples of a whole message,
+so for a slower link some are left out, and its operator sees the same messages less complete. A message that is useless
+without all its datagrams (a long relayed one) is left out as a whole or not at all: its operator gets fewer of them.
 """
 import bisect
-from typing import Dict, List, Mapping, Optional, Tuple
+from typing import Collection, Dict, List, Mapping, NamedTuple, Optional, Tuple
 
 from .sent_history import SEQ_MODULUS, SentHistory, SentPacket
 
@@ -16,7 +17,18 @@ BURST_DURATION = 0.05
 """After a pause, what the link carries in this time may leave at once [s];"""
 
 MAX_DEBT = 0.1
-"""streams that keep all their datagrams, and messages that leave in any case, delay others by this much at most [s]."""
+"""streams that keep all their datagrams, and messages that leave in any case, delay others by this much at most [s],"""
+
+MAX_WHOLE_DEBT = 0.25
+"""and whole messages by this much: the datagrams of one arrive at the pace of the best link, and wait before the slower
+one. One that takes longer would overflow many a queue, and is never sent to this operator [s]."""
+
+
+class _Begun(NamedTuple):
+    """A message that has begun to leave."""
+    admitted: bool
+    next: int
+    """Index of its next datagram."""
 
 
 class Policer:
@@ -29,31 +41,61 @@ class Policer:
     def __init__(self, now: float) -> None:
         self.parts: Mapping[str, float] = {}
         """{stream: part of its datagrams to keep, 0..1}; of others all."""
+        self.whole: Collection[str] = ()
+        """The streams whose messages are useless without all their datagrams."""
         self._credit: Dict[str, float] = {}         # {stream: datagrams}
+        self._begun: Dict[str, _Begun] = {}         # {whole stream: its last message}
         self._tokens, self._updated = 0.0, now      # [byte], [s]
+        self._max_debt = MAX_DEBT                   # MAX_WHOLE_DEBT while a whole message waits before the link
         self._probe_rate = self._probe_left = 0.0
 
     def start_probe(self, rate: float, size: float) -> None:
         """Let the next ``size`` bytes pass at another rate [byte/s]: a probing.ProbeTrain."""
         self._probe_rate, self._probe_left = rate, size
 
-    def conforming(self, stream: str, count: int, size: int, rate: float, now: float) -> int:
-        """How many of a stream's `count` datagrams may be sent now.
+    def conforming(self, stream: str, count: int, size: int, rate: float, now: float, start: int = 0,
+                   total: int = 1) -> int:
+        """How many of a stream's `count` datagrams may be sent now; of a whole stream's all or none.
 
         :param size: of each on the air [byte]
         :param rate: of the operator's link [byte/s]
+        :param start: of a whole stream: index in its message of the first one
+        :param total: of a whole stream: datagrams of the message
         """
         part = self.parts.get(stream, 1.0)
+        if stream in self.whole:
+            self._refill(size, rate, now)
+            begun = self._begun.get(stream)
+            if start == 0:
+                admitted = self._admits(stream, part, total, size, rate)
+            else:       # where the link was not slower than others at first, everything has passed until now
+                admitted = begun.admitted if begun is not None and begun.next == start else True
+            self._begun[stream] = _Begun(admitted, start + count)
+            return count if admitted else 0
         if self._probe_left > 0:
             part, rate = 1.0, max(rate, self._probe_rate)
-        depth = max(size, rate * BURST_DURATION)
-        self._tokens = min(depth, max(self._tokens, -rate * MAX_DEBT) + rate * (now - self._updated))
-        self._updated = now
+        self._refill(size, rate, now)
         credit = min(self._credit.get(stream, 0.0), 1.0) + part * count
         room = self._tokens + (rate * MAX_DEBT if part >= 1 else 0.0)
         number = max(0, min(count, int(credit + 1e-9), int(room // size)))
         self._credit[stream] = credit - number
         return number
+
+    def _refill(self, size: int, rate: float, now: float) -> None:
+        depth = max(size, rate * BURST_DURATION)
+        self._tokens = min(depth, max(self._tokens, -rate * self._max_debt) + rate * (now - self._updated))
+        self._updated = now
+        if self._tokens >= 0:
+            self._max_debt = MAX_DEBT
+
+    def _admits(self, stream: str, part: float, total: int, size: int, rate: float) -> bool:
+        """Whether a message of `total` datagrams passes; its stream saves for one message, and not for two."""
+        credit = min(self._credit.get(stream, 0.0), total) + part * total
+        admitted = credit + 1e-9 >= total and self._tokens + rate * MAX_WHOLE_DEBT >= total * size
+        self._credit[stream] = credit - total if admitted else credit
+        if admitted:
+            self._max_debt = MAX_WHOLE_DEBT
+        return admitted
 
     def spend(self, size: int) -> None:
         """Account for bytes that were sent."""

@@ -37,6 +37,8 @@ class Chunk(NamedTuple):
     """Datagrams start .. stop - 1 of that part."""
     size: int
     """Of all of them [byte]."""
+    total: int
+    """Datagrams of that part."""
 
 
 class _Flow:
@@ -150,7 +152,7 @@ class PacketScheduler:
             return None
         flow, rate = self._flows[name], self._pacing_rate()
         size = count * flow.parts[flow.part][1]
-        chunk = Chunk(name, flow.work, flow.part, flow.at, flow.at + count, size)
+        chunk = Chunk(name, flow.work, flow.part, flow.at, flow.at + count, size, flow.parts[flow.part][0])
         flow.advance(count)
         self._virtual = flow.start
         flow.start += size / flow.share
