@@ -9,7 +9,6 @@ import subprocess
 import sys
 import tempfile
 import threading
-import time
 import unittest
 import unittest.mock
 import xmlrpc.client
@@ -23,7 +22,7 @@ from sensor_msgs.msg import LaserScan
 from std_msgs.msg import Header, String
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from waiting import wait_for
+from waiting import give_time, wait_for
 
 from smokebot_udp import udpros
 from smokebot_udp.udpros import acceptor, presence
@@ -111,7 +110,6 @@ class Peers(unittest.TestCase):
         def all_crossed() -> Any:
             for publisher in publishers:
                 publisher.publish(String('hello'))
-            time.sleep(0.1)
             return all(event.is_set() for event in got.values())
         try:
             wait_for(all_crossed, 60, 'all of them')
@@ -208,7 +206,7 @@ class Peers(unittest.TestCase):
             frame.records['ranges'] = np.arange(frame.records['ranges'].shape[1])
         for start in range(0, 28, 2):
             publisher.publish_frames(frames[0].part(start, start + 2))
-            time.sleep(3e-3)    # relay's own queues hold ten messages
+            give_time(3e-3)     # relay's own queues hold ten messages
         publisher.publish_frames(frames[0].part(28, 30), frames[1])
         wait_for(lambda: min(len(batches), len(single), len(relayed)) >= 31, what='31 messages by UDPROS')
         wait_for(lambda: by_tcp[-1].endswith(b',%d\n' % (begun + 31)), what='the last one by TCPROS')

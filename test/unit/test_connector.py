@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """When a publisher is asked for a connection: a real XML-RPC server, no master."""
+import socket
 import threading
+import time
 import xmlrpc.server
 from typing import Any, Iterator, List
 
@@ -21,10 +23,15 @@ class Publisher:
         self.server.register_function(self.request, 'requestTopic')
         self.uri = 'http://127.0.0.1:%d/' % self.server.server_address[1]
         self.topics: List[str] = []
+        self.ports: List[int] = []
+        self.failures = 0
         threading.Thread(target=self.server.serve_forever, args=(0.01,), daemon=True).start()
 
     def request(self, caller: str, topic: str, offers: Any) -> Any:
         self.topics.append(topic)
+        self.ports.append(offers[0][3])
+        if len(self.ports) <= self.failures:
+            raise OSError('the answer is lost')
         return [0, 'not today', 0]
 
 
@@ -69,3 +76,24 @@ def test_a_subscriber_that_ends_before_asks_nobody(publisher: Publisher, monkeyp
     impl = subscriber(publisher, wanted, monkeypatch)
     assert Connector(lambda *_: (0, 'by TCPROS', 0)).connect_topic('/topic', publisher.uri)[0] == 0
     assert publisher.topics == [] and not impl.connecting
+
+
+def test_a_publisher_that_did_not_answer_is_asked_for_the_same_port(publisher: Publisher, monkeypatch: Any) -> None:
+    publisher.failures = 2
+    subscriber(publisher, lambda: True, monkeypatch)
+    assert Connector(lambda *_: (0, 'by TCPROS', 0)).connect_topic('/topic', publisher.uri) == (
+        0, 'requestTopic: not today', 0)
+    assert len(publisher.ports) == 3 and len(set(publisher.ports)) == 1
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(('', publisher.ports[0]))
+
+
+def test_a_topic_that_is_wanted_late_is_asked_for_soon(publisher: Publisher, monkeypatch: Any) -> None:
+    asked: List[float] = []
+
+    def wanted() -> bool:
+        asked.append(time.monotonic())
+        return len(asked) == 15
+    subscriber(publisher, wanted, monkeypatch)
+    Connector(lambda *_: (0, 'by TCPROS', 0)).connect_topic('/topic', publisher.uri)
+    assert len(publisher.topics) == 1 and asked[-1] - asked[0] < 6     # with a growing period it would be 14 s

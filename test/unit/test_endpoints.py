@@ -13,6 +13,7 @@ import pytest
 
 from smokebot_udp.udpros import endpoints
 from smokebot_udp.udpros.endpoints import (
+    BatchSender,
     ClockOffset,
     DatagramReceiver,
     DatagramSender,
@@ -56,6 +57,27 @@ def collect(receiver, count) -> Any:
             assert receiver.sources['address'][row] == LOCALHOST
             got.append((receiver.datagrams[row, :receiver.lengths[row]].tobytes(), int(receiver.sources['port'][row])))
     return got
+
+
+def test_one_socket_sends_to_several_addresses_and_receives(make) -> None:
+    both, others = make(DatagramReceiver, '', 200), [make(DatagramReceiver, '127.0.0.1', 200) for _ in range(2)]
+    sender = BatchSender(both.socket)
+    for number, other in enumerate(others):
+        assert sender.send(bytes([number]) * 950, 100, 10, to=('127.0.0.1', other.address[1])) == 10
+        assert sender.send_one(b'a', b'b', to=('127.0.0.1', other.address[1])) == 1
+        got = collect(other, 11)
+        assert [data for data, _ in got] == [bytes([number]) * 100] * 9 + [bytes([number]) * 50, b'ab']
+        assert {port for _, port in got} == {both.address[1]}
+        assert BatchSender(other.socket).send_one(b'back', to=('127.0.0.1', both.address[1])) == 1
+    assert [port for _, port in collect(both, 2)] == [other.address[1] for other in others]
+    assert sender.send_one(b'x', to=('127.0.0.1', closed_port())) == 1      # nobody tells
+    assert sender.send_one(b'x', to=('255.255.255.255', 9)) == 0 and sender.failures == {'EACCES': 1}
+
+
+def test_a_port_in_use_is_an_error(make) -> None:
+    port = make(DatagramReceiver, '127.0.0.1', 200).address[1]
+    with pytest.raises(OSError, match='in use'):
+        DatagramReceiver('127.0.0.1', 200, port=port)
 
 
 def closed_port() -> Any:
@@ -158,10 +180,10 @@ def test_network_errors_are_counted_and_not_raised(receiver, make) -> None:
         def __init__(self, errors) -> None:
             self.errors = list(errors)
 
-        def sendmsg(self, parts, control=()) -> Any:
+        def sendmsg(self, parts, *options) -> Any:
             if self.errors:
                 raise OSError(self.errors.pop(0), 'made up')
-            return socket_.sendmsg(parts, control)
+            return socket_.sendmsg(parts, *options)
 
     sender = make(DatagramSender, '127.0.0.1', receiver.address[1])
     socket_ = sender.socket
@@ -315,7 +337,7 @@ def test_the_time_of_arrival_does_not_depend_on_when_a_datagram_is_received(rece
         """Of a datagram that is received 0.1 s after it was sent."""
         sender.send_one(b'first')
         sent = time.monotonic()
-        time.sleep(0.1)
+        time.sleep(0.1)     # what must not count
         assert receiver.receive() == 1
         return receiver.arrival(0) < sent + 0.1
 

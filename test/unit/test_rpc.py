@@ -7,12 +7,12 @@ import resource
 import socket
 import socketserver
 import threading
-import time
 import xmlrpc.client
 from typing import Any
 from xmlrpc.server import SimpleXMLRPCRequestHandler, SimpleXMLRPCServer
 
 import pytest
+from polling import wait_for
 
 from smokebot_udp.udpros import rpc
 
@@ -197,13 +197,6 @@ def test_a_session_keeps_its_connection_and_notices_a_new_one() -> None:
         assert session.connections == before + 1
 
 
-def wait_until(condition) -> None:
-    deadline = time.monotonic() + 10
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
-
-
 def test_a_session_notices_the_end_of_its_connection_without_a_call() -> None:
     session = None
     with api(('127.0.0.1', 0)) as address:
@@ -211,7 +204,7 @@ def test_a_session_notices_the_end_of_its_connection_without_a_call() -> None:
         assert not session.alive
         session.call('getPid')
         assert session.alive
-    wait_until(lambda: not session.alive)
+    wait_for(lambda: not session.alive)
     session.close()
     assert not session.alive
 

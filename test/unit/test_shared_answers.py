@@ -14,7 +14,7 @@ def test_threads_share_an_answer() -> None:
 
     def answer(key) -> int:
         asked.append(key)
-        time.sleep(0.2)
+        time.sleep(0.2)     # the others ask meanwhile
         return len(asked)
 
     shared = SharedAnswers(answer, 0.0)
@@ -74,3 +74,22 @@ def test_answers_are_forgotten() -> None:
     shared.ask(0, 60.0)
     shared.ask(2 * MAX_KEYS - 1, 60.0)
     assert len(asked) == 2 * MAX_KEYS + 1
+
+
+def test_an_answer_that_took_long_is_used_all_the_same() -> None:
+    """Questions that come one after the other share it, too."""
+    asked = []
+
+    def answer(key: str) -> int:
+        asked.append(key)
+        time.sleep(0.3)     # longer than it may be old
+        if key == 'silent':
+            raise OSError('no answer')
+        return len(asked)
+
+    shared = SharedAnswers(answer, 0.0)
+    assert [shared.ask('slow', max_age=0.2) for _ in range(5)] == 5 * [1]
+    for _ in range(5):
+        with pytest.raises(OSError, match='no answer'):
+            shared.ask('silent', max_age=0.2)
+    assert asked == ['slow', 'silent'] and shared.ask('slow') == 3

@@ -5,12 +5,14 @@ from dataclasses import dataclass
 
 from smokebot_udp.udpros.silence import (
     BROKEN,
+    MAX_MOVED,
     MAX_RENEGOTIATION,
     MAX_SILENCE_PERIOD,
     RENEGOTIATION,
     SILENCE_TIMEOUT,
     WATCHED,
     FormerAddress,
+    NewestAddresses,
     Renegotiation,
     Silence,
 )
@@ -103,3 +105,16 @@ def test_a_second_change_of_an_address_forgets_no_connection_of_the_first() -> N
     former.lost([second, first], 10.5)
     first.idle = second.idle = BROKEN + 0.1
     assert former.broken(10.0 + WATCHED + 0.4) == [first, second]
+
+
+def test_an_address_is_new_once() -> None:
+    newest = NewestAddresses()
+    assert [newest.is_new(*moved) for moved in (
+        ('a', '10.0.0.2'), ('a', '10.0.0.2'), ('b', '10.0.0.2'), ('a', '10.0.0.3'), ('a', '10.0.0.2'))] == [
+            True, False, True, True, True]
+
+
+def test_the_addresses_of_some_nodes_are_remembered() -> None:
+    newest = NewestAddresses()
+    assert all(newest.is_new(str(number), '10.0.0.2') for number in range(MAX_MOVED + 1))
+    assert not newest.is_new(str(MAX_MOVED), '10.0.0.2') and newest.is_new('0', '10.0.0.2')

@@ -55,7 +55,8 @@ class Topic:
 
     def wait_for(self, last) -> None:
         with self._new:
-            assert self._new.wait_for(lambda: last in self.messages or last in self.records, WAIT)
+            assert self._new.wait_for(lambda: (last in self.messages or not self.wants_messages) and
+                                      (last in self.records or not self.wants_batches), WAIT)
 
 
 class Peer:
@@ -68,6 +69,7 @@ class Peer:
         self.topic = Topic(batches, messages)
         self.subscription = Subscription(self.receiver, Reply('127.0.0.1', 1, CONNECTION, SIZE, {}), hosts, self.topic,
                                          message_class, **options)
+        self.counted = self.subscription.depacketizer
         self.thread = threading.Thread(target=self.subscription.run, daemon=True)
         self._last_id = 0
 
@@ -129,10 +131,10 @@ def test_messages_of_one_and_of_many_blocks_in_their_order(make) -> None:
     peer.send(*messages[:-1])       # before anyone reads: they come as one batch
     peer.start().send_and_wait(messages[-1])
     assert peer.topic.messages == messages
-    assert peer.subscription.datagrams == sum(1 if n % 3 else 3 for n in range(60))
-    assert peer.subscription.bytes == sum(len(m) + 4 + (8 if n % 3 else 24) for n, m in enumerate(messages))
-    assert peer.subscription.inbox.dropped == {}
-    assert peer.subscription.sequence is None
+    assert peer.counted.datagrams == sum(1 if n % 3 else 3 for n in range(60))
+    assert peer.counted.bytes == sum(len(m) + 4 + (8 if n % 3 else 24) for n, m in enumerate(messages))
+    assert peer.counted.inbox.dropped == {}
+    assert peer.counted.sequence is None
 
 
 def test_empty_messages(make) -> None:
@@ -153,7 +155,7 @@ def test_sequence_numbers_count_loss_and_stop_repeats(make) -> None:
     peer = make(Image).start()
     peer.send_and_wait(*(numbered(seq) for seq in (10, 11, 11, 13, 12, 16)))
     assert [int.from_bytes(message[:4], 'little') for message in peer.topic.messages] == [10, 11, 13, 12, 16]
-    sequence = peer.subscription.sequence
+    sequence = peer.counted.sequence
     assert (sequence.received, sequence.lost) == (5, 2)
 
 
@@ -185,8 +187,8 @@ def test_a_truncated_header_has_no_sequence_number(make) -> None:
     peer = make(Image).start()
     peer.send_and_wait(numbered(1 << 30), b'', b'\5\0\0', numbered((1 << 30) + 1))
     assert peer.topic.messages == [numbered(1 << 30), numbered((1 << 30) + 1)]
-    assert peer.subscription.inbox.dropped == {'message': 2}
-    assert peer.subscription.sequence.lost == 0
+    assert peer.counted.inbox.dropped == {'message': 2}
+    assert peer.counted.sequence.lost == 0
 
 
 def test_a_reused_id_is_another_message(make) -> None:
@@ -200,7 +202,7 @@ def test_a_reused_id_is_another_message(make) -> None:
         peer.sender.send_one(data)
         peer.subscription.poll()        # one by one
     assert peer.topic.messages == 2 * ([text(n) for n in range(2, 256)] + [text(2, 300)])
-    assert peer.subscription.inbox.dropped == {'incomplete': 1}
+    assert peer.counted.inbox.dropped == {'incomplete': 1}
 
 
 @pytest.mark.parametrize('few', [True, False], ids=['one by one', 'in batches'])
@@ -216,12 +218,12 @@ def test_few_and_many_are_handled_alike(make, few) -> None:
             peer.subscription.poll()
     peer.subscription.poll()
     assert peer.topic.messages == [numbered(seq) for seq in (1, 2, 5, 6, 4, 7, 9)]
-    assert peer.subscription.inbox.dropped == {
+    assert peer.counted.inbox.dropped == {
         'short': 1, 'length': 1, 'connection id': 1, 'header': 1, 'truncated': 1, 'message': 1}
-    sequence = peer.subscription.sequence
+    sequence = peer.counted.sequence
     assert (sequence.received, sequence.lost) == (7, 2)
-    assert peer.subscription.datagrams == len(arrivals)
-    assert peer.subscription.bytes == sum(min(len(data), SIZE + 1) for data in arrivals)
+    assert peer.counted.datagrams == len(arrivals)
+    assert peer.counted.bytes == sum(min(len(data), SIZE + 1) for data in arrivals)
 
 
 # -- batches -------------------------------------------------------------------------------------------------
@@ -271,7 +273,7 @@ def test_bytes_that_are_no_such_message(make) -> None:
     peer.send_and_wait(text(1), b'\xff\xff\xff\xffabc', b'', b'\3\0\0\0ab', text(2, 900)[:-1], text(3))
     peer.close()
     assert peer.topic.records == [text(1), text(3)]
-    assert peer.subscription.inbox.dropped == {'message': 4}
+    assert peer.counted.inbox.dropped == {'message': 4}
 
 
 # -- strangers -----------------------------------------------------------------------------------------------
@@ -288,8 +290,8 @@ def test_only_the_publishers_socket_counts(make) -> None:
     arrival = peer.subscription.last_arrival
     peer.send_and_wait(text(2))
     assert peer.topic.messages == [text(1), text(2)]
-    assert peer.subscription.inbox.dropped == {'stranger': 20}
-    assert (peer.subscription.datagrams, peer.subscription.bytes) == (2, 2 * len(datagram(text(1))))
+    assert peer.counted.inbox.dropped == {'stranger': 20}
+    assert (peer.counted.datagrams, peer.counted.bytes) == (2, 2 * len(datagram(text(1))))
     assert peer.subscription.last_arrival > arrival
     stranger.close()
 
@@ -310,8 +312,8 @@ def test_only_the_publishers_host_counts_from_the_beginning(make) -> None:
     peer = make(hosts=('192.0.2.7', 'no.such.host.invalid'))
     peer.send(*(text(n) for n in range(5)))
     assert peer.subscription.poll()
-    assert peer.subscription.inbox.dropped == {'stranger': 5}
-    assert peer.subscription.datagrams == len(peer.topic.messages) == 0
+    assert peer.counted.inbox.dropped == {'stranger': 5}
+    assert peer.counted.datagrams == len(peer.topic.messages) == 0
 
 
 def test_a_host_that_calls_itself_127_0_1_1(make) -> None:
@@ -326,7 +328,7 @@ def test_an_old_connections_datagrams(make) -> None:
     peer.sender.send_one(datagram(text(0), CONNECTION + 1))
     peer.send_and_wait(text(1))
     assert peer.topic.messages == [text(1)]
-    assert peer.subscription.inbox.dropped == {'connection id': 1}
+    assert peer.counted.inbox.dropped == {'connection id': 1}
 
 
 # -- a bad link, and hostile bytes ---------------------------------------------------------------------------
@@ -347,9 +349,9 @@ def test_emulated_loss_counts_as_lost(make, batches) -> None:
     assert peer.subscription.poll()
     expected = np.flatnonzero(survives).tolist()
     assert peer.topic.records + peer.topic.messages == [numbered(seq) for seq in expected]
-    assert peer.subscription.sequence.lost == count + 1 - len(expected)
-    assert peer.subscription.datagrams == len(expected)
-    assert peer.subscription.inbox.dropped == {}
+    assert peer.counted.sequence.lost == count + 1 - len(expected)
+    assert peer.counted.datagrams == len(expected)
+    assert peer.counted.inbox.dropped == {}
     assert sum(number for *_, number, _ in arrived) == len(expected)
 
 
@@ -357,7 +359,7 @@ def test_all_may_be_lost(make) -> None:
     peer = make(receiver=LossyReceiver('127.0.0.1', SIZE, loss=1.0, seed=(0,)))
     peer.send(text(1), text(2))
     assert not peer.subscription.poll()
-    assert (peer.subscription.datagrams, peer.topic.messages, peer.subscription.inbox.dropped) == (0, [], {})
+    assert (peer.counted.datagrams, peer.topic.messages, peer.counted.inbox.dropped) == (0, [], {})
 
 
 def garbage(chance, good) -> Any:
@@ -389,8 +391,8 @@ def test_garbage_from_the_publisher_itself_stops_nothing(make, message_class) ->
         last = text(10 ** 6 + begin) if message_class is String else numbered((1 << 31) - 100 + begin, 'good')
         peer.send_and_wait(last)
         sent += 1
-    assert sent == 40 * 52 == peer.subscription.datagrams
-    assert {'short', 'truncated', 'connection id', 'op', 'length', 'header'} <= set(peer.subscription.inbox.dropped)
+    assert sent == 40 * 52 == peer.counted.datagrams
+    assert {'short', 'truncated', 'connection id', 'op', 'length', 'header'} <= set(peer.counted.inbox.dropped)
 
 
 # -- life and death ------------------------------------------------------------------------------------------

@@ -5,10 +5,11 @@ import threading
 import time
 import unittest.mock
 from types import SimpleNamespace
-from typing import Any, Callable, Iterator, List
+from typing import Any, Iterator, List
 from xmlrpc.server import SimpleXMLRPCRequestHandler, SimpleXMLRPCServer
 
 import pytest
+from polling import wait_for
 
 from smokebot_udp.udpros import watch
 
@@ -35,14 +36,6 @@ def master(monkeypatch: Any) -> Iterator[None]:
         server.shutdown()
 
 
-def wait_for(condition: Callable[[], bool]) -> bool:
-    """Whether it comes true within 20 s."""
-    deadline = time.monotonic() + 20
-    while not condition() and time.monotonic() < deadline:
-        time.sleep(0.02)
-    return condition()
-
-
 @pytest.mark.usefixtures('master')
 def test_the_watch_hurries_only_while_this_machine_has_lost_its_address() -> None:
     steps: List[float] = []
@@ -55,9 +48,9 @@ def test_the_watch_hurries_only_while_this_machine_has_lost_its_address() -> Non
 
     watched.start()
     try:
-        assert wait_for(lambda: len(steps) > 1 and gap() >= 0.9 * watch.PERIOD)
+        wait_for(lambda: len(steps) > 1 and gap() >= 0.9 * watch.PERIOD)
         with unittest.mock.patch.object(watch, 'is_own', lambda address: False):
-            assert wait_for(lambda: gap() < 0.5 * watch.PERIOD)
-        assert wait_for(lambda: gap() >= 0.9 * watch.PERIOD)
+            wait_for(lambda: gap() < 0.5 * watch.PERIOD)
+        wait_for(lambda: gap() >= 0.9 * watch.PERIOD)
     finally:
         watched.stop()

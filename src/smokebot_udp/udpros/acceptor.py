@@ -15,7 +15,7 @@ from rospy.impl.registration import get_topic_manager
 from . import admission, rpc
 from .admission import Claim
 from .bus_info import receiving_ports
-from .callers import MAX_AGE, Callers, is_home
+from .callers import MAX_AGE, Bus, Callers, is_home
 from .datagram import MIN_MAX_DATAGRAM_SIZE, ROSCPP_MAX_DATAGRAM_SIZE
 from .endpoints import is_own, number_of, path_payload
 from .negotiation import Refused, Reply, Request, other_type
@@ -30,10 +30,10 @@ class Acceptor:
     """Grants the UDPROS connections of a node's publishers; any thread.
 
     :param incomplete: f() -> whether the master, which has been restarted, may not know all nodes yet
-    :param moved: f(URI), called when a node with a connection requests one from another address
+    :param moved: f(URI, address), called when a node with a connection requests one from another address
     """
 
-    def __init__(self, incomplete: Callable[[], bool], moved: Callable[[str], None]) -> None:
+    def __init__(self, incomplete: Callable[[], bool], moved: Callable[[str, str], None]) -> None:
         self.refused: Counter[str] = collections.Counter()
         """{reason: requests}"""
         self._incomplete, self._moved = incomplete, moved
@@ -77,7 +77,7 @@ class Acceptor:
     def _connection_of(self, impl: Any, request: Request, size: int) -> Optional[Any]:
         """The connection that a request has made before: its answer may have been lost."""
         for connection in udpros_connections(impl):
-            if (connection.endpoint_id, connection.remote_endpoint, connection.max_datagram_size) == (
+            if (connection.endpoint_id, connection.remote_endpoint, connection.packetizer.max_datagram_size) == (
                     request.header['callerid'], (request.host, request.port), size):
                 if isinstance(impl, UdpPublisherImpl):
                     impl.send_latched(connection)
@@ -89,7 +89,7 @@ class Acceptor:
         before = {c.remote_endpoint[0] for c in _by_caller(impl).get(request.header['callerid'], [])}
         uri = self._identify(impl, request)
         if uri is not None and before - {request.host}:
-            self._moved(uri)
+            self._moved(uri, request.host)
         self._presence.requested(request.host, time.monotonic())
         place = impl.resolved_name, request.host
         with self._lock:
@@ -140,14 +140,13 @@ class Acceptor:
         :param mine: its connections
         :raises Refused: if it has one
         """
-        ports = receiving_ports(self._callers.bus(uri, MAX_AGE), impl.resolved_name)
-        if any(admission.is_living(_claim(c, uri), ports) for c in mine):   # the answer may be older than the request
-            ports = receiving_ports(self._callers.bus(uri), impl.resolved_name)
-        _close_ended(mine, uri, ports)
-        for connection in mine:
-            if admission.is_living(_claim(connection, uri), ports):
-                raise Refused('%s is connected already, at port %d' % (name, connection.remote_endpoint[1]),
-                              'connected already')
+        bus = self._callers.bus(uri, MAX_AGE)
+        if any(admission.is_living(claim, _ports(bus, impl)) for claim in _claims(mine, uri, bus)):
+            bus = self._callers.bus(uri)        # the answer may be older than the request
+        _close_ended(impl, mine, uri, bus)
+        for claim in _claims(mine, uri, bus):
+            if admission.is_living(claim, _ports(bus, impl)):
+                raise Refused('%s is connected already, at port %d' % (name, claim.port), 'connected already')
 
     # -- connections that have ended -----------------------------------------------------------------
 
@@ -174,10 +173,10 @@ class Acceptor:
     def _resolve(self, doubles: List[Any]) -> None:
         for impl, name, mine in doubles:
             uri = self._uri(name)
-            ports = None if uri is None else receiving_ports(self._callers.bus(uri, MAX_AGE), impl.resolved_name)
+            bus = None if uri is None else self._callers.bus(uri, MAX_AGE)
             newest = max(mine, key=lambda c: c.since)
-            if uri is not None and ports is not None:
-                _close_ended(mine, uri, ports)
+            if uri is not None and _ports(bus, impl) is not None:
+                _close_ended(impl, mine, uri, bus)
             elif time.monotonic() - newest.since > admission.UNPROVEN:
                 for connection in mine:
                     if connection is not newest:
@@ -194,7 +193,7 @@ class Acceptor:
             self._presence.answered(node, now)
         lost = self._presence.is_lost(node, now)
         for connection in mine:
-            ports = receiving_ports(bus, connection.name)
+            ports = receiving_ports(None if bus is None else bus.entries, connection.name)
             if lost or (ports is not None and connection.remote_endpoint[1] not in ports):
                 rospy.loginfo('[%s]: a connection to %s has ended', connection.name, node.name)
                 connection.close()
@@ -232,9 +231,15 @@ def _close_stale() -> None:
             connection.close()
 
 
-def _close_ended(mine: List[Any], uri: str, ports: Optional[Collection[int]]) -> None:
-    for connection in mine:
-        if admission.has_ended(_claim(connection, uri), ports):
+def _ports(bus: Optional[Bus], impl: Any) -> Optional[Collection[int]]:
+    """The ports on which a node receives a topic, by its own word; None: unknown."""
+    return receiving_ports(None if bus is None else bus.entries, impl.resolved_name)
+
+
+def _close_ended(impl: Any, mine: List[Any], uri: str, bus: Optional[Bus]) -> None:
+    ports = _ports(bus, impl)
+    for connection, claim in zip(mine, _claims(mine, uri, bus)):
+        if admission.has_ended(claim, ports):
             connection.close()
 
 
@@ -251,9 +256,10 @@ def _add(impl: Any, connection: PublisherTransport) -> bool:
     return added
 
 
-def _claim(connection: Any, uri: str) -> Claim:
-    address, port = connection.remote_endpoint[:2]
-    return Claim(port, is_home(number_of(address), uri), time.monotonic() - connection.since)
+def _claims(mine: List[Any], uri: str, bus: Optional[Bus]) -> List[Claim]:
+    """A caller's connections, at the time at which it was asked for them."""
+    asked = time.monotonic() if bus is None else bus.asked
+    return [Claim(c.remote_endpoint[1], is_home(number_of(c.remote_endpoint[0]), uri), asked - c.since) for c in mine]
 
 
 def _by_caller(impl: Any) -> Dict[str, List[Any]]:

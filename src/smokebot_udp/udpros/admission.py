@@ -56,7 +56,7 @@ class Claim(NamedTuple):
     at_home: bool
     """Whether its address is one of the caller's host."""
     age: float
-    """[s]"""
+    """When the caller was asked for it; negative: it was made later [s]."""
 
 
 def check_address(address: str) -> None:

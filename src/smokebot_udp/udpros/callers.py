@@ -3,7 +3,7 @@
 import threading
 import time
 import urllib.parse
-from typing import Dict, List, Optional
+from typing import Dict, List, NamedTuple, Optional
 
 import rosgraph
 
@@ -18,7 +18,7 @@ TIMEOUT = 1.0
 """How long the master or a caller may take to answer: the caller waits for its own answer meanwhile [s]."""
 
 MAX_AGE = 1.0
-"""How long an answer is used [s]."""
+"""How long an answer is used after it came: a node requests its topics one after the other [s]."""
 
 QUESTION_PERIOD = 0.5
 """A caller is asked at most once in this time [s]."""
@@ -30,12 +30,19 @@ MAX_KNOWN = 256
 """Names that are remembered as confirmed."""
 
 
+class Bus(NamedTuple):
+    """What a node says of its UDPROS connections."""
+    asked: float
+    """When it was asked, by time.monotonic() [s]."""
+    entries: List[BusEntry]
+
+
 class Callers:
     """Asks the master and the callers; any thread."""
 
     def __init__(self) -> None:
         self._uris: SharedAnswers[str, Optional[str]] = SharedAnswers(_look_up, 0.0)
-        self._buses: SharedAnswers[str, List[BusEntry]] = SharedAnswers(_bus_of, QUESTION_PERIOD)
+        self._buses: SharedAnswers[str, Bus] = SharedAnswers(_bus_of, QUESTION_PERIOD)
         self._lock = threading.Lock()
         self._known: Dict[str, None] = {}
         self._strangers = Budget(MAX_STRANGERS, 1 / MAX_STRANGERS)
@@ -58,7 +65,7 @@ class Callers:
                     del self._known[next(iter(self._known))]
         return uri
 
-    def bus(self, uri: str, max_age: float = 0.0) -> Optional[List[BusEntry]]:
+    def bus(self, uri: str, max_age: float = 0.0) -> Optional[Bus]:
         """The UDPROS connections of a node, by its own word; none if it has ended, None: it does not answer.
 
         :param max_age: how old its word may be [s]
@@ -66,7 +73,7 @@ class Callers:
         try:
             return self._buses.ask(uri, max_age)
         except rpc.Gone:
-            return []
+            return Bus(time.monotonic(), [])
         except (rpc.Unreachable, Refused):
             return None
 
@@ -79,8 +86,9 @@ def _look_up(name: str) -> Optional[str]:
     return uri if isinstance(uri, str) else None
 
 
-def _bus_of(uri: str) -> List[BusEntry]:
-    return udpros_entries(rpc.call(uri, 'getBusInfo', timeout=TIMEOUT))
+def _bus_of(uri: str) -> Bus:
+    asked = time.monotonic()
+    return Bus(asked, udpros_entries(rpc.call(uri, 'getBusInfo', timeout=TIMEOUT)))
 
 
 def is_home(address: int, uri: str) -> bool:

@@ -4,11 +4,12 @@
 A publisher of another type, or of another version of it, is not asked for TCPROS: it would refuse that, too, and rospy
 would try it again and again. One error names both versions.
 """
+import contextlib
 import itertools
 import threading
 import time
 import urllib.parse
-from typing import Any, Callable, Iterable, List, Sequence, Tuple
+from typing import Any, Callable, Iterable, List, Optional, Sequence, Tuple
 
 import rosgraph.network
 import rospy
@@ -19,6 +20,7 @@ from rospy.impl.tcpros import get_tcpros_handler
 
 from . import rpc
 from .endpoints import DatagramReceiver, addresses_of
+from .gathered_calls import GatheredCalls
 from .loss_emulation import open_receiver
 from .negotiation import OTHER_TYPE_PERIOD, PROTOCOL, Refused, Reply, Request, is_other_type, other_type
 from .rospy_transports import SubscriberTransport, UdpSubscriberImpl
@@ -27,6 +29,9 @@ TCPROS = 'TCPROS'
 
 GONE_AFTER = 10.0
 """A publisher's node that has ended is not asked for longer than this; the watch asks the master again [s]."""
+
+MAX_DRAINED = 64
+"""Batches of old datagrams that are dropped before another attempt; a stranger may send more and more."""
 
 ApiResult = Tuple[int, str, Any]
 """Status code (1: success), status message and value of a method of the ROS slave API."""
@@ -41,6 +46,7 @@ class Connector:
     def __init__(self, connect_plain: Callable[[str, str], ApiResult]) -> None:
         self._connect_plain = connect_plain
         self._lock = threading.Lock()
+        self._calls = GatheredCalls()
         self._ended = threading.Event()
 
     def stop(self) -> None:
@@ -77,11 +83,18 @@ class Connector:
         for connection in impl.connections:
             if connection.endpoint_id == uri:
                 return 1, 'already connected to %s' % uri, 0
+        with contextlib.closing(_Negotiation(impl, uri, impl.options.protocols, self._calls)) as negotiation:
+            return self._persist(impl, uri, negotiation)
+
+    def _persist(self, impl: UdpSubscriberImpl, uri: str, negotiation: '_Negotiation') -> ApiResult:
+        """Attempt until the publisher answers, publishes no longer, or has ended."""
         period, begun = rpc.RETRY_PERIOD, time.monotonic()
         while uri in impl.publishers and not impl.closed and not self._ended.is_set():
+            if not impl.options.wanted():       # that is known here: the period does not grow
+                self._ended.wait(rpc.RETRY_PERIOD)
+                continue
             try:
-                if impl.options.wanted():
-                    return _negotiate(impl, uri, impl.options.protocols)
+                return negotiation.attempt()
             except Refused as refusal:
                 period = OTHER_TYPE_PERIOD if is_other_type(refusal) else 10
                 rospy.logerr_throttle_identical(period, '[%s]: %s refuses: %s' % (impl.resolved_name, uri, refusal))
@@ -111,7 +124,8 @@ class Connector:
                 return
             impl.connecting.add(uri)
         try:
-            _negotiate(impl, uri, (PROTOCOL,))
+            with contextlib.closing(_Negotiation(impl, uri, (PROTOCOL,), self._calls)) as negotiation:
+                negotiation.attempt()
             impl.fallbacks.forget(uri)
             rospy.loginfo('[%s]: %s is connected by UDPROS now', impl.resolved_name, uri)
         except (Refused, rpc.Unreachable, OSError) as error:
@@ -121,24 +135,27 @@ class Connector:
                 impl.connecting.discard(uri)
 
 
-def _negotiate(impl: UdpSubscriberImpl, uri: str, protocols: Sequence[str]) -> ApiResult:
-    """Connect to one publisher by the first protocol on which both sides agree.
+class _Negotiation:
+    """Connects to one publisher by the first protocol on which both sides agree.
+
+    All attempts name the same port: by it a publisher recognises a request whose answer was lost.
 
     :param protocols: to request, best first
-    :raises Refused: if it refuses, or answers with something else
-    :raises rpc.Unreachable: if it does not answer, or has an unknown host
-    :raises OSError: if there is no socket
     """
-    options = impl.options
-    receiver = open_receiver(impl.resolved_name, rosgraph.network.get_bind_address(), options.max_datagram_size,
-                             options.receive_buffer)
-    if receiver.receive_buffer < 2 * options.receive_buffer:   # the kernel adds its own overhead: twice the size
-        rospy.logwarn_throttle_identical(60, (
-            'the kernel grants a receive buffer of %d bytes only, so bursts may be lost here: '
-            'sudo sysctl -w net.core.rmem_max=%d') % (receiver.receive_buffer // 2, options.receive_buffer))
-    kept = False
-    try:
-        params = _request(uri, impl, receiver, protocols)
+
+    def __init__(self, impl: UdpSubscriberImpl, uri: str, protocols: Sequence[str], calls: GatheredCalls) -> None:
+        self._impl, self._uri, self._protocols, self._calls = impl, uri, protocols, calls
+        self._receiver: Optional[DatagramReceiver] = None
+
+    def attempt(self) -> ApiResult:
+        """Request the topic, and connect.
+
+        :raises Refused: if the publisher refuses, or answers with something else
+        :raises rpc.Unreachable: if it does not answer, or has an unknown host; then it may be asked again
+        :raises OSError: if there is no socket
+        """
+        impl, uri, receiver = self._impl, self._uri, self._open()
+        params = self._request(receiver)
         if params[0] == TCPROS:
             result: ApiResult = get_tcpros_handler().create_transport(impl.resolved_name, uri, params)
             return result
@@ -149,32 +166,60 @@ def _negotiate(impl: UdpSubscriberImpl, uri: str, protocols: Sequence[str]) -> A
         if not any(map(addresses_of, hosts)):
             raise rpc.Unreachable('nobody knows the addresses of %s' % ', '.join(map(str, hosts)))
         connection = SubscriberTransport(impl, receiver, reply, uri, hosts)
-        kept = impl.add_connection(connection)
-    finally:
-        if not kept:
-            receiver.close()
-    if not kept:
-        return 0, '[%s] has been unregistered' % impl.resolved_name, 0
-    connection.start()
-    return 1, 'connected to %s by UDPROS' % uri, 1
+        if not impl.add_connection(connection):
+            return 0, '[%s] has been unregistered' % impl.resolved_name, 0
+        self._receiver = None       # it is the connection's
+        connection.start()
+        return 1, 'connected to %s by UDPROS' % uri, 1
+
+    def close(self) -> None:
+        """Free the socket, unless there is a connection."""
+        if self._receiver is not None:
+            self._receiver.close()
+            self._receiver = None
+
+    def _open(self) -> DatagramReceiver:
+        if self._receiver is None:
+            self._receiver = _receiver(self._impl)
+        else:       # what came after the attempt before is old
+            _drain(self._receiver)
+        return self._receiver
+
+    def _request(self, receiver: DatagramReceiver) -> List[Any]:
+        """Request the topic; a publisher that fails at UDPROS is asked again for TCPROS alone."""
+        impl, uri = self._impl, self._uri
+        header = {'topic': impl.resolved_name, 'type': impl.data_class._type, 'md5sum': impl.data_class._md5sum,
+                  'callerid': rospy.names.get_caller_id()}
+        request = Request(rosgraph.network.get_host_name(), receiver.address[1], header,
+                          impl.options.max_datagram_size)
+        offers = [request.params() if protocol == PROTOCOL else [protocol] for protocol in self._protocols]
+        try:
+            return _checked(self._calls.call(uri, 'requestTopic', impl.resolved_name, offers))
+        except Refused as refusal:
+            if offers[-1] != [TCPROS] or len(offers) == 1 or is_other_type(refusal):
+                raise
+            params = _checked(self._calls.call(uri, 'requestTopic', impl.resolved_name, offers[-1:]))
+            if impl.fallbacks.refused(uri, time.monotonic()):
+                rospy.logwarn('[%s]: %s is connected by TCPROS for now, as it refuses UDPROS: %s',
+                              impl.resolved_name, uri, refusal)
+            return params
 
 
-def _request(uri: str, impl: UdpSubscriberImpl, receiver: DatagramReceiver, protocols: Sequence[str]) -> List[Any]:
-    """Request a topic from a publisher; one that fails at UDPROS is asked again for TCPROS alone."""
-    header = {'topic': impl.resolved_name, 'type': impl.data_class._type, 'md5sum': impl.data_class._md5sum,
-              'callerid': rospy.names.get_caller_id()}
-    request = Request(rosgraph.network.get_host_name(), receiver.address[1], header, impl.options.max_datagram_size)
-    offers = [request.params() if protocol == PROTOCOL else [protocol] for protocol in protocols]
-    try:
-        return _checked(rpc.call(uri, 'requestTopic', impl.resolved_name, offers))
-    except Refused as refusal:
-        if offers[-1] != [TCPROS] or len(offers) == 1 or is_other_type(refusal):
-            raise
-        params = _checked(rpc.call(uri, 'requestTopic', impl.resolved_name, offers[-1:]))
-        if impl.fallbacks.refused(uri, time.monotonic()):
-            rospy.logwarn('[%s]: %s is connected by TCPROS for now, as it refuses UDPROS: %s',
-                          impl.resolved_name, uri, refusal)
-        return params
+def _receiver(impl: UdpSubscriberImpl) -> DatagramReceiver:
+    options = impl.options
+    receiver = open_receiver(impl.resolved_name, rosgraph.network.get_bind_address(), options.max_datagram_size,
+                             options.receive_buffer)
+    if receiver.receive_buffer < 2 * options.receive_buffer:   # the kernel adds its own overhead: twice the size
+        rospy.logwarn_throttle_identical(60, (
+            'the kernel grants a receive buffer of %d bytes only, so bursts may be lost here: '
+            'sudo sysctl -w net.core.rmem_max=%d') % (receiver.receive_buffer // 2, options.receive_buffer))
+    return receiver
+
+
+def _drain(receiver: DatagramReceiver) -> None:
+    for _ in range(MAX_DRAINED):
+        if receiver.receive() < receiver.batch:
+            return
 
 
 def _checked(params: Any) -> List[Any]:

@@ -72,74 +72,67 @@ def path_payload(host: str, port: int) -> int:
         return min(UDP_MAX_PAYLOAD, probe.getsockopt(socket.IPPROTO_IP, IP_MTU) - IP_UDP_HEADERS)
 
 
-class DatagramSender:
-    """Sends datagrams to one peer. No call blocks longer than SEND_TIMEOUT, whatever the state of the peer.
+class BatchSender:
+    """Sends batches of datagrams from a socket. No call blocks longer than SEND_TIMEOUT, whatever the peer does.
 
+    :param sock: non-blocking; whoever made it closes it
     :param gso: whether to send many datagrams in one call
-    :raises OSError: if the host is unknown or unreachable
-    :raises UnicodeError: if it is not a host name
     """
 
-    def __init__(self, host: str, port: int, gso: bool = True) -> None:
+    def __init__(self, sock: socket.socket, gso: bool = True) -> None:
+        self.socket = sock
         self.failures: Counter[str] = collections.Counter()
         """Datagrams that could not be sent, by the error's name. EPERM: a local firewall; EAGAIN: the network device is
         too slow; ENETUNREACH, EHOSTUNREACH: no route, such as a pulled cable."""
         self.gso = gso
         """Whether GSO is in use; becomes False when the kernel refuses it."""
-        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        try:
-            self.socket.setblocking(False)
-            self.socket.connect((host, port))
-            self.local: Address = self.socket.getsockname()
-            self.remote: Address = self.socket.getpeername()
-            self._poll = select.poll()
-            self._poll.register(self.socket, select.POLLOUT)
-        except OSError:
-            self.socket.close()
-            raise
+        self._poll = select.poll()
+        self._poll.register(sock, select.POLLOUT)
 
-    def send_one(self, *parts: Union[Buffer, UInt8Array]) -> int:
+    def send_one(self, *parts: Union[Buffer, UInt8Array], to: Optional[Address] = None) -> int:
         """Send one datagram, given in parts.
 
+        :param to: numeric IPv4 address and port; None: the socket is connected
         :return: how many datagrams were sent, 1 or 0
-        :raises PeerGone: if the peer closed its port
+        :raises PeerGone: if the socket is connected, and the peer closed its port
         """
-        return self._try_to_send(parts, (), 1, time.monotonic() + SEND_TIMEOUT)
+        return self._try_to_send(parts, (), 1, time.monotonic() + SEND_TIMEOUT, to)
 
-    def send(self, datagrams: Union[Buffer, UInt8Array], size: int, count: int) -> int:
+    def send(self, datagrams: Union[Buffer, UInt8Array], size: int, count: int, to: Optional[Address] = None) -> int:
         """Send many datagrams.
 
         :param datagrams: C-contiguous, one after the other; each is `size` bytes long, the last one may be shorter
+        :param to: as of `send_one`
         :return: how many datagrams were sent
-        :raises PeerGone: if the peer closed its port
+        :raises PeerGone: as `send_one`
         """
         data: Any = datagrams
         view, sent = memoryview(data).cast('B'), 0
         deadline = time.monotonic() + SEND_TIMEOUT
         burst = size * min(MAX_SEGMENTS, UDP_MAX_PAYLOAD // size)
         for start in range(0, count * size, burst):
-            sent += self._send_burst(view[start:start + burst], size, deadline)
+            sent += self._send_burst(view[start:start + burst], size, deadline, to)
         return sent
 
-    def _send_burst(self, datagrams: memoryview, size: int, deadline: float) -> int:
+    def _send_burst(self, datagrams: memoryview, size: int, deadline: float, to: Optional[Address]) -> int:
         """Send at most MAX_SEGMENTS datagrams."""
         if len(datagrams) > size and self.gso:
             segment = [(socket.IPPROTO_UDP, UDP_SEGMENT, struct.pack('=H', size))]
-            sent = self._try_to_send((datagrams,), segment, -(-len(datagrams) // size), deadline)
+            sent = self._try_to_send((datagrams,), segment, -(-len(datagrams) // size), deadline, to)
             if self.gso:
                 return sent
-        return sum(self._try_to_send((datagrams[start:start + size],), (), 1, deadline)
+        return sum(self._try_to_send((datagrams[start:start + size],), (), 1, deadline, to)
                    for start in range(0, len(datagrams), size))
 
     def _try_to_send(self, parts: Sequence[Any], control: Sequence[Tuple[int, int, bytes]], count: int,
-                     deadline: float) -> int:
+                     deadline: float, to: Optional[Address]) -> int:
         """One sendmsg call with `count` datagrams; returns how many were sent: all, or none."""
         while True:
             try:
-                self.socket.sendmsg(parts, control)
+                self.socket.sendmsg(parts, control, 0, to)
                 return count
             except ConnectionRefusedError as error:
-                raise PeerGone('the port of %s:%d is closed' % self.remote) from error
+                raise PeerGone('the port of %s:%d is closed' % self.socket.getpeername()) from error
             except BlockingIOError:
                 left = deadline - time.monotonic()
                 if left > 0 and self._poll.poll(left * 1e3):
@@ -154,6 +147,27 @@ class DatagramSender:
                 else:
                     self.failures[errno.errorcode.get(error.errno or 0, str(error.errno))] += count
                 return 0
+
+
+class DatagramSender(BatchSender):
+    """Sends datagrams to one peer from a socket of its own.
+
+    :param gso: whether to send many datagrams in one call
+    :raises OSError: if the host is unknown or unreachable
+    :raises UnicodeError: if it is not a host name
+    """
+
+    def __init__(self, host: str, port: int, gso: bool = True) -> None:
+        sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            sock.setblocking(False)
+            sock.connect((host, port))
+            self.local: Address = sock.getsockname()
+            self.remote: Address = sock.getpeername()
+            super().__init__(sock, gso)
+        except OSError:
+            sock.close()
+            raise
 
     def close(self) -> None:
         """Free the socket; sending then raises OSError."""
@@ -206,17 +220,18 @@ class DatagramReceiver:
     :param receive_buffer: size to request from the kernel [byte]
     :param batch: maximum number of datagrams per call
     :param recvmmsg: whether to receive many datagrams in one call, if the C library can
-    :raises OSError: if this machine does not have the address
+    :param port: the local port to bind; 0: any free one
+    :raises OSError: if this machine does not have the address, or the port is in use
     """
 
     def __init__(self, address: str, max_datagram_size: int, receive_buffer: int = 4 << 20, batch: int = 512,
-                 recvmmsg: bool = True) -> None:
+                 recvmmsg: bool = True, port: int = 0) -> None:
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             self.socket.setblocking(False)
             self.receive_buffer = _grow_receive_buffer(self.socket, receive_buffer)
             """Size granted by the kernel, which includes its own overhead [byte]."""
-            self.socket.bind((address, 0))
+            self.socket.bind((address, port))
         except OSError:
             self.socket.close()
             raise

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Messages of one type and size as datagrams that are ready to be sent, one row each."""
 import copy
-from typing import Any, Mapping
+from typing import Any, Iterator, Mapping, Optional, Sequence
 
 import numpy as np
 
 from ..arrays import Records, UInt8Array
 from .datagram import HEADER, HEADER_DTYPE, OVERHEAD, UDP_MAX_PAYLOAD, Op
-from .records import record_dtype, write_lengths
+from .records import has_header, record_dtype, write_lengths
 
 
 class Frame:
@@ -41,6 +41,14 @@ class Frame:
         self.header['op'], self.header['block'] = Op.DATA0, 1
         np.ndarray((count,), '<u4', self.rows, HEADER.size, (size,))[:] = dtype.itemsize
 
+    def number(self, first: int) -> None:
+        """Number the messages in their headers, as publishers do, if they have any.
+
+        :param first: the first message's sequence number
+        """
+        if has_header(self.message_class):
+            self.records['header']['seq'] = first + np.arange(len(self))
+
     def part(self, start: int, stop: int) -> 'Frame':
         """The messages [start, stop) as a Frame on the same memory."""
         part = copy.copy(self)
@@ -58,3 +66,12 @@ class Frame:
     def stream(self) -> bytes:
         """The messages as TCPROS writes them, each with its length in front."""
         return self.rows[:, HEADER.size:].tobytes()
+
+
+def first_messages(frames: Sequence[Frame], limit: Optional[int]) -> Iterator[Frame]:
+    """The first messages of some frames; None: all."""
+    left = sum(map(len, frames)) if limit is None else limit
+    for frame in frames:
+        if left > 0:
+            yield frame if left >= len(frame) else frame.part(0, left)
+        left -= len(frame)

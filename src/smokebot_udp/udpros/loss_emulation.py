@@ -12,7 +12,7 @@ _emulated: Tuple[float, int] = 0.0, 0
 
 
 def emulate_loss(loss: float, seed: int = 0) -> None:
-    """Lose received datagrams, in every UDPROS connection that this process makes after this call.
+    """Lose received datagrams, in every connection that this process makes after this call.
 
     A lost datagram leaves no trace but the gap in the sequence numbers. The same seed loses the same datagrams of each
     topic again. For a node's main, before its subscribers are made.
@@ -29,15 +29,18 @@ def emulate_loss(loss: float, seed: int = 0) -> None:
     _emulated = loss, seed
 
 
-def open_receiver(topic: str, address: str, max_datagram_size: int, receive_buffer: int) -> DatagramReceiver:
-    """The receiver of a topic's new connection, which loses datagrams as `emulate_loss` says.
+def open_receiver(topic: str, address: str, max_datagram_size: int, receive_buffer: int,
+                  port: int = 0) -> DatagramReceiver:
+    """The receiver of a new connection, which loses datagrams as `emulate_loss` says.
 
+    :param topic: of the connection, by which it loses others than the connections of other topics
     :raises OSError: as DatagramReceiver
     """
     loss, seed = _emulated
     if not loss:
-        return DatagramReceiver(address, max_datagram_size, receive_buffer)
-    return LossyReceiver(address, max_datagram_size, receive_buffer, loss=loss, seed=(seed, zlib.crc32(topic.encode())))
+        return DatagramReceiver(address, max_datagram_size, receive_buffer, port=port)
+    return LossyReceiver(address, max_datagram_size, receive_buffer, port, loss=loss,
+                         seed=(seed, zlib.crc32(topic.encode())))
 
 
 class LossyReceiver(DatagramReceiver):
@@ -48,9 +51,9 @@ class LossyReceiver(DatagramReceiver):
     :raises OSError: as DatagramReceiver
     """
 
-    def __init__(self, address: str, max_datagram_size: int, receive_buffer: int = 4 << 20, *, loss: float,
-                 seed: Tuple[int, ...]) -> None:
-        super().__init__(address, max_datagram_size, receive_buffer)
+    def __init__(self, address: str, max_datagram_size: int, receive_buffer: int = 4 << 20, port: int = 0, *,
+                 loss: float, seed: Tuple[int, ...]) -> None:
+        super().__init__(address, max_datagram_size, receive_buffer, port=port)
         self._loss, self._random = loss, np.random.RandomState(list(seed))
         self._kept = np.zeros(0, int)   # the rows of the last batch that were not lost
 

@@ -4,7 +4,7 @@
 rospy registers each by a call of its own, one after the other. Over a link with 100 ms round-trip time and 20 % loss
 this takes half a minute for a node with a dozen streams. The master accepts many calls in one (system.multicall), but
 notifies a topic's subscribers of a new publisher one topic after the other, over that link even if they are on the
-publisher's side of it. Therefore the publisher notifies them as well, all at once.
+publisher's side of it. Therefore the publisher notifies them as well, all at once, each of all topics in one call.
 
 rospy never registers again. If the master is restarted, `MasterWatch` finds it, and `register_node` registers the whole
 node with the new one.
@@ -34,6 +34,9 @@ LOOKUP_PERIOD = 10.0
 
 ROSOUT_TOPICS = '/rosout_disable_topics_generation'
 """The parameter by which a message on /rosout does not list the node's topics, see rospy.impl.rosout."""
+
+_kept: Dict[str, None] = {}
+"""Namespaces of parameters, besides the node's own, that a new master gets, see keep_parameters."""
 
 registering = threading.RLock()
 """Held while many registrations are made, or postponed."""
@@ -183,9 +186,17 @@ def register_together(manager: Any, registrations: Sequence[Registration]) -> Li
     return [one for one, answer in zip(registrations, answers) if answer is None]
 
 
+def keep_parameters(namespace: str) -> None:
+    """Treat the parameters of a namespace, once they are cached, as the node's private ones: a new master gets them.
+
+    :param namespace: resolved
+    """
+    _kept[namespace] = None
+
+
 def register_node(manager: Any) -> bool:
-    """Register all topics and services of this node, and subscribe to its private parameters where they are cached;
-    those that the master has lost are written back.
+    """Register all topics and services of this node, and subscribe to its private parameters, and those of
+    keep_parameters, where they are cached; those that the master has lost are written back.
 
     :param manager: rospy's RegManager
     :return: whether all are registered
@@ -206,9 +217,10 @@ def _of_node() -> List[Registration]:
     found = [Registration(impl.resolved_name, impl.type, kind)
              for kind, impls in (('pub', topics.pubs), ('sub', topics.subs)) for impl in list(impls.values())]
     found += [Registration(name, uri, 'srv') for name, uri in get_service_manager().get_services()]
-    with contextlib.suppress(KeyError):
-        get_param_server_cache().get(rospy.get_name())
-        found.append(Registration(rospy.get_name(), '', 'param'))
+    for namespace in {rospy.get_name(): None, **_kept}:
+        with contextlib.suppress(KeyError):
+            get_param_server_cache().get(namespace)
+            found.append(Registration(namespace, '', 'param'))
     return found
 
 
@@ -256,8 +268,12 @@ def _notify_all(subscribers: Dict[Registration, List[str]], uri: str) -> None:
     :param subscribers: {topic: URIs of its subscribers}
     :param uri: of this node's XML-RPC server
     """
-    threads = [threading.Thread(target=_notify, args=(subscriber, topic.name, uri), daemon=True)
-               for topic in subscribers for subscriber in subscribers[topic]]
+    of_node: Dict[str, List[str]] = {}
+    for topic, found in subscribers.items():
+        for subscriber in found:
+            of_node.setdefault(subscriber, []).append(topic.name)
+    threads = [threading.Thread(target=_notify, args=(subscriber, topics, uri), daemon=True)
+               for subscriber, topics in of_node.items()]
     for thread in threads:
         thread.start()
     for thread in threads:
@@ -272,12 +288,15 @@ def _notify_all(subscribers: Dict[Registration, List[str]], uri: str) -> None:
         rospy.logdebug('the master does not say who else publishes: %s', error)
 
 
-def _notify(subscriber: str, topic: str, uri: str) -> None:
-    """Notify a subscriber, by its URI, that this node publishes a topic."""
+def _notify(subscriber: str, topics: Sequence[str], uri: str) -> None:
+    """Notify a subscriber, by its URI, that this node publishes some topics."""
     try:
-        rpc.call(subscriber, 'publisherUpdate', topic, [uri])
-    except (rpc.Unreachable, Refused) as error:
-        rospy.logdebug('[%s]: only the master notifies the subscriber %s: %s', topic, subscriber, error)
+        answers = rpc.call_together(subscriber, [('publisherUpdate', (topic, [uri])) for topic in topics])
+    except rpc.Unreachable as error:
+        answers = [error] * len(topics)
+    for topic, answer in zip(topics, answers):
+        if isinstance(answer, Exception):
+            rospy.logdebug('[%s]: only the master notifies the subscriber %s: %s', topic, subscriber, answer)
 
 
 def log_without_master() -> None:

@@ -46,7 +46,7 @@ class UdprosHandler(ProtocolHandler):
     def __init__(self, node_handler: Any, registration: Any) -> None:
         self._request_topic = node_handler.requestTopic
         self._log_budget = Budget(LOG_BURST, LOG_PERIOD)
-        self.acceptor = Acceptor(lambda: self.watch.settling(), lambda uri: self.watch.moved(uri))
+        self.acceptor = Acceptor(lambda: self.watch.settling(), lambda *node: self.watch.moved(*node))
         self.connector = Connector(node_handler._connect_topic)
         self.watch = Watch(self.connector, registration, self.acceptor.review)
 

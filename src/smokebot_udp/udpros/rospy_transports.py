@@ -20,15 +20,14 @@ from rospy.impl.transport import INBOUND, OUTBOUND, Transport
 from rospy.topics import _PublisherImpl, _SubscriberImpl, _TopicImpl
 
 from ..arrays import BoolArray, Records
-from . import datagram
+from .depacketizer import Arrived, BatchCallback
 from .endpoints import Address, DatagramReceiver, DatagramSender, PeerGone
-from .frame import Frame
+from .frame import Frame, first_messages
 from .negotiation import PROTOCOL, Fallbacks, Reply, Request
-from .records import LayoutError, has_header, lengths_of, record_dtype
+from .packetizer import Packetizer
+from .records import LayoutError, lengths_of, record_dtype
 from .silence import Renegotiation, Silence
-from .subscription import Arrived, Subscription
-
-BatchCallback = Callable[[Records, BoolArray], None]
+from .subscription import Subscription
 
 
 @dataclass
@@ -85,16 +84,15 @@ class PublisherTransport(UdpTransport):
     def __init__(self, topic: str, request: Request, connection_id: int, max_datagram_size: int) -> None:
         super().__init__(OUTBOUND, name=topic)
         self.endpoint_id = request.header['callerid']
-        self.connection_id, self.max_datagram_size = connection_id, max_datagram_size
+        self.connection_id = connection_id
         self.caller_uri: Optional[str] = None
         """Of the subscriber's XML-RPC server; None: unknown."""
         self.since = time.monotonic()
         """When it was made, by time.monotonic() [s]."""
         self.sender = DatagramSender(request.host, request.port)
+        self.packetizer = Packetizer(self.sender, connection_id, max_datagram_size)
         self._fileno = self.sender.socket.fileno()
         self.local_endpoint, self.remote_endpoint = self.sender.local, self.sender.remote
-        self.stat_num_datagram = 0
-        self._last_id = 0
         self._lock = threading.Lock()
 
     def write_data(self, data: bytes) -> bool:
@@ -103,15 +101,7 @@ class PublisherTransport(UdpTransport):
         :raises TransportTerminated: if the connection is closed
         """
         with self._sending():
-            self._last_id = self._last_id % datagram.MESSAGE_IDS + 1
-            size = self.max_datagram_size
-            if len(data) <= size - datagram.HEADER.size:
-                header = datagram.HEADER.pack(self.connection_id, datagram.Op.DATA0, self._last_id, 1)
-                sent = self.sender.send_one(header, data)
-            else:
-                blocks = datagram.split(data, self.connection_id, self._last_id, size)
-                sent = self.sender.send(blocks, size, -(-len(blocks) // size))
-            self._count(1, sent, len(data))
+            self.packetizer.send_message(data)
         return True
 
     def write_frame(self, frame: Frame) -> None:
@@ -119,16 +109,8 @@ class PublisherTransport(UdpTransport):
 
         :raises TransportTerminated: if the connection is closed
         """
-        if frame.datagram_size > self.max_datagram_size:
-            for row in frame.rows:
-                self.write_data(row[datagram.HEADER.size:].tobytes())
-            return
         with self._sending():
-            ids = datagram.message_ids(self._last_id, len(frame))
-            self._last_id = int(ids[-1])
-            frame.header['connection_id'], frame.header['message_id'] = self.connection_id, ids
-            sent = self.sender.send(frame.rows, frame.datagram_size, len(frame))
-            self._count(len(frame), sent, frame.rows.size)
+            self.packetizer.send_frame(frame)
 
     @contextlib.contextmanager
     def _sending(self) -> Iterator[None]:
@@ -138,17 +120,13 @@ class PublisherTransport(UdpTransport):
                 raise TransportTerminated('connection closed')
             try:
                 yield
+                self.stat_num_msg, self.stat_bytes = self.packetizer.messages, self.packetizer.bytes
                 return
             except PeerGone as error:
                 gone = error
         rospy.loginfo('[%s]: subscriber %s is gone: %s', self.name, self.endpoint_id, gone)
         self.close()
         raise TransportTerminated(str(gone)) from gone
-
-    def _count(self, messages: int, datagrams: int, size: int) -> None:
-        self.stat_num_msg += messages
-        self.stat_num_datagram += datagrams
-        self.stat_bytes += size
 
     def close(self) -> None:
         """End the connection and free its socket."""
@@ -211,31 +189,31 @@ class SubscriberTransport(UdpTransport):
     @property
     def refused_datagrams(self) -> int:
         """Datagrams from another address than the publisher's, or of another connection."""
-        dropped = self.subscription.inbox.dropped
+        dropped = self.subscription.depacketizer.inbox.dropped
         return int(dropped['stranger'] + dropped['connection id'])
 
     @property
     def wants_batches(self) -> bool:
-        """See subscription.Consumer."""
+        """See depacketizer.Consumer."""
         return bool(self._impl.batch_callbacks)
 
     @property
     def wants_messages(self) -> bool:
-        """See subscription.Consumer."""
+        """See depacketizer.Consumer."""
         return bool(self._impl.callbacks)
 
     def take_records(self, records: Records, mask: BoolArray) -> None:
-        """Pass messages to the batch callbacks, see subscription.Consumer."""
+        """Pass messages to the batch callbacks, see depacketizer.Consumer."""
         self._update_counts()
         self._impl.call_batch(records, mask)
 
     def take_message(self, data: bytes) -> None:
-        """Deserialise a message and pass it to the callbacks, see subscription.Consumer."""
+        """Deserialise a message and pass it to the callbacks, see depacketizer.Consumer."""
         self._update_counts()
         try:
             message = self._impl.data_class().deserialize(data)
         except Exception:   # genpy's readers raise DeserializationError, UnicodeError, ... on hostile bytes
-            self.subscription.inbox.dropped['message'] += 1
+            self.subscription.depacketizer.inbox.dropped['message'] += 1
             return
         message._connection_header = self.header
         if self.is_latched:
@@ -243,7 +221,8 @@ class SubscriberTransport(UdpTransport):
         self._impl.receive_callback([message], self)
 
     def _update_counts(self) -> None:
-        self.stat_bytes, self.stat_num_msg = self.subscription.bytes, self.subscription.datagrams
+        depacketizer = self.subscription.depacketizer
+        self.stat_bytes, self.stat_num_msg = depacketizer.bytes, depacketizer.datagrams
 
     def close(self) -> None:
         """End the connection; its thread frees the socket."""
@@ -325,15 +304,14 @@ class UdpPublisherImpl(_PublisherImpl, _Connections):
         :param limits: {subscriber: number of the first messages that it gets}; the others get all
         """
         for frame in frames:
-            if has_header(self.data_class):   # the numbering of rospy.msg.serialize_message
-                frame.records['header']['seq'] = self.seq + 1 + np.arange(len(frame))
+            frame.number(self.seq + 1)
             self.seq += len(frame)
             self.message_data_sent += frame.rows.size
         stream: Optional[bytes] = None
         for connection in self.connections:
             try:
                 if isinstance(connection, PublisherTransport):
-                    for frame in _first(frames, limits.get(connection.endpoint_id)):
+                    for frame in first_messages(frames, limits.get(connection.endpoint_id)):
                         connection.write_frame(frame)
                 else:
                     stream = b''.join(frame.stream() for frame in frames) if stream is None else stream
@@ -373,15 +351,6 @@ class UdpSubscriberImpl(_SubscriberImpl):
             for message in msgs:
                 with contextlib.suppress(LayoutError):
                     self.call_batch(_as_records(message), np.ones(1, bool))
-
-
-def _first(frames: Sequence[Frame], limit: Optional[int]) -> Iterator[Frame]:
-    """The first messages of some frames; None: all."""
-    left = sum(map(len, frames)) if limit is None else limit
-    for frame in frames:
-        if left > 0:
-            yield frame if left >= len(frame) else frame.part(0, left)
-        left -= len(frame)
 
 
 def _as_records(message: Any) -> Records:

@@ -18,7 +18,7 @@ import socket
 import time
 import xmlrpc.client
 import zlib
-from typing import Any, Callable, Dict, Iterable, List, Optional, Sequence, Tuple, TypeVar
+from typing import Any, Callable, Dict, Iterable, Iterator, List, Optional, Sequence, Tuple, TypeVar
 from xml.parsers.expat import ExpatError
 
 import rospy
@@ -269,6 +269,10 @@ def _keep_alive(connected: socket.socket) -> None:
         connected.setsockopt(socket.IPPROTO_TCP, option, value)
 
 
+Call = Tuple[str, Tuple[Any, ...]]
+"""A method, and its arguments without the caller's name."""
+
+
 def call(uri: str, method: str, *args: Any, timeout: float = RPC_TIMEOUT) -> Any:
     """Call the API of a node or the master; returns the value.
 
@@ -278,16 +282,80 @@ def call(uri: str, method: str, *args: Any, timeout: float = RPC_TIMEOUT) -> Any
     :raises Unreachable: if there is no correct answer; Gone: if the node has ended
     :raises Refused: if the answer is an error
     """
+    with _failures(method), _proxy(uri, timeout) as proxy:
+        answer = getattr(proxy, method)(rospy.names.get_caller_id(), *args)
+    return _value(method, answer)
+
+
+def call_together(uri: str, calls: Sequence[Call], timeout: float = RPC_TIMEOUT) -> List[Any]:
+    """Make some calls of a node's API in one (system.multicall), or one by one where it does not know that.
+
+    :param timeout: to connect and for each read [s]
+    :return: for each its value, or what `call` would raise
+    :raises Unreachable: if there is no correct answer; Gone: if the node has ended
+    """
+    if len(calls) == 1:
+        return [_outcome(uri, calls[0], timeout)]
+    caller = rospy.names.get_caller_id()
     try:
-        with xmlrpc.client.ServerProxy(uri, transport=Transport(timeout)) as proxy:
-            code, message, value = getattr(proxy, method)(rospy.names.get_caller_id(), *args)
+        with _failures('system.multicall', but=xmlrpc.client.Fault), _proxy(uri, timeout) as proxy:
+            answers: Any = proxy.system.multicall([
+                {'methodName': method, 'params': [caller, *args]} for method, args in calls])
+    except xmlrpc.client.Fault:
+        return [_outcome(uri, one, timeout) for one in calls]
+    if not isinstance(answers, list) or len(answers) != len(calls):
+        raise Unreachable('system.multicall: not %d answers' % len(calls))
+    return [_of_many(method, answer) for (method, _), answer in zip(calls, answers)]
+
+
+@contextlib.contextmanager
+def _failures(method: str, but: Any = ()) -> Iterator[None]:
+    """Raise what is no correct answer as Unreachable or Gone.
+
+    :param but: exceptions that are left as they are
+    """
+    try:
+        yield
+    except but:
+        raise
     except ConnectionRefusedError as error:
         raise Gone('%s: %s' % (method, error)) from error
     except FAILURES as error:
         raise Unreachable('%s: %s' % (method, error)) from error
+
+
+def _proxy(uri: str, timeout: float) -> xmlrpc.client.ServerProxy:
+    return xmlrpc.client.ServerProxy(uri, transport=Transport(timeout))
+
+
+def _value(method: str, answer: Any) -> Any:
+    """The value in an answer of the API."""
+    if not isinstance(answer, (list, tuple)) or len(answer) != 3:
+        raise Unreachable('%s: the answer is not of three elements' % method)
+    code, message, value = answer
     if code != 1:
         raise Refused('%s: %s' % (method, message))
     return value
+
+
+def _outcome(uri: str, one: Call, timeout: float) -> Any:
+    """The value of a call, or what it raises."""
+    method, args = one
+    try:
+        return call(uri, method, *args, timeout=timeout)
+    except (Unreachable, Refused) as error:
+        return error
+
+
+def _of_many(method: str, answer: Any) -> Any:
+    """The value of an answer to one of many calls, or what `call` would raise: it is in a list of one; a fault is a
+    dictionary."""
+    try:
+        if not isinstance(answer, list) or len(answer) != 1:
+            raise Unreachable('%s: %.100r' % (method, answer))
+        return _value(method, answer[0])
+    except (Unreachable, Refused) as error:
+        return error
 
 
 def call_all(uri: str, calls: Sequence[Dict[str, Any]], timeout: float) -> List[Any]:

@@ -13,7 +13,7 @@ MAX_KEYS = 256
 
 class _Answer(Generic[Value]):
     def __init__(self) -> None:
-        self.begun = -float('inf')
+        self.begun = self.ended = -float('inf')
         self.running = False
         self.value: Optional[Value] = None
         self.error: Optional[Exception] = None
@@ -32,14 +32,14 @@ class SharedAnswers(Generic[Key, Value]):
         self._changed = threading.Condition()
 
     def ask(self, key: Key, max_age: float = 0.0) -> Value:
-        """The function's answer to a question that was asked since this call, or a little before.
+        """The function's answer to a question that was asked since this call, or one that came a little before.
 
-        :param max_age: how long before [s]
+        :param max_age: how long before; however long the answer took [s]
         """
         oldest = time.monotonic() - max_age
         with self._changed:
             answer = self._find(key)
-            while answer.running or answer.begun < oldest:
+            while answer.running or (answer.ended if max_age else answer.begun) < oldest:
                 wait = answer.begun + self._period - time.monotonic()
                 if not answer.running and wait <= 0:
                     break
@@ -53,7 +53,7 @@ class SharedAnswers(Generic[Key, Value]):
         except Exception as raised:
             error = raised
         with self._changed:
-            answer.running, answer.value, answer.error = False, value, error
+            answer.running, answer.value, answer.error, answer.ended = False, value, error, time.monotonic()
             self._changed.notify_all()
             return _value(answer)
 

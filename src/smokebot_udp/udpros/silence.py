@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """When a subscriber asks about a topic that is silent, and when it replaces a connection."""
-from typing import Generic, Iterable, List, Protocol, TypeVar
+import collections
+from typing import Generic, Iterable, List, OrderedDict, Protocol, TypeVar
 
 SILENCE_TIMEOUT = 3.0
 """After this time without a message of a topic, the master and its publishers are asked for it [s]."""
@@ -12,8 +13,11 @@ RENEGOTIATION, MAX_RENEGOTIATION = 120.0, 1200.0
 """After this time of silence a connection is negotiated anew, whatever its publisher says; it doubles up to the
 maximum [s]."""
 
-BROKEN, WATCHED = 0.5, 1.0
+BROKEN, WATCHED = 0.25, 1.0
 """After a change of an address a connection is replaced that is silent for the first time within the second [s]."""
+
+MAX_MOVED = 64
+"""Nodes of which the newest address is remembered."""
 
 
 class Silence:
@@ -119,3 +123,19 @@ class FormerAddress(Generic[Made]):
                 (found if connection.idle > BROKEN else going_on).append(connection)
         self._watched = going_on if now < self._until else []
         return found
+
+
+class NewestAddresses:
+    """The address that each node has moved to."""
+
+    def __init__(self) -> None:
+        self._addresses: OrderedDict[str, str] = collections.OrderedDict()
+
+    def is_new(self, uri: str, address: str) -> bool:
+        """Whether a node that has moved to this address was not known to be there."""
+        if self._addresses.get(uri) == address:
+            return False
+        self._addresses[uri] = address
+        if len(self._addresses) > MAX_MOVED:
+            self._addresses.popitem(last=False)
+        return True

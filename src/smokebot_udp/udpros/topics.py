@@ -8,11 +8,11 @@ from rospy.impl.registration import Registration, get_topic_manager
 from rospy.topics import DEFAULT_BUFF_SIZE
 
 from .datagram import DEFAULT_MAX_DATAGRAM_SIZE, MIN_MAX_DATAGRAM_SIZE, UDP_MAX_PAYLOAD
+from .depacketizer import Arrived, BatchCallback
 from .frame import Frame
 from .records import record_dtype
 from .rospy_binding import install
 from .rospy_transports import (
-    BatchCallback,
     PublisherOptions,
     PublisherTransport,
     SubscriberOptions,
@@ -20,7 +20,6 @@ from .rospy_transports import (
     UdpPublisherImpl,
     UdpSubscriberImpl,
 )
-from .subscription import Arrived
 
 PROTOCOLS = {'prefer_udp': ('UDPROS', 'TCPROS'), 'udp': ('UDPROS',), 'tcp': ('TCPROS',)}
 """{value of `transport`: protocols offered or requested, best first}"""
@@ -108,8 +107,8 @@ class Publisher(rospy.Publisher):
         * failures ({str: int}): datagrams that could not be sent, by the name of the error
         """
         return [{'peer': c.endpoint_id, 'address': c.remote_endpoint, 'connection_id': c.connection_id,
-                 'max_datagram_size': c.max_datagram_size, 'datagrams': c.stat_num_datagram, 'bytes': c.stat_bytes,
-                 'failures': dict(c.sender.failures)}
+                 'max_datagram_size': c.packetizer.max_datagram_size, 'datagrams': c.packetizer.datagrams,
+                 'bytes': c.packetizer.bytes, 'failures': dict(c.sender.failures)}
                 for c in self.impl.connections if isinstance(c, PublisherTransport)]
 
 
@@ -126,7 +125,7 @@ class Subscriber(rospy.Subscriber):
     :param max_datagram_size: longest datagram to receive [byte of UDP payload]
     :param receive_buffer: requested from the kernel, see `connections` for what it granted [byte]
     :param coalesce: with a batch_callback, how long to wait for a batch to grow [s]
-    :param arrived: f(connection, seq, size, count, when), called for new messages, see udpros.subscription.Arrived;
+    :param arrived: f(connection, seq, size, count, when), called for new messages, see udpros.depacketizer.Arrived;
         None: nothing is called
     :param wanted: f() -> bool, called when the topic has a publisher, and again until it is True: no publisher is
         connected before, by UDPROS or TCPROS
@@ -181,10 +180,7 @@ class Subscriber(rospy.Subscriber):
 
 
 def _describe(connection: SubscriberTransport) -> Dict[str, Any]:
-    subscription = connection.subscription
-    sequence = subscription.sequence
-    return {'peer': connection.callerid_pub, 'address': connection.remote_endpoint,
-            'datagrams': subscription.datagrams, 'bytes': subscription.bytes, 'idle': connection.idle,
-            'received': sequence and sequence.received, 'lost': sequence and sequence.lost,
-            'dropped': dict(subscription.inbox.dropped), 'receive_buffer': subscription.receiver.receive_buffer,
-            'kernel_drops': subscription.receiver.kernel_drops()}
+    receiver = connection.subscription.receiver
+    return {'peer': connection.callerid_pub, 'address': connection.remote_endpoint, 'idle': connection.idle,
+            **connection.subscription.depacketizer.stats(), 'receive_buffer': receiver.receive_buffer,
+            'kernel_drops': receiver.kernel_drops()}

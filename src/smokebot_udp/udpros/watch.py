@@ -22,7 +22,7 @@ from .endpoints import is_own
 from .master import MasterWatch, Registration, register_node
 from .negotiation import Refused
 from .rospy_transports import SubscriberTransport, UdpSubscriberImpl
-from .silence import SILENCE_TIMEOUT, FormerAddress
+from .silence import SILENCE_TIMEOUT, FormerAddress, NewestAddresses
 
 PERIOD = 1.0
 """How often the master's connection is checked, and topics are checked for silence [s]."""
@@ -59,6 +59,7 @@ class Watch:
         self._reviewing: Set[str] = set()                   # URIs of the nodes that are being asked
         self._lost_address: Optional[str] = None            # the one towards the master, once it is not ours any more
         self._moved: Set[str] = set()                       # URIs of nodes that have another address now
+        self._addresses = NewestAddresses()
         self._former: FormerAddress[SubscriberTransport] = FormerAddress()
         self._wake, self._ended = threading.Event(), threading.Event()
 
@@ -120,10 +121,14 @@ class Watch:
             connection.close()
         self._connector.connect_all(topic, [uri for uri in uris if not impl.has_connection(uri)])
 
-    def moved(self, uri: str) -> None:
+    def moved(self, uri: str, address: str) -> None:
         """A node has asked from another address than before: what it publishes may have been sent from the former one.
+
+        It asks for each of its topics; connections made after the first request are from the new address.
         """
         with self._lock:
+            if not self._addresses.is_new(uri, address):
+                return
             self._moved.add(uri)
         self._wake.set()
 
@@ -310,7 +315,7 @@ def _is_broken(impl: UdpSubscriberImpl, connection: SubscriberTransport, entries
     refused, connection.refused_before = connection.refused_before, connection.refused_datagrams
     if connection.refused_datagrams > refused:      # from another address of the publisher, or another connection
         return True
-    worked = connection.subscription.datagrams > 0
+    worked = connection.subscription.depacketizer.datagrams > 0
     return not (worked and connection.is_latched) and impl.renegotiations[connection.endpoint_id].due(
         connection.idle, worked)
 

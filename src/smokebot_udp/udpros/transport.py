@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""UDPROS over a shared ROS master as the nodes' transport, see smokebot_udp/transport.py."""
+import collections
+from typing import Any, Callable, Counter, Optional
+
+import rospy
+
+from ..transport import TransportStats, always
+from .datagram import DEFAULT_MAX_DATAGRAM_SIZE
+from .depacketizer import Arrived, BatchCallback
+from .topics import Publisher, Subscriber
+
+
+class UdprosTransport:
+    """A transport.Transport; the master tells the nodes of each other, and UDPROS checks types.
+
+    :param max_datagram_size: longest datagram to send and to receive [byte of UDP payload]
+    :param receive_buffer: requested from the kernel for each connection [byte]
+    """
+    overhead = 0
+    own_masters = False
+
+    def __init__(self, max_datagram_size: int = DEFAULT_MAX_DATAGRAM_SIZE, receive_buffer: int = 4 << 20) -> None:
+        self.name: str = rospy.get_name()
+        self.max_datagram_size, self._receive_buffer = max_datagram_size, receive_buffer
+
+    def publisher(self, topic: str, message_class: Any, *, queue_size: int = 10, subscriber_listener: Any = None,
+                  carries: str = '') -> Publisher:
+        """See transport.Transport; a relay's segments have a checksum of what they carry, so it is not compared."""
+        return Publisher(topic, message_class, subscriber_listener, queue_size=queue_size,
+                         max_datagram_size=self.max_datagram_size)
+
+    def subscriber(self, topic: str, message_class: Any, callback: Optional[Callable[[Any], None]] = None, *,
+                   queue_size: Optional[int] = None, batch_callback: Optional[BatchCallback] = None,
+                   arrived: Optional[Arrived] = None, wanted: Callable[[], bool] = always,
+                   carries: str = '') -> Subscriber:
+        """See transport.Transport."""
+        return Subscriber(topic, message_class, callback, queue_size=queue_size, batch_callback=batch_callback,
+                          max_datagram_size=self.max_datagram_size, receive_buffer=self._receive_buffer,
+                          arrived=arrived, wanted=wanted)
+
+    def dropped(self) -> Counter[str]:
+        """Nothing: each connection counts its own."""
+        return collections.Counter()
+
+    def problem(self) -> Optional[str]:
+        """None: a missing master or peer shows in the statuses of streams and connections."""
+        return None
+
+    def stats(self, now: float) -> Optional[TransportStats]:
+        """None, see `problem`."""
+        return None
+
+    def close(self) -> None:
+        """Nothing: rospy ends its topics with the node."""
