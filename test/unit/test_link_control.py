@@ -8,6 +8,7 @@ import pytest
 import rospy
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import LaserScan
+from stub_transport import StubTransport
 
 from smokebot_udp.congestion.controller import PLANNING_SHARE, Controller, Demand, Plan
 from smokebot_udp.congestion.estimator import Limits
@@ -38,7 +39,7 @@ def ros(monkeypatch: pytest.MonkeyPatch) -> Any:
         return SimpleNamespace(start=lambda: None)
     monkeypatch.setattr(rospy, 'Publisher', lambda *_, **__: SimpleNamespace(publish=ros.published.append))
     monkeypatch.setattr(rospy.Time, 'now', lambda: rospy.Time(1))
-    monkeypatch.setattr(link_control.udpros, 'Subscriber', subscriber)
+    ros.transport = StubTransport(subscriber=subscriber)
     monkeypatch.setattr(link_control, 'PeriodicWorker', worker)
     return ros
 
@@ -66,7 +67,7 @@ def test_operators_are_the_subscribers_of_the_streams(ros: Any, monkeypatch: pyt
     controller, told = Controller(Limits(), True, 1472), []
     monkeypatch.setattr(controller, 'on_operators', lambda connections, now: told.append(dict(connections)))
     shared = SharedController(controller)
-    link = RobotLink(1472, Outbox(PacketScheduler(), shared.on_sent))
+    link = RobotLink(ros.transport, Outbox(PacketScheduler(), shared.on_sent))
     streams = {'thermal': stream('image', link), 'lidar': stream('cloud', link), 'off': stream('scan', link)}
     peers = {id(streams['thermal']): {'/desk', '/desk2'}, id(streams['lidar']): {'/desk'}}
     monkeypatch.setattr(RobotStream, 'subscribers', property(lambda one: peers.get(id(one), set())))
@@ -99,7 +100,7 @@ def test_the_status_message_has_its_own_units() -> None:
 
 
 def test_a_plan_reaches_the_streams() -> None:
-    link = RobotLink(1472)
+    link = RobotLink(StubTransport(), Outbox())
     odometry = {'message_type': 'nav_msgs/Odometry', 'repeat_rate': 1.0}
     streams = {'thermal': stream('image', link), 'lidar': stream('cloud', link), 'off': stream('scan', link),
                'odom': stream('relay', link, rate=10.0, **odometry), 'gas': stream('relay', link, rate=0.5, **odometry)}
@@ -119,7 +120,7 @@ def test_ticks_and_reports_set_the_rate_of_the_outbox(ros: Any, monkeypatch: pyt
     monkeypatch.setattr(link_control, 'time', SimpleNamespace(monotonic=lambda: clock.now))
     scheduler, arrivals = PacketScheduler(), ReceiveHistory(lambda: 7)
     shared = SharedController(Controller(Limits(start_rate=5000.0, min_rate=4000.0), True, 1472))
-    link = RobotLink(1472, Outbox(scheduler, shared.on_sent))
+    link = RobotLink(ros.transport, Outbox(scheduler, shared.on_sent))
     monkeypatch.setattr(RobotStream, 'subscribers', {'/op'})
     control, header = LinkControl(shared, link, {'thermal': stream('image', link)}), {'callerid': '/op'}
     ros.tick()
@@ -148,7 +149,7 @@ def test_encoders_know_what_reports_say_about_their_stream_whichever_part_is_sen
     monkeypatch.setattr(link_control, 'time', SimpleNamespace(monotonic=lambda: clock.now))
     monkeypatch.setattr(RobotStream, 'subscribers', {'/op'})
     shared, arrivals = SharedController(Controller(Limits(), True, 1472)), ReceiveHistory(lambda: 7)
-    link = RobotLink(1472, Outbox(PacketScheduler(), shared.on_sent))
+    link = RobotLink(ros.transport, Outbox(PacketScheduler(), shared.on_sent))
     streams = {'thermal': stream('image', link), 'camera': stream('image', link)}
     LinkControl(shared, link, streams)
     ros.tick()
@@ -194,7 +195,7 @@ def test_a_tick_does_not_undo_what_a_report_changes_meanwhile(ros: Any, monkeypa
     scheduler, controller = PacketScheduler(), Controller(Limits(), True, 1472)
     shared, rates = SharedController(controller), [5000.0]
     monkeypatch.setattr(controller, 'rate', lambda now: rates[-1])
-    LinkControl(shared, RobotLink(1472, Outbox(scheduler, shared.on_sent)), {})
+    LinkControl(shared, RobotLink(ros.transport, Outbox(scheduler, shared.on_sent)), {})
     # while the plan's grants are made, a report halves the rate
     monkeypatch.setattr(link_control, 'grant', lambda plan, streams: rates.append(plan.rate / 2))
     ros.tick()

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What the experiments over the link compute from what was heard: values worked out by hand."""
+import json
 import math
+import pathlib
 from typing import Any, Dict, List
 
 import numpy as np
@@ -13,9 +15,11 @@ from evaluation import TOP, sensor_source  # noqa: E402
 from evaluation.linear_fit import linear_fit  # noqa: E402
 from evaluation.link_run import IMAGE_METHODS, summary  # noqa: E402
 from evaluation.listener import Heard  # noqa: E402
-from experiments import drawing  # noqa: E402
+from experiments import drawing, table  # noqa: E402
+from experiments.link import hostile, own_masters  # noqa: E402
 from experiments.link.start_up import EVENTS, starts  # noqa: E402
 from experiments.link.traces import shown  # noqa: E402
+from experiments.runner import Table  # noqa: E402
 from smokebot_udp.streams import config  # noqa: E402
 
 
@@ -67,3 +71,32 @@ def test_image_methods_have_a_colour_a_source_and_a_stream_of_their_own() -> Non
     assert not problems and {name: coding['/' + method.subscriptions[0][0]] for name, method in IMAGE_METHODS.items()
                              if name.startswith('smokebot_udp')} == {
         'smokebot_udp': 'interleaved', 'smokebot_udp, layered': 'layered'}
+
+
+def test_own_masters_goals_are_of_medians_and_of_the_worst(tmp_path: pathlib.Path) -> None:
+    waits = [('both start', 1, 0.9, 1.9), ('both start', 2, 2.6, 2.1), ('both start', 3, 0.8, 1.0),
+             ('robot restarts', 1, 1.1, 9.0), ('cut', 1, 0.5, 9.0)]
+    table.write(tmp_path / 'waits.csv', [
+        {'seed': seed, 'event': event, 'stream': stream, 'wait [s]': wait} for event, seed, image, last in waits
+        for stream, wait in (('thermal', image), ('camera', image + 1), ('battery', last))])
+    first, second, third = own_masters.times(tmp_path)
+    assert first == ('both start', [0.8, 0.9, 2.6], [1.8, 1.9, 3.6])
+    assert (second.event, third.event) == ('robot restarts', 'cut')
+    assert own_masters.missed(tmp_path) == ['both start: first image, worst 2.60 s, at most 2.5 s',
+                                            'robot restarts: first image, median 1.10 s, at most 1 s']
+
+
+def test_a_stream_that_never_comes_misses_the_goal(tmp_path: pathlib.Path) -> None:
+    table.write(tmp_path / 'waits.csv', [{'seed': 1, 'event': 'cut', 'stream': stream, 'wait [s]': None}
+                                         for stream in ('thermal', 'camera')])
+    assert own_masters.missed(tmp_path) == ['cut: first image, median inf s, at most 1 s']
+
+
+def test_an_attack_may_slow_images_and_fill_memory_by_little(tmp_path: pathlib.Path) -> None:
+    phases = [{'name': name, 'seconds': 5.0, 'rate': rate, 'age': 0.1, 'growth': {'robot': growth, 'operator': 0.0},
+               'sent': {'mutated': 7}, 'dropped': {'forged': 2, 'malformed': 5}}
+              for name, rate, growth in (('quiet', 10.0, 0.0), ('flood', 9.4, 11e6))]
+    (tmp_path / 'phases.json').write_text(json.dumps(phases))
+    assert hostile.missed(tmp_path) == ['flood: 9.4 images a second', 'flood: robot grew by 11.0 MB']
+    _, sent = hostile.plot(tmp_path)
+    assert isinstance(sent, Table) and sent.rows[1] == ['flood', 'mutated: 7', 'malformed: 5, forged: 2']

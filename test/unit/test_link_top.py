@@ -48,6 +48,19 @@ def test_refused_settings_are_shown_at_the_top() -> None:
     assert not any('operator_node' in text for text in texts)
 
 
+def test_the_transport_is_shown_at_the_top_with_what_it_dropped() -> None:
+    values = {'side': 'operator', 'sealed': 'yes', 'connected to': '/robot_sender@ugv1 at 10.0.0.7:17001',
+              'handshakes': 2, 'dropped': 12, 'dropped, replayed': 10, 'dropped, wrong tag': 2}
+    fine, bad = (status('operator_node: link transport', level, message, **values)
+                 for level, message in ((0, 'fine'), (1, 'no answer')))
+    text = '/operator_node with /robot_sender@ugv1 at 10.0.0.7:17001; sealed: yes; handshakes: 2; ' \
+           'dropped: 12 (10 replayed, 2 wrong tag)'
+    texts, levels = shown([fine, stream('operator', **OPERATOR)])
+    assert texts[1] == 'OK     ' + text and levels[1] == 0
+    texts, levels = shown([bad, stream('operator', **OPERATOR)])
+    assert texts[1] == 'WARN   %s; no answer' % text and levels[1] == 1
+
+
 def test_both_sides_of_a_stream_share_a_line() -> None:
     texts, levels = shown([stream('robot', **ROBOT)], [stream('operator', **OPERATOR)])
     assert texts[0] == 'smokebot_udp link: last report 0.4 s ago'
@@ -130,6 +143,24 @@ def test_two_robots_and_their_operators_are_not_mixed() -> None:
 
 
 # what operators relay of the robot
+
+@pytest.mark.parametrize('only, shown_of', [('', ['ugv1', 'ugv2']), ('ugv2', ['ugv2'])])
+def test_two_robots_with_own_masters_and_the_same_name_are_not_mixed(only: str, shown_of: List[str]) -> None:
+    board = Board()
+    for name, address in ('ugv1', '10.0.0.7:17001'), ('ugv2', '10.0.0.8:17001'):
+        node = name + '/operator_receiver'
+        board.add([stream('operator', node=node, **OPERATOR),
+                   status(node + ': thermal, robot', side='operator', stream='thermal', peer='/robot_sender@ugv',
+                          address=address),
+                   status(node + ': link transport', side='operator', handshakes=1)], 0.0)
+        relayed(board, 0.0, '/' + node, rate=float(name[-1]))
+    top, body = render(board, 0.0, only)
+    robots = {'ugv1': '/robot_sender@ugv at 10.0.0.7:17001', 'ugv2': '/robot_sender@ugv at 10.0.0.8:17001'}
+    assert [line.text.split(' Mbit/s')[0] for line in top if 'Mbit/s' in line.text] == [
+        'OK     link%s: 4.4 of %s.0' % (' of ' + robots[name] if not only else '', name[-1]) for name in shown_of]
+    assert [line.text for line in body if 'receives' in line.text] == [
+        '/%s/operator_receiver receives from %s' % item for item in robots.items() if not only]
+
 
 def relayed(board: Board, now: float, operator: str = '/operator_receiver', **link: object) -> None:
     """Add what an operator relays of a robot with two streams, one of which is paused."""

@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The link's own messages inside a session. They are UDPROS datagrams, with connection ids that no topic has.
+
+* KEEP_ALIVE says nothing but that its sender is there.
+* PATH_CHALLENGE asks who is at a new address to return its 8 bytes in a PATH_RESPONSE (as in RFC 9000, 8.2).
+* CLOSE ends the session at once.
+
+All have the same length, so that the answer to one is never longer than what caused it.
+"""
+import enum
+
+from ..udpros.datagram import HEADER, Op
+
+FIRST_TABLE_ID = 4
+"""The connection ids from here to FIRST_TOPIC_ID are for the tables of topics; the core hands them on."""
+
+FIRST_TOPIC_ID = 16
+
+CHALLENGE_SIZE = 8
+"""[byte]"""
+
+SIZE = HEADER.size + CHALLENGE_SIZE
+"""Of each of these messages [byte]."""
+
+
+class Control(enum.IntEnum):
+    """The connection ids of the core's own messages."""
+    KEEP_ALIVE = 0
+    PATH_CHALLENGE = 1
+    PATH_RESPONSE = 2
+    CLOSE = 3
+
+
+def message(kind: Control, body: bytes = bytes(CHALLENGE_SIZE)) -> bytes:
+    """The datagram of a message, SIZE bytes.
+
+    :param body: CHALLENGE_SIZE bytes
+    """
+    return HEADER.pack(kind, Op.DATA0, 0, 1) + body

@@ -1,0 +1,286 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What the robot's and the operator's side of a link have in common: sessions, and the packets of a batch.
+
+Pure: packets and the time go in, packets, deliveries and events come out. One thread calls a core; a Peer seals in any.
+
+* A packet that is not taken is counted by reason in `dropped`, and changes nothing else.
+* The DATA of a batch is opened session by session. An index that names no session costs no more than its count.
+* New keys replace the old ones after the first packet under the new ones; the old ones are taken OLD_KEYS longer.
+* Each side sends something at least each 2 KEEP_ALIVE: a message of its own where nothing else was sent meanwhile.
+"""
+import abc
+import collections
+import math
+from dataclasses import dataclass
+from typing import Callable, Counter, Dict, List, Optional, Tuple
+
+import numpy as np
+
+from ..arrays import BoolArray, IntArray, Records, UInt8Array
+from ..udpros.datagram import HEADER
+from .control import FIRST_TABLE_ID, SIZE, Control, message
+from .cookie import Place
+from .packets import INSTANCE_SIZE, MIN_BODY, OVERHEAD, Kind, Malformed, Mode, Packet, parse
+from .peer import Address, Delivery, Event, Left, Peer, address_of
+from .session import Session
+
+KEEP_ALIVE = 0.1
+"""Between two looks at what was sent. Frequent, so that losses are not taken for silence, and a new address is noticed
+soon; an idle link has 6 kbit/s each way [s]."""
+
+OLD_KEYS = 10.0
+"""How long the keys before the present ones are taken [s]."""
+
+MAX_OLD = 4
+"""Sessions of a peer whose keys are still taken."""
+
+SILENT = 60.0
+"""A peer that is silent for this long is forgotten [s]."""
+
+CLOSE_COPIES = 3
+"""A CLOSE is not acknowledged: it is sent this often."""
+
+MIN_DATAGRAM_SIZE = 256
+"""Who receives less is not taken: the longest packet of the handshake fits [byte of UDP payload]."""
+
+IDLE = 1.0
+"""The longest time between two calls of `poll` [s]."""
+
+Random = Callable[[int], bytes]
+"""Gives that many random bytes: os.urandom."""
+
+
+@dataclass
+class Entry:
+    """A session, and whose it is."""
+    session: Session
+    name: str
+    instance: bytes
+    max_datagram_size: int
+    place: Place
+    """Where the handshake's packets came from."""
+    since: float
+    ends: float = math.inf
+    """When it is forgotten [s]."""
+    peer: Optional[Peer] = None
+    """None before the keys are confirmed."""
+
+
+class LinkCore(abc.ABC):
+    """One side of a link.
+
+    :param key: 32 bytes, or None: the link is open
+    :param random: gives random bytes
+    :param max_datagram_size: the longest packet to receive, and to send [byte of UDP payload]
+    :param name: told to the other side
+    :raises ValueError: if max_datagram_size is less than MIN_DATAGRAM_SIZE
+    """
+
+    def __init__(self, key: Optional[bytes], random: Random, max_datagram_size: int, name: str) -> None:
+        if max_datagram_size < MIN_DATAGRAM_SIZE:
+            raise ValueError('a link needs datagrams of at least %d bytes, not %d'
+                             % (MIN_DATAGRAM_SIZE, max_datagram_size))
+        self.mode = Mode.OPEN if key is None else Mode.KEYED
+        self.overhead = OVERHEAD[self.mode]
+        """Bytes of each packet that are not the datagram's."""
+        self.max_datagram_size = max_datagram_size
+        self.name = name
+        self.instance = random(INSTANCE_SIZE)
+        self.dropped: Counter[str] = collections.Counter()
+        """Packets that were not taken, by reason."""
+        self._key, self._random = key or b'', random
+        self._entries: Dict[int, Entry] = {}        # by our index
+        self._peers: Tuple[Peer, ...] = ()
+        self._sent: Dict[int, int] = {}             # {peer's number: packets sent when last looked}
+        self._numbers = 0
+        self._tick = -math.inf
+        self._outputs: List[Tuple[Address, bytes]] = []
+        self._events: List[Event] = []
+
+    @property
+    def peers(self) -> List[Peer]:
+        """The peers there are, by number. Any thread."""
+        return list(self._peers)
+
+    def outputs(self) -> List[Tuple[Address, bytes]]:
+        """The packets that the core itself wants sent now, once."""
+        outputs, self._outputs = self._outputs, []
+        return outputs
+
+    def events(self) -> List[Event]:
+        """What has happened, once."""
+        events, self._events = self._events, []
+        return events
+
+    def receive(self, datagrams: UInt8Array, lengths: IntArray, sources: Records, now: float) -> List[Delivery]:
+        """Take a batch of packets.
+
+        :param datagrams: (n, slot) uint8
+        :param lengths: (n,) int; longer than max_datagram_size if the packet was cut [byte]
+        :param sources: (n,) with the fields `address` and `port`, numbers: who sent them
+        :param now: steady time [s]
+        """
+        whole = lengths <= min(self.max_datagram_size, datagrams.shape[1])
+        data = whole & (datagrams[:, 0] == Kind.DATA) & (lengths >= self.overhead + MIN_BODY)
+        if not data.all():
+            self._take_others(datagrams, lengths, sources, whole, np.flatnonzero(~data).tolist(), now)
+        rows = np.flatnonzero(data)
+        return self._take_data(datagrams, lengths, sources, rows, now) if len(rows) else []
+
+    def _take_others(self, datagrams: UInt8Array, lengths: IntArray, sources: Records, whole: BoolArray,
+                     rows: List[int], now: float) -> None:
+        """Take the packets that are no DATA, one by one."""
+        for row in rows:
+            if not whole[row]:
+                self.dropped['too long'] += 1
+                continue
+            try:
+                self._on_packet(parse(datagrams[row, :lengths[row]].tobytes()), place_of(sources, row), now)
+            except Malformed:
+                self.dropped['malformed'] += 1
+
+    def _take_data(self, datagrams: UInt8Array, lengths: IntArray, sources: Records, rows: IntArray,
+                   now: float) -> List[Delivery]:
+        """Take DATA, session by session."""
+        indices = datagrams[rows, 4:8].view('<u4')[:, 0]
+        deliveries, unknown = [], []
+        for index in set(indices.tolist()):
+            entry = self._entries.get(index)    # it may end meanwhile
+            if entry is None:
+                unknown.append(index)
+                continue
+            delivery = self._open(entry, datagrams, lengths, sources, rows[indices == index], now)
+            if delivery is not None:
+                deliveries.append(delivery)
+        if unknown:
+            strange = np.flatnonzero(np.isin(indices, unknown))
+            self.dropped['unknown session'] += len(strange)
+            self._on_unknown(int(indices[strange[0]]), place_of(sources, int(rows[strange[0]])), now)
+        return deliveries
+
+    def _open(self, entry: Entry, datagrams: UInt8Array, lengths: IntArray, sources: Records, rows: IntArray,
+              now: float) -> Optional[Delivery]:
+        """Open the packets of one session; returns what is for the topics."""
+        opened = entry.session.open(datagrams, lengths, rows, self.dropped)
+        if not len(opened.rows) or not self._confirm(entry, now):
+            return None
+        peer = entry.peer
+        assert peer is not None     # confirmed
+        peer.heard = now
+        if opened.newest >= 0:
+            source = place_of(sources, opened.newest)
+            if source != peer.place:
+                self._on_other_place(peer, source, int(lengths[opened.newest]), now)
+        own = opened.datagrams[:, :4].copy().view('<u4')[:, 0] < FIRST_TABLE_ID
+        if not own.any():
+            return Delivery(peer, opened.datagrams, opened.lengths, opened.rows)
+        for at in np.flatnonzero(own).tolist():
+            self._take_control(peer, opened.datagrams[at, :opened.lengths[at]].tobytes(),
+                               place_of(sources, int(opened.rows[at])), now)
+        if own.all() or peer not in self._peers:
+            return None
+        return Delivery(peer, opened.datagrams[~own], opened.lengths[~own], opened.rows[~own])
+
+    def _take_control(self, peer: Peer, datagram: bytes, source: Place, now: float) -> None:
+        if len(datagram) != SIZE:
+            self.dropped['malformed'] += 1
+            return
+        kind = Control(HEADER.unpack_from(datagram)[0])
+        if kind == Control.CLOSE:
+            if peer in self._peers:     # the first of its copies
+                self._leave(peer, 'closed')
+        elif kind != Control.KEEP_ALIVE:
+            self._on_path(peer, kind, datagram[HEADER.size:], source, now)
+
+    def poll(self, now: float) -> None:
+        """Let time pass: call it at `deadline`, or earlier."""
+        if now < self._tick + KEEP_ALIVE:
+            return
+        self._tick = now
+        for index in [index for index, entry in self._entries.items() if entry.ends <= now]:
+            del self._entries[index]
+        for peer in self._peers:
+            if now - peer.heard >= SILENT:
+                self._leave(peer, 'silent for %d s' % SILENT)
+            elif peer.sent == self._sent.get(peer.number):
+                self._send_control(peer, Control.KEEP_ALIVE)
+        self._sent = {peer.number: peer.sent for peer in self._peers}
+
+    def deadline(self, now: float) -> float:
+        """When to call `poll`, at the latest [s]."""
+        return self._tick + KEEP_ALIVE if self._entries else now + IDLE
+
+    def close(self, now: float) -> None:
+        """Leave all peers, and tell them."""
+        for peer in self._peers:
+            for _ in range(CLOSE_COPIES):
+                self._send_control(peer, Control.CLOSE)
+            self._leave(peer, 'closed here')
+        self._entries.clear()
+
+    def _send(self, place: Place, packet: bytes) -> None:
+        self._outputs.append((address_of(place), packet))
+
+    def _send_control(self, peer: Peer, kind: Control) -> None:
+        self._send(peer.place, peer.seal_one(message(kind)))
+
+    def _new_index(self) -> int:
+        """A random one that names no session."""
+        while True:
+            index = int.from_bytes(self._random(4), 'little')
+            if index not in self._entries:
+                return index
+
+    def _add_peer(self, entry: Entry, now: float) -> Peer:
+        """A new peer with the entry's session."""
+        self._numbers += 1
+        peer = Peer(self._numbers, self._free_name(entry.name), entry.name, entry.instance,
+                    min(entry.max_datagram_size, self.max_datagram_size), entry.place, entry.session, now)
+        self._peers += (peer,)
+        return peer
+
+    def _free_name(self, told: str) -> str:
+        """The name told, with a number if another peer has it."""
+        names = {peer.name for peer in self._peers}
+        return next(name for name in (told, *('%s #%d' % (told, number) for number in range(2, len(names) + 3)))
+                    if name not in names)
+
+    def _change_keys(self, peer: Peer, entry: Entry, now: float) -> None:
+        """Give a peer the entry's session; its old ones end soon."""
+        old = [other for other in self._entries.values() if other.peer is peer]
+        for other in old:
+            other.ends = min(other.ends, now + OLD_KEYS)
+        for other in sorted(old, key=lambda other: other.since)[:-MAX_OLD]:
+            del self._entries[other.session.index]
+        peer.use(entry.session)
+
+    def _leave(self, peer: Peer, reason: str) -> None:
+        self._peers = tuple(other for other in self._peers if other is not peer)
+        for index in [index for index, entry in self._entries.items() if entry.peer is peer]:
+            del self._entries[index]
+        self._events.append(Left(peer, reason))
+
+    @abc.abstractmethod
+    def _on_packet(self, packet: Packet, source: Place, now: float) -> None:
+        """A packet of the handshake came."""
+
+    @abc.abstractmethod
+    def _on_unknown(self, index: int, source: Place, now: float) -> None:
+        """DATA came that names no session; of a batch, the first."""
+
+    @abc.abstractmethod
+    def _confirm(self, entry: Entry, now: float) -> bool:
+        """Authentic DATA of a session came; returns whether it has a peer now."""
+
+    @abc.abstractmethod
+    def _on_other_place(self, peer: Peer, source: Place, size: int, now: float) -> None:
+        """The newest packet of a peer, of `size` bytes, came from another address."""
+
+    @abc.abstractmethod
+    def _on_path(self, peer: Peer, kind: Control, body: bytes, source: Place, now: float) -> None:
+        """A PATH_CHALLENGE or PATH_RESPONSE came."""
+
+
+def place_of(sources: Records, row: int) -> Place:
+    """Who sent a row's packet."""
+    return int(sources['address'][row]), int(sources['port'][row])

@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Key files: 32 random bytes that only their owner may read.
+
+The same file is on the robot and at each of its operators. It is never on the parameter server, in a log or an error.
+"""
+import os
+import stat
+
+KEY_SIZE = 32
+"""[byte]"""
+
+
+def read_key(path: str) -> bytes:
+    """The key in a file.
+
+    :raises ValueError: one sentence, if the file is missing, of another length, or open to others
+    """
+    try:
+        with open(path, 'rb') as file:
+            mode = os.fstat(file.fileno()).st_mode
+            key = file.read(KEY_SIZE + 1)
+    except (OSError, ValueError) as error:      # ValueError: a null byte in the path
+        raise ValueError('the key file %r cannot be read: %s' % (path, getattr(error, 'strerror', error))) from None
+    if mode & (stat.S_IRWXG | stat.S_IRWXO):
+        raise ValueError('the key file %r can be used by others: chmod 600 it, or make a new one' % path)
+    if len(key) != KEY_SIZE:
+        raise ValueError('the key file %r is too %s: a key is %d bytes, make one with make_key'
+                         % (path, 'short' if len(key) < KEY_SIZE else 'long', KEY_SIZE))
+    return key
+
+
+def make_key(path: str) -> None:
+    """Write a new random key to a file of mode 0600.
+
+    :raises ValueError: one sentence, if there is such a file already, or it cannot be written
+    """
+    try:
+        file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    except FileExistsError:
+        raise ValueError('there is a file %r already: remove it first, if no robot needs it' % path) from None
+    except (OSError, ValueError) as error:
+        raise ValueError('the key file %r cannot be made: %s' % (path, getattr(error, 'strerror', error))) from None
+    with os.fdopen(file, 'wb') as stream:
+        os.fchmod(stream.fileno(), 0o600)       # whatever the umask
+        stream.write(os.urandom(KEY_SIZE))

@@ -1,0 +1,355 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The operator's side of a link: it speaks first, and goes on until the robot answers.
+
+Rules; each has a test in test_operator_core:
+
+1. Without a robot: HELLO at once, then INIT at once with each new cookie. Both are repeated after FIRST_RETRY, growing
+   to LAST_RETRY, jittered. Each INIT_PER_HELLO-th INIT goes with a HELLO: the cookie may be of no use any more.
+2. Each INIT has a fresh ephemeral and index. The answer to any of the last MAX_ATTEMPTS is taken; the first one ends
+   the handshake.
+3. An answer that does not return the nonce or an attempt's index, or is not authentic, is counted and changes nothing.
+4. The robot is the peer from ACCEPT on. A keep-alive is repeated each CONFIRM until the robot sends DATA.
+5. The same instance is the same peer with new keys. Another one: the robot was restarted, the old peer has left.
+6. Silence of SILENCE begins a handshake beside the session, which goes on if the robot is heard again. UNKNOWN shortens
+   it to HINTED_SILENCE; a forged one cannot do more, since a robot that is heard is not asked. New keys that the robot
+   does not use in this time are silence, too, even if it is heard under the old ones: it may have lost the handshake.
+7. A session is renewed after REKEY_AFTER, or REKEY_MESSAGES.
+8. A refusal is told, and the next HELLO waits for REFUSED_RETRY. It does not end the attempts, and is taken once for
+   each: who sees the link's traffic can forge or repeat it.
+9. Silence of 60 s, or a CLOSE, ends the peer. Handshakes go on.
+"""
+import collections
+import math
+from dataclasses import dataclass
+from typing import List, Optional, Tuple
+
+from ..arrays import IntArray, Records, UInt8Array
+from .control import Control, message
+from .cookie import Place
+from .core import MIN_DATAGRAM_SIZE, Entry, LinkCore, Random
+from .noise import Forged, Initiator
+from .packets import (
+    EPHEMERAL_SIZE,
+    SENTENCES,
+    VERSION,
+    Accept,
+    Cookie,
+    Hello,
+    Init,
+    Malformed,
+    Mode,
+    Packet,
+    Reason,
+    Refuse,
+    Reply,
+    Request,
+    Suite,
+    Unknown,
+    prologue,
+)
+from .peer import Address, Delivery, Joined, Peer, Refused, address_of
+from .session import KeyedSession, OpenSession, Session
+
+FIRST_RETRY, LAST_RETRY, RETRY_GROWTH, JITTER = 0.05, 0.25, 1.3, 0.2
+"""Time to the next attempt: the first, the longest, the factor from one to the next, and its random part [s, s, 1, 1].
+At 20 % loss each way 0.64 of the attempts succeed; a robot that is not there is asked with 2 kbit/s."""
+
+REFUSED_RETRY = 0.5
+"""Time to the next attempt after a refusal [s]."""
+
+MAX_ATTEMPTS = 8
+INIT_PER_HELLO = 4
+
+CONFIRM, CONFIRM_FOR = 0.05, 0.5
+"""Between two keep-alives for a robot that has not sent DATA yet, and for how long [s]."""
+
+SILENCE, HINTED_SILENCE = 0.5, 0.25
+"""[s]"""
+
+REKEY_AFTER = 3600.0
+"""[s]"""
+
+REKEY_MESSAGES = 1 << 60
+
+TELL_SILENCE = 1.0
+"""Silence of the robot that is a problem [s]."""
+
+REFUSAL_COUNTS = 3.0
+"""How long a refusal is the problem [s]."""
+
+
+@dataclass
+class Attempt:
+    """An INIT that was sent."""
+    token: int
+    """Our half; 0 in a keyed link."""
+    noise: Optional[Initiator]
+    suite: Suite
+    place: Place
+    sent: float
+
+
+class Handshake:
+    """One handshake: its nonce, the cookie, and when to try again.
+
+    :param silence: whether it was begun since the robot is silent
+    """
+
+    def __init__(self, nonce: int, now: float, silence: bool) -> None:
+        self.nonce, self.silence = nonce, silence
+        self.cookie: Optional[Cookie] = None
+        self.inits = 0
+        self.due = now
+        self._interval = FIRST_RETRY
+        self._refused = False       # since the last attempt
+
+    def take(self, cookie: Cookie) -> None:
+        """A new cookie: the attempts begin anew."""
+        self.cookie, self.inits, self._interval = cookie, 0, FIRST_RETRY
+
+    def refused(self, now: float) -> None:
+        """Begin again, later. Further refusals of one attempt change nothing: repeated ones would end the attempts."""
+        if not self._refused:
+            self.cookie, self.due, self._refused = None, now + REFUSED_RETRY, True
+
+    def wait(self, now: float, jitter: float) -> None:
+        """Set the time of the next attempt; jitter in [-1, 1]."""
+        self.due, self._refused = now + self._interval * (1 + JITTER * jitter), False
+        self._interval = min(LAST_RETRY, self._interval * RETRY_GROWTH)
+
+
+class OperatorCore(LinkCore):
+    """The operator's side. See LinkCore for the arguments. It begins with `set_address`."""
+
+    def __init__(self, key: Optional[bytes], random: Random, max_datagram_size: int, name: str) -> None:
+        super().__init__(key, random, max_datagram_size, name)
+        self.problem: Optional[str] = 'the robot\'s address is not known'
+        """Why there is no robot: one sentence; None if there is one."""
+        self._place: Optional[Place] = None
+        self._handshake: Optional[Handshake] = None
+        self._attempts: collections.OrderedDict[int, Attempt] = collections.OrderedDict()     # by our index
+        self._hinted = False
+        self._refusal: Tuple[float, str] = (-math.inf, '')
+        self._entry: Optional[Entry] = None         # under which is sent
+        self._confirmed = False         # whether the robot has used it
+        self._confirm_at = math.inf     # if not: when to send another keep-alive
+
+    @property
+    def robot(self) -> Optional[Peer]:
+        """The peer, if there is one."""
+        return self._peers[0] if self._peers else None
+
+    def set_address(self, address: Address, now: float) -> None:
+        """Where the robot is from now on: numeric IPv4 address and port."""
+        host, port = address
+        place = int.from_bytes(bytes(int(part) for part in host.split('.')), 'big'), port
+        if place != self._place:
+            self._place = place
+            self._begin(now, silence=False)
+        self._update_problem(now)
+
+    def receive(self, datagrams: UInt8Array, lengths: IntArray, sources: Records, now: float) -> List[Delivery]:
+        """See LinkCore."""
+        deliveries = super().receive(datagrams, lengths, sources, now)
+        self._update_problem(now)
+        return deliveries
+
+    def poll(self, now: float) -> None:
+        """See LinkCore."""
+        super().poll(now)
+        robot = self.robot
+        if self._handshake is None and self._place is not None:
+            if robot is None or now >= self._silent_at(robot):
+                self._begin(now, silence=True)
+            elif self._is_old(now):
+                self._begin(now, silence=False)
+        if self._handshake is not None and now >= self._handshake.due:
+            self._try(self._handshake, now)
+        if now >= self._confirm_at:
+            self._ask_for_data(now)
+        self._update_problem(now)
+
+    def _silent_at(self, robot: Peer) -> float:
+        """When the robot counts as silent, if it is not heard again."""
+        entry = self._entry
+        heard = robot.heard if entry is None or self._confirmed else entry.since
+        return heard + (HINTED_SILENCE if self._hinted else SILENCE)
+
+    def _is_old(self, now: float) -> bool:
+        entry = self._entry
+        return entry is not None and (now - entry.since >= REKEY_AFTER or entry.session.sent >= REKEY_MESSAGES)
+
+    def deadline(self, now: float) -> float:
+        """See LinkCore."""
+        times = [super().deadline(now), self._confirm_at]
+        if self._handshake is not None:
+            times.append(self._handshake.due)
+        elif self.robot is not None:
+            times.append(self._silent_at(self.robot))
+        return min(times)
+
+    def close(self, now: float) -> None:
+        """See LinkCore."""
+        super().close(now)
+        self._place = self._handshake = None
+        self._attempts.clear()
+
+    def _begin(self, now: float, silence: bool) -> None:
+        """Begin a handshake; answers to the attempts of the one before are still taken."""
+        self._handshake = Handshake(int.from_bytes(self._random(8), 'little'), now, silence)
+        self._try(self._handshake, now)
+
+    def _try(self, handshake: Handshake, now: float) -> None:
+        """Rule 1."""
+        assert self._place is not None      # no handshake without an address
+        if handshake.cookie is None or handshake.inits % INIT_PER_HELLO == INIT_PER_HELLO - 1:
+            self._send(self._place, Hello(VERSION, self.mode, handshake.nonce).pack())
+        if handshake.cookie is not None:
+            self._send(self._place, self._init(handshake.cookie, self._place, now).pack())
+            handshake.inits += 1
+        handshake.wait(now, self._random(1)[0] / 127.5 - 1)
+
+    def _init(self, cookie: Cookie, place: Place, now: float) -> Init:
+        """Rule 2."""
+        index, suite = self._new_index(), Suite(cookie.suite)
+        token = 0 if self.mode == Mode.KEYED else int.from_bytes(self._random(4), 'little')
+        payload = Request(self.instance, self.max_datagram_size, token, self.name).pack()
+        noise = None
+        if self.mode == Mode.KEYED:
+            noise = Initiator(self._key, suite, prologue(*cookie), self._random(EPHEMERAL_SIZE))
+            payload = noise.write(payload)
+        self._attempts[index] = Attempt(token, noise, suite, place, now)
+        if len(self._attempts) > MAX_ATTEMPTS:
+            self._attempts.popitem(last=False)
+        return Init(*cookie, index, payload)
+
+    def _on_packet(self, packet: Packet, source: Place, now: float) -> None:
+        if isinstance(packet, Cookie):
+            self._on_cookie(packet, now)
+        elif isinstance(packet, Accept):
+            self._on_accept(packet, now)
+        elif isinstance(packet, Refuse):
+            self._on_refuse(packet, now)
+        elif isinstance(packet, Unknown):
+            self._hinted |= self._entry is not None and packet.receiver == self._entry.session.their_index
+        else:
+            self.dropped['an operator\'s packet'] += 1
+
+    def _on_cookie(self, cookie: Cookie, now: float) -> None:
+        handshake = self._handshake
+        if handshake is None or cookie.nonce != handshake.nonce:
+            self.dropped['not asked for'] += 1
+        elif (cookie.version, cookie.mode) != (VERSION, self.mode) or cookie.suite not in SUITES[self.mode]:
+            self.dropped['another version or mode'] += 1
+        elif cookie != handshake.cookie:
+            handshake.take(cookie)
+            self._try(handshake, now)
+
+    def _on_accept(self, accept: Accept, now: float) -> None:
+        attempt = self._attempts.get(accept.receiver)
+        if attempt is None:
+            self.dropped['not asked for'] += 1
+            return
+        if (accept.version, accept.mode, accept.suite) != (VERSION, self.mode, attempt.suite):
+            self.dropped['another version or mode'] += 1
+            return
+        payload = accept.message
+        if attempt.noise is not None:
+            try:
+                payload = attempt.noise.read(payload)
+            except Forged:
+                self.dropped['forged'] += 1
+                return
+            del self._attempts[accept.receiver]
+        reply = Reply.parse(payload)
+        if reply.max_datagram_size < MIN_DATAGRAM_SIZE or reply.token & 0xffffffff != attempt.token:
+            raise Malformed('an ACCEPT to something else')
+        session = self._session(accept.receiver, reply, attempt)
+        entry = Entry(session, reply.name, reply.instance, reply.max_datagram_size, attempt.place, now)
+        self._join(entry, now - attempt.sent, now)
+
+    @staticmethod
+    def _session(index: int, reply: Reply, attempt: Attempt) -> Session:
+        if attempt.noise is None:
+            return OpenSession(index, reply.sender, reply.token)
+        keys = attempt.noise.keys()
+        return KeyedSession(index, reply.sender, attempt.suite, keys.initiator, keys.responder)
+
+    def _join(self, entry: Entry, round_trip: float, now: float) -> None:
+        """Rules 4 and 5."""
+        self._handshake, self._refusal = None, (-math.inf, '')
+        self._attempts.clear()
+        robot = self.robot
+        if robot is not None and robot.instance == entry.instance:
+            self._change_keys(robot, entry, now)
+            robot.place, robot.heard = entry.place, now
+        else:
+            if robot is not None:
+                self._leave(robot, 'the robot was restarted')
+            robot = self._add_peer(entry, now)
+            self._events.append(Joined(robot))
+        entry.peer, robot.round_trip = robot, round_trip
+        self._entries[entry.session.index] = self._entry = entry
+        self._hinted = self._confirmed = False
+        self._ask_for_data(now)
+
+    def _ask_for_data(self, now: float) -> None:
+        """Let the robot know that its ACCEPT came: it uses the new keys then."""
+        entry = self._entry
+        if entry is None or entry.peer is None or now - entry.since >= CONFIRM_FOR:
+            self._confirm_at = math.inf
+            return
+        self._send_control(entry.peer, Control.KEEP_ALIVE)
+        self._confirm_at = now + CONFIRM
+
+    def _on_refuse(self, refuse: Refuse, now: float) -> None:
+        """Rule 8."""
+        if self._handshake is None or refuse.nonce != self._handshake.nonce:
+            self.dropped['not asked for'] += 1
+            return
+        if refuse.reason not in SENTENCES:
+            raise Malformed('reason %d' % refuse.reason)
+        reason = Reason(refuse.reason)
+        sentence = SENTENCES[reason] % {'theirs': refuse.version, 'ours': VERSION}
+        since, before = self._refusal
+        if sentence != before or now - since >= REFUSAL_COUNTS:
+            self._events.append(Refused(reason, sentence))
+        self._refusal = now, sentence
+        self._handshake.refused(now)
+
+    def _confirm(self, entry: Entry, now: float) -> bool:
+        """Rules 4 and 6."""
+        if entry is self._entry:
+            self._confirmed, self._hinted, self._confirm_at = True, False, math.inf
+            if self._handshake is not None and self._handshake.silence:
+                self._handshake = None
+        return True
+
+    def _update_problem(self, now: float) -> None:
+        since, refusal = self._refusal
+        robot = self.robot
+        if self._place is None:
+            self.problem = 'the robot\'s address is not known'
+        elif robot is not None and now - robot.heard < TELL_SILENCE:
+            self.problem = None
+        elif now - since < REFUSAL_COUNTS:
+            self.problem = refusal
+        else:
+            self.problem = 'no answer from %s:%d' % address_of(self._place)
+
+    def _leave(self, peer: Peer, reason: str) -> None:
+        super()._leave(peer, reason)
+        self._entry, self._confirm_at = None, math.inf
+
+    def _on_other_place(self, peer: Peer, source: Place, size: int, now: float) -> None:
+        """The robot has several addresses, or is behind a NAT: the one that was configured stays."""
+
+    def _on_path(self, peer: Peer, kind: Control, body: bytes, source: Place, now: float) -> None:
+        if kind == Control.PATH_CHALLENGE:
+            self._send(peer.place, peer.seal_one(message(Control.PATH_RESPONSE, body)))
+
+    def _on_unknown(self, index: int, source: Place, now: float) -> None:
+        """DATA of a session that has ended here: nothing to do."""
+
+
+SUITES = {Mode.OPEN: (Suite.OPEN,), Mode.KEYED: (Suite.AESGCM, Suite.CHACHAPOLY)}

@@ -1,0 +1,327 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The datagrams of a link: bytes to fields and back. Nothing here decides or keeps anything.
+
+All integers are little-endian. The first byte is the kind. Everything but DATA belongs to the handshake, which the
+operator begins:
+
+    operator                                robot
+    HELLO   nonce                    -->            keeps nothing
+                                     <--    COOKIE  a MAC of the operator's address and nonce
+    INIT    cookie, Noise message 1  -->            keeps nothing before both are right
+                                     <--    ACCEPT  Noise message 2
+    DATA    sealed                   -->            the new keys are confirmed
+                                     <--    DATA
+
+    HELLO    kind version mode 0     nonce u64, zeros to 32 bytes
+    COOKIE   kind version mode suite nonce u64, cookie 16
+    INIT     kind version mode suite nonce u64, cookie 16, sender index u32, Noise message 1 or its payload in clear
+    ACCEPT   kind version mode suite receiver index u32, Noise message 2 or its payload in clear
+    REFUSE   kind version mode reason nonce u64
+    UNKNOWN  kind version 0 0        receiver index u32
+    DATA     kind 0 0 0              receiver index u32, counter (keyed) or token (open) u64, body, tag 16 (keyed)
+
+* No answer of the robot is longer than what it answers, so that it amplifies nothing (test_packets).
+* HELLO's and REFUSE's fields keep their places in all versions, so that each side can name the other's version.
+* ACCEPT, UNKNOWN and DATA name a session by the index that their receiver has chosen, as WireGuard's packets do.
+* The body of DATA is a UDPROS datagram (udpros.datagram). The 16 bytes in front keep it aligned.
+"""
+import enum
+import struct
+from typing import Any, Dict, NamedTuple, Tuple, Type, Union
+
+import numpy as np
+
+VERSION = 1
+"""Of this protocol. A robot answers a HELLO of another version with its own, and nothing else."""
+
+COOKIE_SIZE = 16
+TAG_SIZE = 16
+"""Of both ciphers [byte]."""
+
+EPHEMERAL_SIZE = 32
+"""An X25519 public key [byte]."""
+
+INSTANCE_SIZE = 16
+MAX_NAME = 128
+"""Length of a name in UTF-8 [byte]."""
+
+MIN_BODY = 8
+"""A UDPROS header alone [byte]."""
+
+HELLO = struct.Struct('<BBBBQ20x')
+COOKIE = struct.Struct('<BBBBQ16s')
+INIT = struct.Struct('<BBBBQ16sI')
+ACCEPT = struct.Struct('<BBBBI')
+REFUSE = struct.Struct('<BBBBQ')
+UNKNOWN = struct.Struct('<BBBBI')
+DATA = struct.Struct('<BxxxIQ')
+DATA_DTYPE = np.dtype([('kind', 'u1'), ('zero', 'u1', (3,)), ('index', '<u4'), ('counter', '<u8')])
+"""The head of DATA; `counter` is the token where the session is open."""
+
+REQUEST = struct.Struct('<16sHIB128s')
+"""INIT's payload."""
+
+REPLY = struct.Struct('<I16sHQB128s')
+"""ACCEPT's payload."""
+
+
+class Kind(enum.IntEnum):
+    """A datagram's first byte."""
+    HELLO = 1
+    COOKIE = 2
+    INIT = 3
+    ACCEPT = 4
+    REFUSE = 5
+    UNKNOWN = 6
+    DATA = 7
+
+
+class Mode(enum.IntEnum):
+    """Whether a link has a key."""
+    OPEN = 0
+    KEYED = 1
+
+
+class Suite(enum.IntEnum):
+    """The cipher of a keyed link; the robot chooses it."""
+    OPEN = 0
+    AESGCM = 1
+    CHACHAPOLY = 2
+
+
+class Reason(enum.IntEnum):
+    """Why a robot refuses an operator."""
+    VERSION = 1
+    NEEDS_KEY = 2
+    HAS_NO_KEY = 3
+    WRONG_KEY = 4
+    FULL = 5
+
+
+SENTENCES: Dict[Reason, str] = {
+    Reason.VERSION: 'the robot speaks version %(theirs)d of the link protocol, this machine version %(ours)d',
+    Reason.NEEDS_KEY: 'the robot has a key, this machine has none: set key_file to a copy of it',
+    Reason.HAS_NO_KEY: 'this machine has a key, the robot has none: set key_file on both sides or on neither',
+    Reason.WRONG_KEY: 'the robot has another key: set key_file to a copy of it',
+    Reason.FULL: 'the robot has as many operators as it takes',
+}
+"""For the operator's log."""
+
+OVERHEAD = {Mode.OPEN: DATA.size, Mode.KEYED: DATA.size + TAG_SIZE}
+"""Bytes of each DATA that are not its body."""
+
+_SEALED = {Mode.OPEN: 0, Mode.KEYED: EPHEMERAL_SIZE + TAG_SIZE}
+INIT_SIZE = {mode: INIT.size + size + REQUEST.size for mode, size in _SEALED.items()}
+ACCEPT_SIZE = {mode: ACCEPT.size + size + REPLY.size for mode, size in _SEALED.items()}
+
+
+class Malformed(ValueError):
+    """Bytes from the network that are no packet."""
+
+
+class Hello(NamedTuple):
+    """The operator asks for a cookie."""
+    version: int
+    mode: int
+    nonce: int
+
+    def pack(self) -> bytes:
+        """The datagram."""
+        return HELLO.pack(Kind.HELLO, self.version, self.mode, 0, self.nonce)
+
+    @classmethod
+    def parse(cls, datagram: bytes) -> 'Hello':
+        """From a datagram of at least its size: a later version may be longer."""
+        _, version, mode, _, nonce = HELLO.unpack_from(datagram)
+        return cls(version, mode, nonce)
+
+
+class Cookie(NamedTuple):
+    """The robot's answer, which only who receives at the sender's address can return."""
+    version: int
+    mode: int
+    suite: int
+    nonce: int
+    cookie: bytes
+
+    def pack(self) -> bytes:
+        """The datagram."""
+        return COOKIE.pack(Kind.COOKIE, *self)
+
+    @classmethod
+    def parse(cls, datagram: bytes) -> 'Cookie':
+        """From a datagram of its size."""
+        _, *fields = COOKIE.unpack(datagram)
+        return cls(*fields)
+
+
+class Init(NamedTuple):
+    """The operator's half of the handshake."""
+    version: int
+    mode: int
+    suite: int
+    nonce: int
+    cookie: bytes
+    sender: int
+    """By which the robot shall name the session."""
+    message: bytes
+    """Noise message 1, or its payload in clear."""
+
+    def pack(self) -> bytes:
+        """The datagram."""
+        return INIT.pack(Kind.INIT, *self[:-1]) + self.message
+
+    @classmethod
+    def parse(cls, datagram: bytes) -> 'Init':
+        """From a datagram of at least the head's size."""
+        _, version, mode, suite, nonce, cookie, index = INIT.unpack_from(datagram)
+        if len(datagram) != INIT_SIZE.get(mode):
+            raise Malformed('an INIT of %d bytes' % len(datagram))
+        return cls(version, mode, suite, nonce, cookie, index, datagram[INIT.size:])
+
+
+class Accept(NamedTuple):
+    """The robot's half of the handshake."""
+    version: int
+    mode: int
+    suite: int
+    receiver: int
+    message: bytes
+    """Noise message 2, or its payload in clear."""
+
+    def pack(self) -> bytes:
+        """The datagram."""
+        return ACCEPT.pack(Kind.ACCEPT, *self[:-1]) + self.message
+
+    @classmethod
+    def parse(cls, datagram: bytes) -> 'Accept':
+        """From a datagram of at least the head's size."""
+        _, version, mode, suite, index = ACCEPT.unpack_from(datagram)
+        if len(datagram) != ACCEPT_SIZE.get(mode):
+            raise Malformed('an ACCEPT of %d bytes' % len(datagram))
+        return cls(version, mode, suite, index, datagram[ACCEPT.size:])
+
+
+class Refuse(NamedTuple):
+    """The robot does not take the operator. Version and mode are the robot's own."""
+    version: int
+    mode: int
+    reason: int
+    nonce: int
+
+    def pack(self) -> bytes:
+        """The datagram."""
+        return REFUSE.pack(Kind.REFUSE, *self)
+
+    @classmethod
+    def parse(cls, datagram: bytes) -> 'Refuse':
+        """From a datagram of its size."""
+        _, *fields = REFUSE.unpack(datagram)
+        return cls(*fields)
+
+
+class Unknown(NamedTuple):
+    """The robot does not know the session of a DATA: a hint that it was restarted."""
+    version: int
+    receiver: int
+
+    def pack(self) -> bytes:
+        """The datagram."""
+        return UNKNOWN.pack(Kind.UNKNOWN, self.version, 0, 0, self.receiver)
+
+    @classmethod
+    def parse(cls, datagram: bytes) -> 'Unknown':
+        """From a datagram of its size."""
+        _, version, _, _, index = UNKNOWN.unpack(datagram)
+        return cls(version, index)
+
+
+Packet = Union[Hello, Cookie, Init, Accept, Refuse, Unknown]
+PACKETS: Dict[int, Type[Packet]] = {Kind.HELLO: Hello, Kind.COOKIE: Cookie, Kind.INIT: Init, Kind.ACCEPT: Accept,
+                                    Kind.REFUSE: Refuse, Kind.UNKNOWN: Unknown}
+
+
+def parse(datagram: bytes) -> Packet:
+    """What a datagram of the handshake holds.
+
+    :raises Malformed: if it is none
+    """
+    try:
+        return PACKETS[datagram[0]].parse(datagram)
+    except (IndexError, KeyError, struct.error) as error:
+        raise Malformed('no packet') from error
+
+
+def prologue(version: int, mode: int, suite: int, nonce: int, cookie: bytes) -> bytes:
+    """What both sides saw of HELLO and COOKIE; the Noise handshake fails where they saw different bytes."""
+    return (Hello(version, mode, nonce).pack() + Cookie(version, mode, suite, nonce, cookie).pack())
+
+
+class Request(NamedTuple):
+    """INIT's payload: who asks."""
+    instance: bytes
+    """Random at the start of the operator's process: the same instance is the same peer."""
+    max_datagram_size: int
+    """It receives [byte of UDP payload]."""
+    token: int
+    """Its half of the token, u32; 0 in a keyed link."""
+    name: str
+
+    def pack(self) -> bytes:
+        """The payload."""
+        name = encode_name(self.name)
+        return REQUEST.pack(self.instance, self.max_datagram_size, self.token, len(name), name)
+
+    @classmethod
+    def parse(cls, payload: bytes) -> 'Request':
+        """:raises Malformed: if the payload is none"""
+        instance, size, token, length, name = _unpack(REQUEST, payload)
+        return cls(instance, size, token, decode_name(name, length))
+
+
+class Reply(NamedTuple):
+    """ACCEPT's payload: who answers."""
+    sender: int
+    """By which the operator shall name the session."""
+    instance: bytes
+    max_datagram_size: int
+    token: int
+    """Both halves, the robot's in front (the high 32 bits); 0 in a keyed link."""
+    name: str
+
+    def pack(self) -> bytes:
+        """The payload."""
+        name = encode_name(self.name)
+        return REPLY.pack(self.sender, self.instance, self.max_datagram_size, self.token, len(name), name)
+
+    @classmethod
+    def parse(cls, payload: bytes) -> 'Reply':
+        """:raises Malformed: if the payload is none"""
+        index, instance, size, token, length, name = _unpack(REPLY, payload)
+        return cls(index, instance, size, token, decode_name(name, length))
+
+
+def _unpack(layout: struct.Struct, payload: bytes) -> Tuple[Any, ...]:
+    try:
+        return layout.unpack(payload)
+    except struct.error as error:
+        raise Malformed(str(error)) from error
+
+
+def encode_name(name: str) -> bytes:
+    """A name in UTF-8, cut after a whole character to MAX_NAME bytes."""
+    return name.encode(errors='replace')[:MAX_NAME].decode(errors='ignore').encode()
+
+
+def decode_name(field: bytes, length: int) -> str:
+    """The name in a field of MAX_NAME bytes.
+
+    :raises Malformed: if it cannot be shown in a log
+    """
+    try:
+        name = field[:length].decode()
+    except UnicodeDecodeError as error:
+        raise Malformed('a name that is not UTF-8') from error
+    if length > MAX_NAME or not name or not name.isprintable():
+        raise Malformed('a name that is not printable')
+    return name

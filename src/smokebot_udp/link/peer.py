@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The other side of a link, and what happens to it.
+
+A Peer is one run (instance) of the other side's process. It outlives sessions and addresses: new keys and a new address
+change it in place. Another run is another Peer, with a higher number.
+"""
+from dataclasses import dataclass
+from typing import Optional, Tuple, Union
+
+import numpy as np
+
+from ..arrays import IntArray, UInt8Array
+from .cookie import Place
+from .packets import Reason
+from .session import Session
+
+Address = Tuple[str, int]
+"""Host and port."""
+
+
+def address_of(place: Place) -> Address:
+    """The dotted address and the port of a place."""
+    number, port = place
+    return '%d.%d.%d.%d' % tuple(number.to_bytes(4, 'big')), port
+
+
+class Peer:
+    """One run of the other side.
+
+    :param number: higher for a later one
+    :param name: which no other peer of this side has
+    :param told: the name that it has told
+    :param instance: 16 bytes that it chose at its start
+    :param max_datagram_size: the longest packet that both sides take [byte of UDP payload]
+    """
+
+    def __init__(self, number: int, name: str, told: str, instance: bytes, max_datagram_size: int, place: Place,
+                 session: Session, now: float) -> None:
+        self.number, self.name, self.told = number, name, told
+        self.instance, self.max_datagram_size = instance, max_datagram_size
+        self.place = place
+        """Where packets for it go: IPv4 address and port, as numbers."""
+        self.heard = now
+        """When its latest authentic packet came [s]."""
+        self.handshakes = 1
+        """How often it was given keys."""
+        self.round_trip: Optional[float] = None
+        """Of the latest handshake, the other side's reaction included [s]."""
+        self._session = session
+        self._sealed = 0    # by former sessions
+
+    @property
+    def address(self) -> Address:
+        """Host and port."""
+        return address_of(self.place)
+
+    @property
+    def session(self) -> Session:
+        """Under which packets for it are sealed."""
+        return self._session
+
+    @property
+    def overhead(self) -> int:
+        """Bytes of each packet that are not the datagram's."""
+        return self._session.overhead
+
+    @property
+    def sent(self) -> int:
+        """Packets sealed for it."""
+        return self._sealed + self._session.sent
+
+    def use(self, session: Session) -> None:
+        """Seal under new keys from now on."""
+        self._sealed += self._session.sent
+        self._session = session
+        self.handshakes += 1
+
+    def seal(self, datagrams: UInt8Array) -> UInt8Array:
+        """Packets ready to be sent, (n, size) to (n, size + overhead) uint8, C-contiguous. Any thread."""
+        return self._session.seal(datagrams)
+
+    def seal_one(self, *parts: bytes) -> bytes:
+        """The packet of one datagram, given in parts. Any thread."""
+        return self._session.seal(np.frombuffer(b''.join(parts), np.uint8)[np.newaxis]).tobytes()
+
+    def __repr__(self) -> str:
+        return 'Peer(%r, number %d, at %s:%d)' % (self.name, self.number, *self.address)
+
+
+@dataclass
+class Delivery:
+    """The datagrams of one peer in a batch, in their order, without the core's own messages.
+
+    While a peer changes its keys, there may be one for each session.
+    """
+    peer: Peer
+    datagrams: UInt8Array
+    """(k, slot - overhead) uint8, C-contiguous: a UDPROS datagram, header first, and zeros."""
+    lengths: IntArray
+    """(k,) int64 [byte]."""
+    rows: IntArray
+    """(k,) int64: the rows of the batch given."""
+
+
+@dataclass
+class Joined:
+    """There is a new peer."""
+    peer: Peer
+
+
+@dataclass
+class Left:
+    """A peer is no more."""
+    peer: Peer
+    reason: str
+
+
+@dataclass
+class Moved:
+    """A peer has another address."""
+    peer: Peer
+    address: Address
+
+
+@dataclass
+class Refused:
+    """No peer came of a handshake."""
+    reason: Reason
+    sentence: str
+
+
+Event = Union[Joined, Left, Moved, Refused]

@@ -1,0 +1,275 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The robot's side of a link: it answers operators, and never speaks first.
+
+Rules, in the order in which a stranger meets them; each has its tests in test_robot_core or test_robot_peers:
+
+1. HELLO is answered by a COOKIE, or refused: another version, a key on one side only. Nothing is kept.
+2. INIT is dropped unless its cookie is this robot's for this address and nonce.
+3. An ephemeral that was taken within its cookie's life is dropped. Of the others, each host has INIT_BURST at once, and
+   then one each INIT_PERIOD: a replay from an operator's forged address does not take its share.
+4. An INIT whose tag is wrong is refused: another key. Only now X25519 is computed.
+5. A stranger is refused if there are MAX_PEERS, none of which gives up its place (rule 10).
+6. The session is pending for PENDING: at most MAX_ATTEMPTS of one instance, MAX_PENDING in all; the oldest goes.
+7. The first authentic DATA makes it the peer's, and ends the pending others of the same instance. The same instance
+   is the same peer with new keys.
+8. A peer whose newest packet comes from another address is challenged there (path.py), and has moved when it answers.
+9. Names are unique, since what operators report and get goes by name: a later peer of a name gets ' #2' after it.
+10. A peer is forgotten after 60 s of silence, at its CLOSE, when a later one of its name is there and it is silent for
+    REPLACED, or when another one needs its place and it is silent for YIELDS.
+11. DATA of a session that is not known is answered by UNKNOWN, at most UNKNOWN_BURST at once, then 1 / UNKNOWN_PERIOD.
+"""
+from typing import Dict, Optional
+
+from ..udpros.admission import Budget
+from .control import CHALLENGE_SIZE, SIZE, Control, message
+from .cookie import LIFETIME, CookieJar, Place
+from .core import MIN_DATAGRAM_SIZE, Entry, LinkCore, Random
+from .host_budget import HostBudgets
+from .noise import Forged, Responder
+from .packets import (
+    EPHEMERAL_SIZE,
+    VERSION,
+    Accept,
+    Cookie,
+    Hello,
+    Init,
+    Mode,
+    Packet,
+    Reason,
+    Refuse,
+    Reply,
+    Request,
+    Suite,
+    Unknown,
+    prologue,
+)
+from .path import PathCheck
+from .peer import Joined, Moved, Peer, Refused, address_of
+from .replay import HandshakeMemory
+from .session import KeyedSession, OpenSession, Session
+
+MAX_PEERS = 8
+
+INIT_BURST, INIT_PERIOD = 64, 0.02
+"""INITs of one host: eight operators behind one address, all of them beginning anew [s]."""
+
+PENDING = 5.0
+"""How long an accepted handshake waits for its first DATA [s]."""
+
+MAX_ATTEMPTS = 8
+"""Pending sessions of one instance: an operator takes the answer to any of its last attempts."""
+
+MAX_PENDING = 32
+
+REPLACED, YIELDS = 1.0, 10.0
+"""[s]"""
+
+UNKNOWN_BURST, UNKNOWN_PERIOD = 16, 0.02
+"""[s]"""
+
+EVENT_PERIOD = 10.0
+"""Between two events of one reason to refuse [s]."""
+
+OPEN_EPHEMERAL = 8
+"""What makes an INIT unique in an open link: its index and half of the token [byte]."""
+
+
+class RobotCore(LinkCore):
+    """The robot's side. See LinkCore for the arguments; `suite`: the cipher of a keyed link."""
+
+    def __init__(self, key: Optional[bytes], random: Random, max_datagram_size: int, name: str,
+                 suite: Suite = Suite.AESGCM) -> None:
+        super().__init__(key, random, max_datagram_size, name)
+        self._suite = suite if key is not None else Suite.OPEN
+        self._cookies = CookieJar(random)
+        self._taken = HandshakeMemory(2 * LIFETIME)
+        self._inits = HostBudgets(INIT_BURST, INIT_PERIOD)
+        self._hints = Budget(UNKNOWN_BURST, UNKNOWN_PERIOD)
+        self._paths: Dict[int, PathCheck] = {}      # by the peer's number
+        self._told: Dict[Reason, float] = {}        # when a refusal became an event
+
+    def _on_packet(self, packet: Packet, source: Place, now: float) -> None:
+        if isinstance(packet, Hello):
+            self._on_hello(packet, source, now)
+        elif isinstance(packet, Init):
+            self._on_init(packet, source, now)
+        else:
+            self.dropped['a robot\'s packet'] += 1
+
+    def _on_hello(self, hello: Hello, source: Place, now: float) -> None:
+        if hello.version != VERSION:
+            self._refuse(Reason.VERSION, source, hello.nonce, now)
+        elif hello.mode != self.mode:
+            self._refuse(Reason.NEEDS_KEY if self.mode == Mode.KEYED else Reason.HAS_NO_KEY, source, hello.nonce, now)
+        else:
+            cookie = self._cookies.make(source, hello.nonce, now)
+            self._send(source, Cookie(VERSION, self.mode, self._suite, hello.nonce, cookie).pack())
+
+    def _refuse(self, reason: Reason, source: Place, nonce: int, now: float) -> None:
+        self.dropped['refused: %s' % reason.name.lower().replace('_', ' ')] += 1
+        self._send(source, Refuse(VERSION, self.mode, reason, nonce).pack())
+        if now - self._told.get(reason, -EVENT_PERIOD) >= EVENT_PERIOD:
+            self._told[reason] = now
+            self._events.append(Refused(reason, 'refused %s:%d: %s' % (*address_of(source), TO_US[reason])))
+
+    def _on_init(self, init: Init, source: Place, now: float) -> None:
+        if (init.version, init.mode, init.suite) != (VERSION, self.mode, self._suite):
+            self.dropped['another version or mode'] += 1
+        elif not self._cookies.is_valid(init.cookie, source, init.nonce, now):
+            self.dropped['wrong cookie'] += 1
+        elif _ephemeral_of(init) in self._taken:
+            self.dropped['replayed handshake'] += 1
+        elif not self._inits.take(source[0], now):
+            self.dropped['too many handshakes'] += 1
+        elif self.mode == Mode.KEYED:
+            self._answer_keyed(init, source, now)
+        else:
+            self._answer_open(init, source, now)
+
+    def _answer_keyed(self, init: Init, source: Place, now: float) -> None:
+        """Rules 4 to 6, with a key."""
+        noise = Responder(self._key, self._suite, prologue(VERSION, self.mode, self._suite, init.nonce, init.cookie))
+        try:
+            request = Request.parse(noise.read(init.message))
+        except Forged:
+            self._refuse(Reason.WRONG_KEY, source, init.nonce, now)
+            return
+        self._taken.add(_ephemeral_of(init), now)
+        if not self._is_acceptable(request, source, init.nonce, now):
+            return
+        index = self._new_index()
+        try:
+            answer = noise.write(self._reply(index, 0), self._random(EPHEMERAL_SIZE))
+        except Forged:
+            self.dropped['malformed'] += 1
+            return
+        keys = noise.keys()
+        self._accept(KeyedSession(index, init.sender, self._suite, keys.responder, keys.initiator), request, answer,
+                     source, now)
+
+    def _answer_open(self, init: Init, source: Place, now: float) -> None:
+        """The same, without a key."""
+        request = Request.parse(init.message)
+        if not self._is_acceptable(request, source, init.nonce, now):
+            return
+        self._taken.add(_ephemeral_of(init), now)
+        index, half = self._new_index(), int.from_bytes(self._random(4), 'little')
+        token = half << 32 | request.token
+        self._accept(OpenSession(index, init.sender, token), request, self._reply(index, token), source, now)
+
+    def _is_acceptable(self, request: Request, source: Place, nonce: int, now: float) -> bool:
+        """Whether there is room for this operator; refuses it otherwise."""
+        if request.max_datagram_size < MIN_DATAGRAM_SIZE:
+            self.dropped['malformed'] += 1
+            return False
+        if not self._has_room(request.instance, request.name, now):
+            self._refuse(Reason.FULL, source, nonce, now)
+            return False
+        return True
+
+    def _has_room(self, instance: bytes, name: str, now: float) -> bool:
+        return len(self._peers) < MAX_PEERS or any(
+            peer.instance == instance or now - peer.heard >= (REPLACED if peer.told == name else YIELDS)
+            for peer in self._peers)
+
+    def _reply(self, index: int, token: int) -> bytes:
+        return Reply(index, self.instance, self.max_datagram_size, token, self.name).pack()
+
+    def _accept(self, session: Session, request: Request, answer: bytes, source: Place, now: float) -> None:
+        """Rule 6."""
+        pending = [entry for entry in self._entries.values() if entry.peer is None]
+        own = [entry for entry in pending if entry.instance == request.instance]
+        for entries, room in ((own, MAX_ATTEMPTS), (pending, MAX_PENDING)):
+            if len(entries) >= room:
+                self._entries.pop(entries[0].session.index, None)
+        self._entries[session.index] = Entry(session, request.name, request.instance, request.max_datagram_size,
+                                             source, now, now + PENDING)
+        self._send(source, Accept(VERSION, self.mode, self._suite, session.their_index, answer).pack())
+
+    def _confirm(self, entry: Entry, now: float) -> bool:
+        """Rule 7."""
+        if entry.peer is not None:
+            return True
+        peer = next((peer for peer in self._peers if peer.instance == entry.instance), None)
+        if peer is None and not self._make_room(entry, now):
+            del self._entries[entry.session.index]
+            self.dropped['full'] += 1
+            return False
+        for index in [index for index, other in self._entries.items()
+                      if other.peer is None and other is not entry and other.instance == entry.instance]:
+            del self._entries[index]
+        if peer is None:
+            peer = self._add_peer(entry, now)
+            self._events.append(Joined(peer))
+        else:
+            self._change_keys(peer, entry, now)
+            self._move(peer, entry.place)
+        entry.peer, entry.ends, peer.round_trip = peer, float('inf'), now - entry.since
+        self._send_control(peer, Control.KEEP_ALIVE)    # so that the operator knows
+        return True
+
+    def _make_room(self, entry: Entry, now: float) -> bool:
+        """Rule 10, when a peer comes; returns whether there is room for it."""
+        for peer in self._peers:
+            if peer.told == entry.name and now - peer.heard >= REPLACED:
+                self._leave(peer, 'replaced by a later one of its name')
+        if len(self._peers) >= MAX_PEERS:
+            longest = min(self._peers, key=lambda peer: peer.heard)
+            if now - longest.heard < YIELDS:
+                return False
+            self._leave(longest, 'silent for %d s, and its place was needed' % YIELDS)
+        return True
+
+    def poll(self, now: float) -> None:
+        """See LinkCore."""
+        super().poll(now)
+        latest = {peer.told: peer.number for peer in self._peers}
+        for peer in self._peers:
+            if peer.number < latest[peer.told] and now - peer.heard >= REPLACED:
+                self._leave(peer, 'replaced by a later one of its name')
+        self._paths = {peer.number: self._paths[peer.number] for peer in self._peers if peer.number in self._paths}
+
+    def _on_other_place(self, peer: Peer, source: Place, size: int, now: float) -> None:
+        """Rule 8."""
+        path = self._paths.get(peer.number)
+        if path is None or path.place != source:
+            path = self._paths[peer.number] = PathCheck(source, self._random(CHALLENGE_SIZE))
+        path.came(size)
+        if path.may_send(SIZE + peer.overhead, now):
+            self._send(source, peer.seal_one(message(Control.PATH_CHALLENGE, path.challenge)))
+
+    def _on_path(self, peer: Peer, kind: Control, body: bytes, source: Place, now: float) -> None:
+        path = self._paths.get(peer.number)
+        if kind == Control.PATH_RESPONSE and path is not None and path.is_proof(source, body):
+            del self._paths[peer.number]
+            self._move(peer, source)
+
+    def _move(self, peer: Peer, place: Place) -> None:
+        if peer.place != place:
+            peer.place = place
+            self._events.append(Moved(peer, peer.address))
+
+    def _on_unknown(self, index: int, source: Place, now: float) -> None:
+        """Rule 11."""
+        if self._hints.take(now):
+            self._send(source, Unknown(VERSION, index).pack())
+
+
+def _ephemeral_of(init: Init) -> bytes:
+    """What makes an INIT unique.
+
+    :raises Malformed: if it is none
+    """
+    if init.mode == Mode.KEYED:
+        return init.message[:EPHEMERAL_SIZE]
+    return (Request.parse(init.message).token << 32 | init.sender).to_bytes(OPEN_EPHEMERAL, 'little')
+
+
+TO_US = {
+    Reason.VERSION: 'it speaks another version of the link protocol',
+    Reason.NEEDS_KEY: 'it has no key, this robot has one',
+    Reason.HAS_NO_KEY: 'it has a key, this robot has none',
+    Reason.WRONG_KEY: 'it has another key',
+    Reason.FULL: 'there are %d operators already' % MAX_PEERS,
+}
+"""Why an operator was refused, for the robot's log."""

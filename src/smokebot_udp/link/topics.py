@@ -1,0 +1,281 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Publishers and subscribers of a link, see smokebot_udp/transport.py for their interface."""
+import functools
+import io
+import threading
+import time
+import traceback
+from types import MappingProxyType
+from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Union
+
+import numpy as np
+
+from ..arrays import BoolArray, IntArray, Records, UInt8Array
+from ..transport import always
+from ..udpros.datagram import IP_UDP_HEADERS, LENGTH, Buffer
+from ..udpros.depacketizer import Arrival, Arrived, BatchCallback, Depacketizer
+from ..udpros.endpoints import BatchSender
+from ..udpros.frame import Frame, first_messages
+from ..udpros.packetizer import Packetizer
+from ..udpros.records import has_header, record_dtype
+from .peer import Peer
+from .tables import Topic
+
+MAX_MESSAGE_SIZE = 1 << 18
+"""A longer message is not received. A peer of an open link may be anybody: it must not fill the memory [byte]."""
+
+
+class PeerSender:
+    """Seals datagrams for a peer, and sends them to where it is now: the Sender of a Packetizer.
+
+    :param sender: of the link's socket, with counts of its own
+    """
+
+    def __init__(self, peer: Peer, sender: BatchSender) -> None:
+        self._peer, self._sender = peer, sender
+
+    @property
+    def failures(self) -> Dict[str, int]:
+        """Datagrams that could not be sent, by the name of the error."""
+        return dict(self._sender.failures)
+
+    def send_one(self, *parts: Union[Buffer, UInt8Array]) -> int:
+        """See packetizer.Sender."""
+        return self._sender.send_one(self._peer.seal_one(*map(bytes, parts)), to=self._peer.address)
+
+    def send(self, datagrams: Union[Buffer, UInt8Array], size: int, count: int) -> int:
+        """See packetizer.Sender."""
+        data: UInt8Array = np.frombuffer(datagrams, np.uint8)
+        whole = len(data) // size
+        sealed = self._peer.seal(data[:whole * size].reshape(whole, size))
+        sent = self._sender.send(sealed, sealed.shape[1], whole, to=self._peer.address)
+        rest = data[whole * size:]
+        return sent + self.send_one(rest.tobytes()) if len(rest) else sent
+
+
+class Outgoing:
+    """A publisher's connection to one peer."""
+
+    def __init__(self, peer: Peer, sender: BatchSender, connection_id: int, max_datagram_size: int) -> None:
+        self.peer = peer
+        self._sender = PeerSender(peer, sender)
+        self.packetizer = Packetizer(self._sender, connection_id, max_datagram_size)
+
+    def stats(self) -> Dict[str, Any]:
+        """As of udpros.Publisher.connections."""
+        packetizer = self.packetizer
+        return {'peer': self.peer.name, 'address': self.peer.address, 'connection_id': packetizer.connection_id,
+                'max_datagram_size': packetizer.max_datagram_size, 'datagrams': packetizer.datagrams,
+                'bytes': packetizer.bytes, 'failures': self._sender.failures}
+
+
+class Publisher:
+    """Sends a topic to all peers that want it, see transport.Publisher.
+
+    :param listener: whose peer_subscribe is called for each new peer
+    :param ended: f(publisher), called by `unregister`
+    """
+
+    def __init__(self, topic: Topic, message_class: Any, listener: Any, ended: Callable[['Publisher'], None]) -> None:
+        self.topic, self.resolved_name = topic, topic.name
+        self._class, self._listener, self._ended = message_class, listener, ended
+        self._connections: Sequence[Outgoing] = ()      # replaced, not changed: other threads iterate
+        self._seq = 0
+        self._lock = threading.Lock()       # of the numbers; held while sending
+
+    def publish(self, message: Any) -> None:
+        """See transport.Publisher.
+
+        :raises ValueError: if the message is of another type
+        """
+        self._publish_to(None, message)
+
+    def _publish_to(self, only: Optional[Outgoing], message: Any) -> None:
+        """Publish a message to one peer; None: to all."""
+        self._check(type(message))
+        with self._lock:
+            self._seq += 1
+            data = serialised(message, self._seq)
+            for connection in self._connections if only is None else (only,):
+                connection.packetizer.send_message(data)
+
+    def publish_frames(self, *frames: Frame, limits: Mapping[str, int] = MappingProxyType({})) -> int:
+        """See transport.Publisher."""
+        for frame in frames:
+            self._check(frame.message_class)
+        with self._lock:
+            first = self._seq + 1
+            for frame in frames:
+                frame.number(self._seq + 1)
+                self._seq += len(frame)
+            for connection in self._connections:
+                for frame in first_messages(frames, limits.get(connection.peer.name)):
+                    connection.packetizer.send_frame(frame)
+        return first
+
+    def _check(self, message_class: Any) -> None:
+        if message_class is not self._class:
+            raise ValueError('[%s] publishes %s, not %s' % (
+                self.resolved_name, self._class._type, getattr(message_class, '_type', message_class)))
+
+    def connections(self) -> List[Dict[str, Any]]:
+        """See transport.Publisher."""
+        return [connection.stats() for connection in self._connections]
+
+    def get_num_connections(self) -> int:
+        """See transport.Publisher."""
+        return len(self._connections)
+
+    def unregister(self) -> None:
+        """See transport.Publisher."""
+        self._ended(self)
+
+    def connection_to(self, peer: Peer) -> Optional[Outgoing]:
+        """The connection to a peer, if there is one."""
+        return next((one for one in self._connections if one.peer is peer), None)
+
+    def add(self, connection: Outgoing) -> None:
+        """Send to a peer from now on; the link's thread."""
+        self._connections = (*self._connections, connection)
+        if self._listener is not None:
+            self._listener.peer_subscribe(self.resolved_name, self.publish,
+                                          functools.partial(self._publish_to, connection))
+
+    def remove(self, peer: Optional[Peer]) -> None:
+        """Send to a peer no more; None: to nobody."""
+        self._connections = [] if peer is None else [one for one in self._connections if one.peer is not peer]
+
+
+class Subscriber:
+    """Receives a topic from all peers that send it, see transport.Subscriber.
+
+    The arguments without an explanation are those of transport.Transport.subscriber.
+
+    :param overhead: of the link, in each datagram [byte]
+    :param report: f(text), called with what a callback raises
+    :param ended: f(subscriber), called by `unregister`
+    """
+
+    def __init__(self, topic: Topic, message_class: Any, callback: Optional[Callable[[Any], None]],
+                 queue_size: Optional[int], batch_callback: Optional[BatchCallback], arrived: Optional[Arrived],
+                 wanted: Callable[[], bool], overhead: int, report: Callable[[str], None],
+                 ended: Callable[['Subscriber'], None]) -> None:
+        if batch_callback is not None:
+            record_dtype(message_class, {})     # raises if the type has no layout
+        self.topic, self.message_class = topic, message_class
+        self.callback, self.batch_callback = callback, batch_callback
+        self._queue_size, self._arrived, self._headers = queue_size, arrived, IP_UDP_HEADERS + overhead
+        self._wanted, self._ended, self._report = wanted, ended, report
+        self._incoming: Dict[int, Incoming] = {}      # by the peer's number; replaced, not changed
+
+    def wants(self, offered: bool) -> bool:
+        """Whether the topic is to be received now.
+
+        :param offered: whether the peer offers it
+        """
+        if self._wanted is not always and offered and self._wanted():
+            self._wanted = always
+        return self._wanted is always
+
+    def connect(self, peer: Peer) -> 'Incoming':
+        """The connection from a peer; the link's thread."""
+        found = self._incoming.get(peer.number)
+        if found is None:
+            found = Incoming(self, peer)
+            self._incoming = {**self._incoming, peer.number: found}
+        return found
+
+    def forget(self, peer: Peer) -> None:
+        """A peer is no more, or sends the topic no more."""
+        self._incoming = {number: one for number, one in self._incoming.items() if number != peer.number}
+
+    def depacketizer(self, consumer: 'Incoming') -> Depacketizer:
+        """For a new connection."""
+        return Depacketizer(self.topic.id, consumer, self.message_class, self._queue_size, self._arrived,
+                            self._headers, MAX_MESSAGE_SIZE)
+
+    def call(self, function: Callable[..., None], *arguments: Any) -> None:
+        """Call a callback; what it raises is reported, as rospy does."""
+        try:
+            function(*arguments)
+        except Exception:
+            self._report('[%s]: a callback failed: %s' % (self.topic.name, traceback.format_exc()))
+
+    def connections(self) -> List[Dict[str, Any]]:
+        """See transport.Subscriber."""
+        return [one.stats() for one in self._incoming.values()]
+
+    def unregister(self) -> None:
+        """See transport.Subscriber."""
+        self._ended(self)
+        self.callback = self.batch_callback = None
+
+
+class Incoming:
+    """A subscriber's connection from one peer: the Consumer of its Depacketizer. All but `stats`: the link's thread."""
+
+    def __init__(self, subscriber: Subscriber, peer: Peer) -> None:
+        self._subscriber, self._peer = subscriber, peer
+        topic = subscriber.topic
+        self._header = {'callerid': peer.name, 'topic': topic.name, 'type': topic.type, 'md5sum': topic.md5}
+        self._begun = time.monotonic()
+        self._depacketizer = subscriber.depacketizer(self)
+
+    def take(self, datagrams: UInt8Array, lengths: IntArray, arrival: Arrival, now: float) -> None:
+        """Take datagrams of the topic that arrived together, see Depacketizer.take."""
+        first = self._depacketizer.take_singles(datagrams, lengths, lambda row: True, arrival, now)
+        if first < len(lengths):
+            self._depacketizer.take(datagrams[first:], lengths[first:], np.ones(len(lengths) - first, bool),
+                                    lambda row: arrival(first + row), now)
+        self._depacketizer.deliver()
+
+    @property
+    def wants_batches(self) -> bool:
+        """See depacketizer.Consumer."""
+        return self._subscriber.batch_callback is not None
+
+    @property
+    def wants_messages(self) -> bool:
+        """See depacketizer.Consumer."""
+        return self._subscriber.callback is not None
+
+    def take_records(self, records: Records, mask: BoolArray) -> None:
+        """See depacketizer.Consumer."""
+        callback = self._subscriber.batch_callback
+        if callback is not None:
+            self._subscriber.call(callback, records, mask)
+
+    def take_message(self, data: bytes) -> None:
+        """See depacketizer.Consumer."""
+        callback = self._subscriber.callback
+        try:
+            message = self._subscriber.message_class().deserialize(data)
+        except Exception:   # genpy's readers raise DeserializationError, UnicodeError, ... on hostile bytes
+            self._depacketizer.inbox.dropped['message'] += 1
+            return
+        message._connection_header = self._header
+        if callback is not None:
+            self._subscriber.call(callback, message)
+
+    def stats(self) -> Dict[str, Any]:
+        """As of udpros.Subscriber.connections; the socket's own counts are the transport's."""
+        last = self._depacketizer.last_arrival
+        return {'peer': self._peer.name, 'address': self._peer.address,
+                'idle': time.monotonic() - (self._begun if last is None else last), **self._depacketizer.stats(),
+                'receive_buffer': None, 'kernel_drops': None}
+
+
+def serialised(message: Any, seq: int) -> bytes:
+    """A message with its length prefix, numbered in its header if it has one.
+
+    :raises genpy.SerializationError: if a field has a wrong type
+    """
+    if has_header(type(message)):
+        message.header.seq = seq
+    buffer = io.BytesIO()
+    buffer.seek(LENGTH.size)
+    message.serialize(buffer)
+    size = buffer.tell() - LENGTH.size
+    buffer.seek(0)
+    buffer.write(LENGTH.pack(size))
+    return buffer.getvalue()

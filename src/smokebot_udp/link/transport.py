@@ -1,0 +1,326 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""A link of two masters as the nodes' transport, see smokebot_udp/transport.py.
+
+RobotTransport listens on one UDP port, OperatorTransport speaks first. Everything that decides is in the core and in
+tables.py; the endpoint's thread runs it, and calls all callbacks of subscribers.
+"""
+import functools
+import os
+import socket
+import threading
+import time
+from typing import Any, Callable, Counter, Dict, List, Mapping, Optional, Set
+
+import numpy as np
+import rospy
+
+from ..transport import PeerStats, TransportStats, always
+from ..udpros.admission import Budget
+from ..udpros.datagram import DEFAULT_MAX_DATAGRAM_SIZE
+from ..udpros.depacketizer import Arrival, Arrived, BatchCallback
+from ..udpros.endpoints import BatchSender
+from ..udpros.loss_emulation import open_receiver
+from .control import FIRST_TOPIC_ID
+from .core import LinkCore
+from .endpoint import Endpoint
+from .operator_core import OperatorCore
+from .packets import Mode, encode_name
+from .peer import Delivery, Event, Joined, Left, Moved, Peer, Refused
+from .peer_topics import PeerTopics
+from .resolver import Resolver
+from .robot_core import RobotCore
+from .tables import Local, Role, Topic
+from .topics import Publisher, Subscriber
+
+PERIOD = 0.1
+"""How often the topics of this side are looked at for changes [s]."""
+
+PROBLEM_AFTER = 2.0
+"""A problem that has lasted for this long is reported [s]."""
+
+MAX_TOLD = 1000
+"""Differences of topics that are reported, each once."""
+
+LOGGED, LOG_PERIOD = 50, 1.0
+"""What happens to peers is logged so often at once, and then once in this time: anybody may join and leave an open link
+again and again [1, s]."""
+
+Report = Callable[[str], None]
+
+
+class LinkTransport:
+    """What both sides have in common: a transport.Transport, and the Handler of its endpoint.
+
+    :param core: of this side
+    :param port: to bind; 0: any
+    :param receive_buffer: requested from the kernel [byte]
+    :param report: f(text), called with what somebody has to see to
+    :param log: f(text), called with what happens
+    :raises OSError: if the port is in use
+    """
+    own_masters = True
+
+    def __init__(self, core: LinkCore, port: int, receive_buffer: int, report: Report, log: Report) -> None:
+        self.name, self.overhead = encode_name(core.name).decode(), core.overhead       # as the other side has it
+        self.max_datagram_size = core.max_datagram_size - core.overhead
+        self._core, self._report, self._log = core, report, log
+        self._log_budget = Budget(LOGGED, LOG_PERIOD)
+        self._local, self._lock = Local(), threading.Lock()     # the lock: of changes of these three
+        self._publishers: Dict[int, Publisher] = {}             # by connection id; replaced, not changed, as are these
+        self._subscribers: Dict[int, Subscriber] = {}
+        self._peers: Dict[int, PeerTopics] = {}                 # by the peer's number
+        self._told: Set[str] = set()
+        self._differences: List[str] = []
+        self._unknown = self._handshakes = 0        # datagrams of no topic, and handshakes of peers that have left
+        self._changed, self._seen, self._due = True, 0, 0.0
+        receiver = open_receiver('link', '', core.max_datagram_size, receive_buffer, port)
+        self.port = receiver.address[1]
+        self._endpoint = Endpoint(core, receiver, self, report)
+        self._sender = functools.partial(BatchSender, receiver.socket)
+
+    # -- transport.Transport --------------------------------------------------------------------------
+
+    def publisher(self, topic: str, message_class: Any, *, queue_size: int = 10, subscriber_listener: Any = None,
+                  carries: str = '') -> Publisher:
+        """See transport.Transport; nothing waits for a peer here, so there is no queue.
+
+        :raises ValueError: if the topic is published already, or its name is too long
+        """
+        publisher = Publisher(Topic(topic, message_class._type, message_class._md5sum, carries), message_class,
+                              subscriber_listener, self._end_publisher)
+        with self._lock:
+            self._local.add(Role.SENDS, publisher.topic)
+            self._publishers = {**self._publishers, publisher.topic.id: publisher}
+        return publisher
+
+    def subscriber(self, topic: str, message_class: Any, callback: Optional[Callable[[Any], None]] = None, *,
+                   queue_size: Optional[int] = None, batch_callback: Optional[BatchCallback] = None,
+                   arrived: Optional[Arrived] = None, wanted: Callable[[], bool] = always,
+                   carries: str = '') -> Subscriber:
+        """See transport.Transport.
+
+        :raises ValueError: if the topic is subscribed already, or its name is too long
+        """
+        subscriber = Subscriber(Topic(topic, message_class._type, message_class._md5sum, carries), message_class,
+                                callback, queue_size, batch_callback, arrived, wanted, self.overhead, self._report,
+                                self._end_subscriber)
+        with self._lock:
+            self._local.add(Role.RECEIVES, subscriber.topic)
+            self._subscribers = {**self._subscribers, subscriber.topic.id: subscriber}
+        return subscriber
+
+    def _end_publisher(self, publisher: Publisher) -> None:
+        with self._lock:
+            if self._publishers.get(publisher.topic.id) is publisher:
+                self._local.remove(Role.SENDS, publisher.topic)
+                self._publishers = without(self._publishers, publisher.topic.id)
+        publisher.remove(None)
+
+    def _end_subscriber(self, subscriber: Subscriber) -> None:
+        with self._lock:
+            if self._subscribers.get(subscriber.topic.id) is subscriber:
+                self._local.remove(Role.RECEIVES, subscriber.topic)
+                self._subscribers = without(self._subscribers, subscriber.topic.id)
+
+    def dropped(self) -> Counter[str]:
+        """See transport.Transport."""
+        dropped = self._endpoint.dropped()
+        dropped.update({'unknown topic': self._unknown} if self._unknown else {})
+        for topics in self._peers.values():
+            dropped.update(topics.dropped())
+        return dropped
+
+    def problem(self) -> Optional[str]:
+        """See transport.Transport."""
+        return next(iter(self._differences), None)
+
+    def stats(self, now: float) -> Optional[TransportStats]:
+        """See transport.Transport."""
+        peers = [topics.peer for topics in self._peers.values()]
+        return TransportStats(
+            self._core.mode == Mode.KEYED,
+            [PeerStats(peer.name, peer.address, now - peer.heard, peer.round_trip) for peer in peers],
+            self._handshakes + sum(peer.handshakes for peer in peers), self.dropped(), self.problem())
+
+    def close(self) -> None:
+        """Leave all peers, end the thread, and free the socket."""
+        for publisher in self._publishers.values():
+            publisher.remove(None)
+        self._publishers = {}
+        self._endpoint.close()
+
+    # -- endpoint.Handler -----------------------------------------------------------------------------
+
+    def on_event(self, event: Event) -> None:
+        """See endpoint.Handler."""
+        self._changed = True
+        if isinstance(event, Refused):
+            self._on_refused(event)
+        elif isinstance(event, Joined):
+            peer = event.peer
+            self._peers = {**self._peers, peer.number: PeerTopics(peer, self._local, self._sender())}
+            self._tell('%s has joined from %s:%d' % (peer.name, *peer.address))
+        elif isinstance(event, Moved):
+            topics = self._peers.get(event.peer.number)
+            if topics is not None:
+                topics.update_room(self._core.max_datagram_size, time.monotonic(), moved=True)
+            self._tell('%s has moved to %s:%d' % (event.peer.name, *event.address))
+        elif isinstance(event, Left):
+            self._forget(event.peer)
+            self._tell('%s has left: %s' % (event.peer.name, event.reason))
+
+    def _tell(self, text: str) -> None:
+        """Log what has happened to a peer."""
+        if self._log_budget.take(time.monotonic()):
+            self._log(text)
+
+    def _on_refused(self, event: Refused) -> None:
+        """The robot tells at once whom it refuses; the operator's core makes its problem of it."""
+
+    def _forget(self, peer: Peer) -> None:
+        self._peers = without(self._peers, peer.number)
+        self._handshakes += peer.handshakes
+        for publisher in self._publishers.values():
+            publisher.remove(peer)
+        for subscriber in self._subscribers.values():
+            subscriber.forget(peer)
+
+    def on_delivery(self, delivery: Delivery, arrival: Arrival, now: float) -> None:
+        """See endpoint.Handler."""
+        topics = self._peers.get(delivery.peer.number)
+        if topics is None:
+            return      # it left within the batch
+        numbers = delivery.datagrams[:, :4].copy().view('<u4')[:, 0]
+        first = int(numbers[0])
+        if (numbers == first).all():
+            self._take(topics, first, delivery, slice(None), arrival, now)
+            return
+        for number in np.unique(numbers).tolist():
+            rows = np.flatnonzero(numbers == number)
+            self._take(topics, number, delivery, rows, functools.partial(_arrival_of, arrival, rows), now)
+
+    def _take(self, topics: PeerTopics, number: int, delivery: Delivery, rows: Any, arrival: Arrival,
+              now: float) -> None:
+        """Hand on the datagrams of one connection id.
+
+        :param rows: of the delivery; `arrival` counts within them
+        """
+        datagrams, lengths = delivery.datagrams[rows], delivery.lengths[rows]
+        subscriber = self._subscribers.get(number)
+        if subscriber is not None:
+            subscriber.connect(topics.peer).take(datagrams, lengths, arrival, now)
+        elif number < FIRST_TOPIC_ID and topics.take(number, datagrams, lengths, arrival, now):
+            self._changed = True
+        else:
+            self._unknown += len(lengths)
+
+    def poll(self, now: float) -> float:
+        """See endpoint.Handler."""
+        number = self._local.number
+        if self._changed or number != self._seen or now >= self._due:
+            self._changed, self._seen, self._due = False, number, now + PERIOD
+            for topics in self._peers.values():
+                self._exchange(topics, now)
+            self._tell_differences()
+        return self._due
+
+    def _exchange(self, topics: PeerTopics, now: float) -> None:
+        """Send a peer what it has to know, and what it wants."""
+        topics.update_room(self._core.max_datagram_size, now)
+        topics.send(topics.asked(self._subscribers), now)
+        topics.serve(self._publishers, self._sender)
+        self._due = min(self._due, topics.exchange.deadline())
+
+    def _tell_differences(self) -> None:
+        self._differences = [sentence for topics in self._peers.values()
+                             for sentence in topics.exchange.differences(topics.peer.name)]
+        for sentence in self._differences:
+            if sentence not in self._told and len(self._told) < MAX_TOLD:
+                self._told.add(sentence)
+                self._report(sentence)
+
+
+class RobotTransport(LinkTransport):
+    """The robot's side.
+
+    :param port: UDP port to listen on, on all interfaces; 0: any free one, see `port`
+    :param key: 32 bytes; None: anybody may join
+    :param max_datagram_size: the longest datagram to send and to receive, the link's overhead included
+        [byte of UDP payload]
+    :param receive_buffer: requested from the kernel [byte]
+    :param name: under which operators know it; None: the node's and the machine's
+    :param report: f(text), called with what somebody has to see to
+    :param log: f(text), called with what happens
+    :raises OSError: if the port is in use
+    """
+
+    def __init__(self, port: int, key: Optional[bytes] = None, *, max_datagram_size: int = DEFAULT_MAX_DATAGRAM_SIZE,
+                 receive_buffer: int = 4 << 20, name: Optional[str] = None, report: Report = rospy.logerr,
+                 log: Report = rospy.loginfo) -> None:
+        core = RobotCore(key, os.urandom, max_datagram_size, own_name() if name is None else name)
+        super().__init__(core, port, receive_buffer, report, log)
+        self._endpoint.start()
+
+    def _on_refused(self, event: Refused) -> None:
+        self._report(event.sentence)
+
+
+class OperatorTransport(LinkTransport):
+    """The operator's side.
+
+    :param host: the robot's, a name or an IPv4 address; a name is looked up again while the robot does not answer
+    :param port: the robot's
+    :param key: the robot's; None: it has none
+
+    The other arguments are RobotTransport's.
+    """
+
+    def __init__(self, host: str, port: int, key: Optional[bytes] = None, *,
+                 max_datagram_size: int = DEFAULT_MAX_DATAGRAM_SIZE, receive_buffer: int = 4 << 20,
+                 name: Optional[str] = None, report: Report = rospy.logerr, log: Report = rospy.loginfo) -> None:
+        self._operator = OperatorCore(key, os.urandom, max_datagram_size, own_name() if name is None else name)
+        self._resolver, self._robot_port = Resolver(host), port
+        self._troubled: Optional[float] = None      # since when there is a problem
+        self._last_problem: Optional[str] = None    # that was reported
+        super().__init__(self._operator, 0, receive_buffer, report, log)
+        self._endpoint.start()
+
+    def problem(self) -> Optional[str]:
+        """See transport.Transport."""
+        problem = self._operator.problem
+        return (self._resolver.problem or problem if problem else None) or super().problem()
+
+    def poll(self, now: float) -> float:
+        """See endpoint.Handler."""
+        self._resolver.poll(self._operator.problem is not None, now)
+        if self._resolver.address is not None:
+            self._operator.set_address((self._resolver.address, self._robot_port), now)
+        self._report_problem(now)
+        return super().poll(now)
+
+    def _report_problem(self, now: float) -> None:
+        """Report each problem that lasts, once until there is another one or none."""
+        problem = self._resolver.problem or self._operator.problem if self._operator.problem else None
+        if problem is None:
+            self._troubled = self._last_problem = None
+            return
+        if self._troubled is None:
+            self._troubled = now
+        if problem != self._last_problem and now - self._troubled >= PROBLEM_AFTER:
+            self._last_problem = problem
+            self._report(problem)
+
+
+def own_name() -> str:
+    """The name of this node for the other side: two operators on two machines may have the same node names."""
+    return '%s@%s' % (rospy.get_name(), socket.gethostname())
+
+
+def without(items: Mapping[int, Any], key: int) -> Dict[int, Any]:
+    """A copy that lacks one key."""
+    return {other: value for other, value in items.items() if other != key}
+
+
+def _arrival_of(arrival: Arrival, rows: Any, row: int) -> float:
+    """When the datagram of a row of some rows arrived."""
+    return arrival(int(rows[row]))

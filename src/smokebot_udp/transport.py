@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What carries the streams between robot and operators: the one interface of all transports.
+
+The nodes use a Transport for everything that crosses the link: segments, link reports, the clock, focus requests.
+udpros/transport.py and link/transport.py implement it.
+"""
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any, Callable, Counter, Dict, List, Mapping, Optional, Protocol, Tuple
+
+from .udpros.depacketizer import Arrived, BatchCallback
+from .udpros.frame import Frame
+
+
+def always() -> bool:
+    """True: what is wanted as soon as there is a peer, before it is known what the peer offers."""
+    return True
+
+
+@dataclass(frozen=True)
+class PeerStats:
+    """One node of the other side."""
+    name: str
+    address: Tuple[str, int]
+    silence: float
+    """Time since it was heard last [s]."""
+    round_trip: Optional[float]
+    """[s]; None: unknown."""
+
+
+@dataclass(frozen=True)
+class TransportStats:
+    """The state of a transport, for diagnostics."""
+    sealed: bool
+    """Whether all datagrams are encrypted and authenticated."""
+    peers: List[PeerStats]
+    handshakes: int
+    """Completed until now."""
+    dropped: Mapping[str, int]
+    """{reason: datagrams} until now."""
+    problem: Optional[str]
+    """In one sentence; None: there is none."""
+
+
+class Publisher(Protocol):
+    """Sends the messages of one topic to all peers that want them."""
+
+    @property
+    def resolved_name(self) -> str:
+        """The topic."""
+
+    def publish(self, message: Any) -> None:
+        """Number and send one message."""
+
+    def publish_frames(self, *frames: Frame, limits: Mapping[str, int] = MappingProxyType({})) -> int:
+        """Number and send all messages of some frames.
+
+        :param limits: {peer: it gets only this number of the first messages}
+        :return: the first message's sequence number; those of the others follow
+        :raises ValueError: if a frame is of another type than the topic
+        """
+
+    def connections(self) -> List[Dict[str, Any]]:
+        """Statistics of the peers that it sends to, one dictionary each, with keys as udpros.Publisher.connections."""
+
+    def get_num_connections(self) -> int:
+        """The number of peers that it sends to."""
+
+    def unregister(self) -> None:
+        """End the topic."""
+
+
+class Subscriber(Protocol):
+    """Receives the messages of one topic."""
+
+    def connections(self) -> List[Dict[str, Any]]:
+        """Statistics of the peers that it receives from, with keys as udpros.Subscriber.connections."""
+
+    def unregister(self) -> None:
+        """End the subscription."""
+
+
+class Transport(Protocol):
+    """Makes publishers and subscribers of topics on the wire, whose names are absolute."""
+
+    @property
+    def name(self) -> str:
+        """Under which the other side knows this node: the callerid of its messages, and the peer in its statistics."""
+
+    @property
+    def max_datagram_size(self) -> int:
+        """The longest datagram of a topic, its header of 8 bytes included [byte]."""
+
+    @property
+    def overhead(self) -> int:
+        """What the transport adds to each datagram, besides the headers of IP and UDP [byte]."""
+
+    @property
+    def own_masters(self) -> bool:
+        """Whether each side has a ROS master of its own: then the other side's parameters cannot be reached."""
+
+    def publisher(self, topic: str, message_class: Any, *, queue_size: int = 10, subscriber_listener: Any = None,
+                  carries: str = '') -> Publisher:
+        """Publish a topic.
+
+        :param queue_size: of messages that wait for one peer, where the transport has a queue
+        :param subscriber_listener: as rospy.Publisher's: its peer_subscribe is called for each new peer
+        :param carries: type and md5 sum of the messages within the messages, as 'tf2_msgs/TFMessage 94810ed...';
+            empty: the messages carry none
+        """
+
+    def subscriber(self, topic: str, message_class: Any, callback: Optional[Callable[[Any], None]] = None, *,
+                   queue_size: Optional[int] = None, batch_callback: Optional[BatchCallback] = None,
+                   arrived: Optional[Arrived] = None, wanted: Callable[[], bool] = always,
+                   carries: str = '') -> Subscriber:
+        """Subscribe a topic. The callbacks are called in a thread of the transport, and have to be short.
+
+        A message's `_connection_header` is one object for each connection of a peer; its 'callerid' is the peer's name.
+
+        :param callback: f(message)
+        :param queue_size: of messages that arrived together only this many, the newest, are delivered; None: all
+        :param batch_callback: f(records, mask), called for messages that arrived together, as of udpros.Subscriber
+        :param arrived: called for new messages, see udpros.depacketizer.Arrived
+        :param wanted: f() -> bool, called when a peer offers the topic, and again until it is True: nothing is received
+            before, unless `wanted` is `always`
+        :param carries: as of `publisher`
+        """
+
+    def dropped(self) -> Counter[str]:
+        """{reason: datagrams} that the transport itself dropped."""
+
+    def problem(self) -> Optional[str]:
+        """Why nothing is received from the other side, in one sentence; None: there is no problem."""
+
+    def stats(self, now: float) -> Optional[TransportStats]:
+        """Its state by time.monotonic(); None: all of it shows in the stats of publishers and subscribers."""
+
+    def close(self) -> None:
+        """End the transport, after all of its publishers and subscribers."""

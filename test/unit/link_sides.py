@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""A robot's and an operator's core for tests, joined or not."""
+from typing import Optional, Tuple
+
+import numpy as np
+import pytest
+from link_channel import KEY, OPERATOR, ROBOT, SIZE, Address, data, give, random_bytes, sent, shake_hands
+
+from smokebot_udp.link.operator_core import OperatorCore
+from smokebot_udp.link.packets import Init, Suite, parse
+from smokebot_udp.link.peer import Peer
+from smokebot_udp.link.robot_core import RobotCore
+
+ROW = np.frombuffer(data(20), np.uint8)[np.newaxis]
+"""One datagram of a topic as Peer.seal takes it."""
+
+ELSEWHERE: Address = ('10.0.0.99', 5)
+BOTH = pytest.mark.parametrize('key', [KEY, None], ids=['keyed', 'open'])
+
+
+def robot_of(key: Optional[bytes] = KEY, suite: Suite = Suite.AESGCM) -> RobotCore:
+    return RobotCore(key, random_bytes(1), SIZE, 'robot', suite)
+
+
+def operator_of(seed: int = 2, name: str = 'desk', key: Optional[bytes] = KEY, now: float = 0.0) -> OperatorCore:
+    operator = OperatorCore(key, random_bytes(seed), SIZE, name)
+    operator.set_address(ROBOT, now)
+    return operator
+
+
+def joined(key: Optional[bytes] = KEY, now: float = 0.0) -> Tuple[RobotCore, OperatorCore]:
+    """A robot and its operator."""
+    robot, operator = robot_of(key), operator_of(key=key, now=now)
+    shake_hands(robot, operator, now)
+    robot.events()
+    return robot, operator
+
+
+def init_of(robot: RobotCore, operator: OperatorCore, address: Address = OPERATOR, now: float = 0.0) -> bytes:
+    """The operator's next INIT."""
+    give(robot, address, *sent(operator), now=now)
+    give(operator, ROBOT, *sent(robot), now=now)
+    return next(packet for packet in sent(operator) if isinstance(parse(packet), Init))
+
+
+def the_robot(operator: OperatorCore) -> Peer:
+    assert operator.robot is not None
+    return operator.robot

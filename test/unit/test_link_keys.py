@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Key files: made, read, refused with one sentence."""
+import os
+import pathlib
+import stat
+
+import pytest
+
+from smokebot_udp.link.keys import KEY_SIZE, make_key, read_key
+
+
+def test_a_new_key_is_random_and_only_its_owner_reads_it(tmp_path: pathlib.Path) -> None:
+    umask = os.umask(0)
+    try:
+        for name in ('one', 'two'):
+            make_key(str(tmp_path / name))
+    finally:
+        os.umask(umask)
+    one, two = (read_key(str(tmp_path / name)) for name in ('one', 'two'))
+    assert len(one) == len(two) == KEY_SIZE == 32 and one != two
+    assert stat.S_IMODE((tmp_path / 'one').stat().st_mode) == 0o600
+
+
+def test_a_key_is_never_overwritten(tmp_path: pathlib.Path) -> None:
+    path = tmp_path / 'key'
+    path.write_bytes(b'k' * 32)
+    with pytest.raises(ValueError, match='there is a file .* already'):
+        make_key(str(path))
+    assert path.read_bytes() == b'k' * 32
+
+
+@pytest.mark.parametrize('size, what', [(0, 'short'), (31, 'short'), (33, 'long'), (1000, 'long')])
+def test_a_key_of_another_length(tmp_path: pathlib.Path, size: int, what: str) -> None:
+    path = tmp_path / 'key'
+    path.write_bytes(b'k' * size)
+    path.chmod(0o600)
+    with pytest.raises(ValueError, match='too %s' % what) as error:
+        read_key(str(path))
+    assert 'kkk' not in str(error.value)
+
+
+@pytest.mark.parametrize('mode', [0o640, 0o604, 0o620, 0o601, 0o644])
+def test_a_key_that_is_open_to_others(tmp_path: pathlib.Path, mode: int) -> None:
+    path = tmp_path / 'key'
+    path.write_bytes(b'k' * 32)
+    path.chmod(mode)
+    with pytest.raises(ValueError, match='used by others'):
+        read_key(str(path))
+    path.chmod(0o400)
+    assert read_key(str(path)) == b'k' * 32
+
+
+@pytest.mark.parametrize('path', ['{}/missing', '{}', '{}/missing/key', '{}/nu\0ll'])
+def test_a_file_that_cannot_be_read_or_made(tmp_path: pathlib.Path, path: str) -> None:
+    for use in (read_key, make_key):
+        if use is make_key and path == '{}/missing':
+            continue
+        with pytest.raises(ValueError) as error:
+            use(path.format(tmp_path))
+        assert '\n' not in str(error.value)

@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Golden bytes of each packet, their lengths, and what is none."""
+import contextlib
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from smokebot_udp.link.packets import (
+    ACCEPT_SIZE,
+    COOKIE,
+    DATA,
+    DATA_DTYPE,
+    HELLO,
+    INIT_SIZE,
+    MAX_NAME,
+    MIN_BODY,
+    OVERHEAD,
+    REFUSE,
+    REPLY,
+    REQUEST,
+    UNKNOWN,
+    Accept,
+    Cookie,
+    Hello,
+    Init,
+    Kind,
+    Malformed,
+    Mode,
+    Reason,
+    Refuse,
+    Reply,
+    Request,
+    Suite,
+    Unknown,
+    decode_name,
+    encode_name,
+    parse,
+    prologue,
+)
+
+NONCE = 0x0807060504030201
+BYTES16 = bytes(range(0xa0, 0xb0))
+NONCE_HEX = '0102030405060708'
+COOKIE_HEX = 'a0a1a2a3a4a5a6a7a8a9aaabacadaeaf'
+
+GOLDEN = [
+    (Hello(1, Mode.KEYED, NONCE), '01010100' + NONCE_HEX + '00' * 20),
+    (Cookie(1, Mode.KEYED, Suite.CHACHAPOLY, NONCE, BYTES16), '02010102' + NONCE_HEX + COOKIE_HEX),
+    (Init(1, Mode.KEYED, Suite.AESGCM, NONCE, BYTES16, 0x44332211, b'm' * 199),
+     '03010101' + NONCE_HEX + COOKIE_HEX + '11223344' + '6d' * 199),
+    (Init(1, Mode.OPEN, Suite.OPEN, NONCE, BYTES16, 0x44332211, b'm' * 151),
+     '03010000' + NONCE_HEX + COOKIE_HEX + '11223344' + '6d' * 151),
+    (Accept(1, Mode.KEYED, Suite.AESGCM, 0x44332211, b'm' * 207), '04010101' + '11223344' + '6d' * 207),
+    (Accept(1, Mode.OPEN, Suite.OPEN, 0x44332211, b'm' * 159), '04010000' + '11223344' + '6d' * 159),
+    (Refuse(2, Mode.OPEN, Reason.FULL, NONCE), '05020005' + NONCE_HEX),
+    (Unknown(1, 0x44332211), '06010000' + '11223344'),
+]
+
+
+@pytest.mark.parametrize('packet, golden', GOLDEN, ids=lambda value: type(value).__name__)
+def test_a_packet_and_its_bytes(packet: Any, golden: str) -> None:
+    assert packet.pack().hex() == golden
+    assert parse(bytes.fromhex(golden)) == packet
+
+
+@pytest.mark.parametrize('packet, golden', GOLDEN, ids=lambda value: type(value).__name__)
+def test_a_shorter_or_longer_one_is_malformed(packet: Any, golden: str) -> None:
+    datagram = bytes.fromhex(golden)
+    for length in range(len(datagram)):
+        with pytest.raises(Malformed):
+            parse(datagram[:length])
+    if not isinstance(packet, Hello):       # a later version's may be longer
+        with pytest.raises(Malformed):
+            parse(datagram + b'\0')
+
+
+def test_the_head_of_data() -> None:
+    assert DATA.pack(Kind.DATA, 0x44332211, NONCE).hex() == '07000000' + '11223344' + NONCE_HEX
+    assert DATA_DTYPE.itemsize == DATA.size == 16
+    assert OVERHEAD == {Mode.OPEN: 16, Mode.KEYED: 32}
+
+
+def test_the_payloads_of_the_handshake() -> None:
+    request = Request(BYTES16, 1472, 0x44332211, 'desk')
+    golden = COOKIE_HEX + 'c005' + '11223344' + '04' + b'desk'.hex() + '00' * 124
+    assert request.pack().hex() == golden and Request.parse(bytes.fromhex(golden)) == request
+    reply = Reply(0x44332211, BYTES16, 1472, NONCE, 'robot')
+    golden = '11223344' + COOKIE_HEX + 'c005' + NONCE_HEX + '05' + b'robot'.hex() + '00' * 123
+    assert reply.pack().hex() == golden and Reply.parse(bytes.fromhex(golden)) == reply
+    for kind, size in ((Request, REQUEST.size), (Reply, REPLY.size)):
+        for length in (0, size - 1, size + 1):
+            with pytest.raises(Malformed):
+                kind.parse(bytes(length))
+
+
+def test_no_answer_of_the_robot_is_longer_than_what_it_answers() -> None:
+    assert COOKIE.size <= HELLO.size and REFUSE.size <= HELLO.size
+    for mode in Mode:
+        assert max(ACCEPT_SIZE[mode], REFUSE.size) <= INIT_SIZE[mode]
+        assert UNKNOWN.size <= OVERHEAD[mode] + MIN_BODY
+
+
+def test_the_prologue_is_hello_and_cookie() -> None:
+    hello, cookie = Hello(1, Mode.KEYED, NONCE), Cookie(1, Mode.KEYED, Suite.AESGCM, NONCE, BYTES16)
+    assert prologue(*cookie) == hello.pack() + cookie.pack()
+
+
+@pytest.mark.parametrize('name, field', [
+    ('desk @ pc', b'desk @ pc'),
+    ('ü' * 64, 'ü'.encode() * 64),
+    ('x' + 'ü' * 64, b'x' + 'ü'.encode() * 63),     # 129 bytes: the last character is left out
+    ('\ud800', b'?'),                               # no character: it has no UTF-8
+])
+def test_a_name_and_its_bytes(name: str, field: bytes) -> None:
+    assert encode_name(name) == field and len(field) <= MAX_NAME
+    assert decode_name(field.ljust(MAX_NAME, b'\0'), len(field)) == field.decode()
+
+
+@pytest.mark.parametrize('field, length', [
+    (b'', 0), (b'a\nb', 3), (b'\x1b[2J', 4), (b'\xff', 1), ('ü'.encode(), 1), (b'a' * MAX_NAME, MAX_NAME + 1),
+    (b'a', 2),
+], ids=repr)
+def test_a_name_that_would_spoil_a_log_is_malformed(field: bytes, length: int) -> None:
+    with pytest.raises(Malformed):
+        decode_name(field.ljust(MAX_NAME, b'\0'), length)
+
+
+@given(st.binary(max_size=300))
+def test_any_bytes_are_a_packet_or_malformed(datagram: bytes) -> None:
+    try:
+        packet = parse(datagram)
+    except Malformed:
+        return
+    assert isinstance(packet, Hello) or packet.pack()[4:] == datagram[4:]
+
+
+@given(st.sampled_from([Request, Reply]), st.binary(min_size=151, max_size=159))
+def test_any_payload_is_one_or_malformed(kind: Any, payload: bytes) -> None:
+    with contextlib.suppress(Malformed):
+        assert 0 < len(kind.parse(payload).name.encode()) <= MAX_NAME

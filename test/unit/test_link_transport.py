@@ -1,0 +1,352 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Robot and operators on real sockets, in one process."""
+import os
+import socket
+import threading
+from typing import Any, Dict, Iterator, List
+
+import pytest
+from link_pair import KEY, Inbox, Links, Told, frame, links, wait_for
+from sensor_msgs.msg import CompressedImage, Image, LaserScan
+from std_msgs.msg import Header, String
+
+from smokebot_udp.link.packets import DATA
+from smokebot_udp.link.peer import Joined, Left, Peer
+from smokebot_udp.link.peer_topics import PeerTopics
+from smokebot_udp.link.session import OpenSession
+from smokebot_udp.link.tables import NUMBERS, Local, Table, pack_wants
+from smokebot_udp.udpros.datagram import OVERHEAD
+from smokebot_udp.udpros.endpoints import BatchSender
+
+THERMAL = '/smokebot_udp/thermal/segments'
+CHAT = '/smokebot_udp/chat'
+
+
+@pytest.fixture(params=[KEY, None], ids=['keyed', 'open'])
+def made(request: Any) -> Iterator[Links]:
+    with links(request.param) as one:
+        yield one
+
+
+@pytest.fixture
+def keyed() -> Iterator[Links]:
+    with links() as one:
+        yield one
+
+
+def settle(*publishers: Any, count: int = 1) -> None:
+    """Wait until each publisher has that many peers."""
+    wait_for(lambda: all(publisher.get_num_connections() == count for publisher in publishers))
+
+
+def test_frames_arrive_as_records(made: Links) -> None:
+    robot, _ = made.robot()
+    publisher = robot.publisher(THERMAL, CompressedImage)
+    operator, _ = made.operator(robot.port)
+    inbox = Inbox()
+    subscriber = operator.subscriber(THERMAL, CompressedImage, batch_callback=inbox.batch, arrived=inbox.arrived)
+    settle(publisher)
+    image = frame(CompressedImage, 300, 1300)
+    assert publisher.publish_frames(image.part(0, 100), image.part(100, 300)) == 1
+    inbox.wait(lambda: len(inbox.records) == 300)
+    assert inbox.records == [record.tobytes() for record in image.records]
+    assert image.records['header']['seq'].tolist() == list(range(1, 301))
+    assert publisher.publish_frames(image.part(0, 1)) == 301
+
+    size = image.datagram_size + robot.overhead + 28
+    wait_for(lambda: sum(count for *_, count, _ in inbox.arrivals) == 301)
+    assert sum(sizes for _, _, sizes, _, _ in inbox.arrivals) == 301 * size
+    stats, = subscriber.connections()
+    assert stats['peer'] == '/robot_sender@ugv1' and stats['address'] == ('127.0.0.1', robot.port)
+    assert (stats['datagrams'], stats['received'], stats['lost'], stats['dropped']) == (301, 301, 0, {})
+    assert stats['bytes'] == 301 * image.datagram_size and 0 <= stats['idle'] < 10
+    sent, = publisher.connections()
+    assert (sent['peer'], sent['datagrams'], sent['failures']) == ('/operator_receiver@desk1', 301, {})
+    assert sent['max_datagram_size'] == robot.max_datagram_size == 1472 - robot.overhead
+
+
+@pytest.mark.parametrize('size', [1, 1400, 1500, 200_000])
+def test_messages_of_any_length_arrive_in_both_directions(made: Links, size: int) -> None:
+    robot, _ = made.robot()
+    operator, _ = made.operator(robot.port)
+    for one, other in ((robot, operator), (operator, robot)):
+        inbox = Inbox()
+        other.subscriber(CHAT, String, inbox.message)
+        publisher = one.publisher(CHAT, String)
+        settle(publisher)
+        for text in ('a' * size, 'b' * size):
+            publisher.publish(String(text))
+        inbox.wait(lambda inbox=inbox: len(inbox.messages) == 2)
+        assert [message.data[0] for message in inbox.messages] == ['a', 'b']
+        assert {len(message.data) for message in inbox.messages} == {size}
+        header = inbox.messages[0]._connection_header
+        assert header is inbox.messages[1]._connection_header and header['callerid'] == one.name
+
+
+def test_each_message_is_numbered_in_its_header(keyed: Links) -> None:
+    robot, _ = keyed.robot()
+    operator, _ = keyed.operator(robot.port)
+    inbox = Inbox()
+    operator.subscriber('/scan', LaserScan, inbox.message, queue_size=100, arrived=inbox.arrived)
+    publisher = robot.publisher('/scan', LaserScan)
+    settle(publisher)
+    for number in range(20):
+        publisher.publish(LaserScan(header=Header(seq=99, frame_id='laser'), ranges=[float(number)]))
+    inbox.wait(lambda: len(inbox.messages) == 20)
+    assert [message.header.seq for message in inbox.messages] == list(range(1, 21))
+    assert {message.header.frame_id for message in inbox.messages} == {'laser'}
+    assert [seq for _, seq, *_ in inbox.arrivals][-1] == 20
+
+
+def test_frames_longer_than_a_datagram_are_cut(keyed: Links) -> None:
+    """The operator receives less than the robot would send."""
+    robot, _ = keyed.robot()
+    publisher = robot.publisher(THERMAL, CompressedImage)
+    operator, _ = keyed.operator(robot.port, max_datagram_size=700)
+    inbox = Inbox()
+    operator.subscriber(THERMAL, CompressedImage, batch_callback=inbox.batch)
+    settle(publisher)
+    image = frame(CompressedImage, 3, 1200)
+    publisher.publish_frames(image)
+    inbox.wait(lambda: len(inbox.records) == 3)
+    assert inbox.records == [record.tobytes() for record in image.records]
+    sent, = publisher.connections()
+    assert sent['max_datagram_size'] == 700 - robot.overhead and sent['datagrams'] == 6
+
+
+def test_two_operators_get_what_each_wants(made: Links) -> None:
+    robot, _ = made.robot()
+    image, chat = robot.publisher(THERMAL, CompressedImage), robot.publisher(CHAT, String)
+    inboxes = [Inbox(), Inbox()]
+    names = ['/operator_receiver@desk1', '/operator_receiver@desk2']
+    for name, inbox in zip(names, inboxes):
+        operator, _ = made.operator(robot.port, name)
+        operator.subscriber(THERMAL, CompressedImage, batch_callback=inbox.batch)
+        if name == names[1]:
+            operator.subscriber(CHAT, String, inbox.message)
+    settle(image, count=2)
+    settle(chat)
+    assert {connection['peer'] for connection in image.connections()} == set(names)
+    assert [connection['peer'] for connection in chat.connections()] == names[1:]
+    whole = frame(CompressedImage, 5, 100)
+    image.publish_frames(whole, limits={names[0]: 2, '/nobody': 0})
+    chat.publish(String('hello'))
+    inboxes[1].wait(lambda: len(inboxes[1].records) == 5 and inboxes[1].messages)
+    inboxes[0].wait(lambda: len(inboxes[0].records) == 2)
+    assert inboxes[0].records == inboxes[1].records[:2] and not inboxes[0].messages
+
+
+def test_operators_of_one_name_are_told_apart(keyed: Links) -> None:
+    robot, _ = keyed.robot()
+    publisher, heard = robot.publisher(THERMAL, CompressedImage), Inbox()
+    robot.subscriber(CHAT, String, heard.message)
+    inboxes = [Inbox(), Inbox()]
+    for number, inbox in enumerate(inboxes):
+        operator, _ = keyed.operator(robot.port)
+        operator.subscriber(THERMAL, CompressedImage, batch_callback=inbox.batch)
+        chat = operator.publisher(CHAT, String)
+        settle(publisher, count=number + 1)
+        settle(chat)
+        chat.publish(String(str(number)))
+    names = ['/operator_receiver@desk1', '/operator_receiver@desk1 #2']
+    assert [connection['peer'] for connection in publisher.connections()] == names
+    heard.wait(lambda: len(heard.messages) == 2)
+    assert [message._connection_header['callerid'] for message in heard.messages] == names
+    publisher.publish_frames(frame(CompressedImage, 3, 100), limits={names[1]: 1})
+    inboxes[0].wait(lambda: len(inboxes[0].records) == 3)
+    inboxes[1].wait(lambda: len(inboxes[1].records) == 1)
+
+
+class Listener:
+    def __init__(self) -> None:
+        self.calls: List[Any] = []
+
+    def peer_subscribe(self, topic: str, publish: Any, peer_publish: Any) -> None:
+        self.calls.append(topic)
+        peer_publish(String('for you'))
+
+
+def test_a_peer_begins_and_ends_to_want_a_topic(keyed: Links) -> None:
+    robot, _ = keyed.robot()
+    operator, _ = keyed.operator(robot.port)
+    listener, inbox, willing = Listener(), Inbox(), threading.Event()
+    asked: List[bool] = []
+
+    def wanted() -> bool:
+        asked.append(willing.is_set())
+        return willing.is_set()
+    other = robot.publisher('/other', String)
+    operator.subscriber('/other', String, lambda _: None)
+    subscriber = operator.subscriber(CHAT, String, inbox.message, wanted=wanted)
+    settle(other)
+    assert not asked        # the robot does not offer it
+    publisher = robot.publisher(CHAT, String, subscriber_listener=listener)
+    wait_for(lambda: asked)
+    assert not publisher.get_num_connections()
+    willing.set()
+    inbox.wait(lambda: inbox.messages)
+    assert listener.calls == [CHAT] and inbox.messages[0].data == 'for you'
+    subscriber.unregister()
+    settle(publisher, count=0)
+    operator.subscriber(CHAT, String, inbox.message)        # and again
+    settle(publisher)
+    assert listener.calls == [CHAT, CHAT]
+    publisher.unregister()
+    robot.publisher(CHAT, String, subscriber_listener=listener)
+    wait_for(lambda: len(listener.calls) == 3)
+
+
+@pytest.mark.parametrize('ours, theirs, words', [
+    ({'message_class': CompressedImage}, {'message_class': Image},
+     (CompressedImage._type, Image._type, CompressedImage._md5sum, Image._md5sum)),
+    ({'carries': 'nav_msgs/Odometry aaaa'}, {'carries': 'nav_msgs/Odometry bbbb'}, ('carries', 'aaaa', 'bbbb'))])
+def test_a_difference_is_told_once_on_both_sides(keyed: Links, ours: Dict[str, Any], theirs: Dict[str, Any],
+                                                 words: Any) -> None:
+    robot, robot_told = keyed.robot()
+    operator, operator_told = keyed.operator(robot.port)
+    options = {'topic': THERMAL, 'message_class': CompressedImage}
+    different, same = robot.publisher(**{**options, **ours}), robot.publisher(CHAT, String)
+    operator.subscriber(**{**options, **theirs}, callback=lambda _: None)
+    operator.subscriber(CHAT, String, lambda _: None)
+    settle(same)
+    wait_for(lambda: robot_told and operator_told)
+    robot.publisher('/one/more', String)        # the tables are exchanged anew
+    operator.subscriber('/last', String, lambda _: None)
+    settle(robot.publisher('/last', String))
+    assert len(robot_told) == len(operator_told) == 1 and not different.get_num_connections()
+    for told in robot_told + operator_told:
+        assert THERMAL in told and all(word in told for word in words)
+    assert 'sends' in robot_told[0].split('this machine')[1] and operator.problem() == operator_told[0]
+
+
+def test_the_robot_is_restarted(made: Links) -> None:
+    robot, _ = made.robot()
+    publisher = robot.publisher(CHAT, String)
+    operator, _ = made.operator(robot.port)
+    inbox = Inbox()
+    subscriber = operator.subscriber(CHAT, String, inbox.message)
+    settle(publisher)
+    publisher.publish(String('before'))
+    inbox.wait(lambda: len(inbox.messages) == 1)
+    port = robot.port
+    robot.close()
+    robot, _ = made.robot(port)
+    publisher = robot.publisher(CHAT, String)
+    settle(publisher)
+    publisher.publish(String('after'))
+    inbox.wait(lambda: len(inbox.messages) == 2)
+    first, second = (message._connection_header for message in inbox.messages)
+    assert first is not second and first['callerid'] == second['callerid']
+    assert len(subscriber.connections()) == len(operator.stats(0.0).peers) == 1
+
+
+def test_new_keys_let_a_side_say_at_once_what_it_wants() -> None:
+    """The robot may have forgotten an operator that slept for a minute; WANTS was acknowledged long ago."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot, \
+            socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as operator:
+        robot.bind(('127.0.0.1', 0))
+        robot.setblocking(False)
+        operator.setblocking(False)
+        peer = Peer(1, 'ugv1', 'ugv1', bytes(16), 1472, (0x7f000001, robot.getsockname()[1]), OpenSession(1, 2, 3), 0.0)
+        topics, wanted = PeerTopics(peer, Local(), BatchSender(operator)), frozenset([77])
+        topics.send(wanted, 0.0)
+        assert len(robot.recv(2000)) > 0 and len(robot.recv(2000)) > 0
+        topics.exchange.take(Table.SEEN, NUMBERS.pack(2, 1), 0.1)
+        topics.send(wanted, 0.2)
+        with pytest.raises(BlockingIOError):
+            robot.recv(2000)
+        peer.use(OpenSession(4, 5, 6))
+        topics.send(wanted, 0.2)
+        assert robot.recv(2000)[DATA.size + OVERHEAD:] == pack_wants(2, wanted)
+
+
+def test_a_wrong_key_is_a_problem_in_one_sentence(keyed: Links) -> None:
+    robot, told = keyed.robot()
+    operator, _ = keyed.operator(robot.port, key=bytes(32))
+    wait_for(lambda: 'key' in (operator.problem() or ''))
+    wait_for(lambda: told)
+    assert 'key' in told[0] and len(told) == 1 and robot.problem() is None
+    stats = robot.stats(0.0)
+    assert stats is not None and stats.sealed and not stats.peers
+    assert stats.dropped['refused: wrong key'] > 0
+
+
+def test_a_port_in_use_is_an_error(keyed: Links) -> None:
+    robot, _ = keyed.robot()
+    with pytest.raises(OSError, match='in use'):
+        keyed.robot(robot.port)
+
+
+def test_forged_datagrams_change_nothing(made: Links) -> None:
+    robot, _ = made.robot()
+    publisher = robot.publisher(CHAT, String)
+    operator, _ = made.operator(robot.port)
+    inbox = Inbox()
+    operator.subscriber(CHAT, String, inbox.message)
+    settle(publisher)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+        for kind in range(10):
+            for size in (1, 15, 32, 500, 1472, 3000):
+                stranger.sendto(bytes([kind, 1, 0, 0]) + os.urandom(size), ('127.0.0.1', robot.port))
+    publisher.publish(String('hello'))
+    inbox.wait(lambda: inbox.messages)
+    wait_for(lambda: sum(robot.dropped().values()) >= 50)
+    assert {'too long', 'malformed', 'unknown session'} <= set(robot.dropped())
+    assert [peer.name for peer in robot.stats(0.0).peers] == ['/operator_receiver@desk1']
+
+
+def test_who_joins_and_leaves_again_and_again_does_not_fill_the_log() -> None:
+    with links(None) as made:
+        told = Told()
+        robot, _ = made.robot(log=told)
+        peer = Peer(99, 'anybody', 'anybody', bytes(16), 1472, (0x7f000001, 9), OpenSession(1, 2, 3), 0.0)
+        for _ in range(1000):
+            robot.on_event(Joined(peer))
+            robot.on_event(Left(peer, 'closed'))
+        assert told[:2] == ['anybody has joined from 127.0.0.1:9', 'anybody has left: closed']
+        assert len(told) < 100
+
+
+def test_a_topic_has_one_publisher(keyed: Links) -> None:
+    robot, _ = keyed.robot()
+    publisher = robot.publisher(CHAT, String)
+    with pytest.raises(ValueError, match='published already'):
+        robot.publisher(CHAT, String)
+    with pytest.raises(ValueError, match='publishes std_msgs/String'):
+        publisher.publish(Header())
+    publisher.unregister()
+    robot.publisher(CHAT, Header)
+
+
+def test_a_callback_that_fails_is_reported(keyed: Links) -> None:
+    robot, _ = keyed.robot()
+    operator, told = keyed.operator(robot.port)
+    inbox = Inbox()
+
+    def callback(message: Any) -> None:
+        inbox.message(message)
+        raise KeyError(message.data)
+    operator.subscriber(CHAT, String, callback)
+    publisher = robot.publisher(CHAT, String)
+    settle(publisher)
+    for text in 'ab':
+        publisher.publish(String(text))
+    inbox.wait(lambda: len(inbox.messages) == 2)
+    wait_for(lambda: len(told) == 2)
+    assert CHAT in told[0] and 'KeyError' in told[0]
+
+
+def test_closing_leaves_nothing_behind() -> None:
+    def open_files() -> int:
+        return len(os.listdir('/proc/self/fd'))
+    before, threads = open_files(), set(threading.enumerate())
+    with links() as made:
+        robot, _ = made.robot()
+        operator, _ = made.operator(robot.port)
+        publisher = robot.publisher(CHAT, String)
+        operator.subscriber(CHAT, String, lambda _: None)
+        settle(publisher)
+        operator.close()
+        settle(publisher, count=0)      # the robot was told
+    publisher.publish(String('too late'))
+    assert set(threading.enumerate()) == threads and open_files() == before

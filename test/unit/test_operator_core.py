@@ -1,0 +1,399 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The rules at the head of operator_core, one after the other."""
+import math
+from typing import Any, List, Optional
+
+import pytest
+from link_channel import KEY, OPERATOR, ROBOT, SIZE, data, give, random_bytes, sent, shake_hands
+from link_sides import BOTH, ELSEWHERE, init_of, joined, operator_of, robot_of, the_robot
+
+from smokebot_udp.link.control import Control, message
+from smokebot_udp.link.noise import Responder
+from smokebot_udp.link.operator_core import (
+    CONFIRM,
+    FIRST_RETRY,
+    HINTED_SILENCE,
+    JITTER,
+    LAST_RETRY,
+    MAX_ATTEMPTS,
+    REFUSED_RETRY,
+    REKEY_AFTER,
+    SILENCE,
+    OperatorCore,
+)
+from smokebot_udp.link.packets import (
+    ACCEPT,
+    ACCEPT_SIZE,
+    VERSION,
+    Accept,
+    Cookie,
+    Hello,
+    Init,
+    Mode,
+    Reason,
+    Refuse,
+    Reply,
+    Suite,
+    Unknown,
+    parse,
+    prologue,
+)
+from smokebot_udp.link.peer import Joined, Left, Refused
+from smokebot_udp.link.robot_core import RobotCore
+
+
+def run(core: Any, start: float, end: float) -> List[Any]:
+    """Poll a core at its deadlines; returns (time, packet) for what it wants sent in [start, end)."""
+    found, now = [], start
+    while now < end:
+        core.poll(now)
+        found += [(now, packet) for packet in sent(core)]
+        now = max(now + 1e-6, core.deadline(now))
+    return found
+
+
+def kinds(packets: List[Any]) -> List[type]:
+    return [type(parse(packet)) for _, packet in packets if packet[0] < 7]
+
+
+# 1. The attempts
+
+def test_nothing_is_sent_without_an_address() -> None:
+    operator = OperatorCore(KEY, random_bytes(2), SIZE, 'desk')
+    assert not run(operator, 0.0, 5.0) and operator.problem == "the robot's address is not known"
+
+
+def test_hello_is_repeated_ever_more_slowly() -> None:
+    operator = operator_of()
+    (address, packet), = operator.outputs()
+    assert address == ROBOT and isinstance(parse(packet), Hello)
+    packets = run(operator, 0.0, 60.0)
+    assert {packet for _, packet in packets} == {packet}
+    gaps = [later - before for (before, _), (later, _) in zip([(0.0, b''), *packets], packets)]
+    assert gaps[0] == pytest.approx(FIRST_RETRY, rel=JITTER + 0.01)
+    assert all(gap <= LAST_RETRY * (1 + JITTER) + 1e-5 for gap in gaps)
+    assert min(gaps[20:]) >= LAST_RETRY * (1 - JITTER) - 1e-5 and len(set(gaps[20:])) > 20
+    assert operator.problem == 'no answer from 10.0.0.7:17001'
+
+
+def test_init_follows_the_cookie_at_once_and_hello_goes_with_each_fourth() -> None:
+    robot, operator = robot_of(), operator_of()
+    give(robot, OPERATOR, *sent(operator))
+    give(operator, ROBOT, *sent(robot), now=0.1)
+    init, = sent(operator)
+    assert isinstance(parse(init), Init)
+    assert kinds(run(operator, 0.1, 3.0))[:9] == [Init, Init, Hello, Init, Init, Init, Init, Hello, Init]
+
+
+def test_a_second_cookie_replaces_the_first_and_a_copy_does_nothing() -> None:
+    robot, operator = robot_of(), operator_of()
+    hello, = sent(operator)
+    give(robot, OPERATOR, hello)
+    give(robot_of(), OPERATOR, hello)
+    cookie, = sent(robot)
+    give(operator, ROBOT, cookie, cookie)
+    assert len(sent(operator)) == 1
+    restarted = RobotCore(KEY, random_bytes(77), SIZE, 'robot')
+    give(restarted, OPERATOR, hello)
+    give(operator, ROBOT, *sent(restarted))
+    init, = sent(operator)
+    give(restarted, OPERATOR, init)
+    assert isinstance(parse(sent(restarted)[0]), Accept)
+
+
+def test_another_address_is_tried_at_once() -> None:
+    operator = operator_of()
+    sent(operator)
+    operator.set_address(ROBOT, 1.0)
+    assert not operator.outputs()
+    operator.set_address(ELSEWHERE, 1.0)
+    (address, _), = operator.outputs()
+    assert address == ELSEWHERE
+
+
+# 2. Fresh attempts
+
+def test_each_init_is_another() -> None:
+    robot, operator = robot_of(), operator_of()
+    first = init_of(robot, operator)
+    later = [packet for _, packet in run(operator, 0.0, 2.0) if isinstance(parse(packet), Init)]
+    inits = [parse(packet) for packet in [first, *later]]
+    assert len(inits) > MAX_ATTEMPTS
+    assert len({init.sender for init in inits}) == len({init.message[:32] for init in inits}) == len(inits)
+
+
+def test_the_first_answer_ends_the_handshake() -> None:
+    robot, operator = robot_of(), operator_of()
+    give(robot, OPERATOR, init_of(robot, operator), *[packet for _, packet in run(operator, 0.0, 0.2)])
+    first, *others = (packet for packet in sent(robot) if isinstance(parse(packet), Accept))
+    give(operator, ROBOT, first, *others, first)
+    assert len(operator.peers) == 1 and operator.dropped == {'not asked for': len(others) + 1}
+    sent(operator)
+    assert set(kinds(run(operator, 0.2, SILENCE - 0.01))) == set()
+
+
+# 3. Answers to something else
+
+@BOTH
+def test_an_answer_to_nobody_changes_nothing(key: Optional[bytes]) -> None:
+    operator = operator_of(key=key)
+    mode = operator.mode
+    suite = Suite.OPEN if key is None else Suite.AESGCM
+    give(operator, ROBOT, Cookie(VERSION, mode, suite, 5, bytes(16)).pack(),
+         Refuse(VERSION, mode, Reason.FULL, 5).pack(),
+         Accept(VERSION, mode, suite, 5, bytes(159 + 48 * mode)).pack(), Unknown(VERSION, 5).pack(),
+         Hello(VERSION, mode, 5).pack())
+    assert operator.dropped == {'not asked for': 3, "an operator's packet": 1}
+    assert len(sent(operator)) == 1 and not operator.events()   # its HELLO
+
+
+@pytest.mark.parametrize('change', [{'version': 2}, {'mode': Mode.OPEN, 'suite': Suite.OPEN}, {'suite': 9},
+                                    {'suite': Suite.OPEN}], ids=str)
+def test_a_cookie_of_another_kind_is_dropped(change: Any) -> None:
+    robot, operator = robot_of(), operator_of()
+    give(robot, OPERATOR, *sent(operator))
+    cookie = parse(sent(robot)[0])
+    assert isinstance(cookie, Cookie)
+    give(operator, ROBOT, cookie._replace(**change).pack())
+    assert operator.dropped == {'another version or mode': 1} and not sent(operator)
+
+
+def test_a_link_never_goes_on_without_the_key() -> None:
+    operator, robot = operator_of(), robot_of(key=None)
+    shake_hands(robot, operator)
+    assert not operator.peers and not robot.peers
+    give(robot, OPERATOR, Hello(VERSION, Mode.OPEN, 1).pack())
+    give(operator, ROBOT, *sent(robot))
+    assert not sent(operator) and not operator.peers
+
+
+def test_a_cookie_whose_suite_was_changed_on_the_way_fails() -> None:
+    robot, operator = robot_of(), operator_of()
+    give(robot, OPERATOR, *sent(operator))
+    cookie = parse(sent(robot)[0])
+    assert isinstance(cookie, Cookie)
+    give(operator, ROBOT, cookie._replace(suite=Suite.CHACHAPOLY).pack())
+    init = parse(sent(operator)[0])
+    assert isinstance(init, Init) and init.suite == Suite.CHACHAPOLY
+    give(robot, OPERATOR, init.pack(), init._replace(suite=Suite.AESGCM).pack())
+    assert robot.dropped == {'another version or mode': 1, 'refused: wrong key': 1}
+
+
+@BOTH
+def test_a_changed_accept_is_dropped_and_the_true_one_taken_after_it(key: Optional[bytes]) -> None:
+    robot, operator = robot_of(key), operator_of(key=key)
+    give(robot, OPERATOR, init_of(robot, operator))
+    accept, = sent(robot)
+    places = range(8, len(accept), 7) if key else range(30, 34)     # an open link has only the token
+    for at in places:
+        give(operator, ROBOT, accept[:at] + bytes([accept[at] ^ 1]) + accept[at + 1:])
+    assert operator.dropped == {'forged' if key else 'malformed': len(places)} and not operator.peers
+    give(operator, ROBOT, accept)
+    assert len(operator.peers) == 1
+
+
+@pytest.mark.parametrize('payload', [b'', Reply(5, bytes(16), 10, 0, 'robot').pack()[:-1],
+                                     Reply(5, bytes(16), 10, 0, 'robot').pack()], ids=['empty', 'short', 'tiny'])
+def test_an_authentic_accept_that_makes_no_sense_is_malformed_once(payload: bytes) -> None:
+    robot, operator = robot_of(), operator_of()
+    init = parse(init_of(robot, operator))
+    assert isinstance(init, Init)
+    noise = Responder(KEY, Suite.AESGCM, prologue(*init[:5]))
+    noise.read(init.message)
+    message = noise.write(payload, b'e' * 32)
+    accept = ACCEPT.pack(4, VERSION, Mode.KEYED, Suite.AESGCM, init.sender) + message
+    give(operator, ROBOT, accept, accept)
+    assert not operator.peers and sum(operator.dropped.values()) == 2
+    if len(accept) == ACCEPT_SIZE[Mode.KEYED]:
+        assert operator.dropped == {'malformed': 1, 'not asked for': 1}
+
+
+# 4. The robot is there
+
+def test_joined_with_the_accept_and_kept_awake_until_data_comes() -> None:
+    robot, operator = robot_of(), operator_of()
+    give(robot, OPERATOR, init_of(robot, operator), now=0.0)
+    give(operator, ROBOT, *sent(robot), now=0.1)
+    event, = operator.events()
+    assert isinstance(event, Joined) and event.peer is operator.robot and event.peer.address == ROBOT
+    assert event.peer.round_trip == pytest.approx(0.1)
+    first = sent(operator)
+    times = [when for when, _ in run(operator, 0.1, 0.35)]
+    assert len(first) == 1 and len(times) >= 4 and max(b - a for a, b in zip(times, times[1:])) <= CONFIRM + 1e-3
+    assert operator.problem is None
+    give(robot, OPERATOR, *first, now=0.3)
+    give(operator, ROBOT, *sent(robot), now=0.4)
+    run(operator, 0.35, 0.41)
+    assert len(run(operator, 0.41, 0.59)) <= 2      # keep-alives only
+
+
+# 5. Whose keys
+
+def test_the_same_robot_has_new_keys_and_another_has_joined() -> None:
+    robot, operator = joined()
+    first = the_robot(operator)
+    operator.events()
+    operator.set_address(('10.0.0.8', 17001), 1.0)
+    shake_hands(robot, operator, 1.0)
+    assert operator.peers == [first] and first.handshakes == 2 and not operator.events()
+    assert first.address == ('10.0.0.8', 17001)
+    restarted = RobotCore(KEY, random_bytes(9), SIZE, 'robot')
+    operator.poll(1.0 + SILENCE)
+    shake_hands(restarted, operator, 1.0 + SILENCE)
+    left, came = operator.events()
+    assert isinstance(left, Left) and left.peer is first and 'restarted' in left.reason
+    assert isinstance(came, Joined) and came.peer is operator.robot and came.peer.number == first.number + 1
+
+
+# 6. Silence
+
+def test_silence_begins_a_handshake_beside_the_session() -> None:
+    robot, operator = joined()
+    assert Hello not in kinds(run(operator, 0.0, SILENCE - 0.001))
+    assert kinds(run(operator, SILENCE, SILENCE + 0.01)) == [Hello]
+    delivery, = give(operator, ROBOT, robot.peers[0].seal_one(data(20)), now=0.7)      # the session goes on
+    assert delivery.peer is the_robot(operator)
+    assert Hello not in kinds(run(operator, 0.7, 1.1))
+    assert not [event for event in operator.events() if isinstance(event, Left)]
+
+
+def test_keys_that_the_robot_does_not_use_are_made_anew() -> None:
+    robot, operator = joined()
+    operator.set_address(('10.0.0.8', 17001), 0.1)
+    give(robot, OPERATOR, init_of(robot, operator, now=0.1), now=0.1)
+    give(operator, ROBOT, *sent(robot), now=0.1)
+    assert the_robot(operator).handshakes == 2
+    sent(operator)      # all that is sent under the new keys is lost
+    for tick in range(2, 80):
+        run(operator, tick / 10, tick / 10 + 0.09)
+        robot.poll(tick / 10)
+        give(operator, ROBOT, robot.peers[0].seal_one(data(20)), now=tick / 10)     # under the old ones
+    assert robot.peers[0].handshakes == 1 and operator.problem is None
+    operator.poll(8.1)
+    shake_hands(robot, operator, 8.1)
+    assert robot.peers[0].handshakes == 2 and len(robot.peers) == 1
+    assert len(give(robot, OPERATOR, the_robot(operator).seal_one(data(20)), now=8.2)) == 1
+
+
+def test_the_hint_of_a_restarted_robot_shortens_it() -> None:
+    _, operator = joined()
+    packet = the_robot(operator).seal_one(message(Control.KEEP_ALIVE))
+    restarted = RobotCore(KEY, random_bytes(9), SIZE, 'robot')
+    give(restarted, OPERATOR, packet, now=0.1)
+    give(operator, ROBOT, *sent(restarted), now=0.1)
+    assert Hello not in kinds(run(operator, 0.1, HINTED_SILENCE - 0.001))
+    assert kinds(run(operator, HINTED_SILENCE, HINTED_SILENCE + 0.01)) == [Hello]
+
+
+def test_a_forged_hint_does_nothing_while_the_robot_is_heard() -> None:
+    robot, operator = joined()
+    hint = Unknown(VERSION, the_robot(operator).session.their_index).pack()
+    for tick in range(1, 50):
+        give(operator, ROBOT, hint, robot.peers[0].seal_one(data(20)), hint, now=tick / 10)
+        assert not kinds(run(operator, tick / 10, tick / 10 + 0.099))
+    assert len(operator.peers) == 1
+
+
+def test_a_robot_that_was_heard_after_the_hint_has_its_time_again() -> None:
+    robot, operator = joined()
+    hint = Unknown(VERSION, the_robot(operator).session.their_index).pack()
+    give(operator, ROBOT, hint, robot.peers[0].seal_one(data(20)), now=0.1)
+    assert Hello not in kinds(run(operator, 0.1, 0.1 + SILENCE - 0.001))
+
+
+def test_a_hint_about_another_session_does_nothing() -> None:
+    _, operator = joined()
+    give(operator, ROBOT, Unknown(VERSION, the_robot(operator).session.their_index ^ 1).pack(), now=0.1)
+    assert Hello not in kinds(run(operator, 0.1, SILENCE - 0.001))
+
+
+# 7. Renewal
+
+def test_a_session_is_renewed_after_an_hour_or_very_many_messages(monkeypatch: pytest.MonkeyPatch) -> None:
+    for hour in (True, False):
+        robot, operator = joined()
+        now = REKEY_AFTER if hour else 1.0
+        give(operator, ROBOT, robot.peers[0].seal_one(data(20)), now=now - 0.01)
+        if not hour:
+            monkeypatch.setattr('smokebot_udp.link.operator_core.REKEY_MESSAGES', 8)
+            for _ in range(8):
+                the_robot(operator).seal_one(data(20))
+        operator.poll(now)
+        give(robot, OPERATOR, the_robot(operator).seal_one(data(20)), now=now)     # the old keys go on
+        shake_hands(robot, operator, now)
+        assert the_robot(operator).handshakes == robot.peers[0].handshakes == 2
+        assert Hello not in kinds(run(operator, now, now + 0.4))
+
+
+# 8. Refusals
+
+@pytest.mark.parametrize('robot, words', [
+    (RobotCore(bytes(32), random_bytes(1), SIZE, 'robot'), 'another key'),
+    (RobotCore(None, random_bytes(1), SIZE, 'robot'), 'the robot has none'),
+], ids=['wrong key', 'no key'])
+def test_a_refusal_is_told_once_and_the_attempts_go_on(robot: RobotCore, words: str) -> None:
+    operator = operator_of()
+    refusals = []
+    for tick in range(200):
+        operator.poll(tick / 20)
+        shake_hands(robot, operator, tick / 20)
+        assert operator.problem is not None and words in operator.problem
+        refusals.append(sum(robot.dropped.values()))
+    event, = operator.events()
+    assert isinstance(event, Refused) and event.sentence == operator.problem
+    assert refusals[-1] > refusals[150] > refusals[100] > 10
+
+
+def test_another_version_is_told_with_both_numbers() -> None:
+    operator = operator_of()
+    hello = parse(sent(operator)[0])
+    assert isinstance(hello, Hello)
+    give(operator, ROBOT, Refuse(7, Mode.KEYED, Reason.VERSION, hello.nonce).pack())
+    operator.poll(0.01)
+    assert operator.problem == 'the robot speaks version 7 of the link protocol, this machine version %d' % VERSION
+    assert not run(operator, 0.01, REFUSED_RETRY - 0.01)
+    run(operator, REFUSED_RETRY, 5.0)
+    assert operator.problem == 'no answer from 10.0.0.7:17001'
+
+
+def test_a_reason_of_a_later_version_is_malformed() -> None:
+    operator = operator_of()
+    hello = parse(sent(operator)[0])
+    assert isinstance(hello, Hello)
+    give(operator, ROBOT, Refuse(VERSION, Mode.KEYED, 99, hello.nonce).pack())
+    assert operator.dropped == {'malformed': 1}
+
+
+# 9. The end
+
+def test_a_robot_that_is_silent_for_long_has_left_and_is_still_looked_for() -> None:
+    _, operator = joined()
+    packets = run(operator, 0.0, 70.0)
+    left = [event for event in operator.events() if isinstance(event, Left)]
+    assert len(left) == 1 and not operator.peers
+    assert packets[-1][0] > 69.0 and operator.problem == 'no answer from 10.0.0.7:17001'
+
+
+def test_a_close_is_heard_and_handshakes_go_on() -> None:
+    robot, operator = joined()
+    operator.events()
+    robot.close(1.0)
+    first, *copies = sent(robot)
+    give(operator, ROBOT, first, now=1.0)
+    give(operator, ROBOT, *copies, now=1.0)
+    left, = operator.events()
+    assert isinstance(left, Left) and left.reason == 'closed' and operator.dropped == {'unknown session': 2}
+    assert kinds(run(operator, 1.0, 1.04)) == [Hello]
+
+
+def test_after_its_own_close_it_is_silent() -> None:
+    _, operator = joined()
+    operator.close(1.0)
+    assert len(sent(operator)) == 3
+    assert not run(operator, 1.0, 5.0) and math.isfinite(operator.deadline(5.0))
+
+
+def test_the_robots_own_address_may_differ() -> None:
+    robot, operator = joined()
+    delivery, = give(operator, ELSEWHERE, robot.peers[0].seal_one(data(20)), now=0.1)
+    assert delivery.peer.address == ROBOT and not [packet for packet in sent(operator) if packet[0] != 7]

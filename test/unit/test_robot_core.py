@@ -1,0 +1,326 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The rules at the head of robot_core, one after the other."""
+from typing import List, Optional, Tuple
+
+import pytest
+from link_channel import KEY, OPERATOR, ROBOT, give, random_bytes, sent, shake_hands
+from link_sides import BOTH, ELSEWHERE, init_of, joined, operator_of, robot_of, the_robot
+
+from smokebot_udp.link.control import Control, message
+from smokebot_udp.link.core import MIN_DATAGRAM_SIZE, SILENT
+from smokebot_udp.link.operator_core import OperatorCore
+from smokebot_udp.link.packets import (
+    INIT_SIZE,
+    VERSION,
+    Accept,
+    Cookie,
+    Hello,
+    Init,
+    Mode,
+    Reason,
+    Refuse,
+    Request,
+    Suite,
+    parse,
+)
+from smokebot_udp.link.peer import Joined, Left, Refused
+from smokebot_udp.link.robot_core import (
+    INIT_BURST,
+    INIT_PERIOD,
+    MAX_ATTEMPTS,
+    MAX_PEERS,
+    MAX_PENDING,
+    PENDING,
+    REPLACED,
+    YIELDS,
+    RobotCore,
+)
+
+# 1. HELLO
+
+@BOTH
+def test_hello_is_answered_by_a_cookie(key: Optional[bytes]) -> None:
+    robot = robot_of(key)
+    mode = Mode.OPEN if key is None else Mode.KEYED
+    give(robot, OPERATOR, Hello(VERSION, mode, 77).pack())
+    (address, packet), = robot.outputs()
+    cookie = parse(packet)
+    assert isinstance(cookie, Cookie) and address == OPERATOR
+    assert cookie[:4] == (VERSION, mode, Suite.OPEN if key is None else Suite.AESGCM, 77)
+    assert robot.deadline(5.0) == 6.0   # nothing to wait for
+
+
+@pytest.mark.parametrize('key, hello, reason', [
+    (KEY, Hello(VERSION + 1, Mode.KEYED, 77), Reason.VERSION),
+    (KEY, Hello(0, Mode.OPEN, 77), Reason.VERSION),
+    (KEY, Hello(VERSION, Mode.OPEN, 77), Reason.NEEDS_KEY),
+    (None, Hello(VERSION, Mode.KEYED, 77), Reason.HAS_NO_KEY),
+    (None, Hello(VERSION, 9, 77), Reason.HAS_NO_KEY),
+])
+def test_another_hello_is_refused(key: Optional[bytes], hello: Hello, reason: Reason) -> None:
+    robot = robot_of(key)
+    give(robot, OPERATOR, hello.pack(), hello.pack())
+    assert {parse(packet) for packet in sent(robot)} == {Refuse(VERSION, robot.mode, reason, 77)}
+    assert list(robot.dropped.values()) == [2]
+    event, = robot.events()     # one for both
+    assert isinstance(event, Refused) and event.reason == reason and '10.0.0.9:40001' in event.sentence
+
+
+# 2. The cookie
+
+@BOTH
+def test_an_init_counts_only_with_the_cookie_of_its_address_and_nonce(key: Optional[bytes]) -> None:
+    robot, operator = robot_of(key), operator_of(key=key)
+    packet = init_of(robot, operator)
+    init = parse(packet)
+    assert isinstance(init, Init)
+    give(robot, ELSEWHERE, packet)
+    give(robot, (OPERATOR[0], 1), packet)
+    give(robot, OPERATOR, init._replace(nonce=init.nonce ^ 1).pack())
+    give(robot, OPERATOR, init._replace(cookie=bytes(16)).pack())
+    give(robot, OPERATOR, packet, now=1000.0)
+    give(robot_of(key), OPERATOR, packet)
+    assert robot.dropped == {'wrong cookie': 5} and not sent(robot)
+    give(robot, OPERATOR, init_of(robot, operator_of(key=key)))
+    assert isinstance(parse(sent(robot)[0]), Accept)
+
+
+def test_an_init_of_another_version_mode_or_suite_is_dropped() -> None:
+    robot, operator = robot_of(), operator_of()
+    init = parse(init_of(robot, operator))
+    assert isinstance(init, Init)
+    give(robot, OPERATOR, init._replace(version=2).pack(), init._replace(suite=2).pack(),
+         init._replace(mode=Mode.OPEN, message=init.message[:INIT_SIZE[Mode.OPEN] - 32]).pack())
+    assert robot.dropped == {'another version or mode': 3} and not sent(robot)
+
+
+# 3. Each once, and so many from each host
+
+def test_a_host_has_its_share_of_handshakes() -> None:
+    robot, operator, other = robot_of(key=bytes(32)), operator_of(), operator_of()
+    packet, fair = init_of(robot, operator, ELSEWHERE), init_of(robot, other)
+    give(robot, ELSEWHERE, *[packet] * (INIT_BURST + 5))
+    assert robot.dropped == {'refused: wrong key': INIT_BURST, 'too many handshakes': 5}
+    give(robot, OPERATOR, fair)
+    give(robot, ELSEWHERE, packet, packet, now=1.5 * INIT_PERIOD)
+    assert robot.dropped == {'refused: wrong key': INIT_BURST + 2, 'too many handshakes': 6}
+
+
+@BOTH
+def test_replays_do_not_take_an_operators_share_of_handshakes(key: Optional[bytes]) -> None:
+    robot, operator, other = robot_of(key), operator_of(key=key), operator_of(3, key=key)
+    packet, fair = init_of(robot, operator), init_of(robot, other)
+    give(robot, OPERATOR, *[packet] * (2 * INIT_BURST), fair)
+    assert robot.dropped == {'replayed handshake': 2 * INIT_BURST - 1}
+    assert [type(parse(answer)) for answer in sent(robot)] == [Accept, Accept]
+
+
+# 4. What is not authentic
+
+def test_a_repeated_handshake_is_dropped() -> None:
+    robot, operator = robot_of(), operator_of()
+    packet = init_of(robot, operator)
+    give(robot, OPERATOR, packet, packet)
+    give(robot, OPERATOR, packet, now=100.0)
+    assert robot.dropped == {'replayed handshake': 2}
+    assert len(sent(robot)) == 1
+
+
+def test_a_wrong_key_is_refused_before_any_exchange_of_keys(monkeypatch: pytest.MonkeyPatch) -> None:
+    robot, operator = robot_of(key=bytes(32)), operator_of()
+    packet = init_of(robot, operator)
+    monkeypatch.delattr('smokebot_udp.link.noise.X25519PrivateKey')
+    monkeypatch.delattr('smokebot_udp.link.noise.X25519PublicKey')
+    give(robot, OPERATOR, packet, packet)
+    assert robot.dropped == {'refused: wrong key': 2}
+    assert {type(parse(answer)) for answer in sent(robot)} == {Refuse}
+    assert [event.reason for event in robot.events() if isinstance(event, Refused)] == [Reason.WRONG_KEY]
+
+
+def test_a_changed_init_is_refused_and_the_true_one_is_taken_after_it() -> None:
+    robot, operator = robot_of(), operator_of()
+    packet = init_of(robot, operator)
+    give(robot, OPERATOR, packet[:-1] + bytes([packet[-1] ^ 1]), packet)
+    assert [type(parse(answer)) for answer in sent(robot)] == [Refuse, Accept]
+
+
+def test_an_operator_that_receives_tiny_datagrams_is_malformed() -> None:
+    robot, operator = robot_of(None), operator_of(key=None)
+    init = parse(init_of(robot, operator))
+    assert isinstance(init, Init)
+    request = Request.parse(init.message)._replace(max_datagram_size=MIN_DATAGRAM_SIZE - 1)
+    give(robot, OPERATOR, init._replace(message=request.pack()).pack())
+    assert robot.dropped == {'malformed': 1} and not sent(robot)
+    with pytest.raises(ValueError, match='at least 256 bytes'):
+        OperatorCore(KEY, random_bytes(2), MIN_DATAGRAM_SIZE - 1, 'desk')
+
+
+# 5. and 10. Places
+
+def full_robot() -> Tuple[RobotCore, List[OperatorCore]]:
+    robot, operators = robot_of(), []
+    for number in range(MAX_PEERS):
+        operators.append(operator_of(10 + number, 'desk %d' % number))
+        shake_hands(robot, operators[-1], address=('10.0.1.%d' % number, 9))
+    assert len(robot.peers) == MAX_PEERS == 8
+    robot.events()
+    return robot, operators
+
+
+def test_the_ninth_is_refused() -> None:
+    robot, _ = full_robot()
+    ninth = operator_of(now=5.0)
+    shake_hands(robot, ninth, 5.0)
+    assert len(robot.peers) == MAX_PEERS and not ninth.peers
+    assert robot.dropped == {'refused: full': 1}
+    event, = ninth.events()
+    assert isinstance(event, Refused) and event.reason == Reason.FULL
+    assert ninth.problem is not None and 'as many operators' in ninth.problem
+
+
+def test_the_ninth_has_the_place_of_one_that_is_silent_for_long() -> None:
+    robot, operators = full_robot()
+    for number, operator in enumerate(operators):
+        if number != 3:
+            give(robot, ('10.0.1.%d' % number, 9), the_robot(operator).seal_one(message(Control.KEEP_ALIVE)),
+                 now=YIELDS - 1)
+    shake_hands(robot, operator_of(now=YIELDS), YIELDS)
+    left, came = robot.events()
+    assert isinstance(left, Left) and left.peer.name == 'desk 3' and 'place' in left.reason
+    assert isinstance(came, Joined) and came.peer.name == 'desk'
+    assert len(robot.peers) == MAX_PEERS
+
+
+def test_a_known_operator_is_not_refused_by_a_full_robot() -> None:
+    robot, operators = full_robot()
+    operators[0].set_address(('10.0.0.8', 1), 1.0)
+    shake_hands(robot, operators[0], 1.0, ('10.0.1.0', 9))
+    assert not robot.dropped and robot.peers[0].handshakes == 2
+
+
+def test_a_later_one_of_the_name_has_the_place_of_a_silent_one() -> None:
+    robot, _ = full_robot()
+    shake_hands(robot, operator_of(77, 'desk 5', now=REPLACED), REPLACED)
+    left, came = robot.events()
+    assert isinstance(left, Left) and isinstance(came, Joined)
+    assert left.peer.told == came.peer.told == came.peer.name == 'desk 5' and left.peer.number < came.peer.number
+    assert 'replaced' in left.reason
+
+
+def test_two_of_one_name_that_are_both_heard_stay() -> None:
+    robot, first = joined()
+    second = operator_of(3, now=0.5)
+    shake_hands(robot, second, 0.5, ELSEWHERE)
+    for tick in range(6, 40):
+        now = tick / 10
+        give(robot, OPERATOR, the_robot(first).seal_one(message(Control.KEEP_ALIVE)), now=now)
+        if now <= 2.0:
+            give(robot, ELSEWHERE, the_robot(second).seal_one(message(Control.KEEP_ALIVE)), now=now)
+        robot.poll(now)
+        assert len(robot.peers) == 2    # the later one may be silent
+    robot.events()
+    give(robot, ELSEWHERE, the_robot(second).seal_one(message(Control.KEEP_ALIVE)), now=4.5)
+    robot.poll(5.0)
+    assert [peer.number for peer in robot.peers] == [2]
+    assert [type(event) for event in robot.events()] == [Left]
+
+
+def test_a_silent_peer_is_forgotten() -> None:
+    robot, operator = joined()
+    for tick in range(1, 10 * int(SILENT)):
+        robot.poll(tick / 10)
+    assert len(robot.peers) == 1
+    robot.poll(SILENT)
+    left, = robot.events()
+    assert isinstance(left, Left) and 'silent' in left.reason and not robot.peers
+    sent(robot)
+    give(robot, OPERATOR, the_robot(operator).seal_one(message(Control.KEEP_ALIVE)), now=SILENT + 1)
+    assert robot.dropped == {'unknown session': 1}
+
+
+@BOTH
+def test_a_close_ends_the_peer_at_once(key: Optional[bytes]) -> None:
+    robot, operator = joined(key)
+    operator.close(1.0)
+    packets = sent(operator)
+    assert len(packets) == 3 and not operator.peers
+    give(robot, OPERATOR, packets[2], packets[0], now=1.0)
+    left, = robot.events()
+    assert isinstance(left, Left) and left.reason == 'closed' and not robot.peers
+    give(robot, OPERATOR, *packets, now=1.0)
+    assert robot.dropped == {'unknown session': 3} and not robot.events()
+
+
+# 6. Pending sessions
+
+def pending(robot: RobotCore, operator: OperatorCore, count: int) -> List[bytes]:
+    """ACCEPTs to as many attempts of one operator, newest last."""
+    first = init_of(robot, operator)
+    packets = [first]
+    now = 0.0
+    while len(packets) < count:
+        now = operator.deadline(now)
+        operator.poll(now)
+        packets += [packet for packet in sent(operator) if isinstance(parse(packet), Init)]
+    give(robot, OPERATOR, *packets)
+    return sent(robot)
+
+
+def test_the_answer_to_each_of_the_last_attempts_makes_a_session() -> None:
+    for chosen in range(MAX_ATTEMPTS):
+        robot, operator = robot_of(), operator_of()
+        accepts = pending(robot, operator, MAX_ATTEMPTS + 3)[-MAX_ATTEMPTS:]
+        give(operator, ROBOT, accepts[chosen])
+        give(robot, OPERATOR, *sent(operator))
+        assert len(robot.peers) == 1, chosen
+
+
+def test_an_attempt_before_them_is_no_more() -> None:
+    robot, operator = robot_of(), operator_of()
+    accepts = pending(robot, operator, MAX_ATTEMPTS + 1)
+    give(operator, ROBOT, accepts[0])
+    assert operator.dropped == {'not asked for': 1} and not operator.peers
+
+
+def test_a_pending_session_ends() -> None:
+    robot, operator = robot_of(), operator_of()
+    accept, = pending(robot, operator, 1)
+    give(operator, ROBOT, accept)
+    packet, = sent(operator)
+    robot.poll(PENDING - 0.1)
+    robot.poll(PENDING + 0.1)
+    give(robot, OPERATOR, packet, now=PENDING + 0.1)
+    assert not robot.peers and robot.dropped == {'unknown session': 1}
+
+
+def test_few_sessions_are_pending_in_all() -> None:
+    robot = robot_of()
+    operators = [operator_of(10 + number) for number in range(MAX_PENDING + 1)]
+    for operator in operators:
+        accept, = pending(robot, operator, 1)
+        give(operator, ROBOT, accept)
+    give(robot, OPERATOR, *sent(operators[0]))
+    assert robot.dropped == {'unknown session': 1}
+    give(robot, OPERATOR, *sent(operators[1]))
+    assert len(robot.peers) == 1
+
+
+def test_the_attempts_of_one_operator_do_not_end_those_of_another() -> None:
+    robot, quiet, eager = robot_of(), operator_of(3), operator_of()
+    accept, = pending(robot, quiet, 1)
+    pending(robot, eager, MAX_PENDING + 8)
+    give(quiet, ROBOT, accept)
+    give(robot, OPERATOR, *sent(quiet))
+    assert [peer.instance for peer in robot.peers] == [quiet.instance]
+
+
+def test_the_first_data_ends_the_other_pending_sessions_of_its_instance() -> None:
+    robot, operator, twin = robot_of(), operator_of(), operator_of()     # the same random numbers: the same packets
+    accepts = pending(robot, operator, 2)
+    with_twin = robot_of()
+    assert pending(with_twin, twin, 2) == accepts
+    give(operator, ROBOT, accepts[0])
+    give(twin, ROBOT, accepts[1])
+    give(robot, OPERATOR, *sent(operator))
+    give(robot, OPERATOR, *sent(twin))
+    assert robot.dropped == {'unknown session': 1} and robot.peers[0].handshakes == 1

@@ -1,0 +1,206 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The rules at the head of robot_core that follow the handshake, and what both cores have in common."""
+from typing import Optional
+
+import numpy as np
+import pytest
+from link_channel import KEY, OPERATOR, ROBOT, SIZE, data, give, random_bytes, sent, shake_hands
+from link_sides import BOTH, ELSEWHERE, ROW, init_of, joined, operator_of, robot_of, the_robot
+
+from smokebot_udp.link.control import Control, message
+from smokebot_udp.link.core import MAX_OLD, OLD_KEYS
+from smokebot_udp.link.operator_core import OperatorCore
+from smokebot_udp.link.packets import VERSION, Cookie, Suite, Unknown, parse
+from smokebot_udp.link.peer import Joined, Moved
+from smokebot_udp.link.robot_core import RobotCore
+
+# 7. Confirmation and new keys
+
+@BOTH
+def test_the_first_data_makes_the_peer(key: Optional[bytes]) -> None:
+    robot, operator = robot_of(key), operator_of(key=key)
+    give(robot, OPERATOR, init_of(robot, operator))
+    give(operator, ROBOT, *sent(robot), now=0.1)
+    assert not robot.peers and not robot.events() and len(operator.peers) == 1
+    give(robot, OPERATOR, *sent(operator), now=0.2)
+    event, = robot.events()
+    assert isinstance(event, Joined) and robot.peers == [event.peer]
+    peer = event.peer
+    assert (peer.name, peer.address, peer.number, peer.heard) == ('desk', OPERATOR, 1, 0.2)
+    assert peer.instance == operator.instance and the_robot(operator).instance == robot.instance
+    assert (peer.max_datagram_size, peer.overhead) == (SIZE, robot.overhead)
+    assert peer.round_trip == pytest.approx(0.2) and the_robot(operator).name == 'robot'
+    assert len(sent(robot)) == 1    # a keep-alive, so that the operator knows
+
+
+def test_both_sides_send_no_more_than_the_other_receives() -> None:
+    robot = RobotCore(KEY, random_bytes(1), 1400, 'robot')
+    operator = operator_of()
+    shake_hands(robot, operator)
+    assert the_robot(operator).max_datagram_size == robot.peers[0].max_datagram_size == 1400
+
+
+@BOTH
+def test_new_keys_replace_the_old_ones_after_the_first_data(key: Optional[bytes]) -> None:
+    robot, operator = joined(key)
+    peer, old = robot.peers[0], the_robot(operator).session
+    late = old.seal(ROW)
+    operator.set_address(('10.0.0.8', 17001), 1.0)
+    accept = pending_accept(robot, operator)
+    under_old = peer.seal_one(data(20))
+    give(operator, ROBOT, accept, under_old, now=1.0)
+    assert the_robot(operator).session is not old
+    give(robot, OPERATOR, *sent(operator), now=1.0)
+    assert robot.peers == [peer] and peer.handshakes == 2 and not robot.events()
+    deliveries = give(robot, OPERATOR, late.tobytes(), now=1.0 + OLD_KEYS - 0.2)
+    assert [delivery.peer for delivery in deliveries] == [peer]
+    robot.poll(1.0 + OLD_KEYS + 0.1)
+    give(robot, OPERATOR, old.seal(ROW).tobytes(), now=1.0 + OLD_KEYS + 0.1)
+    assert robot.dropped == {'unknown session': 1}
+
+
+def pending_accept(robot: RobotCore, operator: OperatorCore) -> bytes:
+    give(robot, OPERATOR, init_of(robot, operator, now=1.0), now=1.0)
+    accept, = sent(robot)
+    return accept
+
+
+def test_few_old_keys_are_kept() -> None:
+    robot, operator = joined()
+    sessions = []
+    for number in range(MAX_OLD + 2):
+        sessions.append(the_robot(operator).session)
+        operator.set_address(('10.0.3.%d' % number, 17001), 1.0 + number / 10)
+        shake_hands(robot, operator, 1.0 + number / 10)
+    taken = [len(give(robot, OPERATOR, session.seal(ROW).tobytes(), now=2.0)) for session in sessions]
+    assert taken == [0, 0] + [1] * MAX_OLD and robot.peers[0].handshakes == MAX_OLD + 3
+
+
+def test_a_handshake_from_another_address_moves_the_peer() -> None:
+    robot, operator = joined()
+    operator.set_address(('10.0.3.1', 17001), 1.0)
+    give(robot, ELSEWHERE, init_of(robot, operator, ELSEWHERE, 1.0), now=1.0)
+    give(operator, ROBOT, *sent(robot), now=1.0)
+    give(robot, ELSEWHERE, *sent(operator), now=1.0)
+    peer, = robot.peers
+    assert peer.address == ELSEWHERE and robot.events() == [Moved(peer, ELSEWHERE)]
+
+
+def test_chachapoly_works_as_well() -> None:
+    robot, operator = robot_of(suite=Suite.CHACHAPOLY), operator_of()
+    shake_hands(robot, operator)
+    delivery, = give(robot, OPERATOR, the_robot(operator).seal_one(data(20, b'payload')))
+    assert delivery.datagrams[0, :delivery.lengths[0]].tobytes() == data(20, b'payload')
+
+
+# 8. Another address
+
+@BOTH
+def test_an_operator_moves(key: Optional[bytes]) -> None:
+    robot, operator = joined(key)
+    peer = robot.peers[0]
+    packet = the_robot(operator).seal_one(message(Control.KEEP_ALIVE))
+    give(robot, ELSEWHERE, packet, now=1.0)
+    assert peer.address == OPERATOR and not robot.events()
+    (address, challenge), = robot.outputs()
+    assert address == ELSEWHERE and len(challenge) <= len(packet)
+    give(operator, ROBOT, challenge, now=1.0)
+    response, = sent(operator)
+    give(robot, OPERATOR, response, now=1.0)        # from the address before: no proof
+    assert peer.address == OPERATOR
+    give(robot, ELSEWHERE, packet, the_robot(operator).seal_one(message(Control.KEEP_ALIVE)), now=2.0)
+    (_, challenge), = robot.outputs()
+    give(operator, ROBOT, challenge, now=2.0)
+    give(robot, ELSEWHERE, *sent(operator), now=2.0)
+    assert peer.address == ELSEWHERE
+    assert [event for event in robot.events() if isinstance(event, Moved)] == [Moved(peer, ELSEWHERE)]
+
+
+def test_a_copy_from_elsewhere_moves_nobody() -> None:
+    robot, operator = joined()
+    packet = the_robot(operator).seal_one(data(20))
+    give(robot, OPERATOR, packet)
+    give(robot, ELSEWHERE, packet)
+    assert robot.dropped == {'replayed data': 1} and not sent(robot)
+
+
+def test_a_late_packet_from_the_address_before_moves_nobody_back() -> None:
+    robot, operator = joined()
+    late, newer = (the_robot(operator).seal_one(data(20)) for _ in range(2))
+    give(robot, OPERATOR, newer)
+    assert len(give(robot, ELSEWHERE, late)) == 1 and not sent(robot)
+
+
+def test_a_wrong_response_moves_nobody() -> None:
+    robot, operator = joined()
+    give(robot, ELSEWHERE, the_robot(operator).seal_one(message(Control.KEEP_ALIVE)), now=1.0)
+    give(robot, ELSEWHERE, the_robot(operator).seal_one(message(Control.PATH_RESPONSE, b'12345678')), now=1.0)
+    give(robot, ELSEWHERE, the_robot(operator).seal_one(message(Control.PATH_CHALLENGE, b'12345678')), now=1.0)
+    assert robot.peers[0].address == OPERATOR and not robot.events()
+
+
+# 9. Names
+
+def test_two_living_peers_never_have_one_name() -> None:
+    robot = robot_of()
+    for number, told in enumerate(['desk', 'desk #2', 'desk', 'desk', 'other']):
+        shake_hands(robot, operator_of(10 + number, told), address=('10.0.1.%d' % number, 9))
+    assert [peer.name for peer in robot.peers] == ['desk', 'desk #2', 'desk #3', 'desk #4', 'other']
+    assert [peer.told for peer in robot.peers] == ['desk', 'desk #2', 'desk', 'desk', 'other']
+
+
+# 11. Unknown sessions
+
+def test_data_of_an_unknown_session_is_answered_by_a_short_hint() -> None:
+    _, operator = joined()
+    packet = the_robot(operator).seal_one(message(Control.KEEP_ALIVE))
+    robot = robot_of()
+    for repeat in range(1000):
+        give(robot, OPERATOR, packet, now=repeat * 1e-4)
+    hints = sent(robot)
+    assert {parse(hint) for hint in hints} == {Unknown(VERSION, the_robot(operator).session.their_index)}
+    assert len(hints) <= 16 + 6 and len(hints[0]) <= len(packet)
+    assert robot.dropped == {'unknown session': 1000}
+
+
+# The common part
+
+def test_the_topics_get_their_datagrams_and_not_the_cores_own() -> None:
+    robot, operator = joined()
+    seal = the_robot(operator).seal_one
+    delivery, = give(robot, OPERATOR, seal(data(4, b'table')), seal(message(Control.KEEP_ALIVE)), seal(data(1 << 31)),
+                     seal(data(16, b'topic')))
+    assert delivery.rows.tolist() == [0, 2, 3] and delivery.lengths.tolist() == [13, 8, 13]
+    assert delivery.datagrams.flags.c_contiguous and delivery.peer is robot.peers[0]
+    assert [row[:length].tobytes() for row, length in zip(delivery.datagrams, delivery.lengths)] == [
+        data(4, b'table'), data(1 << 31), data(16, b'topic')]
+    assert not delivery.datagrams[1, 8:].any()
+
+
+def test_the_cores_own_messages_have_one_length() -> None:
+    robot, operator = joined()
+    assert not give(robot, OPERATOR, the_robot(operator).seal_one(message(Control.CLOSE), b'\0'),
+                    the_robot(operator).seal_one(message(Control.CLOSE)[:-1]))
+    assert robot.dropped == {'malformed': 2} and robot.peers
+
+
+def test_what_is_no_packet_is_counted() -> None:
+    robot, operator = joined()
+    packet = the_robot(operator).seal_one(data(20))
+    give(robot, OPERATOR, b'', b'\x07', packet[:39], b'\xff' * 100, packet + bytes(SIZE), bytes(SIZE + 1),
+         Cookie(1, 1, 1, 0, bytes(16)).pack())
+    assert robot.dropped == {'malformed': 4, 'too long': 2, "a robot's packet": 1}
+
+
+def test_it_says_something_when_nothing_else_is_sent() -> None:
+    robot, operator = joined()
+    sent(robot)
+    times = []
+    for tick in range(1, 101):
+        now = tick / 100
+        robot.poll(now)
+        if tick % 2 and tick < 50:
+            robot.peers[0].seal_one(data(20))       # the transport sends
+        times += [now] * len(sent(robot))
+    assert times[0] >= 0.5 and len(times) >= 4 and max(np.diff(times)) <= 0.11
+    assert robot.deadline(1.0) <= 1.1
