@@ -28,7 +28,8 @@ STREAMS = """## Streams
 These are the settings of a stream in streams.yaml. Live settings of the robot's side are found under
 `/robot_sender/<stream>/`, those of the operator's side under `/operator_receiver/<stream>/`. They are requested values;
 `/robot_sender/status` shows what the link grants of them. An operator started with `name:=desk2` has its settings under
-`/desk2/operator_receiver/<stream>/`.
+`/desk2/operator_receiver/<stream>/`. Where the robot has a master of its own (`link_port`), an operator's master shows
+the robot's live settings as well, under `/robot_sender/` in the operator's namespace: `/desk2/robot_sender/<stream>/`.
 
 """
 

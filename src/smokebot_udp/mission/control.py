@@ -11,6 +11,7 @@ from typing import Any, Callable, Dict, FrozenSet, List, Mapping, Optional, Set
 
 from .focus import Profile, settings_of
 from .parameters import STATUS_TYPES, Parameter
+from .remote import FOCUS_PART
 from .settings import Settings, SettingsStore
 
 AS_CONFIGURED = 'default'
@@ -113,6 +114,19 @@ class MissionControl:
             if delta:
                 self._apply()
         return delta
+
+    def parts(self) -> Dict[str, Mapping[str, Any]]:
+        """{part: {setting: requested value}} of all settings that may change, see mission/remote.py."""
+        with self._lock:
+            return {name: {setting: store.current.requested[setting] for setting in store.table}
+                    for name, store in ((FOCUS_PART, self.focus_store), *self._streams.items())}
+
+    def request_part(self, part: str, changes: Mapping[str, Any]) -> Dict[str, Any]:
+        """Change the settings of a part by hand.
+
+        :raises ValueError: where they are refused, see SettingsStore.request
+        """
+        return self.request_focus(changes) if part == FOCUS_PART else self.request(part, changes)
 
     def switch(self, focus: str) -> None:
         """Switch the focus; settings changed by hand are reset, even where it is the focus already.

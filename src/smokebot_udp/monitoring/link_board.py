@@ -17,7 +17,7 @@ MAX_NODES = 32
 """Number of nodes whose reports are kept, the newest."""
 
 KINDS = {'topic': 'stream', 'peer': 'connection', 'jumps': 'clock', 'state': 'link', 'problems': 'settings',
-         'refused requests': 'requests'}
+         'refused requests': 'requests', 'handshakes': 'transport'}
 """{value that only this kind of status has: kind}"""
 
 UNKNOWN_ROBOT = '/robot'
@@ -57,6 +57,19 @@ class NodeStatus(NamedTuple):
 def printable(text: str) -> str:
     """The text without control characters: text from the network must not control the terminal."""
     return ''.join(sign if sign.isascii() and sign.isprintable() else '?' for sign in text)
+
+
+def robots_of(operator: str, statuses: Sequence[NodeStatus]) -> List[str]:
+    """The names of the robots that an operator's node receives from, one for each connection.
+
+    Robots with masters of their own may have the same name. They differ by their addresses.
+
+    :param statuses: those of other nodes are ignored
+    """
+    own = [status for status in statuses if status.node == operator]
+    own_masters = any(status.kind == 'transport' for status in own)
+    return [status.values['peer'] + (' at ' + status.values.get('address', '-') if own_masters else '')
+            for status in own if status.kind == 'connection']
 
 
 class Board:
@@ -118,8 +131,7 @@ class Board:
 
     def _robot_of(self, operator: str) -> str:
         """The robot that an operator's node receives from."""
-        _, statuses = self._reports.get(operator, (0.0, []))
-        peers = [status.values['peer'] for status in statuses if status.kind == 'connection']
+        peers = robots_of(operator, self._reports.get(operator, (0.0, []))[1])
         robots = [node for node, (_, reported) in self._reports.items()
                   if any(status.values['side'] == ROBOT for status in reported)]
         return peers[0] if peers else robots[0] if len(robots) == 1 else UNKNOWN_ROBOT

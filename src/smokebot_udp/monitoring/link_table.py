@@ -2,7 +2,7 @@
 """The table of link_top: the newest reports of all nodes, rendered as lines of text."""
 from typing import Dict, Iterable, List, NamedTuple, Optional, Sequence, Tuple
 
-from .link_board import LEVELS, STALE, Board, NodeStatus
+from .link_board import LEVELS, STALE, Board, NodeStatus, robots_of
 from .status import OPERATOR, ROBOT
 
 ERROR_WIDTH = 13
@@ -58,6 +58,7 @@ def render(board: Board, now: float, only: str = '') -> Tuple[List[Line], List[L
     for kind, line, side in (('link', _link_line, ROBOT), ('clock', _clock_line, OPERATOR)):
         several = len(_nodes(statuses, side)) > 1
         top += [line(status, ' of ' + status.node if several else '') for status in statuses if status.kind == kind]
+    top += [_transport_line(status) for status in statuses if status.kind == 'transport']
     top += [_line(status, '%s: %s' % (status.node, status.message)) for status in statuses
             if status.kind in ('settings', 'requests') and status.level]
     body: List[Line] = []
@@ -84,8 +85,7 @@ def _sections(statuses: Sequence[NodeStatus], received_only: bool) -> List[_Sect
     robots, operators = _nodes(statuses, ROBOT), _nodes(statuses, OPERATOR)
     sections, received = [], set()
     for operator in operators:
-        peers = {status.values['peer'] for status in statuses
-                 if status.kind == 'connection' and status.node == operator}
+        peers = robots_of(operator, statuses)
         partners = [robot for robot in robots if robot in peers] or (robots if len(robots) == 1 else [])
         received.update(partners)
         sections.append(_Section('%s receives from %s' % (operator, ', '.join(partners) or 'no robot that reports'),
@@ -114,6 +114,16 @@ def _clock_line(status: NodeStatus, whose: str) -> Line:
     return _line(status, "clock%s: the robot's is ahead by %s ms +- %s, round trip %s ms" % (
         whose, status.number('offset [ms]', 1), status.number('uncertainty [ms]', 1),
         status.number('round_trip [ms]', 1)))
+
+
+def _transport_line(status: NodeStatus) -> Line:
+    values = status.values
+    reasons = ', '.join('%s %s' % (count, key.split(', ', 1)[1]) for key, count in values.items()
+                        if key.startswith('dropped, '))
+    text = 'with %s; sealed: %s; handshakes: %s; dropped: %s%s' % (
+        values.get('connected to', '-'), values.get('sealed', '-'), status.number('handshakes', 0),
+        status.number('dropped', 0), ' (%s)' % reasons if reasons else '')
+    return _line(status, '%s %s%s' % (status.node, text, '; ' + status.message if status.level else ''))
 
 
 def _stream_lines(section: _Section, statuses: Sequence[NodeStatus]) -> List[Line]:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The status of the requests for UDPROS connections that a node refused: strangers, or peers that do not fit."""
-from typing import Dict, Mapping
+from typing import Mapping
 
 from .status import OK, WARN, Status, by_reason
-from .windows import WINDOW, Rate
+from .windows import Growths
 
 
 class RequestMonitor:
@@ -14,19 +14,14 @@ class RequestMonitor:
 
     def __init__(self, side: str) -> None:
         self._side = side
-        self._rates: Dict[str, Rate] = {}
+        self._growths = Growths()
 
     def update(self, refused: Mapping[str, int], now: float) -> Status:
         """The status at a time [s].
 
         :param refused: {reason: requests refused until now}
         """
-        for reason, count in refused.items():
-            if reason not in self._rates:
-                self._rates[reason] = Rate()
-                self._rates[reason].read(0, now - WINDOW)
-            self._rates[reason].read(count, now)
-        recent = {reason: rate.growth for reason, rate in sorted(self._rates.items()) if rate.growth}
+        recent = self._growths.update(refused, now)
         text = 'requests refused: ' + ', '.join('%d %s' % (count, reason) for reason, count in recent.items())
         return Status('connection requests', WARN if recent else OK, text if recent else 'fine', {
             'side': self._side, 'refused requests': sum(refused.values()), **by_reason('refused', dict(refused))})

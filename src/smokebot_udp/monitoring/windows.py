@@ -5,7 +5,7 @@ Time is an argument: seconds of a monotonic clock.
 """
 import collections
 import math
-from typing import Deque, Optional, Tuple
+from typing import Deque, Dict, Mapping, Optional, Tuple
 
 import numpy as np
 
@@ -56,6 +56,22 @@ class Rate:
         if len(self._points) < 2:
             return None
         return self.growth / (self._points[-1][0] - self._points[0][0])
+
+
+class Growths:
+    """The growth of several counters within the window."""
+
+    def __init__(self) -> None:
+        self._rates: Dict[str, Rate] = {}
+
+    def update(self, totals: Mapping[str, int], now: float) -> Dict[str, int]:
+        """{name: growth} of the counters that have grown within the window, sorted by name; a new one begins at 0."""
+        for name, total in totals.items():
+            if name not in self._rates:
+                self._rates[name] = Rate()
+                self._rates[name].read(0, now - WINDOW)
+            self._rates[name].read(total, now)
+        return {name: rate.growth for name, rate in sorted(self._rates.items()) if rate.growth}
 
 
 class Samples:

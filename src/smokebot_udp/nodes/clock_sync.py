@@ -9,10 +9,10 @@ from typing import Any, Dict, Optional
 
 import rospy
 
-from .. import udpros
 from ..monitoring.clock_client import EchoClient
 from ..monitoring.clock_offset import ClockEstimate
 from ..msg import ClockEcho
+from ..transport import Transport
 from .logging import log_error
 from .worker import PeriodicWorker
 
@@ -27,9 +27,9 @@ PERIOD = 1.0
 class ClockServer:
     """The robot's side: publishes answers; each operator picks its own."""
 
-    def __init__(self) -> None:
-        self._answers = udpros.Publisher(ANSWER, ClockEcho, queue_size=1)
-        self._questions = udpros.Subscriber(ASK, ClockEcho, self._answer, queue_size=1)
+    def __init__(self, transport: Transport) -> None:
+        self._answers = transport.publisher(ANSWER, ClockEcho, queue_size=1)
+        self._questions = transport.subscriber(ASK, ClockEcho, self._answer, queue_size=1)
 
     def _answer(self, question: Any) -> None:
         answer = ClockEcho(asked=question.asked, received=rospy.Time.now())
@@ -44,10 +44,10 @@ class ClockServer:
 class ClockClient:
     """The operator's side: asks, and estimates the offset from the answers."""
 
-    def __init__(self) -> None:
+    def __init__(self, transport: Transport) -> None:
         self._echoes, self._lock = EchoClient(), threading.Lock()
-        self._answers = udpros.Subscriber(ANSWER, ClockEcho, self._answered, queue_size=1)
-        self._questions = udpros.Publisher(ASK, ClockEcho, queue_size=1)
+        self._answers = transport.subscriber(ANSWER, ClockEcho, self._answered, queue_size=1)
+        self._questions = transport.publisher(ASK, ClockEcho, queue_size=1)
         self._worker = PeriodicWorker('clock', self._ask, log_error("asking for the robot's clock"), PERIOD)
         self._worker.start()
 

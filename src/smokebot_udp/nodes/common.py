@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Common to the nodes of both sides: they read their parameters, and load the streams of streams.yaml."""
 import os
-from typing import Any, Callable, Dict, List, Tuple
+from typing import Any, Callable, Dict, List, Mapping, Tuple
 
 import rospkg
 import rospy
@@ -65,18 +65,24 @@ def read_file(parameters: Parameters, name: str, default: str, load: Load) -> Di
 
 
 def read_streams(parameters: Parameters) -> Dict[str, Dict[str, Any]]:
-    """The good streams of the node's ~streams_file: {name: settings}."""
+    """The good streams of the node's ~streams_file: {name: settings}.
+
+    It imports what they need, which takes most of a node's start: call it before a transport tells others to come.
+    """
     return read_file(parameters, 'streams_file', 'streams.yaml', config.load)
 
 
-def load_streams(parameters: Parameters, make_stream: Callable[[str, Dict[str, Any]], Any]) -> Dict[str, Any]:
-    """Start each stream of the node's ~streams_file; if one cannot start, the others still do.
+def start_streams(definitions: Mapping[str, Dict[str, Any]], make_stream: Callable[[str, Dict[str, Any]], Any],
+                  report: Callable[[str], None]) -> Dict[str, Any]:
+    """Start each stream; if one cannot start, the others still do.
 
+    :param definitions: as of read_streams
     :param make_stream: f(name, settings) -> stream with start()
+    :param report: f(problem)
     :return: {name: stream}
     """
     streams = {}
-    for name, settings in read_streams(parameters).items():
+    for name, settings in definitions.items():
         stream = None
         try:
             stream = make_stream(name, settings)
@@ -85,5 +91,5 @@ def load_streams(parameters: Parameters, make_stream: Callable[[str, Dict[str, A
         except Exception as error:
             if stream is not None:
                 stream.close()      # what it has started already
-            parameters.report("stream '%s' (%s) does not start: %s" % (name, settings['type'], error))
+            report("stream '%s' (%s) does not start: %s" % (name, settings['type'], error))
     return streams

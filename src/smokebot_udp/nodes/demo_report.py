@@ -3,15 +3,16 @@
 
 Parameters: DEMO_REPORT in nodes/parameters.py.
 
-It subscribes to the topics of both sides, so it is for one machine. Images are paired by their stamps.
+It subscribes to the topics of both sides, so it is for one machine. It runs at the robot's master; that of the operator
+may be another one. Images are paired by their stamps.
 """
 import collections
+import contextlib
 import math
-import os
-import signal
+import sys
 import threading
 import time
-from typing import Any, Counter, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple, Union
+from typing import Any, Callable, Container, Counter, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple, Union
 
 import cv2
 import numpy as np
@@ -23,14 +24,17 @@ from ..arrays import Array, UInt8Array
 from ..codecs.wire.pixels import as_pixels
 from ..monitoring.link_board import NodeStatus
 from ..monitoring.status import OPERATOR
+from ..udpros import rpc
 from .common import Parameters, read_streams
+from .foreign_publishers import register_publishers
+from .launches import end_own_launch
 from .link_top import as_status
 from .parameters import DEMO_REPORT
 
 MAX_WAITING = 64
 """Number of sent images that wait for the received ones with the same stamps."""
 
-FIRST_IMAGE_TIMEOUT = 30.0
+FIRST_IMAGE_TIMEOUT = 60.0
 """After this time without images from every stream the report begins anyway [s]."""
 
 EXPECTED = """\
@@ -88,6 +92,7 @@ class ImageComparison:
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         self.name, self._settings = name, settings
+        self.operator_topic = settings['operator_topic']
         self.sent, self.received = 0, 0
         self.pair: Optional[Tuple[Array, Array]] = None
         """The pixels of the last image, (sent, received)."""
@@ -142,6 +147,7 @@ class RateComparison:
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         self.name, self._settings = name, settings
+        self.operator_topic = settings['operator_topic']
         self._counts: Counter[str] = collections.Counter()
         self._subscribers = [rospy.Subscriber(settings[side], rospy.AnyMsg, self._count, side, queue_size=100)
                              for side in ('robot_topic', 'operator_topic')]
@@ -203,28 +209,68 @@ def side_by_side(comparisons: Sequence[ImageComparison]) -> UInt8Array:
     return np.vstack([np.pad(row, ((0, 0), (0, width - row.shape[1]), (0, 0))) for row in rows])
 
 
-def _wait_for_images(comparisons: Sequence[ImageComparison]) -> None:
+def _wait_for_images(comparisons: Sequence[ImageComparison], look: Callable[[], None]) -> None:
+    """Wait until an image of each stream was received.
+
+    :param look: f(), called meanwhile
+    """
     deadline = time.monotonic() + FIRST_IMAGE_TIMEOUT
     while not rospy.is_shutdown() and not all(comparison.received for comparison in comparisons):
         if time.monotonic() > deadline:
             rospy.logerr('not every stream brought an image within %g s', FIRST_IMAGE_TIMEOUT)
             return
-        time.sleep(0.1)
+        look()
+        time.sleep(0.5)
+
+
+def _find_operator(master: str, namespace: str, topics: Container[str]) -> None:
+    """Make the topics of an operator at another master known here, once it runs.
+
+    :param topics: their resolved names
+    """
+    with contextlib.suppress(rpc.Unreachable, rpc.Refused):
+        register_publishers(master, in_namespace('operator_receiver', namespace), topics)
+
+
+def in_namespace(topic: str, namespace: str) -> str:
+    """The resolved name of a topic or node of the operator's side."""
+    return '/' + '/'.join(name.strip('/') for name in (namespace, topic) if name)
+
+
+def comparisons_of(streams: Mapping[str, Mapping[str, Any]], operator: str
+                   ) -> Tuple[List[ImageComparison], List[RateComparison]]:
+    """The comparisons of image streams, and those of the others.
+
+    :param streams: {name: settings}
+    :param operator: namespace of the operator
+    """
+    images, others = [], []
+    for name, settings in streams.items():
+        settings = {**settings, 'operator_topic': in_namespace(settings['operator_topic'], operator)}
+        if settings['type'] == 'image':
+            images.append(ImageComparison(name, settings))
+        elif not settings['robot_topic'].startswith('~'):      # only robot_sender resolves those
+            others.append(RateComparison(name, settings))
+    return images, others
+
+
+def report(title: str, lines: Sequence[str]) -> None:
+    """Print at once: several robots report at the same time."""
+    sys.stdout.write('\n'.join(['', title, *('  ' + line for line in lines), EXPECTED, '', '']))
+    sys.stdout.flush()
 
 
 def main() -> None:
     rospy.init_node('demo_report')
     parameters = Parameters(DEMO_REPORT)
-    seconds, path = parameters['seconds'], parameters['picture']
-    streams = {name: settings for name, settings in read_streams(parameters).items()
-               if not settings['robot_topic'].startswith('~')}      # only robot_sender resolves those
-    images = [ImageComparison(name, settings) for name, settings in streams.items() if settings['type'] == 'image']
-    others = [RateComparison(name, settings) for name, settings in streams.items() if settings['type'] != 'image']
+    seconds, path, operator = parameters['seconds'], parameters['picture'], parameters['operator']
+    images, others = comparisons_of(read_streams(parameters), operator)
     datagrams = DatagramCounts()
     rospy.Subscriber('/diagnostics', DiagnosticArray, lambda message: datagrams.add(
         status for status in map(as_status, message.status) if status is not None), queue_size=20)
-    _wait_for_images(images)
     comparisons: List[Union[ImageComparison, RateComparison]] = [*images, *others]
+    master, topics = parameters['operator_master'], {'/diagnostics', *(one.operator_topic for one in comparisons)}
+    _wait_for_images(images, lambda: _find_operator(master, operator, topics) if master else None)
     for comparison in comparisons:
         comparison.reset()
     datagrams.reset()
@@ -232,16 +278,10 @@ def main() -> None:
     while not rospy.is_shutdown() and time.monotonic() - start < seconds:
         time.sleep(0.1)
     elapsed = time.monotonic() - start
-    print('\nOver %.0f s:' % elapsed)
-    for comparison in comparisons:
-        print('  ' + comparison.line(elapsed))
-    print('  ' + datagrams.line())
-    print(EXPECTED)
+    lines = [comparison.line(elapsed) for comparison in comparisons] + [datagrams.line()]
     if path and any(comparison.pair for comparison in images):
         cv2.imwrite(path, side_by_side(images))
-        print('  sent beside received: %s' % path)
-    print(flush=True)
-    if parameters['end_launch'] and not rospy.is_shutdown():
-        # as Ctrl-C does; a required node that ends by itself is reported in red as a failure
-        os.kill(os.getppid(), signal.SIGINT)
-        rospy.spin()
+        lines.append('sent beside received: %s' % path)
+    report('%sver %.0f s:' % (operator + ', o' if operator else 'O', elapsed), lines)
+    if parameters['end_launch']:
+        end_own_launch()

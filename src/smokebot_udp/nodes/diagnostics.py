@@ -28,6 +28,8 @@ from ..monitoring.stats import LinkStats
 from ..monitoring.status import OPERATOR, ROBOT, Status
 from ..monitoring.stream_status import StreamMonitor
 from ..monitoring.thresholds import Thresholds
+from ..monitoring.transport_status import transport_status
+from ..transport import Transport
 from ..udpros import rpc
 from .logging import log_error
 from .worker import PeriodicWorker
@@ -85,14 +87,14 @@ class Diagnostics:
 
 
 def robot_diagnostics(streams: Mapping[str, Any], link_stats: Callable[[float], LinkStats], parameters: Any,
-                      problems: Any) -> Diagnostics:
+                      problems: Any, transport: Transport) -> Diagnostics:
     """Start the diagnostics of the robot's side.
 
     :param streams: {name: RobotStream}, started
     :param link_stats: f(now)
     :param parameters: common.Parameters
     :param problems: problems.Problems
-    :return: to be closed before the streams
+    :return: to be closed before the streams and the transport
     """
     types, requests = SourceTypes(_topic_types), RequestMonitor(ROBOT)
 
@@ -104,12 +106,12 @@ def robot_diagnostics(streams: Mapping[str, Any], link_stats: Callable[[float], 
 
     def update_node(now: float) -> List[Status]:
         return [link_status(link_stats(now)), _settings_status(problems, ROBOT, now),
-                requests.update(udpros.refused_requests(), now)]
+                requests.update(udpros.refused_requests(), now), *_transport_status(transport, ROBOT, now)]
     return Diagnostics(_sources(ROBOT, streams, parameters, update) + [update_node])
 
 
 def operator_diagnostics(streams: Mapping[str, Any], clock: Any, parameters: Any, problems: Any,
-                         sent: Callable[[], Dict[str, Any]]) -> Diagnostics:
+                         sent: Callable[[], Dict[str, Any]], transport: Transport) -> Diagnostics:
     """Start the diagnostics of the operator's side.
 
     :param streams: {name: OperatorStream}, started
@@ -117,7 +119,7 @@ def operator_diagnostics(streams: Mapping[str, Any], clock: Any, parameters: Any
     :param parameters: common.Parameters
     :param problems: problems.Problems
     :param sent: f() -> {name: StreamStatus}, the robot's last report of what it sends
-    :return: to be closed before the streams and the clock
+    :return: to be closed before the streams, the clock and the transport
     """
     requests = RequestMonitor(OPERATOR)
 
@@ -129,7 +131,7 @@ def operator_diagnostics(streams: Mapping[str, Any], clock: Any, parameters: Any
 
     def update_node(now: float) -> List[Status]:
         return [clock_status(clock.estimate, clock.counts), _settings_status(problems, OPERATOR, now),
-                requests.update(udpros.refused_requests(), now)]
+                requests.update(udpros.refused_requests(), now), *_transport_status(transport, OPERATOR, now)]
     return Diagnostics(_sources(OPERATOR, streams, parameters, update) + [update_node])
 
 
@@ -156,3 +158,9 @@ def _settings_status(problems: Any, side: str, now: float) -> Status:
     """The status of the settings: which ones were refused."""
     level, message, values = problems.verdict(now)
     return Status('settings', level, message, {'side': side, **values})
+
+
+def _transport_status(transport: Transport, side: str, now: float) -> List[Status]:
+    """The status of the transport, where it has one."""
+    stats = transport.stats(now)
+    return [] if stats is None else [transport_status(stats, side)]

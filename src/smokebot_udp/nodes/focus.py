@@ -14,15 +14,16 @@ from dynamic_reconfigure.encoding import encode_config
 from dynamic_reconfigure.msg import DoubleParameter
 from std_msgs.msg import Bool
 
-from .. import udpros
 from ..mission.control import MissionControl
 from ..mission.focus import Profile
 from ..mission.settings import Settings, SettingsStore
 from ..msg import FocusRequest, RobotStatus, StreamStatus
 from ..srv import SetFocus, SetFocusResponse
+from ..transport import Transport
 from ..units import KBIT
 from .live import LiveSettings, ParameterWatch
 from .logging import log_error
+from .settings_host import SettingsHost
 from .worker import PeriodicWorker
 
 GRANTS_PERIOD = 1.0
@@ -43,11 +44,12 @@ class FocusControl:
     :param shares: f() -> {stream: its share of the link [byte/s]}
     :param switched: f(), called after each switch of the focus
     :param report: f(problem), called with what is refused
+    :param transport: over which operators request a focus, and settings where they have masters of their own
     """
 
     def __init__(self, stores: Mapping[str, SettingsStore], profiles: Mapping[str, Profile],
                  shares: Callable[[], Mapping[str, float]], switched: Callable[[], None],
-                 report: Callable[[str], None]) -> None:
+                 report: Callable[[str], None], transport: Transport) -> None:
         self._shares, self._forget, self._report = shares, switched, report
         self._status = rospy.Publisher('~status', RobotStatus, queue_size=1, latch=True)
         self._modified_topic = rospy.Publisher('~focus/modified', Bool, queue_size=1, latch=True)
@@ -55,6 +57,7 @@ class FocusControl:
         self._published_grants: List[Any] = []
         self._show = PeriodicWorker('settings', self._show_all, log_error('settings'), None)
         self.control = MissionControl(stores, profiles, report, self._switched, self._show.wake)
+        self._host = SettingsHost(self.control, transport, report) if transport.own_masters else None
         self._parts = [LiveSettings('', self.control.focus_store, report, self.control.request_focus)]
         self._parts += [LiveSettings(name, store, report, functools.partial(self.control.request, name))
                         for name, store in stores.items()]
@@ -64,7 +67,7 @@ class FocusControl:
         self._grants = PeriodicWorker('grants', self._publish_grants, log_error('status'), GRANTS_PERIOD)
         self._grants.start()
         rospy.Service('~set_focus', SetFocus, self._serve)
-        self._requests = udpros.Subscriber(REQUESTS, FocusRequest, self._requested, queue_size=5)
+        self._requests = transport.subscriber(REQUESTS, FocusRequest, self._requested, queue_size=5)
         self._publish()
 
     def _switched(self, focus: str) -> None:
@@ -76,6 +79,8 @@ class FocusControl:
 
     def _show_all(self) -> None:
         self._publish()
+        if self._host is not None:
+            self._host.update()
         for part in self._parts:
             part.show()
 
@@ -116,6 +121,8 @@ class FocusControl:
     def close(self) -> None:
         """End all threads and subscriptions."""
         self._requests.unregister()
+        if self._host is not None:
+            self._host.close()
         self._watch.stop()
         self._show.stop()
         self._grants.stop()

@@ -7,9 +7,9 @@ from typing import Any, Dict, Optional
 
 import rospy
 
-from .. import udpros
 from ..msg import FocusRequest, RobotStatus
 from ..srv import SetFocus, SetFocusResponse
+from ..transport import Transport
 from .focus import REQUESTS
 
 RETRY_PERIOD = 0.1
@@ -23,16 +23,16 @@ class FocusClient:
     :param patience: timeout of a request [s]
     """
 
-    def __init__(self, status_topic: Optional[str], patience: float) -> None:
+    def __init__(self, status_topic: Optional[str], patience: float, transport: Transport) -> None:
         self._status: Any = None
         self._patience = patience
         self._answered = threading.Condition()
         self._one_at_a_time = threading.Lock()
-        self._requests = udpros.Publisher(REQUESTS, FocusRequest, queue_size=1)
+        self._requests = transport.publisher(REQUESTS, FocusRequest, queue_size=1)
         self._subscriber: Any = None
         if status_topic:
             self._subscriber = rospy.Subscriber(status_topic, RobotStatus, self._take, queue_size=5)
-        rospy.Service('~set_focus', SetFocus, self._serve)
+        rospy.Service('~set_focus', SetFocus, self.serve)
 
     def _take(self, status: Any) -> None:
         with self._answered:
@@ -45,7 +45,8 @@ class FocusClient:
             status = self._status
         return {stream.name: stream for stream in status.streams} if status else {}
 
-    def _serve(self, asked: Any) -> Any:
+    def serve(self, asked: Any) -> Any:
+        """Serve SetFocus: the response, when the robot has answered."""
         if self._subscriber is None:
             return SetFocusResponse(
                 False, 'no answer can arrive: streams.yaml has no relay of smokebot_udp/RobotStatus')

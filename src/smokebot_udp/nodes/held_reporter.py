@@ -3,12 +3,10 @@
 import time
 from typing import Callable, Dict, Optional
 
-import rospy
-
-from .. import udpros
 from ..msg import Held
 from ..streams.held import TOPIC, Holding, to_message
 from ..streams.held_schedule import HeldSchedule
+from ..transport import Transport
 from .logging import log_error
 from .worker import DeadlineWorker
 
@@ -17,16 +15,13 @@ QUEUE_SIZE = 8
 
 
 class HeldReporter:
-    """Sends the reports of a node's streams; lives as long as the node.
+    """Sends the reports of a node's streams; lives as long as the node."""
 
-    :param max_datagram_size: [byte of UDP payload]
-    """
-
-    def __init__(self, max_datagram_size: int) -> None:
-        self._max_datagram_size = max_datagram_size
+    def __init__(self, transport: Transport) -> None:
+        self._transport = transport
         self._schedule = HeldSchedule()
         self._streams: Dict[str, Callable[[], Optional[Holding]]] = {}
-        self._publisher = udpros.Publisher(TOPIC, Held, queue_size=QUEUE_SIZE)
+        self._publisher = transport.publisher(TOPIC, Held, queue_size=QUEUE_SIZE)
         self._worker: DeadlineWorker[str] = DeadlineWorker(
             'held reports', self._schedule.poll, self._schedule.deadline, self._report,
             log_error('reports of what is held'))
@@ -49,4 +44,5 @@ class HeldReporter:
     def _report(self, name: str) -> None:
         holding = self._streams[name]()
         if holding is not None:
-            self._publisher.publish(to_message(holding, rospy.get_name(), name, self._max_datagram_size))
+            self._publisher.publish(
+                to_message(holding, self._transport.name, name, self._transport.max_datagram_size))

@@ -1,14 +1,18 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Passes the operators' reports of what they hold (msg/Held) on to the robot's streams."""
 import collections
+import re
 from typing import Any, Counter, Mapping, Optional
 
 import rospy
 
-from .. import udpros
 from ..msg import Held
 from ..streams.held import TOPIC, from_message
+from ..transport import Transport
 from .robot_stream import RobotStream
+
+_ORDINAL = re.compile(r' #\d+$')
+"""By which a link tells living operators of one name apart (link/robot_core.py). They do not know of it."""
 
 
 class HeldReports:
@@ -17,11 +21,11 @@ class HeldReports:
     :param streams: {name: RobotStream}
     """
 
-    def __init__(self, streams: Mapping[str, RobotStream]) -> None:
+    def __init__(self, streams: Mapping[str, RobotStream], transport: Transport) -> None:
         self.dropped: Counter[str] = collections.Counter()
         """{reason: count} of the reports that are not used."""
         self._streams = streams
-        self._subscriber = udpros.Subscriber(TOPIC, Held, self._receive, queue_size=20)
+        self._subscriber = transport.subscriber(TOPIC, Held, self._receive, queue_size=20)
 
     def close(self) -> None:
         """End the subscription."""
@@ -44,7 +48,7 @@ class HeldReports:
         stream = self._streams.get(report.stream)
         if stream is None:
             return 'unknown stream'
-        if report.operator != sender:
+        if report.operator != _ORDINAL.sub('', sender):
             return 'of another operator'
         try:
             holding = from_message(report)

@@ -10,7 +10,6 @@ from typing import Any, Dict, Mapping
 
 import rospy
 
-from .. import udpros
 from ..congestion.controller import NO_LIMITS, Controller, Plan
 from ..congestion.estimator import REPORT_INTERVAL
 from ..congestion.packet_scheduler import PacketScheduler
@@ -40,10 +39,10 @@ class SharedController:
     def __exit__(self, *_: Any) -> None:
         self._lock.release()
 
-    def conforming(self, stream: str, count: int, size: int, now: float) -> Mapping[str, int]:
+    def conforming(self, stream: str, count: int, size: int, now: float, start: int, total: int) -> Mapping[str, int]:
         """As Controller.conforming, for the outbox."""
         with self as controller:
-            return controller.conforming(stream, count, size, now)
+            return controller.conforming(stream, count, size, now, start, total)
 
     def on_sent(self, stream: str, seq: int, count: int, size: int, now: float,
                 limits: Mapping[str, int] = NO_LIMITS) -> None:
@@ -68,7 +67,7 @@ class LinkControl:
         self.shares: Dict[str, float] = {}
         """{stream: its share of the link [byte/s]}; empty: unlimited."""
         self._status = rospy.Publisher('~link', LinkStatus, queue_size=1)
-        self._reports = udpros.Subscriber(TOPIC, LinkReport, self._on_report, queue_size=10)
+        self._reports = link.transport.subscriber(TOPIC, LinkReport, self._on_report, queue_size=10)
         self._ticks = PeriodicWorker('link', self._tick, log_error('link'), REPORT_INTERVAL)
         self._ticks.start()
         link.subscribed = self._count_operators
@@ -122,7 +121,7 @@ class LinkControl:
         for name, stream in self._streams.items():
             if stream.encoder.FORESEES:
                 stream.encoder.outlook = Outlook(self._losses.air(name, stream.subscribers, now),
-                                                 plan.rooms.get(name, math.inf))
+                                                 plan.rooms.get(name, math.inf) / self._link.expansion)
 
     def _count_operators(self) -> None:
         """Pass on who subscribes to the streams now; any thread."""

@@ -4,10 +4,10 @@ import os
 import threading
 import time
 
-from .. import udpros
 from ..congestion.estimator import REPORT_INTERVAL
 from ..congestion.feedback import ReceiveHistory, Report
 from ..msg import ArrivalMark, LinkReport, StreamArrivals
+from ..transport import Transport
 from .logging import log_error
 from .worker import PeriodicWorker
 
@@ -26,16 +26,16 @@ def as_message(report: Report) -> LinkReport:
 class LinkReporter:
     """Counts what the streams' subscribers receive, and reports it."""
 
-    def __init__(self) -> None:
+    def __init__(self, transport: Transport) -> None:
         self._history = ReceiveHistory(lambda: int.from_bytes(os.urandom(4), 'little'))
         self._lock = threading.Lock()
-        self._publisher = udpros.Publisher(TOPIC, LinkReport, queue_size=1)
+        self._publisher = transport.publisher(TOPIC, LinkReport, queue_size=1)
         self._reports = PeriodicWorker('link reports', self._report, log_error('link reports to the robot'),
                                        REPORT_INTERVAL)
         self._reports.start()
 
     def arrived(self, stream: str, number: int, seq: int, size: int, count: int, when: float) -> None:
-        """Record datagrams of a stream; any thread, see udpros.Subscriber.
+        """Record datagrams of a stream; any thread, see Transport.subscriber.
 
         :param number: of the connection
         """

@@ -7,7 +7,7 @@ it. What rosparam sets wrongly is reported and set back; dynamic_reconfigure cla
 import contextlib
 import threading
 from types import SimpleNamespace
-from typing import Any, Callable, Dict, Mapping, Optional, Sequence, Set
+from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Set
 
 import rospy
 from dynamic_reconfigure.encoding import decode_config, encode_config, encode_groups, group_dict
@@ -18,6 +18,7 @@ from .. import udpros
 from ..mission.mirror import Mirror
 from ..mission.parameters import FORMER_NAMES, Parameter, Table, current_names
 from ..mission.settings import SettingsStore
+from ..udpros.master import keep_parameters
 from .logging import log_error
 from .parameters import DIAGNOSTICS
 
@@ -62,19 +63,22 @@ def _group(name: str, parameters: Sequence[Mapping[str, Any]], type: str = '', i
 
 
 class LiveSettings:
-    """The live settings of one part of a node, under ~<name>/ (or ~ where the name is empty).
+    """The live settings of one part of a node, under <node>/<name>/ (or <node>/ where the name is empty).
 
     :param store: SettingsStore
     :param report: f(problem), called with what is refused
     :param request: requests changes of the store; None: the store itself does
+    :param node: namespace of the node's parameters; None: this node's private ones
     """
 
     def __init__(self, name: str, store: SettingsStore, report: Callable[[str], None],
-                 request: Optional[Callable[[Mapping[str, Any]], Any]] = None) -> None:
+                 request: Optional[Callable[[Mapping[str, Any]], Any]] = None, node: Optional[str] = None) -> None:
         self.name, self.store = name, store
+        self.node = node or rospy.get_name()
+        self.namespace = '%s/%s' % (self.node, name) if name else self.node
         self.request, self._report = request or store.request, report
-        namespace = rospy.resolve_name('~' + name) if name else rospy.get_name()
-        self._mirror = Mirror(namespace, store, self.request, report, self._warn, DIAGNOSTICS if name else None)
+        others = None if not name else DIAGNOSTICS if node is None else ()
+        self._mirror = Mirror(self.namespace, store, self.request, report, self._warn, others)
         self._server: Optional[_Server] = None
         self._warnings: Set[str] = set()
 
@@ -87,7 +91,7 @@ class LiveSettings:
     def read(self, found: Mapping[str, Any]) -> bool:
         """Take values that others set on the parameter server.
 
-        :param found: what is in the node's private namespace
+        :param found: what is in the node's namespace
         :return: whether anything was set
         """
         return self._mirror.read(found.get(self.name, {}) if self.name else found)
@@ -95,7 +99,7 @@ class LiveSettings:
     def adopt(self, found: Dict[str, Any]) -> None:
         """Take values that were set before the node started.
 
-        :param found: what is in the node's private namespace; it is changed to what has to be there
+        :param found: what is in the node's namespace; it is changed to what has to be there
         """
         self.read(found)
         mine = found
@@ -107,9 +111,17 @@ class LiveSettings:
         self._mirror.written(self.values)
         self._mirror.deleted()
 
+    def replace(self) -> None:
+        """Write all values to the parameter server, whatever is there; PUBLISHING is held."""
+        if self.name:
+            rospy.set_param(self.namespace, self.values)
+            self._mirror.written(self.values)
+        else:
+            self.publish()
+
     def serve(self) -> None:
         """Begin to serve dynamic_reconfigure."""
-        self._server = _Server(self)
+        self._server = self._server or _Server(self)
 
     def show(self) -> None:
         """Show the requested values in dynamic_reconfigure and on the parameter server."""
@@ -121,29 +133,29 @@ class LiveSettings:
         try:
             self.request(changes)
         except ValueError as error:
-            self._report('%s: %s' % (self._mirror.namespace, error))
+            self._report('%s: %s' % (self.namespace, error))
 
     def known(self, wanted: Mapping[str, Any]) -> Dict[str, Any]:
         """The settings that a client of dynamic_reconfigure sends, by today's names; unknown ones are reported."""
         try:
             wanted, warnings = current_names(wanted)
         except ValueError as error:
-            self._report('%s: %s' % (self._mirror.namespace, error))
+            self._report('%s: %s' % (self.namespace, error))
             return {}
         for warning in warnings:
-            self._warn('%s: %s' % (self._mirror.namespace, warning))
+            self._warn('%s: %s' % (self.namespace, warning))
         unknown = sorted(set(wanted) - set(self.store.table))
         if unknown:
-            self._report('%s: %s: no such setting' % (self._mirror.namespace, ', '.join(unknown)))
+            self._report('%s: %s: no such setting' % (self.namespace, ', '.join(unknown)))
         return {name: value for name, value in wanted.items() if name in self.store.table}
 
     def publish(self) -> None:
         """Write values that differ to the parameter server; PUBLISHING is held."""
         for name, value in self._mirror.to_write().items():
-            rospy.set_param('%s/%s' % (self._mirror.namespace, name), value)
+            rospy.set_param('%s/%s' % (self.namespace, name), value)
             self._mirror.written({name: value})
         for name in self._mirror.to_delete():
-            key = '%s/%s' % (self._mirror.namespace, name)
+            key = '%s/%s' % (self.namespace, name)
             with contextlib.suppress(KeyError):     # it was deleted already
                 rospy.delete_param(key)
             with contextlib.suppress(KeyError):     # rospy leaves it in its cache
@@ -163,7 +175,7 @@ class _Server(Server):
     def __init__(self, settings: LiveSettings) -> None:
         self._settings = settings
         super().__init__(config_type(settings.name or 'node', settings.store.table), self._shown,
-                         namespace=settings.name and '~' + settings.name)
+                         namespace=settings.namespace)
         former = [name for name, current in FORMER_NAMES.items() if current in settings.store.table]
         if former:
             self._describe(former)
@@ -181,7 +193,7 @@ class _Server(Server):
         """Serve a client. If it sends all values, only those that differ from the values last shown are changes: the
         store's may be newer."""
         with self.mutex, PUBLISHING:
-            self._settings.read(_found())
+            self._settings.read(_found(self._settings.node))
             known = self._settings.known(decode_config(request.config))
             wanted = self.config.copy()
             wanted.update(known)
@@ -193,7 +205,8 @@ class _Server(Server):
 
     def _change_config(self, config: Any, level: int) -> Any:
         with PUBLISHING:
-            self._settings.read(_found())       # otherwise a value that was just set would be overwritten unread
+            # otherwise a value that was just set would be overwritten unread
+            self._settings.read(_found(self._settings.node))
             return super()._change_config(config, level)
 
     def _describe(self, former: Sequence[str]) -> None:
@@ -224,48 +237,77 @@ class _Server(Server):
 
 
 class ParameterWatch:
-    """Starts the live settings of a node, and takes values set under its private namespace.
+    """Starts live settings, and takes values set under their node's namespace.
 
     The master notifies, nothing is polled. Over a bad link each call of the master takes its time, so there are few,
     and an operator's node makes them in the background.
 
-    :param parts: [LiveSettings, ...]
+    :param parts: [LiveSettings, ...] of this node, which take over the values that are there already
     :param background: whether they start in a thread
+    :param node: namespace of another node whose settings are shown here, as `add` gets them; None: this node's
     """
 
-    def __init__(self, parts: Sequence[LiveSettings], background: bool) -> None:
-        self._parts = parts
+    def __init__(self, parts: Sequence[LiveSettings], background: bool, node: Optional[str] = None) -> None:
+        self._node = node or rospy.get_name()
+        self._parts = list(parts)
+        self._late: List[LiveSettings] = []     # that are to be started
         self._changed = threading.Event()
-        self._ended = False
+        self._ended = self._follows = False
         self._log_error = log_error('settings cannot be changed until the master answers')
-        self._begun = not background and self._begin()
+        self._begun = node is not None or (not background and self._begin(self._adopt))
         self._thread = threading.Thread(target=self._run, name='parameters', daemon=True)
         self._thread.start()
 
-    def _begin(self) -> bool:
-        """Start the live settings; whether this succeeded: the master may have just ended."""
+    def add(self, part: LiveSettings) -> None:
+        """Start settings in the background; their values replace those that are there, as of an earlier time."""
+        self._late.append(part)
+        self._changed.set()
+
+    def _begin(self, start: Callable[[], None]) -> bool:
+        """Start live settings; whether this succeeded: the master may have just ended."""
         try:
-            found = _found()
-            for part in self._parts:
-                part.adopt(found)
-            rospy.set_param('~', found)
-            rospy.get_param_cached('~')     # subscribes
-            with udpros.registered_together():
-                # rospy ignores updates of names that its cache lacks: of all whose namespace was replaced, and of
-                # former names
-                cache = get_param_server_cache()
-                if cache.update != self._update:    # not from an attempt that failed
-                    self._update_known, cache.update = cache.update, self._update
-                for part in self._parts:
-                    part.serve()
+            start()
         except Exception as error:
             self._log_error(error)
             return False
         return True
 
+    def _adopt(self) -> None:
+        found = _found(self._node)
+        for part in self._parts:
+            part.adopt(found)
+        rospy.set_param(self._node, found)
+        self._follow()
+        with udpros.registered_together():
+            for part in self._parts:
+                part.serve()
+
+    def _start_late(self) -> None:
+        late = list(self._late)
+        with PUBLISHING:
+            for part in late:
+                part.replace()
+        self._follow()
+        with udpros.registered_together():
+            for part in late:
+                part.serve()
+        self._parts += late
+        del self._late[:len(late)]
+
+    def _follow(self) -> None:
+        """Have the master notify of changes, also a new one."""
+        keep_parameters(self._node)
+        rospy.get_param_cached(self._node)      # subscribes
+        # rospy ignores updates of names that its cache lacks: of all whose namespace was replaced, and of former names
+        cache = get_param_server_cache()
+        with PUBLISHING:
+            if not self._follows:   # or an attempt before has failed later
+                self._update_known, cache.update = cache.update, self._update
+                self._follows = True
+
     def _update(self, key: str, value: Any) -> None:
         """The cache's update: a parameter has changed, by the master's notification or by rospy.set_param."""
-        if not (key + '/').startswith(rospy.get_name() + '/'):
+        if not (key + '/').startswith(self._node + '/'):
             self._update_known(key, value)
             return
         get_param_server_cache().set(key, value)
@@ -280,13 +322,17 @@ class ParameterWatch:
 
     def _run(self) -> None:
         while not self._begun and not self._ended:
-            self._begun = self._begin()
+            self._begun = self._begin(self._adopt)
             if not self._begun:
                 self._changed.wait(RETRY_PERIOD)    # set by `stop`
                 self._changed.clear()
         while not self._ended:
             self._changed.wait()
             self._changed.clear()
+            if self._late and not self._ended and not self._begin(self._start_late):
+                self._changed.wait(RETRY_PERIOD)
+                self._changed.set()
+                continue
             try:
                 if not self._ended:
                     self._read()
@@ -296,14 +342,14 @@ class ParameterWatch:
 
     def _read(self) -> None:
         with PUBLISHING:    # otherwise values that this node is about to write would look like another node's
-            found = _found()
+            found = _found(self._node)
             news = [part for part in self._parts if part.read(found)]
         for part in news:
             part.show()
 
 
-def _found() -> Dict[str, Any]:
-    """What the parameter server has in the node's private namespace; a copy, for rospy's cache changes."""
-    found = rospy.get_param('~', {})
+def _found(node: str) -> Dict[str, Any]:
+    """What the parameter server has in a node's namespace; a copy, for rospy's cache changes."""
+    found = rospy.get_param(node, {})
     return {name: dict(value) if isinstance(value, dict) else value
             for name, value in dict(found).items()} if isinstance(found, dict) else {}

@@ -8,16 +8,17 @@ from typing import Any, Callable, Deque, Dict, List, Mapping, Optional
 
 import rospy
 
-from .. import udpros
 from ..arrays import BoolArray, Records
 from ..mission.parameters import live
 from ..mission.settings import Settings, SettingsStore
 from ..monitoring.stats import ConnectionStats, Shown, StreamStats
 from ..streams import assembler_class
 from ..streams.assembler import Assembled, Assembler
+from ..streams.frame_prefix import add_prefix
 from ..streams.held import Holding
 from ..streams.relay.transforms import QUEUE
 from ..streams.segments import reported_name, wire_topic
+from ..transport import Subscriber, Transport
 from .common import operator_topic
 from .compiled_codec import CompiledCodec
 from .worker import DeadlineWorker
@@ -29,22 +30,21 @@ MAX_SHOWN = 512
 @dataclass
 class OperatorLink:
     """Shared by the operator's streams of one node."""
-    max_datagram_size: int
-    """[byte of UDP payload]"""
-    receive_buffer: int = 4 << 20
-    """Requested from the kernel for each stream [byte]."""
+    transport: Transport
     is_still: Callable[[], bool] = lambda: False
     """Whether the robot stands still."""
     images_compared: Callable[[Optional[float]], None] = lambda changed: None
     """Receives the share of the cells that differ between two images of a stream, 0..1; None: not comparable."""
     arrived: Callable[..., None] = lambda *_: None
-    """f(name, number, seq, size, count, when), see segments.reported_name and udpros.Subscriber."""
+    """f(name, number, seq, size, count, when), see segments.reported_name and Transport.subscriber."""
     clock_offset: Callable[[], float] = lambda: 0.0
     """The robot's clock minus the operator's [s]."""
     codec: Optional[CompiledCodec] = None
     """Needed for parts that are compiled; None: they are received at once."""
     received: Callable[[str, Callable[[], Optional[Holding]]], None] = lambda *_: None
     """f(name, holding), see HeldReporter: segments of a stream were received of which it holds something."""
+    frame_prefix: str = ''
+    """Goes before the frames of all messages that are published, see streams.frame_prefix."""
 
 
 class OperatorStream:
@@ -67,7 +67,7 @@ class OperatorStream:
         self._link = link
         self._shown: Deque[Shown] = collections.deque(maxlen=MAX_SHOWN)
         self._publisher: Any = None     # made by start(), as are these
-        self._subscribers: Dict[str, Any] = {}      # {part: udpros.Subscriber}
+        self._subscribers: Dict[str, Subscriber] = {}   # by part
         self._needs_codec = False       # whether the robot may send a part that needs it
         self._outputs: List[Any] = []
         self._worker: DeadlineWorker[Any] = DeadlineWorker(
@@ -81,10 +81,12 @@ class OperatorStream:
         self._outputs = list(self._make_outputs())
         if not self.assembler.FORWARDS:
             self._worker.start()
+        if self.assembler.COMPILED and self._link.codec is not None:
+            self._link.codec.ready()    # loading takes a second: it begins before the robot offers such a part
         # all parts from the start: the robot may use another one at any time
         self._subscribers = {part: self._subscribe(part) for part in self.assembler.SEGMENTS}
 
-    def _subscribe(self, part: str) -> Any:
+    def _subscribe(self, part: str) -> Subscriber:
         options: Dict[str, Any]
         if self.assembler.FORWARDS:
             options = {'callback': self._forward, 'queue_size': QUEUE}
@@ -92,13 +94,12 @@ class OperatorStream:
             options = {'batch_callback': functools.partial(self._receive, part)}
         if part in self.assembler.COMPILED:
             options['wanted'] = self._codec_ready
-        return udpros.Subscriber(
-            wire_topic(self.name, part), self.assembler.SEGMENTS[part], max_datagram_size=self._link.max_datagram_size,
-            receive_buffer=self._link.receive_buffer,
+        return self._link.transport.subscriber(
+            wire_topic(self.name, part), self.assembler.SEGMENTS[part], carries=self.assembler.CARRIES,
             arrived=functools.partial(self._link.arrived, reported_name(self.name, part)), **options)
 
     def _codec_ready(self) -> bool:
-        """Whether parts that need the codec can be received, asked when the robot advertises one (udpros.Subscriber).
+        """Whether parts that need the codec can be received, asked when the robot advertises one.
 
         The robot sends the other parts until this one is connected.
         """
@@ -155,7 +156,8 @@ class OperatorStream:
 
     def _ages(self) -> Optional[Any]:
         with self._worker.changing():
-            return self.assembler.ages(time.monotonic())
+            ages = self.assembler.ages(time.monotonic())
+        return None if ages is None else self._prefixed(ages)
 
     def _forward(self, segment: Any) -> None:
         """Publish the message that a segment completes, in the transport's thread."""
@@ -179,7 +181,7 @@ class OperatorStream:
             assembled = self.assembler.assemble(finished, settings, self._link.is_still(), time.monotonic())
             if assembled is None:
                 return
-            self._publish(assembled)
+            self._publish(assembled)    # the outputs, too, show the frames that are published
             for output in self._outputs:
                 output.show(assembled)
             self.assembler.settle(finished, assembled, settings, time.monotonic())
@@ -192,11 +194,15 @@ class OperatorStream:
         return self._link.codec.problem if self._needs_codec and self._link.codec is not None else None
 
     def _publish(self, assembled: Assembled) -> None:
+        assembled.message = self._prefixed(assembled.message)
         self._publisher.publish(assembled.message)
         self.published += 1
         self.last_shown = time.monotonic()
         age = (rospy.Time.now().to_nsec() - assembled.stamp) / 1e9 if assembled.stamp else None
         self._shown.append(Shown(age, assembled.completeness, assembled.error))
+
+    def _prefixed(self, message: Any) -> Any:
+        return add_prefix(message, self._link.frame_prefix)
 
     def _log_warnings(self) -> None:
         while self.assembler.warnings:

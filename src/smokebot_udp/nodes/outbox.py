@@ -7,7 +7,8 @@ from typing import Any, Callable, Mapping, Optional, Sequence
 
 from ..congestion.packet_scheduler import Chunk, PacketScheduler
 from ..congestion.sent_history import stream_of
-from ..udpros.endpoints import IP_UDP_HEADERS
+from ..transport import Publisher
+from ..udpros.datagram import IP_UDP_HEADERS
 from ..udpros.frame import Frame
 
 MAX_BACKLOG = 0.02
@@ -28,8 +29,9 @@ Departed = Callable[[str, int, int, int, float, Mapping[str, int]], None]
 * limits: {subscriber that got only the first datagrams: their number}
 """
 
-Conforming = Callable[[str, int, int, float], Mapping[str, int]]
-"""f(stream, count, size, now) -> limits as in Departed, for datagrams that leave now."""
+Conforming = Callable[[str, int, int, float, int, int], Mapping[str, int]]
+"""f(stream, count, size, now, start, total) -> limits as in Departed, for datagrams that leave now: those from `start`
+on of a message that has `total`."""
 
 
 class Outbox:
@@ -39,13 +41,15 @@ class Outbox:
     :param departed: see Departed; called for all datagrams that left
     :param on_error: f(stream, exception), called where sending fails; the other streams go on
     :param conforming: see Conforming; called for all datagrams that wait for their turn
+    :param overhead: of the transport, in each datagram [byte]
     """
 
     def __init__(self, scheduler: Optional[PacketScheduler] = None, departed: Departed = lambda *_: None,
                  on_error: Callable[[str, Exception], None] = lambda *_: None,
-                 conforming: Conforming = lambda *_: {}) -> None:
+                 conforming: Conforming = lambda *_: {}, overhead: int = 0) -> None:
         self._scheduler = scheduler or PacketScheduler()
         self._departed, self._on_error, self._conforming = departed, on_error, conforming
+        self._headers = IP_UDP_HEADERS + overhead
         self.protected = 0
         """What ever left at once [byte of IP packets]."""
         lock = threading.Lock()
@@ -64,13 +68,12 @@ class Outbox:
         if self._thread.ident:
             self._thread.join()
 
-    def put(self, name: str, publisher: Any, frames: Sequence[Frame]) -> None:
+    def put(self, name: str, publisher: Publisher, frames: Sequence[Frame]) -> None:
         """Send the frames of a message; what did not leave yet of the stream's last message is dropped.
 
         :param name: of the stream, or of the part of it that carries the message, as in Departed
-        :param publisher: udpros.Publisher
         """
-        parts = [(len(frame), frame.datagram_size + IP_UDP_HEADERS) for frame in frames]
+        parts = [(len(frame), frame.datagram_size + self._headers) for frame in frames]
         with self._changed:
             self._scheduler.put(stream_of(name), (name, publisher, frames), parts)
             self._changed.notify()
@@ -92,14 +95,11 @@ class Outbox:
         with self._changed:
             return self._scheduler.sending(stream) is not None
 
-    def publish(self, stream: str, publisher: Any, frame: Frame) -> None:
-        """Send a frame at once, before everything that waits.
-
-        :param publisher: udpros.Publisher
-        """
+    def publish(self, stream: str, publisher: Publisher, frame: Frame) -> None:
+        """Send a frame at once, before everything that waits."""
         now = time.monotonic()      # before it leaves: it may arrive at once
         first = publisher.publish_frames(frame)
-        size = frame.datagram_size + IP_UDP_HEADERS
+        size = frame.datagram_size + self._headers
         with self._changed:
             self.protected += len(frame) * size
             self._scheduler.charge(len(frame) * size, now)
@@ -147,7 +147,7 @@ class Outbox:
     def _send(self, chunk: Chunk) -> None:
         name, publisher, frames = chunk.work
         frame = frames[chunk.part].part(chunk.start, chunk.stop)
-        now, size = time.monotonic(), frame.datagram_size + IP_UDP_HEADERS
-        limits = self._conforming(chunk.stream, len(frame), size, now)
+        now, size = time.monotonic(), frame.datagram_size + self._headers
+        limits = self._conforming(chunk.stream, len(frame), size, now, chunk.start, chunk.total)
         first = publisher.publish_frames(frame, limits=limits)
         self._departed(name, first, len(frame), size, now, limits)

@@ -13,6 +13,8 @@ _MEANINGS = {
     'error_loss': ('', 'packet-loss ratio that triggers ERROR'),
     'warn_completeness': ('', 'median completeness of messages, 0..1, below which there is a WARN'),
     'warn_psnr': ('dB', 'median of the estimated PSNR of layered images of 8 bits below which there is a WARN'),
+    'warn_error': ('pixel value', 'median of the estimated rms error of other layered images above which there is a '
+                   'WARN: in counts of 16 bits, whatever counts_per_unit is; in m of 32FC1'),
     'warn_age': ('s', 'median age of messages on arrival that triggers WARN'),
     'error_age': ('s', 'median age of messages on arrival that triggers ERROR'),
     'error_silence': ('s', 'time without messages that triggers ERROR, if it is three times longer than usual, too'),
@@ -21,11 +23,17 @@ DIAGNOSTICS = {threshold.name: Parameter(getattr(Thresholds(), threshold.name), 
                for threshold in fields(Thresholds)}
 """Thresholds of diagnostics, for all streams; ~<stream>/<name> sets one for one stream."""
 
+_KEY_FILE = Parameter('', '', "file with the link's key, made by make_key: 32 bytes, for its owner only; empty: the "
+                      'link is neither encrypted nor authenticated')
+
 ROBOT_SENDER = {
     'streams_file': _STREAMS_FILE,
     'focus_file': Parameter('', '', "the mission focus's profiles by name; empty: this package's config/focus.yaml"),
     'max_datagram_size': Parameter(1472, 'byte', 'longest datagram, as UDP payload; 1472 fills an Ethernet frame',
                                    least=256, most=65507),
+    'link_port': Parameter(0, '', 'UDP port to listen on for operators with masters of their own; 0: operators share '
+                           "the robot's master", least=0, most=65535),
+    'key_file': _KEY_FILE,
     'adapt': Parameter(True, '', 'whether the rate follows the capacity that operators report; otherwise it is '
                        'max_rate'),
     'max_rate': Parameter(400.0, 'Mbit/s', 'maximum rate of all streams together; 0: unlimited', least=0.0),
@@ -40,6 +48,9 @@ OPERATOR_RECEIVER = {
     'max_datagram_size': Parameter(1472, 'byte', 'longest datagram that is accepted', least=256, most=65507),
     'receive_buffer': Parameter(4 << 20, 'byte', 'socket receive buffer of each stream; the kernel limits it to '
                                 'net.core.rmem_max', least=4096, most=1 << 30),
+    'robot': Parameter('', '', 'host:port of a robot with a master of its own, see its link_port; empty: it shares '
+                       'this master'),
+    'key_file': _KEY_FILE,
     'loss': Parameter(0.0, '', 'ratio of datagrams that are dropped on arrival, to demonstrate a bad link', least=0.0,
                       most=1.0),
     'loss_seed': Parameter(0, '', 'seed of the random losses', least=0),
@@ -51,8 +62,17 @@ OPERATOR_RECEIVER = {
     'stale_after': Parameter(2.0, 's', "time without data after which rviz' 3D view shows NO DATA", least=0.1),
     'stale_topic': Parameter('/operator/stale', '', "visualization_msgs/Marker that shows NO DATA; in the operator's "
                              'namespace'),
+    'frame_prefix': Parameter('', '', "goes before all frames of the robot's messages, such as ugv1/"),
     'base_frame': Parameter('base_link', '', 'frame of the robot above which NO DATA stands'),
     **DIAGNOSTICS,
+}
+
+OPERATOR_DESK = {
+    'robots_file': Parameter('', '', "the robots by name; empty: this package's config/robots.yaml"),
+    'streams_file': _STREAMS_FILE,
+    'rviz': Parameter(True, '', 'whether to start rviz, one for each robot'),
+    'max_datagram_size': OPERATOR_RECEIVER['max_datagram_size'],
+    'loss': OPERATOR_RECEIVER['loss'],
 }
 
 SIMULATED_ROBOT = {
@@ -78,9 +98,24 @@ DEMO_REPORT = {
     'streams_file': _STREAMS_FILE,
     'seconds': Parameter(20.0, 's', 'duration, from the first image that arrives', least=1.0),
     'picture': Parameter('', '', 'file that the last sent and received images are written to; empty: none'),
+    'operator': Parameter('', '', "namespace of the operator's side; empty: none"),
+    'operator_master': Parameter('', '', "URI of the operator's master; empty: the robot's"),
     'end_launch': Parameter(False, '', 'whether to end the roslaunch that started this node, after the report'),
 }
 
-NODES = {'robot_sender': ROBOT_SENDER, 'operator_receiver': OPERATOR_RECEIVER, 'simulated_robot': SIMULATED_ROBOT,
-         'demo_report': DEMO_REPORT}
+DEMO_ROBOTS = {
+    'robots': Parameter(2, '', 'number of simulated robots', least=1, most=8),
+    'streams_file': _STREAMS_FILE,
+    'seed': SIMULATED_ROBOT['seed'],
+    'adapt': ROBOT_SENDER['adapt'],
+    'loss': OPERATOR_RECEIVER['loss'],
+    'rviz': OPERATOR_DESK['rviz'],
+    'seconds': Parameter(0.0, 's', 'duration until a report is printed and the demo ends; 0: there is no report',
+                         least=0.0),
+    'picture': Parameter('', '', "file of the report's images; the names of the robots are added to it; empty: none"),
+}
+
+NODES = {'robot_sender': ROBOT_SENDER, 'operator_receiver': OPERATOR_RECEIVER, 'operator_desk': OPERATOR_DESK,
+         'simulated_robot': SIMULATED_ROBOT, 'demo_report': DEMO_REPORT,
+         'demo_robots': DEMO_ROBOTS}
 """{node: its table}"""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The robot's side: sends the streams of a streams.yaml over UDPROS, as the mission focus requests.
+"""The robot's side: sends the streams of a streams.yaml to operators, as the mission focus requests.
 
 Parameters: ROBOT_SENDER in nodes/parameters.py, listed in doc/parameters.md.
 
@@ -23,11 +23,11 @@ from ..congestion.packet_scheduler import PacketScheduler
 from ..mission import focus
 from ..streams import encoder_class
 from ..streams.virtual_scan.fans import FanCache
-from ..udpros.endpoints import IP_UDP_HEADERS
+from ..udpros.datagram import IP_UDP_HEADERS
 from ..units import MBIT
 from . import garbage, malloc_tuning
 from .clock_sync import ClockServer
-from .common import Parameters, load_streams, read_file
+from .common import Parameters, read_file, read_streams, start_streams
 from .compiled_codec import CompiledCodec
 from .diagnostics import robot_diagnostics
 from .focus import FocusControl
@@ -39,6 +39,7 @@ from .outbox import Outbox
 from .parameters import ROBOT_SENDER
 from .problems import Problems
 from .robot_stream import RobotLink, RobotStream
+from .transports import robot_transport
 
 BURST = 16
 """Datagrams that may leave at once on a fast link: roscpp's receiver holds 92, a Wi-Fi driver's queue not many more."""
@@ -50,11 +51,14 @@ class RobotSender:
     def __init__(self) -> None:
         problems = Problems()
         parameters = Parameters(ROBOT_SENDER, problems.report)
-        size = parameters['max_datagram_size']
+        definitions = read_streams(parameters)
+        transport = robot_transport(parameters)
+        size = transport.max_datagram_size
         profiles = read_file(parameters, 'focus_file', 'focus.yaml', focus.load)
         controller = Controller(*_rates(parameters), size)
         shared = SharedController(controller)
-        scheduler = PacketScheduler(controller.rate(time.monotonic()), BURST * (size + IP_UDP_HEADERS))
+        burst = BURST * (size + transport.overhead + IP_UDP_HEADERS)
+        scheduler = PacketScheduler(controller.rate(time.monotonic()), burst)
         lookup = TransformLookup()
         self._codec = CompiledCodec()
         fans: DefaultDict[str, FanCache] = collections.defaultdict(lambda: FanCache(lookup))    # by the cloud's topic
@@ -69,15 +73,16 @@ class RobotSender:
                 shared_work['lookup'] = lookup
             return RobotStream(name, settings, encoder_class(settings['type'])(settings, **shared_work), link)
         with udpros.registered_together():
-            link = RobotLink(size, Outbox(scheduler, shared.on_sent, _log, shared.conforming))
+            link = RobotLink(transport, Outbox(scheduler, shared.on_sent, _log, shared.conforming,
+                                               transport.overhead))
             link.outbox.start()
-            self._outbox = link.outbox
-            self.streams = load_streams(parameters, make_stream)
+            self._outbox, self._transport = link.outbox, transport
+            self.streams = start_streams(definitions, make_stream, parameters.report)
             self._link = LinkControl(shared, link, self.streams)
             self.focus = FocusControl({name: stream.settings for name, stream in self.streams.items()}, profiles,
-                                      lambda: self._link.shares, self._link.forget, problems.report)
-            self._clock, self._held = ClockServer(), HeldReports(self.streams)
-            self._diagnostics = robot_diagnostics(self.streams, self._link.stats, parameters, problems)
+                                      lambda: self._link.shares, self._link.forget, problems.report, transport)
+            self._clock, self._held = ClockServer(transport), HeldReports(self.streams, transport)
+            self._diagnostics = robot_diagnostics(self.streams, self._link.stats, parameters, problems, transport)
         rospy.on_shutdown(self.close)
 
     def close(self) -> None:
@@ -90,6 +95,7 @@ class RobotSender:
             stream.close()
         self._codec.close()
         self._outbox.stop()
+        self._transport.close()
 
 
 def _rates(parameters: Parameters) -> Tuple[Limits, bool]:

@@ -8,13 +8,13 @@ encoder (streams/encoder.py) decides how messages are encoded, the outbox (outbo
 """
 import functools
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Set
 
 import rospy
 
-from .. import udpros
 from ..congestion.controller import Demand
+from ..congestion.operating_points import OperatingPoint
 from ..mission.parameters import live
 from ..mission.settings import Settings, SettingsStore
 from ..monitoring.stats import ConnectionStats, StreamStats
@@ -24,6 +24,8 @@ from ..streams.held import Holding
 from ..streams.rate import RateLimiter
 from ..streams.schedule import Schedule
 from ..streams.segments import reported_name, wire_topic
+from ..transport import Publisher, Transport
+from ..udpros.datagram import IP_UDP_HEADERS
 from ..udpros.frame import Frame
 from ..units import KBIT
 from .outbox import MAX_BACKLOG, Outbox
@@ -39,15 +41,19 @@ READ_SIZE = 1 << 18
 @dataclass
 class RobotLink:
     """Shared by the streams of a node."""
-    max_datagram_size: int
-    """As configured [byte of UDP payload]."""
-    outbox: Outbox = field(default_factory=Outbox)
+    transport: Transport
+    outbox: Outbox
     subscribed: Callable[[], None] = lambda: None
     """Called when a stream has a new subscriber."""
 
     def __post_init__(self) -> None:
-        self.datagram_size = self.max_datagram_size
-        """Of frames from now on; shorter on slow links [byte of UDP payload]."""
+        self.datagram_size = self.transport.max_datagram_size
+        """Of frames from now on, as the transport counts it; shorter on slow links [byte]."""
+
+    @property
+    def expansion(self) -> float:
+        """What the transport makes of a byte on the air: encoders do not count its overhead. At least 1."""
+        return 1 + self.transport.overhead / (self.datagram_size + IP_UDP_HEADERS)
 
 
 class RobotStream(rospy.SubscribeListener):
@@ -56,14 +62,13 @@ class RobotStream(rospy.SubscribeListener):
     :param name: of the stream
     :param settings: {name: value} of streams.yaml, each checked
     :param encoder: made with these settings
-    :param publisher: makes the publisher of segments, as udpros.Publisher
     :param subscriber: makes the subscriber of the source, as rospy.Subscriber
     :param local_publisher: makes the publisher of derived messages, as rospy.Publisher
     :raises ValueError: where settings contradict each other
     """
 
     def __init__(self, name: str, settings: Mapping[str, Any], encoder: Encoder[Any], link: RobotLink,
-                 publisher: Callable[..., Any] = udpros.Publisher, subscriber: Callable[..., Any] = rospy.Subscriber,
+                 subscriber: Callable[..., Any] = rospy.Subscriber,
                  local_publisher: Callable[..., Any] = rospy.Publisher) -> None:
         super().__init__()
         self.name, self.topic = name, rospy.resolve_name(settings['robot_topic'])
@@ -71,8 +76,8 @@ class RobotStream(rospy.SubscribeListener):
         self.settings = SettingsStore(live(encoder.PARAMETERS), settings, encoder.check)
         self.received, self.sent = 0, 0
         """Messages of the source; messages handed to the outbox, repeats included where they are PROTECTED."""
-        self._make_publisher, self._make_subscriber, self._make_local_publisher = publisher, subscriber, local_publisher
-        self._publishers: Dict[str, Any] = {}   # of the parts advertised
+        self._make_subscriber, self._make_local_publisher = subscriber, local_publisher
+        self._publishers: Dict[str, Publisher] = {}   # of the parts advertised
         self._part_of = {class_: part for part, class_ in encoder.SEGMENTS.items()}
         encoder.heard, encoder.operators = self._complete, self._subscribers_of
         self._inputs: List[Any] = []    # subscribers, made by start(), as is this
@@ -117,9 +122,9 @@ class RobotStream(rospy.SubscribeListener):
         """Advertise the parts that these settings need."""
         for part in self.encoder.parts(settings):
             if part not in self._publishers:
-                publisher = self._make_publisher(
-                    wire_topic(self.name, part), self.encoder.SEGMENTS[part], subscriber_listener=self, queue_size=10,
-                    max_datagram_size=self.link.max_datagram_size)
+                publisher = self.link.transport.publisher(
+                    wire_topic(self.name, part), self.encoder.SEGMENTS[part], subscriber_listener=self,
+                    carries=self.encoder.CARRIES)
                 self._publishers = {**self._publishers, part: publisher}    # other threads iterate
 
     # -- state, for any thread ----------------------------------------------------------------------
@@ -169,9 +174,11 @@ class RobotStream(rospy.SubscribeListener):
         if self.encoder.PROTECTED or not requested['enabled'] or not self.heard:
             return None
         rate = min(requested['rate'], self.encoder.source_rate or requested['rate'])
-        points = self.encoder.operating_points(rate, settings)
-        return Demand(points, requested['weight'], requested['min_bitrate'] * KBIT, rate,
-                      self.encoder.refine) if points else None
+        points, expansion = self.encoder.operating_points(rate, settings), self.link.expansion
+        return Demand([OperatingPoint(point.settings, expansion * point.cost) for point in points],
+                      requested['weight'], requested['min_bitrate'] * KBIT, rate,
+                      lambda point, spare: self.encoder.refine(point, spare / expansion),
+                      self.encoder.WHOLE) if points else None
 
     def stats(self) -> StreamStats:
         """What the stream does and did, for diagnostics."""
@@ -322,7 +329,7 @@ class RobotStream(rospy.SubscribeListener):
     @property
     def _datagram_size(self) -> int:
         # short messages need no second datagram, however slow the link is
-        return self.link.max_datagram_size if self.encoder.PROTECTED else self.link.datagram_size
+        return self.link.transport.max_datagram_size if self.encoder.PROTECTED else self.link.datagram_size
 
     def _send(self, frames: Sequence[Frame]) -> None:
         """Hand over the frames that carry one message, or the messages of a PROTECTED stream."""

@@ -2,18 +2,22 @@
 """Keeps the operator's rviz: starts it, registers it with a restarted master, and starts it again if it crashes.
 
 This is not a node itself: it passes its arguments on to rviz, which has the name and the remappings that roslaunch gave
-to this process.
+to this process. `--frame-prefix PREFIX` is its own: rviz gets a copy of the configuration (-d) whose frames have the
+prefix.
 
 roscpp registers once. rviz therefore keeps its connections when the master is restarted, but the new master does not
 notify it of publishers that are restarted later. This process registers rviz's topics in its place: rviz says which
 they are, and goes on with its view as the user left it. Its services (load_config and the like) are not registered.
 """
+import argparse
 import os
+import pathlib
 import signal
 import subprocess
 import sys
+import tempfile
 import time
-from typing import Any, List, Optional
+from typing import Any, List, Optional, Sequence
 
 import rosgraph
 import roslib.packages
@@ -23,42 +27,19 @@ import rospy
 from .. import udpros
 from ..udpros import rpc
 from ..udpros.master import MasterWatch, Registration, ask_together
+from .child_process import words
 from .logging import log_error
 from .namesake import SECOND_OPERATOR, resolved, wait_until_free
+from .restarts import Restarts
+from .rviz_config import with_prefix
 
 NODE = 'operator_rviz'
 
 PERIOD = 1.0
 """How often the master is asked whether it is still the same [s]."""
 
-STABLE_TIME = 10.0
-"""If rviz ran for this time, it is started again at once; otherwise later and later [s]."""
-
-MIN_DELAY, MAX_DELAY = 1.0, 60.0
-"""[s]"""
-
 END_TIMEOUT = 5.0
 """rviz may take so long to end before it is killed [s]."""
-
-
-class Restarts:
-    """Decides when a program is started again that has ended."""
-
-    def __init__(self) -> None:
-        self._delay = MIN_DELAY
-
-    def delay(self, code: int, lifetime: float) -> Optional[float]:
-        """Time until it has to be started again [s]; None: the user has ended it.
-
-        :param code: its exit code, or minus the signal that ended it
-        :param lifetime: how long it ran [s]
-        """
-        if code == 0:
-            return None
-        if lifetime >= STABLE_TIME:
-            self._delay = MIN_DELAY
-        delay, self._delay = self._delay, min(2 * self._delay, MAX_DELAY)
-        return delay
 
 
 class ForeignNode:
@@ -129,10 +110,10 @@ class RvizKeeper:
             begun = time.monotonic()
             self._rviz = subprocess.Popen(self._command)
             code = self._watch_over(ForeignNode(self._name, self._rviz.pid))
-            delay = restarts.delay(code, time.monotonic() - begun)
-            if self._ending or delay is None:
+            if self._ending or code == 0:   # the user has closed it
                 return
-            rospy.logerr('rviz has ended unexpectedly (%s): it is started again in %g s', _words(code), delay)
+            delay = restarts.delay(time.monotonic() - begun)
+            rospy.logerr('rviz has ended unexpectedly (%s): it is started again in %g s', words(code), delay)
             self._sleep(delay)
 
     def _watch_over(self, node: ForeignNode) -> int:
@@ -156,10 +137,6 @@ class RvizKeeper:
             time.sleep(0.1)
 
 
-def _words(code: int) -> str:
-    return 'exit code %d' % code if code > 0 else signal.Signals(-code).name
-
-
 def find_rviz() -> str:
     """The path of rviz.
 
@@ -176,15 +153,34 @@ def find_rviz() -> str:
     return str(found[0])
 
 
+def prefixed_arguments(arguments: Sequence[str], folder: str) -> List[str]:
+    """Arguments of rviz: those of this process, where --frame-prefix changes the configuration.
+
+    :param folder: for the changed configuration, a copy; rviz shows its name, which is that of the namespace
+    :raises OSError: where the configuration cannot be read
+    """
+    parser = argparse.ArgumentParser(prog='rviz_keeper', allow_abbrev=False, add_help=False)
+    parser.add_argument('-d')
+    parser.add_argument('--frame-prefix', default='')
+    found, others = parser.parse_known_args(arguments)
+    path = found.d and pathlib.Path(found.d)
+    if path and found.frame_prefix:
+        name = rosgraph.names.get_ros_namespace().strip('/').replace('/', '_') or path.stem
+        text, path = path.read_text(), pathlib.Path(folder, name + '.rviz')
+        path.write_text(with_prefix(text, found.frame_prefix))
+    return [*(['-d', str(path)] if path else []), *others]
+
+
 def main() -> None:
     udpros.race_all_connections()
-    try:
-        command = [find_rviz(), *sys.argv[1:]]
-    except OSError as error:
-        rospy.logerr('rviz is not started: %s. All else runs without it; rviz:=false avoids this message', error)
-        return
-    wait_until_free(NODE, SECOND_OPERATOR)
-    keeper = RvizKeeper(command)
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, keeper.end)
-    keeper.run()
+    with tempfile.TemporaryDirectory(prefix='rviz_keeper_') as folder:
+        try:
+            command = [find_rviz(), *prefixed_arguments(sys.argv[1:], folder)]
+        except OSError as error:
+            rospy.logerr('rviz is not started: %s. All else runs without it; rviz:=false avoids this message', error)
+            return
+        wait_until_free(NODE, SECOND_OPERATOR)
+        keeper = RvizKeeper(command)
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, keeper.end)
+        keeper.run()

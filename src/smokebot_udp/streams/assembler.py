@@ -61,6 +61,8 @@ class Assembler(Generic[Finished, Result]):
     """Class of the messages that come out."""
     SEGMENTS: ClassVar[Mapping[str, Any]] = {}
     """{part: class of its messages on the wire}, see segments.wire_topic."""
+    CARRIES: str = ''
+    """Type and md5 sum of the messages that segments carry as they are, see transport.Transport; empty: none."""
     COMPILED: ClassVar[FrozenSet[str]] = frozenset()
     """Parts whose segments need the compiled codec. The runner discards them until it is loaded."""
     HELD: ClassVar[FrozenSet[str]] = frozenset()

@@ -31,6 +31,8 @@ class Encoder(Generic[Message]):
     """Class of the source's messages."""
     SEGMENTS: ClassVar[Mapping[str, Any]] = {}
     """{part: class of its messages on the wire}, see segments.wire_topic; a frame belongs to the part of its class."""
+    CARRIES: str = ''
+    """Type and md5 sum of the messages that segments carry as they are, see transport.Transport; empty: none."""
     PARAMETERS: ClassVar[Mapping[str, Parameter]] = ROBOT
     """Settings of the robot's side of this kind."""
     PROTECTED: bool = False

@@ -7,7 +7,7 @@ from ...msg import RelaySegment
 from ..assembler import Assembled, Assembler, Clock, no_clock
 from ..parameters import OPERATOR
 from ..segments import MAIN_PART
-from .parts import PartJoiner
+from .parts import PartJoiner, carried
 from .transforms import RELAY, TF_TYPES, TransformSet, message_class, stamp_of
 
 
@@ -23,6 +23,7 @@ class RelayAssembler(Assembler[None, Assembled]):
     def __init__(self, settings: Mapping[str, Any], clock: Clock = no_clock) -> None:
         super().__init__(settings, clock)
         self.MESSAGE = message_class(settings['message_type'])
+        self.CARRIES = carried(self.MESSAGE)
         self.LATCH, self.STEADY = settings['latch'], not settings['latch']
         self._merges = settings['latch'] and settings['message_type'] in TF_TYPES
         self._parts = PartJoiner(self.MESSAGE)

@@ -15,7 +15,7 @@ from ...udpros.frame import Frame
 from ..encoder import Encoder
 from ..parameters import ROBOT
 from ..segments import MAIN_PART, room, size_on_air
-from .parts import relay_frame
+from .parts import carried, relay_frame
 from .transforms import QUEUE, RELAY, TF_TYPES, TransformSet, message_class
 
 MAX_PROTECTED_DATAGRAMS = 4
@@ -44,6 +44,7 @@ class RelayEncoder(Encoder[Any]):
     def __init__(self, settings: Mapping[str, Any]) -> None:
         super().__init__(settings)
         self.MESSAGE = message_class(settings['message_type'])
+        self.CARRIES = carried(self.MESSAGE)
         self.KEEPS, self.STEADY = settings['latch'], not settings['latch']
         self._merges = settings['message_type'] in TF_TYPES
         self._kept: Any = TransformSet() if self._merges else None      # with latch: what is repeated

@@ -23,6 +23,11 @@ MAX_PARTIALS = 2
 SEQ_MODULUS = 1 << 32
 
 
+def carried(message_class: Any) -> str:
+    """Type and md5 sum of the messages of a relay, as transports compare them."""
+    return '%s %s' % (message_class._type, message_class._md5sum)
+
+
 def relay_frame(message: Any, max_datagram_size: int) -> Frame:
     """The segments that carry a ROS message.
 

@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The robot's settings across the link: what operators request, and what the robot answers.
+
+A part is a stream of streams.yaml, or the mission focus. An operator repeats a request until a state answers its id;
+the robot carries it out once and answers each repetition. Besides, the robot sends the states of all parts in turn, and
+those that change at once.
+"""
+from dataclasses import dataclass
+from typing import Any, Mapping, Tuple
+
+FOCUS_PART = ''
+"""Name of the part that has the mission focus as its only setting."""
+
+FOCUS_SETTING = 'focus'
+
+MAX_REFUSAL = 300
+"""A longer reason is cut [characters]."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """Of an operator."""
+    id: int
+    """Random, not 0."""
+    part: str
+    values: Mapping[str, Any]
+    """{setting: requested value}"""
+
+
+@dataclass(frozen=True)
+class PartState:
+    """A part at one moment."""
+    session: int
+    """Random, another one after each start of the robot's node: revisions of different sessions have no order."""
+    revision: int
+    """Grows with each change of the part."""
+    part: str
+    values: Mapping[str, Any]
+    """{setting: requested value} of all settings that may change."""
+    profiles: Tuple[str, ...] = ()
+    """The names of the profiles, with FOCUS_PART."""
+    request: int = 0
+    """Id of the request that it answers; 0: none."""
+    refusal: str = ''
+    """Why that was refused; empty: it was not."""

@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""robots.yaml: the robots of a desk by name, each with its own master.
+
+    ugv1: {host: 10.0.0.7, key_file: /etc/smokebot/ugv1.key}
+    ugv2: {host: ugv2.local, port: 17002, frame_prefix: second/, streams: my_streams.yaml}
+
+A robot that is wrong is left out and reported; the others are used.
+"""
+import re
+from typing import Any, Dict, List, Mapping, Tuple
+
+from .parameters import Parameter, check
+from .yaml_text import read_yaml
+
+NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]*$')
+HOST = re.compile(r'[A-Za-z0-9]([A-Za-z0-9._-]*[A-Za-z0-9])?$')
+
+ROBOT = {
+    'host': Parameter(None, '', 'host name or IPv4 address of the robot'),
+    'port': Parameter(17001, '', "UDP port of the robot: its link_port", least=1, most=65535),
+    'key_file': Parameter('', '', "file with the robot's key; empty: none"),
+    'frame_prefix': Parameter('', '', "goes before all frames of the robot; if it is missing: the robot's name and a "
+                              'slash'),
+    'streams': Parameter('', '', "file that defines the streams, the same as the robot's; empty: the desk's"),
+}
+"""What robots.yaml may set for a robot."""
+
+
+def load(text: str) -> Tuple[Dict[str, Dict[str, Any]], List[str]]:
+    """Read the text of a robots.yaml.
+
+    :return: ({name: {setting: value}} of the good robots, [problem, ...] in words)
+    """
+    document, problems = read_yaml(text)
+    if document is None and problems:
+        return {}, problems
+    if not isinstance(document, dict) or not document:
+        return {}, problems + ['it has no robots: "ugv1: {host: 10.0.0.7}" is one']
+    good: Dict[str, Dict[str, Any]] = {}
+    for name, values in document.items():
+        try:
+            good[name] = _check(name, values, good)
+        except ValueError as error:
+            problems.append('robot %r: %s' % (name, error))
+    return good, problems
+
+
+def _check(name: Any, values: Any, others: Mapping[str, Mapping[str, Any]]) -> Dict[str, Any]:
+    """The settings of a robot.
+
+    :param others: {name: settings} of the robots before it
+    :raises ValueError: where something is wrong
+    """
+    if not isinstance(name, str) or not NAME.match(name):
+        raise ValueError('a name has letters, digits and _, and begins with a letter')
+    if not isinstance(values, dict):
+        raise ValueError('its settings are %r, not names with values' % (values,))
+    settings = check({'frame_prefix': name + '/', **values}, ROBOT)
+    if not HOST.match(settings['host']):
+        raise ValueError('host is %r, must be a host name or an IPv4 address; its port is a setting of its own'
+                         % settings['host'])
+    for other, theirs in others.items():
+        if _address(theirs) == _address(settings):
+            raise ValueError("%s:%d is already robot '%s'" % (settings['host'], settings['port'], other))
+    return settings
+
+
+def _address(settings: Mapping[str, Any]) -> Tuple[str, int]:
+    return settings['host'].lower(), settings['port']

@@ -1,0 +1,14 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""An rviz configuration for a robot whose frames have a prefix.
+
+rviz's option -f sets the fixed frame only; the view follows another one.
+"""
+import re
+
+FRAMES = re.compile(r'^( *(?:Fixed|Target|Reference) Frame: )(?!<)(\S.*)$', re.MULTILINE)
+"""Lines that name a frame; <Fixed Frame> is not a name."""
+
+
+def with_prefix(text: str, prefix: str) -> str:
+    """The text of an .rviz file whose frames have the prefix."""
+    return FRAMES.sub(lambda line: line.group(1) + prefix + line.group(2), text)

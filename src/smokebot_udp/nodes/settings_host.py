@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The robot's side of the settings across the link: carries out what operators request, and sends what is in effect.
+
+It is needed where operators have masters of their own, and so cannot reach the robot's parameters.
+mission/settings_server.py decides.
+"""
+import random
+import threading
+import time
+from typing import Any, Callable
+
+import rospy
+
+from ..mission.control import MissionControl
+from ..mission.remote import PartState, Request
+from ..mission.settings_server import SettingsServer
+from ..msg import SettingsRequest, SettingsState
+from ..transport import Transport
+from .logging import log_error
+from .settings_messages import REQUESTS, STATES, request_of, state_message
+from .worker import DeadlineWorker
+
+
+class SettingsHost(rospy.SubscribeListener):
+    """Lives as long as its node.
+
+    :param control: all requests for settings go through it
+    :param report: f(problem), called with what is refused
+    """
+
+    def __init__(self, control: MissionControl, transport: Transport, report: Callable[[str], None]) -> None:
+        super().__init__()
+        self._control, self._report = control, report
+        self._server = SettingsServer(random.randint(1, 2 ** 32 - 1), control.profiles)
+        self._updating = threading.Lock()   # otherwise an older state might replace a newer one; the outermost lock
+        self._worker: DeadlineWorker[PartState] = DeadlineWorker(
+            'settings across the link', self._server.poll, self._server.deadline, self._send,
+            log_error('settings across the link'))
+        self.update()
+        self._states = transport.publisher(STATES, SettingsState, subscriber_listener=self)
+        self._worker.start()
+        self._requests = transport.subscriber(REQUESTS, SettingsRequest, self._receive)
+
+    def update(self) -> None:
+        """Settings may have changed; any thread that holds no lock of theirs."""
+        with self._updating:
+            parts = self._control.parts()
+            with self._worker.changing():
+                self._server.update(parts)
+
+    def peer_subscribe(self, topic_name: str, topic_publish: Any, peer_publish: Any) -> None:
+        """There is a new operator."""
+        with self._worker.changing():
+            self._server.joined()
+
+    def close(self) -> None:
+        """End the thread and the topics."""
+        self._requests.unregister()
+        self._worker.close()
+        self._states.unregister()
+
+    def _receive(self, message: Any) -> None:
+        """Serve a request; the transport's thread."""
+        operator = message._connection_header['callerid']
+        try:
+            request = request_of(message)
+        except ValueError as error:
+            rospy.logerr_throttle(5, 'a request for settings of %s is not served: %s' % (operator, error))
+            return
+        with self._worker.changing():
+            wanted = self._server.take(request, time.monotonic())
+        if not wanted:
+            return
+        refusal = self._refusal(request, operator)
+        self.update()
+        with self._worker.changing():
+            self._server.answer(request, refusal)
+
+    def _refusal(self, request: Request, operator: str) -> str:
+        """Carry out a request; why it is refused, or nothing."""
+        try:
+            self._control.request_part(request.part, request.values)
+        except ValueError as error:
+            self._report('%s requests %s: refused: %s' % (operator, request.part or 'a focus', error))
+            return str(error)
+        return ''
+
+    def _send(self, state: PartState) -> None:
+        self._states.publish(state_message(state))

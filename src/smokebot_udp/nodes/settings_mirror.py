@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The operator's side of the settings across the link: shows the robot's settings at the operator's own master.
+
+They are where they would be with a shared master, in the operator's namespace: robot_sender/focus and
+robot_sender/<stream>/, for rosparam and dynamic_reconfigure. mission/settings_client.py decides.
+"""
+import functools
+import random
+import time
+from typing import Any, Callable, Dict, Mapping, Optional
+
+import rospy
+
+from ..mission.parameters import Table
+from ..mission.remote import Request
+from ..mission.settings_client import SettingsClient
+from ..msg import SettingsRequest, SettingsState
+from ..transport import Transport
+from .live import LiveSettings, ParameterWatch
+from .logging import log_error
+from .settings_messages import REQUESTS, STATES, request_message, state_of
+from .worker import DeadlineWorker, PeriodicWorker
+
+
+class SettingsMirror:
+    """Lives as long as its node.
+
+    :param node: resolved name of the robot's node, as if it were at this master
+    :param tables: {stream: {setting: Parameter}} of the robot's settings that may change
+    :param report: f(problem), called with what is refused
+    """
+
+    def __init__(self, node: str, tables: Mapping[str, Table], transport: Transport,
+                 report: Callable[[str], None]) -> None:
+        self._node, self._report = node, report
+        self._client = SettingsClient(tables, lambda: random.randint(1, 2 ** 32 - 1))
+        self._parts: Dict[str, LiveSettings] = {}
+        self._watch = ParameterWatch([], background=True, node=node)
+        self._worker: DeadlineWorker[Request] = DeadlineWorker(
+            'requests for settings', self._poll, self._client.deadline, self._send, log_error('requests for settings'))
+        # not in the transport's thread: the master is asked
+        self._show = PeriodicWorker("the robot's settings", self._show_changed, log_error("the robot's settings"), None)
+        self._requests = transport.publisher(REQUESTS, SettingsRequest)
+        self._worker.start()
+        self._show.start()
+        self._states = transport.subscriber(STATES, SettingsState, self._receive)
+
+    def close(self) -> None:
+        """End all threads and topics."""
+        self._states.unregister()
+        self._watch.stop()
+        self._show.stop()
+        self._worker.close()
+        self._requests.unregister()
+
+    def _receive(self, message: Any) -> None:
+        """Take a state; the transport's thread."""
+        try:
+            state = state_of(message)
+        except ValueError as error:
+            rospy.logerr_throttle(5, "a state of the robot's settings is not shown: %s" % error)
+            return
+        with self._worker.changing():
+            self._client.receive(state)
+            self._follow()
+
+    def _request(self, part: str, changes: Mapping[str, Any]) -> Dict[str, Any]:
+        """As SettingsStore.request; any thread."""
+        with self._worker.changing():
+            return self._client.request(part, changes, time.monotonic())
+
+    def _poll(self, now: float) -> Optional[Request]:
+        request = self._client.poll(now)
+        self._follow()
+        return request
+
+    def _send(self, request: Request) -> None:
+        self._requests.publish(request_message(request))
+
+    def _follow(self) -> None:
+        if self._client.news:
+            self._show.wake()
+
+    def _show_changed(self) -> None:
+        """Report what was refused, and show what has changed."""
+        with self._worker.changing():
+            problems, changed = self._client.take_news()
+        for name, problem in problems:
+            self._report('%s: %s' % ('/'.join(filter(None, (self._node, name))), problem))
+        for name in changed:
+            part = self._parts.get(name)
+            if part is not None:
+                part.show()
+                continue
+            self._parts[name] = LiveSettings(name, self._client.stores[name], self._report,
+                                             functools.partial(self._request, name), self._node)
+            self._watch.add(self._parts[name])

@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Chooses what carries the streams: UDPROS over a shared master, or a link between two masters over one UDP port.
+
+This is the only place that knows which transports there are.
+"""
+import os
+import sys
+import time
+from typing import Any, Callable, Optional, Tuple
+
+import rospy
+
+from ..link.keys import read_key
+from ..link.transport import OperatorTransport, RobotTransport
+from ..transport import Transport
+from ..udpros.transport import UdprosTransport
+from .common import Parameters
+from .logging import log_error
+
+RETRY_PERIOD = 5.0
+"""Time between attempts to start a transport [s]."""
+
+UNSEALED = ('has no key: anybody on the network can watch, and once commands exist, drive; make a key file by make_key '
+            'and give it to both sides as key_file')
+"""What is wrong with a link."""
+
+
+def robot_transport(parameters: Parameters) -> Transport:
+    """The robot's transport; it waits until it can be started.
+
+    :param parameters: of ROBOT_SENDER
+    """
+    port, size = parameters['link_port'], parameters['max_datagram_size']
+    if not port and not parameters['key_file']:
+        return UdprosTransport(size)
+
+    def listen(key: Optional[bytes]) -> Transport:
+        _check_link(port, 'link_port')
+        try:
+            return RobotTransport(port, key, max_datagram_size=size)
+        except OSError as error:
+            raise ValueError('UDP port %d cannot be used: %s' % (port, error.strerror)) from None
+    return _patiently(parameters, 'the link', listen)
+
+
+def operator_transport(parameters: Parameters) -> Transport:
+    """The operator's transport; it waits until it can be started.
+
+    :param parameters: of OPERATOR_RECEIVER
+    """
+    robot, size, buffer = (parameters[name] for name in ('robot', 'max_datagram_size', 'receive_buffer'))
+    if not robot and not parameters['key_file']:
+        return UdprosTransport(size, buffer)
+
+    def connect(key: Optional[bytes]) -> Transport:
+        _check_link(robot, 'robot')
+        return OperatorTransport(*host_and_port(robot), key, max_datagram_size=size, receive_buffer=buffer,
+                                 report=lambda problem: rospy.logerr('%s: %s', robot, problem))
+    # a desk with several robots shows the messages of all on one terminal
+    return _patiently(parameters, 'the link to %s' % robot if robot else 'the link', connect)
+
+
+def host_and_port(text: str) -> Tuple[str, int]:
+    """The parts of HOST:PORT.
+
+    :raises ValueError: where it is not that
+    """
+    host, colon, port = text.rpartition(':')
+    if not (host and colon and port.isascii() and port.isdigit() and 0 < int(port) < 65536):
+        raise ValueError('robot is %r, must be HOST:PORT, such as 10.0.0.7:17001' % text)
+    return host, int(port)
+
+
+def _patiently(parameters: Parameters, link: str, make: Callable[[Optional[bytes]], Transport]) -> Transport:
+    """make(key), as soon as that is possible: who has to use a key must not do without.
+
+    :param link: what the log calls it
+    """
+    log = log_error(link + ' does not start, and this node waits')
+    while not rospy.is_shutdown():
+        try:
+            transport = make(_key(parameters))
+        except (ValueError, OSError) as error:
+            log(error)
+        else:
+            if not parameters['key_file']:
+                rospy.logwarn('%s %s', link, UNSEALED)
+            return transport
+        try:
+            time.sleep(RETRY_PERIOD)
+        except KeyboardInterrupt:
+            break
+    sys.exit(0)
+
+
+def _key(parameters: Parameters) -> Optional[bytes]:
+    """:raises ValueError: where there is no key in the file"""
+    path = parameters['key_file']
+    return read_key(os.path.expanduser(path)) if path else None
+
+
+def _check_link(value: Any, name: str) -> None:
+    """:raises ValueError: where there is a key, but the parameter `name`, which a link needs, is empty"""
+    if not value:
+        raise ValueError('key_file needs %s: over a shared master all is sent in the clear' % name)
