@@ -9,13 +9,13 @@ import pathlib
 import sys
 import time
 import unittest
-from typing import Any
+from typing import Any, List
 
 import rostest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
-import waiting  # noqa: F401  (it reports skipped tests)
+from waiting import give_time, wait_for
 
 from evaluation.listener import Listener
 from evaluation.stack import Stack
@@ -60,15 +60,17 @@ class Adaptation(unittest.TestCase):
         """What the robot told of the link since a time: [{rate, capacity, ...}, ...]."""
         return [heard.amount for heard in list(self.robot.heard) if heard.topic == LINK and heard.arrival >= since]
 
+    def texts(self, since: float) -> List[str]:
+        """What diagnostics of the robot say since a time."""
+        return [text for heard in list(self.robot.heard) if heard.topic == TOLD and heard.arrival >= since
+                for text in heard.amount]
+
     def wait(self, condition, seconds, what) -> None:
         """Until the mean of what the robot told of its rate in a second fulfils a condition [Mbit/s]."""
-        deadline, rates = time.time() + seconds, []
-        while time.time() < deadline:
-            time.sleep(0.2)
+        def fulfilled() -> bool:
             rates = [amount['rate'] for amount in self.told(time.time() - 1.0)]
-            if len(rates) >= 5 and condition(sum(rates) / len(rates)):
-                return
-        self.fail('%s within %g s: the rate was %s' % (what, seconds, rates))
+            return len(rates) >= 5 and condition(sum(rates) / len(rates))
+        wait_for(fulfilled, seconds, what)
 
     def counted(self, seconds) -> Any:
         """(pictures, odometry messages) that came to the operator from now on."""
@@ -96,11 +98,8 @@ class Adaptation(unittest.TestCase):
         self.link(5.0, operator={'loss': 1.0})
         self.wait(lambda mean: mean <= 1.1 * FLOOR, 20.0, 'the floor')
         begun = time.time()
-        self.robot.first([TOLD], 10.0)
-        time.sleep(2.0)
-        problems = [text for heard in list(self.robot.heard) if heard.topic == TOLD and heard.arrival >= begun
-                    for text in heard.amount]
-        self.assertTrue([text for text in problems if text.startswith('no reports of /operator_receiver')], problems)
+        wait_for(lambda: [text for text in self.texts(begun) if text.startswith('no reports of /operator_receiver')],
+                 15, 'the problem')
         pictures, odometry = self.counted(5.0)
         self.assertGreaterEqual(odometry, 3)    # nothing is lost on the robot's way
         self.link(5.0)
@@ -111,14 +110,9 @@ class Adaptation(unittest.TestCase):
         forger = self.stack.start('operator', sys.executable, str(FORGER))
         begun = time.time()
         try:
-            refused = 0
-            while not refused and time.time() < begun + 30.0:
-                time.sleep(0.5)
-                refused = sum('reports refused' in text for heard in list(self.robot.heard) if heard.topic == TOLD
-                              for text in heard.amount)
-            self.assertTrue(refused, 'the forged reports are not told of')
+            wait_for(lambda: any('reports refused' in text for text in self.texts(begun)), 30, 'refused reports')
             since = time.time()
-            time.sleep(5.0)
+            give_time(5.0)
             rates = [amount['rate'] for amount in self.told(since)]
         finally:
             self.stack.end(forger)

@@ -101,7 +101,8 @@ class Demo(unittest.TestCase):
         client.update_configuration({'enabled': True})
         wait_for(lambda: self.received['thermal'].messages, what='the stream again')
 
-    def test_a_demo_of_some_seconds_ends_cleanly(self) -> None:
+    def demo_of_a_second(self, *arguments: str) -> str:
+        """The output of a demo that has to end cleanly."""
         with socket.create_server(('', 0)) as free:
             port = free.getsockname()[1]
         with tempfile.NamedTemporaryFile('w', suffix='.yaml') as streams:
@@ -110,12 +111,20 @@ class Demo(unittest.TestCase):
             streams.flush()
             demo = subprocess.run(
                 ['roslaunch', '-p', str(port), 'smokebot_udp', 'demo.launch', 'rviz:=false', 'seconds:=1',
-                 'streams:=' + streams.name], timeout=60, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                 'streams:=' + streams.name, *arguments], timeout=120, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                 env={**os.environ, 'ROS_MASTER_URI': 'http://localhost:%d' % port})
         text = demo.stdout.decode()
         self.assertEqual(demo.returncode, 0, text)
-        self.assertIn('Over 1 s:', text)
         self.assertNotIn('has died', text)
+        return text
+
+    def test_a_demo_of_some_seconds_ends_cleanly(self) -> None:
+        self.assertIn('Over 1 s:', self.demo_of_a_second())
+
+    def test_a_demo_of_two_robots_reports_each_and_ends_cleanly(self) -> None:
+        text = self.demo_of_a_second('robots:=2')
+        for name in 'ugv1', 'ugv2':
+            self.assertIn(name + ', over 1 s:', text)
 
 
 if __name__ == '__main__':

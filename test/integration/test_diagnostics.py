@@ -6,7 +6,6 @@ import pathlib
 import subprocess
 import sys
 import threading
-import time
 import unittest
 from typing import Any, Dict, Optional, Tuple
 
@@ -18,7 +17,7 @@ from sensor_msgs.msg import Image
 from std_msgs.msg import Float32
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from waiting import Collector, wait_for
+from waiting import Collector, ticks, wait_for
 
 from smokebot_udp.codecs.display.view import COLOURS, FRESH, FROZEN
 
@@ -43,10 +42,7 @@ class Camera(threading.Thread):
             self._publish()
 
     def _publish(self) -> None:
-        due = time.monotonic()
-        while not rospy.is_shutdown():
-            time.sleep(max(0.0, due - time.monotonic()))
-            due += 1 / RATE
+        for _ in ticks(RATE):
             self._gas.publish(0.5)
             if self.on:
                 self._message.header.stamp = rospy.Time.now()

@@ -5,7 +5,6 @@ import pathlib
 import subprocess
 import sys
 import threading
-import time
 from typing import Any
 
 import numpy as np
@@ -21,7 +20,7 @@ from std_msgs.msg import Bool
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from streams_case import StreamsCase
-from waiting import Collector, wait_for
+from waiting import Collector, give_time, stays, ticks, wait_for
 
 from smokebot_udp.msg import RobotStatus
 from smokebot_udp.srv import SetFocus
@@ -69,10 +68,7 @@ class Sources(threading.Thread):
                          'odom': Odometry()}
 
     def run(self) -> None:
-        due = time.monotonic()
-        while not rospy.is_shutdown():
-            time.sleep(max(0.0, due - time.monotonic()))
-            due += 1 / RATE
+        for _ in ticks(RATE):
             for name, message in self.messages.items():
                 message.header.stamp = rospy.Time.now()
                 self.publishers[name].publish(message)
@@ -106,10 +102,10 @@ class Focus(StreamsCase):
 
     def check_focus(self, focus) -> None:
         """All ways show it, and the operator's rates are the profile's."""
-        time.sleep(SETTLED)      # what the issue asks for: within a second
+        give_time(SETTLED)      # what the issue asks for: within a second
         for collector in self.out.values():
             collector.clear()
-        time.sleep(WATCHED)
+        give_time(WATCHED)
         streams = PROFILES[focus]['streams']
         for name in ('thermal', 'camera'):
             settings = streams.get(name, PROFILES[focus].get('others', {}))
@@ -159,7 +155,7 @@ class Focus(StreamsCase):
 
     def test_wrong_values_are_refused_and_set_back(self) -> None:
         by_service('default')
-        time.sleep(0.5)
+        give_time(0.5)      # its parameters are written meanwhile
         self.refused_parameter('/robot_sender/focus', 'dancing', "focus is 'dancing', must be one of")
         self.refused_parameter('/robot_sender/thermal/rate', -5, 'rate is -5')
         self.refused_parameter('/robot_sender/thermal/rate', 'fast', "rate is 'fast'")
@@ -200,8 +196,7 @@ class Focus(StreamsCase):
                 reconfigure(encode_config({'weight': 2.0 + attempt}))
                 wait_for(lambda weight=2.0 + attempt: self.stream('odom').weight == weight, 5, 'the weight')
                 rate = PROFILES[focus]['streams']['odom']['rate']
-                time.sleep(0.5)     # it must not be reverted soon after, either
-                self.assertEqual(rospy.get_param('/robot_sender/odom/rate'), rate)
+                stays(lambda rate=rate: rospy.get_param('/robot_sender/odom/rate') == rate, 0.5, 'the rate')
                 # every fifth status is lost; it is repeated
                 wait_for(lambda rate=rate: self.stream('odom').rate == rate, 10, 'the rate of the focus')
         by_service('default')
@@ -228,7 +223,7 @@ class Focus(StreamsCase):
 
     def test_a_namespace_of_wrong_values_is_refused(self) -> None:
         by_service('default')
-        time.sleep(0.5)
+        give_time(0.5)      # its parameters are written meanwhile
         before = rospy.get_param('/robot_sender/thermal')
         self.refused_parameter('/robot_sender/thermal', 5, '/robot_sender/thermal is 5')
         self.refused_parameter('/robot_sender/thermal', [1, 2], '/robot_sender/thermal is [1, 2]')
@@ -239,7 +234,7 @@ class Focus(StreamsCase):
         wait_for(lambda: self.stream('thermal').rate == 6.0, 5, 'the rate beside it')
         wait_for(lambda: {**before, 'rate': 6.0}.items() <= rospy.get_param('/robot_sender/thermal').items(), 5,
                  'what was left out')
-        time.sleep(0.5)
+        give_time(0.5)
         self.assertEqual(len([error for error in self.errors if 'colour' in error]), 1)
         self.assertFalse([error for error in self.errors if 'warn_loss' in error])
         for name in ('colour', 'warn_loss'):

@@ -10,7 +10,6 @@ import pathlib
 import subprocess
 import sys
 import threading
-import time
 import unittest
 import xmlrpc.client
 from typing import Any
@@ -24,7 +23,7 @@ from sensor_msgs.msg import Image
 from std_msgs.msg import Float32
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from waiting import Collector, wait_for
+from waiting import Collector, give_time, ticks, wait_for
 
 from smokebot_udp.msg import LinkStatus
 
@@ -41,11 +40,8 @@ def publish() -> None:
     images = rospy.Publisher('/thermal/image_raw', Image, queue_size=1)
     gas = rospy.Publisher('/gas', Float32, queue_size=1)
     message = Image(height=240, width=320, encoding='mono16', step=640, data=np.random.RandomState(0).bytes(240 * 640))
-    due = time.monotonic()
     with contextlib.suppress(rospy.ROSException):       # the topics are closed: the test has ended
-        while not rospy.is_shutdown():
-            time.sleep(max(0.0, due - time.monotonic()))
-            due += 1 / RATE
+        for _ in ticks(RATE):
             message.header.stamp = rospy.Time.now()
             images.publish(message)
             gas.publish(0.5)
@@ -79,7 +75,7 @@ class HostileCalls(unittest.TestCase):
         """(pictures a second, mean and least rate of the link [Mbit/s]) from now on."""
         self.pictures.clear()
         del self.rates[:]
-        time.sleep(seconds)
+        give_time(seconds)
         return len(self.pictures.messages) / seconds, float(np.mean(self.rates)), min(self.rates)
 
     def test_strangers_stop_nothing(self) -> None:

@@ -17,7 +17,7 @@ import rostest
 from sensor_msgs.msg import Image
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from waiting import Collector, errors_logged, wait_for
+from waiting import Collector, errors_logged, give_time, wait_for
 
 from smokebot_udp import udpros
 from smokebot_udp.codecs.wire.pixels import item_type
@@ -101,7 +101,7 @@ class LayeredStreams(unittest.TestCase):
     def send(cls, stream: str, pixels: Any, encoding: str) -> Any:
         stamp = rospy.Time.now()
         cls.sources[stream].publish(message_of(pixels, encoding, stamp))
-        rospy.sleep(0.05)
+        give_time(0.05)     # the next image has another stamp, and does not replace this one
         return stamp
 
     def setUp(self) -> None:
@@ -120,7 +120,7 @@ class LayeredStreams(unittest.TestCase):
             path = '/robot_sender/%s/%s' % (stream, name)
             self.addCleanup(rospy.set_param, path, rospy.get_param(path))
             rospy.set_param(path, value)
-        rospy.sleep(0.5)
+        give_time(0.5)      # nothing announces that they are read
 
     def test_every_encoding_is_shown_though_a_fifth_is_lost(self) -> None:
         for encoding in ('mono8', 'mono16', 'bgr8', 'rgb8'):

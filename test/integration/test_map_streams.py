@@ -3,7 +3,6 @@
 """Maps through robot_sender and operator_receiver: real nodes, real sockets, real master."""
 import pathlib
 import sys
-import time
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from nav_msgs.msg import OccupancyGrid
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from streams_case import LOSSES, StreamsCase
-from waiting import Collector, wait_for
+from waiting import Collector, give_time, wait_for
 
 from smokebot_udp import udpros
 from smokebot_udp.msg import GridSegment
@@ -93,7 +92,7 @@ class MapStreams(StreamsCase):
         self.source.publish(message)
         self.shown(message)
         wait_for(lambda: rounds.count(600) >= ROUNDS, 60, '%d rounds' % ROUNDS)
-        time.sleep(MAX_WAIT)    # so long the receiver waits for more before it shows what the last round brought
+        give_time(MAX_WAIT)     # so long the receiver waits for more before it shows what the last round brought
         got = self.out[50].messages[message.header.stamp]
         # Of a cell all ten rounds lose one in a thousand; its nearest stands in for it
         walls = [(slice(row, row + 2), slice(20, -20)) for row in range(20, 380, 80)]
@@ -116,7 +115,7 @@ class MapStreams(StreamsCase):
         again.header.stamp += rospy.Duration(1)
         shown = len(self.out[0].messages)
         self.source.publish(again)
-        time.sleep(3 / REPEAT_RATE)   # nothing may come
+        give_time(3 / REPEAT_RATE)    # nothing may come
         self.assertEqual(len(self.out[0].messages), shown)
 
     def test_bad_maps_are_told_of_and_the_next_good_one_comes(self) -> None:

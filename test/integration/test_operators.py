@@ -8,7 +8,6 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 import unittest
 import xmlrpc.client
 from typing import Any, Dict, List, Set
@@ -24,7 +23,7 @@ from sensor_msgs.msg import Image
 from tf2_msgs.msg import TFMessage
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from waiting import Collector, pid_at, wait_for
+from waiting import Collector, give_time, pid_at, wait_for
 
 from smokebot_udp.msg import RobotStatus
 from smokebot_udp.srv import SetFocus
@@ -173,7 +172,7 @@ class Operators(unittest.TestCase):
             for thread in threads:
                 thread.join(15)
             self.assertEqual(set(answers), set(OPERATORS))
-            time.sleep(1.0)     # what would go on switching would do so now
+            give_time(1.0)      # what would go on switching would do so now
             log.unregister()
             changes = [focus for at, focus in enumerate(switches) if at == 0 or focus != switches[at - 1]]
             self.assertLessEqual(len(changes), 3, changes)

@@ -18,7 +18,7 @@ from std_msgs.msg import Header
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from test_udpros_master import OwnMaster
-from waiting import pid_at, wait_for
+from waiting import give_time, pid_at, wait_for
 
 from smokebot_udp import udpros
 
@@ -78,7 +78,7 @@ class RvizKeeper(unittest.TestCase):
         talker, keeper = self.talk(), self.keep()
         self.relayed(20)
         before = self.relays(keeper)
-        time.sleep(3)       # the keeper has found it
+        give_time(3)        # the keeper has found it
         for _ in range(2):
             self.master.restart()
             wait_for(lambda: self.master.registered(NODE) >= RELAYED, 10, 'its topics')

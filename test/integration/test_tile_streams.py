@@ -17,7 +17,7 @@ import rostest
 from nav_msgs.msg import OccupancyGrid
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from waiting import Collector, errors_logged, pid_at, wait_for
+from waiting import Collector, errors_logged, give_time, pid_at, wait_for
 
 from smokebot_udp import udpros
 from smokebot_udp.msg import LinkReport, MapTile
@@ -114,7 +114,7 @@ class TileStreams(unittest.TestCase):
         """Wait until nothing but statements about the map arrives."""
         def still() -> bool:
             before = self.arrived
-            time.sleep(2.0)
+            give_time(2.0)
             return bool(self.arrived[0] - before[0] <= 3)
         wait_for(still, PATIENCE, 'a map that is held')
 
@@ -132,7 +132,7 @@ class TileStreams(unittest.TestCase):
             row, column = random.randint(30, 550), random.randint(30, 750)
             cells[row:row + 20, column:column + 20] = value
             times.append(self.publish(cells))
-            time.sleep(0.2)
+            give_time(0.2)      # between two changes
         print('a change of 20 x 20 cells is shown after %.2f s, p95 %.2f s' % (
             np.median(times), np.percentile(times, 95)), file=sys.stderr)
         self.assertLess(np.median(times), 1.0)
@@ -156,7 +156,7 @@ class TileStreams(unittest.TestCase):
         self.quiet()
         before = self.arrived
         self.source.publish(grid(building(600, 800)))      # its content is the same
-        time.sleep(6.0)
+        give_time(6.0)
         datagrams, size = self.arrived - before
         self.assertLessEqual(datagrams, 12)
         self.assertLess(size / 6.0, 1000.0)
@@ -211,7 +211,7 @@ class TileStreams(unittest.TestCase):
             segment.info.width, segment.info.height = width, height
             segment.info.resolution = float(random.choice([0.0, 0.05, np.nan, np.inf, -1.0]))
             hostile.publish(segment)
-        time.sleep(1.0)
+        give_time(1.0)
         self.assertEqual(len(self.out.messages), shown)
         cells = self.cells.copy()
         cells[50:70, 50:70] = 44

@@ -16,7 +16,7 @@ import rostest
 from sensor_msgs.msg import Image
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from waiting import Collector, wait_for
+from waiting import Collector, give_time, ticks, wait_for
 
 from smokebot_udp.msg import LinkStatus
 
@@ -42,12 +42,10 @@ class TwoOperators(unittest.TestCase):
 
     @classmethod
     def film(cls) -> None:
-        message, due = Image(height=120, width=160, encoding='mono16', step=320), time.monotonic()
+        message = Image(height=120, width=160, encoding='mono16', step=320)
         message.data = np.random.RandomState(0).bytes(120 * 320)
         with contextlib.suppress(rospy.ROSException):   # the topics are closed: the test has ended
-            while not rospy.is_shutdown():
-                time.sleep(max(0.0, due - time.monotonic()))
-                due += 1 / RATE
+            for _ in ticks(RATE):
                 message.header.stamp = rospy.Time.now()
                 cls.images.publish(message)
 
@@ -58,7 +56,7 @@ class TwoOperators(unittest.TestCase):
     def received(self, seconds: float) -> float:
         """Images that come to the first operator from now on [Hz]."""
         begun = time.monotonic()
-        time.sleep(seconds)
+        give_time(seconds)
         return sum(when >= begun for when in list(self.first.arrivals.values())) / seconds
 
     def test_a_second_operator_costs_the_first_one_nothing(self) -> None:

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What the integration tests share: waiting for events with a deadline, and reports of skipped tests."""
+import itertools
 import threading
 import time
 import xml.etree.ElementTree as ElementTree
@@ -48,6 +49,28 @@ def wait_for(condition: Callable[[], Any], seconds: float = 20.0, what: str = 't
         time.sleep(0.02)
 
 
+def give_time(seconds: float) -> None:
+    """Let time pass: something is measured meanwhile, or must not happen, and nothing announces the end of that."""
+    time.sleep(seconds)
+
+
+def ticks(rate: float) -> Iterator[None]:
+    """`rate` times a second, each yielded when it is due, until the node is shut down."""
+    due = time.monotonic()
+    while not rospy.is_shutdown():
+        time.sleep(max(0.0, due - time.monotonic()))
+        due += 1.0 / rate
+        yield
+
+
+def stays(condition: Callable[[], Any], seconds: float, what: str = 'the condition') -> None:
+    """AssertionError where condition() does not stay true for `seconds`: nothing announces what must not happen."""
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline:
+        assert condition(), '%s did not last %g s' % (what, seconds)
+        time.sleep(0.02)
+
+
 def pid_at(uri: str) -> int:
     """The process id of the node at a URI; 0: there is no node, or it does not answer."""
     try:
@@ -82,8 +105,5 @@ class Collector:
 
 def stamps(count: int, rate: float) -> Iterator[Any]:
     """`count` times, `rate` per second, each yielded when it is due."""
-    due = time.monotonic()
-    for _ in range(count):
-        time.sleep(max(0.0, due - time.monotonic()))
-        due += 1.0 / rate
+    for _ in itertools.islice(ticks(rate), count):
         yield rospy.Time.now()

@@ -6,6 +6,7 @@ import time
 from typing import Any, Iterator, List, Optional
 
 import pytest
+from polling import wait_for
 
 from smokebot_udp.nodes.worker import DeadlineWorker
 
@@ -15,6 +16,8 @@ class Source:
 
     def __init__(self) -> None:
         self.items: List[Any] = []      # [(when, item), ...]
+        self.deadlines: List[Optional[float]] = [None]
+        """What `deadline` returned."""
         self.done: queue.Queue[Any] = queue.Queue()
         self.errors: queue.Queue[Exception] = queue.Queue()
         self.worker: DeadlineWorker[Any] = DeadlineWorker('worker', self.poll, self.deadline, self.work,
@@ -24,7 +27,8 @@ class Source:
         return self.items.pop(0)[1] if self.items and self.items[0][0] <= now else None
 
     def deadline(self) -> Optional[float]:
-        return self.items[0][0] if self.items else None
+        self.deadlines.append(self.items[0][0] if self.items else None)
+        return self.deadlines[-1]
 
     def add(self, when: float, item: Any) -> None:
         with self.worker.changing():
@@ -56,7 +60,7 @@ def test_it_works_in_order_and_not_before_the_time(source: Source) -> None:
 
 def test_an_earlier_deadline_wakes_it(source: Source) -> None:
     source.add(math.inf, 'never')
-    time.sleep(0.05)
+    wait_for(lambda: source.deadlines[-1] == math.inf)      # it is asked just before the worker waits
     with source.worker.changing():
         source.items.insert(0, (0.0, 'now'))
     assert source.done.get(timeout=10)[0] == 'now' and source.errors.empty()

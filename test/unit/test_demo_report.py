@@ -6,7 +6,7 @@ import pytest
 from skimage.metrics import peak_signal_noise_ratio
 
 from smokebot_udp.monitoring.link_board import NodeStatus
-from smokebot_udp.nodes.demo_report import DatagramCounts, psnr, rates
+from smokebot_udp.nodes.demo_report import DatagramCounts, in_namespace, psnr, rates
 
 
 @pytest.mark.parametrize('shape', [(40, 60), (40, 60, 3)])
@@ -41,3 +41,8 @@ def test_the_report_says_which_rate_is_expected() -> None:
     assert rates(46.04, {'rate': 10.0, 'latch': False}, 8.0) == (
         ' 46.0 Hz source, at most 10 Hz wanted,   8.0 received')
     assert rates(0.0, {'rate': 10.0, 'latch': True}, 0.0) == '  0.0 Hz source, latched,   0.0 received'
+
+
+def test_the_names_of_an_operator() -> None:
+    assert in_namespace('/operator/map', '') == in_namespace('operator/map', '') == '/operator/map'
+    assert in_namespace('/operator/map', 'ugv1') == in_namespace('operator/map', '/ugv1/') == '/ugv1/operator/map'

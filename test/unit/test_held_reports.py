@@ -5,8 +5,8 @@ from typing import Any, List
 
 import pytest
 import rospy
+from stub_transport import StubTransport
 
-from smokebot_udp import udpros
 from smokebot_udp.msg import Held
 from smokebot_udp.nodes.held_reports import HeldReports
 from smokebot_udp.streams.held import TOPIC, Holding
@@ -29,10 +29,9 @@ def made(monkeypatch: Any) -> Any:
     def subscriber(topic: str, message_class: Any, callback: Any, **options: Any) -> Any:
         subscribed.append((topic, message_class, callback))
         return SimpleNamespace(unregister=lambda: subscribed.clear())
-    monkeypatch.setattr(udpros, 'Subscriber', subscriber)
     monkeypatch.setattr(rospy, 'logwarn_throttle', lambda *_: None)
     stream = Stream()
-    reports: Any = HeldReports({'map': stream})     # type: ignore[dict-item]
+    reports: Any = HeldReports({'map': stream}, StubTransport(subscriber=subscriber))
     (topic, message_class, callback), = subscribed
     assert (topic, message_class) == (TOPIC, Held)
 
@@ -48,6 +47,11 @@ def made(monkeypatch: Any) -> Any:
 def test_a_report_reaches_its_stream(made: Any) -> None:
     made.receive()
     assert made.stream.reports == [('/desk', Holding(7, ((3, 2),)))] and not made.reports.dropped
+
+
+def test_operators_of_one_name_report_by_the_name_that_they_know(made: Any) -> None:
+    made.receive('/desk #2')
+    assert made.stream.reports == [('/desk #2', Holding(7, ((3, 2),)))]
 
 
 @pytest.mark.parametrize('reason, fields', [

@@ -190,3 +190,27 @@ def test_settings_begin_later_where_the_master_is_away_at_the_start(
     watch.stop()
     assert logged == ['settings cannot be changed until the master answers: [Errno 111] refused',
                       'settings cannot be changed until the master answers: IncompleteRead(0 bytes read)']
+
+
+def test_another_nodes_settings_are_shown_in_its_namespace(node: Node, monkeypatch: Any) -> None:
+    """As the robot's at an operator's master: what is there is of an earlier time, and not requested."""
+    node.parameters['/desk/robot/map'] = {'rate': 77.0}
+    monkeypatch.setattr('rospy.get_param', lambda name, _: {'map': node.parameters[name + '/map']})
+    for name in ('get_param_cached', 'logerr'):
+        monkeypatch.setattr('rospy.' + name, lambda *_: None)
+    monkeypatch.setattr(module.udpros, 'registered_together', contextlib.nullcontext)
+    kept: List[str] = []
+    monkeypatch.setattr(module, 'keep_parameters', kept.append)
+    store, requests = SettingsStore(live(TABLE), {**START, 'topic': 'x'}), []
+    part = LiveSettings('map', store, node.problems.append, lambda changes: requests.extend(changes.items()),
+                        '/desk/robot')
+    served = threading.Event()
+    monkeypatch.setattr(part, 'serve', served.set)
+    watch = ParameterWatch([], background=True, node='/desk/robot')
+    watch.add(part)
+    assert served.wait(10)
+    watch.stop()
+    assert node.parameters['/desk/robot/map'] == {name: START[name] for name in live(TABLE)}
+    assert kept == ['/desk/robot'] and not requests
+    part.read({'map': {**part.values, 'rate': 5.0}})
+    assert requests == [('rate', 5.0)]

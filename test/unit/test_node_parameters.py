@@ -10,7 +10,9 @@ from smokebot_udp.nodes import parameters as tables
 from smokebot_udp.nodes.common import Parameters, read_file, read_streams
 
 TABLES = {'robot_sender': tables.ROBOT_SENDER, 'operator_receiver': tables.OPERATOR_RECEIVER,
-          'simulated_robot': tables.SIMULATED_ROBOT, 'demo_report': tables.DEMO_REPORT}
+          'operator_desk': tables.OPERATOR_DESK,
+          'simulated_robot': tables.SIMULATED_ROBOT, 'demo_report': tables.DEMO_REPORT,
+          'demo_robots': tables.DEMO_ROBOTS}
 
 
 def node(monkeypatch: Any, table: Table, found: Any) -> Tuple[Parameters, List[str]]:

@@ -7,9 +7,9 @@ from typing import Any, Dict, Iterator, List, Optional
 import numpy as np
 import pytest
 import rospy
-from std_msgs.msg import String
+from std_msgs.msg import Header, String
+from stub_transport import StubTransport
 
-from smokebot_udp import udpros
 from smokebot_udp.image_error import ImageError
 from smokebot_udp.mission.parameters import Parameter
 from smokebot_udp.monitoring.stats import ConnectionStats, Shown, StreamStats
@@ -83,7 +83,7 @@ class ForwardingAssembler(FakeAssembler):
 
 
 class FakeTopic:
-    """Stands in for rospy.Publisher and udpros.Subscriber."""
+    """Stands in for publishers of rospy and subscribers of a transport."""
 
     def __init__(self, log: Any, name: str, class_: Any, **options: Any) -> None:
         self.log, self.name, self.options, self.closed = log, name, options, False
@@ -111,7 +111,6 @@ class Bench:
         self._class: Any = FakeAssembler
         monkeypatch.setattr(operator_stream, 'assembler_class', lambda kind: self._class)
         monkeypatch.setattr(rospy, 'Publisher', self._topic)
-        monkeypatch.setattr(udpros, 'Subscriber', self._topic)
         monkeypatch.setattr(rospy.Time, 'now', lambda: rospy.Time(NOW))
         for level in 'logerr', 'logwarn':
             monkeypatch.setattr(rospy, level + '_throttle_identical', lambda period, text: self.logged.put(text))
@@ -120,11 +119,13 @@ class Bench:
         self.topics[name] = FakeTopic(self.log, name, class_, **options)
         return self.topics[name]
 
-    def start(self, class_: Any = FakeAssembler, name: str = 'thermal', codec: Any = None) -> OperatorStream:
+    def start(self, class_: Any = FakeAssembler, name: str = 'thermal', codec: Any = None, frame_prefix: str = ''
+              ) -> OperatorStream:
         self._class = class_
         settings = {'type': 'fake', 'operator_topic': '/operator/' + name, 'max_wait': 0.1, 'fill': 'nearest',
                     'robot_topic': '/robots'}
-        link = OperatorLink(1472, is_still=lambda: True, images_compared=self.compared.put, codec=codec,
+        link = OperatorLink(StubTransport(subscriber=self._topic), is_still=lambda: True, codec=codec,
+                            images_compared=self.compared.put, frame_prefix=frame_prefix,
                             arrived=lambda name, *rest: self.log.put(('arrived', name, *rest)),
                             received=lambda name, holding: self.held.put((name, holding)))
         stream = OperatorStream(name, settings, link)
@@ -158,6 +159,15 @@ def test_a_message_is_published_and_then_settled(bench: Bench) -> None:
     assert stats == StreamStats(1, 1, shown=[Shown(10.0, 0.5, ERROR)], connections=[
         ConnectionStats('/robot', ('10.0.0.1', 5), 1, 99, name=name) for name in ('thermal', 'thermal/layers')])
     assert stream.stats().shown == [] and stream.last_shown is not None
+
+
+@pytest.mark.parametrize('class_, name', [(FakeAssembler, 'batch_callback'), (ForwardingAssembler, 'callback')])
+def test_frames_are_published_with_the_prefix(bench: Bench, class_: Any, name: str) -> None:
+    bench.start(class_, frame_prefix='ugv1/')
+    received = Header(frame_id='map')
+    bench.topics['/smokebot_udp/thermal/segments'].options[name](*[received, GOOD][:1 + (class_ is FakeAssembler)])
+    published = next(entry[1] for entry in iter(bench.log.get, None) if entry[0] == 'publish')
+    assert (received.frame_id, published.frame_id) == ('map', 'ugv1/map')
 
 
 def test_messages_come_out_in_order(bench: Bench) -> None:
@@ -249,23 +259,24 @@ def test_all_parts_are_received_from_the_start_and_reported_by_their_names(bench
 
 class FakeCodec:
     problem: Optional[str] = None
-    asked = 0
+    loaded, asked = False, 0
 
     def ready(self) -> bool:
         self.asked += 1
-        self.problem = 'it is loaded' if self.asked < 3 else None
-        return self.problem is None
+        self.problem = None if self.loaded else 'it is loaded'
+        return self.loaded
 
 
 def test_a_compiled_part_is_connected_once_the_codec_is_loaded_and_says_so(bench: Bench) -> None:
-    """Loading begins when the part has a publisher. Until it is connected the robot sends the other part."""
+    """Loading begins with the stream. Until the part is connected the robot sends the other one."""
     codec = FakeCodec()
     streams = [bench.start(name=name, codec=codec) for name in ('thermal', 'other')]
     wanted = bench.topics['/smokebot_udp/thermal/layers'].options['wanted']
     assert 'wanted' not in bench.topics['/smokebot_udp/thermal/segments'].options
     bench.receive('interleaved')
-    assert bench.logs(2)[1] == ('publish', 'interleaved') and codec.asked == 0
-    for loaded, problem in ((False, 'it is loaded'), (False, 'it is loaded'), (True, None)):
+    assert bench.logs(2)[1] == ('publish', 'interleaved') and codec.asked == len(streams)
+    for loaded, problem in ((False, 'it is loaded'), (True, None)):
+        codec.loaded = loaded
         assert wanted() is loaded
         assert [stream.stats().problem for stream in streams] == [problem, None]
     bench.start(name='third')

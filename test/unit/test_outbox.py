@@ -158,10 +158,11 @@ def test_stop_before_the_beginning(make) -> None:
 
 
 def test_an_operator_with_a_slower_link_gets_a_part(make) -> None:
-    asked, told, publisher = [], [], Publisher()
+    asked, places, told, publisher = [], [], [], Publisher()
 
-    def conforming(stream, count, size, now) -> Any:
+    def conforming(stream, count, size, now, start, total) -> Any:
         asked.append((stream, count, size))
+        places.append((start, total))
         return {'/slow': count // 2}
     outbox = make(PacketScheduler(1e6, burst=600), lambda *what: told.append(what), conforming=conforming)
     outbox.start()
@@ -172,5 +173,6 @@ def test_an_operator_with_a_slower_link_gets_a_part(make) -> None:
     told = [what for what in told if what[0] == 'scan']
     assert asked == [(stream, count, size) for stream, _, count, size, _, _ in told]
     assert sum(what[2] for what in told) == 20
+    assert places == [(sum(count for _, count, _ in asked[:i]), 20) for i in range(len(asked))]
     limits = [given for given in publisher.limits if given is not None]
     assert limits == [what[5] for what in told] == [{'/slow': count // 2} for _, count, _ in asked]

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Congestion control over simulated links: what it has to reach (see estimator.py), over many links."""
 import bisect
+import collections
 import itertools
 import random
 from dataclasses import replace
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 
 from evaluation.simulated_air import FULL, Events, Greedy, Load, Operator, Robot
-from evaluation.simulated_streams import Streams, cloud, grid, image, navigation, scan
+from evaluation.simulated_streams import Streams, cloud, grid, image, long_relay, navigation, scan
 from smokebot_udp.congestion.controller import Controller, Demand
 from smokebot_udp.congestion.estimator import LIMITS, Limits
 from smokebot_udp.congestion.feedback import CLOCK_CONFIRMATIONS
@@ -241,6 +242,25 @@ def test_a_slow_link_carries_all_streams_beside_a_fast_one() -> None:
     assert len({frame for frame, _ in frames['thermal']}) >= 80 and len({frame for frame, _ in frames['lidar']}) >= 40
     delays = [when - left for when, _, _, _, left in second.came if when >= 10]
     assert np.percentile(delays, 50) <= 0.1 and np.percentile(delays, 99) <= 0.2
+
+
+@pytest.mark.parametrize('rate, least', [(8.0, 25), (4.0, 12)])
+def test_a_slower_operator_gets_fewer_long_relayed_messages_and_these_whole(rate: float, least: int) -> None:
+    load = Streams({'jpeg': long_relay(60000), 'thermal': image(320 * 240 * 2)}, {'tf': (20.0, 220)})
+    events, _, robot = link(30, load=load, seed=1)
+    second = join(robot, Channel(LinkConditions(rate=rate * 1e6, delay=0.02, queue=0.4), 5), 0.0, 6)
+    events.run(20)
+    came = {}
+    for operator in robot.operators.values():
+        came[operator.name] = collections.Counter(
+            frame for _, name, frame, _, _ in operator.came if name == 'jpeg' and 80 <= frame[0] < 190)
+    complete = {frame for frame, parts in came['operator'].items() if parts == frame[1]}    # others were cut off
+    assert len(complete) >= 100
+    slower = {frame: parts for frame, parts in came['second'].items() if frame in complete}
+    assert len(slower) >= least and all(parts == frame[1] for frame, parts in slower.items())
+    assert len({frame for when, name, frame, _, _ in second.came if name == 'thermal' and when >= 8}) >= 95
+    delays = [when - left for when, _, _, _, left in second.came if when >= 10]
+    assert np.percentile(delays, 50) <= 0.1 and np.percentile(delays, 99) <= 0.25
 
 
 class Bursts(Load):

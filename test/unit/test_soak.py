@@ -8,10 +8,10 @@ import pathlib
 import socket
 import subprocess
 import sys
-import time
-from typing import Any, Callable, Dict, List, Optional, Set
+from typing import Any, Dict, List, Optional, Set
 
 import pytest
+from polling import wait_for
 
 for library in ('cv2', 'matplotlib', 'psutil', 'tqdm'):
     pytest.importorskip(library)
@@ -212,14 +212,6 @@ def test_a_side_knows_itself_by_a_local_address() -> None:
         '127.0.0.1 localhost\n127.0.1.1 robot\n10.0.0.3 operator\n')
 
 
-def wait_until(condition: Callable[[], bool]) -> bool:
-    """Whether it comes true within 10 s."""
-    deadline = time.monotonic() + 10
-    while not condition() and time.monotonic() < deadline:
-        time.sleep(0.01)
-    return condition()
-
-
 def descriptors(port: Optional[int], master: Optional[int] = None) -> int:
     """Of this process, now."""
     return process_usage.lasting([process_usage.resources(os.getpid(), port, master)]).descriptors
@@ -231,27 +223,27 @@ def test_connections_that_clients_keep_open_do_not_count() -> None:
         before = descriptors(port)
         clients = [socket.create_connection(('127.0.0.1', port)) for _ in range(9)]
         served = [server.accept()[0] for _ in clients]
-        assert wait_until(lambda: descriptors(port) == before + 9)      # the clients are in this process, too
+        wait_for(lambda: descriptors(port) == before + 9)      # the clients are in this process, too
         for client in clients[:4]:
             client.close()
         # what its client has closed is the server's own business, but for three
-        assert wait_until(lambda: descriptors(port) == before + 5 + 1)
+        wait_for(lambda: descriptors(port) == before + 5 + 1)
         for connection in clients + served:
             connection.close()
-        assert wait_until(lambda: descriptors(port) == before)
+        wait_for(lambda: descriptors(port) == before)
 
 
 def test_three_connections_to_the_master_do_not_count() -> None:
     with socket.create_server(('127.0.0.1', 0)) as server, contextlib.ExitStack() as open_ones:
         master = server.getsockname()[1]
         before = descriptors(None, master)
-        for count, more in ((1, 0), (2, 0), (3, 0), (4, 1)):
+        for more in (0, 0, 0, 1):
             open_ones.enter_context(socket.create_connection(('127.0.0.1', master)))
-            assert wait_until(lambda more=more: descriptors(None, master) == before + more), count
+            wait_for(lambda more=more: descriptors(None, master) == before + more)
         served = server.accept()[0]
-        assert wait_until(lambda: descriptors(None, master) == before + 2)
+        wait_for(lambda: descriptors(None, master) == before + 2)
         served.close()      # the master ends one: it stays until its client notices
-        assert wait_until(lambda: descriptors(None, master) == before + 1)
+        wait_for(lambda: descriptors(None, master) == before + 1)
 
 
 CLOCKS = """

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 import rospy
+from polling import give_time, wait_for
 from std_msgs.msg import Header
 
 from smokebot_udp.codecs.display.colouring import Coloured, Colouring
@@ -110,29 +111,22 @@ def test_a_stream_that_runs_is_published_once_each(publisher) -> None:
     for turn in range(20):
         views.show(PICTURE, 'mono16', header(100.0 + turn), 1.0, 100.1 + turn)
         FakePublisher.made.wait_for_frame()
-        wait_until(lambda turn=turn: FakePublisher.made.sent[-1][1].header.stamp.to_sec() == 100 + turn)
+        wait_for(lambda turn=turn: FakePublisher.made.sent[-1][1].header.stamp.to_sec() == 100 + turn)
     states = [state(message) for _, message in FakePublisher.made.sent if message.header.frame_id == 'thermal']
     assert states == [FRESH] * 20
 
 
-def wait_until(condition) -> None:
-    until = time.monotonic() + 10
-    while not condition():
-        assert time.monotonic() < until
-        time.sleep(0.002)
-
-
 def test_a_slow_viewer_does_not_hold_up_who_shows(publisher, monkeypatch) -> None:
-    views, go = publisher(), threading.Event()
+    views, drawing, go = publisher(), threading.Event(), threading.Event()
     grey = Coloured(np.full((480, 640, 3), 100, np.uint8))
-    monkeypatch.setattr(Colouring, '__call__', lambda *source: go.wait(10) and grey)
+    monkeypatch.setattr(Colouring, '__call__', lambda *source: drawing.set() or (go.wait(10) and grey))
     for turn in range(3):
         began = time.monotonic()
         views.show(PICTURE, 'mono16', header(100.0 + turn), 1.0, 100.1 + turn)
         assert time.monotonic() - began < 1.0
-        time.sleep(0.05)
+        assert drawing.wait(10)
     go.set()
-    wait_until(lambda: FakePublisher.made.sent and FakePublisher.made.sent[-1][1].header.stamp.to_sec() == 102)
+    wait_for(lambda: FakePublisher.made.sent and FakePublisher.made.sent[-1][1].header.stamp.to_sec() == 102)
     stamps = {message.header.stamp.to_sec() for _, message in FakePublisher.made.sent}
     assert stamps <= {0.0, 100.0, 102.0}      # 101 was never the newest when there was time for it
 
@@ -151,7 +145,7 @@ def test_nobody_looks_and_then_somebody_does(publisher, monkeypatch) -> None:
     monkeypatch.setattr(view, 'framed', lambda *args, draw=view.framed: drawn.append(args) or draw(*args))
     for _ in range(3):
         views.show(PICTURE, 'mono16', header(), 1.0, 100.1)
-    time.sleep(0.15)
+    give_time(0.15)
     assert not FakePublisher.made.sent and not drawn
     views.configure({**defaults(), 'old_after': 0.1}, {'old_after': 0.1})
     monkeypatch.setattr(FakePublisher, 'get_num_connections', lambda self: 1)
@@ -169,14 +163,16 @@ def test_a_picture_that_cannot_be_shown_does_not_keep_the_last_one_alive(publish
     views = publisher(old_after=0.1, frozen_after=0.2)
     views.show(PICTURE, 'mono16', header(), 1.0, 100.1)
     FakePublisher.made.wait_for_frame()
-    until = time.monotonic() + 0.6
-    while time.monotonic() < until:
+
+    def is_frozen() -> bool:
+        before = len(errors)
         views.show(PICTURE, 'yuv422', header(101.0), 1.0, 101.1)
-        time.sleep(0.02)
+        wait_for(lambda: len(errors) > before)
         views.show(PICTURE, 'mono16', header(101.0), 2.0, 101.1)
-        time.sleep(0.02)
-    time.sleep(0.2)
-    assert state(FakePublisher.made.sent[-1][1]) == FROZEN
+        wait_for(lambda: len(errors) > before + 1)
+        return bool(state(FakePublisher.made.sent[-1][1]) == FROZEN)
+
+    wait_for(is_frozen)
     assert FakePublisher.made.sent[-1][1].header.stamp.to_sec() == 100.0
     assert {text.split()[6] for text in errors} == {'encoding', 'completeness'}
 
@@ -192,5 +188,5 @@ def test_closed_it_is_silent(publisher) -> None:
     views = publisher()
     views.close()
     count = len(FakePublisher.made.sent)
-    time.sleep(0.15)
+    give_time(0.15)
     assert len(FakePublisher.made.sent) == count

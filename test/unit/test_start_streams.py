@@ -39,6 +39,10 @@ class Parameters:
         self.problems.append(problem)
 
 
+def start(parameters: Any, make: Any) -> Any:
+    return common.start_streams(common.read_streams(parameters), make, parameters.report)
+
+
 def test_a_stream_that_cannot_start_is_closed_and_the_others_run(tmp_path: pathlib.Path) -> None:
     path, made = tmp_path / 'streams.yaml', []      # type: pathlib.Path, List[Stream]
     path.write_text(STREAMS)
@@ -47,7 +51,7 @@ def test_a_stream_that_cannot_start_is_closed_and_the_others_run(tmp_path: pathl
     def make(name: str, settings: Dict[str, Any]) -> Stream:
         made.append(Stream(name))
         return made[-1]
-    assert list(common.load_streams(parameters, make)) == ['front', 'rear', 'link', 'status']
+    assert list(start(parameters, make)) == ['front', 'rear', 'link', 'status']
     assert [stream.calls for stream in made[:3]] == [['start'], ['start', 'close'], ['start']]
     assert parameters.problems == ["stream 'bad' (scan) does not start: too many open files"]
 
@@ -61,5 +65,5 @@ def test_settings_that_make_no_stream_are_reported(tmp_path: pathlib.Path) -> No
         if name == 'bad':
             raise ValueError('no such message type')
         return Stream(name)
-    assert list(common.load_streams(parameters, make)) == ['front', 'rear', 'link', 'status']
+    assert list(start(parameters, make)) == ['front', 'rear', 'link', 'status']
     assert parameters.problems == ["stream 'bad' (scan) does not start: no such message type"]

@@ -1,0 +1,16 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""A transport whose topics the test makes."""
+from typing import Any, Callable
+
+
+class StubTransport:
+    """A transport.Transport without another side.
+
+    :param publisher: makes the publishers, as Transport.publisher
+    :param subscriber: likewise
+    """
+    name, max_datagram_size, overhead = '/desk', 1472, 0
+
+    def __init__(self, publisher: Callable[..., Any] = lambda *_, **__: None,
+                 subscriber: Callable[..., Any] = lambda *_, **__: None) -> None:
+        self.publisher, self.subscriber = publisher, subscriber

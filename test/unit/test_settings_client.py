@@ -1,0 +1,216 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The operator's copy of the robot's settings; and both halves together over a link that loses and repeats."""
+import itertools
+from typing import Any, Dict, List, Tuple
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from smokebot_udp.mission.control import MissionControl
+from smokebot_udp.mission.focus import load
+from smokebot_udp.mission.parameters import Parameter
+from smokebot_udp.mission.remote import PartState, Request
+from smokebot_udp.mission.settings import SettingsStore
+from smokebot_udp.mission.settings_client import MAX_WAITING, RETRY_PERIOD, TIMEOUT, SettingsClient
+from smokebot_udp.mission.settings_server import SettingsServer
+
+TABLE = {'rate': Parameter(10.0, 'Hz', 'how often', above=0.0, live=True),
+         'weight': Parameter(1.0, '', 'a share', least=0.0, live=True)}
+PROFILES = ('default', 'drive')
+
+
+def make(*parts: PartState) -> SettingsClient:
+    ids = itertools.count(1)
+    client = SettingsClient({'thermal': TABLE, 'map': TABLE}, lambda: next(ids))
+    for part in parts or (thermal(1), focus('default')):
+        client.receive(part)
+    client.take_news()
+    return client
+
+
+def thermal(revision: int, request: int = 0, refusal: str = '', session: int = 7, **values: Any) -> PartState:
+    return PartState(session, revision, 'thermal', {'rate': 10.0, 'weight': 1.0, **values}, (), request, refusal)
+
+
+def focus(name: str, revision: int = 1) -> PartState:
+    return PartState(7, revision, '', {'focus': name}, PROFILES)
+
+
+def test_a_part_is_known_from_its_first_state_on() -> None:
+    client = SettingsClient({'thermal': TABLE}, lambda: 1)
+    assert not client.stores and not client.news and client.deadline() is None
+    client.receive(thermal(1, rate=3.0))
+    client.receive(focus('drive'))
+    assert client.news and client.take_news() == ([], ['thermal', '']) and not client.news
+    assert client.stores['thermal'].current.requested == {'rate': 3.0, 'weight': 1.0}
+    assert client.stores[''].current['focus'] == 'drive'
+    with pytest.raises(ValueError, match='must be one of default, drive'):
+        client.request('', {'focus': 'dancing'}, 0.0)
+
+
+def test_what_the_robot_changes_is_news() -> None:
+    client = make()
+    client.receive(thermal(2, rate=3.0))
+    assert client.take_news() == ([], ['thermal']) and client.stores['thermal'].current['rate'] == 3.0
+    client.receive(thermal(2, rate=3.0))
+    assert not client.news
+
+
+def test_an_older_state_that_comes_late_changes_nothing_but_a_restarted_robots_does() -> None:
+    client = make(thermal(5, rate=3.0))
+    client.receive(thermal(4))
+    assert client.stores['thermal'].current['rate'] == 3.0 and client.dropped == {'outdated': 1}
+    client.receive(thermal(1, session=8, rate=4.0))
+    assert client.stores['thermal'].current['rate'] == 4.0
+
+
+def test_a_request_is_repeated_ever_slower_until_it_is_answered() -> None:
+    client = make()
+    assert client.request('thermal', {'rate': 5}, 100.0) == {'rate': 5.0}
+    assert client.stores['thermal'].current['rate'] == 5.0 and not client.news     # who asked knows
+    now, times = 100.0, []
+    while now < 103.0:
+        assert client.poll(now) == Request(1, 'thermal', {'rate': 5.0}) and client.poll(now) is None
+        times.append(now)
+        due = client.deadline()
+        assert due is not None
+        now = due
+    steps = [later - earlier for earlier, later in zip(times, times[1:])]
+    assert steps[0] == pytest.approx(RETRY_PERIOD) and steps[1] > steps[0] and max(steps) == pytest.approx(0.5)
+    client.receive(thermal(1))      # of before: the change still stands
+    assert client.stores['thermal'].current['rate'] == 5.0
+    client.receive(thermal(2, request=1, rate=5.0))
+    assert client.deadline() is None and not client.news
+
+
+def test_a_refused_change_is_set_back_with_the_reason() -> None:
+    client = make()
+    client.request('thermal', {'rate': 5, 'weight': 2}, 0.0)
+    client.poll(0.0)
+    client.receive(thermal(1, request=1, refusal='not on Sundays'))
+    assert client.take_news() == ([('thermal', 'rate 5.0, weight 2.0 refused: not on Sundays')], ['thermal'])
+    assert client.stores['thermal'].current.requested == {'rate': 10.0, 'weight': 1.0}
+    assert client.deadline() is None
+
+
+def test_a_change_without_an_answer_is_set_back_in_time() -> None:
+    client = make()
+    client.request('thermal', {'rate': 5}, 0.0)
+    client.request('', {'focus': 'drive'}, 4.0)
+    assert client.poll(TIMEOUT - 0.1) is not None and not client.news
+    assert client.poll(TIMEOUT) == Request(2, '', {'focus': 'drive'})
+    assert client.take_news() == ([('thermal', 'rate 5.0 refused: the robot did not answer in 10 s')], ['thermal'])
+    assert client.stores['thermal'].current['rate'] == 10.0 and client.stores[''].current['focus'] == 'drive'
+
+
+def test_one_request_after_the_other_in_their_order() -> None:
+    client = make()
+    client.request('', {'focus': 'drive'}, 0.0)
+    first = client.poll(0.0)
+    client.request('thermal', {'rate': 5}, 0.1)
+    client.request('thermal', {'weight': 3}, 0.1)      # in one with the one before
+    client.request('', {'focus': 'default'}, 0.1)
+    assert first == Request(1, '', {'focus': 'drive'}) == client.poll(0.1)
+    client.receive(PartState(7, 2, '', {'focus': 'drive'}, PROFILES, 1))
+    assert client.stores[''].current['focus'] == 'default'     # as requested last
+    assert client.poll(0.2) == Request(2, 'thermal', {'rate': 5.0, 'weight': 3.0})
+    client.receive(thermal(2, rate=8.0))    # of the switch
+    assert client.stores['thermal'].current.requested == {'rate': 5.0, 'weight': 3.0}
+    client.receive(thermal(3, request=2, rate=5.0, weight=3.0))
+    assert client.poll(0.3) == Request(3, '', {'focus': 'default'})
+
+
+def test_a_change_during_a_request_for_the_same_part_is_requested_after_it() -> None:
+    client = make()
+    client.request('thermal', {'rate': 5}, 0.0)
+    sent = client.poll(0.0)
+    client.request('thermal', {'rate': 6}, 0.0)
+    assert sent == Request(1, 'thermal', {'rate': 5.0})
+    client.receive(thermal(2, request=1, rate=5.0))
+    assert client.stores['thermal'].current['rate'] == 6.0
+    assert client.poll(0.1) == Request(2, 'thermal', {'rate': 6.0})
+
+
+def test_changes_that_wait_are_limited() -> None:
+    client = make(thermal(1), PartState(7, 1, 'map', {'rate': 1.0}))
+    for number in range(MAX_WAITING // 2):
+        client.request('thermal', {'rate': 100 + number}, 0.0)
+        client.request('map', {'rate': 100 + number}, 0.0)
+    with pytest.raises(ValueError, match='64 changes wait for the robot already'):
+        client.request('thermal', {'rate': 50}, 0.0)
+
+
+def test_what_another_version_sends_is_left_out_and_said_once() -> None:
+    client = make()
+    for revision in (2, 3):
+        client.receive(thermal(revision, rate=-1.0, colour='red', weight=2.0))
+    problems, changed = client.take_news()
+    assert problems == [('thermal', "the robot's value is not shown: rate is -1.0, must be a number above 0 [Hz]"),
+                        ('thermal', "the robot's value is not shown: colour: no such setting; there are rate, weight")]
+    assert changed == ['thermal'] and client.stores['thermal'].current.requested == {'rate': 10.0, 'weight': 2.0}
+    client.receive(PartState(7, 1, 'lidar', {}))
+    assert client.dropped == {'unknown part': 1}
+
+
+class Link:
+    """Both halves, and what is on the way between them."""
+
+    def __init__(self) -> None:
+        stores = {name: SettingsStore(TABLE, {'type': 'image', 'rate': 10.0, 'weight': 1.0}, self.check)
+                  for name in ('thermal', 'map')}
+        profiles, _ = load('profiles: {drive: {streams: {thermal: {rate: 4}}}}')
+        self.control = MissionControl(stores, profiles, lambda _: None, lambda _: None, lambda: None)
+        self.server = SettingsServer(7, self.control.profiles)
+        self.client = make(*(PartState(7, 0, part, values, PROFILES) for part, values in self.control.parts().items()))
+        self.applied: List[Tuple[str, Dict[str, Any]]] = []
+        self.now = 0.0
+
+    @staticmethod
+    def check(requested: Any) -> None:
+        if requested['weight'] > requested['rate']:
+            raise ValueError('weight is above rate')
+
+    def serve(self, request: Request) -> None:
+        if self.server.take(request, self.now):
+            refusal = ''
+            self.applied.append((request.part, dict(request.values)))
+            try:
+                self.control.request_part(request.part, request.values)
+            except ValueError as error:
+                refusal = str(error)
+            self.server.update(self.control.parts())
+            self.server.answer(request, refusal)
+
+    def step(self, fates: List[int]) -> None:
+        """A moment passes; each datagram is delivered 0, 1 or 2 times."""
+        self.now += 0.02
+        self.server.update(self.control.parts())
+        state, request = self.server.poll(self.now), self.client.poll(self.now)
+        for _ in range(fates[0] if request else 0):
+            assert request is not None
+            self.serve(request)
+        for _ in range(fates[1] if state else 0):
+            assert state is not None
+            self.client.receive(state)
+
+
+CHANGES = st.lists(st.tuples(st.sampled_from(['', 'thermal', 'map']), st.integers(1, 20)), min_size=1, max_size=12)
+
+
+@settings(max_examples=60, deadline=None)
+@given(CHANGES, st.lists(st.lists(st.integers(0, 2), min_size=2, max_size=2), min_size=1, max_size=200))
+def test_both_sides_agree_in_the_end(changes: List[Tuple[str, int]], fates: List[List[int]]) -> None:
+    link = Link()
+    for part, number in changes:
+        wanted = {'focus': PROFILES[number % 2]} if part == '' else {'weight' if number % 3 else 'rate': float(number)}
+        link.client.request(part, wanted, link.now)
+        link.step(fates[number % len(fates)])
+    for fate in fates:
+        link.step(fate)
+    for _ in range(500):
+        link.step([1, 1])
+    assert link.client.deadline() is None
+    for part, values in link.control.parts().items():
+        assert dict(link.client.stores[part].current.requested) == values
+    assert len(link.applied) <= len(changes)

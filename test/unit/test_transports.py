@@ -1,0 +1,171 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The choice of the transport, and what is wrong with its parameters."""
+import os
+import pathlib
+import socket
+import threading
+from typing import Any, Callable, Dict, List
+
+import pytest
+from polling import wait_for
+
+from smokebot_udp.link.keys import make_key
+from smokebot_udp.nodes import parameters as tables
+from smokebot_udp.nodes import transports
+from smokebot_udp.nodes.common import Parameters
+from smokebot_udp.nodes.transports import host_and_port, operator_transport, robot_transport
+
+
+class Log:
+    """What a node logs, and an event for each error."""
+
+    def __init__(self, monkeypatch: Any) -> None:
+        self.errors: List[str] = []
+        self.warnings: List[str] = []
+        self.new_error = threading.Event()
+        monkeypatch.setattr('rospy.logerr', self._error)
+        monkeypatch.setattr('rospy.logwarn', lambda text, *values: self.warnings.append(text % values))
+        monkeypatch.setattr('rospy.is_shutdown', lambda: False)
+        monkeypatch.setattr(transports, 'RETRY_PERIOD', 0.01)
+
+    def _error(self, text: str, *values: Any) -> None:
+        self.errors.append(text % values)
+        self.new_error.set()
+
+
+@pytest.fixture
+def log(monkeypatch: Any) -> Log:
+    return Log(monkeypatch)
+
+
+def parameters(monkeypatch: Any, table: Any, values: Dict[str, Any], problems: List[str]) -> Parameters:
+    monkeypatch.setattr('rospy.get_param', lambda *_: values)
+    return Parameters(table, problems.append)
+
+
+def waits(log: Log, monkeypatch: Any, make: Callable[[], Any]) -> List[str]:
+    """What a node logs that waits until it is shut down."""
+    shut_down = threading.Event()
+    monkeypatch.setattr('rospy.is_shutdown', shut_down.is_set)
+    ended: List[BaseException] = []
+
+    def run() -> None:
+        try:
+            make()
+        except SystemExit as error:
+            ended.append(error)
+    thread = threading.Thread(target=run, daemon=True)
+    thread.start()
+    assert log.new_error.wait(10)
+    shut_down.set()
+    thread.join(10)
+    assert len(ended) == 1
+    return log.errors
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(('', 0))
+        return int(probe.getsockname()[1])
+
+
+def test_an_address_has_a_host_and_a_port() -> None:
+    assert host_and_port('10.0.0.7:17001') == ('10.0.0.7', 17001)
+    assert host_and_port('ugv1.local:1') == ('ugv1.local', 1)
+
+
+@pytest.mark.parametrize('text', ['10.0.0.7', ':17001', '10.0.0.7:', '10.0.0.7:0', '10.0.0.7:65536', 'a:b', 'a:-1',
+                                  'a:²', 'a:1e3'])
+def test_what_is_none_is_refused(text: str) -> None:
+    with pytest.raises(ValueError, match='must be HOST:PORT, such as 10.0.0.7:17001') as error:
+        host_and_port(text)
+    assert repr(text) in str(error.value)
+
+
+SIDES = [(robot_transport, tables.ROBOT_SENDER, 'link_port'), (operator_transport, tables.OPERATOR_RECEIVER, 'robot')]
+
+
+@pytest.mark.parametrize('make, table, name', SIDES)
+def test_by_default_the_master_is_shared(monkeypatch: Any, log: Log, make: Any, table: Any, name: str) -> None:
+    problems: List[str] = []
+    transport = make(parameters(monkeypatch, table, {}, problems))
+    assert not transport.own_masters and transport.stats(0.0) is None
+    assert not problems and not log.warnings and not log.errors
+
+
+@pytest.mark.parametrize('make, table, name', SIDES)
+def test_who_was_given_a_key_does_not_share_a_master(
+        monkeypatch: Any, log: Log, tmp_path: pathlib.Path, make: Any, table: Any, name: str) -> None:
+    path = str(tmp_path / 'key')
+    make_key(path)
+    assert waits(log, monkeypatch, lambda: make(parameters(monkeypatch, table, {'key_file': path}, []))) == [
+        'the link does not start, and this node waits: key_file needs %s: over a shared master all is sent in the '
+        'clear' % name]
+
+
+def test_without_a_key_both_sides_say_what_that_means(monkeypatch: Any, log: Log) -> None:
+    port, problems = free_port(), []
+    robot = robot_transport(parameters(monkeypatch, tables.ROBOT_SENDER, {'link_port': port}, problems))
+    operator = operator_transport(parameters(
+        monkeypatch, tables.OPERATOR_RECEIVER, {'robot': 'localhost:%d' % port}, problems))
+    for transport in (robot, operator):
+        stats = transport.stats(0.0)
+        assert transport.own_masters and stats is not None and not stats.sealed
+        transport.close()
+    assert 'anybody on the network can watch' in transports.UNSEALED
+    assert log.warnings == ['the link ' + transports.UNSEALED,
+                            'the link to localhost:%d %s' % (port, transports.UNSEALED)]
+    assert not problems and not log.errors
+
+
+def test_a_node_that_was_given_a_key_waits_for_it(monkeypatch: Any, log: Log, tmp_path: pathlib.Path) -> None:
+    path, port, made = tmp_path / 'ugv1.key', free_port(), []
+    given = parameters(monkeypatch, tables.ROBOT_SENDER, {'link_port': port, 'key_file': str(path)}, [])
+    thread = threading.Thread(target=lambda: made.append(robot_transport(given)), daemon=True)
+    thread.start()
+    assert log.new_error.wait(10) and not made
+    path.write_bytes(bytes(31))
+    log.new_error.clear()
+    assert log.new_error.wait(10) and not made
+    os.unlink(str(path))
+    make_key(str(path))
+    thread.join(10)
+    stats = made[0].stats(0.0)
+    made[0].close()
+    assert stats.sealed and not log.warnings
+    assert all(error.startswith('the link does not start, and this node waits: the key file') for error in log.errors)
+    assert 'No such file' in log.errors[0] and any('used by others' in error for error in log.errors)
+
+
+def test_a_port_in_use_is_waited_for(monkeypatch: Any, log: Log) -> None:
+    made: List[Any] = []
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.bind(('', 0))
+        port = other.getsockname()[1]
+        given = parameters(monkeypatch, tables.ROBOT_SENDER, {'link_port': port}, [])
+        thread = threading.Thread(target=lambda: made.append(robot_transport(given)), daemon=True)
+        thread.start()
+        assert log.new_error.wait(10) and not made
+    thread.join(10)
+    made[0].close()
+    assert len(log.errors) == 1 and 'port %d' % port in log.errors[0] and 'in use' in log.errors[0]
+
+
+def test_an_address_without_a_port_is_said(monkeypatch: Any, log: Log) -> None:
+    given = parameters(monkeypatch, tables.OPERATOR_RECEIVER, {'robot': '10.0.0.7'}, [])
+    assert waits(log, monkeypatch, lambda: operator_transport(given)) == [
+        "the link to 10.0.0.7 does not start, and this node waits: robot is '10.0.0.7', must be HOST:PORT, "
+        'such as 10.0.0.7:17001']
+
+
+def test_problems_name_the_robot_since_a_desk_may_have_several(monkeypatch: Any, log: Log, tmp_path: pathlib.Path
+                                                               ) -> None:
+    path, port = str(tmp_path / 'key'), free_port()
+    make_key(path)
+    robot = robot_transport(parameters(monkeypatch, tables.ROBOT_SENDER, {'link_port': port, 'key_file': path}, []))
+    address = 'localhost:%d' % port
+    operator = operator_transport(parameters(monkeypatch, tables.OPERATOR_RECEIVER, {'robot': address}, []))
+    wait_for(lambda: any('key_file' in error for error in log.errors))
+    for transport in (operator, robot):
+        transport.close()
+    assert address + ': the robot has a key, this machine has none: set key_file to a copy of it' in log.errors
