@@ -60,16 +60,19 @@ def build_roscpp_peer(folder: pathlib.Path) -> Optional[str]:
     return target
 
 
-def pair(mode: str, roscpp: Optional[str]) -> Ends:
-    """Start both ends of a transport, and wait until they are connected."""
+def pair(mode: str, roscpp: Optional[str], *size: str) -> Ends:
+    """Start both ends of a transport, and wait until they are connected.
+
+    :param size: of the messages' data, if it is not the default [byte]
+    """
     # a name's length matters to roscpp: 3 in 54 do not connect (ros_comm#2160)
     topic = '/bench/segments/' + mode
     script = [sys.executable, str(HERE / 'udpros_peer.py')]
-    commands = {role: [str(roscpp), role, topic] if mode == 'roscpp' else script + [role, mode, topic]
+    commands = {role: [str(roscpp), role, topic] if mode == 'roscpp' else [*script, role, mode, topic, *size]
                 for role in ('receive', 'send')}
     receiver = Peer(commands['receive'])
     if mode == 'bare':
-        commands['send'][-1] = receiver.line()
+        commands['send'][4] = receiver.line()
     sender = Peer(commands['send'])
     for peer in (receiver, sender):
         assert peer.line() == 'ready'

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""One end of a topic for the UDPROS benchmark, as a process: ``udpros_peer.py ROLE MODE TOPIC``.
+"""One end of a topic for the UDPROS benchmark, as a process: ``udpros_peer.py ROLE MODE TOPIC [SIZE]``.
 
 ROLE is send or receive. MODE is tcp (plain rospy), tcp_direct (without a queue), message, frame, or bare (sockets
 without ROS; TOPIC is then the receiver's port). It prints "ready" when it is connected, and then executes commands from
@@ -21,7 +21,7 @@ from smokebot_udp.msg import ImageSegment
 from smokebot_udp.udpros.endpoints import DatagramReceiver, DatagramSender
 
 SIZE = 1400
-"""Bytes of data in a message, without its other fields [byte]."""
+"""SIZE's default: bytes of data in a message, without its other fields [byte]."""
 
 FRAME_RATE = 50
 """Frames in frame and bare mode [Hz]."""
@@ -98,14 +98,14 @@ class BareReceiver:
 class Sender:
     """Sends messages one by one, or in frame mode FRAME_RATE frames of them per second."""
 
-    def __init__(self, mode: str, topic: str) -> None:
-        self.mode = mode
+    def __init__(self, mode: str, topic: str, size: int = SIZE) -> None:
+        self.mode, self.size = mode, size
         self.publisher: Any
         if mode in QUEUES:
             self.publisher = rospy.Publisher(topic, ImageSegment, queue_size=QUEUES[mode], tcp_nodelay=True)
         else:
             self.publisher = udpros.Publisher(topic, ImageSegment, queue_size=1000)
-        self.message = ImageSegment(encoding='mono8', data=bytes(SIZE))
+        self.message = ImageSegment(encoding='mono8', data=bytes(size))
 
     def ready(self) -> bool:
         return self.publisher.get_num_connections() > 0
@@ -126,8 +126,8 @@ class Sender:
 
     def send_frames(self, rate: float, seconds: float) -> int:
         count = int(rate / FRAME_RATE)
-        frame = udpros.Frame(ImageSegment, count, {'encoding': 5, 'data': SIZE})
-        data = np.zeros((count, SIZE), np.uint8)
+        frame = udpros.Frame(ImageSegment, count, {'encoding': 5, 'data': self.size})
+        data = np.zeros((count, self.size), np.uint8)
         due = time.monotonic()
         for _ in range(int(seconds * FRAME_RATE)):
             time.sleep(max(0.0, due - time.monotonic()))
@@ -166,13 +166,21 @@ class BareSender:
         return count * int(seconds * FRAME_RATE)
 
 
-def main(role: str, mode: str, topic: str) -> None:
+def main(role: str, mode: str, topic: str, size: str = '%d' % SIZE) -> None:
     end: Any
     if mode == 'bare':
         end = (BareReceiver if role == 'receive' else BareSender)(topic)
     else:
         rospy.init_node('%s_%s' % (mode, role), disable_signals=True)
-        end = (Receiver if role == 'receive' else Sender)(mode, topic)
+        end = Receiver(mode, topic) if role == 'receive' else Sender(mode, topic, int(size))
+    obey(end)
+
+
+def obey(end: Any) -> None:
+    """Execute commands until standard input ends.
+
+    :param end: a receiver or sender, see above
+    """
     while not end.ready():
         time.sleep(0.01)
     print('ready', flush=True)
@@ -196,4 +204,4 @@ def main(role: str, mode: str, topic: str) -> None:
 
 if __name__ == '__main__':
     socket.setdefaulttimeout(None)
-    main(*sys.argv[1:4])
+    main(*sys.argv[1:])

@@ -11,6 +11,9 @@
   named_stack (host names, and an address that changes), registrations (who is known to the master, and since when),
   process_usage, robot_clock (a clock that can be stepped), hostile_flood (what a stranger
   may do to nodes).
+* Own masters over the emulated link: own_masters (a master on each side), firewall (passes nothing but the link's
+  port), tap (which handshakes pass), link_attack and forged_packets (what a stranger may send), link_pair (two cores
+  in memory).
 * processes: child processes that end with their parent.
 """
 import pathlib

@@ -15,19 +15,20 @@ import json
 import random
 import re
 import socket
-import struct
 import sys
 import threading
 import time
 import urllib.parse
 import xmlrpc.client
-from typing import Any, Callable, Counter, Dict, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Callable, Counter, Dict, List, NamedTuple, Optional, Sequence
 
 import rosgraph
 
 from smokebot_udp.msg import ArrivalMark, LinkReport, StreamArrivals
 from smokebot_udp.udpros.datagram import HEADER, LENGTH, Op
 from smokebot_udp.udpros.negotiation import Request
+
+from .forged_packets import Forger
 
 WORKERS = 4
 """Calls at the same time."""
@@ -205,15 +206,15 @@ KINDS: Sequence[Kind] = request_topic, request_topic, request_topic, publisher_u
 class _Reporter(contextlib.ExitStack):
     """Sends forged LinkReports to the port on which a node receives them.
 
-    As root, from the address and port of a true reporter (RFC 791, 768), so that only the connection id is guessed.
+    As root, from the address and port of a true reporter, so that only the connection id is guessed.
     """
 
     def __init__(self) -> None:
         super().__init__()
         self._plain = self.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
-        self._raw: Optional[socket.socket] = None
+        self._forger: Optional[Forger] = None
         with contextlib.suppress(PermissionError):
-            self._raw = self.enter_context(socket.socket(socket.AF_INET, socket.SOCK_RAW, socket.IPPROTO_RAW))
+            self._forger = self.enter_context(Forger())
 
     def send(self, target: Target, chance: random.Random) -> Optional[bool]:
         """Send one; whether there was a place to send it to, None: it failed."""
@@ -227,10 +228,10 @@ class _Reporter(contextlib.ExitStack):
         payload = forged_report(streams, chance)
         to = urllib.parse.urlparse(target.uri).hostname or ''
         try:
-            if self._raw is None:
+            if self._forger is None:
                 self._plain.sendto(payload, (to, port))
             else:
-                self._raw.sendto(_packet((host, source), (to, port), payload), (to, 0))
+                self._forger.send((socket.gethostbyname(host), source), (socket.gethostbyname(to), port), payload)
         except OSError:
             return None
         return True
@@ -253,13 +254,6 @@ def forged_report(streams: Sequence[str], chance: random.Random) -> bytes:
     data = buffer.getvalue()
     header = HEADER.pack(chance.randint(1, CONNECTION_IDS), Op.DATA0, chance.randint(1, 255), 1)
     return header + LENGTH.pack(len(data)) + data
-
-
-def _packet(source: Tuple[str, int], to: Tuple[str, int], payload: bytes) -> bytes:
-    """An IP packet with a UDP datagram; the kernel adds its length and checksum, the datagram's is left out."""
-    addresses = [socket.inet_aton(socket.gethostbyname(host)) for host in (source[0], to[0])]
-    ip = struct.pack('!BBHHHBBH4s4s', 0x45, 0, 0, 0, 0, 64, socket.IPPROTO_UDP, 0, *addresses)
-    return ip + struct.pack('!HHHH', source[1], to[1], 8 + len(payload), 0) + payload
 
 
 def main(arguments: Sequence[str]) -> Dict[str, Any]:

@@ -11,7 +11,8 @@ import numpy as np
 from smokebot_udp.arrays import Array
 from smokebot_udp.codecs.layered.image import LayeredStream, decode, encode
 from smokebot_udp.codecs.layered.pieces import Plan, Restorer, parts_of, protect
-from smokebot_udp.codecs.layered.plan import best_plan, promised, survival, worth
+from smokebot_udp.codecs.layered.plan import best_plan, promised, worth
+from smokebot_udp.codecs.layered.survival import survival
 
 HEAD = 88 + 5
 """Of a datagram on the air: 60 bytes of message, 28 of IP and UDP, 5 of the table without its layers."""

@@ -44,6 +44,9 @@ KINDS: Dict[str, Tuple[Any, Callable[[Any], Any]]] = {
     'link': (LinkStatus, lambda message: {name: getattr(message, name) for name in LINK_FIELDS}),
     'diagnostics': (DiagnosticArray, lambda message: [status.message for status in message.status] + [
         pair.key for status in message.status for pair in status.values if 'refused' in pair.key]),
+    'link transport': (DiagnosticArray, lambda message: {
+        pair.key: pair.value for status in message.status if status.name.endswith('link transport')
+        for pair in status.values}),
 }
 """{kind: (message class, f(message) -> amount)}; the amount: bytes, points, ranges, transforms, the share of pixels
 that were received, or the content."""
@@ -124,10 +127,12 @@ class Listener:
         time.sleep(seconds)
         return self.heard[count:]
 
-    def first(self, topics: Iterable[str], timeout: float) -> Dict[str, float]:
+    def first(self, topics: Iterable[str], timeout: float,
+              counts: Callable[[Heard], bool] = lambda heard: True) -> Dict[str, float]:
         """When the first message of each topic arrives: {topic: [s] from now}, without the topics that stay silent.
 
         :param timeout: [s]
+        :param counts: whether a message does
         """
         begun, count, missing = time.time(), len(self.heard), set(topics)
         found: Dict[str, float] = {}
@@ -136,7 +141,7 @@ class Listener:
             arrived = self.heard[count:]
             count += len(arrived)
             for heard in arrived:
-                if heard.topic in missing:
+                if heard.topic in missing and counts(heard):
                     missing.remove(heard.topic)
                     found[heard.topic] = heard.arrival - begun
         return found

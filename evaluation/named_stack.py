@@ -7,11 +7,9 @@ within a side outlive a new address.
 import pathlib
 from typing import Any, Dict, List, Mapping, Optional
 
-from smokebot_udp.link_lab.lab import ADDRESSES, DEVICE, environment
+from smokebot_udp.link_lab.lab import ADDRESSES, environment
 
 from .stack import Stack
-
-OPERATOR_ADDRESSES = ADDRESSES['operator'], '10.77.0.3'
 
 BIND = 'mount --bind "$0" /etc/hosts && exec "$@"'
 
@@ -37,15 +35,10 @@ class NamedStack(Stack):
         self._files = {side: folder / ('hosts_' + side) for side in ADDRESSES}
         self._write_hosts()
         super().__init__(seed, log=log)
-        for address in OPERATOR_ADDRESSES[1:]:
-            self._ip('robot', 'route add %s dev %s' % (address, DEVICE))
 
     def _write_hosts(self) -> None:
         for side, path in self._files.items():      # in place: a bound file is not replaced
             path.write_text(hosts(side, self._addresses))
-
-    def _ip(self, side: str, line: str) -> None:
-        self.lab.run(side, ['ip', *line.split()], check=True)
 
     def start(self, side: str, *command: str, **options: Any) -> Any:
         wrapped: List[str] = ['unshare', '--mount', 'sh', '-c', BIND, str(self._files[side]), *command]
@@ -53,10 +46,6 @@ class NamedStack(Stack):
         return super().start(side, *wrapped, **{'env': variables, **options})
 
     def change_address(self) -> None:
-        """Give the operator its other address; the old one is gone."""
-        old = self._addresses['operator']
-        new = next(address for address in OPERATOR_ADDRESSES if address != old)
-        self._ip('operator', 'addr del %s peer %s dev %s' % (old, ADDRESSES['robot'], DEVICE))
-        self._ip('operator', 'addr add %s peer %s dev %s' % (new, ADDRESSES['robot'], DEVICE))
-        self._addresses['operator'] = new
+        super().change_address()
+        self._addresses['operator'] = self.operator_address
         self._write_hosts()

@@ -10,24 +10,19 @@ import time
 import xmlrpc.client
 from typing import Any, Sequence
 
+from smokebot_udp.nodes.child_process import with_parent
+
 END_TIMEOUT = 5.0
 """A process that is asked to end is killed after this time [s]."""
-
-
-RUN_WITH_PARENT = '[ "$PPID" = "$0" ] && exec "$@"'
-"""A shell's script whose $0 is the process id of the parent."""
 
 
 def start(command: Sequence[str], death_signal: str = 'TERM', **options: Any) -> 'subprocess.Popen[Any]':
     """Start a process that gets a signal when this one ends, however this one ends.
 
-    It does not run where this one ended before it could ask for the signal.
-
-    :param death_signal: its name without SIG
+    :param death_signal: see with_parent
     :param options: of subprocess.Popen; without them there is neither input nor output
     """
-    return subprocess.Popen(['setpriv', '--pdeathsig', death_signal, 'sh', '-c', RUN_WITH_PARENT, str(os.getpid()),
-                             *command], **{
+    return subprocess.Popen(with_parent(command, death_signal), **{
         'stdin': subprocess.DEVNULL, 'stdout': subprocess.DEVNULL, 'stderr': subprocess.DEVNULL, **options})
 
 
@@ -44,11 +39,14 @@ def end(*processes: 'subprocess.Popen[Any]') -> None:
 
 
 class Peer:
-    """A process that answers each line on its stdin by one on its stdout."""
+    """A process that answers each line on its stdin by one on its stdout.
 
-    def __init__(self, command: Sequence[str]) -> None:
-        self._process = start(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, universal_newlines=True,
-                              bufsize=1)
+    :param options: of subprocess.Popen
+    """
+
+    def __init__(self, command: Sequence[str], **options: Any) -> None:
+        self._process = start(command, **{**options, 'stdin': subprocess.PIPE, 'stdout': subprocess.PIPE,
+                                          'universal_newlines': True, 'bufsize': 1})
         self.pid = self._process.pid
 
     def line(self, timeout: float = 60.0) -> str:
@@ -67,13 +65,17 @@ class Peer:
             raise RuntimeError('%r ended with %s' % (self._process.args, self._process.wait()))
         return line.strip()
 
-    def ask(self, words: str) -> str:
-        """Write a line and return the answer."""
+    def ask(self, words: str, timeout: float = 60.0) -> str:
+        """Write a line and return the answer.
+
+        :param timeout: [s]
+        :raises RuntimeError: where none comes
+        """
         stdin = self._process.stdin
         assert stdin is not None
         stdin.write(words + '\n')
         stdin.flush()
-        return self.line()
+        return self.line(timeout)
 
     def close(self) -> None:
         """Close its stdin and end it."""

@@ -149,7 +149,8 @@ class Robot:
         chunk = self.scheduler.take(self.robot_time + 1e-9)
         if chunk is not None:
             count = chunk.stop - chunk.start
-            limits = self.controller.conforming(chunk.stream, count, chunk.size // count, self.robot_time)
+            limits = self.controller.conforming(chunk.stream, count, chunk.size // count, self.robot_time, chunk.start,
+                                                chunk.total)
             self._depart(chunk.stream, chunk.work, chunk.start, chunk.stop, chunk.size // count, limits)
         self._wake()
 

@@ -59,6 +59,11 @@ def scan(size: int, rate: float = 10.0, weight: float = 1.0, min_bitrate: float 
     return Stream(Demand(rate_points(rate, size), weight, min_bitrate, rate), lambda settings: size)
 
 
+def long_relay(size: int, rate: float = 10.0, weight: float = 1.0) -> Stream:
+    """Messages of many datagrams that are useless without all of them."""
+    return Stream(Demand(rate_points(rate, size), weight, rate=rate, whole=True), lambda settings: size)
+
+
 class Streams(Load):
     """The load of a robot: its streams, and what is protected.
 

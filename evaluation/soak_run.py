@@ -134,7 +134,7 @@ class Soak:
         self._stack = NamedStack(folder, seed, folder / 'nodes.log')
         self._begun = time.time()
         self.samples: List[Sample] = []
-        self._parts: Dict[str, Any] = {'master': self._stack.master}
+        self._parts: Dict[str, Any] = {'master': self._stack.masters['robot']}
         self._listener: Optional[Listener] = None
         self._usual: Dict[Tuple[str, ...], Dict[str, Usage]] = {}
         self._ended = threading.Event()

@@ -6,35 +6,49 @@ import pathlib
 import signal
 import subprocess
 import time
-from typing import Any, List, Optional
+from typing import Any, Dict, List, Optional, Sequence, TypeVar
 
-from smokebot_udp.link_lab.lab import Lab, environment
+from smokebot_udp.link_lab.lab import ADDRESSES, DEVICE, Lab, environment
 
 from . import processes
 
+Own = TypeVar('Own', bound='Stack')
+
 MASTER_TIMEOUT = 30.0
 """A master that has not answered by then never will [s]."""
+
+OPERATOR_ADDRESSES = ADDRESSES['operator'], '10.77.0.3'
+"""Which the operator may have, see Stack.change_address."""
 
 
 class Stack:
     """A link lab with a ROS master; a context manager.
 
+    :cvar MASTER_SIDES: those that have a master
     :param seed, congestion_control: see Lab
     :param log: file for the output of the nodes; None: it is lost
     :raises LabError: as Lab
     """
 
+    MASTER_SIDES: Sequence[str] = ('robot',)
+
     def __init__(self, seed: int = 0, congestion_control: str = 'cubic', log: Optional[pathlib.Path] = None) -> None:
         self._processes: List[subprocess.Popen[Any]] = []
         self._resources = contextlib.ExitStack()
+        self.operator_address = OPERATOR_ADDRESSES[0]
         self._log = self._resources.enter_context(open(str(log or os.devnull), 'ab'))    # noqa: SIM115
         try:
             self.lab = self._resources.enter_context(Lab(seed, congestion_control))
-            self.master = self.start_master()
-            self._wait_for_master()
+            self.masters = {side: self.start_master(side) for side in self.MASTER_SIDES}
+            for side in self.masters:
+                self._wait_for_master(side)
         except BaseException:
             self.close()
             raise
+
+    def environment(self, side: str) -> Dict[str, str]:
+        """The environment of ROS nodes on a side."""
+        return environment(side)
 
     def start(self, side: str, *command: str, **options: Any) -> 'subprocess.Popen[Any]':
         """Start a command on a side. It is killed when the stack is closed, or when this process ends.
@@ -42,13 +56,14 @@ class Stack:
         :param options: of subprocess.Popen
         """
         process = processes.start(self.lab.command(side, command), death_signal='KILL', **{
-            'env': environment(side), 'stdout': self._log, 'stderr': self._log, 'start_new_session': True, **options})
+            'env': self.environment(side), 'stdout': self._log, 'stderr': self._log, 'start_new_session': True,
+            **options})
         self._processes.append(process)
         return process
 
-    def start_master(self) -> 'subprocess.Popen[Any]':
-        """Start a master; `master` is the first one."""
-        return self.start('robot', 'rosmaster', '--core')   # not roscore: its own children would outlive it
+    def start_master(self, side: str = 'robot') -> 'subprocess.Popen[Any]':
+        """Start a side's master; `masters` are the first ones."""
+        return self.start(side, 'rosmaster', '--core')   # not roscore: its own children would outlive it
 
     def start_node(self, side: str, name: str, *arguments: str) -> 'subprocess.Popen[Any]':
         """Start one of this package's nodes."""
@@ -64,9 +79,21 @@ class Stack:
             if pipe is not None:
                 pipe.close()
 
-    def _wait_for_master(self) -> None:
+    def change_address(self) -> None:
+        """Give the operator its other address; the old one is gone."""
+        old, peer = self.operator_address, ADDRESSES['robot']
+        self.operator_address = next(address for address in OPERATOR_ADDRESSES if address != old)
+        self.ip('robot', 'route replace %s dev %s' % (self.operator_address, DEVICE))
+        self.ip('operator', 'addr del %s peer %s dev %s' % (old, peer, DEVICE))
+        self.ip('operator', 'addr add %s peer %s dev %s' % (self.operator_address, peer, DEVICE))
+
+    def ip(self, side: str, line: str) -> None:
+        """Run the command `ip` on a side."""
+        self.lab.run(side, ['ip', *line.split()], check=True)
+
+    def _wait_for_master(self, side: str) -> None:
         deadline = time.monotonic() + MASTER_TIMEOUT
-        while self.lab.run('robot', ['rosnode', 'list'], env=environment('robot'), stdout=subprocess.DEVNULL,
+        while self.lab.run(side, ['rosnode', 'list'], env=self.environment(side), stdout=subprocess.DEVNULL,
                            stderr=subprocess.DEVNULL).returncode:
             if time.monotonic() > deadline:
                 raise RuntimeError('the ROS master does not answer')
@@ -78,7 +105,7 @@ class Stack:
             self.end(process)
         self._resources.close()
 
-    def __enter__(self) -> 'Stack':
+    def __enter__(self: Own) -> Own:
         return self
 
     def __exit__(self, *_: Any) -> None:

@@ -26,11 +26,13 @@ EXPERIMENTS = {
     'adaptation': 'link',
     'link_cut': 'link',
     'start_up': 'link',
+    'own_masters': 'link',
+    'hostile': 'link',
     'soak': 'link',
 }
 """{name: folder}, in the report's order."""
 
-NEVER_QUICK = 'adaptation', 'soak'
+NEVER_QUICK = 'adaptation', 'soak', 'own_masters', 'hostile'
 """Left out of a quick run of all: they take minutes even with --quick."""
 
 

@@ -14,7 +14,6 @@ from evaluation import TOP
 from evaluation.link_run import AIR, lab_state
 from evaluation.listener import Listener
 from evaluation.stack import Stack
-from smokebot_udp.link_lab.lab import environment
 
 from .. import drawing, table
 from ..runner import Figure, Run, Table
@@ -38,7 +37,10 @@ TIMEOUT = 120.0
 """[s]"""
 
 UNCHANGED = 'tf_static', 'map'
-"""The operator's side publishes these only where they changed, and after a restart of the robot's side they may not."""
+"""The operator's side publishes these only where they changed: of a lasting operator they need not come again."""
+
+NEW_OPERATOR = 'both start', 'operator restarts'
+"""Events after which the operator's side has nothing yet."""
 
 DOWN_TIME = 2.0
 """Between the end of a side and its restart [s]."""
@@ -61,11 +63,17 @@ def streams() -> Dict[str, Dict[str, Any]]:
 
 def expected(names: Iterable[str], event: str) -> List[str]:
     """The streams that have to deliver something new."""
-    return [name for name in names if event != 'robot restarts' or name not in UNCHANGED]
+    return [name for name in names if event in NEW_OPERATOR or name not in UNCHANGED]
 
 
 Report = Callable[[str, Dict[str, Optional[float]], Dict[str, float]], None]
 """f(event, {stream: [s] until its first message, None: none arrived}, row of lab_state)"""
+
+
+def wait_for_source(stack: Stack) -> None:
+    """Until the simulated robot publishes."""
+    stack.lab.run('robot', ['rostopic', 'echo', '-n', '1', '/battery'], env=stack.environment('robot'),
+                  stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, timeout=60)
 
 
 def one_run(run: Run, seed: int, report: Report) -> None:
@@ -76,8 +84,7 @@ def one_run(run: Run, seed: int, report: Report) -> None:
         stack.start_node('robot', 'simulated_robot', '_width:=320', '_height:=240')
         listener = Listener(stack)
         listener.subscribe([[topic, 'any', 'TCPROS'] for topic in topics.values()])
-        stack.lab.run('robot', ['rostopic', 'echo', '-n', '1', '/battery'], env=environment('robot'),
-                      stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, timeout=60)
+        wait_for_source(stack)
         stack.lab.set({'loss': LOSS, 'delay': DELAY})
         nodes: Dict[str, Any] = {}
         for event in QUICK_EVENTS if run.quick else EVENTS:
@@ -109,13 +116,14 @@ def run(run: Run) -> None:
         one_run(run, seed, functools.partial(report, seed))
 
 
-def starts(waits: Sequence[table.Row]) -> Dict[str, List[Tuple[float, float]]]:
+def starts(waits: Sequence[table.Row], events: Iterable[str] = EVENTS) -> Dict[str, List[Tuple[float, float]]]:
     """{event: [(first image [s], all streams [s]), ...]} of each seed; inf where something never arrived.
 
     :param waits: rows of waits.csv
+    :param events: in their order
     """
     images = {name for name, values in streams().items() if values['type'] == 'image'}
-    found: Dict[str, List[Tuple[float, float]]] = {event: [] for event in EVENTS}
+    found: Dict[str, List[Tuple[float, float]]] = {event: [] for event in events}
     for event, seed in sorted({(row['event'], row['seed']) for row in waits}):
         times = {row['stream']: math.inf if row['wait [s]'] is None else row['wait [s]'] for row in waits
                  if (row['event'], row['seed']) == (event, seed) and row['stream'] in expected(streams(), event)}

@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""A sealed link between own masters under attack: what the operator sees meanwhile, and what it costs the nodes.
+
+A stranger hears everything that crosses, and sends to both sides, see link_attack. Beside it, two operators try to
+join: one has another key, one has none.
+"""
+import json
+import pathlib
+import sys
+import threading
+import time
+from dataclasses import dataclass
+from typing import Any, Callable, Dict, List, Mapping
+
+import numpy as np
+import psutil
+
+from smokebot_udp.link.keys import make_key
+from smokebot_udp.link_lab.lab import ADDRESSES
+
+from . import TOP
+from .link_run import AIR
+from .listener import Listener
+from .own_masters import RECEIVER, ROBOT, OwnMasters
+from .processes import Peer
+
+SIDES = 'robot', 'operator'
+LINK = {**AIR, 'delay': 0.01}
+IMAGE = '/operator/thermal/image_raw'
+IMAGE_RATE = 10.0
+"""Of the source [Hz]."""
+
+STARTING = 60.0
+RECORDING = 15.0
+"""From before the handshake on, a stranger keeps what it hears for this long [s]."""
+
+SLOWEST = 1000.0
+"""At the lowest rate an attack is given up [1/s]."""
+
+
+QUIET = 5.0
+"""[s]"""
+
+WARM_UP = 20.0
+"""Nodes load codecs and fill caches in their first seconds: that is no growth [s]."""
+
+REPORTING = 2.5
+"""Diagnostics come each second [s]."""
+
+REFUSALS = {'refused: wrong key', 'refused: needs key'}
+"""Reasons that the robot's node reports."""
+
+
+@dataclass
+class Phase:
+    """One attack, or none."""
+    name: str
+    seconds: float
+    rate: float
+    """Of images [Hz]."""
+    age: float
+    """Of images, at p99; NaN: none came [s]."""
+    growth: Dict[str, float]
+    """{side: memory of its node, more than before [byte]}"""
+    sent: Dict[str, int]
+    """{kind: datagrams of the stranger}"""
+    dropped: Dict[str, int]
+    """{reason: datagrams, more than before}, of the side that was attacked."""
+
+
+class HostileLink:
+    """Both sides and the stranger; a context manager.
+
+    :param folder: for files
+    :param count, rate: of bad datagrams to each side, and a second
+    :param half_open: number of handshakes that are not ended
+    :raises LabError: as Lab
+    """
+
+    def __init__(self, folder: pathlib.Path, count: int, rate: float, half_open: int, seed: int = 1) -> None:
+        self._folder, self._patience = folder, max(count, half_open) / SLOWEST + STARTING
+        key_file = folder / 'link.key'
+        make_key(str(key_file))
+        self.stack = OwnMasters(seed, folder / 'nodes.log', key_file)
+        self._options = ['--count', str(count), '--rate', str(rate), '--half-open', str(half_open)]
+        self._strangers: Dict[str, Peer] = {}
+        try:
+            self._start()
+        except BaseException:
+            self.close()
+            raise
+
+    def _start(self) -> None:
+        self.stack.lab.set(LINK)
+        self.stack.start_node('robot', 'simulated_robot', '_width:=320', '_height:=240')
+        self._listener = Listener(self.stack)
+        self._listener.subscribe([[IMAGE, 'any', 'TCPROS']])
+        self._listeners = {'robot': Listener(self.stack, 'robot'), 'operator': Listener(self.stack)}
+        for listener in self._listeners.values():
+            listener.subscribe([['/diagnostics', 'link transport', 'TCPROS']])
+        self._strangers['robot'] = self._stranger('robot', ROBOT)
+        recording = threading.Thread(target=self._strangers['robot'].ask, args=('record %g' % RECORDING,))
+        recording.start()
+        self._nodes = {'robot': self.stack.start_sender(), 'operator': self.stack.start_receiver()}
+        if not self._listener.first([IMAGE], STARTING):
+            raise RuntimeError('no image comes: see nodes.log')
+        recording.join()
+        self._strangers['operator'] = self._stranger('operator', '%s:%d' % (ADDRESSES['operator'], self._port()))
+        self._strangers['operator'].ask('record 5')
+
+    def _stranger(self, side: str, to: str) -> Peer:
+        command = [sys.executable, '-m', 'evaluation.link_attack', '--to', to, *self._options]
+        with (self._folder / 'stranger.log').open('ab') as log:
+            peer = Peer(self.stack.lab.command(side, command), cwd=str(TOP), stderr=log)
+        assert peer.line() == 'ready'
+        return peer
+
+    def _port(self) -> int:
+        """The operator's UDP port."""
+        table = pathlib.Path('/proc/%d/net/udp' % self.stack.masters['operator'].pid).read_text().splitlines()[1:]
+        ports = [int(line.split()[1].split(':')[1], 16) for line in table]
+        if len(ports) != 1:
+            raise RuntimeError('the operator has the UDP ports %s, must be one' % ports)
+        return ports[0]
+
+    def _dropped(self, side: str) -> Dict[str, int]:
+        """What a side's node reports to have dropped, by reason."""
+        heard = self._listeners[side].heard
+        values: Dict[str, str] = next((each.amount for each in heard[::-1] if each.amount), {})
+        return {key.split(', ', 1)[1]: int(value) for key, value in values.items() if key.startswith('dropped, ')}
+
+    def _newly_dropped(self, side: str, before: Mapping[str, int]) -> Dict[str, int]:
+        return {reason: count - before.get(reason, 0) for reason, count in self._dropped(side).items()
+                if count > before.get(reason, 0)}
+
+    def _memory(self) -> Dict[str, float]:
+        return {side: float(psutil.Process(node.pid).memory_info().rss) for side, node in self._nodes.items()}
+
+    def watch(self, name: str, side: str, attack: Callable[[], Dict[str, int]]) -> Phase:
+        """Watch while a side is attacked.
+
+        :param attack: returns what was sent, as of Phase
+        """
+        before, memory, heard, begun = self._dropped(side), self._memory(), len(self._listener.heard), time.time()
+        sent = attack()
+        took, images = time.time() - begun, self._listener.heard[heard:]
+        growth = {each: after - memory[each] for each, after in self._memory().items()}
+        time.sleep(REPORTING)
+        age = float(np.percentile([image.age for image in images], 99)) if images else float('nan')
+        return Phase(name, took, len(images) / took, age, growth, sent, self._newly_dropped(side, before))
+
+    def phases(self) -> List[Phase]:
+        """All attacks, one after the other, with quiet before and after."""
+        time.sleep(WARM_UP)
+        return [self.watch('quiet', 'robot', quiet), self.watch('half-open handshakes', 'robot', self._half_open),
+                self.watch('flood of the robot', 'robot', lambda: self._flood('robot')),
+                self.watch('flood of the operator', 'operator', lambda: self._flood('operator')),
+                self.watch('uninvited operators', 'robot', self._uninvited), self.watch('quiet again', 'robot', quiet)]
+
+    def _half_open(self) -> Dict[str, int]:
+        return self._ask('robot', 'half-open')
+
+    def _flood(self, side: str) -> Dict[str, int]:
+        return self._ask(side, 'flood')
+
+    def _ask(self, side: str, command: str) -> Dict[str, int]:
+        sent: Dict[str, int] = json.loads(self._strangers[side].ask(command, self._patience))
+        return sent
+
+    def _uninvited(self) -> Dict[str, int]:
+        """Operators with another key, and with none, until both were refused."""
+        other, before = self._folder / 'other.key', self._dropped('robot')
+        make_key(str(other))
+        heard = Listener(self.stack)
+        heard.subscribe([['/%s%s' % (name, IMAGE), 'any', 'TCPROS'] for name in ('other', 'keyless')])
+        nodes = [self.stack.start_node('operator', RECEIVER, '_robot:=' + ROBOT, *arguments)
+                 for arguments in (['__ns:=/other', '_key_file:=%s' % other], ['__ns:=/keyless'])]
+        deadline = time.monotonic() + STARTING
+        while not set(self._newly_dropped('robot', before)) >= REFUSALS and time.monotonic() < deadline:
+            time.sleep(0.1)
+        time.sleep(QUIET)
+        for node in nodes:
+            self.stack.end(node)
+        if heard.heard:
+            raise RuntimeError('an uninvited operator sees images')
+        return {}
+
+    def close(self) -> None:
+        """End everything."""
+        for stranger in self._strangers.values():
+            stranger.close()
+        self.stack.close()
+
+    def __enter__(self) -> 'HostileLink':
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        self.close()
+
+
+def quiet() -> Dict[str, int]:
+    """No attack."""
+    time.sleep(QUIET)
+    return {}

@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Two robots, each with a master and an emulated link of its own, and one desk with its master."""
+import contextlib
+import pathlib
+from typing import Any, Dict, Optional
+
+from smokebot_udp.link_lab.lab import DEVICE
+
+from .own_masters import PORT, OwnMasters
+
+NAMES = 'ugv1', 'ugv2'
+SECOND_DEVICE = 'air2'
+SECOND = {'robot': '10.77.1.1', 'operator': '10.77.1.2'}
+"""The addresses of the second link."""
+
+ROBOTS = {'ugv1': '10.77.0.1:%d' % PORT, 'ugv2': '%s:%d' % (SECOND['robot'], PORT)}
+
+
+class TwoRobots(contextlib.ExitStack):
+    """The desk is the operator's side of the first robot's stack; a context manager.
+
+    `stacks` by name: the second one has a robot's side and a link only.
+
+    :param seed: of the links
+    :param log, key_file: see OwnMasters
+    :raises LabError: as Lab
+    """
+
+    def __init__(self, seed: int, log: Optional[pathlib.Path] = None, key_file: Optional[pathlib.Path] = None) -> None:
+        super().__init__()
+        self.stacks: Dict[str, OwnMasters] = {}
+        try:
+            for number, name in enumerate(NAMES):
+                self.stacks[name] = self.enter_context(OwnMasters(seed + number, log, key_file))
+            self.desk, second = self.stacks.values()
+            self._join_desk(second)
+        except BaseException:
+            self.close()
+            raise
+
+    def _join_desk(self, second: OwnMasters) -> None:
+        """Move the second link's end into the desk's namespace, and give it addresses of its own."""
+        desk = self.desk.lab.command('operator', [])[-1].split('=')[1]
+        second.ip('operator', 'link set %s netns %s name %s' % (DEVICE, desk, SECOND_DEVICE))
+        second.ip('robot', 'addr flush dev %s' % DEVICE)
+        ends = (second, 'robot', 'operator', DEVICE), (self.desk, 'operator', 'robot', SECOND_DEVICE)
+        for stack, side, other, device in ends:
+            stack.ip(side, 'link set %s up' % device)
+            stack.ip(side, 'addr add %s peer %s dev %s' % (SECOND[side], SECOND[other], device))
+
+    def start_receiver(self, name: str, *arguments: str) -> Any:
+        """Start operator_receiver at the desk for a robot, in a namespace of the robot's name."""
+        return self.desk.start_receiver('__ns:=/' + name, *arguments, robot=ROBOTS[name])

@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""A sealed link under attack: images go on, and nothing of the stranger's is taken."""
+import dataclasses
+import json
+import pathlib
+from typing import Any, Dict, List, Union
+
+from evaluation.hostile_link import IMAGE_RATE, SIDES, HostileLink, Phase
+
+from ..runner import Figure, Run, Table
+
+TITLE = 'A sealed link under attack'
+
+EXPLANATION = """
+Robot and operator have a master each, and a link with a key. A stranger hears all that crosses, and sends from any
+address: 10 000 handshakes that it does not end, each from an address of its own; a million bad datagrams to the robot,
+and a million to the operator, 20 000 a second, as far as the machine allows: random ones, mutated, cut and prolonged
+ones, forged data, and good ones again, from the true sender's address or another. Then two operators try to join: one
+has another key, one has none.
+"""
+
+COUNT, QUICK_COUNT = 10 ** 6, 10 ** 5
+RATE = 20000.0
+"""[1/s]"""
+
+HALF_OPEN, QUICK_HALF_OPEN = 10 ** 4, 10 ** 3
+MIN_RATE = 0.95 * IMAGE_RATE
+"""[Hz]"""
+
+MAX_GROWTH = 10e6
+"""[byte]"""
+
+
+def run(run: Run) -> None:
+    """Write phases.json."""
+    quick = run.quick
+    with HostileLink(run.folder, QUICK_COUNT if quick else COUNT, RATE, QUICK_HALF_OPEN if quick else HALF_OPEN,
+                     run.seed) as link:
+        phases = [dataclasses.asdict(phase) for phase in link.phases()]
+    (run.folder / 'phases.json').write_text(json.dumps(phases, indent=1))
+
+
+def load(folder: pathlib.Path) -> List[Phase]:
+    """The phases that were measured."""
+    return [Phase(**values) for values in json.loads((folder / 'phases.json').read_text())]
+
+
+def missed(folder: pathlib.Path) -> List[str]:
+    """Goals that were missed."""
+    phases = load(folder)
+    slow = ['%s: %.1f images a second' % (phase.name, phase.rate) for phase in phases if phase.rate < MIN_RATE]
+    grown = ['%s: %s grew by %.1f MB' % (phase.name, side, 1e-6 * phase.growth[side])
+             for phase in phases for side in SIDES if phase.growth[side] > MAX_GROWTH]
+    return slow + grown
+
+
+def plot(folder: pathlib.Path) -> List[Union[Figure, Table]]:
+    """Tables of the phases, and of what was sent and dropped."""
+    phases = load(folder)
+    rows = [[phase.name, phase.seconds, phase.rate, 1e3 * phase.age,
+             *(1e-6 * phase.growth[side] for side in SIDES)] for phase in phases]
+    return [Table('Images at the operator, and memory.',
+                  ['attack', 'seconds', 'images [Hz]', 'age p99 [ms]', 'robot + [MB]', 'operator + [MB]'], rows),
+            Table('What the stranger sent, and what the attacked node dropped.', ['attack', 'sent', 'dropped'],
+                  [[phase.name, in_words(phase.sent), in_words(phase.dropped)] for phase in phases])]
+
+
+def in_words(counts: Dict[str, Any]) -> str:
+    """'7 of this, 5 of that', most first."""
+    return ', '.join('%s: %d' % item for item in sorted(counts.items(), key=lambda item: -item[1]))
