@@ -18,6 +18,7 @@ import rospy
 
 from smokebot_udp import udpros
 from smokebot_udp.msg import ImageSegment
+from smokebot_udp.nodes import malloc_tuning
 from smokebot_udp.udpros.endpoints import DatagramReceiver, DatagramSender
 
 SIZE = 1400
@@ -181,6 +182,7 @@ def obey(end: Any) -> None:
 
     :param end: a receiver or sender, see above
     """
+    malloc_tuning.keep_freed_memory()     # as both nodes do
     while not end.ready():
         time.sleep(0.01)
     print('ready', flush=True)
