@@ -31,7 +31,8 @@ signal.pause()
 
 DESK = """
 import signal, sys, time
-signal.signal(signal.SIGHUP, signal.SIG_DFL)    # who runs the tests may ignore it, as nohup does
+for number in (signal.SIGHUP, signal.SIGINT):   # who runs the tests may ignore them: nohup, a job in the background
+    signal.signal(number, signal.SIG_DFL)
 from smokebot_udp.nodes.launches import Launch, keep_all
 keep_all([Launch('one', sys.argv[1:])], lambda: False)
 """
