@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """One end of a link for the benchmark of links, as a process: ``link_peer.py ROLE PORT SIZE [KEY]``.
 
-ROLE is send (the robot, at the port) or receive (an operator). KEY is hexadecimal; without it the link is open. SIZE,
-and all else, is as of udpros_peer.py in frame mode.
+ROLE is send (the robot, at the port) or receive (an operator). KEY is hexadecimal; without it the link is open. SIZE
+and the commands are those of udpros_peer.py in frame mode.
 """
 import sys
 from typing import Any, List, Optional

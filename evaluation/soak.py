@@ -201,7 +201,7 @@ fewest ones are usual."""
 def surplus(usual: Mapping[str, Usage], now: Mapping[str, Usage], spare: int = 0) -> str:
     """Which nodes have more threads or descriptors than usual; empty: none.
 
-    :param spare: so many more count as usual
+    :param spare: number by which a count may exceed the usual one
 
     :param usual, now: {node: its usage}
     """

@@ -13,7 +13,7 @@ from sensor_msgs.msg import LaserScan, PointCloud2, PointField
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from streams_case import LOSSES, StreamsCase
-from waiting import Collector, stamps, wait_for
+from waiting import Collector, give_time, stamps, wait_for
 
 from smokebot_udp.codecs.perception.voxel import voxel_filter
 from smokebot_udp.codecs.wire.points import as_points
@@ -69,6 +69,15 @@ class CloudStreams(StreamsCase):
             collector.wait_connected()
         cls.listen('lidar', 'packed', 'sorted', 'scan', 'obstacle_scan', 'landmark_scan')
         wait_for(lambda: cls.clouds.get_num_connections() and cls.scans.get_num_connections(), what='robot_sender')
+        wait_for(cls.everything_flows, 60, 'a first message of everything')
+
+    @classmethod
+    def everything_flows(cls) -> bool:
+        """Whether each topic has shown something without loss: publishers may drop what comes while one connects."""
+        cls.clouds.publish(cloud(cls.lidar.scan((1.5, 7.0, 0.3), 1.0)[:500]))
+        cls.scans.publish(scan([1.0, 2.0, 5.0]))
+        give_time(0.1)
+        return all(out.messages for (_, loss), out in cls.out.items() if loss == 0)
 
     def setUp(self) -> None:
         for collector in self.out.values():

@@ -5,7 +5,6 @@ import pathlib
 import shutil
 import sys
 import tempfile
-import time
 import unittest
 from typing import Any, Dict
 
@@ -14,7 +13,7 @@ import yaml
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
-import waiting  # noqa: F401  (it reports skipped tests)
+from waiting import give_time  # it reports skipped tests, too
 
 from evaluation import TOP
 from evaluation.hostile_link import REFUSALS, HostileLink
@@ -87,11 +86,11 @@ class LinkLab(unittest.TestCase):
         sender, receiver = stack.start_sender(), stack.start_receiver()
         self.assert_comes(listener, 'the start')
         stack.end(sender)
-        time.sleep(1.0)     # what was on its way has come
+        give_time(1.0)      # what was on its way has come
         stack.start_sender()
         self.assert_comes(listener, "a restart of the robot's side", UNCHANGED)
         stack.end(receiver)
-        time.sleep(1.0)
+        give_time(1.0)
         stack.start_receiver()
         self.assert_comes(listener, "a restart of the operator's side")
         stack.change_address()
@@ -99,7 +98,7 @@ class LinkLab(unittest.TestCase):
         for side in ('robot', 'operator'):
             stack.end(stack.masters[side])
             stack.masters[side] = stack.start_master(side)
-            time.sleep(FRESH)
+            give_time(FRESH)    # older images do not count
             self.assert_comes(listener, "a restart of the %s's master" % side, UNCHANGED)
         for side, wall in walls.items():
             print('%s: %s' % (side, wall.counts()), file=sys.stderr)
@@ -135,7 +134,7 @@ class LinkLab(unittest.TestCase):
         self.assertEqual(set(listener.first(topics.values(), PATIENCE)), set(topics.values()))
         before = self.heard(two, listener, topics)
         two.stacks['ugv2'].lab.set({**GOOD, 'loss': 0.2})
-        time.sleep(2.0)
+        give_time(2.0)      # the rate has followed
         after = self.heard(two, listener, topics)
         for name in NAMES:
             print('%s: %.1f Hz, %.3f s old; then %.1f Hz, %.3f s' % (name, *before[name], *after[name]),

@@ -1,17 +1,20 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Transports of a link in one process, on the loopback device."""
 import contextlib
+import functools
 import threading
-import time
 from typing import Any, Callable, Iterator, List, Optional, Tuple
 
 import numpy as np
+import polling
 
 from smokebot_udp.link.transport import LinkTransport, OperatorTransport, RobotTransport
 from smokebot_udp.udpros.frame import Frame
 
 WAIT = 20.0     # longer than any of it takes [s]
 KEY = bytes(range(32))
+
+wait_for = functools.partial(polling.wait_for, seconds=WAIT)
 
 
 class Told(List[str]):
@@ -58,14 +61,6 @@ def links(key: Optional[bytes] = KEY) -> Iterator[Links]:
         yield made
     finally:
         made.close()
-
-
-def wait_for(condition: Callable[[], Any]) -> None:
-    """Wait until a condition holds."""
-    until = time.monotonic() + WAIT
-    while not condition():
-        assert time.monotonic() < until
-        time.sleep(0.002)
 
 
 class Inbox:

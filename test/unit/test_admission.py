@@ -2,12 +2,12 @@
 """Which requests a publisher grants."""
 import pytest
 
+from smokebot_udp.budget import Budget
 from smokebot_udp.udpros.admission import (
     MAX_CONNECTIONS,
     MAX_PER_HOST,
     MIN_REQUESTED_SIZE,
     SETTLED,
-    Budget,
     Claim,
     check_address,
     check_room,

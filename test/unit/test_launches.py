@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Processes that are kept running, with those that they leave behind: real ones."""
+import functools
 import os
 import pathlib
 import signal
 import subprocess
 import sys
 import time
-from typing import Any, Callable, Iterator, List
+from typing import Any, Iterator, List
 
+import polling
 import psutil
 import pytest
 
@@ -38,12 +40,7 @@ keep_all([Launch('one', sys.argv[1:])], lambda: False)
 """
 
 
-def wait_for(what: Callable[[], Any], seconds: float = 60.0) -> Any:
-    deadline = time.monotonic() + seconds
-    while not what():
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
-    return what()
+wait_for = functools.partial(polling.wait_for, seconds=60.0)
 
 
 class Nodes:

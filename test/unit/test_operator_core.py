@@ -8,6 +8,7 @@ from link_channel import KEY, OPERATOR, ROBOT, SIZE, data, give, random_bytes, s
 from link_sides import BOTH, ELSEWHERE, init_of, joined, operator_of, robot_of, the_robot
 
 from smokebot_udp.link.control import Control, message
+from smokebot_udp.link.core import MAX_ATTEMPTS
 from smokebot_udp.link.noise import Responder
 from smokebot_udp.link.operator_core import (
     CONFIRM,
@@ -15,7 +16,6 @@ from smokebot_udp.link.operator_core import (
     HINTED_SILENCE,
     JITTER,
     LAST_RETRY,
-    MAX_ATTEMPTS,
     REFUSED_RETRY,
     REKEY_AFTER,
     SILENCE,

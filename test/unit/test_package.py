@@ -18,13 +18,13 @@ LAYERS = {
                 'udpros.frame', 'udpros.datagram', 'msg'},
     'congestion': {'monitoring.stats', 'monitoring.windows'},
     'link_lab': {'udpros', 'msg'},
-    'link': {'udpros.admission', 'udpros.datagram', 'udpros.depacketizer', 'udpros.endpoints', 'udpros.frame',
+    'link': {'udpros.datagram', 'udpros.depacketizer', 'udpros.endpoints', 'udpros.frame',
              'udpros.loss_emulation', 'udpros.packetizer', 'udpros.records'},
     'udpros': set(), 'mission': set(), 'monitoring': set(), 'codecs': set(), 'simulation': set(),
 }
 """Each package, and the packages and modules below it that it may import."""
 
-EVERYWHERE = {'arrays', 'image_error', 'transport', 'units'}
+EVERYWHERE = {'arrays', 'budget', 'image_error', 'transport', 'units'}
 PURE = {'codecs', 'congestion', 'mission', 'monitoring', 'simulation', 'streams'}
 """Packages without threads, sockets, topics or a clock."""
 

@@ -7,7 +7,7 @@ from link_channel import KEY, OPERATOR, ROBOT, give, random_bytes, sent, shake_h
 from link_sides import BOTH, ELSEWHERE, init_of, joined, operator_of, robot_of, the_robot
 
 from smokebot_udp.link.control import Control, message
-from smokebot_udp.link.core import MIN_DATAGRAM_SIZE, SILENT
+from smokebot_udp.link.core import MAX_ATTEMPTS, MIN_DATAGRAM_SIZE, SILENT
 from smokebot_udp.link.operator_core import OperatorCore
 from smokebot_udp.link.packets import (
     INIT_SIZE,
@@ -27,7 +27,6 @@ from smokebot_udp.link.peer import Joined, Left, Refused
 from smokebot_udp.link.robot_core import (
     INIT_BURST,
     INIT_PERIOD,
-    MAX_ATTEMPTS,
     MAX_PEERS,
     MAX_PENDING,
     PENDING,

@@ -7,7 +7,7 @@ from smokebot_udp.mission.settings_server import (
     INTERVAL,
     MAX_REMEMBERED,
     PERIOD,
-    RATE,
+    REQUEST_PERIOD,
     SENDINGS,
     SettingsServer,
 )
@@ -111,7 +111,7 @@ def test_a_flood_is_limited_in_rate_and_memory() -> None:
     server = Robot()
     assert served(server, 1000, 1, 10.0) == BURST
     assert server.dropped['too many'] == 1000 - BURST
-    assert served(server, 1000, 2000, 11.0) == RATE
+    assert served(server, 1000, 2000, 11.0) == round(1 / REQUEST_PERIOD)
     for second in range(20):
         served(server, 100, 10_000 * (second + 1), 100.0 + second)
     assert len([state for state in server.drained() if state.request]) == MAX_REMEMBERED

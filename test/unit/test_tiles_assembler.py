@@ -60,6 +60,15 @@ class Operator:
         return [number for first, count in holding.runs for number in range(first, first + count)]
 
 
+def operator_of(robot: TileSender) -> Operator:
+    """One that has the whole map of a robot."""
+    made = Operator()
+    made.receive(robot.update(rooms(), info_of(rooms(), (-3.0, 2.0))))
+    assert made.show() is not None
+    np.testing.assert_array_equal(made.cells, rooms())
+    return made
+
+
 @pytest.fixture
 def robot() -> TileSender:
     return TileSender()
@@ -67,11 +76,7 @@ def robot() -> TileSender:
 
 @pytest.fixture
 def operator(robot: TileSender) -> Operator:
-    """It has the whole map of `robot`."""
-    made = Operator()
-    made.receive(robot.update(rooms(), info_of(rooms(), (-3.0, 2.0))))
-    assert made.show() is not None
-    return made
+    return operator_of(robot)
 
 
 def test_the_map_is_exact(robot: TileSender, operator: Operator) -> None:

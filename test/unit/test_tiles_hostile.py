@@ -6,7 +6,7 @@ from typing import Any, Callable
 import needs_numba  # noqa: F401
 import numpy as np
 import pytest
-from test_tiles_assembler import Operator, rooms
+from test_tiles_assembler import Operator, operator_of, rooms
 from tile_sender import TileSender, info_of
 
 from smokebot_udp.codecs.tiles.rectangle import Rectangle
@@ -26,12 +26,7 @@ def robot() -> TileSender:
 
 @pytest.fixture
 def operator(robot: TileSender) -> Operator:
-    """It has the whole map of `robot`."""
-    made = Operator()
-    made.receive(robot.update(CELLS, INFO))
-    made.show()
-    np.testing.assert_array_equal(made.cells, CELLS)
-    return made
+    return operator_of(robot)
 
 
 def lie(path: str, value: Any) -> Callable[[Any], None]:

@@ -28,6 +28,10 @@ KEEP_ALIVE = 0.1
 """Between two looks at what was sent. Frequent, so that losses are not taken for silence, and a new address is noticed
 soon; an idle link has 6 kbit/s each way [s]."""
 
+MAX_ATTEMPTS = 8
+"""At a handshake: an operator takes the answer to any of its last ones, and the robot keeps as many pending sessions of
+one instance."""
+
 OLD_KEYS = 10.0
 """How long the keys before the present ones are taken [s]."""
 
@@ -72,7 +76,7 @@ class LinkCore(abc.ABC):
     :param key: 32 bytes, or None: the link is open
     :param random: gives random bytes
     :param max_datagram_size: the longest packet to receive, and to send [byte of UDP payload]
-    :param name: told to the other side
+    :param name: under which the other side knows this one
     :raises ValueError: if max_datagram_size is less than MIN_DATAGRAM_SIZE
     """
 

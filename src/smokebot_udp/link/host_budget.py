@@ -2,7 +2,7 @@
 """How often each host may make the robot compute, so that one host cannot take the others' share."""
 import collections
 
-from ..udpros.admission import Budget
+from ..budget import Budget
 
 MAX_HOSTS = 256
 """Remembered; the one that asked longest ago is forgotten."""

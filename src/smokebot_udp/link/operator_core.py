@@ -26,7 +26,7 @@ from typing import List, Optional, Tuple
 from ..arrays import IntArray, Records, UInt8Array
 from .control import Control, message
 from .cookie import Place
-from .core import MIN_DATAGRAM_SIZE, Entry, LinkCore, Random
+from .core import MAX_ATTEMPTS, MIN_DATAGRAM_SIZE, Entry, LinkCore, Random
 from .noise import Forged, Initiator
 from .packets import (
     EPHEMERAL_SIZE,
@@ -57,7 +57,6 @@ At 20 % loss each way 0.64 of the attempts succeed; a robot that is not there is
 REFUSED_RETRY = 0.5
 """Time to the next attempt after a refusal [s]."""
 
-MAX_ATTEMPTS = 8
 INIT_PER_HELLO = 4
 
 CONFIRM, CONFIRM_FOR = 0.05, 0.5

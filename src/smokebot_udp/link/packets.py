@@ -116,7 +116,7 @@ ACCEPT_SIZE = {mode: ACCEPT.size + size + REPLY.size for mode, size in _SEALED.i
 
 
 class Malformed(ValueError):
-    """Bytes from the network that are no packet."""
+    """Bytes from the network that no correct peer sends."""
 
 
 class Hello(NamedTuple):

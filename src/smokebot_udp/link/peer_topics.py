@@ -11,8 +11,9 @@ from ..udpros.datagram import MIN_MAX_DATAGRAM_SIZE
 from ..udpros.depacketizer import Arrival, Depacketizer
 from ..udpros.endpoints import BatchSender, path_payload
 from ..udpros.packetizer import Packetizer
+from .packets import Malformed
 from .peer import Peer
-from .tables import MAX_TABLE_SIZE, Exchange, Local, Malformed, Table
+from .tables import MAX_TABLE_SIZE, Exchange, Local, Table
 from .topics import Outgoing, PeerSender, Publisher, Subscriber
 
 PATH_PERIOD = 5.0

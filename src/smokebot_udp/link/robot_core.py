@@ -20,10 +20,10 @@ Rules, in the order in which a stranger meets them; each has its tests in test_r
 """
 from typing import Dict, Optional
 
-from ..udpros.admission import Budget
+from ..budget import Budget
 from .control import CHALLENGE_SIZE, SIZE, Control, message
 from .cookie import LIFETIME, CookieJar, Place
-from .core import MIN_DATAGRAM_SIZE, Entry, LinkCore, Random
+from .core import MAX_ATTEMPTS, MIN_DATAGRAM_SIZE, Entry, LinkCore, Random
 from .host_budget import HostBudgets
 from .noise import Forged, Responder
 from .packets import (
@@ -55,9 +55,6 @@ INIT_BURST, INIT_PERIOD = 64, 0.02
 
 PENDING = 5.0
 """How long an accepted handshake waits for its first DATA [s]."""
-
-MAX_ATTEMPTS = 8
-"""Pending sessions of one instance: an operator takes the answer to any of its last attempts."""
 
 MAX_PENDING = 32
 

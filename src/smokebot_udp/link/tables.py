@@ -20,8 +20,9 @@ import math
 import struct
 from typing import Dict, FrozenSet, Iterable, List, NamedTuple, Optional, Tuple
 
-from ..udpros.admission import Budget
+from ..budget import Budget
 from .control import FIRST_TABLE_ID, FIRST_TOPIC_ID
+from .packets import Malformed
 
 MAX_TOPICS = 256
 """Of one side."""
@@ -59,10 +60,6 @@ class Role(enum.IntEnum):
     """What a side does with a topic."""
     SENDS = 0
     RECEIVES = 1
-
-
-class Malformed(ValueError):
-    """A message of the other side that no correct one sends."""
 
 
 class Topic(NamedTuple):

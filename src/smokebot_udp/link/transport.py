@@ -14,8 +14,8 @@ from typing import Any, Callable, Counter, Dict, List, Mapping, Optional, Set
 import numpy as np
 import rospy
 
+from ..budget import Budget
 from ..transport import PeerStats, TransportStats, always
-from ..udpros.admission import Budget
 from ..udpros.datagram import DEFAULT_MAX_DATAGRAM_SIZE
 from ..udpros.depacketizer import Arrival, Arrived, BatchCallback
 from ..udpros.endpoints import BatchSender
@@ -287,8 +287,12 @@ class OperatorTransport(LinkTransport):
 
     def problem(self) -> Optional[str]:
         """See transport.Transport."""
+        return self._connection_problem() or super().problem()
+
+    def _connection_problem(self) -> Optional[str]:
+        """Why there is no robot; None: there is one. A name that does not resolve explains the rest."""
         problem = self._operator.problem
-        return (self._resolver.problem or problem if problem else None) or super().problem()
+        return (self._resolver.problem or problem) if problem else None
 
     def poll(self, now: float) -> float:
         """See endpoint.Handler."""
@@ -300,7 +304,7 @@ class OperatorTransport(LinkTransport):
 
     def _report_problem(self, now: float) -> None:
         """Report each problem that lasts, once until there is another one or none."""
-        problem = self._resolver.problem or self._operator.problem if self._operator.problem else None
+        problem = self._connection_problem()
         if problem is None:
             self._troubled = self._last_problem = None
             return

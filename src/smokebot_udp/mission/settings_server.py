@@ -9,6 +9,7 @@ import itertools
 import math
 from typing import Any, Counter, Deque, Dict, Iterator, Mapping, Optional, OrderedDict, Sequence, Tuple
 
+from ..budget import Budget
 from .remote import FOCUS_PART, MAX_REFUSAL, PartState, Request
 
 PERIOD = 0.3
@@ -23,8 +24,9 @@ SENDINGS = 2
 MAX_REMEMBERED = 64
 """Number of requests that are remembered, to serve each once; and of answers that wait."""
 
-RATE, BURST = 10.0, 20
-"""Requests that are carried out in a second, and at once: others are dropped, an operator repeats its own [1/s, 1]."""
+BURST, REQUEST_PERIOD = 20, 0.1
+"""Number of requests that are carried out at once, and the time to one more [s]. Others are dropped; operators repeat
+theirs."""
 
 
 class _Part:
@@ -50,7 +52,7 @@ class SettingsServer:
         self._served: OrderedDict[int, str] = collections.OrderedDict()     # {id: why it was refused}
         self._answers: Deque[Tuple[Request, str]] = collections.deque(maxlen=MAX_REMEMBERED)
         self._sent = -math.inf
-        self._allowance, self._allowed = float(BURST), -math.inf    # requests, as of a time
+        self._budget = Budget(BURST, REQUEST_PERIOD)
 
     def update(self, parts: Mapping[str, Mapping[str, Any]]) -> None:
         """Take over the present values; those that differ are sent.
@@ -84,12 +86,9 @@ class SettingsServer:
         if request.id == 0 or request.part not in self._parts:
             self.dropped['unknown part' if request.id else 'no id'] += 1
             return False
-        self._allowance = min(float(BURST), self._allowance + RATE * max(0.0, now - self._allowed))
-        self._allowed = now
-        if self._allowance < 1:
+        if not self._budget.take(now):
             self.dropped['too many'] += 1
             return False
-        self._allowance -= 1
         return True
 
     def answer(self, request: Request, refusal: str) -> None:

@@ -7,8 +7,8 @@ from typing import Dict, List, NamedTuple, Optional
 
 import rosgraph
 
+from ..budget import Budget
 from . import rpc
-from .admission import Budget
 from .bus_info import BusEntry, udpros_entries
 from .endpoints import addresses_of, is_loopback
 from .negotiation import Refused

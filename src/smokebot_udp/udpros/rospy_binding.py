@@ -24,8 +24,8 @@ import rospy.core
 from rospy.impl.registration import RegManager, get_registration_listeners, get_topic_manager
 from rospy.impl.transport import ProtocolHandler
 
+from ..budget import Budget
 from .acceptor import Acceptor
-from .admission import Budget
 from .connector import ApiResult, Connector
 from .master import log_without_master
 from .negotiation import OTHER_TYPE_PERIOD, PROTOCOL, Refused

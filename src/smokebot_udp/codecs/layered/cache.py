@@ -27,8 +27,11 @@ _CPU = ('vendor_id', 'cpu family', 'model', 'model name', 'flags', 'CPU implemen
 
 
 def cache_folder(package: Optional[pathlib.Path] = None) -> Optional[pathlib.Path]:
-    """Where numba keeps the loops of a package, of this one if None: the first that it can write into, of the folder
-    that it is told, beside the sources, and the user's cache. It is made; None: there is none."""
+    """The folder where numba keeps the compiled loops of a package (None: this one), which is made.
+
+    It is the first that can be written into of NUMBA_CACHE_DIR, the folder beside the sources, and the user's cache;
+    None: there is none.
+    """
     package = package or FOLDER
     name = '%s_%s' % (package.name, hashlib.sha1(str(package).encode()).hexdigest())
     user = os.environ.get('XDG_CACHE_HOME', os.path.expanduser('~/.cache'))

@@ -144,7 +144,7 @@ def _fitting(keys: Array, levels: Optional[IntArray], key_bits: int, room: int, 
 
 
 def _first_guess(keys: Array, has_intensity: bool, room: int) -> int:
-    """About how many chunks are needed: the gaps in a chunk are as long as those between every so many keys."""
+    """An estimate of the number of chunks: the gaps in a chunk are like those of every n-th key."""
     chunks = min(int(FIRST_GUESS * len(keys) / room) + 1, len(keys) - 1)
     bits = BESIDE + INTENSITY * has_intensity
     if chunks:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The chunks of a sorted cloud, as far as they were received (see sorted_cloud.py).
 
-Chunks come from the network: one that is broken is left out, whatever it contains, and memory and time are bounded by
+Chunks come from the network: invalid ones are left out, whatever they contain, and memory and time are bounded by
 the bytes that were received.
 """
 from typing import Dict, Iterator, List, Optional, Sequence, Tuple
