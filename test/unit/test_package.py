@@ -12,20 +12,21 @@ TOP = pathlib.Path(__file__).resolve().parents[2]
 SOURCE = TOP / 'src' / 'smokebot_udp'
 MODULES = sorted(SOURCE.rglob('*.py'))
 LAYERS = {
-    'nodes': {'streams', 'codecs', 'congestion', 'mission', 'monitoring', 'udpros', 'link', 'simulation', 'msg',
-              'srv'},
+    'nodes': {'streams', 'codecs', 'congestion', 'mission', 'monitoring', 'udpros', 'link', 'simulation', 'teleop',
+              'reliable', 'msg', 'srv'},
     'streams': {'codecs', 'congestion.operating_points', 'mission.parameters', 'mission.settings', 'mission.yaml_text',
                 'udpros.frame', 'udpros.datagram', 'msg'},
     'congestion': {'monitoring.stats', 'monitoring.windows'},
     'link_lab': {'udpros', 'msg'},
     'link': {'udpros.datagram', 'udpros.depacketizer', 'udpros.endpoints', 'udpros.frame',
              'udpros.loss_emulation', 'udpros.packetizer', 'udpros.records'},
+    'teleop': {'monitoring.clock_offset', 'monitoring.windows'}, 'reliable': set(),
     'udpros': set(), 'mission': set(), 'monitoring': set(), 'codecs': set(), 'simulation': set(),
 }
 """Each package, and the packages and modules below it that it may import."""
 
 EVERYWHERE = {'arrays', 'budget', 'image_error', 'transport', 'units'}
-PURE = {'codecs', 'congestion', 'mission', 'monitoring', 'simulation', 'streams'}
+PURE = {'codecs', 'congestion', 'mission', 'monitoring', 'reliable', 'simulation', 'streams', 'teleop'}
 """Packages without threads, sockets, topics or a clock."""
 
 PURE_UDPROS = {'admission', 'batches', 'bus_info', 'datagram', 'depacketizer', 'frame', 'negotiation', 'packetizer',
