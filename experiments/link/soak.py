@@ -37,8 +37,8 @@ QUICK_LONGEST = 3.0
 SETTLED = 1 / 3
 """From this share of the soak on the slope of the memory counts, and both nodes live on: see GENTLE."""
 
-WARM_UP = 120.0
-"""The memory of a process grows for this time after its start: buffers, threads' arenas, the map [s]."""
+WARM_UP = 600.0
+"""The memory of a process grows for this time after its start: buffers, threads' arenas, caches, the map [s]."""
 
 MAX_SLOPE = 0.2
 """Goal of the resident memory's growth [MB/min]."""
