@@ -7,6 +7,7 @@ import xml.etree.ElementTree as ElementTree
 import xmlrpc.client
 from typing import Any, Callable, Dict, Iterator, List
 
+import rosgraph
 import rospy
 from rosgraph_msgs.msg import Log
 from rosunit import xmlrunner
@@ -81,6 +82,22 @@ def pid_at(uri: str) -> int:
         return 0
 
 
+def is_sent_here(topic: str) -> bool:
+    """Whether a publisher of a topic sends its messages to this node by TCP."""
+    master = rosgraph.Master(rospy.get_name())
+    try:
+        publishers = dict(master.getSystemState()[0]).get(topic, [])
+        for uri in map(master.lookupNode, publishers):
+            with xmlrpc.client.ServerProxy(uri) as proxy:
+                node: Any = proxy
+                if any(entry[1:5] == [rospy.get_name(), 'o', 'TCPROS', topic]
+                       for entry in node.getBusInfo(rospy.get_name())[2]):
+                    return True
+    except (rosgraph.MasterException, xmlrpc.client.Error, OSError):    # it starts, or has just ended
+        pass
+    return False
+
+
 class Collector:
     """A subscriber that keeps all messages: {stamp: message}, and when each arrived: {stamp: [s]}."""
 
@@ -100,7 +117,9 @@ class Collector:
             self.messages, self.arrivals = {}, {}
 
     def wait_connected(self) -> None:
-        wait_for(self._subscriber.get_num_connections, what='a publisher of %s' % self._subscriber.name)
+        """Wait until a publisher sends to this. rospy's adds a connection only after the subscriber counts it."""
+        wait_for(lambda: is_sent_here(self._subscriber.resolved_name),
+                 what='a publisher of %s' % self._subscriber.resolved_name)
 
 
 def stamps(count: int, rate: float) -> Iterator[Any]:

@@ -76,8 +76,9 @@ class OperatorStream:
 
     def start(self) -> None:
         """Begin to receive."""
-        self._publisher = rospy.Publisher(self.topic, self.assembler.MESSAGE, queue_size=2, latch=self.assembler.LATCH,
-                                          tcp_nodelay=True)
+        # of images only the newest count; the messages of a relay may come many at once
+        self._publisher = rospy.Publisher(self.topic, self.assembler.MESSAGE, latch=self.assembler.LATCH,
+                                          queue_size=QUEUE if self.assembler.FORWARDS else 2, tcp_nodelay=True)
         self._outputs = list(self._make_outputs())
         if not self.assembler.FORWARDS:
             self._worker.start()
