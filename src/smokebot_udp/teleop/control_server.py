@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The robot's half of control: who is present, who drives, the emergency stop, and the status that tells all of them.
+
+Call `poll` after every other method and at `deadline`, and send the status that it returns to all operators.
+"""
+import collections
+import dataclasses
+import math
+from typing import Any, Counter, Dict, List, Optional, Tuple
+
+from .control import Control
+from .estop import EstopLatch
+from .loss import LossMeter
+from .records import PeerStatus, Request, Status, Wish
+from .requests import Answers, untimely
+from .sessions import LEASE
+
+PERIOD = 0.2
+"""At which the status is sent [s];"""
+
+MIN_INTERVAL = 0.01
+"""a change and a request are answered at once, but no faster than this [s]."""
+
+EMERGENCY_STOP = 'emergency stop'
+NOT_IN_CONTROL = 'not in control'
+NO_OPERATOR = 'no operator'
+"""Reasons to refuse a command; `dropped` counts why its sender is no operator."""
+
+REQUESTS = 'requests'
+"""The topic of requests for LossMeter."""
+
+MAX_SESSIONS = 64
+"""Remembered, those that have ended included."""
+
+
+@dataclasses.dataclass
+class _Peer:
+    """One session of an operator."""
+    heard: float
+    """When a datagram of it came last [s]."""
+    clock: float = 0.0
+    """Of its newest request, by its own clock [s]."""
+    came: float = 0.0
+    """When that came [s]."""
+    answers: Answers = dataclasses.field(default_factory=Answers)
+    loss: LossMeter = dataclasses.field(default_factory=LossMeter)
+
+
+class ControlServer:
+    """Serves all operators. Times are by the robot's steady clock [s].
+
+    :param session: of this node: a random number other than 0
+    """
+
+    def __init__(self, session: int) -> None:
+        self.session = session
+        self.control, self.estop = Control(), EstopLatch()
+        self.closed = ''
+        """Why nothing but an emergency stop is carried out; empty: all is."""
+        self.dropped: Counter[str] = collections.Counter()
+        """{reason: count} of the datagrams of those who are no operators."""
+        self._peers: Dict[Tuple[str, int], _Peer] = {}      # {(name, session): of it}
+        self._sent = -math.inf      # when the status was sent last
+        self._prompted = True       # whether it is to be sent at once
+        self._told: Any = None      # what it told
+
+    @property
+    def remembered(self) -> int:
+        """Sessions of operators that are remembered."""
+        return len(self._peers)
+
+    def receive(self, name: str, seq: int, request: Request, now: float) -> None:
+        """Take an operator's request.
+
+        :param name: of its node, as the transport knows it
+        :param seq: of the message's header
+        """
+        peer = self._heard(name, request.session, REQUESTS, seq, now)
+        if peer is None:
+            if request.wish == Wish.ENGAGE_ESTOP:   # anybody may, even one too many
+                self.estop.engage(name, now)
+            return
+        if request.clock > peer.clock:
+            peer.clock, peer.came = request.clock, now
+        if request.id:
+            self._prompted = True
+            if peer.answers.take(request.id):
+                peer.answers.answer(request.id, self._carry_out(name, request, now))
+
+    def command(self, name: str, session: int, topic: str, seq: int, now: float) -> Optional[str]:
+        """A command came; its operator's lease is renewed.
+
+        :param topic: that it came by
+        :param seq: of the message's header
+        :return: None, or why its operator may not drive now
+        """
+        if self._heard(name, session, topic, seq, now) is None:
+            return NO_OPERATOR
+        if self.estop.engaged:
+            return EMERGENCY_STOP
+        driver = self.control.driver
+        return None if driver is not None and driver.name == name else NOT_IN_CONTROL
+
+    def reported(self, name: str, now: float) -> None:
+        """A link report of an operator came."""
+        self.control.renew(name, now)
+
+    def left(self, name: str) -> None:
+        """An operator's link has ended."""
+        self.control.left(name)
+
+    def set_estop(self, engaged: bool, by: str, now: float) -> None:
+        """A person at the robot engages or releases the emergency stop."""
+        self.estop.set_locally(engaged, by, now)
+
+    def operators(self, now: float) -> List[PeerStatus]:
+        """What is known of those that are present."""
+        return [PeerStatus(session, name, peer.clock, now - peer.came if peer.clock else 0.0, peer.answers.answered,
+                           peer.answers.refusal, peer.loss.loss(now))
+                for name, session in self._present() for peer in (self._peers[name, session],)]
+
+    def deadline(self) -> float:
+        """When `poll` has something to do [s]."""
+        lease = self.control.deadline()
+        return min(self._due(), math.inf if lease is None else lease)
+
+    def poll(self, now: float) -> Optional[Status]:
+        """Let leases end; returns the status if it is to be sent now."""
+        self.control.poll(now)
+        driver = self.control.driver
+        news = driver and (driver.name, driver.session), self.estop.engaged, self.estop.by, self._present()
+        self._prompted = self._prompted or news != self._told
+        if now < self._due():
+            return None
+        self._sent, self._prompted, self._told = now, False, news
+        return Status(self.session, now, driver.name if driver else '', driver.session if driver else 0,
+                      self.estop.engaged, self.estop.by, tuple(self.operators(now)))
+
+    def _due(self) -> float:
+        return self._sent + (MIN_INTERVAL if self._prompted else PERIOD)
+
+    def _heard(self, name: str, session: int, topic: str, seq: int, now: float) -> Optional[_Peer]:
+        """The operator that a datagram came from; None: none, which is counted."""
+        refusal = self.control.heard(name, session, now)
+        if refusal is not None:
+            self.dropped[refusal] += 1
+            return None
+        peer = self._peers.setdefault((name, session), _Peer(now))
+        peer.heard = now
+        peer.loss.add(topic, seq, now)
+        self._forget(now)
+        return peer
+
+    def _forget(self, now: float) -> None:
+        """Forget sessions that have ended so long ago that whatever still comes of them is refused for its age."""
+        present = set(self._present())
+        for key, peer in list(self._peers.items()):
+            if key not in present and (now - peer.heard > LEASE or len(self._peers) > MAX_SESSIONS):
+                del self._peers[key]
+
+    def _present(self) -> List[Tuple[str, int]]:
+        """(name, session) of the operators that are present."""
+        return [(operator.name, operator.session) for operator in self.control.operators]
+
+    def _carry_out(self, name: str, request: Request, now: float) -> Optional[str]:
+        """Carry out a request; returns None, or why it is refused."""
+        if request.wish == Wish.ENGAGE_ESTOP:
+            self.estop.engage(name, now)
+            return None
+        if self.closed or request.robot != self.session:
+            return self.closed or 'the robot was restarted'
+        if request.wish == Wish.RELEASE_ESTOP:
+            return self.estop.release(request.made, now)
+        late = untimely(request.made, now)
+        if late is not None:
+            return late
+        return self.control.take(name) if request.wish == Wish.TAKE_CONTROL else self.control.release(name)
