@@ -1,0 +1,17 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What bounds a channel: how much waits in it for one peer, and for how long."""
+from typing import NamedTuple
+
+
+class Bounds(NamedTuple):
+    """Of the messages that were not acknowledged yet; beyond them the oldest are given up."""
+    messages: int = 1000
+    bytes: int = 1 << 20
+    """Of all messages together, and so of the longest one [byte]."""
+    age: float = 10.0
+    """[s]"""
+    keeps_last: bool = False
+    """Whether the newest message is not given up by its age: a state, which is not old before there is another one."""
+
+
+USUAL = Bounds()

@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Messages in as few bytes as they take: diagnostics and logs are text, and shrink to a fraction."""
+import zlib
+
+PLAIN, DEFLATED = b'\0', b'\1'
+"""The first byte: what follows is the message, or compressed (RFC 1950)."""
+
+MIN_SIZE = 256
+"""Shorter messages stay as they are: they leave in one datagram anyway [byte]."""
+
+LEVEL = 6
+
+
+def pack(data: bytes) -> bytes:
+    """A message to be sent."""
+    if len(data) >= MIN_SIZE:
+        deflated = zlib.compress(data, LEVEL)
+        if len(deflated) < len(data):
+            return DEFLATED + deflated
+    return PLAIN + data
+
+
+def unpack(packed: bytes, most: int) -> bytes:
+    """The message that was packed.
+
+    :param most: its longest size; nothing longer is unpacked [byte]
+    :raises ValueError: where it is longer, or was not packed
+    """
+    kind, data = packed[:1], packed[1:]
+    if kind == DEFLATED:
+        inflater = zlib.decompressobj()
+        try:
+            data = inflater.decompress(data, most + 1)
+        except zlib.error as error:
+            raise ValueError('it is not compressed: %s' % error) from None
+        if len(data) <= most and not inflater.eof:
+            raise ValueError('its end is missing')
+    elif kind != PLAIN:
+        raise ValueError('it begins with %r' % kind)
+    if len(data) > most:
+        raise ValueError('it has more than %d bytes' % most)
+    return data
