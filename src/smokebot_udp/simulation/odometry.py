@@ -4,8 +4,8 @@ from typing import Tuple
 
 import numpy as np
 
-from .drive import Drive
-from .pose import Pose, compose, inverse
+from .motion import Motion
+from .pose import Pose, compose, inverse, twist_of
 
 DRIFT = (0.30, 45.0), (0.20, 31.0), (0.04, 60.0)
 """For x [m], y [m] and yaw [rad]: the maximum drift, and the distance travelled [m] after which it would be reached at
@@ -14,9 +14,9 @@ screen."""
 
 
 class Odometry:
-    """The odometry of a robot on a Drive: compose(correction(t), pose(t)) is its true pose."""
+    """The odometry of a robot: compose(correction(t), pose(t)) is its true pose."""
 
-    def __init__(self, drive: Drive) -> None:
+    def __init__(self, drive: Motion) -> None:
         self._drive = drive
 
     def correction(self, time: float) -> Pose:
@@ -31,4 +31,4 @@ class Odometry:
 
     def twist(self, time: float) -> Tuple[float, float]:
         """(forward speed [m/s], turn rate [rad/s]); the drift's contribution, below 1 %, is neglected."""
-        return self._drive.twist(time)
+        return twist_of(self._drive.pose, time)

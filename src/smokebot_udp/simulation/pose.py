@@ -4,12 +4,18 @@
 A pose (x, y, yaw) [m, rad] is also the transform from the coordinates of what has this pose into the coordinates in
 which the pose is given.
 """
-from typing import Tuple
+from typing import Callable, Tuple
 
 import numpy as np
 
 Pose = Tuple[float, float, float]
 """(x, y, yaw) [m, rad]"""
+
+Point = Tuple[float, float]
+"""(x, y) [m]"""
+
+TIME_STEP = 1e-3
+"""Of the numerical derivative [s]."""
 
 
 def compose(outer: Pose, inner: Pose) -> Pose:
@@ -23,3 +29,18 @@ def inverse(pose: Pose) -> Pose:
     """The pose whose composition with `pose` is (0, 0, 0)."""
     x, y, yaw = pose
     return -x * np.cos(yaw) - y * np.sin(yaw), x * np.sin(yaw) - y * np.cos(yaw), -yaw
+
+
+def wrapped(angle: float) -> float:
+    """The same angle in -pi .. pi [rad]."""
+    return (angle + np.pi) % (2 * np.pi) - np.pi
+
+
+def twist_of(pose: Callable[[float], Pose], time: float) -> Tuple[float, float]:
+    """(forward speed [m/s], turn rate [rad/s]) at a time [s] of a robot that does not move sideways.
+
+    :param pose: f(time [s])
+    """
+    x0, y0, yaw0 = pose(time)
+    x1, y1, yaw1 = pose(time + TIME_STEP)
+    return ((x1 - x0) * np.cos(yaw0) + (y1 - y0) * np.sin(yaw0)) / TIME_STEP, (yaw1 - yaw0) / TIME_STEP

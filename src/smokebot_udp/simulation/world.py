@@ -95,8 +95,17 @@ class World:
 
     def distance(self, point: Sequence[float]) -> float:
         """The distance of a point (x, y) from the nearest obstacle to a robot [m]; negative inside one."""
+        return float(self.distances(np.asarray(point, float)[np.newaxis])[0])
+
+    def distances(self, points: FloatArray) -> FloatArray:
+        """(n,) the distances of (n, 2) points from the nearest obstacle to a robot [m]; negative inside one.
+
+        Beside a corner the distance is that of the farther side: shorter than the straight one.
+        """
         low = self.bottom < ROBOT_HEIGHT
-        return float((self.normals[low] @ np.asarray(point, float) - self.offsets[low]).max(axis=1).min())
+        # not a matrix product: BLAS would wake a thread on each core for it
+        sides = self.normals[low, :, 0, np.newaxis] * points[:, 0] + self.normals[low, :, 1, np.newaxis] * points[:, 1]
+        return np.asarray((sides - self.offsets[low, :, np.newaxis]).max(axis=1).min(axis=0))
 
     def index(self, name: str) -> int:
         """The surface id of the prism of this name."""
