@@ -10,11 +10,11 @@ from typing import Any, List, Mapping
 
 from smokebot_udp.mission.parameters import Parameter
 from smokebot_udp.nodes.parameters import NODES
-from smokebot_udp.streams import KINDS, assembler_class, encoder_class
+from smokebot_udp.streams import KINDS, TYPES, tables
 from smokebot_udp.streams.parameters import OPERATOR, ROBOT
 
 PATH = pathlib.Path(__file__).resolve().parent.parent / 'doc' / 'parameters.md'
-TYPES = {str: 'str', bool: 'bool', int: 'int', float: 'double'}
+VALUE_TYPES = {str: 'str', bool: 'bool', int: 'int', float: 'double'}
 
 HEAD = """# Parameters
 
@@ -37,7 +37,7 @@ the robot's live settings as well, under `/robot_sender/` in the operator's name
 def limits(parameter: Parameter) -> str:
     """The values that are allowed, as text; empty where all of the type are."""
     if parameter.choices:
-        return ', '.join(parameter.choices)
+        return ', '.join(choice or "''" for choice in parameter.choices)
     parts = [('> %.7g', parameter.above), ('≥ %.7g', parameter.least), ('≤ %.7g', parameter.most)]
     return ', '.join(text % limit for text, limit in parts if limit is not None)
 
@@ -50,7 +50,7 @@ def row(name: str, parameter: Parameter) -> str:
         default = str(default).lower()
     elif kind is float:
         default = '%g' % default
-    cells = [name, TYPES[kind], str(default), parameter.unit, limits(parameter), 'live' if parameter.live else '',
+    cells = [name, VALUE_TYPES[kind], str(default), parameter.unit, limits(parameter), 'live' if parameter.live else '',
              parameter.meaning]
     return '|' + '|'.join(' %s ' % cell if cell else ' ' for cell in cells) + '|'
 
@@ -63,13 +63,12 @@ def table(parameters: Mapping[str, Parameter]) -> str:
 
 def page() -> str:
     """The text of doc/parameters.md."""
-    parts: List[str] = [HEAD, STREAMS, '### All types\n\n', table({**ROBOT, **OPERATOR})]
-    for kind in sorted(KINDS):
-        robot, operator = encoder_class(kind).PARAMETERS, assembler_class(kind).PARAMETERS
-        for side, parameters, common in (('robot', robot, ROBOT), ('operator', operator, OPERATOR)):
-            own = {name: parameter for name, parameter in parameters.items() if name not in common}
-            if side == 'operator':
-                own = {name: parameter for name, parameter in own.items() if robot.get(name) != parameter}
+    parts: List[str] = [HEAD, STREAMS, '### %s\n\n' % ', '.join(sorted(KINDS)), table({**ROBOT, **OPERATOR})]
+    for kind in TYPES:
+        robot, operator = tables(kind)
+        above = {**ROBOT, **OPERATOR} if kind in KINDS else {}
+        for side, parameters, listed in (('robot', robot, above), ('operator', operator, {**robot, **above})):
+            own = {name: parameter for name, parameter in parameters.items() if listed.get(name) != parameter}
             if own:
                 parts += ["\n### %s, %s's side\n\n" % (kind, side), table(own)]
     for node, parameters in NODES.items():

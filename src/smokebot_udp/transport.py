@@ -60,6 +60,12 @@ class Publisher(Protocol):
         :raises ValueError: if a frame is of another type than the topic
         """
 
+    def publish_to(self, peer: str, frame: Frame) -> None:
+        """Send the messages of a frame to one peer, numbered as they are; without effect where it is not connected.
+
+        :raises ValueError: if the frame is of another type than the topic
+        """
+
     def connections(self) -> List[Dict[str, Any]]:
         """Statistics of the peers that it sends to, one dictionary each, with keys as udpros.Publisher.connections."""
 
@@ -98,6 +104,10 @@ class Transport(Protocol):
     @property
     def own_masters(self) -> bool:
         """Whether each side has a ROS master of its own: then the other side's parameters cannot be reached."""
+
+    @property
+    def sealed(self) -> bool:
+        """Whether all datagrams are encrypted and authenticated."""
 
     def publisher(self, topic: str, message_class: Any, *, queue_size: int = 10, subscriber_listener: Any = None,
                   carries: str = '') -> Publisher:

@@ -3,6 +3,7 @@
 """The simulated robot's images at 20 % loss, and settings that a user changes meanwhile."""
 import os
 import pathlib
+import re
 import socket
 import subprocess
 import sys
@@ -23,6 +24,15 @@ from waiting import Collector, wait_for
 from smokebot_udp.codecs.wire.pixels import as_pixels
 
 TOPICS = {'thermal': 'mono16', 'camera': 'bgr8'}
+GAS = 'streams: {gas: {type: relay, message_type: std_msgs/Float32, robot_topic: /gas, operator_topic: /operator/gas}}'
+DRIVING = """
+streams:
+  cmd_vel: {type: command, message_type: geometry_msgs/Twist, operator_topic: /operator/cmd_vel, robot_topic: /cmd_vel}
+  goal: {type: relay, message_type: geometry_msgs/PoseStamped, robot_topic: /move_base_simple/goal,
+         operator_topic: /operator/goal, direction: to_robot, reliable: true}
+"""
+DRIVE_SECONDS = 20      # from the farthest place a goal is reached in 11 s
+OBEYED = re.compile(r'goal: reached in \d+\.\d s, commands in force \d+\.\d % \(of \d+\)')
 
 
 def pixels(message: Any) -> Any:
@@ -101,17 +111,19 @@ class Demo(unittest.TestCase):
         client.update_configuration({'enabled': True})
         wait_for(lambda: self.received['thermal'].messages, what='the stream again')
 
-    def demo_of_a_second(self, *arguments: str) -> str:
-        """The output of a demo that has to end cleanly."""
+    def demo(self, streams: str, *arguments: str) -> str:
+        """The output of a demo that has to end cleanly.
+
+        :param streams: the text of its streams.yaml
+        """
         with socket.create_server(('', 0)) as free:
             port = free.getsockname()[1]
-        with tempfile.NamedTemporaryFile('w', suffix='.yaml') as streams:
-            streams.write('streams: {gas: {type: relay, message_type: std_msgs/Float32, robot_topic: /gas, '
-                          'operator_topic: /operator/gas}}')
-            streams.flush()
+        with tempfile.NamedTemporaryFile('w', suffix='.yaml') as file:
+            file.write(streams)
+            file.flush()
             demo = subprocess.run(
-                ['roslaunch', '-p', str(port), 'smokebot_udp', 'demo.launch', 'rviz:=false', 'seconds:=1',
-                 'streams:=' + streams.name, *arguments], timeout=120, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                ['roslaunch', '-p', str(port), 'smokebot_udp', 'demo.launch', 'rviz:=false', 'streams:=' + file.name,
+                 *arguments], timeout=150, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                 env={**os.environ, 'ROS_MASTER_URI': 'http://localhost:%d' % port})
         text = demo.stdout.decode()
         self.assertEqual(demo.returncode, 0, text)
@@ -119,12 +131,19 @@ class Demo(unittest.TestCase):
         return text
 
     def test_a_demo_of_some_seconds_ends_cleanly(self) -> None:
-        self.assertIn('Over 1 s:', self.demo_of_a_second())
+        text = self.demo(GAS, 'seconds:=1')
+        self.assertIn('Over 1 s:', text)
+        self.assertNotIn('goal:', text)     # nothing there crosses to the robot
 
-    def test_a_demo_of_two_robots_reports_each_and_ends_cleanly(self) -> None:
-        text = self.demo_of_a_second('robots:=2')
+    def test_the_robot_obeys_a_goal_and_commands_over_the_lossy_link(self) -> None:
+        text = self.demo(DRIVING, 'seconds:=%d' % DRIVE_SECONDS)
+        self.assertEqual(len(OBEYED.findall(text)), 1, text)
+
+    def test_a_demo_of_two_robots_drives_and_reports_each_and_ends_cleanly(self) -> None:
+        text = self.demo(DRIVING, 'robots:=2', 'seconds:=%d' % DRIVE_SECONDS)
         for name in 'ugv1', 'ugv2':
-            self.assertIn(name + ', over 1 s:', text)
+            self.assertIn('%s, over %d s:' % (name, DRIVE_SECONDS), text)
+        self.assertEqual(len(OBEYED.findall(text)), 2, text)
 
 
 if __name__ == '__main__':

@@ -144,9 +144,10 @@ class Diagnostics(unittest.TestCase):
         text = subprocess.run(['rosrun', 'smokebot_udp', 'link_top', '--once', '--wait', '6',
                                '/diagnostics:=/diagnostics_elsewhere'], check=True, timeout=60,
                               stdout=subprocess.PIPE).stdout.decode()
-        head, link, _, thermal = text.splitlines()[:4]
+        head, link, control, _, thermal = text.splitlines()[:5]
         self.assertTrue(head.endswith(', no report of the operator'), text)
         self.assertRegex(link, r'^OK     link: .*; as /operator_receiver reports$')
+        self.assertRegex(control, r'^OK     /\w+: /operator_receiver drives$')
         self.assertEqual(thermal.split()[:4], ['OK', 'thermal', '-', '<=10.0'], text)
 
 

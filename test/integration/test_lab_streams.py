@@ -24,6 +24,7 @@ from evaluation.link_run import ATTEMPTS, MAX_LATENESS
 from evaluation.listener import Listener
 from evaluation.stack import Stack
 from smokebot_udp.link_lab.lab import ADDRESSES, LabError, environment
+from smokebot_udp.streams import classified
 
 STREAMS = TOP / 'config' / 'streams.yaml'
 PERFECT = {'loss': 0.0, 'delay': 0.0}
@@ -61,7 +62,7 @@ class LabStreams(unittest.TestCase):
             raise unittest.SkipTest(str(error)) from None
         cls.addClassCleanup(cls.stack.close)
         with open(str(STREAMS)) as file:
-            cls.streams = yaml.safe_load(file)['streams']
+            cls.streams = classified(yaml.safe_load(file)['streams']).streams
         cls.streams['thermal']['publish_mask'] = True
         for name in 'thermal', 'camera':
             cls.streams[name]['coding'] = 'interleaved'     # DATAGRAMS are of raw pixels

@@ -23,8 +23,10 @@ from evaluation.own_masters import OwnMasters
 from evaluation.two_robots import NAMES, TwoRobots
 from smokebot_udp.link.keys import make_key
 from smokebot_udp.link_lab.lab import LabError
+from smokebot_udp.streams import classified
 
-STREAMS: Dict[str, Dict[str, Any]] = yaml.safe_load((TOP / 'config' / 'streams.yaml').read_text())['streams']
+STREAMS: Dict[str, Dict[str, Any]] = classified(
+    yaml.safe_load((TOP / 'config' / 'streams.yaml').read_text())['streams']).streams
 TOPICS = {name: stream['operator_topic'] for name, stream in STREAMS.items()}
 IMAGES = TOPICS['thermal'], TOPICS['camera']
 SOURCE = '_width:=160', '_height:=120', '_lidar_rate:=5'

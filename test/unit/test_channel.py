@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smokebot_udp.link_lab.channel import Channel, LinkConditions
+from smokebot_udp.link_lab.channel import Air, Channel, LinkConditions
 
 Fates = List[Tuple[float, Tuple[float, ...]]]
 
@@ -74,6 +74,16 @@ def test_the_rate_is_kept_and_a_full_queue_drops_its_tail() -> None:
     assert all(later - earlier == pytest.approx(0.008) for earlier, later in zip(times, times[1:]))
     assert max(out[0] - when for when, out in results if out) <= 0.1 + 0.008 + 1e-9
     assert channel.counts.dropped == 2000 - len(times) and channel.counts.lost == 0
+
+
+def test_directions_that_share_an_air_wait_for_each_other() -> None:
+    # 8 ms each at 1 Mbit/s: a packet back, between two there, is the third; without packets there it does not wait
+    air, conditions = Air(), LinkConditions(rate=1e6, delay=0.05)
+    there, back = (Channel(conditions, seed, air) for seed in (1, 2))
+    times = [channel.fate(0.001 * k, 1000) for k, channel in enumerate((there, there, back, there))]
+    assert times == [pytest.approx((0.058 + 0.008 * k,)) for k in range(4)]
+    assert back.waits(0.004) == pytest.approx(0.028) and there.waits(0.032) == 0
+    assert back.fate(1.0, 1000) == pytest.approx((1.058,))
 
 
 def test_lost_packets_take_air_time() -> None:

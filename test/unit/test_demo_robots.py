@@ -5,10 +5,11 @@ from smokebot_udp.nodes.demo_robots import picture_of, robots_yaml
 
 
 def test_the_desk_reads_the_robots() -> None:
-    robots, problems = load(robots_yaml({'ugv1': 17001, 'ugv2': 40000}))
+    robots, problems = load(robots_yaml({'ugv1': 17001, 'ugv2': 40000}, 'demo.key'))
     assert problems == []
-    assert [(name, robot['host'], robot['port'], robot['frame_prefix']) for name, robot in robots.items()] == [
-        ('ugv1', '127.0.0.1', 17001, 'ugv1/'), ('ugv2', '127.0.0.1', 40000, 'ugv2/')]
+    assert [(name, *(robot[setting] for setting in ('host', 'port', 'frame_prefix', 'key_file')))
+            for name, robot in robots.items()] == [
+        ('ugv1', '127.0.0.1', 17001, 'ugv1/', 'demo.key'), ('ugv2', '127.0.0.1', 40000, 'ugv2/', 'demo.key')]
 
 
 def test_each_robot_has_a_picture_of_its_own() -> None:

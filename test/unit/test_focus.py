@@ -5,8 +5,8 @@ from typing import Dict
 import pytest
 
 from smokebot_udp.mission.focus import load, settings_of
-from smokebot_udp.mission.parameters import Table, live
-from smokebot_udp.streams import config, encoder_class
+from smokebot_udp.mission.parameters import Table
+from smokebot_udp.streams import config, live_tables
 
 CONFIG = pathlib.Path(__file__).parents[2] / 'config'
 
@@ -100,7 +100,7 @@ def test_one_wrong_profile_leaves_the_others() -> None:
 
 def shipped_streams() -> Dict[str, Table]:
     streams, _ = config.load((CONFIG / 'streams.yaml').read_text())
-    return {name: live(encoder_class(settings['type']).PARAMETERS) for name, settings in streams.items()}
+    return {name: live_tables(settings).robot for name, settings in streams.items()}
 
 
 def test_the_shipped_profiles_fit_the_shipped_streams() -> None:

@@ -21,9 +21,15 @@ del connection
 while ended() is not None and time.monotonic() < deadline:
     time.sleep(0.01)
 print(ended() is None, any(one is first for one in gc.get_objects()))
+loaded = [[number] for number in range(10 ** 6)]
+while any(one is loaded for one in gc.get_objects()) and time.monotonic() < deadline:
+    time.sleep(0.1)
+connection = Connection()
+print(any(one is loaded for one in gc.get_objects()), any(one is connection for one in gc.get_objects()))
 """
-"""A node with few objects, one of which ends; it prints whether that is freed, and whether an old one is looked at."""
+"""A node with few objects, one of which ends, and then many that stay. It prints whether that one is freed, and whether
+one from the start, one of the many, and a new one are looked at."""
 
 
 def test_what_has_ended_is_freed_soon_and_what_is_old_is_not_looked_at() -> None:
-    assert subprocess.check_output([sys.executable, '-c', PROGRAM]).split() == [b'True', b'False']
+    assert subprocess.check_output([sys.executable, '-c', PROGRAM]).split() == [b'True', b'False', b'False', b'True']

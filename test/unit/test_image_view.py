@@ -148,3 +148,26 @@ def test_another_palette_keeps_the_automatic_range() -> None:
     assert (drawn_after({'palette': 'jet'}) != drawn_after()).any()
     fixed_and_back = drawn_after({'range_low': 7000.0, 'range_high': 9000.0}, {'range_low': 0.0, 'range_high': 0.0})
     assert (fixed_and_back == drawn_after()).all()
+
+
+def test_a_notice_is_shown_at_once_with_the_last_image() -> None:
+    shown, new = view(), image(10.0)
+    shown.add(new)
+    plain = shown.draw(shown.poll(10.0, True), 10.0)
+    shown.set_notice('EMERGENCY STOP')
+    assert shown.deadline() < 10.1
+    noticed = shown.draw(shown.poll(10.1, True), 10.1)
+    assert shown.poll(10.11, True) is None and shown.deadline() == 10.5
+    assert (plain != noticed).any() and state(noticed) == FRESH
+    shown.set_notice('EMERGENCY STOP')      # the same
+    assert shown.poll(10.12, True) is None
+
+
+def test_a_notice_without_viewers_is_not_drawn_but_shown_by_the_next_image() -> None:
+    shown = view()
+    shown.set_notice('LOCKED')
+    assert shown.poll(10.0, False) is None and shown.deadline() > 10.0
+    shown.add(image(10.1))
+    locked = shown.draw(shown.poll(10.1, True), 10.1)
+    shown.set_notice('')
+    assert (locked != shown.draw(shown.poll(10.1, True), 10.1)).any()

@@ -2,15 +2,15 @@
 from typing import List, Optional, Tuple
 
 import pytest
-from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from dynamic_reconfigure.msg import DoubleParameter
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smokebot_udp.monitoring.link_board import MAX_NODES, STALE_AFTER, Board, NodeStatus, printable
+from smokebot_udp.monitoring.link_board import DIAGNOSTICS, MAX_NODES, STALE_AFTER, Board, NodeStatus, printable
 from smokebot_udp.monitoring.link_table import render
 from smokebot_udp.msg import LinkStatus, RobotStatus, StreamStatus
-from smokebot_udp.nodes.link_top import as_status, relayed_link, relayed_streams
+from smokebot_udp.nodes.link_top import as_status, relayed_diagnostics, relayed_link, relayed_streams
 
 
 def status(name: str, level: int = 0, message: str = 'fine', **values: object) -> NodeStatus:
@@ -69,6 +69,23 @@ def test_both_sides_of_a_stream_share_a_line() -> None:
     assert texts[2].split() == ['OK', 'thermal', '30.0', '10.0', '9.9', '9.8', '12.3', '88',
                                 '+-4.5', 'counts', '123', '457', '400.0']
     assert levels == [None, None, 0] and len(texts) == 3
+
+
+def test_commands_come_from_the_operator() -> None:
+    texts, _ = shown(
+        [stream('robot', direction='to the robot', **{'loss [%]': '50', 'age p50 [ms]': '31', **ROBOT})],
+        [stream('operator', direction='to the robot', **{'rate in [Hz]': '9.9', 'rate out [Hz]': '9.8'})])
+    assert texts[2].split() == ['OK', 'thermal', '9.9', '9.8', '30.0', '10.0', '50.0', '-', '-', '31', '-', '-']
+
+
+def test_who_drives_is_shown_at_the_top() -> None:
+    drives = status('robot_node: control', level=1, message='emergency stop, engaged by /b', side='robot',
+                    control='EMERGENCY STOP; /a drives')
+    texts, levels = shown([stream('robot', **ROBOT), drives])
+    assert texts[1] == 'WARN   /robot_node: EMERGENCY STOP; /a drives' and levels[1] == 1
+    relayed = relayed_streams(RobotStatus(driver='/a', operators=['/a', '/b\n'], streams=[
+        StreamStatus(name='cmd_vel', type='command', enabled=True)]))
+    assert [found.values['control'] for found in relayed] == ['/a drives, present: /b?']
 
 
 def test_values_are_aligned_with_their_headings() -> None:
@@ -168,7 +185,7 @@ def relayed(board: Board, now: float, operator: str = '/operator_receiver', **li
         name='camera', enabled=True, rate=5.0, paused=True)]
     streams[0].granted = [DoubleParameter('leaf_size', 0.5), DoubleParameter('rate', 2.5)]
     board.add_relayed(operator, 'link', relayed_link(LinkStatus(state='as /op reports', sent=4.4, **link)), now)
-    board.add_relayed(operator, 'status', relayed_streams(RobotStatus(streams=streams)), now)
+    board.add_relayed(operator, 'status', relayed_streams(RobotStatus(driver='/op', streams=streams)), now)
 
 
 def lines(board: Board, now: float) -> List[str]:
@@ -184,9 +201,10 @@ def test_a_robot_whose_diagnostics_do_not_come_is_shown_as_relayed() -> None:
     assert texts[0] == 'smokebot_udp link: last report 0.0 s ago'
     assert texts[1] == ('OK     link: 4.4 of 0.0 Mbit/s sent, 0.0 wanted, 0.0 carried; queue 0 ms, loss 50 %, '
                         'round trip 0 ms; as /op reports')
-    assert texts[3].split()[:7] == ['OK', 'thermal', '-', '<=2.5', '9.9', '9.8', '12.3']
-    assert texts[4].split()[:5] == ['WARN', 'camera', '-', '<=0.0', '-']
-    assert texts[4].endswith('robot: the link is too slow for it and the other streams')
+    assert texts[2] == 'OK     /robot_sender: /op drives'
+    assert texts[4].split()[:7] == ['OK', 'thermal', '-', '<=2.5', '9.9', '9.8', '12.3']
+    assert texts[5].split()[:5] == ['WARN', 'camera', '-', '<=0.0', '-']
+    assert texts[5].endswith('robot: the link is too slow for it and the other streams')
 
 
 def test_diagnostics_count_before_what_is_relayed_until_they_are_stale() -> None:
@@ -195,10 +213,26 @@ def test_diagnostics_count_before_what_is_relayed_until_they_are_stale() -> None
     board.add(receives('operator_receiver', '/robot_sender'), 0.0)
     relayed(board, STALE_AFTER - 0.1)
     assert lines(board, STALE_AFTER)[2].split()[2:4] == ['30.0', '10.0']
-    assert lines(board, STALE_AFTER + 0.1)[3].split()[2:4] == ['-', '<=2.5']
-    assert lines(board, 2 * STALE_AFTER + 0.1)[3].endswith('robot: silent for 3 s  operator: silent for 6 s')
+    assert lines(board, STALE_AFTER + 0.1)[4].split()[2:4] == ['-', '<=2.5']
+    assert lines(board, 2 * STALE_AFTER + 0.1)[4].endswith('robot: silent for 3 s  operator: silent for 6 s')
     board.add([stream('robot', node='robot_sender', **ROBOT)], STALE_AFTER + 0.2)
     assert lines(board, STALE_AFTER + 0.2)[2].split()[2:4] == ['30.0', '10.0']
+
+
+def test_relayed_diagnostics_have_all_that_is_relayed_until_they_are_stale() -> None:
+    board = Board()
+    board.add(receives('operator_receiver', '/robot_sender'), 0.0)
+    relayed(board, 0.1)
+    values = {'topic': '/thermal', 'stream': 'thermal', 'rate in [Hz]': '7'}
+    statuses = relayed_diagnostics(DiagnosticArray(status=[
+        DiagnosticStatus(name=side + '_node: thermal', message='fine', values=[
+            KeyValue(key, value) for key, value in {'side': side, **values}.items()])
+        for side in ('robot', 'operator')]))
+    assert [found.node for found in statuses] == ['/robot_node']
+    board.add_relayed('/operator_receiver', DIAGNOSTICS, statuses, 0.2)
+    first = next(text for text in lines(board, 0.3) if text.startswith('OK     thermal '))
+    assert first.split()[:3] == ['OK', 'thermal', '7.0'] and not any('<=2.5' in text for text in lines(board, 0.3))
+    assert any('<=2.5' in text for text in lines(board, 0.3 + STALE_AFTER))
 
 
 def test_the_newest_of_several_relays_counts() -> None:

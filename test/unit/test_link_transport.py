@@ -135,6 +135,16 @@ def test_two_operators_get_what_each_wants(made: Links) -> None:
     inboxes[0].wait(lambda: len(inboxes[0].records) == 2)
     assert inboxes[0].records == inboxes[1].records[:2] and not inboxes[0].messages
 
+    one = frame(CompressedImage, 1, 100)
+    one.records['header']['seq'] = 77
+    image.publish_to('/nobody', one)
+    image.publish_to(names[0], one)
+    inboxes[0].wait(lambda: len(inboxes[0].records) == 3)
+    assert inboxes[0].records[2] == one.records.tobytes() and one.records['header']['seq'] == 77
+    assert len(inboxes[1].records) == 5
+    with pytest.raises(ValueError):
+        image.publish_to(names[0], frame(Image, 1, 100))
+
 
 def test_operators_of_one_name_are_told_apart(keyed: Links) -> None:
     robot, _ = keyed.robot()

@@ -25,8 +25,13 @@ def arguments(line: str, **desk: Any) -> Any:
 
 def test_a_robot_has_the_settings_of_the_desk_and_its_own() -> None:
     assert arguments('ugv1: {host: 10.0.0.7, port: 17002}') == {
-        'name': 'ugv1', 'robot': '10.0.0.7:17002', 'frame_prefix': 'ugv1/', 'key_file': '', 'rviz': 'false',
+        'name': 'ugv1', 'robot': '10.0.0.7:17002', 'frame_prefix': 'ugv1/', 'key_file': '',
+        'allow_unsealed_commands': 'false', 'rviz': 'false',
         'max_datagram_size': '1392', 'loss': '0.0', 'streams': '/crew/streams.yaml'}
+
+
+def test_each_robot_is_driven_without_a_key_only_where_that_is_allowed() -> None:
+    assert arguments('ugv1: {host: a, allow_unsealed_commands: true}')['allow_unsealed_commands'] == 'true'
 
 
 @pytest.mark.parametrize('path, expected', [

@@ -8,15 +8,15 @@ import pytest
 
 from smokebot_udp.mission import focus
 from smokebot_udp.mission.control import MissionControl
-from smokebot_udp.mission.parameters import live
 from smokebot_udp.mission.settings import SettingsStore
 from smokebot_udp.msg import RobotStatus
 from smokebot_udp.nodes.focus import stream_status
-from smokebot_udp.streams import config, encoder_class
+from smokebot_udp.streams import classified, config, live_tables
 
 CONFIG = pathlib.Path(__file__).parents[2] / 'config'
 LARGEST = 1460
 """Serialised message in one datagram of 1472 bytes [byte]."""
+OPERATOR = '/operator_receiver'
 GRANTS = {'image': {'rate': 3.3, 'max_subimages': 17}, 'cloud': {'rate': 1.2, 'leaf_size': 0.32},
           'grid': {'rate': 0.15, 'repeat_rate': 0.03}, 'virtual_scan': {'rate': 1.5}, 'scan': {'rate': 1.5},
           'relay': {'rate': 1.0, 'repeat_rate': 0.2}}
@@ -27,20 +27,20 @@ def shipped(profile: str = 'default') -> MissionControl:
     """The shipped streams in a focus, all limited by the link."""
     streams, _ = config.load((CONFIG / 'streams.yaml').read_text())
     profiles, _ = focus.load((CONFIG / 'focus.yaml').read_text())
-    stores = {name: SettingsStore(live(encoder_class(settings['type']).PARAMETERS), settings)
+    stores = {name: SettingsStore(live_tables(settings).robot, settings)
               for name, settings in streams.items()}
     control = MissionControl(stores, profiles, pytest.fail, lambda focus: None, lambda: None)
     control.switch(profile)
-    for store in stores.values():
-        store.grant(GRANTS[store.current['type']])
+    for name in classified(streams).streams:
+        stores[name].grant(GRANTS[streams[name]['type']])
     return control
 
 
 def status_of(control: MissionControl) -> Any:
     state = control.state()
-    return RobotStatus(focus=state.focus, profiles=control.profiles, streams=[
+    return RobotStatus(focus=state.focus, profiles=control.profiles, driver=OPERATOR, operators=[OPERATOR], streams=[
         stream_status(name, settings, control.configured(name), False, 12.5)
-        for name, settings in state.streams.items()])
+        for name, settings in classified(state.streams).streams.items()])
 
 
 def values(parameters: Any) -> Dict[str, Any]:
@@ -56,7 +56,7 @@ def test_a_stream_says_what_is_requested_and_what_the_link_limits() -> None:
     assert values(camera.doubles) == {'scale': 2.0} and not camera.bools and not camera.strs
     assert values(by_name['lidar'].doubles) == {'leaf_size': 0.2}
     assert not by_name['lidar'].strs        # encoding: packed is as in streams.yaml
-    assert not by_name['landmark_scan'].enabled
+    assert not by_name['landmark_scan'].enabled and not by_name['landmark_scan'].granted
 
 
 def test_settings_of_every_type_are_typed() -> None:

@@ -169,3 +169,21 @@ def test_a_subscriber_gets_only_the_first_messages_of_frames(limit, expected) ->
         assert [int.from_bytes(bound.recv(100)[12:16], 'little') for _ in range(len(seqs) + 1)] == [*seqs, 6]
         bound.close()
     impl.close()
+
+
+def test_a_frame_to_one_subscriber_is_numbered_as_it_is(impl, listening) -> None:
+    scans = UdpPublisherImpl('/scans', LaserScan, PublisherOptions(('UDPROS',), 1472))
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.bind(('127.0.0.1', 0))
+        other.setblocking(False)
+        scans.add_connection(connection(listening.getsockname()[1]))
+        scans.add_connection(connection(other.getsockname()[1], '/other'))
+        frame = Frame(LaserScan, 1, {'ranges': 3})
+        frame.records['header']['seq'] = 77
+        scans.send_to('/subscriber', frame)
+        scans.send_to('/nobody', frame)
+        assert listening.recv(2000)[8:] == frame.rows[0, 8:].tobytes()
+        with pytest.raises(BlockingIOError):
+            other.recv(2000)
+    assert frame.records['header']['seq'] == 77 and scans.seq == 0
+    scans.close()

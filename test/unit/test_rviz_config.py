@@ -31,3 +31,5 @@ def test_the_operators_configuration() -> None:
     manager = yaml.safe_load(with_prefix(CONFIG.read_text(), 'ugv1/'))['Visualization Manager']
     assert manager['Global Options']['Fixed Frame'] == 'ugv1/map'
     assert manager['Views']['Current']['Target Frame'] == 'ugv1/base_link'
+    goal, = (tool for tool in manager['Tools'] if tool['Class'] == 'rviz/SetGoal')
+    assert goal['Topic'] == 'operator/goal'     # in the namespace of this operator's rviz

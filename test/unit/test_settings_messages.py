@@ -8,7 +8,6 @@ import pytest
 from dynamic_reconfigure.msg import BoolParameter, DoubleParameter, IntParameter, StrParameter
 
 from smokebot_udp.mission.control import MissionControl
-from smokebot_udp.mission.parameters import live
 from smokebot_udp.mission.remote import PartState, Request
 from smokebot_udp.mission.settings import SettingsStore
 from smokebot_udp.mission.settings_server import PERIOD, SettingsServer
@@ -22,7 +21,7 @@ from smokebot_udp.nodes.settings_messages import (
     state_message,
     state_of,
 )
-from smokebot_udp.streams import config, encoder_class
+from smokebot_udp.streams import config, live_tables
 
 CONFIG = pathlib.Path(__file__).resolve().parents[2] / 'config' / 'streams.yaml'
 HEADERS = 28 + 32 + 8
@@ -64,7 +63,7 @@ def test_impossible_messages_are_refused() -> None:
 def test_the_default_streams_take_less_than_10_kbit_per_second() -> None:
     streams, problems = config.load(CONFIG.read_text())
     assert not problems
-    stores = {name: SettingsStore(live(encoder_class(settings['type']).PARAMETERS), settings)
+    stores = {name: SettingsStore(live_tables(settings).robot, settings)
               for name, settings in streams.items()}
     control = MissionControl(stores, {}, problems.append, lambda _: None, lambda: None)
     server, now = SettingsServer(2 ** 32 - 1, control.profiles), 0.0

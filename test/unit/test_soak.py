@@ -186,7 +186,7 @@ def made_round(wait: Optional[float], unequal: str = '', kind: str = 'link cut')
 
 def samples(growth: float) -> List[Sample]:
     """A robot_sender whose memory grows [MB/min]."""
-    return [Sample(i, 'robot_sender', 1, Usage(4, 5, 100 + growth * i / 60)) for i in range(0, 600, 10)]
+    return [Sample(i, 'robot_sender', 1, Usage(4, 5, 100 + growth * i / 60)) for i in range(0, 1500, 10)]
 
 
 @pytest.mark.parametrize('rounds, growth, missed', [

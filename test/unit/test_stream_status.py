@@ -191,3 +191,12 @@ def test_a_connection_that_has_ended_is_forgotten() -> None:
     assert [len(statuses) for statuses in found] == [2, 2, 2, 2, 2, 1, 2, 2]
     assert [statuses[-1].message for statuses in found[4:]] == [
         '4 datagrams not sent', 'no subscriber', 'connected', '1 datagrams not sent']
+
+
+def test_commands_need_no_operator_at_the_robot_but_a_robot_at_the_operator() -> None:
+    back: Dict[str, Any] = {'messages_out': 0, 'steady': False, 'to_robot': True, 'activity': 'idle, timeouts: 2'}
+    stream, = watch(ROBOT, **back)
+    assert (stream.level, stream.message) == (OK, 'fine')
+    assert (stream.values['direction'], stream.values['activity']) == ('to the robot', 'idle, timeouts: 2')
+    assert watch(OPERATOR, **back)[0].message == 'no connection to the robot'
+    assert watch(ROBOT, problem='emergency stop', **back)[0].level == WARN

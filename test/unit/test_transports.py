@@ -89,7 +89,7 @@ SIDES = [(robot_transport, tables.ROBOT_SENDER, 'link_port'), (operator_transpor
 def test_by_default_the_master_is_shared(monkeypatch: Any, log: Log, make: Any, table: Any, name: str) -> None:
     problems: List[str] = []
     transport = make(parameters(monkeypatch, table, {}, problems))
-    assert not transport.own_masters and transport.stats(0.0) is None
+    assert not transport.own_masters and not transport.sealed and transport.stats(0.0) is None
     assert not problems and not log.warnings and not log.errors
 
 
@@ -110,12 +110,19 @@ def test_without_a_key_both_sides_say_what_that_means(monkeypatch: Any, log: Log
         monkeypatch, tables.OPERATOR_RECEIVER, {'robot': 'localhost:%d' % port}, problems))
     for transport in (robot, operator):
         stats = transport.stats(0.0)
-        assert transport.own_masters and stats is not None and not stats.sealed
+        assert transport.own_masters and not transport.sealed and stats is not None and not stats.sealed
         transport.close()
-    assert 'anybody on the network can watch' in transports.UNSEALED
+    assert 'anybody on the network can watch; commands are refused unless' in transports.UNSEALED
     assert log.warnings == ['the link ' + transports.UNSEALED,
                             'the link to localhost:%d %s' % (port, transports.UNSEALED)]
     assert not problems and not log.errors
+
+
+def test_who_allows_commands_without_a_key_is_told_that_anybody_can_drive(monkeypatch: Any, log: Log) -> None:
+    given = {'link_port': free_port(), 'allow_unsealed_commands': True}
+    robot_transport(parameters(monkeypatch, tables.ROBOT_SENDER, given, [])).close()
+    assert log.warnings == ['the link has no key: anybody on the network can watch, and drive; make a key file by '
+                            'make_key and give it to both sides as key_file']
 
 
 def test_a_node_that_was_given_a_key_waits_for_it(monkeypatch: Any, log: Log, tmp_path: pathlib.Path) -> None:
@@ -132,7 +139,7 @@ def test_a_node_that_was_given_a_key_waits_for_it(monkeypatch: Any, log: Log, tm
     thread.join(10)
     stats = made[0].stats(0.0)
     made[0].close()
-    assert stats.sealed and not log.warnings
+    assert stats.sealed and made[0].sealed and not log.warnings
     assert all(error.startswith('the link does not start, and this node waits: the key file') for error in log.errors)
     assert 'No such file' in log.errors[0] and any('used by others' in error for error in log.errors)
 

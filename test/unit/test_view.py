@@ -111,6 +111,18 @@ def test_what_is_wrong_is_marked() -> None:
     assert black(strip_of(-3.0, 0.2)) == [True, True]
 
 
+def test_a_notice_takes_the_place_of_the_scale_and_covers_nothing_else(monkeypatch) -> None:
+    coloured = Coloured(GREY.pixels, np.zeros((254, 3), np.uint8), ('1',) * 5, 'degC')
+    plain, noticed = (framed(coloured, 0.1, 1.0, LIMITS, notice=notice) for notice in ('', 'EMERGENCY STOP'))
+    differ = (plain != noticed).any(axis=2)
+    rows, columns = differ.nonzero()
+    assert rows.min() >= 486 and columns.min() >= int(0.42 * 646)
+    assert (noticed[490, 300:640] == COLOURS[FROZEN]).all(axis=1).mean() > 0.9
+    assert texts_of(monkeypatch, 0.1, 1.0, coloured=coloured, notice='EMERGENCY STOP') == [
+        '0.10 s', '100 %', 'EMERGENCY STOP']
+    assert texts_of(monkeypatch, 0.1, 1.0, notice='LOCKED: cmd_vel: no image')[2:] == ['LOCKED', 'cmd_vel: no image']
+
+
 def test_a_lost_pixel_is_never_all_of_them(monkeypatch) -> None:
     written = texts_of(monkeypatch, 0.1, 0.9999)
     assert written == ['0.10 s', '99 %']

@@ -113,6 +113,14 @@ class Publisher:
                     connection.packetizer.send_frame(frame)
         return first
 
+    def publish_to(self, peer: str, frame: Frame) -> None:
+        """See transport.Publisher."""
+        self._check(frame.message_class)
+        with self._lock:
+            for connection in self._connections:
+                if connection.peer.name == peer:
+                    connection.packetizer.send_frame(frame)
+
     def _check(self, message_class: Any) -> None:
         if message_class is not self._class:
             raise ValueError('[%s] publishes %s, not %s' % (

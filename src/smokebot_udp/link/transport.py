@@ -63,6 +63,7 @@ class LinkTransport:
     def __init__(self, core: LinkCore, port: int, receive_buffer: int, report: Report, log: Report) -> None:
         self.name, self.overhead = encode_name(core.name).decode(), core.overhead       # as the other side has it
         self.max_datagram_size = core.max_datagram_size - core.overhead
+        self.sealed = core.mode == Mode.KEYED
         self._core, self._report, self._log = core, report, log
         self._log_budget = Budget(LOGGED, LOG_PERIOD)
         self._local, self._lock = Local(), threading.Lock()     # the lock: of changes of these three
@@ -138,8 +139,7 @@ class LinkTransport:
         """See transport.Transport."""
         peers = [topics.peer for topics in self._peers.values()]
         return TransportStats(
-            self._core.mode == Mode.KEYED,
-            [PeerStats(peer.name, peer.address, now - peer.heard, peer.round_trip) for peer in peers],
+            self.sealed, [PeerStats(peer.name, peer.address, now - peer.heard, peer.round_trip) for peer in peers],
             self._handshakes + sum(peer.handshakes for peer in peers), self.dropped(), self.problem())
 
     def close(self) -> None:

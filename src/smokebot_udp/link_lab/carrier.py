@@ -19,7 +19,7 @@ import sys
 import time
 from typing import Any, Callable, Dict, List, Mapping, Tuple
 
-from .channel import Channel
+from .channel import Air, Channel
 from .lab import ADDRESSES, DEVICE
 from .link_trace import SIDES, changed
 
@@ -57,10 +57,12 @@ class Carrier:
     """Carries the packets, each when its channel says.
 
     :param devices: {side: its TUN device's fd}
+    :param shared_air: whether both directions wait for one air
     """
 
-    def __init__(self, devices: Mapping[str, int], seed: object) -> None:
-        self.channels = {side: Channel(seed='%s %s' % (seed, side)) for side in SIDES}
+    def __init__(self, devices: Mapping[str, int], seed: object, shared_air: bool = False) -> None:
+        air = Air() if shared_air else None
+        self.channels = {side: Channel(seed='%s %s' % (seed, side), air=air) for side in SIDES}
         robot, operator = (devices[side] for side in SIDES)
         self._directions = [(robot, self.channels['robot'], operator), (operator, self.channels['operator'], robot)]
         self._heap: List[Tuple[float, int, int, bytes]] = []    # (due [s], packet's number, device, packet)
@@ -119,7 +121,8 @@ def answer(carrier: Carrier, changes: Mapping[str, Mapping[str, Any]]) -> Dict[s
 def main() -> None:
     configuration = json.loads(sys.stdin.readline())
     sides = {side: make_side(side, configuration['congestion_control']) for side in SIDES}
-    carrier = Carrier({side: device for side, (_, device) in sides.items()}, configuration['seed'])
+    carrier = Carrier({side: device for side, (_, device) in sides.items()}, configuration['seed'],
+                      configuration['shared_air'])
     gc.disable()     # there are no reference cycles here, and a pause makes packets late
     with contextlib.suppress(OSError), open('/proc/self/timerslack_ns', 'w') as file:
         file.write('1')

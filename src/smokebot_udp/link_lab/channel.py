@@ -70,14 +70,24 @@ class Counts:
     """Transmitted, including lost packets [byte]."""
 
 
+@dataclass
+class Air:
+    """What transmits packets one after the other, first come, first served: of one direction, or of several."""
+    idle_from: float = -math.inf
+    """End of the transmission of all queued packets [s]."""
+
+
 class Channel:
     """One direction of a link. Its `conditions` may change at any time.
 
     Each effect draws from its own random stream, once a packet: what one effect does to packet n does not depend on the
     settings of the others.
+
+    :param air: shared with other channels; None: an air of its own
     """
 
-    def __init__(self, conditions: Optional[LinkConditions] = None, seed: object = 0) -> None:
+    def __init__(self, conditions: Optional[LinkConditions] = None, seed: object = 0,
+                 air: Optional[Air] = None) -> None:
         self.conditions = conditions or LinkConditions()
         self.counts = Counts()
         self.waited: Counter[int] = collections.Counter()
@@ -85,12 +95,12 @@ class Channel:
         self._draws = [random.Random('%s %s' % (seed, effect)).random
                        for effect in ('loss', 'jitter', 'reorder', 'duplicate')]
         self._losing = False            # state of the Markov chain
-        self._idle_from = -math.inf     # end of the transmission of all queued packets [s]
+        self._air = air or Air()
         self._latest = -math.inf        # delivery of the last packet that is in order [s]
 
     def waits(self, now: float) -> float:
         """How long a packet that enters now waits in the queue [s]."""
-        return max(0.0, self._idle_from - now)
+        return max(0.0, self._air.idle_from - now)
 
     def fate(self, now: float, size: int) -> Tuple[float, ...]:
         """When a packet that enters now is delivered: no, one or two times [s].
@@ -122,9 +132,9 @@ class Channel:
         """When a packet's transmission ends; None: the queue is full [s]."""
         if not self.conditions.rate:
             return now
-        begins = max(now, self._idle_from)
+        begins = max(now, self._air.idle_from)
         if begins - now > self.conditions.queue:
             return None
         self.waited[int(1e3 * (begins - now))] += 1
-        self._idle_from = begins + size * 8 / self.conditions.rate
-        return self._idle_from
+        self._air.idle_from = begins + size * 8 / self.conditions.rate
+        return self._air.idle_from

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Emulate a bad link between a robot and an operator on this machine (as root).
 
-    link_lab up [--seed N] [--course FILE] [NAME=VALUE ...]    create the link and keep it until Ctrl-C
+    link_lab up [--seed N] [--course FILE] [--shared-air] [NAME=VALUE ...]
+                                                               create the link and keep it until Ctrl-C
     link_lab run robot|operator -- COMMAND ...                 run a command on one side
     link_lab set [robot|operator] NAME=VALUE ...               change the conditions, of both directions or of one
     link_lab show                                              print the packet counters
@@ -59,7 +60,8 @@ def up(arguments: argparse.Namespace) -> None:
         with open(arguments.course) as file:
             seed, trace = load(file.read())
     conditions = parse(arguments.conditions)
-    with Lab(seed if arguments.seed is None else arguments.seed, arguments.congestion_control) as lab:
+    with Lab(seed if arguments.seed is None else arguments.seed, arguments.congestion_control,
+             arguments.shared_air) as lab:
         lab.set(conditions)
         with LabServer(SOCKET, lab), contextlib.suppress(KeyboardInterrupt):
             print('the link is up; use it with link_lab run robot|operator -- COMMAND, end it with Ctrl-C', flush=True)
@@ -119,6 +121,7 @@ def main() -> None:
     command.add_argument('--seed', type=int, help='of the random effects (default: that of the link trace, or 0)')
     command.add_argument('--course', metavar='FILE', help='link trace to play')
     command.add_argument('--congestion-control', default='cubic', help='of TCP, on both sides (default: %(default)s)')
+    command.add_argument('--shared-air', action='store_true', help='both directions wait for one air')
     command.add_argument('conditions', nargs='*', metavar='NAME=VALUE')
     command.set_defaults(function=up)
     command = commands.add_parser('run')

@@ -29,17 +29,18 @@ class Lab:
 
     :param seed: of the link's random effects
     :param congestion_control: of TCP, on both sides: cubic, bbr, ...
+    :param shared_air: whether both directions wait for one air, first come, first served
     :raises LabError: if this process lacks the privileges, or the kernel the features
     """
 
-    def __init__(self, seed: int = 0, congestion_control: str = 'cubic') -> None:
+    def __init__(self, seed: int = 0, congestion_control: str = 'cubic', shared_air: bool = False) -> None:
         if os.geteuid() != 0:
             raise LabError('only root can make network namespaces: run it with sudo')
         self._process = subprocess.Popen(
             [sys.executable, '-m', __package__ + '.carrier'], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
             stderr=subprocess.PIPE, universal_newlines=True,
             env=dict(os.environ, PYTHONPATH=os.pathsep.join(sys.path)))
-        answer = self._request({'seed': seed, 'congestion_control': congestion_control})
+        answer = self._request({'seed': seed, 'congestion_control': congestion_control, 'shared_air': shared_air})
         self._namespaces = {side: '/proc/%d/fd/%d' % (self._process.pid, answer[side]) for side in SIDES}
 
     def _request(self, message: Mapping[str, Any]) -> Dict[str, Any]:

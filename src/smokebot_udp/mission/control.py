@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Callable, Dict, FrozenSet, List, Mapping, Optional, Set
 
 from .focus import Profile, settings_of
-from .parameters import STATUS_TYPES, Parameter
+from .parameters import STATUS_TYPES, Parameter, works_in_every_focus
 from .remote import FOCUS_PART
 from .settings import Settings, SettingsStore
 
@@ -58,13 +58,14 @@ class MissionControl:
                  report: Callable[[str], None], switched: Callable[[str], None], changed: Callable[[], None]) -> None:
         self._streams, self._report, self._switched, self._changed = streams, report, switched, changed
         profiles = {AS_CONFIGURED: Profile(AS_CONFIGURED, 'As in streams.yaml.'), **profiles}
-        self._own = {name for name, store in streams.items()
-                     if store.current.requested.get('message_type') in STATUS_TYPES}
+        configured = {name: store.current.requested for name, store in streams.items()}
+        self._own = {name for name, settings in configured.items() if settings.get('message_type') in STATUS_TYPES}
         self._settings, problems = settings_of(
-            profiles, {name: store.table for name, store in streams.items()}, self._own)
+            profiles, {name: store.table for name, store in streams.items()},
+            {name for name, settings in configured.items() if works_in_every_focus(settings)})
         for problem in problems:
             report(problem)
-        self._configured = {name: {setting: store.current.requested[setting] for setting in store.table}
+        self._configured = {name: {setting: configured[name][setting] for setting in store.table}
                             for name, store in streams.items()}
         self._lock = threading.RLock()     # taken before a store's
         self.focus_store = SettingsStore(

@@ -118,19 +118,19 @@ def _with_bases(name: str, alone: Mapping[str, Profile], written: Mapping[Any, A
     return found
 
 
-def settings_of(profiles: Mapping[str, Profile], tables: Mapping[str, Table], own: Collection[str] = ()
+def settings_of(profiles: Mapping[str, Profile], tables: Mapping[str, Table], exempt: Collection[str] = ()
                 ) -> Tuple[Dict[str, Dict[str, Dict[str, Any]]], List[str]]:
     """The settings that profiles give to the streams there are.
 
     :param tables: {stream: {setting: Parameter}} of the settings that may change while it runs
-    :param own: this package's own streams: `others` does not apply to them
+    :param exempt: streams to which `others` does not apply
     :return: ({profile: {stream: {setting: value}}}, [problem, ...]); wrong settings are left out
     """
     found: Dict[str, Dict[str, Dict[str, Any]]] = {name: {stream: {} for stream in tables} for name in profiles}
     problems = []
     for name, profile in profiles.items():
         for stream, table in tables.items():
-            given = profile.streams.get(stream, {}) if stream in own else profile.of(stream)
+            given = profile.streams.get(stream, {}) if stream in exempt else profile.of(stream)
             for setting, value in given.items():
                 try:
                     found[name][stream][setting] = check_one(setting, value, table)

@@ -10,6 +10,9 @@ FORMER_NAMES = {'floor': 'min_bitrate', 'taste': 'degradation_preference'}
 LINK_STATUS, ROBOT_STATUS = STATUS_TYPES = 'smokebot_udp/LinkStatus', 'smokebot_udp/RobotStatus'
 """Message types of this package's own relays: they work in every focus, because the switch of the focus needs them."""
 
+EXCHANGES = frozenset({'action', 'command', 'service'})
+"""Types of streams without encoder and assembler: what operators send the robot, and its answers."""
+
 TYPE_NAMES = {str: 'a text', bool: 'true or false', int: 'a whole number', float: 'a number'}
 
 
@@ -57,7 +60,7 @@ class Parameter:
     def allowed(self) -> str:
         """The allowed values, in words."""
         if self.choices:
-            return 'one of ' + ', '.join(self.choices)
+            return 'one of ' + ', '.join(choice or "''" for choice in self.choices)
         limits = [(self.above, 'above %g'), (self.least, 'from %g'), (self.most, 'to %g')]
         words = [TYPE_NAMES[self.kind]] + [text % limit for limit, text in limits if limit is not None]
         return ' '.join(words) + (' [%s]' % self.unit if self.unit else '')
@@ -119,3 +122,21 @@ def current_names(values: Mapping[str, Any]) -> Tuple[Dict[str, Any], List[str]]
 def live(table: Table) -> Dict[str, Parameter]:
     """The part of a table that may change while the node runs."""
     return {name: parameter for name, parameter in table.items() if parameter.live}
+
+
+def is_reliable(settings: Mapping[str, Any]) -> bool:
+    """Whether a stream is a relay that is acknowledged and repeated.
+
+    :param settings: of the stream, as streams.yaml has them
+    """
+    return settings.get('type') == 'relay' and bool(
+        settings.get('reliable') or settings.get('direction') == 'to_robot')
+
+
+def works_in_every_focus(settings: Mapping[str, Any]) -> bool:
+    """Whether `others` of a focus's profile does not apply to a stream: only a profile that names it changes it.
+
+    True of the relays that the switch of the focus needs, and of all that operators send the robot.
+    """
+    return (settings.get('message_type') in STATUS_TYPES or settings.get('type') in EXCHANGES
+            or is_reliable(settings))

@@ -19,6 +19,7 @@ ROBOT = {
     'host': Parameter(None, '', 'host name or IPv4 address of the robot'),
     'port': Parameter(17001, '', "UDP port of the robot: its link_port", least=1, most=65535),
     'key_file': Parameter('', '', "file with the robot's key; empty: none"),
+    'allow_unsealed_commands': Parameter(False, '', "whether the robot's commands and services work without a key"),
     'frame_prefix': Parameter('', '', "goes before all frames of the robot; if it is missing: the robot's name and a "
                               'slash'),
     'streams': Parameter('', '', "file that defines the streams, the same as the robot's; empty: the desk's"),

@@ -17,8 +17,11 @@ MAX_NODES = 32
 """Number of nodes whose reports are kept, the newest."""
 
 KINDS = {'topic': 'stream', 'peer': 'connection', 'jumps': 'clock', 'state': 'link', 'problems': 'settings',
-         'refused requests': 'requests', 'handshakes': 'transport'}
+         'refused requests': 'requests', 'handshakes': 'transport', 'control': 'control'}
 """{value that only this kind of status has: kind}"""
+
+DIAGNOSTICS = 'diagnostic_msgs/DiagnosticArray'
+"""The part of what is relayed of a robot that has all the others."""
 
 UNKNOWN_ROBOT = '/robot'
 """Name of a robot that is known only by relayed reports."""
@@ -122,6 +125,8 @@ class Board:
         known = dict(self._reports)
         for operator, parts in self._relayed.items():
             robot = self._robot_of(operator)
+            if now - parts.get(DIAGNOSTICS, (-math.inf, []))[0] <= STALE_AFTER:
+                parts = {DIAGNOSTICS: parts[DIAGNOSTICS]}
             when = max(came for came, _ in parts.values())
             fresh = robot in self._reports and now - self._reports[robot][0] <= STALE_AFTER
             if robot not in known or (not fresh and when > known[robot][0]):

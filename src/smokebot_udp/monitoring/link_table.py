@@ -3,15 +3,15 @@
 from typing import Dict, Iterable, List, NamedTuple, Optional, Sequence, Tuple
 
 from .link_board import LEVELS, STALE, Board, NodeStatus, robots_of
-from .status import OPERATOR, ROBOT
+from .status import OPERATOR, ROBOT, TO_ROBOT
 
 ERROR_WIDTH = 13
 STREAM_COLUMNS = (
     ('LEVEL', -6), ('STREAM', -18), ('SOURCE', 7), ('SENT', 6), ('CAME', 6), ('SHOWN', 6), ('LOSS %', 7),
     ('COMPL %', 8), ('ERROR', ERROR_WIDTH), ('AGE ms', 8), ('p99', 7), ('kB/s', 8))
-"""(heading, width), negative: left-aligned and cut. The rates [Hz] are those of the robot's source, of the messages it
-sends (<= the most it may, where only that is known), of those received, and of those published for the operator. The
-error is that of layered images, the median."""
+"""(heading, width), negative: left-aligned and cut. The rates [Hz] are those of the source, of the messages sent (<=
+the most that may be, where only that is known), of those received, and of those published. The source of commands is
+at the operator's side, all others are at the robot. The error is that of layered images, the median."""
 
 CONNECTION_COLUMNS = (
     ('LEVEL', -6), ('STREAM', -18), ('SIDE', -9), ('PEER', -24), ('ADDRESS', -22), ('DATAGRAMS', 11), ('LOSS %', 7),
@@ -58,6 +58,8 @@ def render(board: Board, now: float, only: str = '') -> Tuple[List[Line], List[L
     for kind, line, side in (('link', _link_line, ROBOT), ('clock', _clock_line, OPERATOR)):
         several = len(_nodes(statuses, side)) > 1
         top += [line(status, ' of ' + status.node if several else '') for status in statuses if status.kind == kind]
+    top += [_line(status, '%s: %s' % (status.node, status.values['control'])) for status in statuses
+            if status.kind == 'control']
     top += [_transport_line(status) for status in statuses if status.kind == 'transport']
     top += [_line(status, '%s: %s' % (status.node, status.message)) for status in statuses
             if status.kind in ('settings', 'requests') and status.level]
@@ -139,16 +141,18 @@ def _stream_lines(section: _Section, statuses: Sequence[NodeStatus]) -> List[Lin
 def _stream_line(name: str, robot: NodeStatus, operator: NodeStatus) -> Line:
     level = max(robot.level, operator.level)
     notes = ['%s: %s' % (status.values['side'], status.message) for status in (robot, operator) if status.level]
-    sender = operator if operator is not NOT_REPORTED else robot
+    counted = operator if operator is not NOT_REPORTED else robot
     most = robot.number('at most [Hz]', 1)
+    back = TO_ROBOT in (robot.values.get('direction'), operator.values.get('direction'))
+    sender, receiver = (operator, robot) if back else (robot, operator)
     return Line(_row(STREAM_COLUMNS, [
         LEVELS[level], name,
-        robot.number('rate in [Hz]', 1), robot.number('rate out [Hz]', 1) if most == '-' else '<=' + most,
-        operator.number('rate in [Hz]', 1), operator.number('rate out [Hz]', 1),
-        operator.number('loss [%]', 1), operator.number('completeness [%]', 0),
+        sender.number('rate in [Hz]', 1), sender.number('rate out [Hz]', 1) if most == '-' else '<=' + most,
+        receiver.number('rate in [Hz]', 1), receiver.number('rate out [Hz]', 1),
+        receiver.number('loss [%]', 1), operator.number('completeness [%]', 0),
         operator.values.get('error', '-')[:ERROR_WIDTH],
-        operator.number('age p50 [ms]', 0), operator.number('age p99 [ms]', 0),
-        sender.number('bytes/s', 1, 1e-3)], notes), level)
+        receiver.number('age p50 [ms]', 0), receiver.number('age p99 [ms]', 0),
+        counted.number('bytes/s', 1, 1e-3)], notes), level)
 
 
 def _connection_line(status: NodeStatus) -> Line:

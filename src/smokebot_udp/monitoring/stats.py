@@ -58,9 +58,9 @@ class Shown(NamedTuple):
 class StreamStats:
     """One stream, on either side."""
     messages_in: int
-    """Messages received: from the source (robot), or over the link (operator)."""
+    """Messages received: from the source, or over the link."""
     messages_out: int
-    """Messages sent over the link (robot), or published (operator)."""
+    """Messages sent over the link, or published."""
     enabled: bool = True
     """Whether the stream is meant to be sent."""
     rate: float = 0.0
@@ -72,6 +72,10 @@ class StreamStats:
     shown: Sequence[Shown] = ()
     """Messages published since the last call."""
     connections: Sequence[ConnectionStats] = ()
+    activity: str = ''
+    """What it does now, in words; empty: that shows in its rates."""
+    to_robot: bool = False
+    """Whether operators send it and the robot receives it; there may be no operator."""
     problem: Optional[str] = None
     """Another problem, in words, that deserves a warning now."""
 

@@ -8,6 +8,9 @@ OK, WARN, ERROR = 0, 1, 2
 ROBOT, OPERATOR = 'robot', 'operator'
 """The two sides of the link."""
 
+TO_ROBOT = 'to the robot'
+"""Direction of what operators send, in the status of a stream; the others have none."""
+
 
 class Status(NamedTuple):
     """The content of a diagnostic_msgs/DiagnosticStatus."""

@@ -5,7 +5,7 @@ from typing import Dict, Iterable, List, Optional, Tuple
 from ..image_error import ImageError
 from .connection_status import ConnectionMonitor, judge_connections
 from .stats import ConnectionStats, StreamStats
-from .status import ERROR, ROBOT, WARN, Status, Verdict, by_reason, scaled
+from .status import ERROR, ROBOT, TO_ROBOT, WARN, Status, Verdict, by_reason, scaled
 from .thresholds import Thresholds
 from .windows import Rate, Samples, Silence
 
@@ -83,6 +83,7 @@ class StreamMonitor:
         loss = judge_connections(verdict, monitors, self._thresholds)
         return Status(self._name, verdict.level, str(verdict) or ('fine' if stats.enabled else 'off'), {
             'side': self._side, 'stream': self._name, 'topic': self._topic,
+            'direction': TO_ROBOT if stats.to_robot else None, 'activity': stats.activity or None,
             'rate in [Hz]': self._rate_in.per_second, 'rate out [Hz]': self._rate_out.per_second,
             'datagrams': _sum(connection.datagrams for connection in stats.connections),
             'lost': _sum(connection.lost for connection in stats.connections),
@@ -98,6 +99,8 @@ class StreamMonitor:
         limit = self._silence_limit(stats)
         silence_in, silence_out = self._silence_in.too_long(now, limit), self._silence_out.too_long(now, limit)
         if self._side == ROBOT:
+            if stats.to_robot:
+                return
             if not stats.connections:
                 verdict.add(WARN, 'no subscriber')
             if stats.steady and silence_in is not None:

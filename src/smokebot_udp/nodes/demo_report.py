@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Compares the streams of both sides for a while: rates, lost datagrams, and the quality and age of images.
+"""Compares the streams of both sides for a while: rates, lost datagrams, and the quality and age of images. It also
+drives the robot from the operator's side, and says whether it obeys.
 
 Parameters: DEMO_REPORT in nodes/parameters.py.
 
@@ -24,8 +25,10 @@ from ..arrays import Array, UInt8Array
 from ..codecs.wire.pixels import as_pixels
 from ..monitoring.link_board import NodeStatus
 from ..monitoring.status import OPERATOR
+from ..streams import classified
 from ..udpros import rpc
 from .common import Parameters, read_streams
+from .demo_drive import DemoDrive, topics_of
 from .foreign_publishers import register_publishers
 from .launches import end_own_launch
 from .link_top import as_status
@@ -241,7 +244,7 @@ def comparisons_of(streams: Mapping[str, Mapping[str, Any]], operator: str
                    ) -> Tuple[List[ImageComparison], List[RateComparison]]:
     """The comparisons of image streams, and those of the others.
 
-    :param streams: {name: settings}
+    :param streams: {name: settings}, of those with an encoder
     :param operator: namespace of the operator
     """
     images, others = [], []
@@ -260,25 +263,43 @@ def report(title: str, lines: Sequence[str]) -> None:
     sys.stdout.flush()
 
 
+def _drive_for(seconds: float, drive: Optional[DemoDrive]) -> float:
+    """Drive, if possible, for this time; returns how long it took [s]."""
+    start = time.monotonic()
+    if drive:
+        drive.run(seconds)
+    while not rospy.is_shutdown() and time.monotonic() - start < seconds:
+        time.sleep(0.1)
+    return time.monotonic() - start
+
+
 def main() -> None:
     rospy.init_node('demo_report')
     parameters = Parameters(DEMO_REPORT)
     seconds, path, operator = parameters['seconds'], parameters['picture'], parameters['operator']
-    images, others = comparisons_of(read_streams(parameters), operator)
+    definitions = read_streams(parameters)
+    topics_to_robot = topics_of(definitions, lambda topic: in_namespace(topic, operator))
+    # before the comparisons: the first subscriber of a topic determines the type for the whole node; theirs is AnyMsg
+    drive = DemoDrive(topics_to_robot, parameters['frame_prefix']) if topics_to_robot else None
+    images, others = comparisons_of(classified(definitions).streams, operator)
     datagrams = DatagramCounts()
     rospy.Subscriber('/diagnostics', DiagnosticArray, lambda message: datagrams.add(
         status for status in map(as_status, message.status) if status is not None), queue_size=20)
     comparisons: List[Union[ImageComparison, RateComparison]] = [*images, *others]
-    master, topics = parameters['operator_master'], {'/diagnostics', *(one.operator_topic for one in comparisons)}
-    _wait_for_images(images, lambda: _find_operator(master, operator, topics) if master else None)
-    for comparison in comparisons:
-        comparison.reset()
-    datagrams.reset()
-    start = time.monotonic()
-    while not rospy.is_shutdown() and time.monotonic() - start < seconds:
-        time.sleep(0.1)
-    elapsed = time.monotonic() - start
+    master, topics = parameters['operator_master'], {'/diagnostics', *(one.operator_topic for one in comparisons),
+                                                     *(topics_to_robot or ())}
+
+    def look() -> None:
+        if master:
+            _find_operator(master, operator, topics)
+    _wait_for_images(images, look)
+    with drive.connected(master, look) if drive else contextlib.nullcontext():
+        for counts in (*comparisons, datagrams):
+            counts.reset()
+        elapsed = _drive_for(seconds, drive)
     lines = [comparison.line(elapsed) for comparison in comparisons] + [datagrams.line()]
+    if drive:
+        lines.append(drive.line())
     if path and any(comparison.pair for comparison in images):
         cv2.imwrite(path, side_by_side(images))
         lines.append('sent beside received: %s' % path)

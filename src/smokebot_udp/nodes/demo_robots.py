@@ -16,6 +16,7 @@ import rosgraph
 import rospy
 
 from .. import udpros
+from ..link.keys import make_key
 from .common import Parameters
 from .launches import Launch, end_all, end_own_launch, keep_all
 from .operator_desk import LAUNCH, QUIET
@@ -34,12 +35,14 @@ def free_port(kind: int) -> int:
         return int(probe.getsockname()[1])
 
 
-def robots_yaml(ports: Mapping[str, int]) -> str:
+def robots_yaml(ports: Mapping[str, int], key_file: str) -> str:
     """The text of a robots.yaml.
 
     :param ports: {name of a robot: its link_port on this machine}
+    :param key_file: of all robots
     """
-    return ''.join('%s: {host: 127.0.0.1, port: %d}\n' % robot for robot in ports.items())
+    return ''.join('%s: {host: 127.0.0.1, port: %d, key_file: %s}\n' % (name, port, key_file)
+                   for name, port in ports.items())
 
 
 def picture_of(robot: str, path: str) -> str:
@@ -58,14 +61,15 @@ class Demo:
     """The launches of a demo.
 
     :param values: {name: value} of DEMO_ROBOTS
-    :param folder: for the robots.yaml
+    :param folder: for the robots.yaml and the key of all links: without one, nobody could drive
     """
 
     def __init__(self, values: Mapping[str, Any], folder: str) -> None:
         self._seconds = values['seconds']
         ports = {'ugv%d' % (number + 1): free_port(socket.SOCK_DGRAM) for number in range(values['robots'])}
-        robots_file = pathlib.Path(folder, 'robots.yaml')
-        robots_file.write_text(robots_yaml(ports))
+        robots_file, self._key_file = pathlib.Path(folder, 'robots.yaml'), os.path.join(folder, 'demo.key')
+        make_key(self._key_file)
+        robots_file.write_text(robots_yaml(ports, os.path.basename(self._key_file)))
         self._desk = Launch('the desk', [*LAUNCH, *_arguments({
             'robots': robots_file, 'streams': values['streams_file'], 'rviz': values['rviz'], 'loss': values['loss']})])
         self._robots = [self._robot(name, port, values['seed'] + number, values)
@@ -73,10 +77,12 @@ class Demo:
 
     def _robot(self, name: str, port: int, seed: int, values: Mapping[str, Any]) -> Launch:
         report: Dict[str, Any] = {'seconds': values['seconds'], 'picture': picture_of(name, values['picture']),
-                                  'operator': name, 'operator_master': rosgraph.get_master_uri()}
+                                  'operator': name, 'frame_prefix': name + '/',
+                                  'operator_master': rosgraph.get_master_uri()}
         master_port = free_port(socket.SOCK_STREAM)
         return Launch("robot '%s'" % name, [*ROBOT_LAUNCH, '-p', str(master_port), *_arguments({
-            'streams': values['streams_file'], 'adapt': values['adapt'], 'link_port': port, 'seed': seed, **report})],
+            'streams': values['streams_file'], 'adapt': values['adapt'], 'link_port': port,
+            'key_file': self._key_file, 'loss': values['loss'], 'seed': seed, **report})],
             {'ROS_MASTER_URI': 'http://localhost:%d' % master_port})
 
     def run(self) -> None:

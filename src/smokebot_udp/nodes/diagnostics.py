@@ -24,7 +24,7 @@ from .. import udpros
 from ..monitoring.link_status import clock_status, link_status
 from ..monitoring.request_status import RequestMonitor
 from ..monitoring.source_types import SourceTypes
-from ..monitoring.stats import LinkStats
+from ..monitoring.stats import LinkStats, StreamStats
 from ..monitoring.status import OPERATOR, ROBOT, Status
 from ..monitoring.stream_status import StreamMonitor
 from ..monitoring.thresholds import Thresholds
@@ -32,6 +32,7 @@ from ..monitoring.transport_status import transport_status
 from ..transport import Transport
 from ..udpros import rpc
 from .logging import log_error
+from .way_back import WayBack
 from .worker import PeriodicWorker
 
 PERIOD = 1.0
@@ -86,11 +87,12 @@ class Diagnostics:
         self._worker.stop()
 
 
-def robot_diagnostics(streams: Mapping[str, Any], link_stats: Callable[[float], LinkStats], parameters: Any,
-                      problems: Any, transport: Transport) -> Diagnostics:
+def robot_diagnostics(streams: Mapping[str, Any], way_back: WayBack, link_stats: Callable[[float], LinkStats],
+                      parameters: Any, problems: Any, transport: Transport) -> Diagnostics:
     """Start the diagnostics of the robot's side.
 
     :param streams: {name: RobotStream}, started
+    :param way_back: started
     :param link_stats: f(now)
     :param parameters: common.Parameters
     :param problems: problems.Problems
@@ -99,29 +101,27 @@ def robot_diagnostics(streams: Mapping[str, Any], link_stats: Callable[[float], 
     types, requests = SourceTypes(_topic_types), RequestMonitor(ROBOT)
 
     def update(stream: Any, monitor: StreamMonitor, now: float) -> List[Status]:
-        stats = stream.stats()
-        if not stats.problem and monitor.waits_for_source(stats, now):
-            stats = dataclasses.replace(stats, problem=types.problem(stream.topic, stream.source_type, now))
-        return monitor.update(stats, now)
+        return monitor.update(_stats_with_type(stream, monitor, types, now), now)
 
     def update_node(now: float) -> List[Status]:
-        return [link_status(link_stats(now)), _settings_status(problems, ROBOT, now),
+        return [link_status(link_stats(now)), *way_back.statuses(now), _settings_status(problems, ROBOT, now),
                 requests.update(udpros.refused_requests(), now), *_transport_status(transport, ROBOT, now)]
-    return Diagnostics(_sources(ROBOT, streams, parameters, update) + [update_node])
+    return Diagnostics(_sources(ROBOT, {**streams, **way_back.streams}, parameters, update) + [update_node])
 
 
-def operator_diagnostics(streams: Mapping[str, Any], clock: Any, parameters: Any, problems: Any,
+def operator_diagnostics(streams: Mapping[str, Any], way_back: WayBack, clock: Any, parameters: Any, problems: Any,
                          sent: Callable[[], Dict[str, Any]], transport: Transport) -> Diagnostics:
     """Start the diagnostics of the operator's side.
 
     :param streams: {name: OperatorStream}, started
+    :param way_back: started
     :param clock: clock_sync.ClockClient
     :param parameters: common.Parameters
     :param problems: problems.Problems
     :param sent: f() -> {name: StreamStatus}, the robot's last report of what it sends
     :return: to be closed before the streams, the clock and the transport
     """
-    requests = RequestMonitor(OPERATOR)
+    types, requests = SourceTypes(_topic_types), RequestMonitor(OPERATOR)
 
     def update(stream: Any, monitor: StreamMonitor, now: float) -> List[Status]:
         stats, robot, estimate = stream.stats(), sent().get(stream.name), clock.estimate
@@ -129,10 +129,23 @@ def operator_diagnostics(streams: Mapping[str, Any], clock: Any, parameters: Any
             stats = dataclasses.replace(stats, enabled=robot.enabled, rate=robot.rate)
         return monitor.update(stats, now, estimate.offset if estimate else None)
 
+    def update_back(stream: Any, monitor: StreamMonitor, now: float) -> List[Status]:
+        return monitor.update(_stats_with_type(stream, monitor, types, now), now)
+
     def update_node(now: float) -> List[Status]:
-        return [clock_status(clock.estimate, clock.counts), _settings_status(problems, OPERATOR, now),
-                requests.update(udpros.refused_requests(), now), *_transport_status(transport, OPERATOR, now)]
-    return Diagnostics(_sources(OPERATOR, streams, parameters, update) + [update_node])
+        return [clock_status(clock.estimate, clock.counts), *way_back.statuses(now),
+                _settings_status(problems, OPERATOR, now), requests.update(udpros.refused_requests(), now),
+                *_transport_status(transport, OPERATOR, now)]
+    return Diagnostics(_sources(OPERATOR, streams, parameters, update)
+                       + _sources(OPERATOR, way_back.streams, parameters, update_back) + [update_node])
+
+
+def _stats_with_type(stream: Any, monitor: StreamMonitor, types: SourceTypes, now: float) -> StreamStats:
+    """The stats of a stream; a source of another type is its problem, unless it has one."""
+    stats: StreamStats = stream.stats()
+    if stats.problem or not stream.source_type or not monitor.waits_for_source(stats, now):
+        return stats
+    return dataclasses.replace(stats, problem=types.problem(stream.topic, stream.source_type, now))
 
 
 def _sources(side: str, streams: Mapping[str, Any], parameters: Any,

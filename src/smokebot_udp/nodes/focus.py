@@ -7,26 +7,28 @@ switch. mission.control decides; this is its ROS side.
 """
 import functools
 import threading
-from typing import Any, Callable, List, Mapping
+from typing import Any, Callable, Mapping, Tuple
 
 import rospy
 from dynamic_reconfigure.encoding import encode_config
 from dynamic_reconfigure.msg import DoubleParameter
 from std_msgs.msg import Bool
 
-from ..mission.control import MissionControl
+from ..mission.control import MissionControl, State
 from ..mission.focus import Profile
 from ..mission.settings import Settings, SettingsStore
 from ..msg import FocusRequest, RobotStatus, StreamStatus
 from ..srv import SetFocus, SetFocusResponse
+from ..streams import classified
 from ..transport import Transport
 from ..units import KBIT
 from .live import LiveSettings, ParameterWatch
 from .logging import log_error
+from .robot_control import Standing
 from .settings_host import SettingsHost
 from .worker import PeriodicWorker
 
-GRANTS_PERIOD = 1.0
+CHANGES_PERIOD = 1.0
 """Period at which the status is published where grants have changed [s]."""
 
 REQUESTS = '/smokebot_udp/focus/request'
@@ -45,16 +47,18 @@ class FocusControl:
     :param switched: f(), called after each switch of the focus
     :param report: f(problem), called with what is refused
     :param transport: over which operators request a focus, and settings where they have masters of their own
+    :param standing: f() -> who drives now
     """
 
     def __init__(self, stores: Mapping[str, SettingsStore], profiles: Mapping[str, Profile],
                  shares: Callable[[], Mapping[str, float]], switched: Callable[[], None],
-                 report: Callable[[str], None], transport: Transport) -> None:
-        self._shares, self._forget, self._report = shares, switched, report
+                 report: Callable[[str], None], transport: Transport,
+                 standing: Callable[[], Standing] = Standing) -> None:
+        self._shares, self._forget, self._report, self._standing = shares, switched, report, standing
         self._status = rospy.Publisher('~status', RobotStatus, queue_size=1, latch=True)
         self._modified_topic = rospy.Publisher('~focus/modified', Bool, queue_size=1, latch=True)
         self._publishing = threading.Lock()     # otherwise an older status might be latched after a newer one
-        self._published_grants: List[Any] = []
+        self._published: Any = None     # what may change without a request, as it was published last
         self._show = PeriodicWorker('settings', self._show_all, log_error('settings'), None)
         self.control = MissionControl(stores, profiles, report, self._switched, self._show.wake)
         self._host = SettingsHost(self.control, transport, report) if transport.own_masters else None
@@ -64,8 +68,8 @@ class FocusControl:
         # a stream's own parameters take precedence over the focus
         self._watch = ParameterWatch(self._parts, background=False)
         self._show.start()
-        self._grants = PeriodicWorker('grants', self._publish_grants, log_error('status'), GRANTS_PERIOD)
-        self._grants.start()
+        self._changes = PeriodicWorker('status', self._publish_changes, log_error('status'), CHANGES_PERIOD)
+        self._changes.start()
         rospy.Service('~set_focus', SetFocus, self._serve)
         self._requests = transport.subscriber(REQUESTS, FocusRequest, self._requested, queue_size=5)
         self._publish()
@@ -98,22 +102,28 @@ class FocusControl:
         self.control.serve(request.id, request.focus)
         self._publish()
 
-    def _publish_grants(self) -> None:
-        """Publish the status where grants have changed."""
-        if self._published_grants != [settings.granted for settings in self.control.state().streams.values()]:
+    def standing_changed(self) -> None:
+        """Publish the status soon, with who drives now; any thread."""
+        self._changes.wake()
+
+    def _publish_changes(self) -> None:
+        """Publish the status where grants have changed, or who drives."""
+        if self._published != _changing(self.control.state(), self._standing()):
             self._publish()
 
     def _publish(self) -> None:
         """Publish the status."""
         with self._publishing:
-            state = self.control.state()
-            self._published_grants = [settings.granted for settings in state.streams.values()]
+            state, standing = self.control.state(), self._standing()
+            self._published = _changing(state, standing)
             shares = self._shares()
             status = RobotStatus(
                 focus=state.focus, modified=bool(state.modified), profiles=self.control.profiles,
                 request=state.answer.request, refusal=state.answer.refusal,
+                driver=standing.driver, estop=standing.estop, operators=list(standing.operators),
                 streams=[stream_status(name, settings, self.control.configured(name), name in state.modified,
-                                       shares.get(name, 0.0) / KBIT) for name, settings in state.streams.items()])
+                                       shares.get(name, 0.0) / KBIT)
+                         for name, settings in classified(state.streams).streams.items()])
             status.header.stamp = rospy.Time.now()
             self._status.publish(status)
             self._modified_topic.publish(status.modified)
@@ -125,7 +135,12 @@ class FocusControl:
             self._host.close()
         self._watch.stop()
         self._show.stop()
-        self._grants.stop()
+        self._changes.stop()
+
+
+def _changing(state: State, standing: Standing) -> Tuple[Any, ...]:
+    """What of the status may change without a request."""
+    return [settings.granted for settings in state.streams.values()], standing
 
 
 def stream_status(name: str, settings: Settings, configured: Mapping[str, Any], modified: bool, share: float) -> Any:
@@ -141,6 +156,6 @@ def stream_status(name: str, settings: Settings, configured: Mapping[str, Any], 
     return StreamStatus(
         name=name, type=requested['type'], modified=modified, share=share, paused=settings.paused,
         granted=[DoubleParameter(setting, value) for setting, value in (settings.granted or {}).items()
-                 if value != requested[setting]],
+                 if value != requested[setting] and requested['enabled']],
         bools=others.bools, doubles=others.doubles, strs=others.strs,
         **{setting: requested[setting] for setting in FIELDS})

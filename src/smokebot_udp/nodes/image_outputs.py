@@ -8,6 +8,7 @@ from sensor_msgs.msg import Image
 from ..codecs.wire.pixels import as_pixels
 from ..mission.settings import SettingsStore
 from ..streams.image.assembled import ShownImage
+from .notice import Notice
 from .view_publisher import ViewPublisher
 
 
@@ -17,7 +18,7 @@ class MaskOutput:
     :param topic: resolved topic of the images; the mask's is `mask` beside it
     """
 
-    def __init__(self, topic: str, settings: SettingsStore, clock_offset: Callable[[], float]) -> None:
+    def __init__(self, topic: str, settings: SettingsStore, clock_offset: Callable[[], float], notice: Notice) -> None:
         self._publisher = rospy.Publisher(rospy.names.namespace(topic) + 'mask', Image, queue_size=2, tcp_nodelay=True)
 
     def show(self, assembled: ShownImage) -> None:
@@ -36,11 +37,13 @@ class ViewOutput:
     """Publishes an annotated colour image for display.
 
     :param clock_offset: f() -> the robot's clock minus the operator's [s]
+    :param notice: that it shows
     """
 
-    def __init__(self, topic: str, settings: SettingsStore, clock_offset: Callable[[], float]) -> None:
-        self._view = ViewPublisher(settings.current, clock_offset)
+    def __init__(self, topic: str, settings: SettingsStore, clock_offset: Callable[[], float], notice: Notice) -> None:
+        self._view, self._notice = ViewPublisher(settings.current, clock_offset), notice
         settings.subscribe(self._view.configure)
+        notice.subscribe(self._view.set_notice)
 
     def show(self, assembled: ShownImage) -> None:
         """Publish the view of an image soon."""
@@ -49,6 +52,7 @@ class ViewOutput:
         self._view.show(pixels, image.encoding, image.header, assembled.known_ratio, error=assembled.error)
 
     def close(self) -> None:
+        self._notice.unsubscribe(self._view.set_notice)
         self._view.close()
 
 

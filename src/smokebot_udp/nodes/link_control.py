@@ -6,7 +6,7 @@ import collections
 import math
 import threading
 import time
-from typing import Any, Dict, Mapping
+from typing import Any, Callable, Dict, Mapping
 
 import rospy
 
@@ -57,10 +57,12 @@ class LinkControl:
     :param controller: that the outbox reports to
     :param link: of the streams; its datagram_size follows the plan
     :param streams: {name: RobotStream}, started
+    :param reported: f(operator), called with whose report came
     """
 
-    def __init__(self, controller: SharedController, link: RobotLink, streams: Mapping[str, RobotStream]) -> None:
-        self._controller, self._link, self._streams = controller, link, streams
+    def __init__(self, controller: SharedController, link: RobotLink, streams: Mapping[str, RobotStream],
+                 reported: Callable[[str], None] = lambda operator: None) -> None:
+        self._controller, self._link, self._streams, self._reported = controller, link, streams, reported
         self._losses = StreamLosses()
         with controller as unshared:
             unshared.on_arrivals = self._losses.add
@@ -88,6 +90,7 @@ class LinkControl:
         with self._controller as controller:
             header = report._connection_header      # one object for each connection
             train = controller.on_report(header['callerid'], report, now, id(header))
+        self._reported(header['callerid'])
 
         def follow(scheduler: PacketScheduler) -> None:
             self._set_rate(scheduler, now)

@@ -1,15 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Shows the link's streams and connections live in a terminal, from what both sides publish on /diagnostics.
 
-The robot's diagnostics cross the link by TCP. What the operator's side relays of the robot's ~link and ~status crosses
-by UDP, and replaces them where they do not come.
+With a shared master the robot's diagnostics cross the link by TCP. What the operator's side relays of them, or else of
+the robot's ~link and ~status, crosses by UDP, and replaces them where they do not come.
 """
 import argparse
 import contextlib
 import curses
-import os
-import signal
-import socket
 import sys
 import threading
 import time
@@ -20,11 +17,14 @@ import rospy
 from diagnostic_msgs.msg import DiagnosticArray
 
 from .. import udpros
+from ..mission.parameters import EXCHANGES
+from ..monitoring.control_status import control_text
 from ..monitoring.link_board import LEVELS, STALE, Board, NodeStatus, printable
 from ..monitoring.link_table import Line, render
 from ..monitoring.status import OK, OPERATOR, ROBOT, WARN
 from ..msg import LinkStatus, RobotStatus
 from ..udpros import rpc
+from .terminal import fail, is_terminal, master_answers, run_node
 from .worker import PeriodicWorker
 
 REFRESH_PERIOD = 0.25
@@ -34,13 +34,7 @@ SEARCH_PERIOD = 5.0
 """How often the master is asked for relayed topics [s]."""
 
 MAX_RELAYED = 256
-"""Streams in a relayed RobotStatus that are shown."""
-
-MASTER_TIMEOUT = 3.0
-"""Limit for the master's answer at the start and at the end: over a cut link it would take minutes [s]."""
-
-MASTER_ATTEMPTS = 3
-"""How often the master is asked at the start: over a bad link an answer may be late."""
+"""Streams and operators in a relayed RobotStatus that are shown."""
 
 
 def as_status(message: Any) -> Optional[NodeStatus]:
@@ -68,9 +62,13 @@ def relayed_link(message: Any) -> List[NodeStatus]:
 
 
 def relayed_streams(message: Any) -> List[NodeStatus]:
-    """What a relayed RobotStatus reports: how often each stream may be sent at most."""
-    statuses = []
+    """What a relayed RobotStatus reports: who drives, and how often each stream may be sent at most."""
+    operators = [printable(name) for name in message.operators[:MAX_RELAYED]]
+    control = control_text(printable(message.driver), message.estop, operators)
+    statuses = [NodeStatus('', WARN if message.estop else OK, control, {'side': ROBOT, 'control': control})]
     for stream in message.streams[:MAX_RELAYED]:
+        if stream.type in EXCHANGES:
+            continue
         rate = min([stream.rate] + [limit.value for limit in stream.granted if limit.name == 'rate'])
         statuses.append(NodeStatus(
             '', WARN if stream.paused else OK,
@@ -80,8 +78,17 @@ def relayed_streams(message: Any) -> List[NodeStatus]:
     return statuses
 
 
-RELAYED = {LinkStatus: relayed_link, RobotStatus: relayed_streams}
+def relayed_diagnostics(message: Any) -> List[NodeStatus]:
+    """The statuses of robots in relayed diagnostics; with a shared master those of operators are relayed, too."""
+    return [status for status in map(as_status, message.status)
+            if status is not None and status.values['side'] == ROBOT]
+
+
+RELAYED = {LinkStatus: relayed_link, RobotStatus: relayed_streams, DiagnosticArray: relayed_diagnostics}
 """{message type: f(message) -> statuses}"""
+
+NOT_RELAYED = '/diagnostics', '/diagnostics_agg'
+"""Topics of these types that are not relays."""
 
 
 class Listener:
@@ -99,6 +106,7 @@ class Listener:
             for usual in {'/operator/', '/%s/operator/' % only.strip('/') if only else '/operator/'}:
                 self._subscribe(usual + 'link', LinkStatus)
                 self._subscribe(usual + 'status', RobotStatus)
+                self._subscribe(usual + 'diagnostics', DiagnosticArray)
         # an error is not logged: the terminal shows the table, and the search is repeated
         self._search = PeriodicWorker('relays', self._find_relays, lambda error: None, SEARCH_PERIOD)
         self._search.wake()
@@ -113,7 +121,7 @@ class Listener:
         """Subscribe to the topics on which operators' nodes relay what robots report: robots publish private ones."""
         types = dict(rpc.call(rosgraph.get_master_uri(), 'getTopicTypes'))
         for topic, nodes in rpc.call(rosgraph.get_master_uri(), 'getSystemState')[0]:
-            if any(not topic.startswith(node + '/') for node in nodes):
+            if topic not in NOT_RELAYED and any(not topic.startswith(node + '/') for node in nodes):
                 for class_ in RELAYED:
                     if types.get(topic) == class_._type:
                         self._subscribe(topic, class_)
@@ -124,9 +132,11 @@ class Listener:
             rospy.Subscriber(topic, class_, self._add_relayed, RELAYED[class_], queue_size=5)
 
     def _add_relayed(self, message: Any, read: Callable[[Any], List[NodeStatus]]) -> None:
-        with self._lock:
-            self._board.add_relayed(_node(message._connection_header['callerid']), message._type, read(message),
-                                    time.monotonic())
+        statuses = read(message)
+        if statuses:
+            with self._lock:
+                self._board.add_relayed(_node(message._connection_header['callerid']), message._type, statuses,
+                                        time.monotonic())
 
     @property
     def sides(self) -> Set[str]:
@@ -185,31 +195,24 @@ def print_once(listener: Listener, wait: float) -> int:
         time.sleep(0.05)
     top, body = listener.lines()
     if not body:
-        return _fail('no report of robot_sender or operator_receiver on /diagnostics within %g s' % wait)
+        return fail('link_top', 'no report of robot_sender or operator_receiver on /diagnostics within %g s' % wait)
     print('\n'.join(line.text for line in top + body))
     return 0
 
 
-def _fail(problem: str) -> int:
-    print('link_top: ' + problem, file=sys.stderr)
-    return 1
-
-
 def run(arguments: argparse.Namespace) -> int:
     """Show or print the table; returns the exit code."""
-    if not arguments.once and not (sys.stdin.isatty() and sys.stdout.isatty()):
-        return _fail('this is not a terminal; --once prints the table')
-    socket.setdefaulttimeout(MASTER_TIMEOUT)
-    if not any(rosgraph.is_master_online() for _ in range(MASTER_ATTEMPTS)):    # rospy would wait for it forever
-        return _fail('no ROS master answers at %s' % rosgraph.get_master_uri())
-    socket.setdefaulttimeout(None)
+    if not arguments.once and not is_terminal():
+        return fail('link_top', 'this is not a terminal; --once prints the table')
+    if not master_answers():
+        return fail('link_top', 'no ROS master answers at %s' % rosgraph.get_master_uri())
     rospy.init_node('link_top', anonymous=True, disable_signals=True, log_level=rospy.FATAL)
     if arguments.once:
         return print_once(Listener(arguments.operator), arguments.wait)
     try:
         curses.wrapper(show, Listener(arguments.operator))
     except curses.error as error:
-        return _fail('this terminal cannot show the table (%s); --once prints it' % error)
+        return fail('link_top', 'this terminal cannot show the table (%s); --once prints it' % error)
     return 0
 
 
@@ -224,20 +227,4 @@ def main() -> None:
                         help='show this operator only: the `name` of operator.launch, or the name of its node')
     arguments = parser.parse_args(rospy.myargv(sys.argv)[1:])
     udpros.race_all_connections()
-    # SIGTERM, too, must restore the terminal
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        code = run(arguments)
-    except KeyboardInterrupt:
-        code = 0
-    _exit(code)
-
-
-def _exit(code: int) -> None:
-    """Unregister from the master and exit, even if it does not answer: a dead link is a reason to run link_top."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    shutdown = threading.Thread(target=rospy.signal_shutdown, args=('ended',), daemon=True)
-    shutdown.start()
-    shutdown.join(MASTER_TIMEOUT)
-    sys.stdout.flush()
-    os._exit(code)
+    run_node(lambda: run(arguments))

@@ -35,9 +35,10 @@ def operator_launch(name: str, robot: Mapping[str, Any], parameters: Mapping[str
     streams = _path(folder, robot['streams']) or parameters['streams_file']
     arguments = {
         'name': name, 'robot': '%s:%d' % (robot['host'], robot['port']), 'frame_prefix': robot['frame_prefix'],
-        'key_file': _path(folder, robot['key_file']), 'rviz': str(parameters['rviz']).lower(),
-        'max_datagram_size': parameters['max_datagram_size'], 'loss': parameters['loss'],
-        **({'streams': streams} if streams else {})}
+        'key_file': _path(folder, robot['key_file']),
+        'allow_unsealed_commands': str(robot['allow_unsealed_commands']).lower(),
+        'rviz': str(parameters['rviz']).lower(), 'max_datagram_size': parameters['max_datagram_size'],
+        'loss': parameters['loss'], **({'streams': streams} if streams else {})}
     return [*LAUNCH, *('%s:=%s' % argument for argument in arguments.items())]
 
 

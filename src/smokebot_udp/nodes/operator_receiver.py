@@ -5,7 +5,9 @@ Parameters: OPERATOR_RECEIVER in nodes/parameters.py, listed in doc/parameters.m
 
 Each stream subscribes /smokebot_udp/<stream>/segments, an image stream also /smokebot_udp/<stream>/layers, and a grid
 stream /smokebot_udp/<stream>/tiles. It publishes its operator_topic in the node's namespace, which distinguishes
-several operators of one robot. Service: ~set_focus, the robot's mission focus. Where the robot has a master of its own,
+several operators of one robot. Services: ~set_focus, the robot's mission focus; ~take_control, ~release_control and
+~estop, see operator_control.py. Commands, services, actions and reliable relays go back over the same link, see
+way_back.py. Where the robot has a master of its own,
 the robot's settings are mirrored in robot_sender/, in the node's namespace.
 """
 from typing import Optional
@@ -13,10 +15,10 @@ from typing import Optional
 import rospy
 
 from .. import udpros
-from ..mission.parameters import live
+from ..monitoring.status import OPERATOR
 from ..msg import RobotStatus
 from ..srv import SetFocus
-from ..streams import encoder_class
+from ..streams import classified, live_tables
 from . import garbage, malloc_tuning
 from .clock_sync import ClockClient
 from .common import Parameters, operator_topic, read_streams, start_streams
@@ -28,12 +30,16 @@ from .link_reporter import LinkReporter
 from .live import LiveSettings, ParameterWatch
 from .motion import MotionListener
 from .namesake import SECOND_OPERATOR, living, wait_until_free
+from .notice import Notice
+from .operator_control import OperatorControl
 from .operator_stream import OperatorLink, OperatorStream
 from .parameters import OPERATOR_RECEIVER
 from .problems import Problems
 from .settings_mirror import SettingsMirror
 from .stale import StaleMarker
 from .transports import operator_transport
+from .way import OperatorWay
+from .way_back import WayBack
 
 
 class OperatorReceiver:
@@ -43,8 +49,9 @@ class OperatorReceiver:
         problems = Problems()
         parameters = Parameters(OPERATOR_RECEIVER, problems.report)
         udpros.emulate_loss(parameters['loss'], parameters['loss_seed'])
-        definitions = read_streams(parameters)
+        definitions = classified(read_streams(parameters))
         self._transport = operator_transport(parameters)
+        notice = Notice()
         with udpros.registered_together():
             self._motion = MotionListener(operator_topic(parameters['odom_topic']), parameters['cmd_vel_topic'])
             self._clock = ClockClient(self._transport)
@@ -53,21 +60,32 @@ class OperatorReceiver:
             self._held = HeldReporter(self._transport)
             link = OperatorLink(self._transport, self._motion.is_still, self._motion.images_compared,
                                 self._reporter.arrived, self._clock.offset, self._codec, self._held.received,
-                                parameters['frame_prefix'])
+                                parameters['frame_prefix'], notice)
             self.streams = start_streams(
-                definitions, lambda name, settings: OperatorStream(name, settings, link), parameters.report)
+                definitions.streams, lambda name, settings: OperatorStream(name, settings, link), parameters.report)
             status = [stream.topic for stream in self.streams.values() if stream.assembler.MESSAGE is RobotStatus]
             self._focus = FocusClient(status[0] if status else None, parameters['focus_patience'],
                                       self._transport)
-            self._diagnostics = operator_diagnostics(self.streams, self._clock, parameters, problems, self._focus.sent,
-                                                     self._transport)
+            control = OperatorControl(self._transport, notice)
+            self._way_back = WayBack(
+                OPERATOR, definitions, control, lambda reliable: OperatorWay(
+                    self._transport, control, reliable, parameters.report, parameters['frame_prefix'], self._view_age),
+                self._transport, parameters)
+            self._diagnostics = operator_diagnostics(self.streams, self._way_back, self._clock, parameters, problems,
+                                                     self._focus.sent, self._transport)
             self._stale = StaleMarker(self.streams, self._focus.sent, operator_topic(parameters['stale_topic']),
                                       parameters['frame_prefix'] + parameters['base_frame'], parameters['stale_after'])
-        parts = [LiveSettings(name, stream.settings, problems.report) for name, stream in self.streams.items()
-                 if stream.settings.table]
+        stores = {name: stream.settings for name, stream in self.streams.items() if stream.settings.table}
+        parts = [LiveSettings(name, store, problems.report)
+                 for name, store in {**stores, **self._way_back.stores}.items()]
         self._watch = ParameterWatch(parts, background=True)
         self._mirror = self._mirror_settings(problems)
         rospy.on_shutdown(self.close)
+
+    def _view_age(self, name: str, now: float) -> Optional[float]:
+        """How old what is shown of a stream is [s]; None: unknown."""
+        stream, estimate = self.streams.get(name), self._clock.estimate
+        return None if stream is None else stream.age(estimate.offset if estimate else None, now)
 
     def _mirror_settings(self, problems: Problems) -> Optional[SettingsMirror]:
         """The robot's settings at this master, unless they are there already."""
@@ -75,8 +93,8 @@ class OperatorReceiver:
         if not self._transport.own_masters or living(robot):
             return None
         rospy.Service(robot + '/set_focus', SetFocus, self._focus.serve)
-        tables = {name: live(encoder_class(stream.settings.current['type']).PARAMETERS)
-                  for name, stream in self.streams.items()}
+        tables = {name: live_tables(stream.settings.current.requested).robot
+                  for name, stream in {**self.streams, **self._way_back.streams}.items()}
         return SettingsMirror(robot, tables, self._transport, problems.report)
 
     def close(self) -> None:
@@ -87,6 +105,7 @@ class OperatorReceiver:
         self._focus.close()
         self._watch.stop()
         self._motion.close()
+        self._way_back.close()
         for stream in self.streams.values():
             stream.close()
         self._held.close()

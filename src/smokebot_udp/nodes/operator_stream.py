@@ -3,7 +3,7 @@
 import collections
 import functools
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Callable, Deque, Dict, List, Mapping, Optional
 
 import rospy
@@ -21,6 +21,7 @@ from ..streams.segments import reported_name, wire_topic
 from ..transport import Subscriber, Transport
 from .common import operator_topic
 from .compiled_codec import CompiledCodec
+from .notice import Notice
 from .worker import DeadlineWorker
 
 MAX_SHOWN = 512
@@ -45,6 +46,8 @@ class OperatorLink:
     """f(name, holding), see HeldReporter: segments of a stream were received of which it holds something."""
     frame_prefix: str = ''
     """Goes before the frames of all messages that are published, see streams.frame_prefix."""
+    notice: Notice = field(default_factory=Notice)
+    """That all views show."""
 
 
 class OperatorStream:
@@ -64,6 +67,7 @@ class OperatorStream:
         self.received, self.published = 0, 0
         self.last_shown: Optional[float] = None
         """When a message was published last, by time.monotonic() [s]."""
+        self._last_age: Optional[float] = None      # its age then, but for the offset of the robot's clock [s]
         self._link = link
         self._shown: Deque[Shown] = collections.deque(maxlen=MAX_SHOWN)
         self._publisher: Any = None     # made by start(), as are these
@@ -118,6 +122,16 @@ class OperatorStream:
             shown=shown, connections=connections,
             problem=self._problem() or self.assembler.problem(self.settings.current, time.monotonic()))
 
+    def age(self, clock_offset: Optional[float], now: float) -> Optional[float]:
+        """How old what was published last is by now [s]; None: nothing was, or its age is unknown. Any thread.
+
+        :param clock_offset: the robot's clock minus this machine's [s]; None: unknown
+        :param now: by time.monotonic() [s]
+        """
+        shown = self.last_shown     # before the age: with another message's it is too old, not too fresh
+        age = self._last_age
+        return None if shown is None or age is None or clock_offset is None else age + clock_offset + now - shown
+
     def close(self) -> None:
         """End all threads and topics."""
         self._worker.close()
@@ -138,7 +152,7 @@ class OperatorStream:
         from .image_outputs import OUTPUTS  # imports OpenCV, for images only
         for setting, output in OUTPUTS.items():
             if settings[setting]:
-                yield output(self.topic, self.settings, self._link.clock_offset)
+                yield output(self.topic, self.settings, self._link.clock_offset, self._link.notice)
 
     def _configure(self, settings: Settings, changed: Mapping[str, Any]) -> None:
         with self._worker.changing():
@@ -198,8 +212,8 @@ class OperatorStream:
         assembled.message = self._prefixed(assembled.message)
         self._publisher.publish(assembled.message)
         self.published += 1
-        self.last_shown = time.monotonic()
         age = (rospy.Time.now().to_nsec() - assembled.stamp) / 1e9 if assembled.stamp else None
+        self._last_age, self.last_shown = age, time.monotonic()     # in this order, see `age`
         self._shown.append(Shown(age, assembled.completeness, assembled.error))
 
     def _prefixed(self, message: Any) -> Any:

@@ -105,6 +105,21 @@ class Outbox:
             self._scheduler.charge(len(frame) * size, now)
             self._departed(stream, first, len(frame), size, now, {})
 
+    def charge(self, datagrams: int, size: int) -> None:
+        """Count datagrams that were sent besides, at once, and that no link report names: they share the air, too.
+
+        :param size: of all of them together, as Frame.datagram_size [byte]
+        """
+        total = size + datagrams * self._headers
+        with self._changed:
+            self.protected += total
+            self._scheduler.charge(total, time.monotonic())
+
+    @property
+    def rate(self) -> Optional[float]:
+        """Of the link [byte/s]; None: unlimited."""
+        return self._scheduler.rate
+
     def drop(self, stream: str) -> None:
         """Nothing more of a stream's message leaves."""
         with self._changed:

@@ -5,6 +5,7 @@ from dataclasses import fields
 from ..mission.control import FOCUS
 from ..mission.parameters import Parameter
 from ..monitoring.thresholds import Thresholds
+from ..teleop.keyboard import KEY_TIMEOUT
 
 _STREAMS_FILE = Parameter('', '', "the streams by name; empty: this package's config/streams.yaml")
 
@@ -26,6 +27,16 @@ DIAGNOSTICS = {threshold.name: Parameter(getattr(Thresholds(), threshold.name), 
 _KEY_FILE = Parameter('', '', "file with the link's key, made by make_key: 32 bytes, for its owner only; empty: the "
                       'link is neither encrypted nor authenticated')
 
+_ALLOW_UNSEALED_COMMANDS = Parameter(
+    False, '', 'whether commands, services, actions and relays to the robot work over a link without a key: then '
+    'anybody on the network can drive')
+
+_LOSS = {
+    'loss': Parameter(0.0, '', 'ratio of datagrams that are dropped on arrival, to demonstrate a bad link', least=0.0,
+                      most=1.0),
+    'loss_seed': Parameter(0, '', 'seed of the random losses', least=0),
+}
+
 ROBOT_SENDER = {
     'streams_file': _STREAMS_FILE,
     'focus_file': Parameter('', '', "the mission focus's profiles by name; empty: this package's config/focus.yaml"),
@@ -34,12 +45,14 @@ ROBOT_SENDER = {
     'link_port': Parameter(0, '', 'UDP port to listen on for operators with masters of their own; 0: operators share '
                            "the robot's master", least=0, most=65535),
     'key_file': _KEY_FILE,
+    'allow_unsealed_commands': _ALLOW_UNSEALED_COMMANDS,
     'adapt': Parameter(True, '', 'whether the rate follows the capacity that operators report; otherwise it is '
                        'max_rate'),
     'max_rate': Parameter(400.0, 'Mbit/s', 'maximum rate of all streams together; 0: unlimited', least=0.0),
     'min_rate': Parameter(0.1, 'Mbit/s', 'minimum rate, whatever operators report', least=0.01),
     'start_rate': Parameter(0.5, 'Mbit/s', 'rate until the first report', least=0.01),
     'focus': FOCUS,
+    **_LOSS,
     **DIAGNOSTICS,
 }
 
@@ -51,9 +64,8 @@ OPERATOR_RECEIVER = {
     'robot': Parameter('', '', 'host:port of a robot with a master of its own, see its link_port; empty: it shares '
                        'this master'),
     'key_file': _KEY_FILE,
-    'loss': Parameter(0.0, '', 'ratio of datagrams that are dropped on arrival, to demonstrate a bad link', least=0.0,
-                      most=1.0),
-    'loss_seed': Parameter(0, '', 'seed of the random losses', least=0),
+    'allow_unsealed_commands': _ALLOW_UNSEALED_COMMANDS,
+    **_LOSS,
     'odom_topic': Parameter('/operator/odom', '', 'nav_msgs/Odometry, from which it is known whether the robot stands '
                             "still; in the operator's namespace"),
     'cmd_vel_topic': Parameter('/cmd_vel', '', 'geometry_msgs/Twist, used where there is no odometry; images are used '
@@ -77,7 +89,9 @@ OPERATOR_DESK = {
 
 SIMULATED_ROBOT = {
     'seed': Parameter(1, '', 'seed of furniture, fires and noise', least=0, most=2 ** 31 - 1),
-    'speed': Parameter(0.7, 'm/s', 'speed of the drive between halts', least=0.01, most=5.0),
+    'speed': Parameter(0.7, 'm/s', 'speed on the tour, between halts, and on the way to a goal', least=0.01, most=5.0),
+    'tour_pause': Parameter(30.0, 's', 'time from the last command, or the end of a goal, until the tour goes on',
+                            least=1.0, most=1e6),
     'noise': Parameter(True, '', 'whether the sensors have noise'),
     'lidar_noise': Parameter(0.03, 'm', "standard deviation of the LiDAR's ranges; 0 where noise is false", least=0.0,
                              most=10.0),
@@ -99,6 +113,7 @@ DEMO_REPORT = {
     'seconds': Parameter(20.0, 's', 'duration, from the first image that arrives', least=1.0),
     'picture': Parameter('', '', 'file that the last sent and received images are written to; empty: none'),
     'operator': Parameter('', '', "namespace of the operator's side; empty: none"),
+    'frame_prefix': Parameter('', '', "what the operator's side puts before the robot's frames"),
     'operator_master': Parameter('', '', "URI of the operator's master; empty: the robot's"),
     'end_launch': Parameter(False, '', 'whether to end the roslaunch that started this node, after the report'),
 }
@@ -115,7 +130,15 @@ DEMO_ROBOTS = {
     'picture': Parameter('', '', "file of the report's images; the names of the robots are added to it; empty: none"),
 }
 
+TELEOP_KEYBOARD = {
+    'speed': Parameter(0.5, 'm/s', 'speed at the start', least=0.01, most=10.0),
+    'turn': Parameter(1.0, 'rad/s', 'turn rate at the start', least=0.01, most=10.0),
+    'repeat_rate': Parameter(10.0, 'Hz', 'rate of the commands while a key is held', least=1.0, most=100.0),
+    'key_timeout': Parameter(KEY_TIMEOUT, 's', 'duration of the motion of a key that is pressed once; terminals repeat '
+                             'a held key after 0.25 to 0.66 s', least=0.1, most=10.0),
+}
+
 NODES = {'robot_sender': ROBOT_SENDER, 'operator_receiver': OPERATOR_RECEIVER, 'operator_desk': OPERATOR_DESK,
          'simulated_robot': SIMULATED_ROBOT, 'demo_report': DEMO_REPORT,
-         'demo_robots': DEMO_ROBOTS}
+         'demo_robots': DEMO_ROBOTS, 'teleop_keyboard': TELEOP_KEYBOARD}
 """{node: its table}"""

@@ -6,8 +6,10 @@ Parameters: ROBOT_SENDER in nodes/parameters.py, listed in doc/parameters.md.
 Each stream subscribes its robot_topic and publishes /smokebot_udp/<stream>/segments, an image stream that may be
 layered also /smokebot_udp/<stream>/layers, and a map that may be in tiles also /smokebot_udp/<stream>/tiles. Operators
 report on /smokebot_udp/held which tiles they hold. ~status (latched) shows the focus and the settings of each stream,
-~focus/modified (latched) whether any of them was set by hand since the focus was switched, ~link the state of the link.
-Service: ~set_focus.
+~focus/modified (latched) whether any of them was set by hand since the focus was switched, ~link the state of the link,
+~estop (latched) whether the emergency stop is engaged. Services: ~set_focus, ~set_estop.
+
+Commands, services, actions and reliable relays of operators come back over the same link, see way_back.py.
 """
 import collections
 import math
@@ -21,7 +23,8 @@ from ..congestion.controller import Controller
 from ..congestion.estimator import Limits
 from ..congestion.packet_scheduler import PacketScheduler
 from ..mission import focus
-from ..streams import encoder_class
+from ..monitoring.status import ROBOT
+from ..streams import Definitions, classified, encoder_class
 from ..streams.virtual_scan.fans import FanCache
 from ..udpros.datagram import IP_UDP_HEADERS
 from ..units import MBIT
@@ -38,8 +41,12 @@ from .namesake import wait_until_free
 from .outbox import Outbox
 from .parameters import ROBOT_SENDER
 from .problems import Problems
+from .robot_control import RobotControl
 from .robot_stream import RobotLink, RobotStream
 from .transports import robot_transport
+from .way import RobotWay
+from .way_back import WayBack
+from .way_back_policy import is_open
 
 BURST = 16
 """Datagrams that may leave at once on a fast link: roscpp's receiver holds 92, a Wi-Fi driver's queue not many more."""
@@ -51,7 +58,8 @@ class RobotSender:
     def __init__(self) -> None:
         problems = Problems()
         parameters = Parameters(ROBOT_SENDER, problems.report)
-        definitions = read_streams(parameters)
+        udpros.emulate_loss(parameters['loss'], parameters['loss_seed'])
+        definitions = classified(read_streams(parameters))
         transport = robot_transport(parameters)
         size = transport.max_datagram_size
         profiles = read_file(parameters, 'focus_file', 'focus.yaml', focus.load)
@@ -59,33 +67,27 @@ class RobotSender:
         shared = SharedController(controller)
         burst = BURST * (size + transport.overhead + IP_UDP_HEADERS)
         scheduler = PacketScheduler(controller.rate(time.monotonic()), burst)
-        lookup = TransformLookup()
         self._codec = CompiledCodec()
-        fans: DefaultDict[str, FanCache] = collections.defaultdict(lambda: FanCache(lookup))    # by the cloud's topic
-
-        def make_stream(name: str, settings: Dict[str, Any]) -> RobotStream:
-            shared_work: Dict[str, Any] = {}
-            if settings['type'] == 'virtual_scan':
-                shared_work = {'fans': fans[rospy.resolve_name(settings['robot_topic'])]}
-            elif settings['type'] in ('image', 'grid'):
-                shared_work = {'codec': self._codec, 'clock': time.monotonic}
-            if settings['type'] == 'grid':
-                shared_work['lookup'] = lookup
-            return RobotStream(name, settings, encoder_class(settings['type'])(settings, **shared_work), link)
         with udpros.registered_together():
             link = RobotLink(transport, Outbox(scheduler, shared.on_sent, _log, shared.conforming,
                                                transport.overhead))
             link.outbox.start()
             self._outbox, self._transport = link.outbox, transport
-            self.streams = start_streams(definitions, make_stream, parameters.report)
-            self._link = LinkControl(shared, link, self.streams)
-            self.focus = FocusControl({name: stream.settings for name, stream in self.streams.items()}, profiles,
-                                      lambda: self._link.shares, self._link.forget, problems.report, transport)
+            self.streams = start_streams(definitions.streams, _StreamMaker(link, self._codec), parameters.report)
+            control = RobotControl(transport, link.outbox, is_open(transport, parameters['allow_unsealed_commands']))
+            self._way_back = _way_back(definitions, control, link, parameters)
+            self._link = LinkControl(shared, link, self.streams, control.reported)
+            stores = {name: stream.settings for name, stream in self.streams.items()}
+            self.focus = FocusControl({**stores, **self._way_back.stores}, profiles, lambda: self._link.shares,
+                                      self._link.forget, problems.report, transport, lambda: control.standing)
+            control.subscribe(self.focus.standing_changed)
             self._clock, self._held = ClockServer(transport), HeldReports(self.streams, transport)
-            self._diagnostics = robot_diagnostics(self.streams, self._link.stats, parameters, problems, transport)
+            self._diagnostics = robot_diagnostics(self.streams, self._way_back, self._link.stats, parameters, problems,
+                                                  transport)
         rospy.on_shutdown(self.close)
 
     def close(self) -> None:
+        self._way_back.close()      # first: it stops a robot that is driven
         self._diagnostics.close()
         self._link.close()
         self._clock.close()
@@ -96,6 +98,36 @@ class RobotSender:
         self._codec.close()
         self._outbox.stop()
         self._transport.close()
+
+
+class _StreamMaker:
+    """Makes streams, with the work that they share.
+
+    :param codec: of layered images and of tiles
+    """
+
+    def __init__(self, link: RobotLink, codec: CompiledCodec) -> None:
+        self._link, self._codec, self._lookup = link, codec, TransformLookup()
+        # by the cloud's topic
+        self._fans: DefaultDict[str, FanCache] = collections.defaultdict(lambda: FanCache(self._lookup))
+
+    def __call__(self, name: str, settings: Dict[str, Any]) -> RobotStream:
+        kind = settings['type']
+        shared: Dict[str, Any] = {}
+        if kind == 'virtual_scan':
+            shared = {'fans': self._fans[rospy.resolve_name(settings['robot_topic'])]}
+        elif kind in ('image', 'grid'):
+            shared = {'codec': self._codec, 'clock': time.monotonic}
+        if kind == 'grid':
+            shared['lookup'] = self._lookup
+        return RobotStream(name, settings, encoder_class(kind)(settings, **shared), self._link)
+
+
+def _way_back(definitions: Definitions, control: RobotControl, link: RobotLink, parameters: Parameters) -> WayBack:
+    """The way back, started."""
+    def make_way(reliable: Any) -> RobotWay:
+        return RobotWay(link.transport, link.outbox, control, reliable, parameters.report)
+    return WayBack(ROBOT, definitions, control, make_way, link.transport, parameters, link.outbox)
 
 
 def _rates(parameters: Parameters) -> Tuple[Limits, bool]:

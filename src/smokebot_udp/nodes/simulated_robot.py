@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A simulated robot: drives through a burning building and publishes its sensors' measurements.
 
+It is on a tour, unless somebody drives it: by commands or to a goal. A while after that the tour goes on.
+
 Parameters: SIMULATED_ROBOT in nodes/parameters.py.
 
 Publishes
@@ -17,6 +19,15 @@ Publishes
 | gas/co | Float32 [ppm] | |
 | battery | BatteryState | |
 | /tf, /tf_static | map -> odom -> base_link -> each sensor | |
+
+Subscribes
+
+| topic | type | |
+|---|---|---|
+| cmd_vel | Twist | obeyed for 0.5 s, then it stands: the watchdog of a base's driver; it stops before walls |
+| move_base_simple/goal | PoseStamped | in map, odom or base_link |
+
+Action: move_base (MoveBaseAction). Service: count (Trigger), whose message is how often it was called.
 
 All sensors see the same world from the same robot. The stamp is the time of the measurement.
 """
@@ -36,12 +47,15 @@ from ..simulation.lidar import Lidar
 from ..simulation.mapping import Mapper
 from ..simulation.odometry import Odometry
 from ..simulation.pinhole import Pinhole
+from ..simulation.planner import Planner
+from ..simulation.robot import Robot
 from ..simulation.scanner import Scanner
 from ..simulation.thermal import ThermalCamera
 from ..simulation.world import building
 from . import simulated_topics as topics
 from .common import Parameters
 from .parameters import SIMULATED_ROBOT
+from .simulated_driving import Commands, Counter, MoveBase, SharedRobot
 
 FIELD_OF_VIEW = np.radians(70)
 """Horizontal, of both cameras [rad]."""
@@ -70,14 +84,16 @@ class PeriodicSensor:
 
 
 class SimulatedRobot:
-    """Starts the sensors; they run until the node shuts down."""
+    """Starts the sensors and what drives; they run until the node shuts down."""
 
     def __init__(self) -> None:
         self._parameters = parameters = Parameters(SIMULATED_ROBOT)
         seed, noisy = parameters['seed'], parameters['noise']
         lidar_noise = noisy * parameters['lidar_noise']
-        self._drive = drive = Drive(parameters['speed'])
         world = building(seed)
+        self._robot = robot = SharedRobot(Robot(Drive(parameters['speed']), world, Planner(world), parameters['speed'],
+                                                parameters['tour_pause']))
+        odometry = Odometry(robot)
         pinhole = Pinhole(parameters['width'], parameters['height'], FIELD_OF_VIEW, mounts.CAMERA)
         self._start_time = rospy.Time.now()
         with udpros.registered_together():
@@ -89,9 +105,19 @@ class SimulatedRobot:
             self._start('lidar', lambda: topics.CloudTopic(Lidar(world, mounts.LIDAR, seed, lidar_noise)))
             self._start('scan', lambda: topics.ScanTopic(Scanner(world, mounts.LASER, seed, 0.01 * noisy)))
             self._start('map', lambda: topics.MapTopic(Mapper(world)))
-            self._start('odom', lambda: topics.OdometryTopics(Odometry(drive)))
+            self._start('odom', lambda: topics.OdometryTopics(odometry))
             self._start('gas', lambda: topics.GasTopic(GasSensor(world, seed, 1.0 * noisy)))
             self._start('battery', topics.BatteryTopic)
+            Commands(robot, self._now)
+            Counter()
+            MoveBase(robot, odometry, self._now)
+
+    def _now(self) -> float:
+        """The simulation's time [s]."""
+        return self._elapsed(rospy.Time.now())
+
+    def _elapsed(self, stamp: Any) -> float:
+        return float((stamp - self._start_time).to_sec())
 
     def _start(self, name: str, make: Callable[[], Any]) -> None:
         """Start a sensor unless its ~NAME_rate is 0."""
@@ -101,8 +127,8 @@ class SimulatedRobot:
         publish = make().publish
 
         def measure(stamp: Any) -> None:
-            elapsed = (stamp - self._start_time).to_sec()
-            publish(stamp, self._drive.pose(elapsed), elapsed)
+            elapsed = self._elapsed(stamp)
+            publish(stamp, self._robot.pose(elapsed), elapsed)
         PeriodicSensor(name, rate, measure)
 
 

@@ -20,9 +20,14 @@ from .logging import log_error
 RETRY_PERIOD = 5.0
 """Time between attempts to start a transport [s]."""
 
-UNSEALED = ('has no key: anybody on the network can watch, and once commands exist, drive; make a key file by make_key '
-            'and give it to both sides as key_file')
+_MAKE_KEY = '; make a key file by make_key and give it to both sides as key_file'
+
+UNSEALED = ('has no key: anybody on the network can watch; commands are refused unless allow_unsealed_commands is set'
+            + _MAKE_KEY)
 """What is wrong with a link."""
+
+UNSEALED_COMMANDS = 'has no key: anybody on the network can watch, and drive' + _MAKE_KEY
+"""What is wrong with a link where allow_unsealed_commands is set."""
 
 
 def robot_transport(parameters: Parameters) -> Transport:
@@ -84,7 +89,7 @@ def _patiently(parameters: Parameters, link: str, make: Callable[[Optional[bytes
             log(error)
         else:
             if not parameters['key_file']:
-                rospy.logwarn('%s %s', link, UNSEALED)
+                rospy.logwarn('%s %s', link, UNSEALED_COMMANDS if parameters['allow_unsealed_commands'] else UNSEALED)
             return transport
         try:
             time.sleep(RETRY_PERIOD)

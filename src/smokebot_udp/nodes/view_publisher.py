@@ -42,6 +42,11 @@ class ViewPublisher:
         with self._worker.changing():
             self._view.configure(settings, changed)
 
+    def set_notice(self, text: str) -> None:
+        """Show a notice from now on; empty: none."""
+        with self._worker.changing():
+            self._view.set_notice(text)
+
     def show(self, pixels: Array, encoding: str, header: Any, completeness: float,
              now: Optional[float] = None, error: Optional[ImageError] = None) -> None:
         """Publish the view of an image soon, in a thread of its own.

@@ -7,12 +7,17 @@ where the file has none.
 import re
 from typing import Any, Callable, Container, Dict, List, Mapping, Tuple
 
-from ..mission.parameters import LINK_STATUS, ROBOT_STATUS, Parameter, check, current_names
+from ..mission.parameters import EXCHANGES, LINK_STATUS, ROBOT_STATUS, Parameter, check, current_names
 from ..mission.yaml_text import read_yaml
-from . import KINDS, assembler_class, encoder_class
+from . import TYPES, parameters_module, tables
+from .relay.parameters import UNUSED_IF_RELIABLE
+from .routes import Routes, check_routes, routes_of
 
 NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]*$')
-TYPE = Parameter(None, '', 'the kind of stream', choices=tuple(sorted(KINDS)))
+TYPE = Parameter(None, '', 'the kind of stream', choices=TYPES)
+
+VIEWS = 'cloud', 'image', 'scan', 'virtual_scan'
+"""Types that require_fresh may name: a map, or a message that is relayed, gets old where nothing changes."""
 
 OWN_STREAMS: Mapping[str, Mapping[str, Any]] = {
     'link': {'message_type': LINK_STATUS, 'rate': 2.0},
@@ -23,7 +28,8 @@ OWN_STREAMS: Mapping[str, Mapping[str, Any]] = {
 
 def parameters_of(kind: str) -> Dict[str, Parameter]:
     """{name: Parameter}: all parameters in streams.yaml of a stream of this kind."""
-    return {'type': TYPE, **encoder_class(kind).PARAMETERS, **assembler_class(kind).PARAMETERS}
+    robot, operator = tables(kind)
+    return {'type': TYPE, **robot, **operator}
 
 
 def load(text: str, warn: Callable[[str], None] = lambda warning: None
@@ -40,24 +46,34 @@ def load(text: str, warn: Callable[[str], None] = lambda warning: None
     if not isinstance(streams, dict):
         return {}, problems + ['it has no "streams:" with the streams by name']
     good: Dict[str, Dict[str, Any]] = {}
+    routes: Dict[str, Routes] = {}
     for name, values in streams.items():
         try:
             settings = _check(name, values, warn)
-            _check_topics(settings, good)
-            good[name] = settings
+            found = routes_of(settings)
+            check_routes(found, routes)
+            good[name], routes[name] = settings, found
         except ValueError as error:
             problems.append('stream %r: %s' % (name, error))
-    good.update(_missing_own_streams(good, streams))
+    for name in [name for name, settings in good.items() if settings['type'] == 'command']:
+        try:
+            _check_view(good[name]['require_fresh'], good)
+        except ValueError as error:
+            problems.append('stream %r: %s' % (name, error))
+            del good[name], routes[name]
+    good.update(_missing_own_streams(good, routes, streams))
     return good, problems
 
 
-def _missing_own_streams(good: Mapping[str, Mapping[str, Any]], written: Container[Any]) -> Dict[str, Dict[str, Any]]:
+def _missing_own_streams(good: Mapping[str, Mapping[str, Any]], routes: Mapping[str, Routes], written: Container[Any]
+                         ) -> Dict[str, Dict[str, Any]]:
     """{name: settings} of those of OWN_STREAMS that no good stream replaces.
 
+    :param routes: of the good streams
     :param written: the names in the file, those of refused streams included
     """
     relayed = {settings.get('message_type') for settings in good.values()}
-    topics = {_normalised(settings['operator_topic']).lstrip('/') for settings in good.values()}
+    topics = {route.operator.lstrip('/') for found in routes.values() for route in found}
     missing = {}
     for topic, settings in OWN_STREAMS.items():
         if settings['message_type'] in relayed:
@@ -80,37 +96,19 @@ def _check(name: Any, values: Any, warn: Callable[[str], None]) -> Dict[str, Any
         warn('stream %r: %s' % (name, warning))
     kind = settings.get('type')
     check({'type': kind}, {'type': TYPE})
-    return check(settings, parameters_of(str(kind)))
+    checked = check(settings, parameters_of(str(kind)))
+    if kind in EXCHANGES or kind == 'relay':
+        parameters_module(str(kind)).check(checked)
+    if checked.get('reliable'):
+        for setting in sorted(UNUSED_IF_RELIABLE & set(settings)):
+            warn('stream %r: %s is not used: a reliable relay sends every message' % (name, setting))
+    return checked
 
 
-def _check_topics(settings: Mapping[str, Any], others: Mapping[str, Mapping[str, Any]]) -> None:
-    """Check the topics of a stream, and that its source has one type.
+def _check_view(view: str, streams: Mapping[str, Mapping[str, Any]]) -> None:
+    """Check a command stream's require_fresh.
 
-    Relative names of the robot's side are compared as they are written: its node resolves them in its namespace. Those
-    of the operator's side are all in the namespace of its node.
-
-    :param others: {name: settings} of the streams before it
-    :raises ValueError: where they make a loop, the operator's topic is that of another stream, or another stream
-        expects messages of another type of its source
+    :raises ValueError: where there is no such stream, or its age says nothing about the link
     """
-    published = _normalised(settings['operator_topic'])
-    if published.startswith('/') and published == _normalised(settings['robot_topic']):
-        raise ValueError('robot_topic and operator_topic are both %s: the stream would send again and again what it '
-                         'publishes itself' % published)
-    for name, other in others.items():
-        if published.lstrip('/') == _normalised(other['operator_topic']).lstrip('/'):
-            raise ValueError("operator_topic %s is already the operator_topic of stream '%s'" % (published, name))
-        types = _source_type(settings), _source_type(other)
-        if _normalised(settings['robot_topic']) == _normalised(other['robot_topic']) and types[0] != types[1]:
-            raise ValueError("robot_topic %s must be %s, but %s for stream '%s'" % (
-                settings['robot_topic'], types[0], types[1], name))
-
-
-def _source_type(settings: Mapping[str, Any]) -> str:
-    """The message type of a stream's source, as package/Type."""
-    return str(settings.get('message_type') or encoder_class(settings['type']).MESSAGE._type)
-
-
-def _normalised(topic: str) -> str:
-    """The name of a topic without superfluous slashes."""
-    return '/' * topic.startswith('/') + '/'.join(part for part in topic.split('/') if part)
+    if view and streams.get(view, {}).get('type') not in VIEWS:
+        raise ValueError('require_fresh is %r, must be the name of a stream of type %s' % (view, ', '.join(VIEWS)))

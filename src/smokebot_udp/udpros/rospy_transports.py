@@ -316,9 +316,24 @@ class UdpPublisherImpl(_PublisherImpl, _Connections):
                 else:
                     stream = b''.join(frame.stream() for frame in frames) if stream is None else stream
                     connection.write_data(stream)
-            except Exception as error:   # as rospy's publish: a failure ends only the connection that failed
-                rospy.logdebug('[%s]: %s ended: %s', self.resolved_name, connection.endpoint_id, error)
-                connection.close()
+            except Exception as error:      # as in rospy's publish
+                self._end(connection, error)
+
+    def send_to(self, peer: str, frame: Frame) -> None:
+        """Send the messages of a frame to one subscriber, numbered as they are; the caller holds publock."""
+        self.message_data_sent += frame.rows.size
+        for connection in self.connections:
+            if connection.endpoint_id != peer or not isinstance(connection, PublisherTransport):
+                continue
+            try:
+                connection.write_frame(frame)
+            except Exception as error:
+                self._end(connection, error)
+
+    def _end(self, connection: Any, error: Exception) -> None:
+        """End a connection that failed; the others go on."""
+        rospy.logdebug('[%s]: %s ended: %s', self.resolved_name, connection.endpoint_id, error)
+        connection.close()
 
 
 class UdpSubscriberImpl(_SubscriberImpl):

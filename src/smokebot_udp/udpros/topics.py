@@ -85,16 +85,30 @@ class Publisher(rospy.Publisher):
         :raises ValueError: if a frame is of another type than the topic
         :raises rospy.ROSException: if the publisher has been unregistered
         """
-        if self.impl is None:
-            raise rospy.ROSException('publish_frames() to an unregistered() handle')
-        for frame in frames:
-            if frame.message_class is not self.data_class:
-                raise ValueError('[%s] publishes %s, not %s' % (
-                    self.resolved_name, self.data_class._type, frame.message_class._type))
+        self._check_frames('publish_frames()', *frames)
         with self.impl.publock:
             first: int = self.impl.seq + 1
             self.impl.publish_frames(frames, limits)
         return first
+
+    def publish_to(self, peer: str, frame: Frame) -> None:
+        """Send all messages of a Frame to one subscriber by UDPROS, numbered as they are.
+
+        :param peer: its node name; without effect where it is not connected
+        :raises ValueError: if the frame is of another type than the topic
+        :raises rospy.ROSException: if the publisher has been unregistered
+        """
+        self._check_frames('publish_to()', frame)
+        with self.impl.publock:
+            self.impl.send_to(peer, frame)
+
+    def _check_frames(self, call: str, *frames: Frame) -> None:
+        if self.impl is None:
+            raise rospy.ROSException('%s to an unregistered() handle' % call)
+        for frame in frames:
+            if frame.message_class is not self.data_class:
+                raise ValueError('[%s] publishes %s, not %s' % (
+                    self.resolved_name, self.data_class._type, frame.message_class._type))
 
     def connections(self) -> List[Dict[str, Any]]:
         """Statistics of the UDPROS connections, one dictionary each.

@@ -19,6 +19,7 @@ class UdprosTransport:
     """
     overhead = 0
     own_masters = False
+    sealed = False
 
     def __init__(self, max_datagram_size: int = DEFAULT_MAX_DATAGRAM_SIZE, receive_buffer: int = 4 << 20) -> None:
         self.name: str = rospy.get_name()

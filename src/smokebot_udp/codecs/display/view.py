@@ -3,7 +3,8 @@
 it is.
 
 Nothing of the image is covered: the scale and the texts are in a strip below it. The colour of the strip and of the
-frame shows the state. A frozen image is grey and has a banner across it: it must never look live.
+frame shows the state. A frozen image is grey and has a banner across it: it must never look live. A notice, such as
+EMERGENCY STOP, takes the place of the scale.
 """
 import math
 from dataclasses import dataclass
@@ -22,6 +23,8 @@ COLOURS = {FRESH: (60, 170, 40), OLD: (0, 220, 255), FROZEN: (30, 30, 220)}
 BLACK, WHITE, RED = (0, 0, 0), (255, 255, 255), (80, 80, 255)
 LEAST_WIDTH, LEAST_HEIGHT = 480, 120
 """Smaller images are enlarged and then padded, because text needs space [pixel]."""
+SCALE_LEFT = 0.42
+"""Where the scale begins, or a notice [width of the view]."""
 SKEW = 0.1
 """Up to this negative age is an error of the clocks [s]."""
 
@@ -73,13 +76,14 @@ def layout(height: int, width: int) -> Layout:
 
 
 def framed(coloured: Coloured, age: float, completeness: float, limits: Limits, silence: float = 0.0,
-           error: Optional[ImageError] = None) -> UInt8Array:
+           error: Optional[ImageError] = None, notice: str = '') -> UInt8Array:
     """The view: an image in a frame whose colour shows whether it is live, with its age in the strip.
 
     :param age: time since the image was taken [s]; below 0 if the clocks disagree; infinite: there was no image yet
     :param completeness: ratio of its pixels that were received, 0..1
     :param silence: time since it was received [s]; it is at least this old, whatever the clocks say
     :param error: of an image that was coded with loss, shown in place of the completeness
+    :param notice: text in place of the scale; empty: none
     :return: (height, width, 3) uint8, bgr; see layout
     :raises ValueError: completeness is not from 0 to 1
     """
@@ -97,7 +101,9 @@ def framed(coloured: Coloured, age: float, completeness: float, limits: Limits, 
     _draw_texts(strip, state, (
         (duration(age), not 0 <= age < limits.old_after),
         (quality, not good)))
-    if coloured.palette is not None:
+    if notice:
+        _draw_notice(strip[:-place.border, :-place.border], notice)
+    elif coloured.palette is not None:
         _draw_scale(strip[:-place.border, :-place.border], coloured, coloured.palette, state == FROZEN)
     if state == FROZEN:
         word = 'NO DATA' if silence >= limits.old_after else 'LATE'
@@ -142,7 +148,7 @@ def _draw_texts(strip: UInt8Array, state: str, texts: Sequence[Tuple[str, bool]]
     """:param texts: (text, whether it is a reason why the view is not green)"""
     height, width = strip.shape[:2]
     pad = height // 8
-    for (text, bad), left, right in zip(texts, (0.0, 0.22), (0.22, 0.42)):
+    for (text, bad), left, right in zip(texts, (0.0, 0.22), (0.22, SCALE_LEFT)):
         box = int(width * left) + pad, pad, int(width * (right - left)) - 2 * pad, height - 2 * pad
         if bad:
             cv2.rectangle(strip, box, BLACK, -1)
@@ -151,7 +157,7 @@ def _draw_texts(strip: UInt8Array, state: str, texts: Sequence[Tuple[str, bool]]
 
 def _draw_scale(strip: UInt8Array, coloured: Coloured, palette: UInt8Array, dimmed: bool) -> None:
     height, width = strip.shape[:2]
-    strip[:, int(width * 0.42):] = BLACK
+    strip[:, int(width * SCALE_LEFT):] = BLACK
     left, right, half, room = int(width * 0.46), int(width * 0.89), height // 2, int(width * 0.1)
     bar = cv2.resize(palette[np.newaxis], (right - left, half - 3), interpolation=cv2.INTER_NEAREST)
     strip[3:half, left:right] = _dimmed(bar) if dimmed else bar
@@ -159,6 +165,16 @@ def _draw_scale(strip: UInt8Array, coloured: Coloured, palette: UInt8Array, dimm
         strip[3:half, middle] = WHITE
         _write(strip, number, (middle - room // 2, half, room, height - half), WHITE)
     _write(strip, coloured.unit, (right + 6, 0, width - right - 6, half), WHITE)
+
+
+def _draw_notice(strip: UInt8Array, text: str) -> None:
+    height, width = strip.shape[:2]
+    left = int(width * SCALE_LEFT)
+    strip[:, left:] = COLOURS[FROZEN]
+    lines = text.split(': ', 1)     # 'LOCKED: why' is larger on two lines
+    room = height // len(lines)
+    for number, line in enumerate(lines):
+        _write(strip, line, (left + height // 8, number * room, width - left - height // 4, room), WHITE)
 
 
 def _draw_banner(image: UInt8Array, text: str) -> None:

@@ -60,9 +60,10 @@ class ViewedImage:
 class View:
     """Decides when which image is drawn, and draws it.
 
-    A new image is drawn once, at once. While none is received, the last one is drawn again when its state changes and
-    every REMIND_PERIOD. Of images that are received faster than they can be drawn, only the newest is. If one cannot
-    be drawn, the one before goes on growing old. Without viewers nothing is drawn; the newest image is kept for them.
+    A new image is drawn once, at once. The last one is drawn again with another notice. While none is received, it is
+    drawn again when its state changes and every REMIND_PERIOD. Of images that are received faster than they can be
+    drawn, only the newest is. If one cannot be drawn, the one before goes on growing old. Without viewers nothing is
+    drawn; the newest image is kept for them.
 
     One thread calls `draw`, without the lock that guards everything else.
 
@@ -76,6 +77,7 @@ class View:
         self._drawn = ViewedImage(header, 0.0, coloured=PLACEHOLDER)
         self._waiting: Optional[ViewedImage] = None
         self._reminded = -math.inf      # when `poll` returned an old image last, or would have [s]
+        self._notice, self._noticed = '', True      # the text, and whether `poll` returned an image since it changed
 
     def configure(self, settings: Mapping[str, Any], changed: Mapping[str, Any]) -> None:
         """Apply changed settings. An automatic range is kept.
@@ -93,8 +95,15 @@ class View:
         """Take an image that was received."""
         self._waiting = image
 
+    def set_notice(self, text: str) -> None:
+        """Show a notice from now on, such as EMERGENCY STOP; empty: none."""
+        if text != self._notice:
+            self._notice, self._noticed = text, False
+
     def deadline(self) -> float:
         """When `poll` returns an image next, unless one is added [s]."""
+        if not self._noticed:
+            return -math.inf
         newest = self._waiting or self._drawn
         old_at = newest.received + self._limits.old_after
         if self._reminded < old_at:
@@ -111,10 +120,11 @@ class View:
         """
         if wanted and self._waiting is not None:
             image, self._waiting = self._waiting, None
+            self._noticed = True
             return image
         if now < self.deadline():
             return None
-        self._reminded = now
+        self._reminded, self._noticed = now, True
         return self._drawn if wanted else None
 
     def draw(self, image: ViewedImage, now: float) -> UInt8Array:
@@ -128,7 +138,7 @@ class View:
             image.coloured, image.pixels = self._colouring(image.pixels, image.encoding, image.received), None
         silence = now - image.received
         view = framed(image.coloured, image.age + silence, image.completeness, self._limits, silence,
-                      image.error)
+                      image.error, self._notice)
         self._drawn = image
         return view
 

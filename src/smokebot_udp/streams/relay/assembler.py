@@ -5,10 +5,12 @@ from typing import Any, Mapping, Optional
 
 from ...msg import RelaySegment
 from ..assembler import Assembled, Assembler, Clock, no_clock
+from ..message_types import message_class
 from ..parameters import OPERATOR
 from ..segments import MAIN_PART
+from .parameters import RELAY
 from .parts import PartJoiner, carried
-from .transforms import RELAY, TF_TYPES, TransformSet, message_class, stamp_of
+from .transforms import TF_TYPES, TransformSet, stamp_of
 
 
 class RelayAssembler(Assembler[None, Assembled]):

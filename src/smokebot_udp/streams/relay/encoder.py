@@ -13,10 +13,12 @@ from ...mission.settings import Settings
 from ...msg import RelaySegment
 from ...udpros.frame import Frame
 from ..encoder import Encoder
+from ..message_types import message_class
 from ..parameters import ROBOT
 from ..segments import MAIN_PART, room, size_on_air
+from .parameters import RELAY
 from .parts import carried, relay_frame
-from .transforms import QUEUE, RELAY, TF_TYPES, TransformSet, message_class
+from .transforms import QUEUE, TF_TYPES, TransformSet
 
 MAX_PROTECTED_DATAGRAMS = 4
 """A stream is PROTECTED until the first message that takes more."""

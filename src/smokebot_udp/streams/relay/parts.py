@@ -2,11 +2,11 @@
 """Relayed messages as segments: any message is cut into datagrams that are numbered, and joined again."""
 import collections
 import io
-import zlib
 from typing import Any, Counter, Dict, Optional, OrderedDict, Tuple
 
 import numpy as np
 
+from ...checksum import typed_checksum
 from ...msg import RelaySegment
 from ...udpros.frame import Frame
 from ..segments import room
@@ -44,7 +44,7 @@ def relay_frame(message: Any, max_datagram_size: int) -> Frame:
             size, parts, MAX_MESSAGE_SIZE, MAX_PARTS))
     length = -(-size // parts)
     frame = Frame(RelaySegment, parts, {'data': length})
-    frame.records['checksum'], frame.records['size'] = _checksum(type(message), data), size
+    frame.records['checksum'], frame.records['size'] = typed_checksum(message._md5sum, data), size
     frame.records['part'] = np.arange(parts)
     frame.records['data'] = np.frombuffer(data.ljust(parts * length, b'\0'), np.uint8).reshape(parts, length)
     return frame
@@ -82,12 +82,7 @@ class PartJoiner:
             return None
         del self._partials[key]
         data = b''.join(partial[index] for index in range(parts))[:size]
-        if _checksum(self._message_class, data) != segment.checksum:
+        if typed_checksum(self._message_class._md5sum, data) != segment.checksum:
             self.dropped['checksum'] += parts
             return None
         return data
-
-
-def _checksum(message_class: Any, data: bytes) -> int:
-    """CRC-32 of the type's md5sum and of a serialised message: the types of both sides may differ."""
-    return zlib.crc32(data, zlib.crc32(message_class._md5sum.encode()))

@@ -1,11 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Shared by both sides of relay streams: the message type, and transforms merged by pair of frames."""
+"""Shared by both sides of relay streams: transforms merged by pair of frames."""
 import io
 from typing import Any, Dict, List, Optional, Tuple
-
-from genpy.message import get_message_class
-
-from ...mission.parameters import Parameter
 
 TF_TYPES = ('tf2_msgs/TFMessage', 'tf/tfMessage')
 """Message types whose transforms are merged."""
@@ -15,27 +11,6 @@ QUEUE = 100
 
 MAX_PAIRS = 1000
 """Limit of a TransformSet, because its content comes from the network."""
-
-RELAY = {
-    'message_type': Parameter(None, '', 'type of both topics, such as nav_msgs/Odometry'),
-    'latch': Parameter(False, '', 'keep the last message for late subscribers, on both sides'),
-}
-"""Parameters of both sides."""
-
-
-def message_class(name: str) -> Any:
-    """The class of a message type.
-
-    :param name: package/Type
-    :raises ValueError: where it does not exist or is not installed
-    """
-    try:
-        found = get_message_class(name)
-    except ValueError:
-        found = None
-    if found is None:
-        raise ValueError('message_type %r is no message type that is installed here' % name)
-    return found
 
 
 class TransformSet:

@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Runs the operator's side of an action stream: an action server for the operator's nodes, which the robot's serves."""
+import collections
+import functools
+import time
+from typing import Any, Callable, Counter, Dict, List, Mapping, Optional, Tuple
+
+import rospy
+from actionlib_msgs.msg import GoalID, GoalStatus
+
+from ..mission.settings import SettingsStore
+from ..monitoring.stats import StreamStats
+from ..streams.action.goal_watch import GoalWatch
+from ..streams.action.missing_goals import MissingGoals
+from ..streams.frame_prefix import add_prefix, strip_prefix
+from ..streams.message_types import action_types
+from .action_channels import CANCEL, FINAL, GOAL, PURSUED, action_channels, ended, read
+from .common import operator_topic
+from .logging import log_error
+from .reliable_link import ReliableLink
+from .robot_action import QUEUE
+from .serialised import serialised
+from .way import OperatorWay
+from .worker import DeadlineWorker
+
+ANSWER_TIME = 2.0
+"""A goal of which nothing is heard for this time after `max_age` is lost [s]."""
+
+NOBODY = 'no robot is connected'
+
+
+class OperatorAction:
+    """Sends goals and cancellations to the robot, and publishes its status, feedback and results.
+
+    A goal that the robot does not take up ends with a result that says why.
+
+    :param name: of the stream in streams.yaml
+    :param settings: {name: value}, checked
+    :param way: carries all of it
+    :param refused: why no goal is sent; None: they are
+    """
+    source_type = ''
+
+    def __init__(self, name: str, settings: Mapping[str, Any], way: OperatorWay,
+                 refused: Optional[str] = None) -> None:
+        self.name, self.topic = name, operator_topic(settings['operator_action'])
+        self._types = action_types(settings['action_type'])
+        self.settings = SettingsStore({}, settings)
+        self._max_age, self._prefix, self._refused = settings['max_age'], way.frame_prefix, refused
+        self._link: ReliableLink = way.reliable
+        self._watch = GoalWatch(self._max_age + ANSWER_TIME)
+        self._missing = MissingGoals()
+        self._worker: DeadlineWorker[str] = DeadlineWorker(
+            name, self._watch.poll, self._watch.deadline, self._lose, log_error("stream '%s'" % name))
+        self._dropped: Counter[str] = collections.Counter()
+        self._goals = self._results = 0
+        self._unknown = False       # whether the robot's node lacks this action
+        self._channels: Dict[str, Any] = {}     # made by start(), as are these
+        self._publishers: Dict[str, Any] = {}
+        self._subscribers: List[Any] = []
+
+    def start(self) -> None:
+        """Offer the action."""
+        types = self._types
+        outputs: Dict[str, Callable[[Any], None]] = {
+            '/status': self._status, '/feedback': self._feedback, '/result': self._result}
+        # not latched: who starts while the robot is out of reach must not find its action server
+        self._publishers = {part: rospy.Publisher(self.topic + part, getattr(types, part[1:]), queue_size=QUEUE,
+                                                  tcp_nodelay=True) for part in outputs}
+        if self._refused is None:
+            for part, channel in action_channels(types, self._max_age).items():
+                callbacks: Dict[str, Any] = (
+                    {'on_message': functools.partial(self._received, part, outputs[part])} if part in outputs else
+                    {'on_joined': self._joined, 'on_unknown': self._lacks})
+                self._channels[part] = self._link.channel(
+                    self.name + part, channel.direction, channel.type_name, channel.md5, **channel.options, **callbacks)
+            self._worker.start()
+        self._subscribers = [
+            rospy.Subscriber(self.topic + part, class_, callback, queue_size=QUEUE, tcp_nodelay=True)
+            for part, class_, callback in (('/goal', types.goal, self._goal), ('/cancel', types.cancel, self._cancel))]
+
+    def stats(self) -> StreamStats:
+        """What the stream did, for diagnostics: results that came, goals that left."""
+        return StreamStats(self._results, self._goals, enabled=self._refused is None, steady=False,
+                           to_robot=True, dropped=dict(self._dropped), problem=self._refused,
+                           connections=() if self._refused else self._link.connections(sending=True))
+
+    def close(self) -> None:
+        """End all topics and channels; the robot goes on with its goals."""
+        for subscriber in self._subscribers:
+            subscriber.unregister()
+        self._worker.close()
+        for channel in self._channels.values():
+            channel.close()
+        for publisher in self._publishers.values():
+            publisher.unregister()
+
+    def _goal(self, message: Any) -> None:
+        if self._refused is not None:
+            self._end(message.goal_id, GoalStatus.REJECTED, self._refused)
+            return
+        self._goals += 1
+        try:
+            sent = self._channels['/goal'].send(GOAL + serialised(strip_prefix(message, self._prefix)))
+        except ValueError as error:
+            self._end(message.goal_id, GoalStatus.REJECTED, str(error))
+            return
+        if sent:
+            with self._worker.changing():
+                self._watch.sent(message.goal_id.id, time.monotonic())
+        else:
+            self._end(message.goal_id, GoalStatus.LOST, NOBODY)
+
+    def _cancel(self, message: Any) -> None:
+        if self._refused is not None:
+            return
+        if message.id or not message.stamp:     # else those that are older than the stamp, which the robot knows
+            with self._worker.changing():
+                self._watch.cancelled(message.id, time.monotonic())
+        self._send_cancel(message)
+
+    def _send_cancel(self, message: Any) -> None:
+        self._channels['/goal'].send(CANCEL + serialised(message))
+
+    def _lose(self, goal: str) -> None:
+        """Tell the client of a goal that the robot does not have, as far as is known."""
+        reason = 'the goal was not taken up within %g s: %s' % (self._watch.patience, self._silence())
+        rospy.logwarn("stream '%s': %s", self.name, reason)
+        self._end(GoalID(id=goal), GoalStatus.LOST, reason)
+
+    def _silence(self) -> str:
+        """Why nothing is heard of a goal."""
+        if not self._link.peers():
+            return NOBODY
+        if self._unknown:
+            return "the robot has no stream '%s' of type action and of this action type" % self.name
+        return 'no status of the action server has it'
+
+    def _end(self, goal_id: Any, status: int, text: str) -> None:
+        self._publishers['/result'].publish(ended(self._types, goal_id, status, text, rospy.Time.now()))
+
+    def _received(self, part: str, take: Callable[[Any], None], peer: str, data: bytes) -> None:
+        """Take a message of the robot, in the link's thread."""
+        message = read(getattr(self._types, part[1:]), data)
+        if message is None:
+            self._dropped['malformed'] += 1
+            return
+        self._unknown = False
+        take(message)
+        self._publishers[part].publish(add_prefix(message, self._prefix))
+
+    def _status(self, message: Any) -> None:
+        """Note which goals the robot has, and cancel those that are lost for their clients, or were cancelled in vain.
+
+        Goals that are on their way are added, and those whose results are.
+        """
+        statuses, now = {status.goal_id.id: status for status in message.status_list}, time.monotonic()
+        with self._worker.changing():
+            self._watch.heard(statuses)
+            cancelled = self._watch.to_cancel(_with(statuses, PURSUED), now)
+            on_their_way = self._watch.unheard
+            missing = self._missing.update(statuses, _with(statuses, FINAL), now)
+        # for a client that has cancelled its goal, a status without the goal means that it is lost
+        message.status_list += [GoalStatus(goal_id=GoalID(id=goal), status=GoalStatus.PENDING) for goal in on_their_way]
+        message.status_list += missing.added
+        for goal in cancelled:
+            rospy.logwarn("stream '%s': a goal that was taken for lost is cancelled: %s", self.name, goal)
+            self._cancel(GoalID(id=goal))
+        for goal in missing.lost:
+            self._end(GoalID(id=goal), GoalStatus.LOST, 'its result has not come from the robot')
+
+    def _feedback(self, message: Any) -> None:
+        with self._worker.changing():
+            self._watch.heard([message.status.goal_id.id])
+
+    def _result(self, message: Any) -> None:
+        self._results += 1
+        self._feedback(message)
+        with self._worker.changing():
+            self._missing.ended(message.status.goal_id.id)
+
+    def _joined(self, peer: str) -> None:
+        self._unknown = False
+
+    def _lacks(self, peer: str) -> None:
+        self._unknown = True
+
+
+def _with(statuses: Mapping[str, Any], values: Tuple[int, ...]) -> List[str]:
+    """The goals with one of these values of actionlib_msgs/GoalStatus."""
+    return [goal for goal, status in statuses.items() if status.status in values]

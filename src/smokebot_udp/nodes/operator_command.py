@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The operator's side of a command stream: sends each message of a topic several times, while it is the newest.
+
+teleop/command_sender.py decides when which copy is sent, teleop/interlock.py whether the operator may command at all.
+"""
+import collections
+import time
+from typing import Any, Counter, Mapping, Optional
+
+import rospy
+
+from ..budget import Budget
+from ..mission.parameters import live
+from ..mission.settings import Settings, SettingsStore
+from ..monitoring.stats import ConnectionStats, StreamStats
+from ..msg import Command
+from ..streams.command.parameters import OPERATOR
+from ..streams.message_types import message_class
+from ..streams.relay.parts import carried
+from ..streams.segments import wire_topic
+from ..teleop.command_copy import Copy
+from ..teleop.command_sender import CommandSender
+from ..teleop.interlock import Interlock
+from ..teleop.zero import is_zero
+from ..transport import Publisher
+from .common import operator_topic
+from .robot_command import COMMANDS
+from .serialised import serialised
+from .way import OperatorWay
+from .worker import DeadlineWorker
+
+LOG_PERIOD = 5.0
+"""A reason why commands are not sent is logged this often at most [s]."""
+
+
+class OperatorCommand:
+    """One command stream.
+
+    :param name: of the stream in streams.yaml
+    :param settings: {name: value}, checked
+    :raises ValueError: where the settings are impossible
+    """
+
+    def __init__(self, name: str, settings: Mapping[str, Any], way: OperatorWay) -> None:
+        self.name, self.topic = name, operator_topic(settings['operator_topic'])
+        self.settings = SettingsStore(live(OPERATOR), settings)
+        self._way = way
+        self._class = message_class(settings['message_type'])
+        self._sender = CommandSender(way.control.session, self._class._md5sum, settings['max_age'])
+        self._view = settings['require_fresh']
+        self._interlock = Interlock(self._view, settings['max_view_age'])
+        self._dropped: Counter[str] = collections.Counter()
+        self._received = self._sent = 0
+        self._problem: Optional[str] = None
+        self._log_budget, self._warned = Budget(1, LOG_PERIOD), False
+        self._publisher: Optional[Publisher] = None     # made by start(), as is this
+        self._subscriber: Any = None
+        self._worker: DeadlineWorker[Copy] = DeadlineWorker(name, self._poll, self._sender.deadline, self._send,
+                                                            self._report)
+        self.settings.subscribe(self._configure)
+
+    @property
+    def source_type(self) -> str:
+        """The message type of the commands, as package/Type."""
+        return str(self._class._type)
+
+    def start(self) -> None:
+        """Begin to send."""
+        self._publisher = self._way.transport.publisher(wire_topic(self.name, COMMANDS), Command, queue_size=1,
+                                                        carries=carried(self._class))
+        self._worker.start()
+        self._way.control.add_lock(self.name, self._lock)
+        self._subscriber = rospy.Subscriber(self.topic, self._class, self._receive, queue_size=1, tcp_nodelay=True)
+
+    def close(self) -> None:
+        """End the thread and the topics."""
+        if self._subscriber is not None:
+            self._subscriber.unregister()
+        self._worker.close()
+        if self._publisher is not None:
+            self._publisher.unregister()
+
+    def stats(self) -> StreamStats:
+        """What the stream does and did, for diagnostics."""
+        found = [] if self._publisher is None else self._publisher.connections()
+        with self._worker.changing():
+            dropped = dict(self._dropped)
+        return StreamStats(self._received, self._sent, steady=False, dropped=dropped,
+                           connections=[ConnectionStats(**one) for one in found], to_robot=True, problem=self._problem)
+
+    def _configure(self, settings: Settings, changed: Mapping[str, Any]) -> None:
+        """Settings changed, see SettingsStore.subscribe."""
+        with self._worker.changing():
+            self._interlock.max_view_age = settings['max_view_age']
+
+    def _view_age(self, now: float) -> Optional[float]:
+        return self._way.view_age(self._view, now) if self._view else None
+
+    def _lock(self, now: float) -> Optional[str]:
+        """Why no command would leave now, see OperatorControl.add_lock."""
+        known, refusal, age = self._way.control.robot_time(now), self._way.control.refusal(now), self._view_age(now)
+        with self._worker.changing():
+            return self._follow(self._interlock.look(age, self._sender.accepts(known), refusal))
+
+    def _follow(self, reason: Optional[str]) -> Optional[str]:
+        """Note why no command leaves, and send no copies of the last one then; the lock is held."""
+        self._problem = None if reason is None else 'locked: ' + reason
+        if reason is not None:
+            self._sender.withdraw()
+        return reason
+
+    def _receive(self, message: Any) -> None:
+        """Take a command; rospy's thread."""
+        if message._type != self.source_type:   # where this node subscribes the topic with another type as well
+            self._report(ValueError('it is %s, must be %s' % (message._type, self.source_type)))
+            return
+        now = time.monotonic()
+        known, refusal, age = self._way.control.robot_time(now), self._way.control.refusal(now), self._view_age(now)
+        data = serialised(message)
+        with self._worker.changing():
+            self._received += 1
+            clock_known = self._sender.accepts(known)
+            reason = self._follow(self._interlock.may_send(is_zero(message), age, clock_known, refusal))
+            problem = None
+            if reason is not None:
+                self._dropped['locked'] += 1
+            else:
+                problem = self._put(data, known, now)
+        if problem is not None:
+            self._report(problem)
+        self._warn(reason, now)
+
+    def _put(self, data: bytes, made: Any, now: float) -> Optional[ValueError]:
+        """Send a command; the lock is held. Returns why it is not sent."""
+        try:
+            self._sender.put(data, made, now)
+        except ValueError as error:
+            self._dropped['too long'] += 1
+            return error
+        return None
+
+    def _warn(self, reason: Optional[str], now: float) -> None:
+        """Say once that commands are not sent, until one is sent."""
+        if reason is None:
+            self._warned = False
+        elif not self._warned and self._log_budget.take(now):
+            self._warned = True
+            rospy.logwarn("stream '%s': commands are not sent: %s", self.name, reason)
+
+    def _poll(self, now: float) -> Optional[Copy]:
+        self._sender.loss = self._way.control.loss
+        return self._sender.poll(now)
+
+    def _send(self, copy: Copy) -> None:
+        """Send a copy, in the worker's thread."""
+        if self._publisher is not None and not rospy.is_shutdown():
+            self._publisher.publish(Command(**copy._asdict()))
+            self._sent += 1
+
+    def _report(self, error: Exception) -> None:
+        rospy.logerr_throttle_identical(LOG_PERIOD, "stream '%s': a message of %s is not sent: %s" % (
+            self.name, self.topic, error))

@@ -1,0 +1,241 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The operator's side of control: asks the robot for control and for the emergency stop, and follows its clock.
+
+teleop/control_client.py decides. Services: ~take_control, ~release_control, ~estop (true: engage, false: release). The
+topic operator/estop engages it, too. operator/control (latched) shows the state in words, as the views do.
+"""
+import math
+import random
+import threading
+import time
+from typing import Any, Callable, Dict, Mapping, Optional, Tuple
+
+import rospy
+from std_msgs.msg import Bool, String
+from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
+
+from ..monitoring.control_status import operator_control_status
+from ..monitoring.status import Status
+from ..msg import ControlRequest, ControlStatus
+from ..teleop import records
+from ..teleop.command_copy import MICROSECONDS
+from ..teleop.control_client import ControlClient
+from ..teleop.estop_input import EstopInput
+from ..teleop.records import Wish
+from ..teleop.robot_clock import RobotClock, RobotTime
+from ..teleop.stall import Stall
+from ..transport import Transport
+from .common import operator_topic
+from .logging import log_error
+from .notice import Notice
+from .robot_control import REQUEST, STATUS
+from .worker import DeadlineWorker, PeriodicWorker
+
+PATIENCE = 3.0
+"""How long a service waits for the robot's answer [s]."""
+
+CLOCK_PERIOD = 0.05
+"""How often the robot's clock is asked for while it is unknown [s]."""
+
+SHOW_PERIOD = 0.1
+"""How often the state is looked at: an image grows old without an event [s]."""
+
+ESTOP_TOPIC, STATE_TOPIC = '/operator/estop', '/operator/control'
+"""Topics of the operator's side, in the node's namespace."""
+
+IN_CONTROL = 'in control'
+"""The state in which commands leave and are obeyed."""
+
+Lock = Callable[[float], Optional[str]]
+"""f(now) -> why a command stream would not send now, None: it would; by time.monotonic() [s]"""
+
+
+class OperatorControl:
+    """Lives as long as its node. Any thread may use it.
+
+    :param notice: that the views show
+    """
+
+    def __init__(self, transport: Transport, notice: Notice) -> None:
+        self.session = random.randint(1, 2 ** 32 - 1)
+        """Of this node."""
+        self._client, self._clock, self._input = ControlClient(self.session), RobotClock(), EstopInput()
+        self._notice, self._stall = notice, Stall()
+        self._locks: Dict[str, Lock] = {}       # by command stream
+        self._answered = threading.Condition()
+        self._state = ''
+        log = log_error('control of the robot')
+        self._asked = -math.inf     # when the last request was sent [s]
+        self._worker: DeadlineWorker[records.Request] = DeadlineWorker('control', self._poll, self._deadline,
+                                                                       self._send, log)
+        self._states = rospy.Publisher(operator_topic(STATE_TOPIC), String, queue_size=1, latch=True)
+        self._show = PeriodicWorker('control state', self._show_state, log, SHOW_PERIOD)
+        self._requests = transport.publisher(REQUEST, ControlRequest, queue_size=5)
+        self._worker.start()
+        self._show.start()
+        rospy.Service('~take_control', Trigger, lambda _: TriggerResponse(*self._ask(Wish.TAKE_CONTROL)))
+        rospy.Service('~release_control', Trigger, lambda _: TriggerResponse(*self._ask(Wish.RELEASE_CONTROL)))
+        rospy.Service('~estop', SetBool, self._serve_estop)
+        self._estop = rospy.Subscriber(operator_topic(ESTOP_TOPIC), Bool, self._pressed, queue_size=10,
+                                       tcp_nodelay=True)
+        self._statuses = transport.subscriber(STATUS, ControlStatus, self._receive)
+
+    def close(self) -> None:
+        """End all threads and topics."""
+        self._estop.unregister()
+        self._statuses.unregister()
+        self._show.stop()
+        self._worker.close()
+        self._requests.unregister()
+        self._states.unregister()
+
+    @property
+    def loss(self) -> Optional[float]:
+        """Ratio of this node's datagrams that do not reach the robot, 0..1; None: unknown."""
+        return self._client.loss
+
+    def robot_time(self, now: float) -> Optional[RobotTime]:
+        """The robot's steady clock; None: unknown.
+
+        :param now: by time.monotonic() [s]
+        """
+        with self._worker.changing():
+            return self._clock.robot_time(now)
+
+    def refusal(self, now: float) -> str:
+        """Why this operator must not send commands now; empty: it may.
+
+        To be called for each command, by the time at which it came, and ten times a second besides.
+        """
+        with self._worker.changing():
+            return self._stall.look(now) or self._client.refusal(now)
+
+    def add_lock(self, name: str, lock: Lock) -> None:
+        """Show the state of a command stream, too."""
+        self._locks = {**self._locks, name: lock}
+
+    def status(self, now: float) -> Status:
+        """For diagnostics."""
+        known = self.robot_time(now)
+        return operator_control_status(self._state, bool(self._notice.text),
+                                       None if known is None else known.uncertainty / MICROSECONDS, self.loss)
+
+    def _poll(self, now: float) -> Optional[records.Request]:
+        """The request to be sent now; while the robot's clock is unknown there are more of them."""
+        request = self._client.poll(now)
+        if request is None and now >= self._deadline():
+            request = records.Request(self.session, now, self._client.robot)
+        if request is not None:
+            self._asked = now
+        return request
+
+    def _deadline(self) -> float:
+        unknown = self._clock.robot_time(time.monotonic()) is None
+        return min(self._client.deadline(), self._asked + CLOCK_PERIOD if unknown else math.inf)
+
+    def _send(self, request: records.Request) -> None:
+        message = ControlRequest(**request.fields())
+        with self._worker.changing():
+            message.clock = self._clock.ask(time.monotonic())
+        self._requests.publish(message)
+
+    def _receive(self, message: Any) -> None:
+        """Take a status of the robot; the transport's thread."""
+        try:
+            status = records.Status.of(message)
+        except ValueError as error:
+            rospy.logerr_throttle(5, 'a status of the robot is not used: %s' % error)
+            return
+        with self._worker.changing():
+            now = time.monotonic()
+            if not self._client.receive(status, now):
+                return
+            for own in (peer for peer in message.operators if peer.session == self.session):
+                self._clock.update(message.session, own.echo, own.held, message.clock, now)
+        with self._answered:
+            self._answered.notify_all()
+        self._show.wake()
+
+    # -- services and topics: rospy's threads ---------------------------------------------------------
+
+    def _serve_estop(self, asked: Any) -> Any:
+        """Serve SetBool."""
+        return SetBoolResponse(*self._ask(Wish.ENGAGE_ESTOP if asked.data else Wish.RELEASE_ESTOP))
+
+    def _pressed(self, message: Any) -> None:
+        """A message on the topic."""
+        with self._worker.changing():
+            wish = self._input.update(message._connection_header['callerid'], bool(message.data), self._client.estop,
+                                      time.monotonic())
+        if wish is None:
+            return
+        try:
+            self._begin(wish)
+        except ValueError as error:
+            rospy.logerr_throttle(5, '%s: %s' % (self._estop.name, error))
+
+    def _ask(self, wish: Wish) -> Tuple[bool, str]:
+        """Ask the robot, and wait for its answer: (whether it does it, in words)."""
+        try:
+            request = self._begin(wish)
+        except ValueError as error:
+            return False, str(error)
+        deadline = time.monotonic() + PATIENCE
+        with self._answered:
+            outcome = self._outcome(request)
+            while outcome is None and time.monotonic() < deadline and not rospy.is_shutdown():
+                self._answered.wait(SHOW_PERIOD)
+                outcome = self._outcome(request)
+        if outcome is None:
+            return False, 'the robot has not answered in %g s%s' % (
+                PATIENCE, ': it is asked until it does' if wish == Wish.ENGAGE_ESTOP else '')
+        return not outcome, outcome or 'done'
+
+    def _begin(self, wish: Wish) -> int:
+        """:raises ValueError: where the robot cannot be asked"""
+        now = time.monotonic()
+        with self._worker.changing():
+            known = self._clock.robot_time(now)
+            # the earliest time: what was asked before the robot's situation changed must not seem to be asked after it
+            request = self._client.ask(wish, now, None if known is None else known.earliest)
+        self._show.wake()
+        return request
+
+    def _outcome(self, request: int) -> Optional[str]:
+        with self._worker.changing():
+            return self._client.outcome(request)
+
+    # -- the state in words ---------------------------------------------------------------------------
+
+    def _show_state(self) -> None:
+        now = time.monotonic()
+        notice = self._notice_text(now)
+        self._notice.show(notice)
+        state = notice or self.refusal(now) or (IN_CONTROL if self._locks else 'no command stream')
+        if state != self._state and not rospy.is_shutdown():
+            self._state = state
+            self._states.publish(state)
+
+    def _notice_text(self, now: float) -> str:
+        """What the views show; empty: nothing, commands leave, or there are none."""
+        with self._worker.changing():
+            estop, driving, status = self._client.estop, self._client.in_control(now), self._client.status
+            heard = self._client.heard(now)
+        reasons = {name: lock(now) for name, lock in self._locks.items()}
+        if estop:
+            return 'EMERGENCY STOP'
+        if self._locks and heard and not driving and status is not None and status.driver:
+            return 'NOT IN CONTROL: %s drives' % status.driver
+        return lock_text(reasons)
+
+
+def lock_text(reasons: Mapping[str, Optional[str]]) -> str:
+    """Which command streams are locked, and why; empty: none is.
+
+    :param reasons: {stream: why it is locked, None: it is not}
+    """
+    locked = {name: reason for name, reason in reasons.items() if reason}
+    if not locked:
+        return ''
+    name, reason = next(iter(locked.items()))
+    return 'LOCKED: ' + (reason if len(locked) == len(reasons) else '%s: %s' % (name, reason))

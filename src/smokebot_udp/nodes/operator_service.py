@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Runs the operator's side of a service stream: offers a service of the robot to the operator's nodes."""
+import queue
+import time
+from typing import Any, List, Mapping, Optional
+
+import rospy
+
+from ..mission.settings import SettingsStore
+from ..monitoring.stats import StreamStats
+from ..reliable.call_client import CallClient
+from ..reliable.calls import Outcome, type_checksum
+from ..streams.frame_prefix import add_prefix, strip_prefix
+from ..streams.message_types import service_class
+from .common import operator_topic
+from .logging import log_error
+from .reliable_link import TO_OPERATOR, TO_ROBOT, ReliableLink
+from .robot_service import BOUNDS, CALLS
+from .serialised import serialised
+from .way import OperatorWay
+from .worker import DeadlineWorker
+
+
+class OperatorService:
+    """Sends the calls of a service to the robot; each ends with its answer, or a ServiceException that says why.
+
+    :param name: of the stream in streams.yaml
+    :param settings: {name: value}, checked
+    :param way: carries requests and answers
+    :param refused: why no call is sent; None: they are
+    """
+    source_type = ''
+
+    def __init__(self, name: str, settings: Mapping[str, Any], way: OperatorWay,
+                 refused: Optional[str] = None) -> None:
+        self.name, self.topic = name, operator_topic(settings['operator_service'])
+        self.settings = SettingsStore({}, settings)
+        self._class = service_class(settings['service_type'])
+        self._link: ReliableLink = way.reliable
+        self._prefix, self._refused = way.frame_prefix, refused
+        self._client = CallClient(way.control.session, type_checksum(self._class._type, self._class._md5sum),
+                                  settings['timeout'])
+        self._worker: DeadlineWorker[bytes] = DeadlineWorker(
+            name, self._client.poll, self._client.deadline, self._send, log_error("stream '%s'" % name))
+        self._channels: List[Any] = []      # made by start(), as are these
+        self._requests: Any = None
+        self._service: Any = None
+        self._calls = self._answered = 0
+
+    def start(self) -> None:
+        """Offer the service."""
+        if self._refused is None:
+            self._requests = self._link.channel(
+                self.name, TO_ROBOT, CALLS, '', ordered=False, expedited=True,
+                bounds=BOUNDS._replace(age=self._client.timeout), on_joined=self._greet, on_unknown=self._unknown)
+            self._channels = [self._requests, self._link.channel(
+                self.name, TO_OPERATOR, CALLS, '', ordered=False, expedited=True, bounds=BOUNDS,
+                on_message=self._received)]
+            self._worker.start()
+        self._service = rospy.Service(self.topic, self._class, self._call)
+
+    def stats(self) -> StreamStats:
+        """What the stream did, for diagnostics: responses that came, calls that were made."""
+        return StreamStats(self._answered, self._calls, enabled=self._refused is None, steady=False,
+                           to_robot=True, dropped=dict(self._client.dropped), problem=self._refused,
+                           connections=() if self._refused else self._link.connections(sending=True))
+
+    def close(self) -> None:
+        """End the service; the calls in flight fail."""
+        if self._service is not None:
+            self._service.shutdown()
+        with self._worker.changing():
+            self._refused = 'the node of the service has ended'
+            self._client.fail(self._refused)
+        self._worker.close()
+        for channel in self._channels:
+            channel.close()
+
+    def _call(self, request: Any) -> Any:
+        """Call the robot's service, in a thread of rospy.
+
+        :raises rospy.ServiceException: where there is no answer
+        """
+        data = serialised(strip_prefix(request, self._prefix))
+        ended: queue.Queue[Outcome] = queue.Queue()
+        with self._worker.changing():
+            if self._refused is not None:
+                raise rospy.ServiceException(self._refused)
+            self._calls += 1
+            self._client.call(data, time.monotonic(), ended.put)
+        outcome = ended.get()
+        if outcome.failure is not None:
+            raise rospy.ServiceException(outcome.failure)
+        with self._worker.changing():
+            self._answered += 1
+        return self._response(outcome.data)
+
+    def _response(self, data: bytes) -> Any:
+        try:
+            response = self._class._response_class().deserialize(data)
+        except Exception:       # genpy's readers raise DeserializationError, UnicodeError, ... on hostile bytes
+            raise rospy.ServiceException('its answer is no %s' % self._class._response_class._type) from None
+        return add_prefix(response, self._prefix)
+
+    def _send(self, data: bytes) -> None:
+        self._requests.send(data)
+
+    def _received(self, peer: str, data: bytes) -> None:
+        with self._worker.changing():
+            self._client.receive(data, time.monotonic())
+
+    def _greet(self, peer: str) -> None:
+        """The robot's node is there, perhaps another one than before: its session is asked for."""
+        with self._worker.changing():
+            self._client.greet(time.monotonic())
+
+    def _unknown(self, peer: str) -> None:
+        with self._worker.changing():
+            self._client.refuse("the robot has no stream '%s' of type service" % self.name)

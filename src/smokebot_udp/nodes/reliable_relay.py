@@ -1,0 +1,331 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Relays with `reliable`: every message of a topic of one side is published on the other one, once and in order.
+
+The side that sends has a source, the other one a sink; the direction decides which is which. With `latch`, the last
+message goes to each node of the other side that joins, and its subscribers get it whenever they come.
+"""
+import threading
+import time
+from typing import Any, Callable, Dict, Mapping, Optional, Type
+
+import rospy
+
+from ..mission.settings import SettingsStore
+from ..monitoring.stats import StreamStats
+from ..reliable.bounds import Bounds
+from ..reliable.newest import Newest
+from ..reliable.packed import pack, unpack
+from ..streams import live_tables
+from ..streams.frame_prefix import add_prefix, strip_prefix
+from ..streams.message_types import message_class
+from ..streams.relay.parameters import LEVELS, LOG, TO_OPERATOR, TO_ROBOT
+from ..streams.relay.transforms import QUEUE, TF_TYPES, TransformSet
+from .common import operator_topic
+from .reliable_link import Channel, ReliableLink
+from .serialised import serialised
+from .way import OperatorWay, RobotWay
+from .worker import PeriodicWorker
+
+RECENT = 10.0
+"""Time for which what was given up is a problem in diagnostics [s]."""
+
+LEVEL_VALUES = {level: 1 << index for index, level in enumerate(LEVELS)}
+"""{level: its value in rosgraph_msgs/Log}"""
+
+TURN_PERIOD = 0.05
+"""How often it is looked whether a peer has got the last message, with `newest` [s]."""
+
+Rewrite = Callable[[Any], Any]
+"""f(message) -> the message that is sent, or published"""
+
+REASONS = {'age': 'not acknowledged in time', 'count': 'more than max_messages waited',
+           'bytes': 'more than max_bytes waited', 'restart': 'the other side was restarted',
+           'left': 'the other side has left'}
+
+
+class ReliableRelay:
+    """One relay on one side.
+
+    :param name: of the stream in streams.yaml
+    :param settings: {name: value}, checked
+    :param sends: whether this side sends
+    :param topic: of this side, resolved
+    :raises ValueError: where the settings are impossible
+    """
+
+    def __init__(self, name: str, settings: Mapping[str, Any], link: ReliableLink, sends: bool, topic: str) -> None:
+        self.name, self.topic = name, topic
+        on_robot = sends == (settings['direction'] == TO_OPERATOR)
+        self.settings = SettingsStore(live_tables(settings).robot if on_robot else {}, settings)
+        self._on_robot = on_robot
+        self._link, self._sends, self._direction = link, sends, settings['direction']
+        self._class, self._latch = message_class(settings['message_type']), settings['latch']
+        # what the robot was told to do does get old, also where it is latched
+        self._bounds = Bounds(settings['max_messages'], settings['max_bytes'], settings['max_age'],
+                              keeps_last=self._latch and self._direction == TO_OPERATOR)
+        self._channel: Optional[Channel] = None     # made by start()
+        self._topic: Any = None                     # likewise
+
+    @property
+    def _off(self) -> bool:
+        """Whether the robot's side relays nothing."""
+        return self._on_robot and not self.settings.current['enabled']
+
+    def start(self) -> None:
+        """Begin to relay."""
+        raise NotImplementedError
+
+    def _open(self, **callbacks: Any) -> None:
+        self._channel = self._link.channel('relay ' + self.name, self._direction, self._class._type,
+                                           self._class._md5sum, bounds=self._bounds, **callbacks)
+
+    def stats(self) -> StreamStats:
+        """What the relay does and did, for diagnostics."""
+        raise NotImplementedError
+
+    def close(self) -> None:
+        """End the channel and the topic."""
+        if self._topic is not None:
+            self._topic.unregister()
+        if self._channel is not None:
+            self._channel.close()
+
+    def _stats(self, received: int, sent: int, dropped: Dict[str, int], problem: Optional[str]) -> StreamStats:
+        return StreamStats(
+            received, sent, enabled=not self._off, steady=False,
+            dropped={reason: count for reason, count in dropped.items() if count},
+            connections=self._link.connections(self._sends), to_robot=self._direction == TO_ROBOT, problem=problem)
+
+
+class Source(ReliableRelay):
+    """The side that sends: subscribes the topic.
+
+    Transforms that are latched come from many publishers: they are merged, so that the last message has them all.
+
+    :param rewrite: see Rewrite
+    """
+
+    def __init__(self, name: str, settings: Mapping[str, Any], link: ReliableLink, topic: str,
+                 rewrite: Rewrite = lambda message: message) -> None:
+        super().__init__(name, settings, link, True, topic)
+        self.source_type: str = self._class._type
+        self._rewrite = rewrite
+        self._is_log = settings['message_type'] == LOG
+        self._level = LEVEL_VALUES.get(settings['level'], 0)
+        merges = self._latch and settings['message_type'] in TF_TYPES
+        self._transforms = TransformSet() if merges else None
+        self._latched: Optional[bytes] = None
+        self._latched_at = 0.0
+        self._received = self._invalid = self._nobody = 0
+        self._lock = threading.Lock()       # of what is latched: rospy calls from several threads
+        self._lost_at: Optional[float] = None
+        self._problem = ''
+
+    def start(self) -> None:
+        """See ReliableRelay."""
+        self._open(on_given_up=self._given_up, on_joined=self._joined)
+        self._topic = rospy.Subscriber(self.topic, self._class, self._receive, queue_size=QUEUE, tcp_nodelay=True)
+
+    def stats(self) -> StreamStats:
+        """See ReliableRelay."""
+        channel = self._channel.stats() if self._channel is not None else None
+        given_up = {} if channel is None else {'given up: ' + REASONS.get(reason, reason): count
+                                               for reason, count in channel.given_up.items()}
+        recent = self._lost_at is not None and time.monotonic() - self._lost_at < RECENT
+        return self._stats(self._received, 0 if channel is None else channel.delivered,
+                           {'invalid': self._invalid, 'nobody there': self._nobody, **given_up},
+                           self._problem if recent else None)
+
+    def _receive(self, message: Any) -> None:
+        """A message of the topic; rospy's threads. It may be of another type, see RobotStream."""
+        if message._type != self.source_type:
+            self._report('it is %s, must be %s' % (message._type, self.source_type))
+            return
+        source = message.name if self._is_log else message._connection_header['callerid']
+        if self._off or (self._level and message.level < self._level) or not self._wanted(source):
+            return
+        self._received += 1
+        try:
+            self._send(self._rewrite(message), source)
+        except ValueError as error:
+            self._report(error)
+
+    def _wanted(self, source: str) -> bool:
+        """Whether the messages of a node are relayed.
+
+        Where both sides share a master, a bad link of which an operator warns must not carry these warnings back to it.
+        """
+        return not self._is_log or source not in self._link.peers()
+
+    def _send(self, message: Any, source: str) -> None:
+        """Send a message.
+
+        :param source: the node that has published it
+        :raises ValueError: where it is too long
+        """
+        channel = self._channel
+        assert channel is not None
+        with self._lock:
+            if self._transforms is not None:
+                message = self._merged(message)
+            data = self._packed(message)
+            if self._latch:
+                self._latched, self._latched_at = data, time.monotonic()
+            if not channel.send(data):
+                self._nobody += not self._latch
+
+    def _packed(self, message: Any) -> bytes:
+        """:raises ValueError: where it is too long"""
+        data = serialised(message)
+        if len(data) > self._bounds.bytes:
+            raise ValueError('it has %d bytes, max_bytes is %d' % (len(data), self._bounds.bytes))
+        return pack(data)
+
+    def _merged(self, message: Any) -> Any:
+        """All transforms until now.
+
+        :raises ValueError: where there are too many
+        """
+        assert self._transforms is not None
+        self._transforms.add(message)
+        return self._class(transforms=self._transforms.transforms)
+
+    def _joined(self, peer: str) -> None:
+        """A new node of the other side gets what is latched, the robot only if it is not old; the link's thread."""
+        assert self._channel is not None
+        with self._lock:
+            fresh = self._bounds.keeps_last or time.monotonic() - self._latched_at < self._bounds.age
+            if self._latched is not None and fresh and not self._off:
+                self._channel.send(self._latched, peer, first=True)
+
+    def _given_up(self, peer: str, count: int, reason: str) -> None:
+        """Messages may not have arrived: said once, until all has arrived for a while."""
+        now = time.monotonic()
+        # a warning may be relayed, and given up, too: it must not cause the next one
+        quiet = self._lost_at is None or now - self._lost_at >= RECENT + self._bounds.age
+        self._lost_at = now
+        self._problem = 'messages to %s are given up: %s' % (peer, REASONS.get(reason, reason))
+        if quiet and not rospy.is_shutdown():
+            rospy.logwarn("stream '%s': %s", self.name, self._problem)
+
+    def _report(self, problem: Any) -> None:
+        self._invalid += 1
+        if not rospy.is_shutdown():
+            rospy.logerr_throttle_identical(5, "stream '%s': a message of %s is not sent: %s" % (
+                self.name, self.topic, problem))
+
+
+class NewestSource(Source):
+    """With `newest`: the newest message of each publisher, once the one before has arrived.
+
+    Where both sides share a master, an operator's own messages are not sent back to it.
+    """
+
+    def __init__(self, name: str, settings: Mapping[str, Any], link: ReliableLink, topic: str,
+                 rewrite: Rewrite = lambda message: message) -> None:
+        super().__init__(name, settings, link, topic, rewrite)
+        self._states: Dict[str, Newest] = {}    # {peer: what waits for it}
+        self._turns = PeriodicWorker(name, self._take_turns, self._report, TURN_PERIOD)
+
+    def start(self) -> None:
+        """See ReliableRelay."""
+        super().start()
+        self._turns.start()
+
+    def close(self) -> None:
+        """See ReliableRelay."""
+        self._turns.stop()
+        super().close()
+
+    def _wanted(self, source: str) -> bool:
+        return source not in self._link.peers()
+
+    def _send(self, message: Any, source: str) -> None:
+        data, peers = self._packed(message), self._link.peers()
+        with self._lock:
+            self._states = {peer: self._states.get(peer) or Newest() for peer in peers}
+            for states in self._states.values():
+                states.put(source, data)
+        self._nobody += not peers
+        self._turns.wake()
+
+    def _take_turns(self) -> None:
+        """Send the next message to each peer that has got the one before."""
+        channel = self._channel
+        assert channel is not None
+        with self._lock:
+            due = [(peer, states.take()) for peer, states in self._states.items() if not channel.waiting(peer)]
+        for peer, data in due:
+            if data is not None:
+                channel.send(data, peer)
+
+
+class Sink(ReliableRelay):
+    """The side that receives: publishes the topic.
+
+    :param rewrite: see Rewrite
+    :param refusal: f(peer) -> why its messages are not published now, None: they are
+    """
+    source_type = ''
+
+    def __init__(self, name: str, settings: Mapping[str, Any], link: ReliableLink, topic: str,
+                 rewrite: Rewrite = lambda message: message,
+                 refusal: Callable[[str], Optional[str]] = lambda peer: None) -> None:
+        super().__init__(name, settings, link, False, topic)
+        self._rewrite, self._refusal = rewrite, refusal
+        self._received = self._published = self._invalid = self._disabled = self._refused = 0
+
+    def start(self) -> None:
+        """See ReliableRelay."""
+        self._topic = rospy.Publisher(self.topic, self._class, queue_size=QUEUE, latch=self._latch, tcp_nodelay=True)
+        self._open(on_message=self._publish)
+
+    def stats(self) -> StreamStats:
+        """See ReliableRelay."""
+        return self._stats(self._received, self._published,
+                           {'message': self._invalid, 'disabled': self._disabled, 'refused': self._refused}, None)
+
+    def _publish(self, peer: str, data: bytes) -> None:
+        """A message came; the link's thread."""
+        self._received += 1
+        if self._off:
+            self._disabled += 1
+            return
+        refusal = self._refusal(peer)
+        if refusal is not None:
+            self._refused += 1
+            rospy.logwarn_throttle_identical(5, "stream '%s': a message of %s is refused: %s" % (
+                self.name, peer, refusal))
+            return
+        try:
+            message = self._class().deserialize(unpack(data, self._bounds.bytes))
+        except Exception:   # genpy's readers raise DeserializationError, UnicodeError, ... on hostile bytes
+            self._invalid += 1
+            rospy.logerr_throttle_identical(5, "stream '%s': what %s sent is no %s" % (
+                self.name, peer, self._class._type))
+            return
+        self._topic.publish(self._rewrite(message))
+        self._published += 1
+
+
+def RobotReliableRelay(name: str, settings: Mapping[str, Any], way: RobotWay) -> ReliableRelay:  # noqa: N802
+    """The robot's side of a relay."""
+    topic = rospy.resolve_name(settings['robot_topic'])
+    if settings['direction'] == TO_OPERATOR:
+        return _source(settings)(name, settings, way.reliable, topic)
+    if settings['needs_control']:
+        return Sink(name, settings, way.reliable, topic, refusal=lambda peer: way.control.standing.refusal(peer))
+    return Sink(name, settings, way.reliable, topic)
+
+
+def OperatorReliableRelay(name: str, settings: Mapping[str, Any], way: OperatorWay) -> ReliableRelay:  # noqa: N802
+    """The operator's side of a relay. Frames have the operator's prefix on its side only."""
+    topic, prefix = operator_topic(settings['operator_topic']), way.frame_prefix
+    if settings['direction'] == TO_OPERATOR:
+        return Sink(name, settings, way.reliable, topic, lambda message: add_prefix(message, prefix))
+    return _source(settings)(name, settings, way.reliable, topic, lambda message: strip_prefix(message, prefix))
+
+
+def _source(settings: Mapping[str, Any]) -> Type[Source]:
+    """The class of the side that sends."""
+    return NewestSource if settings['newest'] else Source

@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Runs the robot's side of an action stream: an action client of the robot's server for all operators."""
+import collections
+import time
+from typing import Any, Counter, Dict, List, Mapping, Optional, Tuple
+
+import rospy
+from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
+
+from ..mission.settings import SettingsStore
+from ..monitoring.stats import StreamStats
+from ..streams.action.throttle import Throttle
+from ..streams.message_types import action_types
+from .action_channels import CANCEL, PURSUED, action_channels, ended, read_request
+from .logging import log_error
+from .reliable_link import ReliableLink
+from .serialised import serialised
+from .way import RobotWay
+from .worker import DeadlineWorker
+
+QUEUE = 100
+
+CANCEL_PERIOD = 0.2
+"""While the emergency stop is engaged: goals that go on are cancelled again after this time [s]."""
+
+
+class RobotAction:
+    """Publishes the goals and cancellations of operators, and sends them status, feedback and results.
+
+    Goals are those of the operator who drives; everybody may cancel. The emergency stop cancels all.
+
+    :param name: of the stream in streams.yaml
+    :param settings: {name: value}, checked
+    :param way: carries all of it
+    """
+    source_type = ''
+
+    def __init__(self, name: str, settings: Mapping[str, Any], way: RobotWay) -> None:
+        self.name, self.topic = name, str(rospy.resolve_name(settings['robot_action']))
+        self._types = action_types(settings['action_type'])
+        self.settings = SettingsStore({}, settings)
+        self._max_age, self._control = settings['max_age'], way.control
+        self._link: ReliableLink = way.reliable
+        self._stopped = False       # by the emergency stop
+        self._cancelled = 0.0       # when all goals were cancelled last
+        self._throttles = {part: Throttle(settings['feedback_rate']) for part in ('/status', '/feedback')}
+        self._worker: DeadlineWorker[Tuple[str, bytes]] = DeadlineWorker(
+            name, self._poll, self._deadline, self._send, log_error("stream '%s'" % name))
+        self._dropped: Counter[str] = collections.Counter()
+        self._goals = self._results = 0
+        self._channels: Dict[str, Any] = {}     # made by start(), as are these
+        self._publishers: Dict[str, Any] = {}
+        self._subscribers: List[Any] = []
+
+    def start(self) -> None:
+        """Begin to take goals."""
+        types = self._types
+        self._publishers = {part: rospy.Publisher(self.topic + part, class_, queue_size=QUEUE, tcp_nodelay=True)
+                            for part, class_ in (('/goal', types.goal), ('/cancel', types.cancel))}
+        for part, channel in action_channels(types, self._max_age).items():
+            callback: Dict[str, Any] = {'on_message': self._requested} if part == '/goal' else {}
+            self._channels[part] = self._link.channel(
+                self.name + part, channel.direction, channel.type_name, channel.md5, **channel.options, **callback)
+        self._worker.start()
+        self._control.subscribe(self._follow)
+        self._subscribers = [
+            rospy.Subscriber(self.topic + part, class_, callback, queue_size=QUEUE, tcp_nodelay=True)
+            for part, class_, callback in (('/status', types.status, self._status),
+                                           ('/feedback', types.feedback, self._feedback),
+                                           ('/result', types.result, self._result))]
+
+    def stats(self) -> StreamStats:
+        """What the stream did, for diagnostics: goals that came, results that left."""
+        return StreamStats(self._goals, self._results, steady=False, to_robot=True, dropped=dict(self._dropped),
+                           connections=self._link.connections(sending=False))
+
+    def _follow(self) -> None:
+        """The emergency stop may have been engaged: it cancels every goal of the action server, whoever sent it."""
+        before, self._stopped = self._stopped, self._control.standing.estop
+        if self._stopped and not before:
+            self._cancel_all()
+
+    def _cancel_all(self) -> None:
+        self._cancelled = time.monotonic()
+        if self._publishers:
+            self._publishers['/cancel'].publish(GoalID())
+
+    def _refusal(self, operator: str) -> Optional[str]:
+        """Why a goal of this operator is not published; None: it is."""
+        refusal = self._control.standing.refusal(operator)
+        if refusal is None and not self._publishers['/goal'].get_num_connections():
+            return 'the robot has no action server %s' % self.topic
+        return refusal
+
+    def close(self) -> None:
+        """End all topics and channels; the action server goes on with its goals."""
+        for subscriber in self._subscribers:
+            subscriber.unregister()
+        self._worker.close()
+        for channel in self._channels.values():
+            channel.close()
+        publishers, self._publishers = self._publishers, {}     # the emergency stop may still be engaged
+        for publisher in publishers.values():
+            publisher.unregister()
+
+    def _requested(self, peer: str, data: bytes) -> None:
+        """Take a goal or a cancellation of an operator, in the link's thread."""
+        request = read_request(self._types, data)
+        if request is None:
+            self._dropped['malformed'] += 1
+            return
+        kind, message = request
+        if kind == CANCEL:
+            self._publishers['/cancel'].publish(message)
+            return
+        reason = self._refusal(peer)
+        if reason is None:
+            self._goals += 1
+            self._publishers['/goal'].publish(message)
+        else:
+            self._dropped['refused'] += 1
+            self._answer(ended(self._types, message.goal_id, GoalStatus.REJECTED, reason, rospy.Time.now()), peer)
+
+    def _status(self, message: Any) -> None:
+        """Send a status. While the emergency stop is engaged, also goals end that others send, or sent just then."""
+        self._put('/status', message, serialised(GoalStatusArray(status_list=message.status_list)))
+        pursued = any(status.status in PURSUED for status in message.status_list)
+        if pursued and self._control.standing.estop and time.monotonic() - self._cancelled >= CANCEL_PERIOD:
+            self._cancel_all()
+
+    def _feedback(self, message: Any) -> None:
+        self._put('/feedback', message, serialised(message))
+
+    def _put(self, part: str, message: Any, content: bytes) -> None:
+        with self._worker.changing():
+            self._throttles[part].put(serialised(message), content, time.monotonic())
+
+    def _result(self, message: Any) -> None:
+        self._results += 1
+        self._answer(message)
+
+    def _answer(self, result: Any, peer: Optional[str] = None) -> None:
+        """Send a result to an operator; None: to all."""
+        try:
+            self._channels['/result'].send(serialised(result), peer)
+        except ValueError as error:
+            rospy.logerr_throttle_identical(5, "stream '%s': a result of %s is not sent: %s" % (
+                self.name, self.topic, error))
+
+    def _poll(self, now: float) -> Optional[Tuple[str, bytes]]:
+        for part, throttle in self._throttles.items():
+            data = throttle.poll(now)
+            if data is not None:
+                return part, data
+        return None
+
+    def _deadline(self) -> Optional[float]:
+        deadlines = [throttle.deadline() for throttle in self._throttles.values()]
+        return min((deadline for deadline in deadlines if deadline is not None), default=None)
+
+    def _send(self, item: Tuple[str, bytes]) -> None:
+        part, data = item
+        self._channels[part].send(data)

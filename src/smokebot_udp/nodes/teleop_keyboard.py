@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Drives the robot by the keys of a terminal, as teleop_twist_keyboard does, and shows whether it may.
+
+Parameters: TELEOP_KEYBOARD in nodes/parameters.py. Publishes operator/cmd_vel (Twist) and operator/estop (Bool);
+subscribes operator/control (String), which operator_receiver publishes; calls the services of operator_receiver. All
+are in the node's namespace: that of the operator.
+"""
+import argparse
+import math
+import os
+import select
+import sys
+import threading
+import time
+from typing import Any, Callable, Dict, List
+
+import rospy
+from geometry_msgs.msg import Twist, Vector3
+from std_msgs.msg import Bool, String
+from std_srvs.srv import SetBool, Trigger
+
+from .. import udpros
+from ..monitoring.link_board import printable
+from ..teleop.keyboard import STOP, Keyboard, Velocity, Wish, keys_of
+from ..teleop.keyboard_screen import HELP, status_lines
+from .common import Parameters
+from .parameters import TELEOP_KEYBOARD
+from .terminal import fail, is_terminal, master_answers, run_node, single_keys
+
+USUAL_WIDTH = 80
+"""Of terminals that do not say theirs [characters]."""
+
+REFRESH_PERIOD = 0.25
+"""How often it is looked at what the screen shows [s]."""
+
+LAST_COMMAND = 0.1
+"""Time that the last stop has to leave when the program ends [s]."""
+
+NOTE_DURATION = 10.0
+"""The last event is shown for this time [s]."""
+
+READ_SIZE = 1024
+"""Keys that are read at once."""
+
+
+def twist(velocity: Velocity) -> Any:
+    """The geometry_msgs/Twist."""
+    x, y, z, turn = velocity
+    return Twist(Vector3(x, y, z), Vector3(0.0, 0.0, turn))
+
+
+class Services:
+    """Calls operator_receiver's services, each in a thread: the keys must work meanwhile.
+
+    :param say: f(text), what came of a call; any thread
+    """
+
+    NAMES = {Wish.TAKE_CONTROL: ('take_control', Trigger, ()), Wish.RELEASE_CONTROL: ('release_control', Trigger, ()),
+             Wish.RELEASE_EMERGENCY_STOP: ('estop', SetBool, (False,))}
+
+    def __init__(self, say: Callable[[str], None]) -> None:
+        self._say = say
+        self._running: Dict[str, threading.Thread] = {}
+
+    def call(self, wish: Wish) -> None:
+        """Call the service that does this, unless it is being called."""
+        name, type_, arguments = self.NAMES[wish]
+        if name in self._running and self._running[name].is_alive():
+            return
+        self._say('%s ...' % name)
+        self._running[name] = threading.Thread(target=self._call, args=(name, type_, arguments), daemon=True)
+        self._running[name].start()
+
+    def _call(self, name: str, type_: Any, arguments: Any) -> None:
+        try:
+            answer = rospy.ServiceProxy('operator_receiver/' + name, type_)(*arguments)
+            self._say('%s: %s' % (name, answer.message or ('done' if answer.success else 'refused')))
+        except (rospy.ServiceException, rospy.ROSException) as error:
+            self._say('%s: %s' % (name, error))
+
+
+class TeleopKeyboard:
+    """Reads keys, publishes commands, and draws.
+
+    :param terminal: file descriptor of its keys
+    """
+
+    def __init__(self, terminal: int) -> None:
+        parameters = Parameters(TELEOP_KEYBOARD)
+        self._terminal = terminal
+        self._keyboard = Keyboard(parameters['speed'], parameters['turn'], parameters['key_timeout'],
+                                  1.0 / parameters['repeat_rate'])
+        self._control = ''
+        self._note, self._noted = '', -math.inf     # the last event, when [s]
+        self._shown: List[str] = []
+        self._stops_all = False     # whether the last key was that of the emergency stop
+        self._services = Services(self._say)
+        with udpros.registered_together():
+            self._commands = rospy.Publisher('operator/cmd_vel', Twist, queue_size=1, tcp_nodelay=True)
+            self._estop = rospy.Publisher('operator/estop', Bool, queue_size=5, tcp_nodelay=True)
+            self._states = rospy.Subscriber('operator/control', String, self._take_state, queue_size=5)
+
+    def run(self) -> None:
+        """Drive until the terminal is closed or the node shuts down."""
+        print(HELP.format(topic=self._commands.resolved_name))
+        while not rospy.is_shutdown():
+            now = time.monotonic()
+            command = self._keyboard.poll(now)
+            if command is not None:
+                self._commands.publish(twist(command))
+                if self._stops_all:
+                    self._stop_all()
+            self._draw()
+            due = self._keyboard.deadline()
+            wait = REFRESH_PERIOD if due is None else min(REFRESH_PERIOD, max(0.0, due - now))
+            if select.select([self._terminal], [], [], wait)[0] and not self._read():
+                return
+
+    def close(self) -> None:
+        """Stop the robot."""
+        if self._keyboard.poll(time.monotonic()) is not None or self._keyboard.motion != STOP:
+            self._commands.publish(twist(STOP))
+            time.sleep(LAST_COMMAND)
+        print('\n' * len(self._shown), end='')
+
+    def _read(self) -> bool:
+        """Take what was typed; returns whether the terminal is open."""
+        try:
+            typed = os.read(self._terminal, READ_SIZE)
+        except OSError:     # it was closed
+            return False
+        for key in keys_of(typed.decode(errors='replace')):
+            wish = self._keyboard.press(key, time.monotonic())
+            self._stops_all = wish is Wish.EMERGENCY_STOP
+            if wish is not None and not self._stops_all:
+                self._services.call(wish)
+        return bool(typed)
+
+    def _stop_all(self) -> None:
+        """Engage the emergency stop, with each stop after the key: a subscriber may be just connecting."""
+        self._estop.publish(True)
+        self._say('emergency stop' if self._estop.get_num_connections() else
+                  'NOBODY RECEIVES the emergency stop, ' + self._estop.resolved_name)
+
+    def _take_state(self, state: Any) -> None:
+        self._control = printable(state.data)
+
+    def _say(self, text: str) -> None:
+        self._note, self._noted = printable(text), time.monotonic()
+
+    def _draw(self) -> None:
+        """Write the lines again that differ from those on the screen; the cursor stays before the first."""
+        control = self._control if self._states.get_num_connections() else ''
+        note = self._note if time.monotonic() - self._noted < NOTE_DURATION else ''
+        lines = status_lines(self._keyboard, self._commands.resolved_name, self._commands.get_num_connections(),
+                             control, note, os.get_terminal_size(sys.stdout.fileno()).columns or USUAL_WIDTH)
+        if lines != self._shown:
+            self._shown = lines
+            text = '\n'.join('\r\x1b[K' + line for line in lines)
+            sys.stdout.write('%s\x1b[%dA\r' % (text, len(lines) - 1))
+            sys.stdout.flush()
+
+
+def run() -> int:
+    """Drive; returns the exit code."""
+    if not is_terminal():
+        return fail('teleop_keyboard', 'this is not a terminal')
+    if not master_answers():
+        return fail('teleop_keyboard', 'no ROS master answers')
+    rospy.init_node('teleop_keyboard', disable_signals=True, log_level=rospy.FATAL)
+    teleop = TeleopKeyboard(sys.stdin.fileno())
+    try:
+        with single_keys(sys.stdin.fileno()):
+            teleop.run()
+    finally:
+        teleop.close()
+    return 0
+
+
+def main() -> None:
+    argparse.ArgumentParser(prog='teleop_keyboard', description='Drive the robot by the keys of this terminal.',
+                            epilog='_speed:=0.3 and other parameters: doc/parameters.md.'
+                            ).parse_args(rospy.myargv(sys.argv)[1:])
+    udpros.race_all_connections()
+    run_node(run)

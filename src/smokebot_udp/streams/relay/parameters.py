@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Settings of relays that both sides have in common, and those of reliable ones."""
+from typing import Any, Mapping
+
+from ...mission.parameters import Parameter
+from ..message_types import message_class
+
+LOG = 'rosgraph_msgs/Log'
+
+LEVELS = 'debug', 'info', 'warn', 'error', 'fatal'
+"""Of LOG messages, the lowest first."""
+
+TO_OPERATOR, TO_ROBOT = 'to_operator', 'to_robot'
+"""Values of `direction`."""
+
+RELAY = {
+    'message_type': Parameter(None, '', 'type of both topics, such as nav_msgs/Odometry'),
+    'latch': Parameter(False, '', 'keep the last message for late subscribers, on both sides'),
+    'reliable': Parameter(False, '', 'send every message, acknowledged, repeated and in order, instead of the newest '
+                          'at `rate`: for goals, logs and other small messages'),
+    'newest': Parameter(False, '', 'with reliable: of each publisher only the newest message, once the one before has '
+                        'arrived: for states that are published again and again, such as diagnostics'),
+    'direction': Parameter(TO_OPERATOR, '', 'to_robot: operator_topic is sent, and robot_topic is published; only with '
+                           'reliable', choices=(TO_OPERATOR, TO_ROBOT)),
+    'needs_control': Parameter(False, '', 'with direction to_robot: taken only from the operator who drives, and not '
+                               'during an emergency stop: for goals'),
+    'max_age': Parameter(10.0, 's', 'with reliable: a message that was not acknowledged within this time is given up',
+                         above=0.0, most=3600.0),
+    'max_messages': Parameter(1000, '', 'with reliable: messages that may wait to be acknowledged, for each operator; '
+                              'then the oldest is given up', least=1, most=100000),
+    'max_bytes': Parameter(1 << 20, 'byte', 'with reliable: their size together', least=1024, most=10000000),
+    'level': Parameter('', '', 'with reliable, of %s: messages below this level are left out; empty: none' % LOG,
+                       choices=('', *LEVELS)),
+}
+"""Parameters of both sides."""
+
+UNUSED_IF_RELIABLE = frozenset({'rate', 'weight', 'min_bitrate', 'repeat_rate'})
+"""Settings of relays that reliable ones do not have."""
+
+
+def check(settings: Mapping[str, Any]) -> None:
+    """Check what the tables cannot.
+
+    :param settings: {name: value} of both sides' tables, each checked
+    :raises ValueError: where settings contradict each other, or the type of a reliable relay is unknown
+    """
+    if not settings['reliable']:
+        if settings['direction'] == TO_ROBOT:
+            raise ValueError('direction: to_robot needs reliable: true; what the robot obeys only while it is new, '
+                             'such as cmd_vel, is of type: command')
+        for setting in ('level', 'newest', 'needs_control'):
+            if settings[setting]:
+                raise ValueError('%s is %r: it needs reliable: true' % (setting, settings[setting]))
+        return
+    if settings['newest'] and settings['latch']:
+        raise ValueError('newest and latch are both true: latch keeps one message, newest one of each publisher')
+    if settings['needs_control'] and settings['direction'] != TO_ROBOT:
+        raise ValueError('needs_control is true: it needs direction: to_robot')
+    message_class(settings['message_type'])
+    if settings['level'] and settings['message_type'] != LOG:
+        raise ValueError('level is %r: message_type must be %s, not %s' % (
+            settings['level'], LOG, settings['message_type']))

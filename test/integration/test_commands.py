@@ -1,0 +1,283 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""Commands, who drives, and the emergency stop, from an operator's topics to the robot's driver.
+
+Argument: udpros (one master) or link (a master for each side, and a key).
+"""
+import os
+import pathlib
+import signal
+import sys
+import time
+from typing import Any, List
+
+import numpy as np
+import rospy
+import rostest
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import Twist, TwistStamped
+from sensor_msgs.msg import Image
+from std_msgs.msg import Bool, String
+from std_srvs.srv import SetBool, Trigger
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+from commands_case import START, CommandsCase, Drive, Listener, twist
+from waiting import stays, wait_for
+
+from smokebot_udp.msg import RobotStatus
+
+TIMEOUT, HOLD, RATE = 0.5, 0.6, 20.0
+"""Of cmd_vel in commands_streams.yaml [s, s, Hz]."""
+
+SLACK = 0.5
+"""For a busy machine [s]."""
+
+
+class Commands(CommandsCase):
+    link = 'link' in sys.argv[1:]
+
+    @classmethod
+    def setUpClass(cls) -> None:
+        super().setUpClass()
+        cls.driver = cls.robot_topic('/cmd_vel', Twist)
+        cls.arm = cls.robot_topic('/arm', TwistStamped)
+        cls.seeing = cls.robot_topic('/seeing', Twist)
+        cls.estop = cls.robot_topic('/robot_sender/estop', Bool)
+        cls.before = len(cls.driver.came), len(cls.arm.came)
+        cls.stick = rospy.Publisher('/operator/cmd_vel', Twist, queue_size=1, tcp_nodelay=True)
+        cls.button = rospy.Publisher('/operator/estop', Bool, queue_size=1, tcp_nodelay=True)
+        cls.status = Listener('/operator/status', RobotStatus)
+        wait_for(cls.stick.get_num_connections, START, 'the operator')
+        wait_for(cls.button.get_num_connections, START, 'the operator')
+
+    def setUp(self) -> None:
+        for listener in (self.driver, self.arm, self.seeing):
+            listener.clear()
+
+    def drive(self, speed: float, seconds: float = 1.0) -> float:
+        """Drive; returns when the last command was given [s]."""
+        with Drive(self.stick, twist(speed)):
+            wait_for(lambda: any(came == speed for _, came in self.speeds(self.driver)), START, 'the command')
+            stays(lambda: True, seconds)
+        return time.monotonic()
+
+    def wait_for_silence(self) -> None:
+        """After a stop."""
+        wait_for(lambda: self.speeds(self.driver)[-1][1] == 0.0 and
+                 time.monotonic() - self.driver.came[-1].when > 3 / RATE + SLACK, 10, 'silence')
+
+    def test_the_robot_is_silent_before_the_first_command_and_after_the_stop(self) -> None:
+        self.assertEqual(self.before, (0, 0))
+        last = self.drive(0.5)
+        self.wait_for_silence()
+        speeds = self.speeds(self.driver)
+        driven = [when for when, speed in speeds if speed == 0.5]
+        stopped = [when for when, speed in speeds if speed == 0.0]
+        self.assertEqual([speed for _, speed in speeds], [0.5] * len(driven) + [0.0] * len(stopped))
+        self.assertGreater(len(driven), 15)
+        self.assertLess(driven[-1] - last, SLACK)
+        self.assertLess(stopped[0] - driven[-1], TIMEOUT + SLACK)
+        self.assertGreater(stopped[0] - driven[-1], TIMEOUT / 2)
+        self.assertLessEqual(len(stopped), HOLD * RATE + 1)
+        self.driver.clear()
+        stays(lambda: not self.driver.came, 1.0, 'silence')
+
+    def test_on_timeout_may_be_any_message_and_has_a_stamp(self) -> None:
+        message = TwistStamped()
+        message.twist.linear.x = 0.1
+        publisher = rospy.Publisher('/operator/arm', TwistStamped, queue_size=1)
+        wait_for(publisher.get_num_connections, START, 'the operator')
+        with Drive(publisher, message):
+            wait_for(lambda: self.arm.came, START, 'the command')
+        wait_for(lambda: self.arm.came[-1].message.twist.angular.z == 0.25, 5, 'on_timeout')
+        self.assertLess(abs((rospy.Time.now() - self.arm.came[-1].message.header.stamp).to_sec()), 1.0)
+
+    def test_the_robot_stops_when_its_operator_is_not_heard(self) -> None:
+        pid = self.desk.pid('/operator_receiver')
+        with Drive(self.stick, twist(0.4)):
+            wait_for(lambda: self.driver.came, START, 'the command')
+            os.kill(pid, signal.SIGSTOP)
+            stopped = time.monotonic()
+            try:
+                wait_for(lambda: self.speeds(self.driver)[-1][1] == 0.0, 5, 'the stop')
+                self.assertLess(self.speeds(self.driver)[-1][0] - stopped, TIMEOUT + SLACK)
+                self.wait_for_silence()
+            finally:
+                self.driver.clear()
+                os.kill(pid, signal.SIGCONT)
+            wait_for(lambda: any(speed == 0.4 for _, speed in self.speeds(self.driver)), 10, 'a fresh command')
+
+    def test_a_command_that_waited_in_a_node_that_stood_still_moves_nothing(self) -> None:
+        """Shorter than the lease: the node still believes that it is heard."""
+        pid = self.desk.pid('/operator_receiver')
+        with Drive(self.stick, twist(0.4)):
+            wait_for(lambda: self.driver.came, START, 'the command')
+            os.kill(pid, signal.SIGSTOP)
+            stays(lambda: True, 0.3)
+        stays(lambda: True, 1.0)        # the stick is silent, its last commands wait
+        self.driver.clear()
+        os.kill(pid, signal.SIGCONT)
+        stays(lambda: not any(speed for _, speed in self.speeds(self.driver)), 1.0, 'the stop')
+
+    def test_the_robot_stops_when_the_operators_node_is_killed(self) -> None:
+        pid = self.desk.pid('/operator_receiver')
+        with Drive(self.stick, twist(0.3)):
+            wait_for(lambda: self.driver.came, START, 'the command')
+            os.kill(pid, signal.SIGKILL)
+            killed = time.monotonic()
+            wait_for(lambda: self.speeds(self.driver)[-1][1] == 0.0, 5, 'the stop')
+            self.assertLess(self.speeds(self.driver)[-1][0] - killed, TIMEOUT + SLACK)
+            self.driver.clear()
+            # roslaunch starts it again, and a fresh command moves the robot
+            wait_for(lambda: any(speed == 0.3 for _, speed in self.speeds(self.driver)), START, 'a fresh command')
+        wait_for(self.button.get_num_connections, START, 'the operator')
+
+    def test_a_second_operator_waits_takes_over_and_gives_back(self) -> None:
+        desk2 = self.start_desk('name:=desk2')
+        self.addCleanup(self.desk.stop, desk2)
+        state, stick = Listener('/desk2/operator/control', String), rospy.Publisher(
+            '/desk2/operator/cmd_vel', Twist, queue_size=1)
+        self.wait_for_state(state, 'NOT IN CONTROL', START)
+        wait_for(stick.get_num_connections, START, 'the second operator')
+        with Drive(self.stick, twist(0.2)), Drive(stick, twist(-0.2)):
+            wait_for(lambda: self.driver.came, START, 'the command')
+            stays(lambda: all(speed == 0.2 for _, speed in self.speeds(self.driver)), 0.5, 'the first one drives')
+            self.state.clear()
+            self.driver.clear()
+            answer = rospy.ServiceProxy('/desk2/operator_receiver/take_control', Trigger)()
+            self.assertTrue(answer.success, answer.message)
+            self.wait_for_state(self.state, 'NOT IN CONTROL: /desk2/operator_receiver')
+            wait_for(lambda: self.speeds(self.driver)[-1][1] == -0.2, 5, 'the second one drives')
+            speeds = [speed for _, speed in self.speeds(self.driver)]
+            self.assertEqual(speeds, sorted(speeds, reverse=True))      # 0.2, a stop, -0.2
+            self.assertIn(0.0, speeds)
+            wait_for(lambda: self.status.came[-1].message.driver.startswith('/desk2/operator_receiver'), 10, 'driver')
+            self.assertEqual(len(self.status.came[-1].message.operators), 2)
+            answer = rospy.ServiceProxy('/operator_receiver/release_control', Trigger)()
+            self.assertFalse(answer.success)
+            self.assertIn('drives', answer.message)
+        self.state.clear()
+        self.doCleanups()
+        self.wait_for_state(self.state, 'LOCKED: seeing', 10)   # the sole one again, without asking
+        self.drive(0.2, 0.2)
+
+    def engaged(self) -> bool:
+        return bool(self.estop.came and self.estop.came[-1].message.data)
+
+    def test_the_emergency_stop_stays_until_it_is_released(self) -> None:
+        stop = rospy.ServiceProxy('/operator_receiver/estop', SetBool)
+        with Drive(self.stick, twist(0.6)):
+            for engage in (lambda: self.button.publish(True), lambda: stop(True)):
+                wait_for(lambda: self.driver.came and self.speeds(self.driver)[-1][1] == 0.6, START, 'the command')
+                self.state.clear()
+                begun = time.monotonic()
+                engage()
+                wait_for(lambda: self.speeds(self.driver)[-1][1] == 0.0, 2, 'the stop')
+                self.assertLess(self.speeds(self.driver)[-1][0] - begun, SLACK)
+                wait_for(self.engaged, 2, '~estop')
+                self.wait_for_state(self.state, 'EMERGENCY STOP')
+                self.driver.clear()
+                stays(lambda: all(speed == 0.0 for _, speed in self.speeds(self.driver)), 1.0, 'the stop')
+                self.assertGreater(len(self.driver.came), 0.5 * RATE)
+                wait_for(lambda: self.status.came[-1].message.estop, 10, 'the status')
+                released = stop(False)
+                self.assertTrue(released.success, released.message)
+                wait_for(lambda: not self.engaged(), 2, '~estop')
+            wait_for(lambda: self.speeds(self.driver)[-1][1] == 0.6, 2, 'the next command')
+
+    def test_somebody_at_the_robot_engages_and_releases_it(self) -> None:
+        for data in ('true', 'false'):
+            self.robot.run('rosservice', 'call', '/robot_sender/set_estop', data)
+            wait_for(lambda data=data: self.engaged() == (data == 'true'), 5, '~estop')
+            self.wait_for_state(self.state, 'EMERGENCY STOP' if data == 'true' else 'LOCKED: seeing')
+            self.state.clear()
+
+    def test_no_command_leaves_while_the_image_is_old_and_the_first_one_is_zero(self) -> None:
+        stick = rospy.Publisher('/operator/seeing', Twist, queue_size=1)
+        wait_for(stick.get_num_connections, START, 'the operator')
+        self.state.clear()
+        with Drive(stick, twist(0.7)):
+            with Drive(Camera(self.images), None):
+                stays(lambda: not self.seeing.came, 2.0, 'the lock: it did not start from zero')
+            self.wait_for_state(self.state, 'LOCKED: seeing: thermal is')
+            stick.publish(twist(0.0))
+            stays(lambda: not self.seeing.came, 0.5, 'the lock: the image is old')
+        with Drive(Camera(self.images), None), Drive(stick, twist(0.0)):
+            wait_for(lambda: self.seeing.came, START, 'the zero')
+            with Drive(stick, twist(0.7)):
+                wait_for(lambda: any(came.message.linear.x == 0.7 for came in self.seeing.came), 5, 'the command')
+
+    def test_a_message_of_another_type_is_named(self) -> None:
+        statuses: List[Any] = []
+        rospy.Subscriber('/diagnostics', DiagnosticArray, lambda message: statuses.extend(message.status))
+        wrong = self.robot.master if not self.link else self.desk.master
+        wrong.call('registerPublisher', '/operator/arm', 'std_msgs/String', 'http://localhost:1')
+        self.addCleanup(wrong.call, 'unregisterPublisher', '/operator/arm', 'http://localhost:1')
+        wait_for(lambda: any('must be geometry_msgs/TwistStamped' in status.message for status in statuses), 30,
+                 'the problem')
+
+    def test_settings_change_while_it_runs(self) -> None:
+        (self.desk if self.link else self.robot).set('/robot_sender/cmd_vel/hold', 0.1)
+        wait_for(lambda: self.robot.parameter('/robot_sender/cmd_vel/hold') == 0.1, 20, 'the setting')
+        self.addCleanup(self.robot.set, '/robot_sender/cmd_vel/hold', HOLD)
+        dynparam = 'rosrun', 'dynamic_reconfigure', 'dynparam', 'set', '/robot_sender/cmd_vel', 'timeout'
+        self.robot.run(*dynparam, '0.2')
+        self.addCleanup(self.robot.run, *dynparam, str(TIMEOUT))
+        self.drive(0.5, 0.3)
+        self.wait_for_silence()
+        stopped = [when for when, speed in self.speeds(self.driver) if speed == 0.0]
+        self.assertLessEqual(len(stopped), 3)
+
+    def restart_robot(self, signal_: int) -> None:
+        """End the robot's node, which roslaunch starts again."""
+        pid = self.robot.pid('/robot_sender')
+        os.kill(pid, signal_)
+        wait_for(lambda: self.robot.pid('/robot_sender') not in (0, pid), START, 'the new node')
+
+    def test_zy_the_robots_node_stops_the_robot_when_it_ends(self) -> None:
+        with Drive(self.stick, twist(0.5)):
+            wait_for(lambda: self.driver.came, START, 'the command')
+            ended = time.monotonic()
+            self.restart_robot(signal.SIGINT)
+        stop = next(when for when, speed in self.speeds(self.driver) if speed == 0.0)
+        self.assertLess(stop - ended, SLACK)
+        type(self).driver = self.robot_topic('/cmd_vel', Twist)
+
+    def test_zy_the_stop_of_somebody_at_the_robot_outlives_its_node(self) -> None:
+        self.robot.run('rosservice', 'call', '/robot_sender/set_estop', 'true')
+        wait_for(lambda: self.robot.parameter('/robot_sender/estop_by'), 5, 'the parameter')
+        self.restart_robot(signal.SIGKILL)
+        estop = self.robot_topic('/robot_sender/estop', Bool)
+        wait_for(lambda: estop.came, START, '~estop')
+        self.assertTrue(estop.came[-1].message.data)
+        type(self).estop, type(self).driver = estop, self.robot_topic('/cmd_vel', Twist)
+        self.robot.run('rosservice', 'call', '/robot_sender/set_estop', 'false')
+        wait_for(lambda: not self.robot.parameter('/robot_sender/estop_by'), 10, 'the release')
+        self.drive(0.5, 0.2)
+
+    def test_zz_the_robots_node_is_restarted(self) -> None:
+        """The emergency stop stays, and after its release commands work again."""
+        stop = rospy.ServiceProxy('/operator_receiver/estop', SetBool)
+        wait_for(lambda: stop(True).success, START, 'the stop')
+        self.restart_robot(signal.SIGKILL)
+        self.driver = self.robot_topic('/cmd_vel', Twist)
+        wait_for(lambda: self.driver.came, START, 'the stop')
+        self.assertEqual({speed for _, speed in self.speeds(self.driver)}, {0.0})
+        wait_for(lambda: stop(False).success, START, 'the release')
+        self.drive(0.5, 0.2)
+
+
+class Camera:
+    """The publisher of images of now: what it is told to publish is only the prompt."""
+
+    def __init__(self, publisher: Any) -> None:
+        self._publisher = publisher
+
+    def publish(self, _: Any) -> None:
+        image = Image(height=24, width=32, encoding='mono16', step=64, data=np.zeros(768, np.uint16).tobytes())
+        image.header.stamp = rospy.Time.now()
+        self._publisher.publish(image)
+
+
+if __name__ == '__main__':
+    rostest.rosrun('smokebot_udp', 'commands_link' if Commands.link else 'commands', Commands)

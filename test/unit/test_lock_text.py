@@ -1,0 +1,14 @@
+# SPDX-License-Identifier: BSD-3-Clause
+from typing import Dict, Optional
+
+import pytest
+
+from smokebot_udp.nodes.operator_control import lock_text
+
+
+@pytest.mark.parametrize('reasons, text', [
+    ({}, ''), ({'cmd_vel': None}, ''), ({'cmd_vel': 'thermal is 2.0 s old'}, 'LOCKED: thermal is 2.0 s old'),
+    ({'cmd_vel': 'nobody drives', 'arm': 'nobody drives'}, 'LOCKED: nobody drives'),
+    ({'cmd_vel': None, 'arm': 'no image of camera'}, 'LOCKED: arm: no image of camera')])
+def test_which_streams_are_locked_and_why(reasons: Dict[str, Optional[str]], text: str) -> None:
+    assert lock_text(reasons) == text
