@@ -14,6 +14,8 @@
 * Own masters over the emulated link: own_masters (a master on each side), firewall (passes nothing but the link's
   port), tap (which handshakes pass), link_attack and forged_packets (what a stranger may send), link_pair (two cores
   in memory).
+* The way back over the emulated link: way_back (what is measured), way_back_nodes (with what), way_back_results (how it
+  is judged; pure), teleoperator (sends from a side), teleoperated (reports what came).
 * processes: child processes that end with their parent.
 """
 import pathlib

@@ -73,6 +73,29 @@ def lab_state(lab: Lab) -> Dict[str, float]:
     return {'late p99 [ms]': round(1e3 * statistics['late'].get('p99', 0.0), 2), 'load': round(os.getloadavg()[0], 1)}
 
 
+class SensorSource:
+    """The node sensor_source on the robot's side; it becomes a part of the stack."""
+
+    def __init__(self, stack: Stack) -> None:
+        process = stack.start('robot', sys.executable, '-m', 'evaluation.sensor_source', cwd=str(TOP),
+                              stdin=subprocess.PIPE, stdout=subprocess.PIPE, universal_newlines=True)
+        assert process.stdin is not None and process.stdout is not None
+        self._stdin, self._stdout = process.stdin, process.stdout
+
+    def wait(self) -> None:
+        """Until it is ready.
+
+        :raises RuntimeError: where it ends
+        """
+        if not self._stdout.readline():
+            raise RuntimeError('the source ended: see nodes.log')
+
+    def publish(self, topic: str) -> None:
+        """Publish this topic only from now on; empty: none."""
+        self._stdin.write(topic + '\n')
+        self._stdin.flush()
+
+
 class LinkRun:
     """The link and the nodes; a context manager.
 
@@ -96,15 +119,11 @@ class LinkRun:
     def _start(self, adapt: bool) -> None:
         self._set_link({})
         streams = '_streams_file:=%s' % pathlib.Path(__file__).with_name('link_streams.yaml')
-        source = self._stack.start('robot', sys.executable, '-m', 'evaluation.sensor_source', cwd=str(TOP),
-                                   stdin=subprocess.PIPE, stdout=subprocess.PIPE, universal_newlines=True)
-        assert source.stdin is not None and source.stdout is not None
-        self._source = source.stdin
+        self._source = SensorSource(self._stack)
         self._stack.start_node('robot', 'robot_sender', streams, '_adapt:=%s' % str(adapt).lower())
         self._stack.start_node('operator', 'operator_receiver', streams)
         self.listener = Listener(self._stack)
-        if not source.stdout.readline():
-            raise RuntimeError('the source ended: see nodes.log')
+        self._source.wait()
 
     def _set_link(self, conditions: Dict[str, float]) -> None:
         self._stack.lab.set({'loss': 0.0, 'burst': 0.0, 'delay': 0.0, **AIR, **conditions})
@@ -112,10 +131,6 @@ class LinkRun:
     def change(self, robot: LinkConditions, operator: LinkConditions) -> None:
         """Change both directions of the link, each named by its sender."""
         self._stack.lab.set(robot=vars(robot), operator=vars(operator))
-
-    def _publish(self, topic: str) -> None:
-        self._source.write(topic + '\n')
-        self._source.flush()
 
     def use(self, method: Method, delay: float = 0.0, timeout: float = 30.0) -> None:
         """Send by this method only from now on, over a link without loss, and wait for its first messages.
@@ -127,9 +142,9 @@ class LinkRun:
         :raises RuntimeError: where a topic stays silent
         """
         self._set_link({'delay': delay})
-        self._publish('')
+        self._source.publish('')
         self.listener.subscribe(method.subscriptions)
-        self._publish(method.source)
+        self._source.publish(method.source)
         topics = {topic for topic, *_ in method.subscriptions}
         missing = topics - set(self.listener.first(topics, timeout))
         if missing:

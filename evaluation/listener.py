@@ -187,13 +187,17 @@ def subscribe(topic: str, kind: str, transport: str) -> Any:
                              buff_size=1 << 22, tcp_nodelay=True, transport=TRANSPORTS[transport])
 
 
-def main() -> None:
-    """Run the node until its standard input ends."""
+def main(start: Callable[[], Any] = lambda: None) -> None:
+    """Run the node until its standard input ends.
+
+    :param start: called as soon as there is the node
+    """
     sys.stdout = sys.stderr     # where rospy logs
     udpros.race_all_connections()
     rospy.init_node('listener', anonymous=True)     # there may be one on each side
     rospy.loginfo('listening')      # rospy's first message asks the master for a parameter: not while the link is cut
     install()   # it registers again with a new master
+    start()
     write_line('ready')
 
     def obey() -> None:

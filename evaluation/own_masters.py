@@ -31,14 +31,15 @@ class OwnMasters(Stack):
     """See Stack.
 
     :param key_file: of both sides; None: the link is open
+    :param shared_air: see Stack
     """
 
     MASTER_SIDES = 'robot', 'operator'
 
     def __init__(self, seed: int = 0, log: Optional[pathlib.Path] = None,
-                 key_file: Optional[pathlib.Path] = None) -> None:
+                 key_file: Optional[pathlib.Path] = None, shared_air: bool = False) -> None:
         self._key_file = key_file
-        super().__init__(seed, log=log)
+        super().__init__(seed, log=log, shared_air=shared_air)
 
     def environment(self, side: str) -> Dict[str, str]:
         rest = {name: value for name, value in os.environ.items() if name != 'ROS_IP'}

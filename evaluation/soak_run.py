@@ -19,6 +19,7 @@ import psutil
 import yaml
 
 from smokebot_udp.link_lab.lab import MASTER
+from smokebot_udp.streams import classified
 
 from . import TOP
 from .listener import Listener
@@ -145,7 +146,7 @@ class Soak:
             raise
 
     def _start(self, folder: pathlib.Path) -> None:
-        config = yaml.safe_load(STREAMS.read_text())['streams']
+        config = classified(yaml.safe_load(STREAMS.read_text())['streams']).streams
         second = {name: {**settings, 'operator_topic': DESK + settings['operator_topic']}
                   for name, settings in config.items()}
         self._second_file = folder / 'second_streams.yaml'

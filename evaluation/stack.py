@@ -25,20 +25,21 @@ class Stack:
     """A link lab with a ROS master; a context manager.
 
     :cvar MASTER_SIDES: those that have a master
-    :param seed, congestion_control: see Lab
+    :param seed, congestion_control, shared_air: see Lab
     :param log: file for the output of the nodes; None: it is lost
     :raises LabError: as Lab
     """
 
     MASTER_SIDES: Sequence[str] = ('robot',)
 
-    def __init__(self, seed: int = 0, congestion_control: str = 'cubic', log: Optional[pathlib.Path] = None) -> None:
+    def __init__(self, seed: int = 0, congestion_control: str = 'cubic', log: Optional[pathlib.Path] = None,
+                 shared_air: bool = False) -> None:
         self._processes: List[subprocess.Popen[Any]] = []
         self._resources = contextlib.ExitStack()
         self.operator_address = OPERATOR_ADDRESSES[0]
         self._log = self._resources.enter_context(open(str(log or os.devnull), 'ab'))    # noqa: SIM115
         try:
-            self.lab = self._resources.enter_context(Lab(seed, congestion_control))
+            self.lab = self._resources.enter_context(Lab(seed, congestion_control, shared_air))
             self.masters = {side: self.start_master(side) for side in self.MASTER_SIDES}
             for side in self.masters:
                 self._wait_for_master(side)

@@ -28,11 +28,12 @@ EXPERIMENTS = {
     'start_up': 'link',
     'own_masters': 'link',
     'hostile': 'link',
+    'way_back': 'link',
     'soak': 'link',
 }
 """{name: folder}, in the report's order."""
 
-NEVER_QUICK = 'adaptation', 'soak', 'own_masters', 'hostile'
+NEVER_QUICK = 'adaptation', 'soak', 'own_masters', 'hostile', 'way_back'
 """Left out of a quick run of all: they take minutes even with --quick."""
 
 

@@ -14,6 +14,7 @@ from evaluation import TOP
 from evaluation.link_run import AIR, lab_state
 from evaluation.listener import Listener
 from evaluation.stack import Stack
+from smokebot_udp.streams import classified
 
 from .. import drawing, table
 from ..runner import Figure, Run, Table
@@ -56,9 +57,9 @@ GOALS = {'first image': 10, 'all streams': 20}
 
 
 def streams() -> Dict[str, Dict[str, Any]]:
-    """{stream: its settings}, of the package's streams.yaml."""
+    """{stream: its settings}, of the package's streams.yaml: of those with an encoder."""
     loaded: Dict[str, Dict[str, Any]] = yaml.safe_load((TOP / 'config' / 'streams.yaml').read_text())['streams']
-    return loaded
+    return classified(loaded).streams
 
 
 def expected(names: Iterable[str], event: str) -> List[str]:
