@@ -52,7 +52,8 @@ def main(arguments: Optional[Sequence[str]] = None) -> bool:
                         'hour and a half; without ' + ', '.join(NEVER_QUICK))
     parser.add_argument('--draw', action='store_true', help='do not measure: redraw the figures of the last results')
     parser.add_argument('--seed', type=int, default=1, help='of all random numbers; default: %(default)s')
-    parser.add_argument('--minutes', type=float, help='duration of soak; default: 30')
+    parser.add_argument('--minutes', type=float, help='duration of soak (default: 30) and, '
+                        'roughly, of way_back (default: 75), which makes fewer tries then')
     options = parser.parse_args(arguments)
     unknown = set(options.names) - set(EXPERIMENTS)
     if unknown:

@@ -26,6 +26,7 @@ have a master each and a link with a key, but where it says *shared master*. All
 machine with one clock.
 """
 
+MINUTES = 75.0
 SECONDS, QUICK_SECONDS = 180.0, 15.0
 COUNTS = {'cuts': (200, 5), 'kills': (20, 1), 'estops': (1000, 10), 'calls': (1000, 100), 'messages': (10000, 500)}
 """{what: (number, in a quick run)}"""
@@ -58,8 +59,10 @@ class Scenes:
 
     def __init__(self, run: Run, nodes: WayBackNodes, name: str) -> None:
         self._nodes, self.name = nodes, name
-        self._seconds = QUICK_SECONDS if run.quick else SECONDS
-        self._counts = {what: counts[run.quick] for what, counts in COUNTS.items()}
+        part = min(1.0, (run.minutes or MINUTES) / MINUTES)     # of a whole run
+        self._seconds = QUICK_SECONDS if run.quick else max(QUICK_SECONDS, part * SECONDS)
+        self._counts = {what: quick if run.quick else max(quick, round(part * whole))
+                        for what, (whole, quick) in COUNTS.items()}
 
     def _named(self, raw: Raw, scene: str, **more: Any) -> Raw:
         return {**raw, 'scene': self.name + scene, **more}
