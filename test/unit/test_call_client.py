@@ -89,7 +89,7 @@ def test_answers_in_another_order() -> None:
 def test_an_unknown_robot_is_asked_for_its_session_first() -> None:
     desk = Desk()
     desk.call(5.0, b'request')
-    assert desk.sent(5.0) == [Request(CLIENT, 0, 0, CHECKSUM, 0.0, b'')]
+    assert desk.sent(5.0) == [Request(CLIENT, 0, 2, CHECKSUM, 0.0, b'')]
     assert desk.client.deadline() == 5.0 + GREETING_PERIOD
     assert len(desk.sent(5.0 + GREETING_PERIOD)) == 1
     desk.answer()
@@ -135,7 +135,7 @@ def test_until_when_it_may_be_executed_by_the_robots_clock() -> None:
     desk.call(3.0)
     assert desk.sent(3.0)[0].until == pytest.approx(99.99 + 3.0 + TIMEOUT)
     assert desk.sent(3.0 + FIRST_REPEAT)[0].until == pytest.approx(99.99 + 3.0 + TIMEOUT)
-    desk.answer(server=RESTARTED, clock=5.0, now=5.0)   # another clock
+    desk.answer(3, server=RESTARTED, clock=5.0, now=5.0)    # another clock
     desk.call(5.0)
     assert desk.sent(5.0)[0].until == pytest.approx(5.0 + TIMEOUT)
 
@@ -159,22 +159,36 @@ def test_a_restart_of_the_robot_fails_what_was_sent_and_sends_it_never_again() -
     desk.call(0.0, b'sent')
     desk.sent(0.0)
     desk.call(0.1, b'not sent yet')
-    desk.answer(server=RESTARTED)
+    desk.answer(1, server=RESTARTED)
     assert len(desk.outcomes) == 1 and 'restarted' in str(desk.last_failure())
     assert [(request.server, request.data) for request in desk.sent(0.2)] == [(RESTARTED, b'not sent yet')]
 
 
+def test_a_held_up_answer_of_a_node_in_between_is_no_restart() -> None:
+    """A robot's node was started twice; the client knows the second one when the first one's answer comes."""
+    desk = connected()
+    desk.client.greet(0.0)
+    asked, = desk.sent(0.0)
+    desk.answer(asked.number, server=RESTARTED)
+    desk.call(1.0, b'for the present one')
+    desk.sent(1.0)
+    desk.answer(asked.number, server=RESTARTED + 1)
+    assert not desk.outcomes and desk.client.dropped == {'late': 1}
+
+
 def test_late_answers_of_a_former_session_are_discarded() -> None:
     desk = connected()
-    desk.answer(server=RESTARTED)
+    desk.client.greet(0.0)
+    asked, = desk.sent(0.0)
+    desk.answer(asked.number, server=RESTARTED)
     desk.call(0.0)
-    desk.sent(0.0)
+    call, = desk.sent(0.0)
     desk.answer()
-    desk.answer(1, ANSWERED, b'of another call')
-    desk.answer(1, ANSWERED, b'for another client', RESTARTED, client=12)
+    desk.answer(call.number, ANSWERED, b'of another call')
+    desk.answer(call.number, ANSWERED, b'for another client', RESTARTED, client=12)
     desk.client.receive(b'?', 0.0)
     assert not desk.outcomes and desk.client.dropped == {'another session': 3, 'malformed': 1}
-    desk.answer(1, ANSWERED, b'right', RESTARTED)
+    desk.answer(call.number, ANSWERED, b'right', RESTARTED)
     assert desk.outcomes == [Outcome(b'right')]
 
 

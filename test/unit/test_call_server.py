@@ -102,7 +102,7 @@ def test_a_failure_is_kept_as_well() -> None:
 def test_another_session_of_the_robot_is_not_executed() -> None:
     robot = Robot()
     assert robot.receive(1, server=20) == Answer(11, ROBOT, 1, 0.0, WELCOME)
-    assert robot.receive(0, server=0) == Answer(11, ROBOT, 0, 0.0, WELCOME)
+    assert robot.receive(7, server=0) == Answer(11, ROBOT, 7, 0.0, WELCOME)
     assert robot.take_all() == [] and robot.server.dropped == {'another session': 1}
 
 

@@ -38,7 +38,7 @@ def test_the_bytes_of_an_answer() -> None:
 
 
 @pytest.mark.parametrize('data', [
-    b'', REQUEST_BYTES[:24], ANSWER_BYTES, REQUEST._replace(client=0).pack(), REQUEST._replace(server=0).pack(),
+    b'', REQUEST_BYTES[:24], ANSWER_BYTES, REQUEST._replace(client=0).pack(),
     REQUEST._replace(number=0).pack(), REQUEST._replace(data=bytes(MAX_SIZE + 1)).pack()])
 def test_no_request(data) -> None:
     assert unpack_request(data) is None

@@ -55,6 +55,7 @@ class CallClient:
         self._clock = ClockBound()      # of the robot
         self._retired: Deque[int] = collections.deque(maxlen=MAX_RETIRED)
         self._greeting = math.inf       # when it is due
+        self._greeted = 0               # its number, until it is answered; 0: there is none
 
     def __len__(self) -> int:
         """The number of calls in flight."""
@@ -91,7 +92,10 @@ class CallClient:
         self._expire(now)
         if self._greeting <= now:
             self._greeting = now + GREETING_PERIOD if self._calls and not self._server else math.inf
-            return Request(self.session, 0, 0, self._checksum, 0.0, b'').pack()
+            if not self._greeted:
+                self._last += 1
+                self._greeted = self._last
+            return Request(self.session, 0, self._greeted, self._checksum, 0.0, b'').pack()
         if not self._server:
             return None
         for number, call in self._calls.items():
@@ -118,6 +122,9 @@ class CallClient:
         elif answer.client != self.session or answer.server in self._retired:
             self.dropped['another session'] += 1
         elif answer.kind == WELCOME:
+            if answer.server != self._server and not self._answers_the_present(answer.number):
+                self.dropped['late'] += 1
+                return
             self._welcome(answer.server)
             self._clock.add(answer.clock, now)
         elif answer.number not in self._calls or self._calls[answer.number].server != answer.server:
@@ -134,9 +141,15 @@ class CallClient:
         """The robot does not take calls: those fail that were not sent to it."""
         self._end(lambda call: not call.server, reason + ': it was not called')
 
+    def _answers_the_present(self, number: int) -> bool:
+        """Whether an answer is to something that was sent after the present robot's node was known: then the node that
+        gave it is no former one, whose answer was held up."""
+        call = self._calls.get(number)
+        return not self._server or 0 < number == self._greeted or (call is not None and call.server == self._server)
+
     def _welcome(self, server: int) -> None:
         """The robot's node has this session: another one has lost the calls that it did not answer."""
-        self._greeting = math.inf
+        self._greeting, self._greeted = math.inf, 0
         if server == self._server:
             return
         if self._server:

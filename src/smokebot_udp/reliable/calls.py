@@ -11,7 +11,8 @@ often its request and its answer are lost, repeated or late:
 * A request says until when it may be executed, by the robot's clock, whose time is in each answer: after a cut nothing
   is executed for a caller who has given up.
 
-A client that does not know the robot's session asks for it with a request for session 0.
+A client that does not know the robot's session asks for it with a request for session 0. It believes in another session
+only if the answer is to such a question, or to a call, that it sent since it knows the present one.
 """
 import struct
 import zlib
@@ -56,7 +57,7 @@ class Request(NamedTuple):
     server: int
     """Session of the robot's node that may execute it; 0: it asks for the session."""
     number: int
-    """Of the call, from 1 on; 0: it asks for the session."""
+    """Of the call, or of the question for the session; from 1 on."""
     checksum: int
     """See type_checksum."""
     until: float
@@ -105,7 +106,7 @@ def unpack_request(data: bytes) -> Optional[Request]:
     if not _REQUEST_HEADER.size <= len(data) <= _REQUEST_HEADER.size + MAX_SIZE:
         return None
     kind, client, server, number, checksum, until = _REQUEST_HEADER.unpack_from(data)
-    if kind != _REQUEST or not client or bool(server) != bool(number):
+    if kind != _REQUEST or not client or not number:
         return None
     return Request(client, server, number, checksum, until / 1e6, data[_REQUEST_HEADER.size:])
 
