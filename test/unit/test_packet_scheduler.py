@@ -10,6 +10,7 @@ from smokebot_udp.congestion.packet_scheduler import (
     BURST_DURATION,
     CHUNK_DURATION,
     MAX_CATCH_UP,
+    MAX_DEBT,
     Chunk,
     PacketScheduler,
 )
@@ -166,3 +167,12 @@ def test_what_was_sent_at_a_tiny_share_does_not_block_a_stream_later() -> None:
     scheduler.set_share('map', 1000.0)
     left = [scheduler.take(0.3 + 0.1 * step).stream for step in range(20)]
     assert 9 <= left.count('picture') <= 11
+
+
+def test_what_was_sent_past_it_holds_up_the_rest_for_a_moment_only() -> None:
+    scheduler = PacketScheduler(rate=10000, burst=1000)
+    for step in range(100):
+        scheduler.charge(1000, 0.01 * step)         # ten times the rate
+    scheduler.put('a', None, [(1, 500)])
+    assert scheduler.wait(1.0) <= MAX_DEBT
+    assert scheduler.wait(1.0 + MAX_DEBT) == 0.0

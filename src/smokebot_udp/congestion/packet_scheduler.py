@@ -21,6 +21,10 @@ MAX_CATCH_UP = 0.02
 MIN_SHARE = 1.0
 """[byte/s]"""
 
+MAX_DEBT = 0.5
+"""What was sent past the scheduler holds up the rest for this long, at most: where the rate falls, or was estimated too
+low, that would be minutes otherwise [s]."""
+
 MAX_CHUNK_SIZE = 65507
 """What a kernel accepts at once [byte]."""
 
@@ -137,9 +141,11 @@ class PacketScheduler:
         return sum(count * size for flow in self._flows.values() for count, size in flow.remaining()) / self.rate
 
     def charge(self, size: int, now: float) -> None:
-        """Account for bytes sent past the scheduler."""
+        """Account for bytes sent past the scheduler. What waits here makes room for them, but for MAX_DEBT at most."""
         if self.rate is not None:
+            before = self._full_at
             self._spend(size, now, self.rate)
+            self._full_at = min(self._full_at, max(before, now + MAX_DEBT))
 
     def wait(self, now: float) -> float:
         """How long until something may leave [s]; infinite where nothing waits."""
