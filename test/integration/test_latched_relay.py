@@ -14,7 +14,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from reliable_pair import ReliablePair
 from waiting import stays, wait_for
 
-from smokebot_udp.nodes.reliable_relay import OperatorReliableRelay, RobotReliableRelay
+from smokebot_udp.nodes.reliable_relay import operator_relay, robot_relay
 from smokebot_udp.streams.config import load
 
 STREAM = """
@@ -42,8 +42,8 @@ class LatchedRelay(unittest.TestCase):
 
     def both(self, direction: str, source: str, sink: str) -> None:
         """Start both sides, and publish what is relayed."""
-        self.robot = self.start(RobotReliableRelay, direction, self.pair.robot)
-        self.start(OperatorReliableRelay, direction, self.pair.operator)
+        self.robot = self.start(robot_relay, direction, self.pair.robot)
+        self.start(operator_relay, direction, self.pair.operator)
         self.got: List[str] = []
         subscriber = rospy.Subscriber(sink, String, lambda message: self.got.append(message.data))
         self.publisher = rospy.Publisher(source, String, queue_size=1)
@@ -75,7 +75,7 @@ class LatchedRelay(unittest.TestCase):
         """The robot's node is another one now."""
         self.robot.close()
         self.pair.restart_robot()
-        self.robot = self.start(RobotReliableRelay, 'to_robot', self.pair.robot)
+        self.robot = self.start(robot_relay, 'to_robot', self.pair.robot)
         wait_for(lambda: self.pair.robot.reliable.peers() and self.pair.operator.reliable.peers(), what='the new robot')
 
 

@@ -25,7 +25,7 @@ LAYERS = {
 }
 """Each package, and the packages and modules below it that it may import."""
 
-EVERYWHERE = {'arrays', 'budget', 'checksum', 'image_error', 'transport', 'units'}
+EVERYWHERE = {'arrays', 'budget', 'checksum', 'image_error', 'serialised', 'transport', 'units'}
 PURE = {'codecs', 'congestion', 'mission', 'monitoring', 'reliable', 'simulation', 'streams', 'teleop'}
 """Packages without threads, sockets, topics or a clock."""
 

@@ -13,7 +13,7 @@ from actionlib_msgs.msg import GoalStatus
 
 from ..reliable.bounds import Bounds
 from ..streams.message_types import ActionTypes
-from .reliable_link import TO_OPERATOR, TO_ROBOT
+from .reliable_link import TO_OPERATOR, TO_ROBOT, Channel, ReliableLink
 
 MAX_BYTES = 1 << 20
 """Of what waits in a channel."""
@@ -38,6 +38,10 @@ class ChannelOptions(NamedTuple):
     type_name: str
     md5: str
     options: Dict[str, Any]
+
+    def open(self, link: ReliableLink, name: str, **callbacks: Any) -> Channel:
+        """Begin the channel."""
+        return link.channel(name, self.direction, self.type_name, self.md5, **self.options, **callbacks)
 
 
 def action_channels(types: ActionTypes, max_age: float) -> Dict[str, ChannelOptions]:

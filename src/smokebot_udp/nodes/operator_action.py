@@ -10,6 +10,7 @@ from actionlib_msgs.msg import GoalID, GoalStatus
 
 from ..mission.settings import SettingsStore
 from ..monitoring.stats import StreamStats
+from ..serialised import serialised
 from ..streams.action.goal_watch import GoalWatch
 from ..streams.action.missing_goals import MissingGoals
 from ..streams.frame_prefix import add_prefix, strip_prefix
@@ -19,12 +20,11 @@ from .common import operator_topic
 from .logging import log_error
 from .reliable_link import ReliableLink
 from .robot_action import QUEUE
-from .serialised import serialised
 from .way import OperatorWay
 from .worker import DeadlineWorker
 
 ANSWER_TIME = 2.0
-"""A goal of which nothing is heard for this time after `max_age` is lost [s]."""
+"""A goal is lost if no status shows it for this time after `max_age` [s]."""
 
 NOBODY = 'no robot is connected'
 
@@ -72,8 +72,7 @@ class OperatorAction:
                 callbacks: Dict[str, Any] = (
                     {'on_message': functools.partial(self._received, part, outputs[part])} if part in outputs else
                     {'on_joined': self._joined, 'on_unknown': self._lacks})
-                self._channels[part] = self._link.channel(
-                    self.name + part, channel.direction, channel.type_name, channel.md5, **channel.options, **callbacks)
+                self._channels[part] = channel.open(self._link, self.name + part, **callbacks)
             self._worker.start()
         self._subscribers = [
             rospy.Subscriber(self.topic + part, class_, callback, queue_size=QUEUE, tcp_nodelay=True)

@@ -14,6 +14,7 @@ from ..mission.parameters import live
 from ..mission.settings import Settings, SettingsStore
 from ..monitoring.stats import ConnectionStats, StreamStats
 from ..msg import Command
+from ..serialised import serialised
 from ..streams.command.parameters import OPERATOR
 from ..streams.message_types import message_class
 from ..streams.relay.parts import carried
@@ -25,7 +26,6 @@ from ..teleop.zero import is_zero
 from ..transport import Publisher
 from .common import operator_topic
 from .robot_command import COMMANDS
-from .serialised import serialised
 from .way import OperatorWay
 from .worker import DeadlineWorker
 

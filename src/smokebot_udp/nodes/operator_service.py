@@ -10,13 +10,13 @@ from ..mission.settings import SettingsStore
 from ..monitoring.stats import StreamStats
 from ..reliable.call_client import CallClient
 from ..reliable.calls import Outcome, type_checksum
+from ..serialised import serialised
 from ..streams.frame_prefix import add_prefix, strip_prefix
 from ..streams.message_types import service_class
 from .common import operator_topic
 from .logging import log_error
 from .reliable_link import TO_OPERATOR, TO_ROBOT, ReliableLink
-from .robot_service import BOUNDS, CALLS
-from .serialised import serialised
+from .robot_service import BOUNDS, calls_channel
 from .way import OperatorWay
 from .worker import DeadlineWorker
 
@@ -50,12 +50,11 @@ class OperatorService:
     def start(self) -> None:
         """Offer the service."""
         if self._refused is None:
-            self._requests = self._link.channel(
-                self.name, TO_ROBOT, CALLS, '', ordered=False, expedited=True,
-                bounds=BOUNDS._replace(age=self._client.timeout), on_joined=self._greet, on_unknown=self._unknown)
-            self._channels = [self._requests, self._link.channel(
-                self.name, TO_OPERATOR, CALLS, '', ordered=False, expedited=True, bounds=BOUNDS,
-                on_message=self._received)]
+            self._requests = calls_channel(
+                self._link, self.name, TO_ROBOT, BOUNDS._replace(age=self._client.timeout), on_joined=self._greet,
+                on_unknown=self._unknown)
+            self._channels = [self._requests, calls_channel(
+                self._link, self.name, TO_OPERATOR, on_message=self._received)]
             self._worker.start()
         self._service = rospy.Service(self.topic, self._class, self._call)
 

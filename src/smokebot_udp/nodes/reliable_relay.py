@@ -15,6 +15,7 @@ from ..monitoring.stats import StreamStats
 from ..reliable.bounds import Bounds
 from ..reliable.newest import Newest
 from ..reliable.packed import pack, unpack
+from ..serialised import serialised
 from ..streams import live_tables
 from ..streams.frame_prefix import add_prefix, strip_prefix
 from ..streams.message_types import message_class
@@ -22,7 +23,6 @@ from ..streams.relay.parameters import LEVELS, LOG, TO_OPERATOR, TO_ROBOT
 from ..streams.relay.transforms import QUEUE, TF_TYPES, TransformSet
 from .common import operator_topic
 from .reliable_link import Channel, ReliableLink
-from .serialised import serialised
 from .way import OperatorWay, RobotWay
 from .worker import PeriodicWorker
 
@@ -60,7 +60,7 @@ class ReliableRelay:
         self._on_robot = on_robot
         self._link, self._sends, self._direction = link, sends, settings['direction']
         self._class, self._latch = message_class(settings['message_type']), settings['latch']
-        # what the robot was told to do does get old, also where it is latched
+        # a message to the robot expires also where it is latched
         self._bounds = Bounds(settings['max_messages'], settings['max_bytes'], settings['max_age'],
                               keeps_last=self._latch and self._direction == TO_OPERATOR)
         self._channel: Optional[Channel] = None     # made by start()
@@ -153,7 +153,8 @@ class Source(ReliableRelay):
     def _wanted(self, source: str) -> bool:
         """Whether the messages of a node are relayed.
 
-        Where both sides share a master, a bad link of which an operator warns must not carry these warnings back to it.
+        Where both sides share a master, an operator's own log is not relayed back to it: its warnings of a bad link
+        would load that link.
         """
         return not self._is_log or source not in self._link.peers()
 
@@ -308,7 +309,7 @@ class Sink(ReliableRelay):
         self._published += 1
 
 
-def RobotReliableRelay(name: str, settings: Mapping[str, Any], way: RobotWay) -> ReliableRelay:  # noqa: N802
+def robot_relay(name: str, settings: Mapping[str, Any], way: RobotWay) -> ReliableRelay:
     """The robot's side of a relay."""
     topic = rospy.resolve_name(settings['robot_topic'])
     if settings['direction'] == TO_OPERATOR:
@@ -318,7 +319,7 @@ def RobotReliableRelay(name: str, settings: Mapping[str, Any], way: RobotWay) ->
     return Sink(name, settings, way.reliable, topic)
 
 
-def OperatorReliableRelay(name: str, settings: Mapping[str, Any], way: OperatorWay) -> ReliableRelay:  # noqa: N802
+def operator_relay(name: str, settings: Mapping[str, Any], way: OperatorWay) -> ReliableRelay:
     """The operator's side of a relay. Frames have the operator's prefix on its side only."""
     topic, prefix = operator_topic(settings['operator_topic']), way.frame_prefix
     if settings['direction'] == TO_OPERATOR:

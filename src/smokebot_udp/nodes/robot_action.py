@@ -9,12 +9,12 @@ from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 
 from ..mission.settings import SettingsStore
 from ..monitoring.stats import StreamStats
+from ..serialised import serialised
 from ..streams.action.throttle import Throttle
 from ..streams.message_types import action_types
 from .action_channels import CANCEL, PURSUED, action_channels, ended, read_request
 from .logging import log_error
 from .reliable_link import ReliableLink
-from .serialised import serialised
 from .way import RobotWay
 from .worker import DeadlineWorker
 
@@ -59,8 +59,7 @@ class RobotAction:
                             for part, class_ in (('/goal', types.goal), ('/cancel', types.cancel))}
         for part, channel in action_channels(types, self._max_age).items():
             callback: Dict[str, Any] = {'on_message': self._requested} if part == '/goal' else {}
-            self._channels[part] = self._link.channel(
-                self.name + part, channel.direction, channel.type_name, channel.md5, **channel.options, **callback)
+            self._channels[part] = channel.open(self._link, self.name + part, **callback)
         self._worker.start()
         self._control.subscribe(self._follow)
         self._subscribers = [

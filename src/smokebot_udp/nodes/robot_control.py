@@ -40,7 +40,7 @@ KEPT = '~estop_by'
 """Parameter with who engaged the emergency stop; empty: it is not engaged."""
 
 KEEP_PERIOD = 5.0
-"""A master that did not answer is told again after this time [s]."""
+"""Time until the parameter is set again where the master did not answer [s]."""
 
 AT_THE_ROBOT = 'somebody at the robot'
 """Who calls ~set_estop."""
@@ -69,7 +69,7 @@ class Standing(NamedTuple):
 
 
 class RobotControl:
-    """Serves requests and tells all operators who drives; lives as long as its node. Any thread may use it.
+    """Serves the requests of operators and sends them ControlStatus; lives as long as its node. Any thread may use it.
 
     :param outbox: whose rate pays for what is sent
     :param is_open: whether anybody could be an operator: they can engage the emergency stop, and nothing else

@@ -13,9 +13,9 @@ from ..monitoring.stats import StreamStats
 from ..reliable.bounds import Bounds
 from ..reliable.call_server import CallServer, Execution
 from ..reliable.calls import MAX_CALLS, MAX_TIMEOUT, Outcome, type_checksum
+from ..serialised import serialised
 from ..streams.message_types import service_class
-from .reliable_link import TO_OPERATOR, TO_ROBOT, ReliableLink
-from .serialised import serialised
+from .reliable_link import TO_OPERATOR, TO_ROBOT, Channel, ReliableLink
 from .way import RobotWay
 
 CALLS = 'service'
@@ -26,6 +26,11 @@ BOUNDS = Bounds(messages=2 * MAX_CALLS, bytes=4 << 20, age=MAX_TIMEOUT)
 
 RAISED = re.compile(r'service \[(?P<service>.*?)\] responded with an error: (?P<text>b.*)$', re.DOTALL)
 """rospy's words for what a service raised; the text is the repr() of bytes."""
+
+
+def calls_channel(link: ReliableLink, name: str, direction: str, bounds: Bounds = BOUNDS, **callbacks: Any) -> Channel:
+    """Begin one of a service stream's two channels."""
+    return link.channel(name, direction, CALLS, '', ordered=False, expedited=True, bounds=bounds, **callbacks)
 
 
 class RobotService:
@@ -51,10 +56,8 @@ class RobotService:
 
     def start(self) -> None:
         """Begin to take calls."""
-        self._answers = self._link.channel(self.name, TO_OPERATOR, CALLS, '', ordered=False, expedited=True,
-                                           bounds=BOUNDS)
-        self._channels = [self._answers, self._link.channel(
-            self.name, TO_ROBOT, CALLS, '', ordered=False, expedited=True, bounds=BOUNDS, on_message=self._received)]
+        self._answers = calls_channel(self._link, self.name, TO_OPERATOR)
+        self._channels = [self._answers, calls_channel(self._link, self.name, TO_ROBOT, on_message=self._received)]
 
     def stats(self) -> StreamStats:
         """What the stream did, for diagnostics."""

@@ -16,13 +16,13 @@ from .common import Parameters, start_streams
 from .outbox import Outbox
 from .way_back_policy import refused
 
-CLASSES = {
+MAKERS = {
     'command': ('robot_command.RobotCommand', 'operator_command.OperatorCommand'),
-    'relay': ('reliable_relay.RobotReliableRelay', 'reliable_relay.OperatorReliableRelay'),
+    'relay': ('reliable_relay.robot_relay', 'reliable_relay.operator_relay'),
     'service': ('robot_service.RobotService', 'operator_service.OperatorService'),
     'action': ('robot_action.RobotAction', 'operator_action.OperatorAction'),
 }
-"""{type of a stream: its class on the robot's side, and on the operator's}"""
+"""{type of a stream: what makes it on the robot's side, and on the operator's}"""
 
 ANSWERING = ('service', 'action')
 """Types whose streams are made also where they are refused, on the operator's side."""
@@ -58,7 +58,7 @@ class WayBack:
 
         def make_stream(name: str, settings: Dict[str, Any]) -> Any:
             why = {'refused': self.refused[name]} if name in self.refused else {}
-            return _class_of(settings['type'], side)(name, settings, way, **why)
+            return _maker_of(settings['type'], side)(name, settings, way, **why)
         self.streams: Dict[str, Any] = start_streams(wanted, make_stream, parameters.report)
         """{name: stream}, started"""
         if self._reliable is not None:
@@ -86,7 +86,7 @@ class WayBack:
         self._control.close()
 
 
-def _class_of(kind: str, side: str) -> Any:
-    """The class of a type's streams on one side."""
-    module, name = CLASSES[kind][0 if side == ROBOT else 1].split('.')
+def _maker_of(kind: str, side: str) -> Any:
+    """What makes a type's streams on one side."""
+    module, name = MAKERS[kind][0 if side == ROBOT else 1].split('.')
     return getattr(importlib.import_module('.' + module, __package__), name)

@@ -2,13 +2,13 @@
 """What the segments of all kinds have in common: a topic, a header, room for data, and fields that all segments of
 one message repeat (its head)."""
 import functools
-import io
 from types import SimpleNamespace
 from typing import Any, Iterable, Sequence, Tuple, Union
 
 import numpy as np
 
 from ..arrays import BoolArray, IntArray, Records, UInt8Array
+from ..serialised import serialised
 from ..udpros.datagram import IP_UDP_HEADERS, OVERHEAD
 from ..udpros.frame import Frame
 
@@ -40,9 +40,7 @@ def size_on_air(frames: Iterable[Frame]) -> int:
 @functools.lru_cache(maxsize=None)
 def _fixed_size(segment_class: Any) -> int:
     """Size of a serialised segment whose strings and arrays are empty [byte]."""
-    buffer = io.BytesIO()
-    segment_class().serialize(buffer)
-    return len(buffer.getvalue())
+    return len(serialised(segment_class()))
 
 
 def room(segment_class: Any, max_datagram_size: int, *texts: Union[str, bytes]) -> int:

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Settings of a command stream: an operator's commands, such as a Twist, which the robot obeys only while they are new.
 """
-import io
 from dataclasses import dataclass
 from typing import Any, Mapping, Optional
 
 from genpy.message import MessageException, SerializationError, fill_message_args
 
 from ...mission.parameters import Parameter
+from ...serialised import serialised
 from ..message_types import message_class
 
 STOP, NOTHING = 'stop', 'nothing'
@@ -72,7 +72,7 @@ def timeout_message(settings: Mapping[str, Any]) -> Optional[Any]:
         return None
     try:
         fill_message_args(message, [{} if value == STOP else value])
-        message.serialize(io.BytesIO())
+        serialised(message)
     except (MessageException, SerializationError, ValueError, TypeError, AttributeError) as error:
         raise ValueError('on_timeout is %r, must be stop, nothing, or fields of a %s: %s' % (
             value, settings['message_type'], error)) from None

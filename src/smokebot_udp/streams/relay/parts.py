@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Relayed messages as segments: any message is cut into datagrams that are numbered, and joined again."""
 import collections
-import io
 from typing import Any, Counter, Dict, Optional, OrderedDict, Tuple
 
 import numpy as np
 
 from ...checksum import typed_checksum
 from ...msg import RelaySegment
+from ...serialised import serialised
 from ...udpros.frame import Frame
 from ..segments import room
 
@@ -34,9 +34,7 @@ def relay_frame(message: Any, max_datagram_size: int) -> Frame:
     :param max_datagram_size: [byte of UDP payload]
     :raises ValueError: where it is longer than MAX_MESSAGE_SIZE, or than MAX_PARTS segments
     """
-    buffer = io.BytesIO()
-    message.serialize(buffer)
-    data = buffer.getvalue()
+    data = serialised(message)
     size = len(data)
     parts = max(1, -(-size // room(RelaySegment, max_datagram_size)))
     if size > MAX_MESSAGE_SIZE or parts > MAX_PARTS:
