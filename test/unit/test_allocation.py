@@ -62,6 +62,15 @@ def test_bandwidth_left_between_points_upgrades_others() -> None:
     assert costs(Allocator().allocate(700, demands, 0, 0.0)) == {'a': 500, 'b': 100}
 
 
+def test_every_stream_shows_something_before_another_keeps_more() -> None:
+    demands = {'a': Demand(points(130, 200), 1), 'b': Demand(points(130, 200), 1), 'c': Demand(points(100, 200), 1)}
+    allocator = Allocator()
+    allocator.allocate(383, {'b': demands['b'], 'c': demands['c']}, 0, 0.0)
+    for now in 1.0, 1.0 + UPGRADE_DELAY:    # each share is less than 130
+        grants = allocator.allocate(383, demands, 0, now)
+    assert costs(grants) == {'a': 130, 'b': 130, 'c': 100}
+
+
 def test_downgrades_are_immediate_and_upgrades_wait() -> None:
     allocator, demands = Allocator(), {'a': Demand(points(100, 300, 400), 1)}
 

@@ -3,8 +3,9 @@
 
 Protected streams are served first. Then each stream gets its min_bitrate; the rest is divided by weight, and what a
 stream cannot use goes to the others. A share buys the best operating point that it pays for; bandwidth left over
-between points upgrades others. Downgrades are immediate, because the link has no more. An upgrade needs a link
-that would pay for more than the next point, for some time, or for much more.
+between points buys the cheapest point of each stream whose share buys none, then upgrades others. Downgrades are
+immediate, because the link has no more. An upgrade needs a link that would pay for more than the next point, for some
+time, or for much more.
 """
 import math
 from dataclasses import dataclass
@@ -192,13 +193,16 @@ class Allocator:
         """{stream: index of the best point that the shares, and what they leave over, pay for; -1: none}"""
         points = {name: _affordable(demand, granted[name]) for name, demand in demands.items()}
         left = budget - math.fsum(_cost(demands[name], point) for name, point in points.items())
-        # a stream keeps its last point before another is upgraded
-        for name, demand in sorted(demands.items(), key=lambda item: (
-                self._points.get(item[0], -1) <= points[item[0]], -item[1].weight)):
-            if demand.weight > 0:
-                better = _affordable(demand, _cost(demand, points[name]) + left * (1 - 1e-9))
-                left -= _cost(demand, better) - _cost(demand, points[name])
-                points[name] = better
+        before, ends = self._points, {name: len(demand.points) - 1 for name, demand in demands.items()}
+        order = sorted((name for name in demands if demands[name].weight > 0), key=lambda name: -demands[name].weight)
+        # every stream shows something before another one keeps its last point, and keeps it before another is upgraded
+        for limits in {name: 0 for name in demands}, before, ends:
+            for name in order:
+                demand, point = demands[name], points[name]
+                better = min(limits.get(name, -1), _affordable(demand, _cost(demand, point) + left * (1 - 1e-9)))
+                if better > point:
+                    left -= _cost(demand, better) - _cost(demand, point)
+                    points[name] = better
         return points
 
     def _point(self, name: str, best: int, certain: int, delay: float, now: float) -> int:
