@@ -4,6 +4,7 @@
 import math
 import pathlib
 import sys
+import time
 import unittest
 from typing import Any, List
 
@@ -18,8 +19,11 @@ from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from waiting import Collector, give_time, ticks, wait_for
+from waiting import Collector, ticks, wait_for
 
+from smokebot_udp.simulation.robot import WATCHDOG
+
+TOUR_PAUSE = 3.0    # in driving.test [s]
 FORWARD, STILL = Twist(Vector3(0.4, 0, 0), Vector3()), Twist()
 
 
@@ -53,21 +57,38 @@ class Driving(unittest.TestCase):
     def stop(self) -> None:
         """A stop that is no longer in force: then a goal is accepted."""
         self.commands.publish(STILL)
-        give_time(0.7)
+        wait_for(lambda: 'outside' in self.refusal(), what='the end of the stop')
+
+    def refusal(self) -> str:
+        """Why a goal is refused that is outside of the building; where commands are in force, for that reason."""
+        self.client.send_goal(self.goal(99.0, 2.0))
+        self.assertTrue(self.client.wait_for_result(rospy.Duration(20)))
+        return str(self.client.get_goal_status_text())
 
     def goal(self, x: float, y: float, **more: Any) -> Any:
         return MoveBaseGoal(target_pose=pose(x, y, **more))
 
     def test_commands_are_obeyed_until_the_watchdog(self) -> None:
+        # a busy machine may deliver the first or the last one late
+        wait_for(lambda: abs(self.obeyed_beyond_the_commands() - WATCHDOG) < 0.2, 30, 'a motion that ends in time')
+        self.assertAlmostEqual(max(self.speeds()), 0.4, delta=0.01)
+
+    def obeyed_beyond_the_commands(self) -> float:
+        """How much longer the robot moves than from the first command to the last one [s]."""
         self.stop()
         self.odometry.clear()
+        sent = []
         for _ in zip(range(20), ticks(20.0)):
             self.commands.publish(FORWARD)
-        wait_for(lambda: abs(self.speeds()[-1]) < 1e-6, 5, 'the stop')
-        moving = sorted(stamp.to_sec() for stamp, message in dict(self.odometry.messages).items()
-                        if abs(message.twist.twist.linear.x) > 1e-6)
-        self.assertAlmostEqual(max(self.speeds()), 0.4, delta=0.01)
-        self.assertAlmostEqual(moving[-1] - moving[0], 0.95 + 0.5, delta=0.2)
+            sent.append(time.monotonic())
+        wait_for(lambda: self.moving() and abs(self.speeds()[-1]) < 1e-6, 10, 'motion and its end')
+        moving = self.moving()
+        return moving[-1] - moving[0] - (sent[-1] - sent[0])
+
+    def moving(self) -> List[float]:
+        """When the robot moved forward [s]."""
+        return sorted(stamp.to_sec() for stamp, message in dict(self.odometry.messages).items()
+                      if abs(message.twist.twist.linear.x) > 1e-6)
 
     def test_a_goal_is_reached_with_feedback(self) -> None:
         self.stop()
@@ -75,7 +96,7 @@ class Driving(unittest.TestCase):
         self.client.send_goal(self.goal(5.0, 7.0), feedback_cb=feedback.append)
         self.assertTrue(self.client.wait_for_result(rospy.Duration(60)))
         self.assertEqual(self.client.get_state(), GoalStatus.SUCCEEDED)
-        self.assertLess(math.dist(self.place(), (5.0, 7.0)), 0.05)
+        wait_for(lambda: math.dist(self.place(), (5.0, 7.0)) < 0.05, 5, 'the newest transform')
         self.assertGreater(len(feedback), 5)
         last = feedback[-1].base_position
         self.assertEqual(last.header.frame_id, 'map')
@@ -112,10 +133,11 @@ class Driving(unittest.TestCase):
         self.assertTrue(self.client.wait_for_result(rospy.Duration(10)))
         self.assertEqual((self.client.get_state(), self.client.get_goal_status_text()),
                          (GoalStatus.ABORTED, 'the goal is given up: it was driven by commands'))
-        self.commands.publish(STILL)
-        self.client.send_goal(self.goal(17.0, 7.0))
-        self.assertTrue(self.client.wait_for_result(rospy.Duration(10)))
-        self.assertEqual(self.client.get_goal_status_text(), 'the robot is driven by commands')
+
+        def refused() -> bool:
+            self.commands.publish(STILL)    # a goal may overtake it
+            return self.refusal() == 'the robot is driven by commands'
+        wait_for(refused, what='the refusal while commands are in force')
 
     def test_goals_that_are_none_are_refused_with_a_reason(self) -> None:
         self.stop()
@@ -130,12 +152,14 @@ class Driving(unittest.TestCase):
             self.assertIn(reason, self.client.get_goal_status_text())
 
     def test_the_tour_goes_on_after_the_pause(self) -> None:
-        self.stop()
         begun = rospy.Time.now()
-        self.odometry.clear()
-        wait_for(lambda: any(abs(message.twist.twist.angular.z) > 0.1 or abs(message.twist.twist.linear.x) > 0.1
-                             for message in dict(self.odometry.messages).values()), 20, 'motion')
-        self.assertGreater((rospy.Time.now() - begun).to_sec(), 1.5)
+        self.stop()
+        stands = rospy.Time.now()       # what was measured before may still be on its way
+
+        def moving() -> Any:
+            return min((stamp for stamp, message in dict(self.odometry.messages).items() if stamp > stands and
+                        max(abs(message.twist.twist.angular.z), abs(message.twist.twist.linear.x)) > 0.1), default=None)
+        self.assertGreater((wait_for(moving, what='motion') - begun).to_sec(), TOUR_PAUSE)
 
     def test_calls_are_counted(self) -> None:
         rospy.wait_for_service('/count', 20)

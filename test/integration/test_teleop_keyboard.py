@@ -21,7 +21,7 @@ from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from waiting import stays, wait_for
+from waiting import give_time, wait_for
 
 COLOURS_AND_MOVES = re.compile(r'\x1b\[[0-9]*[A-Za-z]|\r')
 
@@ -97,6 +97,13 @@ class TeleopKeyboard(unittest.TestCase):
         wait_for(subscriber.get_num_connections, what='the program')
         return found
 
+    @staticmethod
+    def comes_more(commands: List[Any], seconds: float) -> bool:
+        """Whether a command comes within this time."""
+        count = len(commands)
+        give_time(seconds)
+        return len(commands) > count
+
     def ended(self) -> None:
         """It has ended well, and the terminal is as before."""
         self.assertEqual(self.terminal.process.wait(20), 0)
@@ -105,13 +112,13 @@ class TeleopKeyboard(unittest.TestCase):
     def test_it_drives_stops_and_is_silent(self) -> None:
         commands = self.listen()
         self.terminal.type('i')
-        wait_for(lambda: (0.5, 0.0) in commands, 10, 'a command')
-        wait_for(lambda: commands.count((0.0, 0.0)) >= 5, 10, 'stops')
-        self.assertGreater(commands.count((0.5, 0.0)), 5)
+        # how many there are depends on how often the machine lets the program run: test_keyboard counts them
+        wait_for(lambda: commands.count((0.5, 0.0)) > 1, 10, 'commands')
+        wait_for(lambda: commands.count((0.0, 0.0)) > 1, 10, 'stops')
         wait_for(lambda: 'standing' in self.terminal.shown, what='the state')
-        wait_for(lambda: commands.count((0.0, 0.0)) >= 9, 10, 'the last stops')
-        count = len(commands)
-        stays(lambda: len(commands) <= count + 1, 1.0, 'silence')
+        wait_for(lambda: not self.comes_more(commands, 1.0), 10, 'silence')
+        driven = commands.count((0.5, 0.0))
+        self.assertEqual(commands, driven * [(0.5, 0.0)] + (len(commands) - driven) * [(0.0, 0.0)])
         self.terminal.type('qu')
         wait_for(lambda: (0.5 * 1.1, 1.1) in commands, 10, 'a faster command')
 
