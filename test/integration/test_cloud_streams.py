@@ -13,7 +13,7 @@ from sensor_msgs.msg import LaserScan, PointCloud2, PointField
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from streams_case import LOSSES, StreamsCase
-from waiting import Collector, give_time, stamps, wait_for
+from waiting import Collector, give_time, stamps, undisturbed, wait_for
 
 from smokebot_udp.codecs.perception.voxel import voxel_filter
 from smokebot_udp.codecs.wire.points import as_points
@@ -103,6 +103,7 @@ class CloudStreams(StreamsCase):
         self.assertEqual(*(sorted(np.frombuffer(shown.data, '<f4').reshape(-1, 4).tolist())
                            for shown in (packed, ordered)))
 
+    @undisturbed
     def test_through_loss_a_cloud_thins_evenly_at_the_sources_rate(self) -> None:
         points = self.lidar.scan((1.5, 7.0, 0.3), 1.0)
         whole = voxel_filter(xyz(cloud(points)), LEAF)[0]
