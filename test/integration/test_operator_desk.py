@@ -110,7 +110,9 @@ class Desk(unittest.TestCase):
             return 0
 
     def receivers(self) -> Dict[str, int]:
-        return {name: self.pid('/%s/operator_receiver' % name) for name in ROBOTS}
+        """{robot: process of its receiver}; empty: one does not answer."""
+        found = {name: self.pid('/%s/operator_receiver' % name) for name in ROBOTS}
+        return found if all(found.values()) else {}
 
     def end(self, number: int) -> None:
         """End roslaunch by a signal; nothing may be left."""
@@ -141,17 +143,17 @@ class Desk(unittest.TestCase):
         self.end(signal.SIGTERM)
 
     def test_what_is_killed_comes_again_and_disturbs_no_other_robot(self) -> None:
-        before = self.receivers()
+        before = wait_for(self.receivers, 60, 'the receivers')
         launch = psutil.Process(before['ugv1']).parent()
         os.kill(launch.pid, signal.SIGKILL)
         wait_for(lambda: self.pid('/ugv1/operator_receiver') not in (0, before['ugv1']), 60, 'the next receiver')
         self.receive('ugv1')
-        after = self.receivers()
+        after = wait_for(self.receivers, 60, 'the receivers')
         self.assertEqual(after['ugv2'], before['ugv2'])
         self.assertNotIn(before['ugv1'], family(self.desk.mark))
-        os.kill(self.pid('/operator_desk'), signal.SIGKILL)
+        os.kill(wait_for(lambda: self.pid('/operator_desk'), 60, 'the desk'), signal.SIGKILL)
         wait_for(lambda: not set(after.values()) & set(family(self.desk.mark)), 60, 'the end of the receivers')
-        wait_for(lambda: all(self.receivers().values()), 60, 'the next receivers')
+        wait_for(self.receivers, 60, 'the next receivers')
         for name in ROBOTS:
             self.receive(name)
         self.end(signal.SIGHUP)

@@ -187,7 +187,7 @@ class Operators(unittest.TestCase):
 
     def test_zz_a_further_one_of_the_same_name_waits(self) -> None:
         """And it takes over when the first has ended: nobody is in each other's way."""
-        first = pid_of('/operator_receiver')
+        first = wait_for(lambda: pid_of('/operator_receiver'), what='the first one')
         streams = str(pathlib.Path(__file__).resolve().parent / 'operators.yaml')
         third = subprocess.Popen(['rosrun', 'smokebot_udp', 'operator_receiver', '_streams_file:=' + streams],
                                  stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True)
@@ -198,9 +198,8 @@ class Operators(unittest.TestCase):
         self.assertIn('operator.launch name:=desk2', line)
         self.assertEqual(pid_of('/operator_receiver'), first)
         for _ in range(2):      # the respawned first one and the third: who comes first stays, the other one waits
-            os.kill(pid_of('/operator_receiver'), signal.SIGKILL)
-            wait_for(lambda old=first: pid_of('/operator_receiver') not in (0, old), 20, 'the next one')
-            first = pid_of('/operator_receiver')
+            os.kill(first, signal.SIGKILL)
+            first = wait_for(lambda old=first: {pid_of('/operator_receiver')} - {0, old}, 60, 'the next one').pop()
             out = self.collectors['', 'thermal/image_raw']
             out.clear()
             wait_for(lambda out=out: len(out.messages) > 20, 30, 'its images')

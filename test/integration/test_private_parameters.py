@@ -97,7 +97,7 @@ class PrivateParameters(unittest.TestCase):
 
     def test_respawned_nodes_have_those_of_their_launch_file(self) -> None:
         self.check_streams()
-        pids = {node: self.pid(node) for node in (ROBOT, OPERATOR)}
+        pids = {node: wait_for(lambda node=node: self.pid(node), what=node) for node in (ROBOT, OPERATOR)}
         for pid in pids.values():
             os.kill(pid, signal.SIGKILL)
         self.master.restart()

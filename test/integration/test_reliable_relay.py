@@ -140,7 +140,7 @@ class ReliableRelay(unittest.TestCase):
         wait_for(lambda: self.plans.messages[-1].data == 'second', what='the latched message')
         plans = len(self.plans.messages)
         self.send(100)
-        pid = operator_pid()
+        pid = wait_for(operator_pid, START, 'operator_receiver')
         os.kill(pid, signal.SIGKILL)
         wait_for(lambda: operator_pid() not in (0, pid), START, 'operator_receiver')
         wait_for(lambda: len(self.plans.messages) > plans, START, 'the latched message')
@@ -154,7 +154,7 @@ class ReliableRelay(unittest.TestCase):
     def test_at_a_cut_messages_are_given_up_and_that_is_said_once(self) -> None:
         beats = rospy.Timer(rospy.Duration(0.1), lambda _: self.beat.publish('beat'))
         wait_for(lambda: self.beats.messages, what='a message')
-        pid = operator_pid()
+        pid = wait_for(operator_pid, START, 'operator_receiver')
         os.kill(pid, signal.SIGSTOP)
         try:
             wait_for(self.said, what='a warning')

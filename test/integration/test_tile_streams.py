@@ -187,7 +187,7 @@ class TileStreams(unittest.TestCase):
             return max(message.data)
         self.quiet()
         wait_for(lambda: oldest() <= 3, PATIENCE, 'ages of a map that is confirmed')
-        pid = node_pid(ROBOT)
+        pid = wait_for(lambda: node_pid(ROBOT), what=ROBOT)
         os.kill(pid, signal.SIGSTOP)
         try:
             wait_for(lambda: oldest() >= 8, PATIENCE, 'ages of a map that nothing confirms')

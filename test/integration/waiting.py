@@ -128,7 +128,10 @@ def undisturbed(test: Callable[[Any], None]) -> Callable[[Any], None]:
 
 
 def pid_at(uri: str) -> int:
-    """The process id of the node at a URI; 0: there is no node, or it does not answer."""
+    """The process id of the node at a URI; 0: there is no node, or it does not answer.
+
+    Not for os.kill before it has answered: there 0 means the caller's own group.
+    """
     try:
         with xmlrpc.client.ServerProxy(uri or 'http://localhost:1') as proxy:
             node: Any = proxy
