@@ -19,7 +19,7 @@ from sensor_msgs.msg import CameraInfo, Image
 from skimage.metrics import peak_signal_noise_ratio
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from waiting import Collector, wait_for
+from waiting import Collector, undisturbed, wait_for
 
 from smokebot_udp.codecs.wire.pixels import as_pixels
 
@@ -94,6 +94,7 @@ class Demo(unittest.TestCase):
                 entry = next(part for part in segments if part.startswith('/smokebot_udp/%s/segments' % name))
                 self.assertIn('transport: UDPROS', entry)
 
+    @undisturbed
     def test_rate_and_enabled_take_effect_while_it_runs(self) -> None:
         client = Client('/robot_sender/thermal', timeout=10)
         client.update_configuration({'rate': 2.0})

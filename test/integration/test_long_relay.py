@@ -17,7 +17,7 @@ from sensor_msgs.msg import CompressedImage, Image
 from smokebot_udp.msg import LinkStatus
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from waiting import Collector, stamps, wait_for
+from waiting import Collector, stamps, undisturbed, wait_for
 
 JPEG = 117000       # bytes
 FAIR_RATE = 30.0    # the robot's rate after FAIR_TIME, at least [Mbit/s]
@@ -56,10 +56,12 @@ class LongRelay(unittest.TestCase):
                 image.header.stamp = stamp
                 self.front.publish(image)
 
+    @undisturbed
     def test_both_streams_live_from_the_beginning(self) -> None:
         source = threading.Thread(target=self.publish, args=(200,), daemon=True)
         began = time.monotonic()
         source.start()
+        self.addCleanup(source.join)
         for collector, what in ((self.shown, 'an image'), (self.relayed, 'a relayed message')):
             wait_for(lambda collector=collector: len(collector.messages) >= 3, 5.0, what)
         wait_for(lambda: self.rates[-1] >= FAIR_RATE, FAIR_TIME, 'a rate of %g Mbit/s' % FAIR_RATE)

@@ -17,7 +17,7 @@ from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from reliable_pair import ReliablePair
-from waiting import stays, wait_for
+from waiting import stays, undisturbed, wait_for
 
 from smokebot_udp.nodes.operator_service import OperatorService
 from smokebot_udp.nodes.robot_service import RobotService
@@ -159,6 +159,7 @@ class ServiceStreams(unittest.TestCase):
         pair.end_robot()
         self.fails(call, 'the service was not called')
 
+    @undisturbed
     def test_a_service_that_hangs_delays_no_other(self) -> None:
         ended = threading.Event()
         self.addCleanup(ended.set)

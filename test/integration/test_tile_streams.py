@@ -17,7 +17,7 @@ import rostest
 from nav_msgs.msg import OccupancyGrid
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from waiting import Collector, errors_logged, give_time, pid_at, wait_for
+from waiting import Collector, errors_logged, give_time, pid_at, undisturbed, wait_for
 
 from smokebot_udp import udpros
 from smokebot_udp.msg import LinkReport, MapTile
@@ -124,6 +124,7 @@ class TileStreams(unittest.TestCase):
         message = max(self.out.messages.values(), key=lambda found: found.header.stamp)
         self.assertEqual((message.header.frame_id, message.info.resolution), ('map', RESOLUTION))
 
+    @undisturbed
     def test_small_changes_are_shown_soon(self) -> None:
         cells, random = building(600, 800), np.random.RandomState(2)
         times = []

@@ -16,7 +16,7 @@ import rostest
 from sensor_msgs.msg import Image
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from waiting import Collector, give_time, ticks, wait_for
+from waiting import Collector, give_time, ticks, undisturbed, wait_for
 
 from smokebot_udp.msg import LinkStatus
 
@@ -59,12 +59,15 @@ class TwoOperators(unittest.TestCase):
         give_time(seconds)
         return sum(when >= begun for when in list(self.first.arrivals.values())) / seconds
 
+    @undisturbed
     def test_a_second_operator_costs_the_first_one_nothing(self) -> None:
         self.first.wait_connected()
         wait_for(lambda: self.links and self.links[-1][1].rate > 0.9 * MAX_RATE, 60, 'the full rate')
         alone = self.received(4.0)
+        self.second.clear()
         second = subprocess.Popen(['rosrun', 'smokebot_udp', 'operator_receiver', '__name:=operator2', '_loss:=0.5',
                                    '_streams_file:=%s' % STREAMS, '%s:=%s' % (FIRST, SECOND)])
+        self.addCleanup(second.wait, 10)
         self.addCleanup(second.kill)
         begun = time.monotonic()
         wait_for(lambda: len(self.second.messages) > 20, 60, 'the second operator')
