@@ -179,11 +179,11 @@ def test_an_operator_with_a_slower_link_gets_a_part(make) -> None:
 
 
 def test_what_is_sent_besides_is_charged(make) -> None:
-    scheduler = PacketScheduler(1e5, 1000)
+    scheduler = PacketScheduler(1e3, 1000)
     outbox = make(scheduler, overhead=16)
     outbox.charge(2, 200)
     assert outbox.protected == 200 + 2 * (28 + 16)
     outbox.change(lambda used: used.put('stream', ('stream', None, ()), [(1, 1000)]))
     waits = []
     outbox.change(lambda used: waits.append(used.wait(time.monotonic())))
-    assert 0 < waits[0] <= 288 / 1e5
+    assert 0 < waits[0] <= 288 / 1e3      # less what has passed meanwhile

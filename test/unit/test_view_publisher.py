@@ -86,24 +86,27 @@ def test_no_data_yet(publisher) -> None:
 
 
 def test_a_picture_comes_out_at_once_and_grows_old(publisher) -> None:
-    views = publisher(old_after=0.2, frozen_after=0.4)
-    source = header()
+    views = publisher(old_after=1.0, frozen_after=2.0)
+    source, began = header(), time.monotonic()
     views.show(PICTURE, 'mono16', source, 1.0, 100.1)
     at = FakePublisher.made.wait_for_frame()
-    began, first = FakePublisher.made.sent[at]
+    _, first = FakePublisher.made.sent[at]
     assert state(first) == FRESH and first.header.frame_id == 'thermal' and first.header is not source
-    sent = FakePublisher.made.wait_for(at + 9)[at + 1:]
+    wait_for(lambda: state(FakePublisher.made.sent[-1][1]) == FROZEN)
+    sent = FakePublisher.made.sent[at + 1:]
     states = [state(message) for _, message in sent]
-    assert states[0] == OLD and states[-1] == FROZEN and states == sorted(states, reverse=True)
-    assert sent[0][0] - began > 0.15
+    assert states[0] == OLD and states == sorted(states, reverse=True)
+    assert sent[0][0] - began >= 1.0
     assert all(message.header.stamp == source.stamp for _, message in sent)
 
 
 def test_it_grows_old_from_the_age_at_which_it_came(publisher) -> None:
-    views = publisher(old_after=0.2, frozen_after=0.8)
-    views.show(PICTURE, 'mono16', header(), 1.0, 100.7)
+    views, began = publisher(old_after=0.2, frozen_after=9.0), time.monotonic()
+    views.show(PICTURE, 'mono16', header(), 1.0, 108.0)
     at = FakePublisher.made.wait_for_frame()
-    assert [state(message) for _, message in FakePublisher.made.wait_for(at + 2)[at:at + 2]] == [OLD, FROZEN]
+    wait_for(lambda: state(FakePublisher.made.sent[-1][1]) == FROZEN)
+    frozen = next(when for when, message in FakePublisher.made.sent[at:] if state(message) == FROZEN)
+    assert state(FakePublisher.made.sent[at][1]) == OLD and 1.0 <= frozen - began < 8.0
 
 
 def test_a_stream_that_runs_is_published_once_each(publisher) -> None:
@@ -134,7 +137,7 @@ def test_a_slow_viewer_does_not_hold_up_who_shows(publisher, monkeypatch) -> Non
 @pytest.mark.parametrize('offset, now, expected', [(5.0, 95.1, FRESH), (0.0, 95.1, OLD), (-3.0, 103.1, FRESH),
                                                    (0.0, 103.1, FROZEN)])
 def test_the_robots_clock(publisher, offset, now, expected) -> None:
-    views = publisher(offset=offset)
+    views = publisher(offset=offset, old_after=1.9)
     views.show(np.uint8([[7]]), 'mono8', header(), 1.0, now)
     assert state(FakePublisher.made.sent[FakePublisher.made.wait_for_frame()][1]) == expected
 
