@@ -126,7 +126,7 @@ def test_a_slow_viewer_does_not_hold_up_who_shows(publisher, monkeypatch) -> Non
     for turn in range(3):
         began = time.monotonic()
         views.show(PICTURE, 'mono16', header(100.0 + turn), 1.0, 100.1 + turn)
-        assert time.monotonic() - began < 1.0
+        assert time.monotonic() - began < 5.0       # and not until it is drawn
         assert drawing.wait(10)
     go.set()
     wait_for(lambda: FakePublisher.made.sent and FakePublisher.made.sent[-1][1].header.stamp.to_sec() == 102)
