@@ -5,6 +5,7 @@ import itertools
 import pathlib
 import re
 import sys
+import threading
 import unittest
 import xmlrpc.client
 from typing import Any
@@ -18,7 +19,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Image
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from waiting import Collector, errors_logged, stamps, wait_for
+from waiting import Collector, errors_logged, give_time, stamps, wait_for
 
 from smokebot_udp import udpros
 from smokebot_udp.codecs.display.view import COLOURS, FRESH, FROZEN, OLD
@@ -41,6 +42,33 @@ def fragments() -> Any:
     """IPv4 packets that this host has cut in fragments so far."""
     names, values = re.findall(r'^Ip: (.*)$', pathlib.Path('/proc/net/snmp').read_text(), re.MULTILINE)
     return int(dict(zip(names.split(), values.split()))['FragCreates'])
+
+
+class Wheels(threading.Thread):
+    """Publishes odometry to the receiver at 50 %, at a rate of its own, as a base does. It stands at first."""
+
+    def __init__(self) -> None:
+        super().__init__(daemon=True)
+        self.speed = 0.0
+        self._publisher = rospy.Publisher('/loss50/operator/odom', Odometry, queue_size=1)
+        self._ended = threading.Event()
+
+    def wait_connected(self) -> None:
+        """Wait for the receiver, and start."""
+        wait_for(self._publisher.get_num_connections, what='the receiver')
+        self.start()
+
+    def run(self) -> None:
+        message = Odometry()
+        while not self._ended.wait(0.05):
+            message.twist.twist.linear.x = self.speed
+            self._publisher.publish(message)
+
+    def stop(self) -> None:
+        self._ended.set()
+        if self.is_alive():
+            self.join()
+        self._publisher.unregister()
 
 
 class ImageStreams(unittest.TestCase):
@@ -169,16 +197,17 @@ class ImageStreams(unittest.TestCase):
             self.assertLess(right[~came].mean(), 0.01)
 
     def test_a_standing_robots_picture_fills_in_and_a_moving_ones_is_new(self) -> None:
-        odometry = rospy.Publisher('/operator/odom', Odometry, queue_size=1)
-        wait_for(odometry.get_num_connections, what='the receivers')
+        odometry = Wheels()
+        self.addCleanup(odometry.stop)
+        odometry.wait_connected()
         here, there = (np.random.RandomState(seed).randint(7000, 9000, (480, 640)).astype(np.uint16) for seed in (1, 2))
         shares = []
         for k, stamp in enumerate(self.due(26, 10.0)):
-            stands = k < 24
-            message = Odometry()
-            message.twist.twist.linear.x = 0.0 if stands else 0.5
-            odometry.publish(message)
-            picture = here if stands else there
+            if k == 24:
+                odometry.speed = 0.5
+                give_time(0.5)      # nothing announces that the receiver knows it
+                stamp = rospy.Time.now()
+            picture = here if k < 24 else there
             self.source.publish(image(picture.tobytes(), 480, 640, 'mono16', stamp))
             shares.append((stamp, picture))
         got = self.out[50].messages
