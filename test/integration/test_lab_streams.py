@@ -17,7 +17,7 @@ import yaml
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
-from waiting import give_time
+from waiting import give_time, undisturbed
 
 from evaluation import TOP
 from evaluation.link_run import ATTEMPTS, MAX_LATENESS
@@ -136,6 +136,7 @@ class LabStreams(unittest.TestCase):
                 break
         return found, self.sources.heard[published:]
 
+    @undisturbed
     def test_rates_and_completeness_follow_from_the_loss(self) -> None:
         # all is sent: the rate does not wait for what the operator reports
         self.restart('robot', PERFECT, '_adapt:=false', but=UNCHANGED)

@@ -13,7 +13,7 @@ import yaml
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
-from waiting import give_time  # it reports skipped tests, too
+from waiting import give_time, undisturbed  # it reports skipped tests, too
 
 from evaluation import TOP
 from evaluation.hostile_link import REFUSALS, HostileLink
@@ -107,6 +107,7 @@ class LinkLab(unittest.TestCase):
             self.assertEqual((wall.tried(), wall.counts()['refused']), ([], 0), side)
             self.assertGreater(wall.counts()['passed'], 1000, side)
 
+    @undisturbed
     def test_a_stranger_changes_nothing(self) -> None:
         link = make_stack(self, HostileLink, self.folder, 40000, 10000.0, 1000)
         phases = {phase.name: phase for phase in link.phases()}
@@ -123,6 +124,7 @@ class LinkLab(unittest.TestCase):
             self.assertLessEqual(reasons, set(phases[name].dropped), name)
         self.assertEqual(phases['half-open handshakes'].sent['INIT'], 1000)
 
+    @undisturbed
     def test_a_bad_link_to_one_robot_leaves_the_other_as_it_was(self) -> None:
         two = make_stack(self, TwoRobots, 7, self.folder / 'nodes.log', self.key())
         topics = {name: '/%s%s' % (name, TOPICS['thermal']) for name in NAMES}
