@@ -10,7 +10,7 @@ from typing import Any, Dict, List
 from test_udpros_master import OwnMaster
 from waiting import pid_at
 
-END_TIMEOUT = 30.0
+END_TIMEOUT = 60.0
 """[s]"""
 
 

@@ -31,7 +31,7 @@ from smokebot_udp.nodes.robot_action import RobotAction
 
 MOVE_BASE = {'action_type': 'move_base_msgs/MoveBaseAction', 'robot_action': '/move_base',
              'operator_action': '/operator/move_base', 'max_age': 1.0, 'feedback_rate': 10.0}
-TIMEOUT = rospy.Duration(20)
+TIMEOUT = rospy.Duration(60)
 
 
 class Server:

@@ -63,7 +63,7 @@ class Demo(unittest.TestCase):
     def lost(self, name: str) -> float:
         """The loss of a stream as the operator's diagnostics say [%]."""
         def found() -> Any:
-            for status in rospy.wait_for_message('/diagnostics', DiagnosticArray, 20).status:
+            for status in rospy.wait_for_message('/diagnostics', DiagnosticArray, 60).status:
                 values = {one.key: one.value for one in status.values}
                 if status.name == 'operator_receiver: ' + name and 'loss [%]' in values:
                     return values['loss [%]']
@@ -96,7 +96,7 @@ class Demo(unittest.TestCase):
 
     @undisturbed
     def test_rate_and_enabled_take_effect_while_it_runs(self) -> None:
-        client = Client('/robot_sender/thermal', timeout=10)
+        client = Client('/robot_sender/thermal', timeout=60)
         client.update_configuration({'rate': 2.0})
         self.addCleanup(client.update_configuration, {'rate': 10.0, 'enabled': True})
         pairs = self.pairs('thermal', 6)
@@ -124,7 +124,7 @@ class Demo(unittest.TestCase):
             file.flush()
             demo = subprocess.run(
                 ['roslaunch', '-p', str(port), 'smokebot_udp', 'demo.launch', 'rviz:=false', 'streams:=' + file.name,
-                 *arguments], timeout=150, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                 *arguments], timeout=300, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                 env={**os.environ, 'ROS_MASTER_URI': 'http://localhost:%d' % port})
         text = demo.stdout.decode()
         self.assertEqual(demo.returncode, 0, text)

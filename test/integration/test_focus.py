@@ -87,7 +87,7 @@ class Focus(StreamsCase):
         cls.out['odom'] = Collector('/operator/odom', Odometry)
         cls.status = Collector('/operator/status', RobotStatus)
         for service in ('/robot_sender/set_focus', '/operator_receiver/set_focus'):
-            rospy.wait_for_service(service, 20)
+            rospy.wait_for_service(service, 60)
         cls.sources.start()
         cls.listen()
         for collector in cls.out.values():

@@ -27,7 +27,7 @@ from smokebot_udp.srv import SetFocus
 
 STREAMS = pathlib.Path(__file__).resolve().parent / 'link_streams.yaml'
 ROBOT, OPERATOR = '/robot_sender', '/operator_receiver'
-START = 40.0
+START = 60.0
 """For nodes to start on a busy machine [s]."""
 
 

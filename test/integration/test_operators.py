@@ -170,7 +170,7 @@ class Operators(unittest.TestCase):
             for thread in threads:
                 thread.start()
             for thread in threads:
-                thread.join(15)
+                thread.join(60)
             self.assertEqual(set(answers), set(OPERATORS))
             give_time(1.0)      # what would go on switching would do so now
             log.unregister()

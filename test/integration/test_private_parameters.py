@@ -45,7 +45,7 @@ class PrivateParameters(unittest.TestCase):
     @classmethod
     def launch(cls, *arguments: str) -> None:
         process = subprocess.Popen(['roslaunch', 'smokebot_udp', *arguments])
-        cls.addClassCleanup(process.wait, 30)
+        cls.addClassCleanup(process.wait, 60)
         cls.addClassCleanup(process.send_signal, signal.SIGINT)
 
     @classmethod
@@ -59,7 +59,7 @@ class PrivateParameters(unittest.TestCase):
 
     def dynamic_reconfigure(self, part: str, name: str, value: str) -> None:
         subprocess.run(['rosrun', 'dynamic_reconfigure', 'dynparam', 'set', part, name, value], check=True,
-                       stdout=subprocess.DEVNULL, timeout=30)
+                       stdout=subprocess.DEVNULL, timeout=60)
 
     def check_streams(self) -> None:
         """The nodes have the streams of their file, and no others."""

@@ -160,7 +160,7 @@ class Peers(unittest.TestCase):
         wait_for(lambda: by_udp, what='the latched message by UDPROS')
         self.assertEqual(by_udp[0].data, 'kept')
         self.assertEqual(by_udp[0]._connection_header['latching'], '1')
-        self.assertIn(b'kept', echo.communicate(timeout=20)[0])
+        self.assertIn(b'kept', echo.communicate(timeout=60)[0])
         self.check_crossing(publisher, relayed, 'to all')
         wait_for(lambda: by_udp[-1].data == 'to all', what='the other subscriber')
         for topic in [publisher] + subscribers:
@@ -247,7 +247,7 @@ class Peers(unittest.TestCase):
             hz = subprocess.Popen(['rostopic', 'hz', '/tools'], stdout=subprocess.PIPE)
             bandwidth = subprocess.Popen(['rostopic', 'bw', '/tools'], stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
             self.addCleanup(end, [hz, bandwidth])
-            said = {name: process.communicate(timeout=30)[0].decode() for name, process in out.items()}
+            said = {name: process.communicate(timeout=60)[0].decode() for name, process in out.items()}
             self.assertIn(NODE, said['info'])
             self.assertEqual(said['echo'].count('frame_id: "t"'), 3)
             self.assertIn('UDPROS', said['node'][said['node'].index('/tools'):])
