@@ -206,7 +206,6 @@ class ImageStreams(unittest.TestCase):
             if k == 24:
                 odometry.speed = 0.5
                 give_time(0.5)      # nothing announces that the receiver knows it
-                stamp = rospy.Time.now()
             picture = here if k < 24 else there
             self.source.publish(image(picture.tobytes(), 480, 640, 'mono16', stamp))
             shares.append((stamp, picture))
