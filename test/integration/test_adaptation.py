@@ -82,7 +82,7 @@ class Adaptation(unittest.TestCase):
         self.wait(lambda mean: mean <= 1.3 * rate, 10.0, 'not above what the link carries')
         self.wait(lambda mean: mean >= 0.6 * rate, 15.0, 'most of what the link carries')
 
-    @undisturbed
+    @undisturbed()
     def test_the_rate_follows_the_link_down_and_up_and_something_of_all_keeps_coming(self) -> None:
         self.wait(lambda mean: mean >= 3.0, 15.0, 'a good link is used')
         for rate in (1.0, 0.3):
@@ -94,7 +94,7 @@ class Adaptation(unittest.TestCase):
         # what had to wait comes again
         self.assertIn(CLOUDS, self.operator.first([CLOUDS], 20.0))
 
-    @undisturbed
+    @undisturbed()
     def test_without_reports_the_rate_falls_to_its_floor_and_diagnostics_say_so(self) -> None:
         self.wait(lambda mean: mean >= 3.0, 15.0, 'a good link is used')
         self.link(5.0, operator={'loss': 1.0})
@@ -107,7 +107,7 @@ class Adaptation(unittest.TestCase):
         self.link(5.0)
         self.wait(lambda mean: mean >= 3.0, 20.0, 'once reports come again')
 
-    @undisturbed
+    @undisturbed()
     def test_forged_reports_change_nothing(self) -> None:
         self.wait(lambda mean: mean >= 3.0, 15.0, 'a good link is used')
         forger = self.stack.start('operator', sys.executable, str(FORGER))

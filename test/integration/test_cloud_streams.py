@@ -103,7 +103,7 @@ class CloudStreams(StreamsCase):
         self.assertEqual(*(sorted(np.frombuffer(shown.data, '<f4').reshape(-1, 4).tolist())
                            for shown in (packed, ordered)))
 
-    @undisturbed
+    @undisturbed()
     def test_through_loss_a_cloud_thins_evenly_at_the_sources_rate(self) -> None:
         points = self.lidar.scan((1.5, 7.0, 0.3), 1.0)
         whole = voxel_filter(xyz(cloud(points)), LEAF)[0]

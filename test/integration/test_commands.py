@@ -66,7 +66,7 @@ class Commands(CommandsCase):
         wait_for(lambda: self.speeds(self.driver)[-1][1] == 0.0 and
                  time.monotonic() - self.driver.came[-1].when > 3 / RATE + SLACK, 10, 'silence')
 
-    @undisturbed
+    @undisturbed()
     def test_the_robot_is_silent_before_the_first_command_and_after_the_stop(self) -> None:
         self.assertEqual(self.before, (0, 0))
         last = self.drive(0.5)
@@ -83,7 +83,7 @@ class Commands(CommandsCase):
         self.driver.clear()
         stays(lambda: not self.driver.came, 1.0, 'silence')
 
-    @undisturbed
+    @undisturbed()
     def test_on_timeout_may_be_any_message_and_has_a_stamp(self) -> None:
         message = TwistStamped()
         message.twist.linear.x = 0.1
@@ -94,7 +94,7 @@ class Commands(CommandsCase):
         wait_for(lambda: self.arm.came[-1].message.twist.angular.z == 0.25, 5, 'on_timeout')
         self.assertLess(abs((rospy.Time.now() - self.arm.came[-1].message.header.stamp).to_sec()), 1.0)
 
-    @undisturbed
+    @undisturbed()
     def test_the_robot_stops_when_its_operator_is_not_heard(self) -> None:
         pid = wait_for(lambda: self.desk.pid('/operator_receiver'), START, 'the operator')
         with Drive(self.stick, twist(0.4)):
@@ -122,7 +122,7 @@ class Commands(CommandsCase):
         os.kill(pid, signal.SIGCONT)
         stays(lambda: not any(speed for _, speed in self.speeds(self.driver)), 1.0, 'the stop')
 
-    @undisturbed
+    @undisturbed()
     def test_the_robot_stops_when_the_operators_node_is_killed(self) -> None:
         pid = wait_for(lambda: self.desk.pid('/operator_receiver'), START, 'the operator')
         with Drive(self.stick, twist(0.3)):
@@ -136,7 +136,7 @@ class Commands(CommandsCase):
             wait_for(lambda: any(speed == 0.3 for _, speed in self.speeds(self.driver)), START, 'a fresh command')
         wait_for(self.button.get_num_connections, START, 'the operator')
 
-    @undisturbed
+    @undisturbed()
     def test_a_second_operator_waits_takes_over_and_gives_back(self) -> None:
         desk2 = self.start_desk('name:=desk2')
         self.addCleanup(self.desk.stop, desk2)
@@ -169,7 +169,7 @@ class Commands(CommandsCase):
     def engaged(self) -> bool:
         return bool(self.estop.came and self.estop.came[-1].message.data)
 
-    @undisturbed
+    @undisturbed()
     def test_the_emergency_stop_stays_until_it_is_released(self) -> None:
         stop = rospy.ServiceProxy('/operator_receiver/estop', SetBool)
         self.addCleanup(stop, False)
@@ -223,7 +223,7 @@ class Commands(CommandsCase):
         wait_for(lambda: any('must be geometry_msgs/TwistStamped' in status.message for status in statuses), 30,
                  'the problem')
 
-    @undisturbed
+    @undisturbed()
     def test_settings_change_while_it_runs(self) -> None:
         (self.desk if self.link else self.robot).set('/robot_sender/cmd_vel/hold', 0.1)
         wait_for(lambda: self.robot.parameter('/robot_sender/cmd_vel/hold') == 0.1, 20, 'the setting')
@@ -242,7 +242,7 @@ class Commands(CommandsCase):
         os.kill(pid, signal_)
         wait_for(lambda: self.robot.pid('/robot_sender') not in (0, pid), START, 'the new node')
 
-    @undisturbed
+    @undisturbed()
     def test_zy_the_robots_node_stops_the_robot_when_it_ends(self) -> None:
         with Drive(self.stick, twist(0.5)):
             wait_for(lambda: self.driver.came, START, 'the command')

@@ -94,7 +94,7 @@ class Demo(unittest.TestCase):
                 entry = next(part for part in segments if part.startswith('/smokebot_udp/%s/segments' % name))
                 self.assertIn('transport: UDPROS', entry)
 
-    @undisturbed
+    @undisturbed()
     def test_rate_and_enabled_take_effect_while_it_runs(self) -> None:
         client = Client('/robot_sender/thermal', timeout=60)
         client.update_configuration({'rate': 2.0})

@@ -78,7 +78,7 @@ class HostileCalls(unittest.TestCase):
         give_time(seconds)
         return len(self.pictures.messages) / seconds, float(np.mean(self.rates)), min(self.rates)
 
-    @undisturbed
+    @undisturbed()
     def test_strangers_stop_nothing(self) -> None:
         before, (frequency, rate, _) = connections(), self.observe(5.0)
         print('before: %.1f Hz, %.1f Mbit/s' % (frequency, rate))

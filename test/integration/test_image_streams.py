@@ -19,12 +19,13 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Image
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from waiting import Collector, errors_logged, give_time, stamps, wait_for
+from waiting import Collector, errors_logged, give_time, stamps, undisturbed, wait_for
 
 from smokebot_udp import udpros
 from smokebot_udp.codecs.display.view import COLOURS, FRESH, FROZEN, OLD
 from smokebot_udp.codecs.wire.pixels import item_type
 from smokebot_udp.msg import ImageSegment
+from smokebot_udp.streams.frame_assembler import QUIET
 
 THERMAL = pathlib.Path(__file__).resolve().parents[3] / 'shared' / 'data' / 'thermal'
 SIZES = {'mono8': (240, 320), '8UC1': (33, 77), 'mono16': (480, 640), '16UC1': (1, 1), 'bgr8': (479, 641),
@@ -127,6 +128,7 @@ class ImageStreams(unittest.TestCase):
         for stamp, message in sent.items():
             self.assertEqual(self.out[0].messages[stamp].data, message.data)
 
+    @undisturbed(QUIET)
     def test_every_encoding_is_bit_exact(self) -> None:
         for encoding, (height, width) in SIZES.items():
             for is_bigendian in (0, 1):
@@ -140,6 +142,7 @@ class ImageStreams(unittest.TestCase):
                 self.assertEqual((got.height, got.width, got.step, got.encoding, got.is_bigendian, got.header.frame_id),
                                  (height, width, step - 6, encoding, is_bigendian, 'somewhere'))
 
+    @undisturbed(QUIET)
     def test_a_moving_gradient_at_10_hz_through_loss(self) -> None:
         rows, columns = np.mgrid[:480, :640]
         pictures = [(7000 + 5 * rows + 3 * columns + 40 * k).astype(np.uint16) for k in range(30)]
@@ -222,6 +225,7 @@ class ImageStreams(unittest.TestCase):
             self.assertLess(np.mean((shown == here) & (shown != picture)), 0.01)
 
     @unittest.skipUnless(THERMAL.is_dir(), 'the thermal recordings are not on this machine')
+    @undisturbed(QUIET)
     def test_thermal_recordings_at_10_hz_through_loss(self) -> None:
         import cv2
         files = sorted(THERMAL.glob('seq_*/*.png')) + sorted(THERMAL.glob('single/*.png'))
@@ -233,6 +237,7 @@ class ImageStreams(unittest.TestCase):
         self.await_shown(sent, (50, 90))
 
     @unittest.skipUnless(THERMAL.is_dir(), 'the thermal recordings are not on this machine')
+    @undisturbed(QUIET)
     def test_small_thermal_clips_are_bit_exact(self) -> None:
         """160 x 120: too few datagrams for every picture to survive 90 % loss, so only the clean link counts."""
         clips = [np.load(str(file))['frames'] for file in sorted(THERMAL.glob('seq_lepton*/*.npz'))]
@@ -277,6 +282,7 @@ class ImageStreams(unittest.TestCase):
         self.source.publish(image(good, 4, 4, 'mono8', stamp))
         wait_for(lambda: stamp in self.out[0].messages, 5, 'a good picture')
 
+    @undisturbed(QUIET)
     def test_hostile_segments_change_nothing(self) -> None:
         hostile = udpros.Publisher('/smokebot_udp/thermal/segments', ImageSegment, queue_size=10)
         wait_for(lambda: len(hostile.connections()) == 3, what='the receivers')

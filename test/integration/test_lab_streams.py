@@ -136,7 +136,7 @@ class LabStreams(unittest.TestCase):
                 break
         return found, self.sources.heard[published:]
 
-    @undisturbed
+    @undisturbed()
     def test_rates_and_completeness_follow_from_the_loss(self) -> None:
         # all is sent: the rate does not wait for what the operator reports
         self.restart('robot', PERFECT, '_adapt:=false', but=UNCHANGED)

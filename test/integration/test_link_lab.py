@@ -107,7 +107,7 @@ class LinkLab(unittest.TestCase):
             self.assertEqual((wall.tried(), wall.counts()['refused']), ([], 0), side)
             self.assertGreater(wall.counts()['passed'], 1000, side)
 
-    @undisturbed
+    @undisturbed()
     def test_a_stranger_changes_nothing(self) -> None:
         link = make_stack(self, HostileLink, self.folder, 40000, 10000.0, 1000)
         phases = {phase.name: phase for phase in link.phases()}
@@ -124,7 +124,7 @@ class LinkLab(unittest.TestCase):
             self.assertLessEqual(reasons, set(phases[name].dropped), name)
         self.assertEqual(phases['half-open handshakes'].sent['INIT'], 1000)
 
-    @undisturbed
+    @undisturbed()
     def test_a_bad_link_to_one_robot_leaves_the_other_as_it_was(self) -> None:
         two = make_stack(self, TwoRobots, 7, self.folder / 'nodes.log', self.key())
         topics = {name: '/%s%s' % (name, TOPICS['thermal']) for name in NAMES}

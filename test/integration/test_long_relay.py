@@ -56,7 +56,7 @@ class LongRelay(unittest.TestCase):
                 image.header.stamp = stamp
                 self.front.publish(image)
 
-    @undisturbed
+    @undisturbed()
     def test_both_streams_live_from_the_beginning(self) -> None:
         source = threading.Thread(target=self.publish, args=(200,), daemon=True)
         began = time.monotonic()

@@ -58,7 +58,7 @@ class RelayStreams(StreamsCase):
         for collector in cls.out.values():
             collector.wait_connected()
 
-    @undisturbed
+    @undisturbed()
     def test_messages_arrive_as_they_are_at_their_rate(self) -> None:
         for collector in self.out.values():
             collector.clear()
@@ -78,7 +78,7 @@ class RelayStreams(StreamsCase):
         self.assertAlmostEqual((len(arrivals) - 1) / (arrivals[-1] - arrivals[0]), 10.0, delta=1.5)   # of 50 Hz
         self.assertGreater(len(self.out[50].messages), 3)
 
-    @undisturbed
+    @undisturbed()
     def test_transforms_are_merged_and_throttled_by_pair(self) -> None:
         watch = Transforms('/operator/tf')
         wait_for(watch.subscriber.get_num_connections, what='operator_receiver')

@@ -159,7 +159,7 @@ class ServiceStreams(unittest.TestCase):
         pair.end_robot()
         self.fails(call, 'the service was not called')
 
-    @undisturbed
+    @undisturbed()
     def test_a_service_that_hangs_delays_no_other(self) -> None:
         ended = threading.Event()
         self.addCleanup(ended.set)

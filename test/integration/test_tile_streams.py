@@ -124,7 +124,7 @@ class TileStreams(unittest.TestCase):
         message = max(self.out.messages.values(), key=lambda found: found.header.stamp)
         self.assertEqual((message.header.frame_id, message.info.resolution), ('map', RESOLUTION))
 
-    @undisturbed
+    @undisturbed()
     def test_small_changes_are_shown_soon(self) -> None:
         cells, random = building(600, 800), np.random.RandomState(2)
         times = []

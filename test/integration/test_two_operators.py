@@ -59,7 +59,7 @@ class TwoOperators(unittest.TestCase):
         give_time(seconds)
         return sum(when >= begun for when in list(self.first.arrivals.values())) / seconds
 
-    @undisturbed
+    @undisturbed()
     def test_a_second_operator_costs_the_first_one_nothing(self) -> None:
         self.first.wait_connected()
         wait_for(lambda: self.links and self.links[-1][1].rate > 0.9 * MAX_RATE, 60, 'the full rate')

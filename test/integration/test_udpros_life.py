@@ -60,7 +60,7 @@ class Life(UdprosCase):
             wait_for(lambda: open_files() <= files + 3, what='the end of their sockets')
             self.assertIsNone(living.poll())
 
-    @undisturbed
+    @undisturbed()
     def test_a_frozen_subscriber_blocks_nobody(self) -> None:
         publisher = self.publisher('/frozen')
         process = self.run_script('udpros_listener.py', '/frozen', 'frozen_listener')
@@ -84,7 +84,7 @@ class Life(UdprosCase):
             process.kill()
             process.wait(10)
 
-    @undisturbed
+    @undisturbed()
     def test_a_restarted_publisher_is_heard_again(self) -> None:
         times = []
         subscriber = udpros.Subscriber('/talked', Header, lambda _: times.append(time.monotonic()), transport='udp')
@@ -166,7 +166,7 @@ class Life(UdprosCase):
         wait_for(lambda: (publisher.get_num_connections(), len(publisher.connections()),
                           subscriber.get_num_connections()) == (1, 1, 1), 5, 'one connection on each side')
 
-    @undisturbed
+    @undisturbed()
     def test_no_file_descriptor_for_a_moment(self) -> None:
         """The attempt to connect is repeated, long before the watch of silent topics asks again."""
         open_receiver = connector.open_receiver

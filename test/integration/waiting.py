@@ -111,27 +111,31 @@ class Lateness:
         self._thread.join()
 
 
-def undisturbed(test: Callable[[Any], None]) -> Callable[[Any], None]:
-    """Decorates a test that measures times or rates: what it finds while the machine does other things is no failure.
+def undisturbed(most: float = MAX_LATENESS) -> Callable[[Callable[[Any], None]], Callable[[Any], None]]:
+    """Decorates a test of times or rates, which a machine that does other things as well may change.
 
-    Where it fails and this process had to wait for the processor, it is repeated.
+    It is repeated where it fails and this process had to wait for the processor.
+
+    :param most: it is judged where no wait was longer [s]
     """
-    @functools.wraps(test)
-    def repeated(case: Any) -> None:
-        for last in (ATTEMPTS - 1) * (False,) + (True,):
-            with Lateness() as lateness:
-                try:
-                    test(case)
-                    return
-                except AssertionError as error:
-                    failure = error
-            if last or lateness.most < MAX_LATENESS:
-                raise failure
-            print('%s is repeated: this process had to wait for %.2f s; %s' % (case.id(), lateness.most, failure),
-                  file=sys.stderr)
-            case.doCleanups()
-            case.setUp()
-    return repeated
+    def decorated(test: Callable[[Any], None]) -> Callable[[Any], None]:
+        @functools.wraps(test)
+        def repeated(case: Any) -> None:
+            for last in (ATTEMPTS - 1) * (False,) + (True,):
+                with Lateness() as lateness:
+                    try:
+                        test(case)
+                        return
+                    except AssertionError as error:
+                        failure = error
+                if last or lateness.most < most:
+                    raise failure
+                print('%s is repeated: this process had to wait for %.2f s; %s' % (
+                    case.id(), lateness.most, str(failure)[:200]), file=sys.stderr)
+                case.doCleanups()
+                case.setUp()
+        return repeated
+    return decorated
 
 
 def pid_at(uri: str) -> int:
