@@ -190,6 +190,7 @@ class Life(UdprosCase):
             subscriber = udpros.Subscriber('/used', Header, got.append, transport='udp')
             self.published_until(publisher, lambda: got, 'a message')
             subscriber.unregister(), publisher.unregister()
+            self.assertEqual(publisher.connections() + subscriber.connections(), [])
 
         def in_use() -> Any:
             gc.collect()     # rospy's poller of a topic holds itself: its epoll is closed by the collector alone

@@ -6,6 +6,7 @@ known on the robot.
 """
 import bisect
 import contextlib
+import math
 import threading
 import time
 from typing import Any, Callable, Dict, Iterator, List, Mapping, NamedTuple, Optional, Sequence, Tuple
@@ -14,7 +15,7 @@ import rospy
 import tf2_ros
 from actionlib_msgs.msg import GoalStatus
 from geometry_msgs.msg import Pose, PoseStamped, Twist, Vector3
-from move_base_msgs.msg import MoveBaseActionResult
+from move_base_msgs.msg import MoveBaseActionGoal, MoveBaseActionResult
 from std_msgs.msg import String
 
 from ..simulation.drive import ahead
@@ -26,13 +27,17 @@ from .operator_control import IN_CONTROL, STATE_TOPIC
 from .simulated_driving import planar, pose_message
 
 ROBOT_GOAL, ROBOT_RESULT, ROBOT_COMMAND = '/move_base_simple/goal', '/move_base/result', '/cmd_vel'
+ROBOT_TAKEN = '/move_base/goal'
 """Topics of the simulated robot."""
 
 POLL_PERIOD = 0.1
 """[s]"""
 
 CONNECTION_TIMEOUT = 20.0
-"""For the operator's side to listen, and to be in control [s]."""
+"""For the operator's side to listen, and to be in control, and for the robot's navigation to run [s]."""
+
+REPEAT_PERIOD = 2.0
+"""A goal that the robot has not taken up is sent again after this time: its nodes may be just connecting [s]."""
 
 GOAL_DISTANCE = 1.5
 """From the robot to its goal [m]."""
@@ -107,7 +112,7 @@ class DemoDrive:
         self._arrived: List[Tuple[float, int]] = []
         self._goal = 'no goal was sent'
         self._result: Optional[Any] = None
-        self._over = threading.Event()      # the goal
+        self._taken, self._over = threading.Event(), threading.Event()      # the goal
         self._control = ''
         self._transforms = tf2_ros.Buffer()
         self._listener = tf2_ros.TransformListener(self._transforms)
@@ -115,7 +120,8 @@ class DemoDrive:
         self._commands = rospy.Publisher(topics.command, Twist, queue_size=5, tcp_nodelay=True)
         rospy.Subscriber(ROBOT_COMMAND, Twist, self._obeyed, queue_size=100, tcp_nodelay=True)
         rospy.Subscriber(topics.control, String, self._take_control, queue_size=5)
-        rospy.Subscriber(ROBOT_RESULT, MoveBaseActionResult, self._ended, queue_size=5)
+        rospy.Subscriber(ROBOT_TAKEN, MoveBaseActionGoal, lambda _: self._taken.set(), queue_size=5)
+        self._results = rospy.Subscriber(ROBOT_RESULT, MoveBaseActionResult, self._ended, queue_size=5)
 
     @contextlib.contextmanager
     def connected(self, master: str, look: Callable[[], None]) -> Iterator[None]:
@@ -137,7 +143,7 @@ class DemoDrive:
 
     def _ready(self) -> bool:
         return bool(self._goals.get_num_connections() and self._commands.get_num_connections()
-                    and self._control == IN_CONTROL)
+                    and self._results.get_num_connections() and self._control == IN_CONTROL)
 
     def run(self, seconds: float) -> None:
         """Drive for this time [s]."""
@@ -172,10 +178,11 @@ class DemoDrive:
         place, turn = here.transform.translation, here.transform.rotation
         goal = PoseStamped(pose=pose_message(ahead(planar(Pose(place, turn)), GOAL_DISTANCE)))
         goal.header.stamp, goal.header.frame_id = rospy.Time.now(), self._frame
-        begun = time.monotonic()
-        self._goals.publish(goal)
+        begun, sent = time.monotonic(), -math.inf
         while not self._over.wait(POLL_PERIOD) and time.monotonic() < begun + patience and not rospy.is_shutdown():
-            pass
+            if not self._taken.is_set() and time.monotonic() >= sent + REPEAT_PERIOD:
+                self._goals.publish(goal)
+                sent = time.monotonic()
         seconds = time.monotonic() - begun
         if self._result is None:
             self._goal = 'not reached within %.1f s' % seconds
@@ -193,5 +200,6 @@ class DemoDrive:
         self._control = state.data
 
     def _ended(self, result: Any) -> None:
-        self._result = result.status
-        self._over.set()
+        if result.status.status != GoalStatus.PREEMPTED:    # by its repetition
+            self._result = result.status
+            self._over.set()

@@ -111,7 +111,7 @@ class Publisher(rospy.Publisher):
                     self.resolved_name, self.data_class._type, frame.message_class._type))
 
     def connections(self) -> List[Dict[str, Any]]:
-        """Statistics of the UDPROS connections, one dictionary each.
+        """Statistics of the UDPROS connections, one dictionary each; after `unregister` there are none.
 
         * peer (str): the subscriber's node name
         * address (str, int): the subscriber's host and UDP port
@@ -120,10 +120,11 @@ class Publisher(rospy.Publisher):
         * datagrams, bytes (int): sent [datagrams, byte of messages]
         * failures ({str: int}): datagrams that could not be sent, by the name of the error
         """
+        impl = self.impl        # once: another thread may unregister
         return [{'peer': c.endpoint_id, 'address': c.remote_endpoint, 'connection_id': c.connection_id,
                  'max_datagram_size': c.packetizer.max_datagram_size, 'datagrams': c.packetizer.datagrams,
                  'bytes': c.packetizer.bytes, 'failures': dict(c.sender.failures)}
-                for c in self.impl.connections if isinstance(c, PublisherTransport)]
+                for c in (impl.connections if impl else ()) if isinstance(c, PublisherTransport)]
 
 
 class Subscriber(rospy.Subscriber):
@@ -178,7 +179,7 @@ class Subscriber(rospy.Subscriber):
         super().unregister()
 
     def connections(self) -> List[Dict[str, Any]]:
-        """Statistics of the UDPROS connections, one dictionary each.
+        """Statistics of the UDPROS connections, one dictionary each; after `unregister` there are none.
 
         * peer (str): the publisher's node name
         * address (str, int): the host and UDP port in the publisher's answer
@@ -190,7 +191,8 @@ class Subscriber(rospy.Subscriber):
         * receive_buffer (int): as granted by the kernel [byte]
         * kernel_drops (int): datagrams that the kernel dropped because this was full; None if unknown
         """
-        return [_describe(c) for c in self.impl.connections if isinstance(c, SubscriberTransport)]
+        impl = self.impl        # once: another thread may unregister
+        return [_describe(c) for c in (impl.connections if impl else ()) if isinstance(c, SubscriberTransport)]
 
 
 def _describe(connection: SubscriberTransport) -> Dict[str, Any]:
