@@ -24,7 +24,7 @@ from move_base_msgs.msg import (
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from reliable_pair import ReliablePair
-from waiting import give_time, stays, wait_for
+from waiting import give_time, stays, undisturbed, wait_for
 
 from smokebot_udp.nodes.operator_action import OperatorAction
 from smokebot_udp.nodes.robot_action import RobotAction
@@ -141,10 +141,12 @@ class ActionStreams(unittest.TestCase):
         self.start()
         self.check_a_goal()
 
+    @undisturbed()
     def test_half_of_the_datagrams_are_lost(self) -> None:
         self.start(0.5)
         self.check_a_goal()
 
+    @undisturbed()
     def test_cancel_and_preempt(self) -> None:
         self.start(0.2)
         self.assertTrue(self.client.wait_for_server(TIMEOUT))
@@ -160,6 +162,7 @@ class ActionStreams(unittest.TestCase):
         self.ends(GoalStatus.PREEMPTED)
         self.assertEqual([goal.target_pose.pose.position.x for goal in self.server.goals], [1.0, 2.0, 3.0])
 
+    @undisturbed()
     def test_a_cancellation_does_not_overtake_its_goal(self) -> None:
         self.start(0.5)
         self.assertTrue(self.client.wait_for_server(TIMEOUT))
@@ -169,6 +172,7 @@ class ActionStreams(unittest.TestCase):
             self.assertTrue(self.client.wait_for_result(TIMEOUT))
             self.assertIn(self.client.get_state(), (GoalStatus.PREEMPTED, GoalStatus.RECALLED))
 
+    @undisturbed()
     def test_a_cancellation_during_a_cut_ends_the_goal_after_it(self) -> None:
         self.start()
         self.assertTrue(self.client.wait_for_server(TIMEOUT))
@@ -223,6 +227,7 @@ class ActionStreams(unittest.TestCase):
         self.send()
         self.ends(GoalStatus.LOST, 'the goal was not taken up within 3 s: no robot is connected')
 
+    @undisturbed()
     def test_a_restart_of_the_robots_node(self) -> None:
         """The action server goes on, and the client follows it again."""
         self.start()
