@@ -12,7 +12,7 @@ import rostest
 from std_msgs.msg import String
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from waiting import give_time, ticks, wait_for
+from waiting import is_silent, ticks, wait_for
 
 START = 60.0
 """For nodes to start on a busy machine [s]."""
@@ -45,16 +45,10 @@ class NewestRelay(unittest.TestCase):
 
     def test_it_is_switched_off_on_the_robot(self) -> None:
         rospy.set_param('/robot_sender/states/enabled', False)
-        wait_for(lambda: not self.comes_more(1.0), what='silence')      # some is on its way
+        wait_for(lambda: is_silent(self.states), what='silence')     # some is on its way
         del self.states[:]
         rospy.set_param('/robot_sender/states/enabled', True)
         wait_for(lambda: self.states, what="the other node's state")
-
-    def comes_more(self, seconds: float) -> bool:
-        """Whether a state comes within this time."""
-        count = len(self.states)
-        give_time(seconds)
-        return len(self.states) > count
 
 
 if __name__ == '__main__':

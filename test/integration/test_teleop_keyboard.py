@@ -21,7 +21,7 @@ from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from waiting import give_time, wait_for
+from waiting import is_silent, wait_for
 
 COLOURS_AND_MOVES = re.compile(r'\x1b\[[0-9]*[A-Za-z]|\r')
 
@@ -97,13 +97,6 @@ class TeleopKeyboard(unittest.TestCase):
         wait_for(subscriber.get_num_connections, what='the program')
         return found
 
-    @staticmethod
-    def comes_more(commands: List[Any], seconds: float) -> bool:
-        """Whether a command comes within this time."""
-        count = len(commands)
-        give_time(seconds)
-        return len(commands) > count
-
     def ended(self) -> None:
         """It has ended well, and the terminal is as before."""
         self.assertEqual(self.terminal.process.wait(20), 0)
@@ -116,7 +109,7 @@ class TeleopKeyboard(unittest.TestCase):
         wait_for(lambda: commands.count((0.5, 0.0)) > 1, 10, 'commands')
         wait_for(lambda: commands.count((0.0, 0.0)) > 1, 10, 'stops')
         wait_for(lambda: 'standing' in self.terminal.shown, what='the state')
-        wait_for(lambda: not self.comes_more(commands, 1.0), 10, 'silence')
+        wait_for(lambda: is_silent(commands), 10, 'silence')
         driven = commands.count((0.5, 0.0))
         self.assertEqual(commands, driven * [(0.5, 0.0)] + (len(commands) - driven) * [(0.0, 0.0)])
         self.terminal.type('qu')

@@ -8,7 +8,7 @@ import threading
 import time
 import xml.etree.ElementTree as ElementTree
 import xmlrpc.client
-from typing import Any, Callable, Dict, Iterator, List
+from typing import Any, Callable, Dict, Iterator, List, Sequence
 
 import rosgraph
 import rospy
@@ -69,6 +69,13 @@ def wait_for(condition: Callable[[], Any], seconds: float = 20.0, what: str = 't
 def give_time(seconds: float) -> None:
     """Let time pass: something is measured meanwhile, or must not happen, and nothing announces the end of that."""
     time.sleep(seconds)
+
+
+def is_silent(found: Sequence[Any], seconds: float = 1.0) -> bool:
+    """Whether nothing is appended to a list within this time."""
+    count = len(found)
+    give_time(seconds)
+    return len(found) == count
 
 
 def ticks(rate: float) -> Iterator[None]:
