@@ -199,7 +199,7 @@ def given_up(raw: Raw) -> List[Result]:
     outside = [number for number, at in raw['sent'] if not raw['cut'] - raw['max_age'] <= at <= raw['restored']]
     missing = sum(number not in heard for number in outside)
     return [Result(raw['scene'], 'given up, those of the cut only; twice, out of order', len(raw['sent']), (),
-                   '%d of which %d others; %d, %d' % (lost, missing, twice, late), 'some, of which 0 others; 0, 0',
+                   '%d, others: %d; %d, %d' % (lost, missing, twice, late), 'some, others: 0; 0, 0',
                    lost > 0 and not (missing or twice or late)),
             Result(raw['scene'], 'said so', len(raw['said']), (), (raw['said'] or ['no'])[0], 'yes',
                    bool(raw['said']))]

@@ -13,7 +13,7 @@ import rostest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
-from waiting import MAX_LATENESS, MAX_SLOWNESS, Lateness, slowness  # it reports skipped tests, too
+from waiting import Lateness  # it reports skipped tests, too
 
 from evaluation.soak import GOES, KINDS, Fault, faults
 from evaluation.soak_run import Round, Soak
@@ -45,8 +45,7 @@ def problems_after(soak: Soak, fault: Fault) -> List[str]:
     for _ in range(ATTEMPTS):
         with Lateness() as lateness:
             problems = problems_of(soak.round(fault))
-        is_idle = lateness.most < MAX_LATENESS and slowness() < MAX_SLOWNESS
-        if not problems or is_idle or fault.kind == GOES:       # nobody is there who could go again
+        if not problems or not lateness.disturbed() or fault.kind == GOES:       # nobody is there who could go again
             break
     return problems
 

@@ -110,6 +110,13 @@ class Lateness:
             now = time.monotonic()
             self.most, begun = max(self.most, now - begun - LOOK_PERIOD), now
 
+    def disturbed(self, most: float = MAX_LATENESS) -> bool:
+        """Whether the machine does other things as well: this process had to wait for longer, or others have to.
+
+        :param most: [s]
+        """
+        return self.most >= most or slowness() >= MAX_SLOWNESS
+
     def __enter__(self) -> 'Lateness':
         self._thread.start()
         return self
@@ -122,7 +129,7 @@ class Lateness:
 def undisturbed(most: float = MAX_LATENESS) -> Callable[[Callable[[Any], None]], Callable[[Any], None]]:
     """Decorates a test of times or rates, which a machine that does other things as well may change.
 
-    It is repeated where it fails and this process had to wait for the processor, or others have to.
+    It is repeated where it fails, see Lateness.disturbed.
 
     :param most: it is judged where no wait was longer [s]
     """
@@ -136,7 +143,7 @@ def undisturbed(most: float = MAX_LATENESS) -> Callable[[Callable[[Any], None]],
                         return
                     except AssertionError as error:
                         failure = error
-                if last or (lateness.most < most and slowness() < MAX_SLOWNESS):
+                if last or not lateness.disturbed(most):
                     raise failure
                 print('%s is repeated: this process had to wait for %.2f s, load %.1f; %s' % (
                     case.id(), lateness.most, os.getloadavg()[0], str(failure)[:200]), file=sys.stderr)
