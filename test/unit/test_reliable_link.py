@@ -106,7 +106,8 @@ def test_messages_reach_the_robot_and_each_operator(world: World) -> None:
     wait_for(lambda: down.stats().delivered == 3)
     assert down.stats().waiting == 0 and down.stats().given_up == {}
     assert world.outbox.protected > 2 * len(long)
-    assert set(world.robot.stats()) <= {'repeated', 'session'}      # on a busy machine
+    # on a busy machine; a greeting that is faster than the notice that its sender is connected is repeated
+    assert set(world.robot.stats()) <= {'repeated', 'session', 'unknown peer'}
 
 
 def test_a_restarted_operator_joins_anew(world: World) -> None:
