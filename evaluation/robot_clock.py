@@ -35,6 +35,8 @@ class RobotClock:
         self.environment: Dict[str, str] = {
             'LD_PRELOAD': str(found), 'FAKETIME_TIMESTAMP_FILE': str(path),
             'FAKETIME_CACHE_DURATION': str(SEEN_WITHIN), 'FAKETIME_DONT_FAKE_MONOTONIC': '1',
+            # else timed waits on a condition end at once, and all threads contend for Python's lock
+            'FAKETIME_FORCE_MONOTONIC_FIX': '0',
             'PYTHONPATH': os.pathsep.join(filter(None, (str(SITE), os.environ.get('PYTHONPATH'))))}
         self.offset = 0.0
         """How far it is ahead [s]."""
