@@ -120,21 +120,25 @@ def test_real_images_compile_nothing_more() -> None:
     """Their pixels are views of messages, read-only and anywhere."""
     program = """
 import numpy as np
-from smokebot_udp.codecs.layered import class_map, coefficients, colour, compile, depth
-from smokebot_udp.codecs.layered import image, passes, range_coder, wavelet
+from smokebot_udp.codecs.layered import alignment, class_map, coefficients, colour, compile, depth
+from smokebot_udp.codecs.layered import image, motion, passes, prediction, range_coder, warp, wavelet
 compile.compile_all()
 def compiled():
-    return {(name, str(signature)) for module in (class_map, coefficients, colour, depth, passes, range_coder, wavelet)
+    modules = alignment, class_map, coefficients, colour, depth, passes, prediction, range_coder, warp, wavelet
+    return {(name, str(signature)) for module in modules
             for name, loop in vars(module).items() for signature in getattr(loop, 'signatures', ())}
 before = compiled()
 for kind, channels, offset in (('uint8', 1, 1), ('uint16', 1, 1), ('uint8', 3, 0)):
     pixels = np.frombuffer(bytes(offset + 60 * 90 * channels * 2), np.uint8)[offset:].view(kind)[:60 * 90 * channels]
     pixels = pixels.reshape((60, 90, 3) if channels == 3 else (60, 90))
     assert not pixels.flags.writeable
+    motion.compensate(pixels, motion.Motion(np.zeros((5, 5, 2), np.int16), True))
+    motion.estimate(pixels, pixels)
     for lossless in (False, True):
         for classes in (None, np.frombuffer(bytes(60 * 90), np.uint8).reshape(60, 90)):
-            stream = image.encode(pixels, lossless, 9999, classes)
-            image.decode(memoryview(stream.data), 60, 90, channels, pixels.itemsize)
+            for reference in (None, pixels):
+                stream = image.encode(pixels, lossless, 9999, classes, reference)
+                image.decode(memoryview(stream.data), 60, 90, channels, pixels.itemsize, reference)
 metres = np.frombuffer(np.array([[1.0, np.nan]], np.float32).tobytes(), np.float32).reshape(1, 2)
 depth.to_counts(metres, 0.1)
 print(len(before), compiled() - before)

@@ -1,17 +1,18 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""From channels to quantised coefficients on the canvas, and back."""
-from typing import List
+"""From pixels to coefficients on the canvas, their quantisation, and back: all in integers, alike everywhere.
 
+Coefficients on a canvas are integers in the unit of the channels, 2^-fraction counts.
+"""
 import numpy as np
 
 from ...arrays import Array
-from . import wavelet
-from .layout import COLUMNS, FINE, HL, LH, LL, ORIGIN, ROWS, START, Layout
-from .loops import compiled, float32, int32, int64
-from .passes import ALIVE, FOUND, OLD, PLANE, REFINED, TOP, Work
+from . import colour, wavelet
+from .layout import COLUMNS, HH, HL, LH, LL, ORIGIN, RATE, RATE_BITS, ROWS, START, STEP, STEP_BITS, Layout
+from .loops import compiled, int32, int64
+from .passes import ALIVE, FOUND, GUESS_BITS, OLD, PLANE, REFINED, TOP, Work
 
-STEPS = float32(1 << FINE)
-"""Quantisation steps of the 9/7 in one grey level."""
+STEPS = {True: wavelet.STEPS_5_3, False: wavelet.STEPS_9_7}
+"""By `lossless`."""
 
 
 @compiled
@@ -29,27 +30,12 @@ def _source_column(kind: int, columns: int) -> int:
 
 
 @compiled
-def _store(x: Array, kind: int, steps: float, half: float, values: Array, band: Array, stride: int, counts: Array
-           ) -> float:
-    """Quantise a band of a split image; note its planes and return the sum of squares.
-
-    :param steps: in one grey level; `half`: added before magnitudes are truncated
-    """
-    first, bits, energy = _source_column(kind, x.shape[1]), 0, int64(0)
+def _store(x: Array, kind: int, band: Array, stride: int, canvas: Array) -> None:
+    """Copy a band of a split image to the canvas."""
+    first = _source_column(kind, x.shape[1])
     for y in range(band[ROWS]):
-        row, at = x[_source_row(kind, y)], band[ORIGIN] + y * stride
-        for i in range(band[COLUMNS]):
-            value = row[first + i]
-            magnitude = int32(abs(value) * steps + half)
-            values[at + i] = magnitude * 2 + (1 if value < 0 else 0)
-            bits |= magnitude
-        for i in range(at, at + band[COLUMNS]):
-            energy += int64(values[i] >> 1) * int64(values[i] >> 1)
-    planes = 0
-    while bits >> planes:
-        planes += 1
-    counts[TOP] = planes
-    return float(energy)
+        at = band[ORIGIN] + y * stride
+        canvas[at:at + band[COLUMNS]] = x[_source_row(kind, y), first:first + band[COLUMNS]]
 
 
 @compiled
@@ -62,41 +48,70 @@ def _low_half(x: Array) -> Array:
     return low
 
 
-def analyse(channels: List[Array], plan: Layout, lossless: bool, work: Work) -> int:
-    """Transform and quantise all channels, which are overwritten; the number of planes of the largest magnitude."""
-    split, number = wavelet.split_exactly if lossless else wavelet.split, 0
-    steps, half = (float32(1), float32(0)) if lossless else (STEPS, float32(0.5))
+def analyse(pixels: Array, plan: Layout, offset: int) -> Array:
+    """(cells,) int32: the canvas of an image.
 
-    def store(x: Array, kind: int, number: int) -> None:
-        energy = _store(x, kind, steps, half, work.values, plan.bands[number], plan.stride, work.counts[number])
-        work.error[0] += float(plan.weights[number]) ** 2 * energy
-
-    for x in channels:
+    :param offset: is subtracted from the first channel [count]
+    """
+    canvas, number = np.zeros(plan.cells, np.int32), 0
+    for x in colour.to_channels(pixels, offset, plan.fraction):
         for level in range(plan.levels):
-            split(x)
-            for kind in (HL, LH, 2):
-                store(x, kind, number + 1 + 3 * (plan.levels - 1 - level) + kind)
+            wavelet.split(x, STEPS[plan.lossless])
+            for kind in (HL, LH, HH):
+                _store(x, kind, plan.bands[number + 1 + 3 * (plan.levels - 1 - level) + kind], plan.stride, canvas)
             x = _low_half(x)
-        store(x, LL, number)
+        _store(x, LL, plan.bands[number], plan.stride, canvas)
         number += 1 + 3 * plan.levels
+    return canvas
+
+
+@compiled
+def _quantise(canvas: Array, band: Array, stride: int, half: int, values: Array, counts: Array) -> float:
+    """Quantise a band; note its planes and return the sum of squares.
+
+    :param half: what is added before magnitudes are rounded down [2^-RATE_BITS]
+    """
+    bits, energy, rate = int64(0), int64(0), int32(band[RATE])
+    for y in range(band[ROWS]):
+        first = band[ORIGIN] + y * stride
+        for i in range(first, first + band[COLUMNS]):
+            value = canvas[i]
+            magnitude = (int64(abs(value)) * rate + half) >> RATE_BITS
+            values[i] = magnitude * 2 + (1 if value < 0 else 0)
+            bits |= magnitude
+            energy += magnitude * magnitude
+    planes = 0
+    while bits >> planes:
+        planes += 1
+    counts[TOP] = planes
+    return float(energy)
+
+
+def quantise(canvas: Array, plan: Layout, work: Work) -> int:
+    """Quantise all coefficients; the number of planes of the largest magnitude."""
+    half = 0 if plan.lossless else 1 << (RATE_BITS - 1)
+    for number, band in enumerate(plan.bands):
+        energy = _quantise(canvas, band, plan.stride, half, work.values, work.counts[number])
+        work.error[0] += float(plan.weights[number]) ** 2 * energy
     return int(work.counts[:, TOP].max())
 
 
 @compiled
-def _estimate(work: Work, number: int, start: int, step: float, canvas: Array) -> None:
+def _estimate(work: Work, number: int, band: Array, canvas: Array) -> None:
     """Write what is thought of a band's significant coefficients into a canvas of zeros.
 
     The first REFINED of those found before the last plane are known down to it, the other old ones to the one above.
     """
-    counts = work.counts[number]
-    plane = counts[PLANE]
+    counts, start, step = work.counts[number], band[START], band[STEP]
+    plane, shift = counts[PLANE], GUESS_BITS + STEP_BITS
+    half = int64(1) << (shift - 1)
     if not counts[ALIVE]:
         return
     for i in range(counts[FOUND]):
         place = work.found[start + i]
-        value = work.values[place]
+        value = int64(work.values[place])
         low = plane + 1 if counts[REFINED] <= i < counts[OLD] else plane
-        magnitude = ((value >> 1) + work.guesses[low]) * step
+        magnitude = (((value >> 1 << GUESS_BITS) + work.guesses[low]) * step + half) >> shift
         canvas[place] = -magnitude if value & 1 else magnitude
 
 
@@ -121,19 +136,24 @@ def _enlarged(low: Array, canvas: Array, bands: Array, stride: int) -> Array:
     return x
 
 
-def synthesise(plan: Layout, lossless: bool, work: Work, channels: int) -> List[Array]:
-    """The channels, (height, width) int32 or float32, of what is known of the coefficients."""
-    canvas = np.zeros(plan.cells, np.int32 if lossless else np.float32)
+def estimated(plan: Layout, work: Work) -> Array:
+    """(cells,) int32: the canvas of what is known of the coefficients."""
+    canvas = np.zeros(plan.cells, np.int32)
     for number, band in enumerate(plan.bands):
-        _estimate(work, number, int(band[START]), 1.0 if lossless else 1 / float(STEPS), canvas)
-    join, result, number = wavelet.join_exactly if lossless else wavelet.join, [], 0
-    for _ in range(channels):
+        _estimate(work, number, band, canvas)
+    return canvas
+
+
+def synthesise(canvas: Array, plan: Layout, offset: int, itemsize: int) -> Array:
+    """The inverse of analyse: the pixels of a canvas."""
+    steps, parts, number = wavelet.inverse(STEPS[plan.lossless]), [], 0
+    for _ in range(plan.channels):
         x = np.empty((plan.bands[number, ROWS], plan.bands[number, COLUMNS]), canvas.dtype)
         _load(x, canvas, LL, plan.bands[number], plan.stride)
         for level in range(plan.levels):
             first = number + 1 + 3 * level
             x = _enlarged(x, canvas, plan.bands[first:first + 3], plan.stride)
-            join(x)
-        result.append(x)
+            wavelet.join(x, steps)
+        parts.append(x)
         number += 1 + 3 * plan.levels
-    return result
+    return colour.from_channels(parts, offset, plan.fraction, itemsize)

@@ -5,6 +5,7 @@ With --check it only says by its exit status whether the cache is filled: 0, els
 """
 import os
 import sys
+from typing import Any
 
 from .cache import compiled, locked, remember
 
@@ -21,13 +22,30 @@ def compile_all() -> None:
         pixels[5:, 7:] = 200
         for lossless in (False, True):
             stream = image.encode(pixels, lossless, 1 << 20, np.zeros((40, 40), np.uint8))
-            image.decode(stream.data, 40, 40, 3 if pixels.ndim == 3 else 1, pixels.itemsize)
+            stream = image.encode(pixels, lossless, 1 << 20, np.zeros((40, 40), np.uint8), pixels[::-1])
+            image.decode(stream.data, 40, 40, 3 if pixels.ndim == 3 else 1, pixels.itemsize, pixels[::-1])
+        _compile_motion(pixels)
     plan.best_plan(stream.ends, plan.worth(stream.errors, stream.cells, None), 4000, {0.1: 1.0}, None, 100, 1300)
     depth.to_counts(np.full((2, 2), np.nan, np.float32), 1.0)
     erasure.extend(np.zeros((2, 9), np.uint8), 3)
     for value in (100, 50):
         tile = coder.encode(np.array([[0, value]], np.int8), 100)
         coder.decode(np.frombuffer(tile or b'', np.uint8), 1, 2)
+
+
+def _compile_motion(pixels: Any) -> None:
+    """The loops that find a motion, and displace images of this type by it, with either filter.
+
+    :param pixels: an image of this type
+    """
+    import numpy as np
+
+    from . import motion
+    coarse = np.random.RandomState(1).randint(0, 200, (12, 16, *pixels.shape[2:])).astype(pixels.dtype)
+    scene = coarse.repeat(8, axis=0).repeat(8, axis=1)
+    motion.estimate(scene, np.ascontiguousarray(np.roll(scene, 3, axis=1)))
+    for smooth in (False, True):
+        motion.compensate(scene, motion.Motion(np.full((2, 2, 2), 40, np.int16), smooth))
 
 
 def main(*arguments: str) -> int:

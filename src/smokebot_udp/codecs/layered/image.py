@@ -7,12 +7,12 @@ from typing import List, NamedTuple, Optional, Tuple
 
 import numpy as np
 
-from ...arrays import Array, FloatArray, IntArray, UInt8Array
+from ...arrays import Array, DType, FloatArray, IntArray, UInt8Array
 from ..wire.interleave import MAX_SIDE
-from . import class_map, coefficients, colour, contexts, layout, passes, range_coder
+from . import class_map, coefficients, contexts, layout, passes, prediction, range_coder
 
-CENTRE = 0.45
-"""Where in its interval a coefficient is thought to be: smaller ones are likelier."""
+CENTRE = round(0.45 * 2 ** passes.GUESS_BITS)
+"""Where in its interval a coefficient is thought to be [2^-GUESS_BITS]: smaller ones are likelier."""
 SMALLEST = 0.1
 """Sums of squared errors of an exact stream below this are those of adding; one coefficient's is 0.36."""
 PARTS = 24
@@ -21,12 +21,18 @@ MAP_PART = 0.25
 """A map of classes takes this part of the budget at most, unless all of the stream fits."""
 LEAST_MAP = 16
 """But it may always take this [byte]."""
+PREDICTION_PART = 0.25
+"""How the image is predicted takes this part of the budget at most."""
+WORTH = 2.0
+"""And it is thought to save this times what it takes."""
+QUANTISED = 4.0 ** -layout.FINE / 12
+"""The squared error of a cell by the rounding of the 9/7's coefficients."""
 WRONG_CLASS = 1.0
 """A cell that is shown as finite but is not, or the other way round, counts as this squared error: a map that is not
 exact makes no exact image."""
 _HEAD, _LENGTH = struct.Struct('<BHHHBI'), struct.Struct('<I')
-_LOSSLESS, _CLASSES, _COLOUR, _WIDE, _EXPONENT = 1, 2, 4, 8, 4
-"""Flags; and the bit from which on they hold log2 of the sides of the blocks of the map of classes."""
+_LOSSLESS, _CLASSES, _COLOUR, _WIDE, _EXPONENT, _REFERENCE = 1, 2, 4, 8, 4, 128
+"""Flags; and the first of the three bits that hold log2 of the sides of the blocks of the map of classes."""
 
 
 class LayeredStream(NamedTuple):
@@ -41,6 +47,11 @@ class LayeredStream(NamedTuple):
     """height * width * channels"""
     missing: int = 0
     """What the exact map of classes takes more than the one that was coded [byte]; 0: that is exact."""
+
+    @property
+    def predicted(self) -> bool:
+        """Whether the reference was used: decode needs it."""
+        return bool(self.data[0] & _REFERENCE)
 
     def cut(self, points: int) -> 'LayeredStream':
         """The stream up to its `points`-th truncation point, from 1 on, as a whole: zeros may follow it."""
@@ -57,16 +68,17 @@ class Decoded(NamedTuple):
     """(height, width) 0 finite, 1 NaN, 2 +Inf, 3 -Inf; None: all finite"""
 
 
-def _new_work(plan: layout.Layout, data: UInt8Array, lossless: bool) -> passes.Work:
+def _new_work(plan: layout.Layout, data: UInt8Array) -> passes.Work:
     coefficients_count = int((plan.bands[:, layout.ROWS] * plan.bands[:, layout.COLUMNS]).sum())
-    guesses = CENTRE * 2.0 ** np.arange(layout.MAX_PLANES + 1)
+    guesses = CENTRE << np.arange(layout.MAX_PLANES + 1)
+    guesses = guesses >> passes.GUESS_BITS << passes.GUESS_BITS if plan.lossless else guesses - CENTRE
     counts = np.zeros((len(plan.bands), 9), np.int64)
     counts[:, passes.BLOCKS] = np.diff(plan.firsts)
     lists = [np.empty(coefficients_count, np.int32) for _ in range(3)]
     return passes.Work(np.zeros(plan.cells, np.int32), np.zeros(plan.cells, np.uint8), np.zeros(plan.cells, np.int8),
                        lists[0], lists[1], lists[2], plan.blocks.copy(), plan.firsts, np.zeros(plan.places, np.uint8),
                        counts, contexts.initial_odds(len(plan.bands)), np.zeros(1),
-                       np.floor(guesses) if lossless else guesses, data)
+                       guesses, data)
 
 
 def _rounded(variance: float) -> float:
@@ -88,6 +100,7 @@ def _after_rounding(errors: FloatArray, cells: int, lossless: bool) -> FloatArra
     if lossless:
         found = cells * (1.1 * variances + 0.42 * np.minimum(variances / 0.45, 1))
         return np.asarray(np.where(errors < SMALLEST, 0.0, found))
+    variances = variances + QUANTISED
     small = np.interp(variances, _VARIANCES, _ROUNDED)
     return np.asarray(cells * np.where(variances < 1.0, small, variances + 1 / 12))
 
@@ -125,22 +138,62 @@ def _code_map(classes: UInt8Array, data: UInt8Array, most: int) -> Optional[_Cod
     return None
 
 
-def encode(pixels: Array, lossless: bool, budget: int, classes: Optional[UInt8Array] = None) -> LayeredStream:
+def _code_prediction(canvas: Array, reference: Optional[Array], plan: layout.Layout, data: UInt8Array,
+                     beginning: _CodedMap, budget: int) -> Optional[_CodedMap]:
+    """Code how a reference predicts the image, behind the map of classes, and subtract that from the canvas; None: it
+    does not pay.
+
+    :param reference: (cells,) int32: its canvas
+    """
+    if reference is None:
+        return None
+    chosen, saved = prediction.choose(canvas, reference, plan, 8.0 * len(data))
+    room = data.copy()
+    complete, low, interval, at = prediction.code_prediction(True, chosen, plan, room, *beginning.state)
+    end = range_coder.determined(interval, at) + 2
+    size = end - beginning.end
+    if not complete or size > PREDICTION_PART * budget or 8 * size * WORTH > saved:
+        return None
+    data[:at] = room[:at]
+    prediction.add(-1, canvas, reference, plan, chosen)
+    return beginning._replace(state=(low, interval, at), end=end)
+
+
+def encode(pixels: Array, lossless: bool, budget: int, classes: Optional[UInt8Array] = None,
+           reference: Optional[Array] = None) -> LayeredStream:
     """An image's stream, of `budget` bytes at most; the head is always there.
 
     :param pixels: (height, width) uint8 or uint16, or (height, width, 3) uint8: B, G, R
     :param lossless: the whole stream is exact (5/3); else shorter streams are better (9/7)
     :param classes: (height, width) uint8: coded before anything else; coarsely where that takes more than MAP_PART of a
         budget which does not hold the whole stream with them
+    :param reference: of the pixels' shape and dtype: an image that is like it here and there; decode needs the very
+        same
+    :raises ValueError: reference has another shape or dtype than pixels
     """
+    if reference is not None and (reference.shape, reference.dtype) != (pixels.shape, pixels.dtype):
+        raise ValueError('a reference of %s %s for %s %s' % (reference.shape, reference.dtype, pixels.shape,
+                                                             pixels.dtype))
     most = max(int(MAP_PART * budget), _HEAD.size + LEAST_MAP)
-    stream = _encode(pixels, lossless, budget, classes, min(most, budget))
+    stream = _encode(pixels, lossless, budget, classes, min(most, budget), reference)
     if stream.missing and len(stream.data) + stream.missing <= budget:
-        return _encode(pixels, lossless, budget, classes, budget)
+        return _encode(pixels, lossless, budget, classes, budget, reference)
     return stream
 
 
-def _encode(pixels: Array, lossless: bool, budget: int, classes: Optional[UInt8Array], most: int) -> LayeredStream:
+def _begun(classes: Optional[UInt8Array], data: UInt8Array, most: int) -> Tuple[_CodedMap, int]:
+    """The map, coded where there is one, and its flags."""
+    beginning = _CodedMap(range_coder.begin(True, data, _HEAD.size), 0, 0, 0, _HEAD.size)
+    if classes is None:
+        return beginning, 0
+    coded = _code_map(np.require(classes, np.uint8, ['C', 'A', 'W']), data, most)
+    if coded is None:
+        return beginning._replace(wrong=int(np.count_nonzero(classes)), missing=classes.size // 4), 0
+    return coded, _CLASSES | coded.exponent << _EXPONENT
+
+
+def _encode(pixels: Array, lossless: bool, budget: int, classes: Optional[UInt8Array], most: int,
+            reference: Optional[Array]) -> LayeredStream:
     """As `encode`, with a map of classes that ends before the byte `most`."""
     height, width = pixels.shape[:2]
     channels = 1 if pixels.ndim == 2 else 3
@@ -148,14 +201,15 @@ def _encode(pixels: Array, lossless: bool, budget: int, classes: Optional[UInt8A
     room = min(budget, layout.most_bytes(pixels.size, pixels.itemsize))
     data = np.zeros(room + 64, np.uint8)
     offset = int(pixels[::4, ::4].mean())
-    work = _new_work(plan, data[:room + 4], lossless)
-    planes = coefficients.analyse(colour.to_channels(pixels, lossless, offset), plan, lossless, work)
-    flags = lossless * _LOSSLESS | (channels == 3) * _COLOUR | (pixels.itemsize == 2) * _WIDE
-    beginning = _CodedMap(range_coder.begin(True, data, _HEAD.size), 0, 0, 0, _HEAD.size)
-    if classes is not None:
-        coded = _code_map(np.require(classes, np.uint8, ['C', 'A', 'W']), data, most)
-        flags |= _CLASSES | coded.exponent << _EXPONENT if coded else 0
-        beginning = coded or beginning._replace(wrong=int(np.count_nonzero(classes)), missing=classes.size // 4)
+    canvas = coefficients.analyse(pixels, plan, offset)
+    other = None if reference is None else coefficients.analyse(reference, plan, offset)
+    beginning, flags = _begun(classes, data, most)
+    flags |= lossless * _LOSSLESS | (channels == 3) * _COLOUR | (pixels.itemsize == 2) * _WIDE
+    predicted = _code_prediction(canvas, other, plan, data, beginning, budget)
+    if predicted is not None:
+        flags, beginning = flags | _REFERENCE, predicted
+    work = _new_work(plan, data[:room + 4])
+    planes = coefficients.quantise(canvas, plan, work)
     low, interval, at = beginning.state
     ends, errors = np.zeros(2000, np.int64), np.zeros(2000)
     ends[0], errors[0] = beginning.end, work.error[0]
@@ -181,7 +235,7 @@ def _checked_head(data: bytes, height: int, width: int, channels: int, itemsize:
     flags, its_height, its_width, offset, planes, length = _HEAD.unpack_from(data)
     same = (its_height, its_width, 3 if flags & _COLOUR else 1, 2 if flags & _WIDE else 1) == (
         height, width, channels, itemsize)
-    impossible = flags >> 7 or (flags >> _EXPONENT and not flags & _CLASSES)
+    impossible = flags >> _EXPONENT & 7 and not flags & _CLASSES
     if not same or impossible or planes > layout.MAX_PLANES - (0 if flags & _WIDE else 8):
         return None
     return flags, offset, planes, min(length, layout.most_bytes(height * width * channels, itemsize))
@@ -192,27 +246,45 @@ def _may_be(height: int, width: int, channels: int, itemsize: int) -> bool:
             and (channels, itemsize) in ((1, 1), (1, 2), (3, 1)) and height * width * channels <= layout.MAX_CELLS)
 
 
-def decode(data: bytes, height: int, width: int, channels: int, itemsize: int) -> Optional[Decoded]:
-    """The image of a stream or of its beginning; None: of too little, or of none of this shape."""
+def _dtype_of(itemsize: int) -> DType:
+    return np.dtype(np.uint8 if itemsize == 1 else np.uint16)
+
+
+def decode(data: bytes, height: int, width: int, channels: int, itemsize: int, reference: Optional[Array] = None
+           ) -> Optional[Decoded]:
+    """The image of a stream or of its beginning; None: of too little, or of none of this shape.
+
+    :param reference: what the stream was encoded with. Where it is missing or of another shape or dtype although the
+        stream needs it, there is no image; a stream that needs none ignores it
+    """
     head = _checked_head(data, height, width, channels, itemsize)
     if head is None:
         return None
     flags, offset, planes, length = head
-    lossless = bool(flags & _LOSSLESS)
-    plan = layout.layout_of(height, width, channels, lossless)
+    used = reference if flags & _REFERENCE else None
+    shape = (height, width) if channels == 1 else (height, width, channels)
+    if flags & _REFERENCE and (used is None or (used.shape, used.dtype) != (shape, _dtype_of(itemsize))):
+        return None
+    plan = layout.layout_of(height, width, channels, bool(flags & _LOSSLESS))
     stream = np.frombuffer(data, np.uint8)[:length].copy()
-    work = _new_work(plan, stream, lossless)
     low, interval, at = range_coder.begin(False, stream, _HEAD.size)
-    classes = None
+    classes, chosen = None, prediction.nothing(plan)
     if flags & _CLASSES:
-        exponent = flags >> _EXPONENT
+        exponent = flags >> _EXPONENT & 7
         blocks = np.zeros(class_map.reduced_size(height, width, exponent), np.uint8)
         complete, low, interval, at = class_map.code_classes(False, blocks, stream, low, interval, at)
         if not complete:
             return None
         classes = class_map.enlarged(blocks, exponent, height, width)
+    if used is not None:
+        complete, low, interval, at = prediction.code_prediction(False, chosen, plan, stream, low, interval, at)
+        if not complete:
+            return None
+    work = _new_work(plan, stream)
     nothing: List[Array] = [np.zeros(1, np.int64), np.zeros(1)]
     passes.code_planes(False, work, plan.bands, plan.weights, plan.steps, plan.stride, planes, _part(height, width),
                        nothing[0], nothing[1], low, interval, at)
-    parts = coefficients.synthesise(plan, lossless, work, channels)
-    return Decoded(colour.from_channels(parts, lossless, offset, itemsize), classes)
+    canvas = coefficients.estimated(plan, work)
+    if used is not None:
+        prediction.add(1, canvas, coefficients.analyse(used, plan, offset), plan, chosen)
+    return Decoded(coefficients.synthesise(canvas, plan, offset, itemsize), classes)

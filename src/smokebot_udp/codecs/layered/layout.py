@@ -20,10 +20,18 @@ MAX_EXPANSION, SLACK = 1.75, 4096
 """No stream is longer than the pixels times one, plus the other [byte]. Exact streams of noise of 8 bits take 1.13."""
 FINE = 3
 """9/7 coefficients are multiples of 2^-FINE."""
+FRACTION = 6
+"""Channels and coefficients of the 9/7 are in 2^-FRACTION counts; those of the 5/3 in counts.
+
+None of 16 bits takes more than 30 bits.
+"""
+STEP_BITS, RATE_BITS = 16, 30
 BLOCK = 4
 """Side of the blocks that are coded as one while all their coefficients are zero."""
 HL, LH, HH, LL = range(4)
 """Orientations: of the columns' and rows' high halves."""
+SCALE_9_7 = 0.869864451624781
+"""High halves of the 9/7 multiplied by this and low halves divided by it are nearly orthonormal."""
 NORMS_9_7 = (0.991, 1.015, 1.026, 1.029, 1.03), (1.02, 0.983, 1.02, 1.037, 1.042)
 """L2 norms of the low and high synthesis functions of each level, in one dimension."""
 NORMS_5_3 = (1.225, 1.658, 2.318, 3.269, 4.62), (0.848, 0.96, 1.259, 1.744, 2.454)
@@ -34,7 +42,7 @@ DELAYS = {NEAR: 0.0, REFINEMENT: 0.5, FAR: 0.51}
 """A byte of these passes reduces the error as much as one of near passes that number of planes lower."""
 
 # columns of the table of bands
-ORIGIN, ROWS, COLUMNS, CHILD, START, KIND, ALIVE_STRIDE, HAS_CHILDREN = range(8)
+ORIGIN, ROWS, COLUMNS, CHILD, START, KIND, ALIVE_STRIDE, HAS_CHILDREN, STEP, RATE = range(10)
 # columns of the table of blocks: first cell, place in the blocks' map, parent cell or -1, rows * 8 + columns
 CELL, PLACE, PARENT, SHAPE = range(4)
 
@@ -42,11 +50,17 @@ CELL, PLACE, PARENT, SHAPE = range(4)
 class Layout(NamedTuple):
     """Of images of one shape."""
     levels: int
+    channels: int
+    lossless: bool
+    """5/3, else 9/7."""
+    fraction: int
+    """Channels and coefficients are in 2^-fraction counts."""
     stride: int
     cells: int
     """Of the canvas."""
     bands: Array
-    """(n, 8) int64: flat ORIGIN, ROWS, COLUMNS, CHILD, START in lists of coefficients, KIND, ..."""
+    """(n, 10) int64: flat ORIGIN, ROWS, COLUMNS, CHILD, START in lists of coefficients, KIND, ...; STEP of quantised
+    coefficients [2^-STEP_BITS of the unit of channels], and RATE, its reciprocal [2^-RATE_BITS]"""
     weights: Array
     """(n,) float64: a coefficient's squared error counts weight^2 times."""
     steps: Array
@@ -81,6 +95,18 @@ def _norms(levels: int, lossless: bool) -> Dict[Tuple[int, int], float]:
     return {(level, o): step * across * along for level in range(levels) for o, across, along in (
         (HL, low[level], high[level]), (LH, low[level], high[level]), (HH, high[level], high[level]),
         (LL, low[level], low[level]))}
+
+
+def _step(levels: int, level: int, kind: int, lossless: bool) -> Tuple[int, int]:
+    """STEP and RATE of a band; the scale of the 9/7 is in them."""
+    step = 1.0
+    if not lossless:
+        step = 2.0 ** (FRACTION - FINE)
+        for _ in range(2 * level):
+            step *= SCALE_9_7
+        if levels and kind in (HH, LL):
+            step *= (1 / SCALE_9_7) ** 2 if kind == HH else SCALE_9_7 ** 2
+    return round(step * 2 ** STEP_BITS), round(2 ** RATE_BITS / step)
 
 
 def _axis(size: int, levels: int) -> Tuple[List[int], List[int], int]:
@@ -139,11 +165,11 @@ def layout_of(height: int, width: int, channels: int, lossless: bool) -> Layout:
             places += (-(-rows // BLOCK) + 2) * along
             if o != LL:
                 parents[o] = len(bands)
-            bands.append([origin, rows, columns, 0, start, o, along, 0])
+            bands.append([origin, rows, columns, 0, start, o, along, 0, *_step(levels, level, o, lossless)])
             firsts.append(firsts[-1] + len(blocks[-1]))
             weights.append(factor * norms[level, o])
             order.append(-level)
             start += rows * columns
     table = np.array(bands, np.int64)
-    return Layout(levels, stride, channels * canvas * stride, table, np.array(weights),
-                  _steps(table, weights, order), np.concatenate(blocks), np.array(firsts), places)
+    return Layout(levels, channels, lossless, 0 if lossless else FRACTION, stride, channels * canvas * stride, table,
+                  np.array(weights), _steps(table, weights, order), np.concatenate(blocks), np.array(firsts), places)

@@ -42,6 +42,8 @@ from .loops import compiled, int64, specialised, uint64
 from .range_coder import END, LEAST, code, decide, decide_at, determined, refill, unknown_of
 
 BLOCKS_PASS = 3
+GUESS_BITS = 10
+GUESS_UNIT = 2.0 ** -GUESS_BITS
 ONE, TWO, THREE = uint64(1), uint64(2), uint64(3)
 # columns of the counts of a band
 TOP, ALIVE, LIVE, QUIET, FOUND, OLD, REFINED, BLOCKS, PLANE = range(9)
@@ -75,7 +77,7 @@ class Work(NamedTuple):
     error: Array
     """(1,) float64: the encoder's squared error, summed"""
     guesses: Array
-    """(planes,) float64: where in its interval of 2^plane a coefficient is thought to be"""
+    """(planes,) int64: where in its interval of 2^plane a coefficient is thought to be [2^-GUESS_BITS]"""
     data: UInt8Array
     """The stream"""
 
@@ -136,7 +138,7 @@ def _significance(encoding: bool, near: bool, work: Work, band: Band, first: int
     context = band.odds + (NEAR_CONTEXT if near else FAR_CONTEXT)
     sign_context = band.odds + SIGN_CONTEXT
     kept, waiting, end = band.start + counts[LIVE], band.start + counts[QUIET], band.start + counts[FOUND]
-    guess, gain, one = work.guesses[plane], 0.0, 1 << plane
+    guess, gain, one = work.guesses[plane] * GUESS_UNIT, 0.0, 1 << plane
     members = live if near else quiet
     symbol, unknown = 0, unknown_of(data, at)
     for i in range(first, last):
@@ -195,7 +197,8 @@ def _refine(encoding: bool, work: Work, band: Band, first: int, last: int, low: 
     values, activity, odds, data, found = work.values, work.activity, work.odds, work.data, work.found
     plane, stride, child, beside, above = band.plane, band.stride, band.child, band.beside, band.above
     context = band.odds + REFINEMENT_CONTEXT
-    before, after, gain = work.guesses[plane + 1], work.guesses[plane], 0.0
+    before, after = work.guesses[plane + 1] * GUESS_UNIT, work.guesses[plane] * GUESS_UNIT
+    gain = 0.0
     symbol, unknown = 0, unknown_of(data, at)
     for i in range(first, last):
         place = found[i]
