@@ -22,10 +22,13 @@ sys.path[:0] = [str(pathlib.Path(__file__).resolve().parents[2]), str(pathlib.Pa
 from fuzzing import run  # noqa: E402
 
 from evaluation.offline_link import operator_side  # noqa: E402
+from smokebot_udp.codecs.layered import motion  # noqa: E402
 from smokebot_udp.codecs.layered.image import decode, encode  # noqa: E402
 from smokebot_udp.codecs.layered.pieces import GROUP, Layer, Plan, protect  # noqa: E402
 from smokebot_udp.codecs.layered.plan import best_plan, worth  # noqa: E402
 from smokebot_udp.msg import LayeredSegment  # noqa: E402
+from smokebot_udp.streams.image.coded_shape import CodedShape  # noqa: E402
+from smokebot_udp.streams.image.references import CodedImage, ends_of, with_motion  # noqa: E402
 from smokebot_udp.streams.segments import LAYERS  # noqa: E402
 from smokebot_udp.udpros.frame import Frame  # noqa: E402
 
@@ -43,7 +46,8 @@ LONG = 17 * GROUP
 ENCODINGS = {(2, 1): b'mono8', (2, 2): b'mono16', (3, 1): b'bgr8'}
 """{(dimensions, itemsize): encoding}"""
 
-FIELDS = 'height', 'width', 'count', 'index', 'errors', 'sizes', 'depth_unit', 'is_bigendian'
+FIELDS = ('height', 'width', 'count', 'index', 'errors', 'sizes', 'depth_unit', 'is_bigendian', 'session', 'picture',
+          'reference', 'reference_layers', 'checksum')
 VALUES = 0, 1, 2, 5, 12, 40, 64, 240, 241, 255
 """That the segments of a batch are given alike: they still have one head."""
 
@@ -80,6 +84,27 @@ def image_of(shape: Any, item: int, lossless: bool, seed: int, with_classes: boo
                  (shape[0], shape[1], shape[2] if len(shape) == 3 else 1, item))
 
 
+def pair_of(shape: Any, item: int, lossless: bool, session: int) -> List[Image]:
+    """An image, and one that is predicted from it and moves."""
+    first = image_of(shape, item, lossless, session)
+    count = len(first.records)
+    layers = [Layer(*layer) for layer in zip(*(first.records[name][0].tolist() for name in ('thresholds', 'sizes')))]
+    coded = CodedImage(CodedShape(*first.shape), first.data, ends_of(layers, count), None)
+    reference = coded.reference(len(layers))
+    assert reference is not None
+    pixels = np.ascontiguousarray(np.roll(reference.pixels, 2, axis=1))
+    moved = motion.estimate(reference.pixels, pixels)
+    stream = encode(pixels, lossless, 40000, None, motion.compensate(reference.pixels, moved))
+    data = with_motion(motion.to_bytes(moved), stream.data)
+    plan = best_plan(stream.ends + len(data) - len(stream.data), worth(stream.errors, stream.cells, 0.065),
+                     2 * len(data) + 400, {0.05: 0.5, 0.5: 0.5}, None, 100, 1000)
+    second = Image(records_of(data, plan, shape, ENCODINGS[len(shape), item]), data, first.shape)
+    for image, number in ((first, 0), (second, 1)):
+        image.records['session'], image.records['picture'] = session, number
+    second.records['reference_layers'], second.records['checksum'] = len(layers), reference.checksum
+    return [first, second]
+
+
 def noise() -> Image:
     """The longest image: noise of 16 bits, which nothing compresses, in LONG datagrams."""
     pixels = np.random.RandomState(1).randint(0, 1 << 16, LARGE).astype(np.uint16)
@@ -109,6 +134,9 @@ def images() -> List[Image]:
     found = [image_of(shape, item, lossless, seed) for seed, (shape, item, lossless) in enumerate(
         (shape, item, lossless) for shape in SHAPES for item in ((1,) if len(shape) == 3 else (1, 2))
         for lossless in (False, True))]
+    for session, (shape, item, lossless) in enumerate((
+            ((48, 64), 1, False), ((48, 64), 2, True), ((48, 64, 3), 1, False), ((61, 83), 2, False))):
+        found += pair_of(shape, item, lossless, 1000 + session)
     return found + [image_of((48, 64), 2, True, 77, with_classes=True)]
 
 
@@ -176,7 +204,10 @@ class Fuzzer:
         for _ in range(random.choice((1, 2, 5, 50))):
             data[random.randrange(random.choice((8, len(data))))] = self._byte()
         begun = time.process_time()
-        decode(bytes(data[:random.choice((len(data), random.randrange(len(data))))]), *image.shape)
+        height, width, channels, item = image.shape
+        reference = self._numpy.randint(0, 256 ** item, (height, width, channels)[:2 + (channels > 1)])
+        decode(bytes(data[:random.choice((len(data), random.randrange(len(data))))]), *image.shape,
+               reference.astype('u%d' % item) if random.random() < 0.5 else None)
         self.worst = max(self.worst, time.process_time() - begun)
         self.inputs += 1
 

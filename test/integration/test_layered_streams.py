@@ -137,6 +137,18 @@ class LayeredStreams(unittest.TestCase):
             return bool((self.shown('thermal', 0, self.send('thermal', pixels, 'mono16')) == pixels).all())
         wait_for(exact, 30, 'an exact image')
 
+    def test_what_stands_still_becomes_exact_though_no_image_of_it_fits(self) -> None:
+        """Each image adds to what both receivers have reported as held."""
+        self.code('thermal', max_bytes=6000)     # the exact image takes 11 kB
+        pixels = scene('mono16', 5)
+
+        def exact() -> bool:
+            self.send('thermal', pixels, 'mono16')
+            newest = [self.out['thermal', loss].messages.copy().popitem()[1] for loss in PLACES
+                      if self.out['thermal', loss].messages]
+            return len(newest) == len(PLACES) and all((pixels_of(message) == pixels).all() for message in newest)
+        wait_for(exact, 60, 'exact images of both receivers')
+
     def test_coding_is_switched_while_images_come(self) -> None:
         client = dynamic_reconfigure.client.Client('/robot_sender/thermal', timeout=30)
         self.addCleanup(client.close)

@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Reports of what an operator holds: runs of numbers, and what hostile ones may say."""
 import io
-from typing import Any, List, Set
+from typing import Any, Dict, List, Set
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from smokebot_udp.msg import Held
+from smokebot_udp.serialised import serialised
 from smokebot_udp.streams.held import END, MAX_RUNS, Holding, from_message, to_message
 from smokebot_udp.udpros.datagram import OVERHEAD
 
@@ -16,9 +17,9 @@ SIZE = 1472
 
 def test_numbers_become_runs() -> None:
     holding = Holding.of(7, [9, 3, 1, 2, 3, END - 1])
-    assert holding == (7, ((1, 3), (9, 1), (END - 1, 1)))
+    assert holding == Holding(7, ((1, 3), (9, 1), (END - 1, 1)))
     assert [number for number in (0, 1, 3, 4, 8, 9, 10, END - 1, END) if holding.contains(number)] == [1, 3, 9, END - 1]
-    assert Holding.of(7, []) == (7, ())
+    assert Holding.of(7, []) == Holding(7, ())
     assert not Holding.of(7, []).contains(0)
 
 
@@ -41,6 +42,31 @@ def test_a_report_holds_what_it_was_made_of(numbers: Set[int]) -> None:
     assert {number for first, count in holding.runs for number in range(first, first + count)} == numbers
     assert all(holding.contains(number) for number in numbers)
     assert not any(holding.contains(number) for number in {number + 1 for number in numbers} - numbers)
+
+
+@given(st.dictionaries(st.one_of(st.integers(0, 40), st.integers(0, END - 1)), st.integers(1, 14), max_size=MAX_RUNS))
+def test_a_report_of_images_says_how_many_layers_of_each_are_held(layers: Dict[int, int]) -> None:
+    holding = from_message(over_the_wire(to_message(Holding.of_layers(3, layers), '/operator', 'thermal', 4000)))
+    assert {number: holding.layers_of(number) for number in layers} == layers
+    assert not any(holding.layers_of(number) for number in {number + 1 for number in layers} - set(layers))
+
+
+def test_images_of_which_the_same_layers_are_held_make_a_run() -> None:
+    assert Holding.of_layers(9, {7: 3, 5: 2, 6: 2, 9: 3}) == Holding(9, ((5, 2), (7, 1), (9, 1)), (2, 3, 3))
+    assert Holding.of_layers(9, {}) == Holding(9, ()) and Holding.of(9, [4]).layers_of(4) == 0
+
+
+def test_of_images_the_newest_are_reported_where_not_all_fit() -> None:
+    holding = Holding.of_layers(1, {number: 1 + number % 2 for number in range(16)})
+    size = OVERHEAD + len(serialised(to_message(Holding(1, ()), '/operator', 'thermal', SIZE))) + 3 * 7
+    found = from_message(over_the_wire(to_message(holding, '/operator', 'thermal', size)))
+    assert found == Holding(1, ((13, 1), (14, 1), (15, 1)), (2, 1, 2))
+
+
+@pytest.mark.parametrize('layers', [[1], [1, 2, 3], [0, 1]])
+def test_layers_that_do_not_belong_to_the_runs_are_refused(layers: List[int]) -> None:
+    with pytest.raises(ValueError, match='layers'):
+        from_message(Held(first=[1, 5], count=[2, 2], layers=bytes(layers)))
 
 
 def over_the_wire(message: Held) -> Held:

@@ -29,6 +29,16 @@ def test_reports_are_repeated_while_the_robot_is_heard() -> None:
     assert schedule.poll(100.0) == 'map'
 
 
+def test_a_kind_may_be_reported_more_often() -> None:
+    schedule = HeldSchedule()
+    schedule.received('thermal', 5.0, 0.03)
+    assert schedule.poll(5.0) == 'thermal'
+    schedule.received('thermal', 5.01, 0.03)
+    schedule.received('map', 5.01)
+    assert schedule.poll(5.01) == 'map' and schedule.deadline() == 5.03
+    assert schedule.poll(5.03) == 'thermal'
+
+
 def test_streams_are_reported_each_for_itself() -> None:
     schedule = HeldSchedule()
     schedule.received('map', 0.0)

@@ -203,11 +203,27 @@ def test_the_cost_of_a_complete_image_changes_in_steps() -> None:
     assert len(costs) <= 3
 
 
+@pytest.mark.parametrize('encoding', CASES)
+def test_a_short_image_tells_about_what_an_exact_one_takes(encoding: str) -> None:
+    pixels, of = CASES[encoding], settings()
+    exact = encoder(of)
+    for second in (1, 2, 3):
+        parts = segments(exact.encode(image(pixels, encoding, second), of, DATAGRAM))
+    shown, _ = received(parts, range(len(parts)))
+    assert (shown.pixels == pixels).all()
+    for part in (10, 4, 2):
+        short = settings({'max_bytes': pixels.nbytes // part})
+        made = encoder(short)
+        made.encode(image(pixels, encoding), short, DATAGRAM)
+        assert 0.95 <= made.operating_points(10.0, short)[-1].cost / 10.0 / exact.message_size <= 1.5
+
+
 # bytes on the wire
 
 def test_golden_bytes() -> None:
     of = settings({'max_bytes': 600})
-    frame, = encoder(of).encode(image(np.array([[0, 0], [0, 200]], np.uint8), 'mono8'), of, DATAGRAM)
+    made = encoder(of, session=lambda: 0x04030201)
+    frame, = made.encode(image(np.array([[0, 0], [0, 200]], np.uint8), 'mono8'), of, DATAGRAM)
     segment, = segments([frame])
     row = frame.rows[0, OVERHEAD:].tobytes()
     assert row[:4] == b'\0\0\0\0'                                   # seq: the publisher's
@@ -221,4 +237,6 @@ def test_golden_bytes() -> None:
     size = len(segment.data)
     assert row[51:57] == b'\1\0\0\0' + size.to_bytes(2, 'little')   # sizes
     assert row[57:61] == b'\1\0\0\0' and row[61] == segment.errors[0]
-    assert row[62:66] == size.to_bytes(4, 'little') and row[66:] == segment.data
+    assert row[62:70] == b'\1\2\3\4\0\0\0\0'                      # session, picture
+    assert row[70:79] == 9 * b'\0'                                  # reference, reference_layers, checksum
+    assert row[79:83] == size.to_bytes(4, 'little') and row[83:] == segment.data

@@ -78,7 +78,8 @@ def test_tables_of_different_lengths_and_pieces_that_do_not_fit() -> None:
 def head(**changes: Any) -> SimpleNamespace:
     """As of images of 480 x 640 pixels."""
     return SimpleNamespace(**{'height': 480, 'width': 640, 'encoding': 'mono8', 'is_bigendian': 0, 'depth_unit': 0.0,
-                              'count': 240, 'thresholds': (120,), 'sizes': (4112,), 'errors': (0,), **changes})
+                              'count': 240, 'thresholds': (120,), 'sizes': (4112,), 'errors': (0,), 'session': 0,
+                              'picture': 0, 'reference': 0, 'reference_layers': 0, 'checksum': 0, **changes})
 
 
 @pytest.mark.parametrize('codes', [2, 17])

@@ -83,7 +83,7 @@ def test_refresh_cycles_of_a_map_complete_each_other() -> None:
 
 def test_erasure_codes() -> None:
     code = jpeg_packets.ErasureCode(2, 3, 1500)
-    assert code.success(0.5) == pytest.approx(0.5)        # 2 or 3 of 3: (3 + 1) / 8
+    assert code.success(LinkConditions(loss=0.5)) == pytest.approx(0.5)        # 2 or 3 of 3: (3 + 1) / 8
     assert code.room == 2 * (1500 - 28 - 8) - jpeg_packets.MESSAGE_OVERHEAD
     assert [code.data for code in jpeg_packets.codes(4500)] == [1, 2, 3]
     assert {code.size * code.packets for code in jpeg_packets.codes(4000)} == {4000}
@@ -92,8 +92,8 @@ def test_erasure_codes() -> None:
 
 def test_the_code_that_knows_the_loss_adds_none_without_and_much_with_it() -> None:
     ladder = jpeg_packets.JpegLadder(cv2.GaussianBlur(IMAGE, (0, 0), 2))
-    assert jpeg_packets.for_loss(12 * 1500, 0.0, [ladder])[:2] == (12, 12)
-    assert 1 < jpeg_packets.for_loss(12 * 1500, 0.5, [ladder]).data < 6
+    assert jpeg_packets.for_loss(12 * 1500, LinkConditions(), [ladder])[:2] == (12, 12)
+    assert 1 < jpeg_packets.for_loss(12 * 1500, LinkConditions(loss=0.5), [ladder]).data < 6
 
 
 def test_the_best_jpeg_is_the_best_that_fits() -> None:

@@ -29,7 +29,7 @@ ERROR = ImageError(2.0)
 class FakeAssembler(Assembler[Any, Assembled]):
     """Makes of each record a message, and keeps a record of what is called."""
     MESSAGE, SEGMENTS, COMPILED = String, {MAIN_PART: String, 'layers': String}, frozenset(['layers'])
-    HELD = frozenset(['layers'])
+    HELD, REPORT_INTERVAL = frozenset(['layers']), 0.25
     PARAMETERS = {**OPERATOR, 'max_wait': Parameter(0.1, 's', '', above=0.0, live=True),
                   'fill': Parameter('nearest', '', '', live=True)}
 
@@ -69,6 +69,23 @@ class FakeAssembler(Assembler[Any, Assembled]):
 
     def problem(self, settings: Any, now: float) -> Optional[str]:
         return 'slow' if settings['fill'] == 'slow' else None
+
+
+class VideoAssembler(FakeAssembler):
+    SEGMENTS, DECODED, HOLDS_SHOWN = {MAIN_PART: String, 'video': String}, frozenset(['video']), True
+
+    def __init__(self, settings: Any, clock: Any, decoder: Any) -> None:
+        super().__init__(settings, clock)
+
+
+class BrokenDecoder:
+    """Cannot load PyAV, which it notices with the first image."""
+
+    def __init__(self, name: str) -> None:
+        self.broken, self.dropped = True, {'decoder broken': 1}
+
+    def close(self) -> None:
+        pass
 
 
 class ForwardingAssembler(FakeAssembler):
@@ -119,15 +136,15 @@ class Bench:
         self.topics[name] = FakeTopic(self.log, name, class_, **options)
         return self.topics[name]
 
-    def start(self, class_: Any = FakeAssembler, name: str = 'thermal', codec: Any = None, frame_prefix: str = ''
-              ) -> OperatorStream:
+    def start(self, class_: Any = FakeAssembler, name: str = 'thermal', codec: Any = None, frame_prefix: str = '',
+              video_decoder: Any = None) -> OperatorStream:
         self._class = class_
         settings = {'type': 'fake', 'operator_topic': '/operator/' + name, 'max_wait': 0.1, 'fill': 'nearest',
                     'robot_topic': '/robots'}
         link = OperatorLink(StubTransport(subscriber=self._topic), is_still=lambda: True, codec=codec,
-                            images_compared=self.compared.put, frame_prefix=frame_prefix,
+                            images_compared=self.compared.put, video_decoder=video_decoder, frame_prefix=frame_prefix,
                             arrived=lambda name, *rest: self.log.put(('arrived', name, *rest)),
-                            received=lambda name, holding: self.held.put((name, holding)))
+                            received=lambda *report: self.held.put(report))
         stream = OperatorStream(name, settings, link)
         stream.assembler.log = self.log     # type: ignore[attr-defined]
         stream.start()
@@ -288,5 +305,23 @@ def test_a_part_that_is_repeated_until_it_is_held_is_reported(bench: Bench) -> N
     bench.receive('one')
     assert bench.logs(2)[1] == ('publish', 'one') and bench.held.empty()
     bench.receive('two', part='layers')
-    name, holding = bench.held.get(timeout=10)
-    assert (name, holding()) == ('thermal', (3, ((1, 2),)))
+    name, holding, interval = bench.held.get(timeout=10)
+    assert (name, holding(), interval) == ('thermal', Holding(3, ((1, 2),)), 0.25)
+
+
+def test_what_is_held_once_it_is_shown_is_reported_after_each_message_shown_or_not(bench: Bench) -> None:
+    class Shows(FakeAssembler):
+        HELD, HOLDS_SHOWN = frozenset(), True
+    bench.start(Shows)
+    for message in ('one', 'same'):
+        bench.receive(message)
+        assert bench.held.get(timeout=10)[0] == 'thermal'
+    assert [entry for entry in bench.logs(3) if entry[0] == 'publish'] == [('publish', 'one')] and bench.held.empty()
+
+
+def test_a_part_that_nothing_decodes_is_received_no_more(bench: Bench) -> None:
+    stream = bench.start(VideoAssembler, video_decoder=BrokenDecoder)
+    bench.receive('same', part='video')
+    bench.held.get(timeout=10)      # after the image
+    assert stream.stats().connections[0].name == 'thermal' and len(stream.stats().connections) == 1
+    assert [bench.topics['/smokebot_udp/thermal/' + part].closed for part in (MAIN_PART, 'video')] == [False, True]

@@ -246,6 +246,17 @@ def test_three_connections_to_the_master_do_not_count() -> None:
         wait_for(lambda: descriptors(None, master) == before + 1)
 
 
+def test_what_is_shared_with_a_living_child_does_not_count() -> None:
+    before = descriptors(None)
+    child = subprocess.Popen(['cat'], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    wait_for(lambda: descriptors(None) == before)
+    child.kill()
+    child.wait(10)
+    assert descriptors(None) == before + 2      # nobody has closed them
+    child.communicate()
+    assert descriptors(None) == before
+
+
 CLOCKS = """
 import time
 while True:

@@ -11,6 +11,7 @@ from evaluation.offline_link import operator_side
 from smokebot_udp.codecs.tiles.rectangle import Rectangle
 from smokebot_udp.streams.grid.assembler import GridAssembler
 from smokebot_udp.streams.grid.tiles_assembler import BURST
+from smokebot_udp.streams.held import Holding
 from smokebot_udp.streams.segments import TILES
 
 RATE = 5.0
@@ -109,7 +110,7 @@ def test_three_different_datagrams_begin_a_map(robot: TileSender) -> None:
     assert operator.assembler.holding() is None
     operator.receive([tiles[0], tiles[1], tiles[1], tiles[0]])
     assert operator.show() is None
-    assert operator.assembler.holding() == (robot.session, ())      # asks for all
+    assert operator.assembler.holding() == Holding(robot.session, ())      # asks for all
     operator.receive([robot.beat()])
     assert operator.show() is not None
     assert operator.held() == [1, 2]    # nothing was lost by it

@@ -4,7 +4,7 @@
 Four steps halve the byte rate. Bandwidth that is left over between two steps goes to other streams, or into refinement.
 """
 import math
-from typing import Any, Callable, Dict, List, NamedTuple
+from typing import Any, Callable, Dict, List, Mapping, NamedTuple
 
 from ..units import KBIT
 
@@ -88,6 +88,18 @@ def layered_points(rate: float, size: float, degradation_preference: float = 0.7
                               count * max(images, least_rate))
 
     return _ascending(point, rate / slowest * size / least_size)
+
+
+def with_more_bytes(point: Mapping[str, Any], spare: float, size: float, least_rate: float) -> Dict[str, Any]:
+    """A point of layered_points with larger images.
+
+    :param spare: what they may take beside [byte/s]
+    :param size: of a complete image on the air [byte]
+    :param least_rate: as of layered_points [Hz]
+    :return: without max_bytes where images are complete
+    """
+    more = point['max_bytes'] + int(spare / max(point['rate'], least_rate))
+    return {**point, 'max_bytes': more} if point['max_bytes'] and more < size else {'rate': point['rate']}
 
 
 def cloud_points(rate: float, leaf_size: float, size: float, max_leaf_size: float = 1.0,

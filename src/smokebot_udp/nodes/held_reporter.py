@@ -27,14 +27,15 @@ class HeldReporter:
             log_error('reports of what is held'))
         self._worker.start()
 
-    def received(self, name: str, holding: Callable[[], Optional[Holding]]) -> None:
+    def received(self, name: str, holding: Callable[[], Optional[Holding]], interval: float) -> None:
         """Note that segments of a stream were received that may be held; any thread.
 
         :param holding: f(), called in a thread of its own, soon; None: there is nothing to report
+        :param interval: between reports of the stream, at least [s]
         """
         with self._worker.changing():
             self._streams[name] = holding
-            self._schedule.received(name, time.monotonic())
+            self._schedule.received(name, time.monotonic(), interval)
 
     def close(self) -> None:
         """Stop reporting."""

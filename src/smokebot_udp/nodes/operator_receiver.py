@@ -3,12 +3,12 @@
 
 Parameters: OPERATOR_RECEIVER in nodes/parameters.py, listed in doc/parameters.md.
 
-Each stream subscribes /smokebot_udp/<stream>/segments, an image stream also /smokebot_udp/<stream>/layers, and a grid
-stream /smokebot_udp/<stream>/tiles. It publishes its operator_topic in the node's namespace, which distinguishes
-several operators of one robot. Services: ~set_focus, the robot's mission focus; ~take_control, ~release_control and
-~estop, see operator_control.py. Commands, services, actions and reliable relays go back over the same link, see
-way_back.py. Where the robot has a master of its own,
-the robot's settings are mirrored in robot_sender/, in the node's namespace.
+Each stream subscribes /smokebot_udp/<stream>/segments, an image stream also /smokebot_udp/<stream>/layers and
+/smokebot_udp/<stream>/video, and a grid stream /smokebot_udp/<stream>/tiles. It publishes its operator_topic in the
+node's namespace, which distinguishes several operators of one robot. Services: ~set_focus, the robot's mission focus;
+~take_control, ~release_control and ~estop, see operator_control.py. Commands, services, actions and reliable relays go
+back over the same link, see way_back.py. Where the robot has a master of its own, the robot's settings are mirrored in
+robot_sender/, in the node's namespace.
 """
 from typing import Optional
 
@@ -38,6 +38,7 @@ from .problems import Problems
 from .settings_mirror import SettingsMirror
 from .stale import StaleMarker
 from .transports import operator_transport
+from .video_decoder import VideoDecoder
 from .way import OperatorWay
 from .way_back import WayBack
 
@@ -59,8 +60,8 @@ class OperatorReceiver:
             self._codec = CompiledCodec()
             self._held = HeldReporter(self._transport)
             link = OperatorLink(self._transport, self._motion.is_still, self._motion.images_compared,
-                                self._reporter.arrived, self._clock.offset, self._codec, self._held.received,
-                                parameters['frame_prefix'], notice)
+                                self._reporter.arrived, self._clock.offset, self._codec, VideoDecoder,
+                                self._held.received, parameters['frame_prefix'], notice)
             self.streams = start_streams(
                 definitions.streams, lambda name, settings: OperatorStream(name, settings, link), parameters.report)
             status = [stream.topic for stream in self.streams.values() if stream.assembler.MESSAGE is RobotStatus]

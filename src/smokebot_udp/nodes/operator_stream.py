@@ -9,6 +9,7 @@ from typing import Any, Callable, Deque, Dict, List, Mapping, Optional
 import rospy
 
 from ..arrays import BoolArray, Records
+from ..codecs.video.pyav import installed
 from ..mission.parameters import live
 from ..mission.settings import Settings, SettingsStore
 from ..monitoring.stats import ConnectionStats, Shown, StreamStats
@@ -22,7 +23,11 @@ from ..transport import Subscriber, Transport
 from .common import operator_topic
 from .compiled_codec import CompiledCodec
 from .notice import Notice
+from .video_decoder import VideoDecoder
 from .worker import DeadlineWorker
+
+MISSING_DECODER = ('the robot can send it as video, which is not decoded here: PyAV is missing. Install python3-av '
+                   '(sudo apt install python3-av) and restart this node. Until then images are layered')
 
 MAX_SHOWN = 512
 """What is known of this number of messages is kept until `stats` is called."""
@@ -42,8 +47,10 @@ class OperatorLink:
     """The robot's clock minus the operator's [s]."""
     codec: Optional[CompiledCodec] = None
     """Needed for parts that are compiled; None: they are received at once."""
-    received: Callable[[str, Callable[[], Optional[Holding]]], None] = lambda *_: None
-    """f(name, holding), see HeldReporter: segments of a stream were received of which it holds something."""
+    video_decoder: Optional[Callable[[str], VideoDecoder]] = None
+    """f(name), makes the decoder of a stream with parts that need one; None: such parts are not received."""
+    received: Callable[[str, Callable[[], Optional[Holding]], float], None] = lambda *_: None
+    """f(name, holding, interval), see HeldReporter: segments of a stream were received of which it holds something."""
     frame_prefix: str = ''
     """Goes before the frames of all messages that are published, see streams.frame_prefix."""
     notice: Notice = field(default_factory=Notice)
@@ -62,7 +69,9 @@ class OperatorStream:
     def __init__(self, name: str, settings: Mapping[str, Any], link: OperatorLink) -> None:
         self.name, self.topic = name, operator_topic(settings['operator_topic'])
         class_ = assembler_class(settings['type'])
-        self.assembler: Assembler[Any, Any] = class_(settings, time.monotonic)
+        self._decoder = link.video_decoder(name) if class_.DECODED and link.video_decoder is not None else None
+        shared: Dict[str, Any] = {} if self._decoder is None else {'decoder': self._decoder}
+        self.assembler: Assembler[Any, Any] = class_(settings, time.monotonic, **shared)
         self.settings = SettingsStore(live(class_.PARAMETERS), settings)
         self.received, self.published = 0, 0
         self.last_shown: Optional[float] = None
@@ -73,6 +82,7 @@ class OperatorStream:
         self._publisher: Any = None     # made by start(), as are these
         self._subscribers: Dict[str, Subscriber] = {}   # by part
         self._needs_codec = False       # whether the robot may send a part that needs it
+        self._misses_decoder = False    # likewise, where there is none
         self._outputs: List[Any] = []
         self._worker: DeadlineWorker[Any] = DeadlineWorker(
             name, self.assembler.poll, self.assembler.deadline, self._show, self._report)
@@ -99,6 +109,8 @@ class OperatorStream:
             options = {'batch_callback': functools.partial(self._receive, part)}
         if part in self.assembler.COMPILED:
             options['wanted'] = self._codec_ready
+        if part in self.assembler.DECODED:
+            options['wanted'] = self._decoder_ready
         return self._link.transport.subscriber(
             wire_topic(self.name, part), self.assembler.SEGMENTS[part], carries=self.assembler.CARRIES,
             arrived=functools.partial(self._link.arrived, reported_name(self.name, part)), **options)
@@ -111,6 +123,15 @@ class OperatorStream:
         self._needs_codec = True
         return self._link.codec is None or self._link.codec.ready()
 
+    def _decoder_ready(self) -> bool:
+        """Likewise, of parts that need the decoder of video; their parity pieces need the codec."""
+        if self._decoder is not None and installed():
+            return self._codec_ready()
+        if self._decoder is not None and not self._misses_decoder:
+            rospy.logwarn("stream '%s': %s", self.name, MISSING_DECODER)
+            self._misses_decoder = True
+        return False
+
     def stats(self) -> StreamStats:
         """What the stream does and did, for diagnostics; `shown` since the last call."""
         shown = [self._shown.popleft() for _ in range(len(self._shown))]
@@ -118,9 +139,12 @@ class OperatorStream:
                        for part, subscriber in self._subscribers.items()
                        for found in subscriber.connections()]
         return StreamStats(
-            self.received, self.published, steady=self.assembler.STEADY, dropped=dict(self.assembler.dropped),
+            self.received, self.published, steady=self.assembler.STEADY, dropped=self._dropped(),
             shown=shown, connections=connections,
             problem=self._problem() or self.assembler.problem(self.settings.current, time.monotonic()))
+
+    def _dropped(self) -> Dict[str, int]:
+        return {**self.assembler.dropped, **(self._decoder.dropped if self._decoder is not None else {})}
 
     def age(self, clock_offset: Optional[float], now: float) -> Optional[float]:
         """How old what was published last is by now [s]; None: nothing was, or its age is unknown. Any thread.
@@ -134,6 +158,8 @@ class OperatorStream:
 
     def close(self) -> None:
         """End all threads and topics."""
+        if self._decoder is not None:
+            self._decoder.close()       # first: the worker may be waiting for it
         self._worker.close()
         for subscriber in self._subscribers.values():
             subscriber.unregister()
@@ -163,7 +189,10 @@ class OperatorStream:
         with self._worker.changing():
             self.assembler.receive(records, mask, time.monotonic(), part)
         if part in self.assembler.HELD:
-            self._link.received(self.name, self._holding)
+            self._report_held()
+
+    def _report_held(self) -> None:
+        self._link.received(self.name, self._holding, self.assembler.REPORT_INTERVAL)
 
     def _holding(self) -> Optional[Holding]:
         with self._worker.changing():
@@ -194,6 +223,10 @@ class OperatorStream:
         settings = self.settings.current
         try:
             assembled = self.assembler.assemble(finished, settings, self._link.is_still(), time.monotonic())
+            if self._decoder is not None and self._decoder.broken:
+                self._refuse_decoded()
+            if self.assembler.HOLDS_SHOWN:
+                self._report_held()
             if assembled is None:
                 return
             self._publish(assembled)    # the outputs, too, show the frames that are published
@@ -203,6 +236,14 @@ class OperatorStream:
             self._link.images_compared(assembled.changed)
         finally:
             self._log_warnings()
+
+    def _refuse_decoded(self) -> None:
+        """End the parts that nothing decodes: the robot then sends the others."""
+        refused = [found for part, found in self._subscribers.items() if part in self.assembler.DECODED]
+        self._subscribers = {part: found for part, found in self._subscribers.items()
+                             if part not in self.assembler.DECODED}     # other threads iterate
+        for subscriber in refused:
+            subscriber.unregister()
 
     def _problem(self) -> Optional[str]:
         """Why compiled parts are not received; None: they are, or the robot has none."""

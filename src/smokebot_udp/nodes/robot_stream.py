@@ -80,6 +80,7 @@ class RobotStream(rospy.SubscribeListener):
         self._publishers: Dict[str, Publisher] = {}   # of the parts advertised
         self._part_of = {class_: part for part, class_ in encoder.SEGMENTS.items()}
         encoder.heard, encoder.operators = self._complete, self._subscribers_of
+        encoder.longest_datagram = link.transport.max_datagram_size
         self._inputs: List[Any] = []    # subscribers, made by start(), as is this
         self._local_publisher: Any = None
         self._invalid = 0

@@ -20,6 +20,7 @@ from ..image_error import ImageError
 from ..mission.parameters import Parameter
 from ..mission.settings import Settings
 from .held import Holding
+from .held_schedule import COALESCED
 from .parameters import OPERATOR
 from .segments import MAIN_PART
 
@@ -42,7 +43,7 @@ class Assembled:
     changed: Optional[float] = field(default=None, init=False)
     """Of images: share of their cells that differ from the image before, 0..1; None: not compared."""
     error: Optional[ImageError] = field(default=None, init=False)
-    """Of images that were coded with loss; None: what was received is exact."""
+    """Of images that were coded with loss; None: what was received is exact, or, of video, nothing is known."""
 
 
 Finished = TypeVar('Finished')
@@ -65,8 +66,15 @@ class Assembler(Generic[Finished, Result]):
     """Type and md5 sum of the messages that segments carry as they are, see transport.Transport; empty: none."""
     COMPILED: ClassVar[FrozenSet[str]] = frozenset()
     """Parts whose segments need the compiled codec. The runner discards them until it is loaded."""
+    DECODED: ClassVar[FrozenSet[str]] = frozenset()
+    """Parts whose segments need a decoder of video. The runner discards them where there is none; otherwise it passes
+    one to the constructor, as `decoder`."""
     HELD: ClassVar[FrozenSet[str]] = frozenset()
-    """Parts whose segments the robot repeats until `holding` lists them."""
+    """Parts whose segments the robot repeats until `holding` lists them: it is reported after each batch."""
+    HOLDS_SHOWN: ClassVar[bool] = False
+    """Whether `holding` is reported after each call of `assemble` instead."""
+    REPORT_INTERVAL: ClassVar[float] = COALESCED
+    """Reports of what is held are this far apart at least [s]."""
     PARAMETERS: ClassVar[Mapping[str, Parameter]] = OPERATOR
     """What streams.yaml may set for the operator's side of this kind."""
     LATCH: bool = False
@@ -127,7 +135,7 @@ class Assembler(Generic[Finished, Result]):
         raise NotImplementedError
 
     def holding(self) -> Optional[Holding]:
-        """What the robot need not send again; None: it sends regardless. Under the runner's lock."""
+        """What the robot need not send again, or may build on; None: nothing is reported. Under the runner's lock."""
         return None
 
     def ages(self, now: float) -> Optional[Any]:

@@ -35,7 +35,7 @@ MAX_WAIT = 0.2
 message over time know by it how long it may take [s]."""
 
 MAX_FINISHED = 2
-"""Finished frames that wait to be taken; newer ones replace the oldest."""
+"""Finished frames that wait to be taken, unless a kind says otherwise; newer ones replace the oldest."""
 
 
 class PartialFrame(Protocol):
@@ -81,6 +81,8 @@ class FrameAssembler(Generic[Partial]):
 
     def __init__(self, begin: Callable[[SimpleNamespace], Partial], max_wait: float) -> None:
         self.max_wait = max_wait
+        self.max_finished = MAX_FINISHED
+        """May be changed at any time."""
         self.dropped: Counter[str] = collections.Counter()
         """Segments that changed nothing, by reason: late, not needed, contradiction, impossible head."""
         self._begin = begin
@@ -88,7 +90,7 @@ class FrameAssembler(Generic[Partial]):
         self._surplus = 'late'                  # what further segments of the last finished frame are
         self._accepted = -math.inf              # when a segment was accepted last
         self._current: Optional[Frame[Partial]] = None
-        self._finished: Deque[Frame[Partial]] = collections.deque(maxlen=MAX_FINISHED)
+        self._finished: Deque[Frame[Partial]] = collections.deque()
 
     def deadline(self) -> Optional[float]:
         """When `poll` returns a frame next, unless more is added; None: never [s]."""
@@ -153,4 +155,6 @@ class FrameAssembler(Generic[Partial]):
         assert self._current is not None
         self._surplus = 'not needed' if self._current.content.complete else 'late'
         self._finished.append(self._current)
+        while len(self._finished) > self.max_finished:
+            self._finished.popleft()
         self._current = None

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What an operator holds of a stream: numbers of one session, reported to the robot as runs (msg/Held).
 
-The robot does not repeat what all operators hold. What does not fit in a report's datagram is left out, and is sent
-once more: a report never claims what is not held.
+The robot does not repeat what all operators hold, and predicts images from those that all operators hold. What does not
+fit in a report's datagram is left out, and is sent once more: a report never claims what is not held.
 """
 import bisect
 import math
-from typing import Iterable, List, NamedTuple, Tuple
+from typing import Iterable, List, Mapping, NamedTuple, Optional, Tuple
 
 from ..msg import Held
 from .segments import room
@@ -17,8 +17,8 @@ TOPIC = '/smokebot_udp/held'
 MAX_RUNS = 256
 """In a report."""
 
-RUN_SIZE = 6
-"""Of a run in a report [byte]."""
+RUN_SIZE, LAYERS_SIZE = 6, 1
+"""Of a run in a report, and of its layers [byte]."""
 
 MAX_COUNT = (1 << 16) - 1
 """Numbers in a run of a report."""
@@ -33,6 +33,8 @@ class Holding(NamedTuple):
     """Of the numbers, chosen by the sender."""
     runs: Tuple[Tuple[int, int], ...]
     """((first number, count), ...): ascending, without overlaps; empty: nothing is held."""
+    layers: Tuple[int, ...] = ()
+    """Of layered images: how many layers are held of each number of each run, from 1 on. Of all others empty."""
 
     @classmethod
     def of(cls, session: int, numbers: Iterable[int]) -> 'Holding':
@@ -49,10 +51,34 @@ class Holding(NamedTuple):
                 runs.append((number, 1))
         return cls(session, longest(runs))
 
+    @classmethod
+    def of_layers(cls, session: int, layers: Mapping[int, int]) -> 'Holding':
+        """What is reported of images in layers: all, or the newest MAX_RUNS runs.
+
+        :param layers: {number of the image: how many of its layers are held}, from 1 to 255
+        """
+        runs: List[Tuple[int, int, int]] = []
+        for number, held in sorted(layers.items()):
+            first, count, before = runs[-1] if runs else (0, 0, 0)
+            if (number, held) == (first + count, before) and 0 < count < MAX_COUNT:
+                runs[-1] = first, count + 1, held
+            else:
+                runs.append((number, 1, held))
+        runs = runs[-MAX_RUNS:]
+        return cls(session, tuple(run[:2] for run in runs), tuple(held for _, _, held in runs))
+
     def contains(self, number: int) -> bool:
         """Whether a number is held."""
+        return self._run_of(number) is not None
+
+    def layers_of(self, number: int) -> int:
+        """How many layers of an image are held; 0: none."""
+        run = self._run_of(number)
+        return 0 if run is None or not self.layers else self.layers[run]
+
+    def _run_of(self, number: int) -> Optional[int]:
         at = bisect.bisect_right(self.runs, (number, math.inf)) - 1
-        return at >= 0 and number < sum(self.runs[at])
+        return at if at >= 0 and number < sum(self.runs[at]) else None
 
 
 def longest(runs: Iterable[Tuple[int, int]], most: int = MAX_RUNS) -> Tuple[Tuple[int, int], ...]:
@@ -66,9 +92,14 @@ def to_message(holding: Holding, operator: str, stream: str, max_datagram_size: 
     :param max_datagram_size: [byte of UDP payload]
     :raises ValueError: the names leave no room
     """
-    runs = longest(holding.runs, room(Held, max_datagram_size, operator, stream) // RUN_SIZE)
-    return Held(operator=operator, stream=stream, session=holding.session,
-                first=[first for first, _ in runs], count=[count for _, count in runs])
+    space, layers = room(Held, max_datagram_size, operator, stream), holding.layers
+    if layers:      # the newest images
+        start = max(len(layers) - space // (RUN_SIZE + LAYERS_SIZE), 0)
+        runs, layers = holding.runs[start:], layers[start:]
+    else:
+        runs = longest(holding.runs, space // RUN_SIZE)
+    return Held(operator=operator, stream=stream, session=holding.session, first=[first for first, _ in runs],
+                count=[count for _, count in runs], layers=bytes(layers))
 
 
 def from_message(message: Held) -> Holding:
@@ -78,6 +109,8 @@ def from_message(message: Held) -> Holding:
     """
     if len(message.first) != len(message.count):
         raise ValueError('there are %d first numbers and %d counts' % (len(message.first), len(message.count)))
+    if len(message.layers) not in (0, len(message.first)) or 0 in message.layers:
+        raise ValueError('there are %d runs of images of %s layers' % (len(message.first), list(message.layers)))
     if len(message.first) > MAX_RUNS:
         raise ValueError('%d runs are more than %d' % (len(message.first), MAX_RUNS))
     runs = tuple(zip(map(int, message.first), map(int, message.count)))
@@ -86,4 +119,4 @@ def from_message(message: Held) -> Holding:
         if first < end or not count or first + count > END:
             raise ValueError('a run of %d numbers from %d on, after those below %d' % (count, first, end))
         end = first + count
-    return Holding(int(message.session), runs)
+    return Holding(int(message.session), runs, tuple(message.layers))

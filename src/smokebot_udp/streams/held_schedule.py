@@ -4,7 +4,7 @@ import math
 from typing import Dict, Optional
 
 COALESCED = 0.1
-"""Reports of a stream are this far apart at least [s]."""
+"""Reports of a stream are this far apart at least, unless its kind says otherwise [s]."""
 
 PERIOD = 1.5
 """Reports get lost: without new segments they are repeated [s]."""
@@ -18,10 +18,11 @@ class _Stream:
         self.received = -math.inf   # when segments were received last [s]
         self.reported = -math.inf
         self.news = False           # whether any were received since the last report
+        self.interval = COALESCED   # between reports, at least [s]
 
     def deadline(self) -> float:
         if self.news:
-            return self.reported + COALESCED
+            return self.reported + self.interval
         due = self.reported + PERIOD
         return due if due - self.received <= PATIENCE else math.inf
 
@@ -32,11 +33,14 @@ class HeldSchedule:
     def __init__(self) -> None:
         self._streams: Dict[str, _Stream] = {}
 
-    def received(self, name: str, now: float) -> None:
+    def received(self, name: str, now: float, interval: float = COALESCED) -> None:
         """Note that segments of a stream were received, those that are held already included: the last report may be
-        lost."""
+        lost.
+
+        :param interval: between reports of this stream, at least [s]
+        """
         stream = self._streams.setdefault(name, _Stream())
-        stream.received, stream.news = now, True
+        stream.received, stream.news, stream.interval = now, True, interval
 
     def deadline(self) -> Optional[float]:
         """When `poll` returns a stream next; None: not before segments are received."""

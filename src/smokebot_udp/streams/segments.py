@@ -18,6 +18,9 @@ MAIN_PART = 'segments'
 LAYERS = 'layers'
 """The part of a stream of images that carries layered ones."""
 
+VIDEO = 'video'
+"""The part of a stream of images that carries slices of H.264."""
+
 TILES = 'tiles'
 """The part of a stream of maps that carries tiles."""
 

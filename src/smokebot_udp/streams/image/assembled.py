@@ -43,4 +43,20 @@ class RestoredImage(Assembled):
         return np.full((self.message.height, self.message.width), RECEIVED - self.error_byte, np.uint8)
 
 
-ShownImage = Union[AssembledImage, RestoredImage]
+@dataclass
+class DecodedImage(Assembled):
+    """An image of a video. What its missing slices would have shown is that of the image before; where is not known."""
+    pixels: Array
+    """(height, width) or (height, width, 3), blue, green, red."""
+
+    @property
+    def known_ratio(self) -> float:
+        """Share of its slices that were received or restored, 0..1."""
+        return self.completeness or 0.0
+
+    def mask(self) -> UInt8Array:
+        """(height, width) uint8: RECEIVED times this share."""
+        return np.full((self.message.height, self.message.width), round(RECEIVED * self.known_ratio), np.uint8)
+
+
+ShownImage = Union[AssembledImage, RestoredImage, DecodedImage]

@@ -2,8 +2,9 @@
 """Segments to sensor_msgs/Image.
 
 Of interleaved images missing pixels come from earlier images or are concealed (D6.3, section 4.2). Layered images are
-decoded from all layers that can be restored when the image is finished. Of an image of which nothing can be restored
-nothing is published: the one before goes on growing old.
+decoded from all layers that can be restored when the image is finished. Video images are decoded in their order, from
+the slices that came or can be restored. Of an image of which nothing can be restored nothing is published: the one
+before goes on growing old. Nor is one whose reference is not held.
 """
 from types import SimpleNamespace
 from typing import Any, Mapping, Optional, Tuple, Union
@@ -20,37 +21,54 @@ from ...codecs.wire.pixels import item_type, pixel_type
 from ...image_error import EIGHT_BITS, ImageError
 from ...mission.parameters import Parameter
 from ...mission.settings import Settings
-from ...msg import ImageSegment, LayeredSegment
+from ...msg import ImageSegment, LayeredSegment, VideoSlice
 from ..assembler import Clock, no_clock
 from ..concealment_budget import CHEAPEST, FALLBACK, ConcealmentBudget
-from ..frame_assembler import Frame
-from ..segments import LAYERS, MAIN_PART
+from ..frame_assembler import MAX_FINISHED, Frame
+from ..held import Holding
+from ..segments import LAYERS, MAIN_PART, VIDEO
 from ..stamped_assembler import StampedAssembler, header_of
-from .assembled import AssembledImage, RestoredImage, ShownImage
+from .assembled import AssembledImage, DecodedImage, RestoredImage, ShownImage
+from .held_images import HeldImages
 from .layered import LayeredImage
+from .pixel_layers import Layerable, restored
 from .size_guard import SizeGuard
+from .video import VideoImage
+from .video_sequence import Decoder, VideoSequence
 from .view import PARAMETERS as VIEW
 
 LARGEST_INTEGRATED = 1920 * 1200
 """Larger images are not integrated over time: it takes some 8 ms a megapixel, and 20 bytes a pixel [pixel]."""
 
-Content = Union[PartialImage, LayeredImage]
+MAX_FINISHED_VIDEO = 8
+"""Video images that wait to be decoded: those after a lost one are worse."""
+
+VIDEO_ERROR = 4.0
+"""Assumed rms error of video images, where they are compared [count]."""
+
+Content = Union[PartialImage, LayeredImage, VideoImage]
 
 
 class ImageAssembler(StampedAssembler[Content, ShownImage]):
-    """Makes one image of each stamp's segments. Both parts may be received in turns: the newest stamp counts.
+    """Makes one image of each stamp's segments. All parts may be received in turns: the newest stamp counts.
 
     :param clock: measures how long concealment takes [s]
+    :param decoder: of video images; None: there are none
     """
-    MESSAGE, SEGMENTS = Image, {MAIN_PART: ImageSegment, LAYERS: LayeredSegment}
-    COMPILED = frozenset([LAYERS])
+    MESSAGE, SEGMENTS = Image, {MAIN_PART: ImageSegment, LAYERS: LayeredSegment, VIDEO: VideoSlice}
+    COMPILED, DECODED = frozenset([LAYERS, VIDEO]), frozenset([VIDEO])
     HEADS = {
         MAIN_PART: ('height', 'width', 'encoding', 'is_bigendian', 'depth', 'total'),
-        LAYERS: ('height', 'width', 'encoding', 'is_bigendian', 'depth_unit', 'count', 'thresholds', 'sizes', 'errors')}
+        LAYERS: ('height', 'width', 'encoding', 'is_bigendian', 'depth_unit', 'count', 'thresholds', 'sizes', 'errors',
+                 'session', 'picture', 'reference', 'reference_layers', 'checksum'),
+        VIDEO: ('height', 'width', 'encoding', 'session', 'picture', 'sources', 'count', 'flags', 'refresh')}
+    HOLDS_SHOWN = True
+    REPORT_INTERVAL = 0.03
     PARAMETERS = {
         **StampedAssembler.PARAMETERS,
-        'integrate': Parameter('when_still', '', 'when pixels of earlier images replace missing ones, unless the scene '
-                               'has changed there', choices=('never', 'when_still', 'always'), live=True),
+        'integrate': Parameter('when_still', '', 'interleaved: when pixels of earlier images replace missing ones, '
+                               'unless the scene has changed there', choices=('never', 'when_still', 'always'),
+                               live=True),
         'remember': Parameter(5.0, 's', 'maximum age of such a pixel', above=0.0, most=3600.0, live=True),
         'fill': Parameter(fill.BEST, '', 'concealment method for missing pixels', choices=tuple(fill.METHODS),
                           live=True),
@@ -58,16 +76,21 @@ class ImageAssembler(StampedAssembler[Content, ShownImage]):
                                'longer, %s is used for %g s' % (CHEAPEST, FALLBACK), above=0.0, most=60.0, live=True),
         'publish_mask': Parameter(False, '', 'whether a mask is published with each image, on mask in the namespace of '
                                   'its topic: 255: received pixel, 128: pixel of an earlier image, 0: concealed pixel; '
-                                  'all over a layered image 255 - error byte (doc/wire_format.md): 255: exact'),
+                                  'all over a layered image 255 - error byte (doc/wire_format.md): 255: exact; of '
+                                  'video 255 times the share of the slices'),
         **VIEW,
     }
 
-    def __init__(self, settings: Mapping[str, Any], clock: Clock = no_clock) -> None:
+    def __init__(self, settings: Mapping[str, Any], clock: Clock = no_clock, decoder: Optional[Decoder] = None
+                 ) -> None:
         super().__init__(settings, clock)
         self._budget = ConcealmentBudget()
         self._filter = TemporalFilter()
         self._successive = SuccessiveImages()
         self._guard = SizeGuard()
+        self._images = HeldImages(self.dropped)
+        self._video = VideoSequence(decoder, self.dropped) if decoder is not None else None
+        self._held: Optional[Holding] = None    # what is reported
         self._received = 0.0    # when the last batch was [s]
 
     def receive(self, records: Records, mask: BoolArray, now: float, part: str = MAIN_PART) -> None:
@@ -75,35 +98,54 @@ class ImageAssembler(StampedAssembler[Content, ShownImage]):
         super().receive(records, mask, now, part)
 
     def begin(self, head: SimpleNamespace) -> Content:
+        self._frames.max_finished = MAX_FINISHED_VIDEO if head.part == VIDEO else MAX_FINISHED
         if head.part == LAYERS:
             return LayeredImage(head, self._guard, self._received)
+        if head.part == VIDEO:
+            return VideoImage(head, self._guard, self._received)
         self._budget.frame_began(head.stamp)
         return PartialImage(head.height, head.width, head.depth, item_type(head.encoding), head.total)
 
     def parts(self, records: Records, part: str) -> Tuple[Any, ...]:
         if part == LAYERS:
             return records['index'].astype(int), records['data']
+        if part == VIDEO:
+            return records['index'].astype(int), records['parameter_sets'], records['data']
         return records['index'].astype(int), records['count'], records['data']
 
     def assemble(self, finished: Frame[Content], settings: Settings, still: bool, now: float) -> Optional[ShownImage]:
         head, image = finished.head, finished.content
+        self._held = None   # interleaved images are not reported
         if isinstance(image, LayeredImage):
             return self._restored(head, image, settings, now)
+        if isinstance(image, VideoImage):
+            return self._decoded(head, image, now)
         return self._assembled(head, image, settings, still, now)
 
     def _restored(self, head: SimpleNamespace, image: LayeredImage, settings: Settings,
                   now: float) -> Optional[RestoredImage]:
-        """The image of the layers that were received; None: nothing can be restored."""
-        pixels, error = image.pixels(), image.error_byte
+        """The image of the layers that were received; None: it cannot be decoded."""
+        pixels, error = self._images.decode(image, now), image.error_byte
+        self._held = self._images.holding
         if pixels is None or error is None:
-            self.dropped['image'] += 1
             return None
         self._guard.good(image.shape.cells, now)
-        restored = RestoredImage(_message(head, pixels), head.stamp, None, error, pixels)
+        restored = RestoredImage(_message(head, pixels, head.is_bigendian), head.stamp, None, error, pixels)
         rms = from_byte(error) * (head.depth_unit or 1.0)
         restored.error = ImageError(rms, EIGHT_BITS) if image.shape.itemsize == 1 else ImageError(
             rms, None, settings['counts_per_unit'], settings['unit'])
         return restored
+
+    def _decoded(self, head: SimpleNamespace, image: VideoImage, now: float) -> Optional[DecodedImage]:
+        """The image that follows the last video image; None: nothing can be shown."""
+        if self._video is None:
+            return None
+        pixels, self._held = self._video.decode(head, image), self._video.holding
+        if pixels is None:
+            return None
+        self._guard.good(image.shape.cells, now)
+        shown = restored(Layerable(pixels, None, head.encoding, 0.0), False)
+        return DecodedImage(_message(head, shown, 0), head.stamp, image.completeness, pixels)
 
     def _assembled(self, head: SimpleNamespace, image: PartialImage, settings: Settings, still: bool,
                    now: float) -> AssembledImage:
@@ -112,8 +154,8 @@ class ImageAssembler(StampedAssembler[Content, ShownImage]):
         # no earlier pixel replaces one of a complete image: it need not wait for the filter, see `settle`
         if not image.have.all():
             filtered = self._filtered(head, image, filtered, settings, still, now)
-        assembled = AssembledImage(_message(head, filtered.items), head.stamp, image.completeness, image.received,
-                                   filtered)
+        assembled = AssembledImage(_message(head, filtered.items, head.is_bigendian), head.stamp, image.completeness,
+                                   image.received, filtered)
         assembled.changed = filtered.changed
         return assembled
 
@@ -123,6 +165,12 @@ class ImageAssembler(StampedAssembler[Content, ShownImage]):
             assembled.changed = self._filtered(head, image, assembled.filtered, settings, False, now).changed
         if isinstance(assembled, RestoredImage) and assembled.error is not None and settings['integrate'] != 'never':
             assembled.changed = self._successive.changed(assembled.pixels, assembled.error.rms)
+
+        if isinstance(assembled, DecodedImage) and settings['integrate'] != 'never':
+            assembled.changed = self._successive.changed(assembled.pixels, VIDEO_ERROR)
+
+    def holding(self) -> Optional[Holding]:
+        return self._held
 
     def problem(self, settings: Settings, now: float) -> Optional[str]:
         if settings['fill'] != CHEAPEST and self._budget.falls_back(now):
@@ -152,10 +200,10 @@ class ImageAssembler(StampedAssembler[Content, ShownImage]):
         return self._filter.apply(image, concealed.items, channel, now, still or settings['integrate'] == 'always')
 
 
-def _message(head: SimpleNamespace, pixels: Array) -> Image:
-    """The image of a head's encoding and byte order.
+def _message(head: SimpleNamespace, pixels: Array, is_bigendian: int) -> Image:
+    """The image of a head's encoding.
 
     :param pixels: (height, width, ...) array, C-contiguous
     """
     return Image(header=header_of(head), height=head.height, width=head.width, encoding=head.encoding,
-                 is_bigendian=head.is_bigendian, step=pixels.strides[0], data=pixels.tobytes())
+                 is_bigendian=is_bigendian, step=pixels.strides[0], data=pixels.tobytes())

@@ -1,50 +1,71 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Image streams: sensor_msgs/Image of any supported encoding, interleaved or layered."""
+"""Image streams: sensor_msgs/Image of any supported encoding, interleaved, layered or as video."""
 import math
+import os
 from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Union
 
 from sensor_msgs.msg import Image
 
+from ...codecs.video.pyav import installed
 from ...codecs.wire import pixels
 from ...congestion.operating_points import OperatingPoint
 from ...mission.parameters import Parameter
 from ...mission.settings import Settings
-from ...msg import ImageSegment, LayeredSegment
+from ...msg import ImageSegment, LayeredSegment, VideoSlice
 from ...udpros.frame import Frame
 from ..codec import Codec, ImportedCodec
 from ..encoder import Encoder
+from ..held import Holding
 from ..parameters import ROBOT
-from ..segments import LAYERS, MAIN_PART, size_on_air
+from ..segments import LAYERS, MAIN_PART, VIDEO, size_on_air
 from .coding_choice import CodingChoice, Conditions
+from .held_by_all import HeldByAll
 from .interleaved_encoder import InterleavedImages
 from .pixel_layers import cannot_be_layered
+from .similarity import Similarity
+from .video import cannot_be_video
+from .video_choice import VideoChoice, VideoConditions
 
-LAYERED_BACKLOG = 0.05
-"""The rest of a layered image is waited for this long: without it, the layers of high thresholds are lost [s]."""
+MISSING = ('coding is h264, but PyAV is missing here: install python3-av (sudo apt install python3-av) and restart '
+           'this node. Until then images are layered')
+BROKEN = ('PyAV cannot be used here: %s: %s. Reinstall python3-av and restart this node. Until then images are not '
+          'sent as video')
+UNHEARD = ('%s does not receive video: python3-av or python3-numba is missing there, or its codec is being compiled. '
+           'Until then images are layered')
+
+NO_ROOM = ('coding is h264, but the link has no room for video of %d x %d pixels. Until it has, images are layered: a '
+           'larger scale or a lower rate helps')
+
+VIDEO_DATAGRAM = 1024
+"""Datagrams of video are not shorter than this on slow links: libx264 makes no shorter slices [byte of UDP payload]."""
+
+CONNECTED = 5.0
+"""Operators receive a part this long after it is offered; compiling takes longer [s]."""
 
 RAW_OVERHEAD = 1.08
 """Size of interleaved images on the air, in terms of their pixels."""
 
 
 class ImageEncoder(Encoder[Any]):
-    """Sends images whose every datagram shows all of the image, by the way of coding that the settings name.
+    """Sends images by the way of coding that the settings name.
 
-    :param codec: of layered images
-    :param clock: steady; measures how long layered coding takes [s]
+    :param codec: of layered images, and of the parity pieces of video
+    :param clock: steady [s]
+    :param session: makes random numbers, uint32
     """
-    MESSAGE, SEGMENTS = Image, {MAIN_PART: ImageSegment, LAYERS: LayeredSegment}
+    MESSAGE, SEGMENTS = Image, {MAIN_PART: ImageSegment, LAYERS: LayeredSegment, VIDEO: VideoSlice}
     FORESEES = True
     PARAMETERS = {
         **ROBOT,
         'coding': Parameter('auto', '', 'interleaved: raw pixels; layered: compressed, with protection against '
-                            'loss; auto: what shows the better image',
-                            choices=('auto', 'interleaved', 'layered'), live=True),
+                            'loss; h264: video of 8-bit images, with protection against loss; auto: what shows the '
+                            'better image', choices=('auto', 'interleaved', 'layered', 'h264'), live=True),
         'scale': Parameter(1, '', 'reduction factor: each block of scale x scale pixels is replaced by its mean',
                            least=1, most=16, live=True),
         'max_subimages': Parameter(0, '', 'interleaved: number of subimages sent of each image, coarse first; 0: all',
                                    least=0, most=65536, live=True),
-        'max_bytes': Parameter(0, 'byte', 'layered: maximum size of an image on the air, all headers included; 0: what '
-                               'the link allows', least=0, most=1 << 24, live=True),
+        'max_bytes': Parameter(0, 'byte', 'layered, h264: maximum size of an image on the air, all headers included; '
+                               '0: what the link allows', least=0, most=1 << 24, live=True),
         'max_quality': Parameter(0.0, 'dB', 'layered: PSNR above which nothing more is sent, of the range of the '
                                  'encoding (255 or 65535 counts); 0: exact', least=0.0, most=150.0, live=True),
         'depth_unit': Parameter(0.0, 'm', 'layered: depth of one count of a 32FC1 image; 0: 32FC1 cannot be layered',
@@ -55,15 +76,21 @@ class ImageEncoder(Encoder[Any]):
     }
 
     def __init__(self, settings: Mapping[str, Any], codec: Optional[Codec] = None,
-                 clock: Callable[[], float] = lambda: 0.0) -> None:
+                 clock: Callable[[], float] = lambda: 0.0,
+                 session: Callable[[], int] = lambda: int.from_bytes(os.urandom(4), 'little')) -> None:
         super().__init__(settings)
-        self._codec, self._clock = codec or ImportedCodec(), clock
-        self._choice = CodingChoice()
+        self._codec, self._clock, self._session = codec or ImportedCodec(), clock, session
+        self._held = HeldByAll()
+        self._choice, self._video_choice, self._similarity = CodingChoice(), VideoChoice(), Similarity()
         self._interleaved, self._layered = InterleavedImages(), None    # type: InterleavedImages, Any
+        self._video: Any = None
+        self._broken = False            # whether there is a PyAV that cannot be used
         self._used: Union[InterleavedImages, Any] = self._interleaved   # for the last image
+        self._unheard_since = math.inf      # since when not all operators receive video [s]
 
     def parts(self, settings: Settings) -> Sequence[str]:
-        return [MAIN_PART] if settings['coding'] == 'interleaved' else [MAIN_PART, LAYERS]
+        further = {'interleaved': [], 'layered': [LAYERS]}.get(settings['coding'], [LAYERS] + [VIDEO] * installed())
+        return [MAIN_PART, *further]
 
     def operating_points(self, rate: float, settings: Settings) -> List[OperatingPoint]:
         points: List[OperatingPoint] = self._used.operating_points(rate, settings)
@@ -71,42 +98,103 @@ class ImageEncoder(Encoder[Any]):
 
     def refine(self, point: Mapping[str, Any], spare: float) -> Dict[str, Any]:
         # the coding may have changed since the point was made
-        used = self._interleaved if 'max_subimages' in point else self._layered
+        compressed = self._layered or self._video if self._used is self._interleaved else self._used
+        used = self._interleaved if 'max_subimages' in point else compressed
         refined: Dict[str, Any] = used.refine(point, spare)
         return refined
 
+    def held(self, operator: str, holding: Holding) -> None:
+        self._held.held(operator, holding)
+        if self._video is not None:
+            self._video.held(operator, holding, self._clock())
+
     def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Frame]:
-        if self._may_be_layered(message, settings) and self._is_better_layered(message, settings):
-            self._used = self._layered
-            began = self._clock()
-            frames: List[Frame] = self._layered.encode(message, settings, max_datagram_size, self.outlook)
-            self._choice.took(self._clock() - began)
+        for_video = max(max_datagram_size, min(self.longest_datagram, VIDEO_DATAGRAM))
+        self._used = self._chosen(message, settings, for_video)
+        began = self._clock()
+        if self._used is self._interleaved:
+            frames: List[Frame] = self._interleaved.encode(message, settings, max_datagram_size)
+        elif self._used is self._video:
+            frames = self._video.encode(message, settings, for_video, self.outlook, self.operators(VIDEO), began)
         else:
-            self._used = self._interleaved
-            frames = self._interleaved.encode(message, settings, max_datagram_size)
-        self.backlog = LAYERED_BACKLOG if self._used is self._layered else None
-        self.message_size = size_on_air(frames)
+            frames = self._layered.encode(message, settings, max_datagram_size, self.outlook,
+                                          (self.operators(LAYERS), began))
+            self._choice.took(self._clock() - began)
+        self.backlog = self._used.BACKLOG
+        self.message_size = size_on_air(frames) or self.message_size
         return frames
+
+    def _chosen(self, message: Any, settings: Settings, for_video: int) -> Any:
+        """The way of coding of an image.
+
+        :param for_video: longest datagram of video [byte of UDP payload]
+        :raises ValueError: it must be layered or video, and its encoding cannot be
+        """
+        coding = settings['coding']
+        video = coding in ('auto', 'h264') and self._may_be_video(message, settings, for_video)
+        if video and coding == 'h264':
+            return self._video if self._has_room(message, settings) else self._layered
+        layered = coding != 'interleaved' and self._may_be_layered(message, settings)
+        if not (video or layered) or not self._is_better_compressed(message, settings):
+            return self._interleaved
+        if video and (not layered or self._is_better_video(message, settings)):
+            return self._video
+        return self._layered
+
+    def _may_be_video(self, message: Any, settings: Settings, datagram_size: int) -> bool:
+        """:raises ValueError: it must be video, and its encoding cannot be"""
+        reason = cannot_be_video(message, settings['scale'])
+        if reason is not None:
+            if settings['coding'] == 'h264':
+                raise ValueError('coding is h264, but ' + reason)
+            return False
+        if not installed():
+            if settings['coding'] == 'h264':
+                self.warnings.append(MISSING)
+            return False
+        if not self._codec.ready() or not self._is_heard():
+            return False
+        return self._loaded() and bool(self._video.fits(message, datagram_size))
+
+    def _loaded(self) -> bool:
+        """Whether PyAV could be imported, which is tried once."""
+        if self._video is None and not self._broken:
+            try:
+                from .video_encoder import VideoImages  # imports PyAV
+                self._video = VideoImages(self._session)
+            except Exception as error:      # PyAV of another Python, a missing library, no libx264, ...
+                self._broken = True
+                self.warnings.append(BROKEN % (type(error).__name__, error))
+        return self._video is not None
+
+    def _is_heard(self) -> bool:
+        """Whether all operators receive video now; warns of those that do not."""
+        if self.heard(VIDEO):
+            self._unheard_since = math.inf
+            return True
+        now = self._clock()
+        self._unheard_since = min(self._unheard_since, now)
+        missing = sorted({*self.operators(MAIN_PART), *self.operators(LAYERS)} - set(self.operators(VIDEO)))
+        if missing and now - self._unheard_since > CONNECTED:
+            self.warnings.append(UNHEARD % ', '.join(missing))
+        return False
 
     def _may_be_layered(self, message: Any, settings: Settings) -> bool:
         """:raises ValueError: it must be layered, and its encoding cannot be"""
-        coding = settings['coding']
-        if coding == 'interleaved':
-            return False
         reason = cannot_be_layered(message, settings['scale'], settings['depth_unit'])
         if reason is not None:
-            if coding == 'layered':
+            if settings['coding'] == 'layered':
                 raise ValueError('coding is layered, but ' + reason)
             return False
         if not self._codec.ready() or not self.heard(LAYERS):
             return False
         if self._layered is None:
             from .layered_encoder import LayeredImages  # compiled
-            self._layered = LayeredImages()
+            self._layered = LayeredImages(self._held, self._session)
         return True
 
-    def _is_better_layered(self, message: Any, settings: Settings) -> bool:
-        if settings['coding'] == 'layered':
+    def _is_better_compressed(self, message: Any, settings: Settings) -> bool:
+        if settings['coding'] != 'auto':
             return True
         height, width = (-(-side // settings['scale']) for side in (message.height, message.width))
         raw = RAW_OVERHEAD * height * width * pixels.item_type(message.encoding).itemsize
@@ -115,3 +203,25 @@ class ImageEncoder(Encoder[Any]):
             raw * min(settings.requested['rate'], source_rate) if raw <= most else math.inf, self.outlook.room,
             self.outlook.loss(0.5) if self.outlook.air.known else None, 1 / min(settings['rate'], source_rate)),
             self._clock())
+
+    def _has_room(self, message: Any, settings: Settings) -> bool:
+        """Whether an image is video because the link has room for it, or because it cannot be layered."""
+        width, height = (-(-side // settings['scale']) for side in (message.width, message.height))
+        found = self._video_choice.has_room(self._video.budget(settings, self.outlook), width * height)
+        if found or not self._may_be_layered(message, settings):
+            return True
+        self.warnings.append(NO_ROOM % (width, height))
+        return False
+
+    def _is_better_video(self, message: Any, settings: Settings) -> bool:
+        if settings['coding'] != 'auto':
+            return False
+        now = self._clock()
+        self._similarity.add(pixels.as_pixels(message.data, message.height, message.width, message.step,
+                                              message.encoding, message.is_bigendian))
+        if self._video_choice.is_due(now):
+            self._layered.measure(message, settings, self.outlook)
+            self._video_choice.measured(now)
+        return self._video_choice.update(VideoConditions(
+            self._similarity.ratio, self._video.budget(settings, self.outlook), self._layered.good_size,
+            message.height * message.width // settings['scale'] ** 2), now)

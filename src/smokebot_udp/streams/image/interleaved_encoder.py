@@ -25,6 +25,7 @@ class _Requested(NamedTuple):
 
 class InterleavedImages:
     """Encodes images, and knows the size of the last one. `encode` is called by one thread, the others by any."""
+    BACKLOG = None
 
     def __init__(self) -> None:
         self._requested: Optional[_Requested] = None

@@ -1,46 +1,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """An image that is received in layers, see msg/LayeredSegment.msg: any of its datagrams show all of it."""
-import math
 from types import SimpleNamespace
-from typing import NamedTuple, Optional
+from typing import Any, Optional
 
 from ...arrays import Array, BoolArray, IntArray, UInt8Array
 from ...codecs.layered.layout import most_bytes
-from ...codecs.layered.pieces import Layer, Restorer, check, parts_of
-from ...codecs.wire.interleave import MAX_SIDE
-from ...codecs.wire.pixels import pixel_type
-from .pixel_layers import DEPTH, LAYERED, Layerable, restored
+from ...codecs.layered.pieces import MAX_LAYERS, Layer, Restorer, check, parts_of
+from .coded_shape import coded_shape
+from .pixel_layers import Layerable, restored
+from .references import CodedImage, ends_of, split_motion
 from .size_guard import SizeGuard
-
-
-class CodedShape(NamedTuple):
-    """What is coded of an image."""
-    height: int
-    width: int
-    channels: int
-    itemsize: int
-    """Of a cell [byte]."""
-
-    @property
-    def cells(self) -> int:
-        return self.height * self.width * self.channels
-
-
-def coded_shape(height: int, width: int, encoding: str, depth_unit: float) -> CodedShape:
-    """What is coded of an image.
-
-    :param depth_unit: of 32FC1 the depth of a count [m], of others 0
-    :raises ValueError: it cannot be sent in layers
-    """
-    if encoding not in LAYERED:
-        raise ValueError('encoding is %r, must be one of %s' % (encoding, ', '.join(LAYERED)))
-    if not (0 < depth_unit < math.inf if encoding == DEPTH else depth_unit == 0):
-        raise ValueError('depth_unit is %r, the encoding %s' % (depth_unit, encoding))
-    for name, side in (('height', height), ('width', width)):
-        if not 1 <= side <= MAX_SIDE:
-            raise ValueError('%s is %d, must be from 1 to %d' % (name, side, MAX_SIDE))
-    item, channels = pixel_type(encoding)
-    return CodedShape(height, width, channels, min(item.itemsize, 2))
 
 
 class LayeredImage:
@@ -60,6 +29,7 @@ class LayeredImage:
         layers = [Layer(*layer) for layer in zip(head.thresholds, head.sizes)]
         check(head.count, layers)
         stream = sum(layer.length(head.count) for layer in layers)
+        _check_reference(head)
         # each layer is filled up to whole bytes of its pieces
         filled = sum(layer.threshold * parts_of(layer.threshold, head.count) for layer in layers)
         if stream > most_bytes(self.shape.cells, self.shape.itemsize) + filled:
@@ -68,7 +38,10 @@ class LayeredImage:
         guard.check(self.shape.cells, now)
         self._restorer = Restorer(head.count, layers)   # takes memory
         self._count, self._size = head.count, sum(head.sizes)
+        self._ends = ends_of(layers, head.count)
         self._head = head
+        self.session, self.picture = head.session, head.picture
+        self.reference, self.reference_layers, self.checksum = head.reference, head.reference_layers, head.checksum
 
     @property
     def ending(self) -> bool:
@@ -105,18 +78,67 @@ class LayeredImage:
             self._restorer.add(indexes[fit], pieces[fit])
         return fit
 
-    def pixels(self) -> Optional[Array]:
-        """The best image that can be restored now.
+    @property
+    def is_predicted(self) -> bool:
+        """Whether it can be decoded with its reference only."""
+        return bool(self.reference != self.picture)
 
-        :return: (height, width) or (height, width, channels), as in a sensor_msgs/Image of this encoding and byte
-            order; None: there is none
+    def displaced(self, reference: Array) -> Optional[Array]:
+        """The pixels of its reference, displaced as the scene has moved since; None: how is not known."""
+        found = split_motion(self._restorer.restored()) if self._restorer.restorable else None
+        if found is None:
+            return None
+        from ...codecs.layered import motion  # compiled
+        try:
+            return motion.compensate(reference, motion.from_bytes(found[0]))
+        except ValueError:
+            return None
+
+    def decoded(self, prediction: Optional[Array]) -> Optional[Any]:
+        """The best image that can be restored now, and what was received of its stream right after.
+
+        :param prediction: the displaced reference, if it is predicted
+        :return: codecs.layered.image.Decoded; None: there is none
         :raises ImportError: the codec cannot be loaded
         """
         if self.error_byte is None:
             return None
         from ...codecs.layered.image import decode  # compiled: it takes 1 s and 100 MB to import
-        decoded = decode(self._restorer.restored(), *self.shape)
-        if decoded is None:
-            return None
+        return decode(self._stream, *self.shape, prediction)
+
+    def coded(self, decoded: Any, prediction: Optional[Array]) -> CodedImage:
+        """What can be restored now, for images that are predicted from it.
+
+        :param decoded: what `decoded` returned for this prediction
+        """
+        data, before = self._stream, len(self._restorer.restored()) - len(self._stream)
+        ends = [end - before for end in self._ends[:self._restorer.restorable]]
+        coded = CodedImage(self.shape, data[:max(ends[-1], 0)], ends, prediction)
+        if len(data) == ends[-1]:   # nothing beyond was decoded
+            coded.shows(len(ends), decoded.pixels)
+        return coded
+
+    @property
+    def _stream(self) -> bytes:
+        """What can be restored of the codec's stream."""
+        restored = self._restorer.restored()
+        found = split_motion(restored) if self.is_predicted else (b'', restored)
+        return b'' if found is None else found[1]
+
+    def published(self, decoded: Any) -> Array:
+        """What a sensor_msgs/Image of this encoding and byte order shows of a decoded image.
+
+        :return: (height, width) or (height, width, channels)
+        """
         head = self._head
         return restored(Layerable(decoded.pixels, decoded.classes, head.encoding, head.depth_unit), head.is_bigendian)
+
+
+def _check_reference(head: SimpleNamespace) -> None:
+    """:raises ValueError: what a head says about its reference is impossible"""
+    predicted = head.reference != head.picture
+    if predicted and not (head.reference < head.picture and 0 < head.reference_layers <= MAX_LAYERS):
+        raise ValueError('image %d is predicted from %d layers of image %d' % (
+            head.picture, head.reference_layers, head.reference))
+    if not predicted and (head.reference_layers or head.checksum):
+        raise ValueError('image %d has no reference, but describes one' % head.picture)

@@ -4,7 +4,7 @@
 Importing this module loads the compiled codec.
 """
 import math
-from typing import Any, Dict, List, Mapping, Optional, Tuple
+from typing import Any, Callable, Collection, Dict, List, Mapping, Optional, Tuple
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from ...arrays import FloatArray, IntArray, UInt8Array
 from ...codecs.layered import image, quality
 from ...codecs.layered.pieces import MAX_LAYERS, Plan, protect
 from ...codecs.layered.plan import LAYER_BYTES, best_plan, worth
-from ...congestion.operating_points import OperatingPoint, layered_points
+from ...congestion.operating_points import OperatingPoint, layered_points, with_more_bytes
 from ...mission.settings import Settings
 from ...msg import LayeredSegment
 from ...udpros.datagram import IP_UDP_HEADERS
@@ -20,11 +20,18 @@ from ...udpros.frame import Frame
 from ..frame_assembler import MAX_WAIT
 from ..outlook import Outlook
 from ..segments import as_bytes, room, write_header
+from .coded_shape import shape_of
 from .freshness import MotionMeter, worth_sending
+from .held_by_all import HeldByAll
 from .pixel_layers import Layerable, layerable
+from .prediction import Prediction, Predictor
+from .references import CodedImage, ends_of, with_motion
 
 FLOOR = 255.0 ** 2 / 1e6
 """Mean squared errors of 8 bits below this are not distinguished: 60 dB [count^2]."""
+
+BACKLOG = 0.05
+"""The rest of an image is waited for this long: without it, the layers of high thresholds are lost [s]."""
 
 TABLE = LAYER_BYTES * MAX_LAYERS // 2
 """Length of a datagram's table of layers, about [byte]."""
@@ -61,6 +68,12 @@ UNIFORM_ERROR = 12 ** -0.5
 """Rms error of values rounded to counts. The exact stream is as long as the other one is up to this error, within 5 %.
 Each bit a value halves the error [count]."""
 
+GOOD = 255.0 / 10 ** (42 / 20)
+"""Rms error of a good image of 8 bits: 42 dB [count]."""
+
+GOOD_BITS = 2.0
+"""A good image takes less, mostly [bit per value]."""
+
 SIZE_STEP = 2 ** 0.25
 """Estimated sizes of complete images are rounded up to powers of this: operating points change rarely."""
 
@@ -69,14 +82,29 @@ CERTAIN_FIT, LIKELY = 0.97, 0.7
 budget at losses that are not exceeded with that probability."""
 
 
-class LayeredImages:
-    """Encodes images, and estimates what a complete one takes. `encode` is called by one thread, the others by any."""
+FINISHING = 1.0
+"""A prediction whose mean squared error is at most this is refined by the exact transform, in however many images: the
+coefficients that one image leaves are what the next one codes [count^2]."""
 
-    def __init__(self) -> None:
+
+class LayeredImages:
+    """Encodes images, and estimates what a complete one takes. `encode` and `measure` are called by one thread, the
+    others by any.
+
+    :param held: what the operators report
+    :param session: makes random numbers, uint32
+    """
+    BACKLOG = BACKLOG
+
+    def __init__(self, held: HeldByAll, session: Callable[[], int]) -> None:
+        self._predictor = Predictor(session, held)
         self._stream_size: Optional[float] = None   # of a complete stream of an image like the last one [byte]
+        self._was_predicted = False                 # whether the last one was
         self._shape: Tuple[Any, ...] = ()           # what it depends on
         self._size: Optional[float] = None          # of such an image on the air [byte]
         self._fair_size = 0.0                       # of a fair image on the air [byte]
+        self.good_size: Optional[float] = None
+        """Of an image of GOOD quality on the air, if it has 8 bits; None: unknown [byte]."""
         self._motion = MotionMeter()
         self._shortened = False                     # whether the scene moves too fast for a complete image
 
@@ -90,89 +118,131 @@ class LayeredImages:
 
     def refine(self, point: Mapping[str, Any], spare: float) -> Dict[str, Any]:
         """As Encoder.refine."""
-        size, planned = self._size, point['max_bytes']
-        if not planned or size is None:
-            return {name: value for name, value in point.items() if name != 'max_bytes'}
-        more = planned + int(spare / max(point['rate'], LEAST_RATE))
-        return {**point, 'max_bytes': more} if more < size else {'rate': point['rate']}
+        return with_more_bytes(point, spare, self._size or 0.0, LEAST_RATE)
 
-    def encode(self, message: Any, settings: Settings, max_datagram_size: int, outlook: Outlook) -> List[Frame]:
+    def encode(self, message: Any, settings: Settings, max_datagram_size: int, outlook: Outlook,
+               recipients: Tuple[Collection[str], float] = ((), 0.0)) -> List[Frame]:
         """As Encoder.encode.
 
         :param outlook: what to expect of the link
+        :param recipients: names of the operators, and now, by a steady clock [s]
         """
-        source = layerable(message, settings['scale'], settings['depth_unit'])
+        source, stamp = layerable(message, settings['scale'], settings['depth_unit']), message.header.stamp.to_sec()
+        self._forget_others(source, settings)
+        prediction = self._predictor.predict(source.pixels, stamp, self._motion.growth, *recipients)
         texts = message.header.frame_id.encode(), source.encoding.encode()
         free = room(LayeredSegment, max_datagram_size, *texts)
         head = max_datagram_size + IP_UDP_HEADERS - free
         overhead = (head + TABLE) / max(free - TABLE, 1)
         least = max(LEAST_BYTES, head + LEAST_PIECES)
-        self._forget_others(source, settings)
-        budget = max(self._budget(source, settings, overhead, outlook), least)
-        stream = self._compress(source, settings, int(budget / (1 + overhead)), outlook)
+        budget = max(self._budget(source, prediction, settings, overhead, outlook), least)
+        stream = self._compress(source, prediction, settings, int(budget / (1 + overhead)), outlook)
+        prediction = prediction if stream.predicted else None
         ends, errors = _useful(stream, settings['max_quality'], source.pixels.itemsize)
         floor = None if source.pixels.itemsize > 1 else max(FLOOR, _bound(settings['max_quality'], 1))
-        self._estimate(source, stream, int(ends[-1]), overhead, outlook)
-        self._motion.add(source.pixels, message.header.stamp.to_sec(), source.classes)
+        self._estimate(source, prediction, stream, int(ends[-1]), overhead, outlook)
+        self.good_size = _length_at(stream, GOOD) * _protected(overhead, outlook.loss(LIKELY))
+        self._motion.add(source.pixels, stamp, source.classes)
         fresh = worth_sending(ends, errors, self._motion.growth * stream.cells,
                               _protected(overhead, outlook.loss(LIKELY)) / max(outlook.room, LEAST_ROOM))
         self._shortened = fresh < len(ends)
         budget = max(int(budget * ends[fresh - 1] / ends[-1]), least)
-        ends, errors = ends[:fresh], errors[:fresh]
+        ends, errors = ends[:fresh] + len(_beginning(prediction)), errors[:fresh]
         plan = best_plan(ends, worth(errors, stream.cells, floor), budget, outlook.air.losses, outlook.air.burst, head,
                          free)
-        return [_frame(message, source, plan, protect(stream.cut(len(ends)).data, plan), texts,
-                       _error_bytes(plan, ends, errors, stream.cells))]
+        data, layer_errors = stream.cut(fresh).data, _layer_errors(plan, ends, errors, stream.cells)
+        frame = _frame(message, source, plan, protect(_beginning(prediction) + data, plan), texts, layer_errors)
+        self._predictor.describe(frame.records, prediction)
+        self._predictor.sent(_coded(source, prediction, data, plan), layer_errors, prediction, stamp, *recipients)
+        return [frame]
+
+    def measure(self, message: Any, settings: Settings, outlook: Outlook) -> None:
+        """Measure `good_size` of an image that is not layered."""
+        source = layerable(message, settings['scale'], settings['depth_unit'])
+        stream = image.encode(source.pixels, False, int(GOOD_BITS / 8 * source.pixels.size), source.classes)
+        self.good_size = _length_at(stream, GOOD) * _protected(0.0, outlook.loss(LIKELY))
 
     def _forget_others(self, source: Layerable, settings: Settings) -> None:
         """Forget what was measured of images of another kind."""
         shape = (source.pixels.shape, source.encoding, source.depth_unit, settings['scale'], settings['max_quality'])
         if shape != self._shape:
             self._shape, self._stream_size, self._motion, self._shortened = shape, None, MotionMeter(), False
+            self._predictor.begin()
 
-    def _budget(self, source: Layerable, settings: Settings, overhead: float, outlook: Outlook) -> int:
+    def _budget(self, source: Layerable, prediction: Optional[Prediction], settings: Settings, overhead: float,
+                outlook: Outlook) -> int:
         """What the image may take on the air [byte].
 
         :param overhead: of the datagrams' heads, relative to what they carry
         """
         whole = source.pixels.nbytes * (1 + overhead)
-        if self._stream_size is not None and self._size is not None:
+        if prediction is not None:
+            whole = min(whole, prediction.exact_size / CERTAIN_FIT * _protected(overhead, outlook.loss(RESERVE)))
+        elif self._stream_size is not None and self._size is not None and not self._was_predicted:
             whole = self._size
         granted = (settings.granted or {}).get('max_bytes') or math.inf
         most = min(settings.requested['max_bytes'] or whole, AIR_PART * granted,
                    AIR_PART * outlook.room / max(settings['rate'], LEAST_RATE))
         return int(max(min(whole, most), LEAST_BYTES))
 
-    def _compress(self, source: Layerable, settings: Settings, budget: int, outlook: Outlook) -> image.LayeredStream:
+    def _compress(self, source: Layerable, prediction: Optional[Prediction], settings: Settings, budget: int,
+                  outlook: Outlook) -> image.LayeredStream:
         """The stream of an image, exact where all of it is likely to arrive."""
-        lossless = (not settings['max_quality'] and self._stream_size is not None and not self._shortened
-                    and self._stream_size <= CERTAIN_FIT * budget * (1 - outlook.loss(LIKELY)))
-        return image.encode(source.pixels, lossless, budget, source.classes)
+        if prediction is not None:
+            size: Optional[float] = prediction.exact_size
+        else:
+            size = None if self._was_predicted else self._stream_size
+        fits = size is not None and size <= CERTAIN_FIT * budget * (1 - outlook.loss(LIKELY))
+        finishing = prediction is not None and prediction.error <= FINISHING
+        lossless = not settings['max_quality'] and not self._shortened and (fits or finishing)
+        return image.encode(source.pixels, lossless, budget, source.classes, prediction and prediction.pixels)
 
-    def _estimate(self, source: Layerable, stream: image.LayeredStream, useful: int, overhead: float,
-                  outlook: Outlook) -> None:
+    def _estimate(self, source: Layerable, prediction: Optional[Prediction], stream: image.LayeredStream, useful: int,
+                  overhead: float, outlook: Outlook) -> None:
         """Estimate the size of a complete image."""
-        size = _complete(stream, useful)
-        self._stream_size = size
+        size = _complete(stream, useful, prediction and prediction.exact_size)
+        self._stream_size, self._was_predicted = size, prediction is not None
         protected = _protected(overhead, outlook.loss(RESERVE))
         self._fair_size = FAIR_BITS / 8 * stream.cells * protected
         on_air = min(size / CERTAIN_FIT * protected, source.pixels.nbytes * (1 + overhead))
         self._size = SIZE_STEP ** math.ceil(math.log(max(on_air, LEAST_BYTES), SIZE_STEP))
 
 
-def _complete(stream: image.LayeredStream, useful: int) -> float:
+def _beginning(prediction: Optional[Prediction]) -> bytes:
+    """What is before the codec's stream."""
+    return with_motion(prediction.motion, b'') if prediction else b''
+
+
+def _coded(source: Layerable, prediction: Optional[Prediction], data: bytes, plan: Plan) -> CodedImage:
+    """An image as its receivers get it.
+
+    :param data: the codec's stream
+    """
+    before = len(_beginning(prediction))
+    return CodedImage(shape_of(source.pixels), data, [end - before for end in ends_of(plan.layers, plan.count)],
+                      prediction and prediction.pixels)
+
+
+def _complete(stream: image.LayeredStream, useful: int, exact: Optional[float]) -> float:
     """The estimated length of a complete stream [byte].
 
     :param useful: what is useful of this one [byte]
+    :param exact: of a predicted image, see Prediction.exact_size
     """
     if useful < len(stream.data) or stream.errors[-1] == 0:
         return float(useful + stream.missing)
+    if exact is not None and stream.errors[-1] <= UNIFORM_ERROR ** 2 * stream.cells:
+        return max(useful, exact) + stream.missing
+    return _length_at(stream, UNIFORM_ERROR) + stream.missing
+
+
+def _length_at(stream: image.LayeredStream, error: float) -> float:
+    """The length of a stream with this rms error, estimated where it is longer [byte]."""
     variances = np.maximum(stream.errors, 0) / stream.cells
-    fine = np.flatnonzero(variances <= UNIFORM_ERROR ** 2)
+    fine = np.flatnonzero(variances <= error ** 2)
     if len(fine):
-        return float(stream.ends[fine[0]] + stream.missing)
-    more = math.log2(math.sqrt(float(variances[-1])) / UNIFORM_ERROR)
-    return useful + stream.missing + stream.cells * max(more, 0.0) / 8
+        return float(stream.ends[fine[0]])
+    return float(stream.ends[-1] + stream.cells * max(math.log2(math.sqrt(float(variances[-1])) / error), 0.0) / 8)
 
 
 def _protected(overhead: float, loss: float) -> float:
@@ -196,20 +266,20 @@ def _useful(stream: image.LayeredStream, max_quality: float, itemsize: int) -> T
     return stream.ends[:stop], stream.errors[:stop]
 
 
-def _error_bytes(plan: Plan, ends: IntArray, errors: FloatArray, cells: int) -> UInt8Array:
-    """(m,) uint8: the error of the image once each layer is restored, see quality.py."""
-    bytes_restored = np.cumsum([layer.length(plan.count) for layer in plan.layers])
-    points = np.maximum(np.searchsorted(ends, bytes_restored, 'right') - 1, 0)
-    return np.array([quality.to_byte(math.sqrt(error / cells)) for error in np.maximum(errors[points], 0).tolist()],
-                    np.uint8)
+def _layer_errors(plan: Plan, ends: IntArray, errors: FloatArray, cells: int) -> List[float]:
+    """The mean squared error of the image once each layer is restored [count^2]."""
+    points = np.maximum(np.searchsorted(ends, ends_of(plan.layers, plan.count), 'right') - 1, 0)
+    found: List[float] = (np.maximum(errors[points], 0) / cells).tolist()
+    return found
 
 
 def _frame(message: Any, source: Layerable, plan: Plan, pieces: UInt8Array, texts: Tuple[bytes, bytes],
-           error_bytes: UInt8Array) -> Frame:
-    """The datagrams of an image.
+           errors: List[float]) -> Frame:
+    """The datagrams of an image; what they say about its reference is still missing.
 
     :param pieces: (count, s) uint8
     :param texts: frame_id and encoding
+    :param errors: mean squared errors once each layer is restored [count^2]
     """
     layers = len(plan.layers)
     frame = Frame(LayeredSegment, plan.count, {
@@ -223,5 +293,6 @@ def _frame(message: Any, source: Layerable, plan: Plan, pieces: UInt8Array, text
     records['index'], records['count'] = np.arange(plan.count), plan.count
     records['thresholds'] = [layer.threshold for layer in plan.layers]
     records['sizes'] = [layer.size for layer in plan.layers]
-    records['errors'], records['data'] = error_bytes, pieces
+    records['errors'] = [quality.to_byte(math.sqrt(error)) for error in errors]
+    records['data'] = pieces
     return frame

@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The last images of a stream, from which later ones are predicted: kept by both sides, which must decode them alike.
+
+A reference is what the first layers of an image restore, exactly these and no byte more. The robot may name fewer
+layers than an operator has restored, because another operator has only those. So the bytes of each image are kept, with
+the prediction that they were coded against, and are decoded on demand.
+"""
+import zlib
+from collections import OrderedDict
+from typing import Dict, NamedTuple, Optional, Sequence, Tuple
+
+import numpy as np
+
+from ...arrays import Array
+from ...codecs.layered.pieces import Layer
+from .coded_shape import CodedShape
+
+MAX_PICTURES = 16
+"""That are kept of a stream: at 30 Hz a report may come half a second after the image."""
+
+MAX_BYTES = 32 << 20
+"""Of the pixels of images of one size that are kept. With their streams and predictions they are 4 times as much
+[byte]."""
+
+LEAST_PICTURES = 3
+"""That are kept, however large they are."""
+
+Key = Tuple[int, int]
+"""Session and number of an image."""
+
+
+class Reference(NamedTuple):
+    """What an image is predicted from."""
+    pixels: Array
+    """As image.decode returns them, before they are displaced."""
+    checksum: int
+    """See checksum_of."""
+
+
+def checksum_of(pixels: Array) -> int:
+    """CRC-32 of pixels, rows first, little-endian.
+
+    :return: uint32
+    """
+    return zlib.crc32(np.ascontiguousarray(pixels, pixels.dtype.newbyteorder('<')).data)
+
+
+def ends_of(layers: Sequence[Layer], count: int) -> Tuple[int, ...]:
+    """Where each layer of a stream ends [byte].
+
+    :param count: number of datagrams
+    """
+    return tuple(np.cumsum([layer.length(count) for layer in layers]).tolist())
+
+
+def with_motion(motion: bytes, stream: bytes) -> bytes:
+    """The stream of a predicted image: its motion is in front, so that it is protected best.
+
+    :param motion: at most 255 bytes
+    """
+    return bytes([len(motion)]) + motion + stream
+
+
+def split_motion(stream: bytes) -> Optional[Tuple[bytes, bytes]]:
+    """(motion, the rest) of the stream of a predicted image, or of its beginning; None: of too little."""
+    if not stream or len(stream) <= stream[0]:
+        return None
+    return stream[1:1 + stream[0]], stream[1 + stream[0]:]
+
+
+class CodedImage:
+    """The stream of an image, as far as it is known.
+
+    :param data: the stream without its motion, whole layers; what is missing at its end counts as zeros
+    :param ends: where each known layer ends in it; 0 or less: it has nothing of it [byte]
+    :param predicted: the displaced reference that it was coded against; None: none
+    """
+
+    def __init__(self, shape: CodedShape, data: bytes, ends: Sequence[int], predicted: Optional[Array]) -> None:
+        self.shape, self.layers = shape, len(ends)
+        self._data, self._ends, self._predicted = data, tuple(ends), predicted
+        self._decoded: Optional[Tuple[int, Reference]] = None   # the last one: layers, and what they restore
+
+    def shows(self, layers: int, pixels: Array) -> None:
+        """Note what some layers restore, so that they are not decoded again."""
+        self._decoded = layers, Reference(pixels, checksum_of(pixels))
+
+    def reference(self, layers: int) -> Optional[Reference]:
+        """What the first layers restore; None: they are not known, or restore nothing.
+
+        :raises ImportError: the codec cannot be loaded
+        """
+        if not 0 < layers <= self.layers:
+            return None
+        if self._decoded is None or self._decoded[0] != layers:
+            from ...codecs.layered.image import decode  # compiled
+            decoded = decode(self._data[:max(self._ends[layers - 1], 0)], *self.shape, self._predicted)
+            if decoded is None:
+                return None
+            self.shows(layers, decoded.pixels)
+        assert self._decoded is not None
+        return self._decoded[1]
+
+
+class References:
+    """The last images, the newest MAX_PICTURES of them or MAX_BYTES."""
+
+    def __init__(self) -> None:
+        self._images: OrderedDict[Key, CodedImage] = OrderedDict()
+
+    def __contains__(self, key: Key) -> bool:
+        return key in self._images
+
+    def add(self, key: Key, image: CodedImage) -> None:
+        """Keep an image, in place of the oldest ones where there are too many."""
+        self._images[key] = image
+        self._images.move_to_end(key)
+        size = image.shape.cells * image.shape.itemsize
+        while len(self._images) > max(LEAST_PICTURES, min(MAX_PICTURES, MAX_BYTES // size)):
+            self._images.popitem(last=False)
+
+    def get(self, key: Key, layers: int, shape: CodedShape) -> Optional[Reference]:
+        """What the first layers of an image restore; None: they are not kept, or the image has another shape.
+
+        :raises ImportError: the codec cannot be loaded
+        """
+        image = self._images.get(key)
+        return None if image is None or image.shape != shape else image.reference(layers)
+
+    def layers(self, session: int) -> Dict[int, int]:
+        """{number: known layers} of the images of a session."""
+        return {number: image.layers for (its_session, number), image in self._images.items()
+                if its_session == session}
+
+    def forget_before(self, key: Key) -> None:
+        """Forget the images of a session before one of them."""
+        session, first = key
+        for one in [one for one in self._images if one[0] == session and one[1] < first]:
+            del self._images[one]
+
+    def clear(self) -> None:
+        """Forget all."""
+        self._images.clear()

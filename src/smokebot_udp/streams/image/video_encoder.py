@@ -1,0 +1,314 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Images as video: H.264 in slices of a datagram each, with parity pieces for the losses expected (doc/video.md).
+
+Importing this module loads PyAV, and the compiled codec.
+"""
+import itertools
+import math
+import threading
+from typing import Any, Callable, Collection, Dict, Iterable, List, Mapping, NamedTuple, Optional, Tuple
+
+from ...codecs.video import rate as video_rate
+from ...codecs.video.decoder_request import MAX_BYTES
+from ...codecs.video.encoder import LEAST_ROOM, LEAST_SIZE, EncodedImage, VideoEncoder, check_library
+from ...codecs.video.protection import LENGTH_BYTES, MAX_PIECES, protect
+from ...codecs.video.redundancy import Link, Scene, Sizes, parities
+from ...congestion.operating_points import OperatingPoint, layered_points, with_more_bytes
+from ...mission.settings import Settings
+from ...msg import VideoSlice
+from ...udpros.datagram import IP_UDP_HEADERS
+from ...udpros.frame import Frame
+from ..frame_assembler import MAX_WAIT
+from ..held import Holding
+from ..outlook import Outlook
+from ..segments import as_bytes, room, size_on_air, write_header
+from .pixel_layers import Layerable, layerable
+from .refresh_requests import RefreshRequests
+from .similarity import Similarity
+from .video import INTRA
+
+PARAMETER_SETS = 48
+"""Room for them in each datagram [byte]."""
+
+PADDED = 8
+"""Slices are padded with zeros to a multiple of this: the layouts of datagrams are few [byte]."""
+
+AIR_PART = 0.9
+"""An image takes this part of the time that it is granted on the air: images come with jitter."""
+
+LEAST_RATE = AIR_PART / (MAX_WAIT / 2)
+"""An image leaves within the period of this rate, however rare images are [Hz]."""
+
+MAX_SLICES = 160
+"""An image has slices of about so many datagrams at most: their parity pieces fit into its code."""
+
+MOST_BYTES = MAX_BYTES // 2
+"""Of an image on the air: a single one may be larger, and all of it must fit the decoder's memory."""
+
+FULL_BITS = 3.0
+"""Of an image that is as good as the original, 52 dB [bit per pixel]."""
+
+FAIR_BITS = 0.05
+"""Of a fair image of a scene that resembles the one before [bit per pixel]."""
+
+LEAST_BYTES = 600
+"""Of an image on the air."""
+
+TOO_LARGE = 2.0
+"""An image is not sent that takes so many times what it may, if it leaves too late then."""
+
+LIKELY, MOST_LOSS = 0.7, 0.7
+"""A complete image is protected against losses that are not exceeded with that probability, at most against this one.
+"""
+
+SIZE_STEP = 2 ** 0.25
+"""Sizes of complete images are rounded up to powers of this: operating points change rarely."""
+
+UNKNOWN_CHANGE = 100.0
+"""Mean squared difference of two successive images before it is measured [count^2]."""
+
+UNKNOWN_ERROR = 10.0
+"""Mean squared error of a coded image before there is one [count^2]."""
+
+LOST_BEGINNING = 2000.0
+"""Of an image that is not predicted, the mean squared error where it is lost: there is nothing to take the place of it
+[count^2]."""
+
+BEGINNING_PARITY = 0.6
+"""An image that is not predicted may have so many parity pieces for each slice, beyond its budget: where it is
+incomplete, the next ones are, too."""
+
+SMOOTHING = 0.3
+"""Weight of the error of the newest image."""
+
+
+class _Session:
+    """Images of one shape that are predicted from each other.
+
+    :param shape: of the pixels
+    :param room: for a slice [byte]
+    :param number: of the session
+    """
+
+    def __init__(self, shape: Tuple[int, ...], room: int, number: int) -> None:
+        self.shape, self.room, self.number = shape, room, number
+        self.pictures = 0
+        """Coded until now."""
+        self.control = video_rate.SizeControl()
+        self.opening: Optional[video_rate.Opening] = None
+        self._age = 0       # images since the encoder was opened
+
+    def prepare(self, plan: video_rate.Plan) -> None:
+        """Open the encoder anew where that is necessary for the next image."""
+        opening = video_rate.reopening(self.opening, self._age, max(plan.size, LEAST_SIZE), plan.refresh)
+        if opening is None:
+            return
+        encoding = 'bgr8' if len(self.shape) > 2 else 'mono8'
+        self._encoder = VideoEncoder(self.shape[0], self.shape[1], encoding, opening.size, self.room, opening.refresh)
+        self.opening, self._age, self.control = opening, 0, video_rate.SizeControl()
+
+    @property
+    def refresh(self) -> int:
+        """Images of a refresh cycle."""
+        return self.opening.refresh if self.opening else video_rate.LONG
+
+    def encode(self, source: Layerable, size: int, intra: bool) -> EncodedImage:
+        """Code the next image.
+
+        :param size: that it is to have on average [byte]
+        """
+        assert self.opening is not None
+        # libx264 follows later only where it began with the size that it was opened for
+        asked = min(max(self.control.asked(size), LEAST_SIZE), self.opening.size) if self._age else self.opening.size
+        self.pictures, self._age = self.pictures + 1, self._age + 1
+        return self._encoder.encode(source.pixels, asked, intra)
+
+
+class _Image(NamedTuple):
+    """An image as it is sent."""
+    session: _Session
+    picture: int
+    coded: EncodedImage
+    pieces: List[bytes]
+    """Its slices, and the parity pieces."""
+
+
+class VideoImages:
+    """Encodes images. `encode` and `fits` are called by one thread, the others by any.
+
+    :param new_session: makes random numbers, uint32
+    :raises ValueError: there is no libx264
+    """
+    BACKLOG = 0.1
+    """The rest of an image is waited for this long: without it, the next ones are worse, too [s]."""
+
+    def __init__(self, new_session: Callable[[], int]) -> None:
+        check_library()
+        self._new_session = new_session
+        self._session: Optional[_Session] = None
+        self._size: Optional[float] = None  # of a complete image on the air [byte]
+        self._fair_size = 0.0               # of a fair image on the air [byte]
+        self._coding_error = UNKNOWN_ERROR  # [count^2]
+        self._parities: Optional[int] = None    # of the last plan
+        self._similarity = Similarity()
+        self._lock = threading.Lock()
+        self._requests = RefreshRequests()
+
+    def operating_points(self, rate: float, settings: Settings) -> List[OperatingPoint]:
+        """As Encoder.operating_points."""
+        if self._size is None:
+            return []
+        size = min(self._size, settings.requested['max_bytes'] or self._size)
+        return layered_points(rate, size, settings.requested['degradation_preference'], self._fair_size, LEAST_BYTES,
+                              LEAST_RATE)
+
+    def refine(self, point: Mapping[str, Any], spare: float) -> Dict[str, Any]:
+        """As Encoder.refine."""
+        return with_more_bytes(point, spare, self._size or 0.0, LEAST_RATE)
+
+    def held(self, operator: str, holding: Holding, now: float) -> None:
+        """As Encoder.held.
+
+        :param now: by a steady clock, as below [s]
+        """
+        with self._lock:
+            self._requests.held(operator, holding, now)
+
+    @staticmethod
+    def fits(message: Any, max_datagram_size: int) -> bool:
+        """Whether datagrams have room for the slices of an image."""
+        try:
+            sizes_of(max_datagram_size, message.header.frame_id.encode(), message.encoding.encode())
+        except ValueError:
+            return False
+        return True
+
+    def budget(self, settings: Settings, outlook: Outlook) -> float:
+        """What the link has for an image on the air, as granted [byte]; inf: more than any image takes."""
+        granted = (settings.granted or {}).get('max_bytes') or math.inf
+        return float(min(settings.requested['max_bytes'] or math.inf, AIR_PART * granted,
+                         AIR_PART * outlook.room / max(settings['rate'], LEAST_RATE)))
+
+    def encode(self, message: Any, settings: Settings, max_datagram_size: int, outlook: Outlook,
+               operators: Collection[str], now: float) -> List[Frame]:
+        """As Encoder.encode. Empty where an image is too large to arrive in time: the refresh repairs it.
+
+        :param outlook: what to expect of the link
+        :param operators: names of those that video is sent to
+        """
+        source = layerable(message, settings['scale'], 0.0)
+        texts = message.header.frame_id.encode(), source.encoding.encode()
+        sizes, link = sizes_of(max_datagram_size, *texts), Link(outlook.air.losses, outlook.air.burst)
+        self._similarity.add(source.pixels)
+        # the parameter sets are in one datagram
+        budget = self._budget(source, settings, outlook, sizes) - PARAMETER_SETS
+        plan = video_rate.plan(budget, sizes, self._scene(), link, self._parities)
+        session, self._parities = self._prepared(source, sizes, plan), plan.division.parities
+        with self._lock:
+            self._requests.serve(operators)
+            intra = self._requests.wanted()
+        picture, coded = session.pictures, session.encode(source, plan.division.size, intra)
+        self._coding_error += SMOOTHING * (video_rate.coding_error(coded.qp) - self._coding_error)
+        slices = [unit + bytes(-len(unit) % PADDED) for unit in coded.slices]
+        scene = self._scene()
+        if coded.intra:
+            scene = scene._replace(change=LOST_BEGINNING, refresh=2 * scene.refresh)
+        most = max(MAX_WAIT * outlook.room, TOO_LARGE * budget)
+        planned = _beginning_parities(slices, most, sizes) if coded.intra else plan.division.parities
+        image = _Image(session, picture, coded, slices + _parity(slices, budget, planned, sizes, scene, link))
+        frames = list(_frames(message, source, image, texts))
+        if not coded.intra:
+            session.control.add(budget, size_on_air(frames))
+        if size_on_air(frames) > most:
+            if coded.intra:
+                with self._lock:
+                    self._requests.too_large(now)
+            return []
+        with self._lock:
+            self._requests.sent(session.number, picture, coded.intra, now)
+        return frames
+
+    def _budget(self, source: Layerable, settings: Settings, outlook: Outlook, sizes: Sizes) -> float:
+        """What the image may take on the air [byte]. Notes what a complete one takes."""
+        area = source.pixels.shape[0] * source.pixels.shape[1]
+        protected = (1 + sizes.head / sizes.room) / (1 - min(outlook.loss(LIKELY), MOST_LOSS))
+        self._fair_size = FAIR_BITS / 8 * area * protected
+        whole = max(min(FULL_BITS / 8 * area * protected, MAX_SLICES * (sizes.room + sizes.head), MOST_BYTES),
+                    LEAST_BYTES)
+        self._size = SIZE_STEP ** math.ceil(math.log(whole, SIZE_STEP))
+        return max(min(whole, self.budget(settings, outlook)), LEAST_BYTES)
+
+    def _prepared(self, source: Layerable, sizes: Sizes, plan: video_rate.Plan) -> _Session:
+        """The session of an image."""
+        session, shape = self._session, source.pixels.shape
+        if session is None or (session.shape, session.room) != (shape, sizes.room):
+            session = self._session = _Session(shape, sizes.room, self._new_session())
+        session.prepare(plan)
+        return session
+
+    def _scene(self) -> Scene:
+        difference = self._similarity.difference
+        return Scene(self._coding_error, UNKNOWN_CHANGE if difference is None else difference,
+                     self._session.refresh if self._session else video_rate.LONG)
+
+
+def _beginning_parities(slices: List[bytes], most: float, sizes: Sizes) -> int:
+    """The parity pieces that an image may have which is not predicted.
+
+    :param most: for the image on the air [byte]
+    """
+    piece = max(map(len, slices)) + LENGTH_BYTES + sizes.head
+    spare = most - PARAMETER_SETS * len(slices) - sum(map(len, slices)) - len(slices) * sizes.head
+    return max(min(math.ceil(BEGINNING_PARITY * len(slices)), int(spare // (piece + PARAMETER_SETS))), 0)
+
+
+def _parity(slices: List[bytes], budget: float, planned: int, sizes: Sizes, scene: Scene, link: Link) -> List[bytes]:
+    """The parity pieces of an image.
+
+    :param planned: they may be so many; where the image is smaller than planned, more of them fit
+    """
+    lengths = [len(piece) for piece in slices]
+    spare = budget - sum(lengths) - len(lengths) * sizes.head
+    most = max(planned, int(spare // (max(lengths) + LENGTH_BYTES + sizes.head)))
+    return protect(slices, parities(lengths, min(most, MAX_PIECES - len(slices)), sizes, scene, link))
+
+
+def sizes_of(max_datagram_size: int, *texts: bytes) -> Sizes:
+    """Of the datagrams of video.
+
+    :param max_datagram_size: [byte of UDP payload]
+    :param texts: frame_id and encoding
+    :raises ValueError: slices have too little room
+    """
+    free = room(VideoSlice, max_datagram_size, *texts)
+    left = (free - PARAMETER_SETS - LENGTH_BYTES) // PADDED * PADDED
+    if left < LEAST_ROOM:
+        raise ValueError('a datagram of %d bytes has too little room for a slice of video' % max_datagram_size)
+    return Sizes(left, max_datagram_size + IP_UDP_HEADERS - free)
+
+
+def _frames(message: Any, source: Layerable, image: _Image, texts: Tuple[bytes, bytes]) -> Iterable[Frame]:
+    """The datagrams of an image: those of the same layout in one frame, parity last.
+
+    :param texts: frame_id and encoding
+    """
+    sources, sets = len(image.coded.slices), image.coded.parameter_sets
+
+    def layout(index: int) -> Tuple[bool, int, int]:
+        with_sets = image.coded.intra or index == 0
+        return index >= sources, len(sets) if with_sets else 0, len(image.pieces[index])
+
+    for (_, length, size), group in itertools.groupby(sorted(range(len(image.pieces)), key=layout), layout):
+        indexes = list(group)
+        frame = Frame(VideoSlice, len(indexes), {'header.frame_id': len(texts[0]), 'encoding': len(texts[1]),
+                                                 'parameter_sets': length, 'data': size})
+        records = frame.records
+        write_header(records, message.header)
+        records['height'], records['width'] = source.pixels.shape[:2]
+        records['encoding'] = as_bytes(texts[1])
+        records['session'], records['picture'] = image.session.number, image.picture
+        records['sources'], records['count'], records['index'] = sources, len(image.pieces), indexes
+        records['flags'], records['refresh'] = INTRA if image.coded.intra else 0, image.session.refresh
+        records['parameter_sets'] = as_bytes(sets[:length])
+        records['data'] = [as_bytes(image.pieces[index]) for index in indexes]
+        yield frame

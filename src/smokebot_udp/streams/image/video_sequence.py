@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The images of a video stream in their order: each is predicted from the ones before.
+
+What was lost of an image is missing in those that follow, until the robot has coded all parts anew: at once in an image
+that is not predicted from others, and else little by little, in `refresh` images. What is refreshed in the middle of
+such a cycle is predicted from what is not: so it takes up to two cycles. `refreshed` is the share of the parts that
+have been received anew since a session began, or since as many images as a cycle has were lost in a row. Nothing of a
+session is shown until it is SHOWN: what libavcodec makes of less is grey.
+
+Images from then on are reported as held. Where they do not go on, the robot sends an image that is not predicted from
+others (refresh_requests.py).
+"""
+from types import SimpleNamespace
+from typing import Counter, Mapping, Optional, Protocol
+
+from ...arrays import UInt8Array
+from ...codecs.video.decoder_request import Request
+from ..held import Holding
+from .video import INTRA, VideoImage
+
+SHOWN = 0.75
+"""Of the parts."""
+
+CYCLES = 2
+"""See above."""
+
+REPORTED = 64
+"""So many of the newest images are reported."""
+
+
+class Decoder(Protocol):
+    """Decodes the images of one stream."""
+
+    @property
+    def dropped(self) -> Mapping[str, int]:
+        """{reason: count} of the images that were not decoded."""
+
+    def decode(self, request: Request) -> Optional[UInt8Array]:
+        """The image: (height, width) or (height, width, 3: blue, green, red) uint8.
+
+        None: there is none, and perhaps nothing to predict the next ones from.
+        """
+
+
+class VideoSequence:
+    """Decodes images, and knows what is held. Used by one thread.
+
+    :param dropped: {reason: count} of the images that are not shown, for reasons other than the decoder's
+    """
+
+    def __init__(self, decoder: Decoder, dropped: Counter[str]) -> None:
+        self.dropped, self._decoder = dropped, decoder
+        self._session: Optional[int] = None
+        self._picture = 0                       # number of the last image
+        self._refreshed = 0.0                   # see above
+        self._began = False                     # whether images of the session are shown
+        self._parameter_sets = b''              # of the session, as received last
+        self.holding: Optional[Holding] = None
+        """The newest images that are held; None: there was no image."""
+
+    def decode(self, head: SimpleNamespace, image: VideoImage) -> Optional[UInt8Array]:
+        """The pixels of the next image.
+
+        :param head: of its datagrams
+        :return: as Decoder.decode; None: nothing can be shown
+        """
+        slices = image.slices()
+        if not slices:
+            self.dropped['image'] += 1
+            return None     # it counts as lost
+        lost, shape = self._follow(head), image.shape
+        self._parameter_sets = image.parameter_sets or self._parameter_sets
+        pixels = self._decoder.decode(Request(
+            head.session, shape.height, shape.width, shape.channels == 3, self._parameter_sets, slices))
+        if pixels is None:
+            self._begin_anew()
+            self._began = False
+            return None
+        self._refresh(head, lost, image.completeness)
+        if not self._began:
+            self.dropped['before refresh'] += 1
+        return pixels if self._began else None
+
+    def _follow(self, head: SimpleNamespace) -> int:
+        """The number of images lost between the last one and this one; 0 for the first of a session."""
+        session, last = self._session, self._picture
+        self._session, self._picture = head.session, head.picture
+        if session != head.session:
+            self._begin_anew()
+            self._began, self._parameter_sets = False, b''
+            return 0
+        # the robot numbers them by their stamps: a smaller number is forged, or follows a forged one
+        return int(head.picture - last - 1 if head.picture > last else head.refresh)
+
+    def _begin_anew(self) -> None:
+        self._refreshed, self.holding = 0.0, Holding(self._session or 0, ())
+
+    def _refresh(self, head: SimpleNamespace, lost: int, share: float) -> None:
+        """Note which share of an image came."""
+        if lost >= head.refresh:
+            self._begin_anew()
+        intra = head.flags & INTRA
+        self._refreshed = share if intra else min(1.0, self._refreshed + share / (CYCLES * head.refresh))
+        if self._refreshed >= SHOWN:
+            self._began = True
+            self._hold(head.picture)
+
+    def _hold(self, picture: int) -> None:
+        assert self.holding is not None and self._session is not None
+        held = [number for first, count in self.holding.runs for number in range(first, first + count)]
+        self.holding = Holding.of(self._session, [
+            *(number for number in held if picture - REPORTED < number < picture), picture])

@@ -1,0 +1,250 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Images that are predicted from what all operators hold, from the robot's encoder to the operators' screens."""
+import zlib
+from random import Random
+from typing import Any, Collection, Dict, Optional
+
+import needs_numba  # noqa: F401
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import settings as settings_of_property
+from hypothesis import strategies as st
+from layered_operator import pixels_of
+from layered_sender import BAD, CASES, NO_LOSS, photograph
+from predicted_link import PredictedLink, everything, nothing
+
+from smokebot_udp.codecs.layered.image import decode
+from smokebot_udp.codecs.layered.motion import compensate, from_bytes
+from smokebot_udp.codecs.layered.pieces import Layer, Restorer
+from smokebot_udp.codecs.layered.quality import from_byte
+from smokebot_udp.streams.held import Holding
+from smokebot_udp.streams.image.held_by_all import TIMEOUT
+from smokebot_udp.streams.image.held_images import MISTRUST
+
+TYPES = {'mono8': np.uint8, 'mono16': np.uint16, 'bgr8': np.uint8}
+
+
+def independent(ratio: float, seed: int) -> Any:
+    """A Loss that loses this part of the datagrams."""
+    random = Random(seed)
+    return lambda _, count: [number for number in range(count) if random.random() >= ratio]
+
+
+def moving(step: int, encoding: str = 'mono16', pixels_an_image: int = 1) -> Any:
+    """The scene after `step` images."""
+    high = 2000 if encoding == 'mono16' else 255
+    scene = photograph(96, 256, 3 if encoding == 'bgr8' else 1, high)
+    return scene[:, pixels_an_image * step % 128:][:, :128].astype(TYPES[encoding])
+
+
+def noisy(step: int, encoding: str = 'mono16') -> Any:
+    """A scene that stands still before a sensor with noise."""
+    noise = np.random.RandomState(step).randint(0, 4, CASES[encoding].shape)
+    return np.clip(CASES[encoding].astype(int) + noise, 0, np.iinfo(TYPES[encoding]).max).astype(TYPES[encoding])
+
+
+# a scene that stands still
+
+@pytest.mark.parametrize('encoding', CASES)
+@pytest.mark.parametrize('loss, delay', [(0.0, 0), (0.0, 2), (0.2, 1)])
+def test_a_scene_that_stands_still_becomes_exact_and_stays_so(encoding: str, loss: float, delay: int) -> None:
+    pixels = CASES[encoding]
+    link = PredictedLink(delay=delay, outlook=BAD if loss else NO_LOSS, granted={'max_bytes': pixels.nbytes // 5})
+    lost, exact, announced = independent(loss, 1), [], []
+    for _ in range(40 + 20 * delay):
+        shown = link.send(pixels, encoding, lost)['/operator']
+        if shown is not None:
+            exact.append(bool((pixels_of(shown, pixels.dtype) == pixels).all()))
+            announced.append(shown.error.rms == 0)
+    first = exact.index(True)
+    assert all(exact[first:]) and len(exact) - first > 5
+    assert announced[-1] and all(true for true, said in zip(exact, announced) if said)
+    assert sum(records['data'].nbytes for records in link.sent[-5:]) < pixels.nbytes / 5
+
+
+# whatever is lost
+
+def layers_restored(records: Any, layers: int, reference: Any) -> Optional[Any]:
+    """The pixels that the first layers of an image restore, by their bytes alone; None: nothing."""
+    record = records[0]
+    table = [Layer(*layer) for layer in zip(record['thresholds'].tolist(), record['sizes'].tolist())]
+    restorer = Restorer(len(records), table)
+    restorer.add(records['index'].astype(int), records['data'])
+    data = restorer.restored()[:sum(layer.length(len(records)) for layer in table[:layers])]
+    predicted = None
+    if reference is not None:
+        length = data[0]
+        predicted, data = compensate(reference, from_bytes(data[1:1 + length])), data[1 + length:]
+    decoded = decode(data, int(record['height']), int(record['width']), 1, 2, predicted)
+    return None if decoded is None else decoded.pixels
+
+
+@settings_of_property(max_examples=15)
+@given(st.integers(0, 2 ** 32 - 1), st.sampled_from([0.1, 0.4, 0.7]), st.integers(0, 2), st.integers(0, 2))
+def test_whatever_is_lost_both_sides_agree(seed: int, ratio: float, delay: int, pixels_an_image: int) -> None:
+    """Every reference that the robot names is what the operators hold: nothing is ever counted as without one."""
+    random = Random(seed)
+    # all within TIMEOUT: nobody is left out as silent
+    link = PredictedLink(('/one', '/two'), delay, BAD, 0.05, granted={'max_bytes': 6000})
+    lost, models = independent(ratio, seed), {}     # type: Any, Dict[Tuple[int, int], Any]
+    for step in range(14):
+        unreported = [name for name in link.operators if random.random() < ratio]
+        shown = link.send(moving(step, 'mono16', pixels_an_image), 'mono16', lost, unreported)
+        records = link.sent[-1]
+        record = records[0]
+        reference = None
+        if record['reference'] != record['picture']:
+            reference = models[int(record['reference']), int(record['reference_layers'])]
+            assert record['checksum'] == zlib.crc32(reference.tobytes())
+        for layers in range(1, len(record['sizes']) + 1):
+            models[step, layers] = layers_restored(records, layers, reference)
+        for name, assembled in shown.items():
+            if assembled is not None and assembled.error.rms == from_byte(int(record['errors'][-1])):
+                assert (pixels_of(assembled) == models[step, len(record['sizes'])]).all()
+            assert not link.operators[name].dropped.get('reference')
+
+
+def test_an_operator_that_has_forgotten_all_sees_an_image_as_soon_as_it_has_reported() -> None:
+    link = PredictedLink()
+    for step in range(3):
+        link.send(noisy(step), 'mono16')
+    link.join('/operator')
+    assert link.send(noisy(3), 'mono16') == {'/operator': None}
+    assert link.operators['/operator'].dropped == {'reference': 1}
+    assert link.send(noisy(4), 'mono16')['/operator'] is not None and link.predicted[3:] == [True, False]
+    link.send(noisy(5), 'mono16')
+    assert link.predicted[5:] == [True]
+
+
+def test_a_newcomer_gets_an_image_at_once_and_the_others_go_on() -> None:
+    link = PredictedLink()
+    for step in range(3):
+        link.send(noisy(step), 'mono16')
+    link.join('/late')
+    for step in range(3, 6):
+        assert all(shown is not None for shown in link.send(noisy(step), 'mono16').values())
+    assert link.predicted == [False, True, True, False, True, True]
+
+
+def test_who_does_not_report_does_not_ruin_the_images_of_the_others() -> None:
+    link, shown = PredictedLink(('/one', '/mute')), []
+    for step in range(40):
+        shown.append(link.send(noisy(step), 'mono16', reports=['/mute']))
+    assert all(images['/one'] is not None for images in shown)
+    silent = int(TIMEOUT / link.period) + 1
+    assert not any(link.predicted[:silent])
+    assert link.predicted[silent] and link.predicted[silent:].count(False) == 2
+    seen = [step for step, images in enumerate(shown) if images['/mute'] is not None]
+    assert max(later - earlier for earlier, later in zip(seen, seen[1:])) <= 1 / link.period + 1
+
+
+def test_a_link_that_was_cut_begins_without_a_reference() -> None:
+    link = PredictedLink()
+    for step in range(3):
+        link.send(noisy(step), 'mono16')
+    for step in range(3, 18):
+        link.send(noisy(step), 'mono16', nothing)
+    assert link.send(noisy(18), 'mono16')['/operator'] is not None
+    assert not link.predicted[-1]
+
+
+def test_a_reference_that_differs_is_not_used_and_not_trusted_for_a_while() -> None:
+    link = PredictedLink()
+    link.send(noisy(0), 'mono16')
+    link.send(noisy(1), 'mono16', nothing)
+    forged = link.sent[1].copy()
+    assert forged['reference'][0] != forged['picture'][0]
+    forged['checksum'] ^= 1
+    forged['header']['stamp']['secs'] += 1
+    operator = link.operators['/operator']
+    assert operator(forged, link.now) == [] and operator.dropped == {'reference': 1}
+    assert operator.assembler.holding() == Holding(int(forged['session'][0]), ())
+    begun, step = link.now, 2
+    while link.now < begun + MISTRUST + 1:
+        link.now += 1       # stamps after the forged one
+        assert link.send(noisy(step), 'mono16')['/operator'] is not None
+        step += 1
+    assert link.predicted[1] and link.predicted[-1] and not any(link.predicted[3:7])
+
+
+def test_images_of_another_size_or_encoding_begin_another_session() -> None:
+    link = PredictedLink()
+    link.send(noisy(0), 'mono16')
+    link.send(noisy(1), 'mono16')
+    link.send(noisy(2, 'mono8'), 'mono8')
+    link.send(noisy(3, 'mono8')[:90], 'mono8')
+    link.send(noisy(4, 'mono8')[:90], 'mono8')
+    assert link.predicted == [False, True, False, False, True]
+    sessions = [int(records['session'][0]) for records in link.sent]
+    assert sessions[0] == sessions[1] and sessions[3] == sessions[4] and len(set(sessions)) == 3
+
+
+# what it is good for
+
+def test_a_scene_that_moves_slowly_is_better_predicted() -> None:
+    def error(reports: Collection[str]) -> float:
+        link, errors = PredictedLink(granted={'max_bytes': 2000}), []
+        for step in range(8):
+            shown = link.send(moving(step), 'mono16', everything, reports)['/operator']
+            errors.append(np.square(pixels_of(shown).astype(float) - moving(step)).mean())
+        return float(np.mean(errors[3:]))
+    assert 10 * np.log10(error(['/operator']) / error([])) > 3
+
+
+def test_images_that_are_all_different_are_not_predicted() -> None:
+    link, random = PredictedLink(granted={'max_bytes': 4000}), np.random.RandomState(1)
+    for _ in range(4):
+        link.send(np.kron(random.randint(0, 256, (12, 16)), np.ones((8, 8))).astype(np.uint8), 'mono8')
+    assert not any(link.predicted)
+
+
+def test_an_image_without_a_reference_after_tiny_ones_has_its_full_size() -> None:
+    """Who joins while nothing changes sees as much as the first one did."""
+    pixels = CASES['mono16']
+    link = PredictedLink(outlook=NO_LOSS._replace(room=1e6))
+    for _ in range(6):
+        link.send(pixels, 'mono16')
+    assert link.sent[-1].nbytes < 1000
+    link.join('/late')
+    shown = link.send(pixels, 'mono16')['/late']
+    assert not link.predicted[-1] and shown.error.rms < 1
+
+
+def test_what_moves_after_a_standstill_has_its_full_size_at_once() -> None:
+    link = PredictedLink(outlook=NO_LOSS._replace(room=1e6), rate=10.0)
+    for _ in range(6):
+        link.send(moving(0), 'mono16')
+    assert link.sent[-1].nbytes < 1000
+    shown = link.send(moving(1), 'mono16')['/operator']
+    assert shown.error.rms < 2
+
+
+def test_depth_is_predicted_where_it_is_finite() -> None:
+    depth = (moving(0) / np.float32(4000)).astype(np.float32)
+    depth[10:20, 30:50], depth[40, 60:90] = np.nan, np.inf
+    link = PredictedLink(depth_unit=0.001, granted={'max_bytes': 3000})
+    for step in range(20):
+        depth[10:20, 30 + step] = 1.0
+        shown = link.send(depth, '32FC1')['/operator']
+    assert any(link.predicted)
+    found = pixels_of(shown, np.float32)
+    finite = np.isfinite(depth)
+    assert np.array_equal(np.where(finite, 0, found), np.where(finite, 0, depth), equal_nan=True)
+    assert np.abs(found[finite] - depth[finite]).max() < 0.01
+
+
+# impossible heads
+
+@pytest.mark.parametrize('changes', [
+    {'reference': 6}, {'reference': 4}, {'reference': 4, 'reference_layers': 15}, {'reference_layers': 1},
+    {'checksum': 1}])
+def test_an_impossible_reference_is_refused(changes: Dict[str, int]) -> None:
+    link = PredictedLink()
+    link.send(CASES['mono8'], 'mono8', nothing)
+    records = link.sent[0].copy()
+    records['picture'] = records['reference'] = 5
+    for field, value in changes.items():
+        records[field] = value
+    operator = link.operators['/operator']
+    assert operator(records, 1.0) == [] and set(operator.dropped) == {'impossible head'}
