@@ -9,7 +9,7 @@ import importlib.util
 import io
 import statistics
 import time
-from typing import Any, Callable, Dict, List, NamedTuple, Optional
+from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional
 
 import cv2
 import numpy as np
@@ -148,9 +148,8 @@ def cases() -> Dict[str, Case]:
     }
 
 
-def run(log: Callable[[str], None], quick: bool = False) -> Dict[str, Dict[str, Optional[float]]]:
+def measure(work: Mapping[str, Case], rounds: int, log: Callable[[str], None]) -> Dict[str, Dict[str, Optional[float]]]:
     """{case: {'median': [s], 'worst': [s], 'limit': the goal [s] or None}}; the cases take turns."""
-    work, rounds = cases(), QUICK_ROUNDS if quick else ROUNDS
     times: Dict[str, List[float]] = {name: [] for name in work}
     for number in range(rounds + 1):
         if number % 10 == 0:
@@ -163,10 +162,14 @@ def run(log: Callable[[str], None], quick: bool = False) -> Dict[str, Dict[str, 
                    'limit': case.goal and case.goal / 1e3} for name, case in work.items()}
 
 
-def table(results: Dict[str, Dict[str, Any]]) -> str:
+def run(log: Callable[[str], None], quick: bool = False) -> Dict[str, Dict[str, Optional[float]]]:
+    """As `measure`."""
+    return measure(cases(), QUICK_ROUNDS if quick else ROUNDS, log)
+
+
+def table(results: Dict[str, Dict[str, Any]], title: str = 'one message, without ROS in between') -> str:
     """The results as text."""
-    lines = ['one message, without ROS in between',
-             '%-56s %12s %12s %12s' % ('', 'median [ms]', 'worst [ms]', 'goal [ms]')]
+    lines = [title, '%-56s %12s %12s %12s' % ('', 'median [ms]', 'worst [ms]', 'goal [ms]')]
     for name, result in results.items():
         goal = '-' if result['limit'] is None else '%g' % (1e3 * result['limit'])
         lines.append('%-56s %12.2f %12.2f %12s' % (name, 1e3 * result['median'], 1e3 * result['worst'], goal))

@@ -23,6 +23,7 @@ from smokebot_udp.codecs.concealment.fill import BEST
 from smokebot_udp.codecs.layered.image import decode, encode
 from smokebot_udp.codecs.layered.pieces import Plan, Restorer, protect
 from smokebot_udp.codecs.layered.plan import best_plan, worth
+from smokebot_udp.link_lab.channel import LinkConditions
 from smokebot_udp.streams.air import LossBeliefs
 
 PHOTOGRAPHS = ('astronaut', 'camera', 'coffee', 'coins', 'gravel', 'motorcycle_left', 'brick', 'grass', 'euroc_142976',
@@ -98,7 +99,9 @@ class Ladder(NamedTuple):
 
     def expected(self, budget: int, loss: float) -> float:
         """With the ideal code that is best on average at this loss, for this very image."""
-        return max(self.nothing + code.success(loss) * (self.best(code.room) - self.nothing) for code in codes(budget))
+        conditions = LinkConditions(loss=loss)
+        return max(self.nothing + code.success(conditions) * (self.best(code.room) - self.nothing)
+                   for code in codes(budget))
 
 
 def jpeg_ladder(image: UInt8Array) -> Ladder:

@@ -4,6 +4,8 @@
 * Data and quality: recordings, quality, linear_fit, machine.
 * Without a network: offline_link (messages through the streams), losses, send_orders, jpeg_packets (the alternative),
   display (what the operator sees).
+* Video without a network: video_clips (what cameras see), video_link (losses, late reports, the screen), video_ways
+  (what is compared: video_package, and the alternatives video_peers and video_jpeg), plain_decoder.
 * Without ROS: simulated_air (robots and operators over a shared link), simulated_streams (what a robot sends).
 * Over the emulated link: stack (ROS on both sides), listener and recorder (what arrives), sensor_source and baseline
   (senders), link_run (one method at a time), rate_steps (a link whose rate changes in steps).

@@ -5,12 +5,13 @@ from typing import List, NamedTuple, Optional, Sequence
 
 import cv2
 import numpy as np
-from scipy import stats
 
 from smokebot_udp.arrays import UInt8Array
+from smokebot_udp.link_lab.channel import LinkConditions
 from smokebot_udp.udpros.datagram import HEADER
 from smokebot_udp.udpros.endpoints import IP_UDP_HEADERS
 
+from .losses import failing
 from .quality import psnr
 
 MTU = 1500
@@ -35,9 +36,9 @@ class ErasureCode(NamedTuple):
         """For the JPEG [byte]."""
         return int(self.data * (self.size - IP_UDP_HEADERS - HEADER.size)) - MESSAGE_OVERHEAD
 
-    def success(self, loss: float) -> float:
-        """The probability that enough packets arrive where they are lost independently."""
-        return float(stats.binom.sf(self.data - 1, self.packets, 1 - loss))
+    def success(self, conditions: LinkConditions) -> float:
+        """The probability that enough packets arrive."""
+        return 1 - failing(conditions, self.data, self.packets)
 
 
 def codes(budget: int) -> List[ErasureCode]:
@@ -51,7 +52,7 @@ def with_redundancy(budget: int, share: float) -> ErasureCode:
     return [code for code in codes(budget) if code.packets >= (1 + share) * code.data][-1]
 
 
-def for_loss(budget: int, loss: float, ladders: Sequence['JpegLadder']) -> ErasureCode:
+def for_loss(budget: int, conditions: LinkConditions, ladders: Sequence['JpegLadder']) -> ErasureCode:
     """The code with the highest expected PSNR, on average over some images, for a loss known beforehand.
 
     :param budget: on the wire [byte]
@@ -59,7 +60,7 @@ def for_loss(budget: int, loss: float, ladders: Sequence['JpegLadder']) -> Erasu
     def expected(code: ErasureCode) -> float:
         found = [ladder.best(code.room) for ladder in ladders]
         new = float(np.mean([STALE_PSNR if step is None else step.psnr for step in found]))
-        return STALE_PSNR + code.success(loss) * (new - STALE_PSNR)
+        return STALE_PSNR + code.success(conditions) * (new - STALE_PSNR)
     return max(codes(budget), key=expected)
 
 
@@ -76,7 +77,7 @@ class JpegStep(NamedTuple):
 class JpegLadder:
     """The JPEGs of an image at SCALES and QUALITIES.
 
-    :param image: (height, width) uint8
+    :param image: (height, width) or (height, width, 3) uint8
     """
 
     def __init__(self, image: UInt8Array) -> None:
@@ -94,18 +95,18 @@ class JpegLadder:
         return next((step for step in reversed(self._steps) if step.size <= room), None)
 
     def _best_decoded(self, room: int) -> Optional[UInt8Array]:
-        """The best image within a size [byte]: (height, width) uint8; None: there is none."""
+        """The best image within a size [byte]: of the same shape, uint8; None: there is none."""
         step = self.best(room)
         return None if step is None else self._decoded(self._encoded(step.scale, step.quality))
 
     def _encoded(self, scale: int, quality: int) -> UInt8Array:
-        height, width = self._image.shape
+        height, width = self._image.shape[:2]
         small = cv2.resize(self._image, (width // scale, height // scale), interpolation=cv2.INTER_AREA)
         data: UInt8Array = cv2.imencode(
             '.jpg', small, [cv2.IMWRITE_JPEG_QUALITY, quality, cv2.IMWRITE_JPEG_OPTIMIZE, 1])[1]
         return data
 
     def _decoded(self, data: UInt8Array) -> UInt8Array:
-        small = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE)
-        image: UInt8Array = cv2.resize(small, self._image.shape[::-1], interpolation=cv2.INTER_CUBIC)
+        small = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
+        image: UInt8Array = cv2.resize(small, self._image.shape[1::-1], interpolation=cv2.INTER_CUBIC)
         return image

@@ -1,18 +1,22 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Messages through the package's streams without a network: encoder, some of the datagrams, assembler."""
 import math
-from typing import Any, Iterable, List, Optional, Sequence, Tuple
+from typing import Any, Dict, Iterable, List, Optional, Sequence, Tuple
 
 import numpy as np
+from genpy import Time
 from sensor_msgs.msg import Image
 
-from smokebot_udp.arrays import BoolArray, Records, UInt8Array
+from smokebot_udp.arrays import Array, BoolArray, Records
 from smokebot_udp.codecs.concealment.fill import BEST
+from smokebot_udp.codecs.video.pyav import installed
+from smokebot_udp.codecs.wire.pixels import pixel_type
 from smokebot_udp.mission.parameters import check
 from smokebot_udp.mission.settings import Settings
 from smokebot_udp.streams import assembler_class, encoder_class
 from smokebot_udp.streams.air import Air
 from smokebot_udp.streams.assembler import Assembled, Assembler
+from smokebot_udp.streams.held import Holding
 from smokebot_udp.streams.outlook import Outlook
 from smokebot_udp.streams.segments import MAIN_PART, size_on_air
 from smokebot_udp.udpros.frame import Frame
@@ -34,7 +38,11 @@ def operator_side(kind: str, **settings: Any) -> Tuple[Assembler[Any, Any], Sett
     """An assembler of this kind, and its settings: the defaults except for those given."""
     class_ = assembler_class(kind)
     checked = Settings(check({'operator_topic': 'unused', **settings}, class_.PARAMETERS))
-    return class_(checked), checked
+    shared: Dict[str, Any] = {}
+    if class_.DECODED and installed():
+        from .plain_decoder import PlainDecoder  # imports PyAV
+        shared = {'decoder': PlainDecoder()}
+    return class_(checked, **shared), checked
 
 
 def assemble_all(assembler: Assembler[Any, Any], settings: Settings, batches: Iterable[Records], now: float = 0.0,
@@ -81,6 +89,14 @@ class Sender:
         """Plan for such a link from now on, whatever its rate."""
         self._encoder.outlook = Outlook(air)
 
+    def serve(self, operator: str) -> None:
+        """Send to an operator of this name from now on."""
+        self._encoder.operators = lambda part: (operator,)
+
+    def held(self, operator: str, holding: Holding) -> None:
+        """Take an operator's report of what it holds."""
+        self._encoder.held(operator, holding)
+
     def frames(self, message: Any) -> List[Frame]:
         """The frames that carry a message, in sending order."""
         frames: List[Frame] = self._encoder.encode(self._encoder.derive(message, self._settings), self._settings,
@@ -112,7 +128,7 @@ class Receiver:
 
     def part_of(self, frame: Frame) -> str:
         """The part of the stream that carries a frame."""
-        return next(part for part, class_ in self._assembler.SEGMENTS.items() if class_ is frame.message_class)
+        return part_of(self._assembler, frame)
 
     def update(self, batches: Sequence[Records]) -> Any:
         """The map after another refresh cycle, whose segments complete those of earlier ones.
@@ -123,6 +139,11 @@ class Receiver:
         for assembled in assemble_all(self._assembler, self._settings, batches, self._now):
             self._message = assembled.message
         return self._message
+
+
+def part_of(assembler: Assembler[Any, Any], frame: Frame) -> str:
+    """The part of an assembler's stream that carries a frame."""
+    return next(part for part, class_ in assembler.SEGMENTS.items() if class_ is frame.message_class)
 
 
 def image_receiver(fill: str) -> Receiver:
@@ -159,14 +180,21 @@ def received(receiver: Receiver, frames: Sequence[Frame], arrived: BoolArray) ->
     return receiver.assemble(records_of(frames, arrived), receiver.part_of(frames[0]))
 
 
-def image_message(image: UInt8Array) -> Any:
-    """A sensor_msgs/Image of a (height, width) uint8 image."""
-    message = Image(height=image.shape[0], width=image.shape[1], encoding='mono8', step=image.shape[1],
+def image_message(image: Array, stamp: float = 0.0) -> Any:
+    """A sensor_msgs/Image.
+
+    :param image: (height, width) uint8 or uint16, or (height, width, 3) uint8: B, G, R
+    :param stamp: [s]
+    """
+    encoding = 'bgr8' if image.ndim == 3 else 'mono8' if image.itemsize == 1 else 'mono16'
+    message = Image(height=image.shape[0], width=image.shape[1], encoding=encoding, step=image.nbytes // image.shape[0],
                     data=image.tobytes())
-    message.header.frame_id = 'camera'
+    message.header.stamp, message.header.frame_id = Time.from_sec(stamp), 'camera'
     return message
 
 
-def image_of(message: Any) -> UInt8Array:
+def image_of(message: Any) -> Array:
     """The inverse of image_message."""
-    return np.frombuffer(message.data, np.uint8).reshape(message.height, message.width)
+    item, channels = pixel_type(message.encoding)
+    shape = (message.height, message.width) + (channels,) * (channels > 1)
+    return np.frombuffer(message.data, item).reshape(shape)

@@ -3,7 +3,7 @@
 import contextlib
 import os
 import pathlib
-from typing import Callable, FrozenSet, NamedTuple, Optional, Sequence
+from typing import Callable, Dict, FrozenSet, NamedTuple, Optional, Sequence
 
 import psutil
 
@@ -18,6 +18,10 @@ LOCAL, REMOTE = 1, 2
 MAX_IDLE = 3
 """Connections that do not count: to the master, one of the watch and one of rospy's own calls; and those that the other
 side has ended, as rosout's is with the master. rospy notices, and makes another one, only when it next sends."""
+
+
+SHARED = 'pipe:', '/memfd:'
+"""What a process shares with a living child does not count: a decoder of video begins with the first video."""
 
 
 class Resources(NamedTuple):
@@ -41,11 +45,10 @@ def resources(process: int, port: Optional[int], master: Optional[int] = None) -
     :param master: port of the master; None: not known
     :raises OSError, psutil.Error: if the process has ended
     """
-    folder = pathlib.Path('/proc/%d' % process)
-    targets = {}
-    for descriptor in (folder / 'fd').iterdir():
-        with contextlib.suppress(FileNotFoundError):    # closed meanwhile
-            targets['%s %s' % (descriptor.name, os.readlink(str(descriptor)))] = os.readlink(str(descriptor))
+    folder, running = pathlib.Path('/proc/%d' % process), psutil.Process(process)
+    children = {target for child in running.children() for target in _targets(child.pid).values()}
+    targets = {'%s %s' % (name, target): target for name, target in _targets(process).items()
+               if not (target.startswith(SHARED) and target in children)}
     rows = [line.split() for line in (folder / 'net' / 'tcp').read_text().splitlines()[1:]]
 
     def those(wanted: Callable[[str, int, int], bool]) -> FrozenSet[str]:
@@ -54,11 +57,20 @@ def resources(process: int, port: Optional[int], master: Optional[int] = None) -
                  if wanted(row[3], *(int(row[column].split(':')[1], 16) for column in (LOCAL, REMOTE)))}
         return frozenset(name for name, target in targets.items() if target in found)
 
-    running = psutil.Process(process)
     return Resources(
         frozenset(thread.id for thread in running.threads()), frozenset(targets),
         those(lambda state, local, _: state == ESTABLISHED and local == port),
         those(lambda state, _, remote: state == CLOSE_WAIT or remote == master), running.memory_info().rss / 1e6)
+
+
+def _targets(process: int) -> Dict[str, str]:
+    """{number of a descriptor: what it refers to}; empty if the process has ended, or is a zombie."""
+    found = {}
+    with contextlib.suppress(OSError):
+        for descriptor in pathlib.Path('/proc/%d/fd' % process).iterdir():
+            with contextlib.suppress(FileNotFoundError):    # closed meanwhile
+                found[descriptor.name] = os.readlink(str(descriptor))
+    return found
 
 
 def lasting(samples: Sequence[Resources]) -> Usage:

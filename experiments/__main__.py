@@ -19,6 +19,7 @@ EXPERIMENTS = {
     'cloud_points': 'link',
     'cloud_loss': 'offline',
     'image_quality': 'offline',
+    'video': 'offline',
     'fill_model': 'offline',
     'send_order': 'offline',
     'virtual_scans': 'offline',

@@ -113,7 +113,12 @@ def jpegs_shown(code: ErasureCode, ladders: Sequence[JpegLadder],
 
 def channel_of(case: Case, seed: int) -> Channel:
     """The link of a case."""
-    return Channel(LinkConditions(loss=case['loss'], burst=case['burst']), '%s %s' % (seed, case['photograph']))
+    return Channel(conditions_of(case), '%s %s' % (seed, case['photograph']))
+
+
+def conditions_of(case: Case) -> LinkConditions:
+    """What the link of a case does."""
+    return LinkConditions(loss=case['loss'], burst=case['burst'])
 
 
 def arrivals(case: Case, seed: int, count: int, packets: int) -> List[BoolArray]:
@@ -129,7 +134,7 @@ def methods(case: Case, truths: Sequence[UInt8Array], ladders: Sequence[JpegLadd
     budget = budget_of(sender, truths[0])
     codes = dict(zip(JPEGS, (
         jpeg_packets.codes(budget)[-1], jpeg_packets.with_redundancy(budget, 0.25),
-        jpeg_packets.for_loss(budget, case['loss'], examples))))
+        jpeg_packets.for_loss(budget, conditions_of(case), examples))))
     arrived = arrivals(case, seed, len(truths), case['segments'])
     shown: Dict[str, Iterable[Optional[UInt8Array]]] = {
         LAYERED: layered_shown(budget, truths, channel_of(case, seed)),
