@@ -3,7 +3,8 @@
 import contextlib
 import os
 import pathlib
-from typing import Callable, Dict, FrozenSet, NamedTuple, Optional, Sequence
+import socket
+from typing import Callable, Collection, Dict, FrozenSet, NamedTuple, Optional, Sequence, Tuple
 
 import psutil
 
@@ -24,6 +25,10 @@ SHARED = 'pipe:', '/memfd:'
 """What a process shares with a living child does not count: a decoder of video begins with the first video."""
 
 
+Endpoint = Tuple[str, int]
+"""Address and port."""
+
+
 class Resources(NamedTuple):
     """What a process has at one moment."""
     threads: FrozenSet[int]
@@ -34,15 +39,20 @@ class Resources(NamedTuple):
     serves it by a thread."""
     idle: FrozenSet[str]
     """Those of connections to the master, and of connections that the other side has ended."""
+    stranded: FrozenSet[str]
+    """Those of established connections to an address that no machine has any more. Nobody can end them but rospy's
+    keep-alive, after 150 s; each has a thread."""
     memory: float
     """Resident [MB]."""
 
 
-def resources(process: int, port: Optional[int], master: Optional[int] = None) -> Resources:
+def resources(process: int, port: Optional[int], master: Optional[int] = None, gone: Collection[str] = ()
+              ) -> Resources:
     """What a process has now.
 
     :param port: of its XML-RPC server; None: not known
     :param master: port of the master; None: not known
+    :param gone: addresses that no machine has any more
     :raises OSError, psutil.Error: if the process has ended
     """
     folder, running = pathlib.Path('/proc/%d' % process), psutil.Process(process)
@@ -51,16 +61,23 @@ def resources(process: int, port: Optional[int], master: Optional[int] = None) -
                if not (target.startswith(SHARED) and target in children)}
     rows = [line.split() for line in (folder / 'net' / 'tcp').read_text().splitlines()[1:]]
 
-    def those(wanted: Callable[[str, int, int], bool]) -> FrozenSet[str]:
-        """The connections of a state, a local and a remote port that are wanted."""
+    def those(wanted: Callable[[str, Endpoint, Endpoint], bool]) -> FrozenSet[str]:
+        """The connections of a state, a local and a remote endpoint that are wanted."""
         found = {'socket:[%s]' % row[9] for row in rows
-                 if wanted(row[3], *(int(row[column].split(':')[1], 16) for column in (LOCAL, REMOTE)))}
+                 if wanted(row[3], _endpoint(row[LOCAL]), _endpoint(row[REMOTE]))}
         return frozenset(name for name, target in targets.items() if target in found)
 
     return Resources(
         frozenset(thread.id for thread in running.threads()), frozenset(targets),
-        those(lambda state, local, _: state == ESTABLISHED and local == port),
-        those(lambda state, _, remote: state == CLOSE_WAIT or remote == master), running.memory_info().rss / 1e6)
+        those(lambda state, local, _: state == ESTABLISHED and local[1] == port),
+        those(lambda state, _, remote: state == CLOSE_WAIT or remote[1] == master),
+        those(lambda state, _, remote: state == ESTABLISHED and remote[0] in gone), running.memory_info().rss / 1e6)
+
+
+def _endpoint(column: str) -> Endpoint:
+    """An endpoint as /proc/PID/net/tcp has it, on a little-endian machine."""
+    address, port = column.split(':')
+    return socket.inet_ntoa(int(address, 16).to_bytes(4, 'little')), int(port, 16)
 
 
 def _targets(process: int) -> Dict[str, str]:
@@ -75,12 +92,13 @@ def _targets(process: int) -> Dict[str, str]:
 
 def lasting(samples: Sequence[Resources]) -> Usage:
     """What a process had in all of some samples. Threads and connections that come and go do not count, though there
-    may be one at any time; nor do those that clients keep open, and MAX_IDLE idle ones.
+    may be one at any time; nor do those that clients keep open, stranded ones, and MAX_IDLE idle ones.
 
     :param samples: one at least
     """
-    threads, descriptors, clients, idle = (
+    threads, descriptors, clients, idle, stranded = (
         frozenset.intersection(*(getattr(sample, what) for sample in samples))
-        for what in ('threads', 'descriptors', 'clients', 'idle'))
-    return Usage(len(threads) - len(clients), len(descriptors) - len(clients) - min(MAX_IDLE, len(idle)),
+        for what in ('threads', 'descriptors', 'clients', 'idle', 'stranded'))
+    others = len(clients | stranded)
+    return Usage(len(threads) - others, len(descriptors) - others - min(MAX_IDLE, len(idle - clients - stranded)),
                  min(sample.memory for sample in samples))

@@ -179,23 +179,22 @@ class Usage(NamedTuple):
     """Resident [MB]."""
 
 
-def fewest(usual: Mapping[str, Usage], now: Mapping[str, Usage]) -> Dict[str, Usage]:
-    """What is usual from now on. A node that has just ended keeps its numbers: it is judged again after its restart.
+def usual(rounds: Sequence[Mapping[str, Usage]]) -> Dict[str, Usage]:
+    """What is usual after some rounds: of each node, and of each number, the median; the lower one of two.
 
-    :param usual, now: {node: its usage}
+    A leak exceeds it once it has accumulated. What was there, or missing, in a single round does not change it.
+
+    :param rounds: {node: its usage} of each; nodes that had ended are missing
     """
-    return {**now, **usual, **{node: _lower(usual[node], now[node]) for node in usual if node in now}}
-
-
-def _lower(one: Usage, other: Usage) -> Usage:
-    return Usage(min(one.threads, other.threads), min(one.descriptors, other.descriptors),
-                 min(one.memory, other.memory))
+    nodes = dict.fromkeys(node for found in rounds for node in found)
+    return {node: Usage(*map(statistics.median_low, zip(*(found[node] for found in rounds if node in found))))
+            for node in nodes}
 
 
 SPARE = 1
 """Threads and descriptors that may be there at one time and not at another: rospy connects, notices the end of a
-connection, and ends threads when it next has something to send. A leak of one is found when it happens again, as the
-fewest ones are usual."""
+connection, and ends threads when it next has something to send. A leak of one is found when it has happened some times.
+"""
 
 
 def surplus(usual: Mapping[str, Usage], now: Mapping[str, Usage], spare: int = 0) -> str:

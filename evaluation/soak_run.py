@@ -13,7 +13,7 @@ import sys
 import threading
 import time
 import urllib.parse
-from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Set, Tuple
 
 import psutil
 import yaml
@@ -37,10 +37,10 @@ from .soak import (
     Stream,
     Usage,
     awaited,
-    fewest,
     fresh,
     streams_of,
     surplus,
+    usual,
 )
 
 LINK = {'loss': 0.05, 'delay': 0.01, 'rate': 54e6, 'queue': 0.1}
@@ -137,7 +137,8 @@ class Soak:
         self.samples: List[Sample] = []
         self._parts: Dict[str, Any] = {'master': self._stack.masters['robot']}
         self._listener: Optional[Listener] = None
-        self._usual: Dict[Tuple[str, ...], Dict[str, Usage]] = {}
+        self._settled: Dict[Tuple[str, ...], List[Dict[str, Usage]]] = {}       # by the parts that ran
+        self._gone: Set[str] = set()            # addresses that the operator's machine had
         self._ended = threading.Event()
         try:
             self._start(folder)
@@ -222,7 +223,7 @@ class Soak:
             if process is not None:
                 port = urllib.parse.urlparse(nodes[part].uri).port if part in nodes else None
                 with contextlib.suppress(OSError, psutil.Error):    # killed meanwhile
-                    found[part] = resources(process.pid, port, master)
+                    found[part] = resources(process.pid, port, master, self._gone)
         return found
 
     def _sample(self) -> None:
@@ -235,10 +236,9 @@ class Soak:
     def _settle(self) -> str:
         """Wait until threads and descriptors of our nodes are as they usually are with these parts; see soak.surplus.
 
-        The first time with these parts, those numbers are usual that stay from one window to the next. Later the
-        fewest ones are: at the first time a call may have been waiting for its answer.
+        The first time with these parts, those numbers are usual that stay from one window to the next.
         """
-        parts = tuple(sorted(self._parts))
+        rounds = self._settled.setdefault(tuple(sorted(self._parts)), [])
         end = time.time() + SETTLING
         found: Dict[str, Usage] = {}
         while True:
@@ -248,10 +248,10 @@ class Soak:
                 samples.append(self._resources())
             before, found = found, {node: lasting([sample[node] for sample in samples]) for node in OURS
                                     if all(node in sample for sample in samples)}
-            usual = self._usual.get(parts, before)
-            if (usual and not surplus(usual, found) and not surplus(found, usual)) or time.time() > end:
-                self._usual[parts] = fewest(usual, found)
-                return surplus(usual, found, SPARE)
+            expected = usual(rounds) or before
+            if (expected and not surplus(expected, found) and not surplus(found, expected)) or time.time() > end:
+                rounds.append(found)
+                return surplus(expected, found, SPARE)
 
     def round(self, fault: Fault) -> Round:
         """Let a fault happen, and wait for what comes back."""
@@ -259,7 +259,7 @@ class Soak:
         del self._listener.heard[:len(self._listener.heard)]
         begun = time.time()
         actions: Dict[str, Callable[[Fault], None]] = {
-            'link cut': self._cut, 'address changed': lambda _: self._stack.change_address(),
+            'link cut': self._cut, 'address changed': self._change_address,
             GOES: self._say_goodbye,
             'clock stepped': lambda fault: self._clock.step(fault.step), 'hostile flood': self._flood}
         restarted = KINDS[fault.kind].restarts
@@ -308,6 +308,11 @@ class Soak:
         with contextlib.suppress(subprocess.TimeoutExpired):
             process.wait(GOODBYE)
         self._kill(SECOND_OPERATOR)
+
+    def _change_address(self, _: Fault) -> None:
+        self._gone.add(self._stack.operator_address)
+        self._stack.change_address()
+        self._gone.discard(self._stack.operator_address)
 
     def _cut(self, fault: Fault) -> None:
         self._stack.lab.set({**LINK, 'loss': 1.0})

@@ -24,6 +24,7 @@ from evaluation.soak import (  # noqa: E402
     GENTLE,
     GOES,
     KINDS,
+    SPARE,
     Fault,
     Registered,
     Registration,
@@ -32,12 +33,12 @@ from evaluation.soak import (  # noqa: E402
     Waits,
     awaited,
     faults,
-    fewest,
     fresh,
     memory_slope,
     registered_at,
     streams_of,
     surplus,
+    usual,
     waits_by_kind,
 )
 from evaluation.soak_run import Round, Sample  # noqa: E402
@@ -134,27 +135,34 @@ def test_after_a_restart_of_the_master_its_own_states_count() -> None:
 
 
 def test_what_comes_and_goes_does_not_count_though_there_is_always_one() -> None:
-    def sample(threads: Set[int], descriptors: str, clients: str = '', idle: str = '', memory: float = 3.0) -> Any:
+    def sample(threads: Set[int], descriptors: str, clients: str = '', idle: str = '', memory: float = 3.0,
+               stranded: str = '') -> Any:
         return process_usage.Resources(frozenset(threads), frozenset(descriptors), frozenset(clients),
-                                       frozenset(idle), memory)
+                                       frozenset(idle), frozenset(stranded), memory)
     assert process_usage.lasting([sample({1, 2, 3}, 'abx'), sample({1, 2, 4}, 'aby', memory=2.0)]) == Usage(2, 2, 2.0)
     # c is a client's, and so is thread 3; of five idle ones three do not count
     assert process_usage.lasting([sample({1, 2, 3}, 'abcdefgh', 'c', 'defgh')]) == Usage(2, 4, 3.0)
+    # a and b lead nowhere, with a thread each; a is a client's, too
+    assert process_usage.lasting([sample({1, 2, 3}, 'abc', 'a', stranded='ab')]) == Usage(1, 1, 3.0)
 
 
 def test_more_threads_or_descriptors_are_named() -> None:
-    usual = {'a': Usage(5, 10, 3.0), 'gone': Usage(1, 1, 1.0)}
-    assert surplus(usual, {'a': Usage(5, 10, 99.0), 'new': Usage(2, 2, 2.0)}) == ''
-    assert surplus(usual, {'a': Usage(6, 9, 3.0)}) == 'a: threads 6, was 5'
-    assert surplus(usual, {'a': Usage(4, 11, 3.0)}) == 'a: descriptors 11, was 10'
-    assert surplus(usual, {'a': Usage(6, 12, 3.0)}, spare=1) == 'a: descriptors 12, was 10'
+    before = {'a': Usage(5, 10, 3.0), 'gone': Usage(1, 1, 1.0)}
+    assert surplus(before, {'a': Usage(5, 10, 99.0), 'new': Usage(2, 2, 2.0)}) == ''
+    assert surplus(before, {'a': Usage(6, 9, 3.0)}) == 'a: threads 6, was 5'
+    assert surplus(before, {'a': Usage(4, 11, 3.0)}) == 'a: descriptors 11, was 10'
+    assert surplus(before, {'a': Usage(6, 12, 3.0)}, spare=1) == 'a: descriptors 12, was 10'
 
 
-def test_the_fewest_threads_and_descriptors_are_usual_also_of_a_node_that_has_ended() -> None:
-    usual = {'a': Usage(5, 10, 3.0), 'gone': Usage(1, 2, 1.0)}
-    assert fewest(usual, {'a': Usage(6, 9, 2.0), 'new': Usage(2, 2, 2.0)}) == {
-        'a': Usage(5, 9, 2.0), 'gone': Usage(1, 2, 1.0), 'new': Usage(2, 2, 2.0)}
-    assert fewest({}, usual) == usual
+def test_the_median_is_usual_of_each_node_while_it_was_there() -> None:
+    rounds = [{'a': Usage(5, 10, 3.0), 'gone': Usage(1, 2, 1.0)}, {'a': Usage(3, 12, 4.0)}, {'a': Usage(6, 11, 9.0)}]
+    assert usual(rounds) == {'a': Usage(5, 11, 4.0), 'gone': Usage(1, 2, 1.0)}
+    assert usual(rounds[:2])['a'] == Usage(3, 10, 3.0) and usual([]) == {}
+
+
+def test_a_leak_exceeds_what_is_usual_after_some_rounds() -> None:
+    rounds = [{'a': Usage(5 + number, 10, 3.0)} for number in range(5)]
+    assert surplus(usual(rounds[:4]), rounds[4], SPARE) == 'a: threads 9, was 6'
 
 
 def test_the_memory_of_all_lives_has_one_slope() -> None:
@@ -231,6 +239,17 @@ def test_connections_that_clients_keep_open_do_not_count() -> None:
         for connection in clients + served:
             connection.close()
         wait_for(lambda: descriptors(port) == before)
+
+
+def test_connections_to_an_address_that_is_gone_do_not_count() -> None:
+    def usage(*gone: str) -> Usage:
+        return process_usage.lasting([process_usage.resources(os.getpid(), None, None, gone)])
+    with socket.create_server(('127.0.0.1', 0)) as server, socket.create_connection(
+            server.getsockname(), source_address=('127.0.0.7', 0)):
+        served = server.accept()[0]
+        now, later = usage(), usage('127.0.0.7', '127.0.0.9')
+        assert (later.threads, later.descriptors) == (now.threads - 1, now.descriptors - 1)
+        served.close()
 
 
 def test_three_connections_to_the_master_do_not_count() -> None:
