@@ -43,9 +43,11 @@ class TwoOperators(unittest.TestCase):
     @classmethod
     def film(cls) -> None:
         message = Image(height=120, width=160, encoding='mono16', step=320)
-        message.data = np.random.RandomState(0).bytes(120 * 320)
+        noise = np.random.RandomState(0)
         with contextlib.suppress(rospy.ROSException):   # the topics are closed: the test has ended
             for _ in ticks(RATE):
+                # of what stands still little is sent, by which a link is not known
+                message.data = noise.bytes(120 * 320)
                 message.header.stamp = rospy.Time.now()
                 cls.images.publish(message)
 
