@@ -169,6 +169,13 @@ def test_an_image_that_would_come_too_late_is_not_sent_and_the_next_ones_repair_
     assert psnr(pixels_of(shown), scene(19, height=240, width=320)) > 33
 
 
+def test_a_link_without_a_limit_needs_none() -> None:
+    robot, operator = Robot(Outlook(NO_LOSS.air)), Operator()
+    for number in range(3):
+        shown = operator.receive(robot.records(scene(number), number), number)
+    assert shown is not None and psnr(pixels_of(shown), scene(2)) > 40
+
+
 def large() -> Any:
     cells = np.random.RandomState(1).randint(0, 256, (135, 240)).astype(np.uint8)
     return cv2.resize(cells, (1920, 1080), interpolation=cv2.INTER_CUBIC)

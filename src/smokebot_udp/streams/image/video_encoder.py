@@ -259,7 +259,7 @@ def _beginning_parities(slices: List[bytes], most: float, sizes: Sizes) -> int:
     """
     piece = max(map(len, slices)) + LENGTH_BYTES + sizes.head
     spare = most - PARAMETER_SETS * len(slices) - sum(map(len, slices)) - len(slices) * sizes.head
-    return max(min(math.ceil(BEGINNING_PARITY * len(slices)), int(spare // (piece + PARAMETER_SETS))), 0)
+    return int(max(min(math.ceil(BEGINNING_PARITY * len(slices)), spare / (piece + PARAMETER_SETS)), 0))
 
 
 def _parity(slices: List[bytes], budget: float, planned: int, sizes: Sizes, scene: Scene, link: Link) -> List[bytes]:
