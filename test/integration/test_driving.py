@@ -57,8 +57,15 @@ class Driving(unittest.TestCase):
 
     def stop(self) -> None:
         """A stop that is no longer in force: then a goal is accepted."""
-        self.commands.publish(STILL)
+        self.drive_still()
         wait_for(lambda: 'outside' in self.refusal(), what='the end of the stop')
+
+    def drive_still(self) -> None:
+        """Wait until commands are in force: goals may overtake them."""
+        def refused() -> bool:
+            self.commands.publish(STILL)
+            return self.refusal() == 'the robot is driven by commands'
+        wait_for(refused, what='the refusal while commands are in force')
 
     def refusal(self) -> str:
         """Why a goal is refused that is outside of the building; where commands are in force, for that reason."""
@@ -139,11 +146,7 @@ class Driving(unittest.TestCase):
         self.assertTrue(self.client.wait_for_result(PATIENCE))
         self.assertEqual((self.client.get_state(), self.client.get_goal_status_text()),
                          (GoalStatus.ABORTED, 'the goal is given up: it was driven by commands'))
-
-        def refused() -> bool:
-            self.commands.publish(STILL)    # a goal may overtake it
-            return self.refusal() == 'the robot is driven by commands'
-        wait_for(refused, what='the refusal while commands are in force')
+        self.drive_still()
 
     def test_goals_that_are_none_are_refused_with_a_reason(self) -> None:
         self.stop()
