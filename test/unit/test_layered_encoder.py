@@ -26,7 +26,7 @@ from layered_sender import (
 
 from smokebot_udp.codecs.layered import quality
 from smokebot_udp.streams.air import Air
-from smokebot_udp.streams.image.layered_encoder import LEAST_BYTES
+from smokebot_udp.streams.image.compressed_images import LEAST_BYTES
 from smokebot_udp.streams.outlook import Outlook
 from smokebot_udp.streams.segments import size_on_air
 from smokebot_udp.udpros.datagram import OVERHEAD

@@ -2,7 +2,7 @@
 """Image streams: sensor_msgs/Image of any supported encoding, interleaved, layered or as video."""
 import math
 import os
-from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Union
+from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Tuple, Union
 
 from sensor_msgs.msg import Image
 
@@ -196,7 +196,7 @@ class ImageEncoder(Encoder[Any]):
     def _is_better_compressed(self, message: Any, settings: Settings) -> bool:
         if settings['coding'] != 'auto':
             return True
-        height, width = (-(-side // settings['scale']) for side in (message.height, message.width))
+        height, width = _reduced(message, settings)
         raw = RAW_OVERHEAD * height * width * pixels.item_type(message.encoding).itemsize
         most, source_rate = settings.requested['max_bytes'] or math.inf, self.source_rate or math.inf
         return self._choice.update(Conditions(
@@ -206,7 +206,7 @@ class ImageEncoder(Encoder[Any]):
 
     def _has_room(self, message: Any, settings: Settings) -> bool:
         """Whether an image is video because the link has room for it, or because it cannot be layered."""
-        width, height = (-(-side // settings['scale']) for side in (message.width, message.height))
+        height, width = _reduced(message, settings)
         found = self._video_choice.has_room(self._video.budget(settings, self.outlook), width * height)
         if found or not self._may_be_layered(message, settings):
             return True
@@ -225,3 +225,8 @@ class ImageEncoder(Encoder[Any]):
         return self._video_choice.update(VideoConditions(
             self._similarity.ratio, self._video.budget(settings, self.outlook), self._layered.good_size,
             message.height * message.width // settings['scale'] ** 2), now)
+
+
+def _reduced(message: Any, settings: Settings) -> Tuple[int, int]:
+    """(height, width) of an image as it is coded."""
+    return -(-message.height // settings['scale']), -(-message.width // settings['scale'])

@@ -4,7 +4,7 @@
 Importing this module loads the compiled codec.
 """
 import math
-from typing import Any, Callable, Collection, Dict, List, Mapping, Optional, Tuple
+from typing import Any, Callable, Collection, List, Optional, Tuple
 
 import numpy as np
 
@@ -12,15 +12,14 @@ from ...arrays import FloatArray, IntArray, UInt8Array
 from ...codecs.layered import image, quality
 from ...codecs.layered.pieces import MAX_LAYERS, Plan, protect
 from ...codecs.layered.plan import LAYER_BYTES, best_plan, worth
-from ...congestion.operating_points import OperatingPoint, layered_points, with_more_bytes
 from ...mission.settings import Settings
 from ...msg import LayeredSegment
 from ...udpros.datagram import IP_UDP_HEADERS
 from ...udpros.frame import Frame
-from ..frame_assembler import MAX_WAIT
 from ..outlook import Outlook
 from ..segments import as_bytes, room, write_header
 from .coded_shape import shape_of
+from .compressed_images import LEAST_BYTES, CompressedImages
 from .freshness import MotionMeter, worth_sending
 from .held_by_all import HeldByAll
 from .pixel_layers import Layerable, layerable
@@ -36,24 +35,11 @@ BACKLOG = 0.05
 TABLE = LAYER_BYTES * MAX_LAYERS // 2
 """Length of a datagram's table of layers, about [byte]."""
 
-LEAST_BYTES = 600
-"""Of an image on the air: a datagram that is of use [byte]."""
-
-AIR_PART = 0.8
-"""An image takes this part of the time that it is granted on the air. Images come with jitter, and the rest of one that
-still waits when the next one comes is never sent.
-"""
-
 FAIR_BITS = 0.25
 """Of a fair image: 28 dB of photographs of 320 x 240 pixels [bit per value]."""
 
 LEAST_PIECES = 128
 """Beside however long texts [byte]."""
-
-LEAST_RATE = AIR_PART / (MAX_WAIT / 2)
-"""An image leaves within the period of this rate at what its stream may use of the link, however rare images are: its
-last datagrams come long before the operator stops waiting for them, also where the link is slower than expected [Hz].
-"""
 
 RESERVE = 0.85
 """A complete image is protected against losses that are not exceeded with this probability."""
@@ -74,9 +60,6 @@ GOOD = 255.0 / 10 ** (42 / 20)
 GOOD_BITS = 2.0
 """A good image takes less, mostly [bit per value]."""
 
-SIZE_STEP = 2 ** 0.25
-"""Estimated sizes of complete images are rounded up to powers of this: operating points change rarely."""
-
 CERTAIN_FIT, LIKELY = 0.97, 0.7
 """The exact transform is used where the whole stream is estimated to fill this part, at most, of what arrives of the
 budget at losses that are not exceeded with that probability."""
@@ -87,38 +70,27 @@ FINISHING = 1.0
 coefficients that one image leaves are what the next one codes [count^2]."""
 
 
-class LayeredImages:
+class LayeredImages(CompressedImages):
     """Encodes images, and estimates what a complete one takes. `encode` and `measure` are called by one thread, the
     others by any.
 
     :param held: what the operators report
     :param session: makes random numbers, uint32
     """
+    # images come with jitter, and the rest of one that still waits when the next one comes is never sent
+    AIR_PART = 0.8
     BACKLOG = BACKLOG
 
     def __init__(self, held: HeldByAll, session: Callable[[], int]) -> None:
+        super().__init__()
         self._predictor = Predictor(session, held)
         self._stream_size: Optional[float] = None   # of a complete stream of an image like the last one [byte]
         self._was_predicted = False                 # whether the last one was
         self._shape: Tuple[Any, ...] = ()           # what it depends on
-        self._size: Optional[float] = None          # of such an image on the air [byte]
-        self._fair_size = 0.0                       # of a fair image on the air [byte]
         self.good_size: Optional[float] = None
         """Of an image of GOOD quality on the air, if it has 8 bits; None: unknown [byte]."""
         self._motion = MotionMeter()
         self._shortened = False                     # whether the scene moves too fast for a complete image
-
-    def operating_points(self, rate: float, settings: Settings) -> List[OperatingPoint]:
-        """As Encoder.operating_points."""
-        if self._size is None:
-            return []
-        size = min(self._size, settings.requested['max_bytes'] or self._size)
-        return layered_points(rate, size, settings.requested['degradation_preference'], self._fair_size, LEAST_BYTES,
-                              LEAST_RATE)
-
-    def refine(self, point: Mapping[str, Any], spare: float) -> Dict[str, Any]:
-        """As Encoder.refine."""
-        return with_more_bytes(point, spare, self._size or 0.0, LEAST_RATE)
 
     def encode(self, message: Any, settings: Settings, max_datagram_size: int, outlook: Outlook,
                recipients: Tuple[Collection[str], float] = ((), 0.0)) -> List[Frame]:
@@ -180,10 +152,7 @@ class LayeredImages:
             whole = min(whole, prediction.exact_size / CERTAIN_FIT * _protected(overhead, outlook.loss(RESERVE)))
         elif self._stream_size is not None and self._size is not None and not self._was_predicted:
             whole = self._size
-        granted = (settings.granted or {}).get('max_bytes') or math.inf
-        most = min(settings.requested['max_bytes'] or whole, AIR_PART * granted,
-                   AIR_PART * outlook.room / max(settings['rate'], LEAST_RATE))
-        return int(max(min(whole, most), LEAST_BYTES))
+        return int(max(min(whole, self.budget(settings, outlook)), LEAST_BYTES))
 
     def _compress(self, source: Layerable, prediction: Optional[Prediction], settings: Settings, budget: int,
                   outlook: Outlook) -> image.LayeredStream:
@@ -205,7 +174,7 @@ class LayeredImages:
         protected = _protected(overhead, outlook.loss(RESERVE))
         self._fair_size = FAIR_BITS / 8 * stream.cells * protected
         on_air = min(size / CERTAIN_FIT * protected, source.pixels.nbytes * (1 + overhead))
-        self._size = SIZE_STEP ** math.ceil(math.log(max(on_air, LEAST_BYTES), SIZE_STEP))
+        self._note_size(on_air)
 
 
 def _beginning(prediction: Optional[Prediction]) -> bytes:

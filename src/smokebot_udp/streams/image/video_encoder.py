@@ -6,14 +6,13 @@ Importing this module loads PyAV, and the compiled codec.
 import itertools
 import math
 import threading
-from typing import Any, Callable, Collection, Dict, Iterable, List, Mapping, NamedTuple, Optional, Tuple
+from typing import Any, Callable, Collection, Iterable, List, NamedTuple, Optional, Tuple
 
 from ...codecs.video import rate as video_rate
 from ...codecs.video.decoder_request import MAX_BYTES
 from ...codecs.video.encoder import LEAST_ROOM, LEAST_SIZE, EncodedImage, VideoEncoder, check_library
 from ...codecs.video.protection import LENGTH_BYTES, MAX_PIECES, protect
 from ...codecs.video.redundancy import Link, Scene, Sizes, parities
-from ...congestion.operating_points import OperatingPoint, layered_points, with_more_bytes
 from ...mission.settings import Settings
 from ...msg import VideoSlice
 from ...udpros.datagram import IP_UDP_HEADERS
@@ -22,6 +21,7 @@ from ..frame_assembler import MAX_WAIT
 from ..held import Holding
 from ..outlook import Outlook
 from ..segments import as_bytes, room, size_on_air, write_header
+from .compressed_images import LEAST_BYTES, CompressedImages
 from .pixel_layers import Layerable, layerable
 from .refresh_requests import RefreshRequests
 from .similarity import Similarity
@@ -32,12 +32,6 @@ PARAMETER_SETS = 48
 
 PADDED = 8
 """Slices are padded with zeros to a multiple of this: the layouts of datagrams are few [byte]."""
-
-AIR_PART = 0.9
-"""An image takes this part of the time that it is granted on the air: images come with jitter."""
-
-LEAST_RATE = AIR_PART / (MAX_WAIT / 2)
-"""An image leaves within the period of this rate, however rare images are [Hz]."""
 
 MAX_SLICES = 160
 """An image has slices of about so many datagrams at most: their parity pieces fit into its code."""
@@ -51,18 +45,12 @@ FULL_BITS = 3.0
 FAIR_BITS = 0.05
 """Of a fair image of a scene that resembles the one before [bit per pixel]."""
 
-LEAST_BYTES = 600
-"""Of an image on the air."""
-
 TOO_LARGE = 2.0
 """An image is not sent that takes so many times what it may, if it leaves too late then."""
 
 LIKELY, MOST_LOSS = 0.7, 0.7
 """A complete image is protected against losses that are not exceeded with that probability, at most against this one.
 """
-
-SIZE_STEP = 2 ** 0.25
-"""Sizes of complete images are rounded up to powers of this: operating points change rarely."""
 
 UNKNOWN_CHANGE = 100.0
 """Mean squared difference of two successive images before it is measured [count^2]."""
@@ -133,38 +121,26 @@ class _Image(NamedTuple):
     """Its slices, and the parity pieces."""
 
 
-class VideoImages:
+class VideoImages(CompressedImages):
     """Encodes images. `encode` and `fits` are called by one thread, the others by any.
 
     :param new_session: makes random numbers, uint32
     :raises ValueError: there is no libx264
     """
+    AIR_PART = 0.9  # images come with jitter
     BACKLOG = 0.1
     """The rest of an image is waited for this long: without it, the next ones are worse, too [s]."""
 
     def __init__(self, new_session: Callable[[], int]) -> None:
         check_library()
+        super().__init__()
         self._new_session = new_session
         self._session: Optional[_Session] = None
-        self._size: Optional[float] = None  # of a complete image on the air [byte]
-        self._fair_size = 0.0               # of a fair image on the air [byte]
         self._coding_error = UNKNOWN_ERROR  # [count^2]
         self._parities: Optional[int] = None    # of the last plan
         self._similarity = Similarity()
         self._lock = threading.Lock()
         self._requests = RefreshRequests()
-
-    def operating_points(self, rate: float, settings: Settings) -> List[OperatingPoint]:
-        """As Encoder.operating_points."""
-        if self._size is None:
-            return []
-        size = min(self._size, settings.requested['max_bytes'] or self._size)
-        return layered_points(rate, size, settings.requested['degradation_preference'], self._fair_size, LEAST_BYTES,
-                              LEAST_RATE)
-
-    def refine(self, point: Mapping[str, Any], spare: float) -> Dict[str, Any]:
-        """As Encoder.refine."""
-        return with_more_bytes(point, spare, self._size or 0.0, LEAST_RATE)
 
     def held(self, operator: str, holding: Holding, now: float) -> None:
         """As Encoder.held.
@@ -182,12 +158,6 @@ class VideoImages:
         except ValueError:
             return False
         return True
-
-    def budget(self, settings: Settings, outlook: Outlook) -> float:
-        """What the link has for an image on the air, as granted [byte]; inf: more than any image takes."""
-        granted = (settings.granted or {}).get('max_bytes') or math.inf
-        return float(min(settings.requested['max_bytes'] or math.inf, AIR_PART * granted,
-                         AIR_PART * outlook.room / max(settings['rate'], LEAST_RATE)))
 
     def encode(self, message: Any, settings: Settings, max_datagram_size: int, outlook: Outlook,
                operators: Collection[str], now: float) -> List[Frame]:
@@ -235,7 +205,7 @@ class VideoImages:
         self._fair_size = FAIR_BITS / 8 * area * protected
         whole = max(min(FULL_BITS / 8 * area * protected, MAX_SLICES * (sizes.room + sizes.head), MOST_BYTES),
                     LEAST_BYTES)
-        self._size = SIZE_STEP ** math.ceil(math.log(whole, SIZE_STEP))
+        self._note_size(whole)
         return max(min(whole, self.budget(settings, outlook)), LEAST_BYTES)
 
     def _prepared(self, source: Layerable, sizes: Sizes, plan: video_rate.Plan) -> _Session:
