@@ -119,14 +119,14 @@ class CloudStreams(StreamsCase):
             out = self.out['lidar/points', loss]
             # of 60 chunks one comes nearly always; the last cloud may wait for its time to be over
             wait_for(lambda messages=out.messages: len(messages) >= CLOUDS - 2, 5, 'the clouds at %d %%' % loss)
-            got = [xyz(message) for message in out.messages.values()]
+            got = [xyz(message) for message in list(out.messages.values())]
             kept = np.mean([len(cloud_points) / len(whole) for cloud_points in got])
             self.assertAlmostEqual(kept, share, delta=0.03)
             came = sorted(out.arrivals)[:-1]
             took, lasted = (times[came[-1]] - times[came[0]] for times in (out.arrivals, sent))
             self.assertAlmostEqual(took / lasted, 1, delta=0.1)
             self.check_evenly(whole, got, share)
-        got = [xyz(message) for message in self.out['sorted/points', 50].messages.values()]
+        got = [xyz(message) for message in list(self.out['sorted/points', 50].messages.values())]
         # in 10 chunks: of 1 cloud in 1000 nothing is received
         self.assertGreaterEqual(len(got), CLOUDS - 3)
         self.assertAlmostEqual(np.mean([len(cloud_points) / len(whole) for cloud_points in got]), 0.5, delta=0.1)

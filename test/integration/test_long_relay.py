@@ -67,9 +67,9 @@ class LongRelay(unittest.TestCase):
         wait_for(lambda: self.rates[-1] >= FAIR_RATE, FAIR_TIME, 'a rate of %g Mbit/s' % FAIR_RATE)
         source.join()
         for collector, rate in ((self.shown, 5.0), (self.relayed, 10.0)):
-            late = [when for when in collector.arrivals.values() if when > began + FAIR_TIME]
+            late = [when for when in list(collector.arrivals.values()) if when > began + FAIR_TIME]
             self.assertGreater(len(late), 0.6 * rate * (20.0 - FAIR_TIME))
-        stamp, message = max(self.relayed.messages.items())
+        stamp, message = max(list(self.relayed.messages.items()))
         self.assertEqual((len(message.data), message.format, message.header.stamp), (JPEG, 'jpeg', stamp))
         self.assertEqual(len(self.warnings), 1, self.warnings)
         self.assertIn('a message takes ', self.warnings[0])

@@ -103,7 +103,7 @@ class Operators(unittest.TestCase):
                 out = self.collectors[operator, topic]
                 out.clear()
                 wait_for(lambda out=out: len(out.messages) > 5, 20, '%s/operator/%s' % (operator, topic))
-                self.assertEqual({message.header.frame_id for message in out.messages.values()}, {frame})
+                self.assertEqual({message.header.frame_id for message in list(out.messages.values())}, {frame})
             wait_for(lambda name=operator: self.transforms[name], 10, 'the transforms')
             transform = self.transforms[operator][-1].transforms[0]
             self.assertEqual((transform.header.frame_id, transform.child_frame_id), ('map', 'base_link'))

@@ -71,7 +71,7 @@ class RelayStreams(StreamsCase):
             sent[stamp] = message
         out = self.out[0]
         wait_for(lambda: max(out.messages, default=rospy.Time()) > stamp - rospy.Duration(0.1), 5, 'the newest')
-        for stamp, got in out.messages.items():
+        for stamp, got in list(out.messages.items()):
             got.header.seq = sent[stamp].header.seq
             self.assertEqual(got, sent[stamp])
         arrivals = sorted(out.arrivals.values())

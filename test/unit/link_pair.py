@@ -1,20 +1,16 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Transports of a link in one process, on the loopback device."""
 import contextlib
-import functools
 import threading
 from typing import Any, Callable, Iterator, List, Optional, Tuple
 
 import numpy as np
-import polling
+from polling import WAIT
 
 from smokebot_udp.link.transport import LinkTransport, OperatorTransport, RobotTransport
 from smokebot_udp.udpros.frame import Frame
 
-WAIT = 20.0     # longer than any of it takes [s]
 KEY = bytes(range(32))
-
-wait_for = functools.partial(polling.wait_for, seconds=WAIT)
 
 
 class Told(List[str]):

@@ -3,7 +3,7 @@
 import time
 from typing import Any, Callable
 
-WAIT = 10.0     # longer than anything takes that is waited for [s]
+WAIT = 60.0     # longer than anything takes that is waited for, on a slow machine that stalls as well [s]
 
 
 def wait_for(condition: Callable[[], Any], seconds: float = WAIT) -> Any:

@@ -4,6 +4,7 @@ import io
 import threading
 from typing import Any, Iterator
 
+from polling import WAIT
 from sensor_msgs.msg import Image
 from std_msgs.msg import Header, String
 
@@ -14,7 +15,6 @@ from smokebot_udp.udpros.subscription import Subscription
 
 CONNECTION = 5
 SIZE = 200
-WAIT = 10.0     # longer than any of it takes [s]
 
 
 def serialised(message) -> Any:

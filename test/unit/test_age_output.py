@@ -6,6 +6,7 @@ from typing import Any, List
 import pytest
 import rospy
 from nav_msgs.msg import OccupancyGrid
+from polling import WAIT
 
 from smokebot_udp.nodes import age_output
 from smokebot_udp.nodes.age_output import AgeOutput
@@ -41,12 +42,12 @@ def test_ages_are_published_regularly_and_with_a_new_map(publishers: List[FakePu
     output = AgeOutput('/operator/map', OccupancyGrid, lambda: found.pop(0) if found else None)
     publisher, = publishers
     assert (publisher.name, publisher.class_, publisher.options['latch']) == ('/operator/map/age', OccupancyGrid, True)
-    assert [publisher.sent.get(timeout=10) for _ in range(3)] == [1, 2, 3]
+    assert [publisher.sent.get(timeout=WAIT) for _ in range(3)] == [1, 2, 3]
     output.close()
     assert publisher.closed
 
     monkeypatch.setattr(age_output, 'PERIOD', 3600.0)
     output = AgeOutput('map', OccupancyGrid, lambda: 'now')
     output.show('a map')
-    assert publishers[1].sent.get(timeout=10) == 'now'
+    assert publishers[1].sent.get(timeout=WAIT) == 'now'
     output.close()

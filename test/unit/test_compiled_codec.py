@@ -7,6 +7,7 @@ from typing import Any, Callable, List
 
 import pytest
 import rospy
+from polling import WAIT
 
 from smokebot_udp.nodes import compiled_codec
 from smokebot_udp.nodes.compiled_codec import MISSING, CompiledCodec
@@ -24,7 +25,7 @@ def wait(codec: CompiledCodec) -> None:
     """Until it is loaded or cannot be."""
     for thread in threading.enumerate():
         if thread.name == 'codec':
-            thread.join(60)
+            thread.join(WAIT)
 
 
 def test_it_is_loaded_once_when_it_is_needed_first(logged: List[str]) -> None:
@@ -32,7 +33,7 @@ def test_it_is_loaded_once_when_it_is_needed_first(logged: List[str]) -> None:
 
     def load(compiling: Callable[[], None]) -> None:
         loads.append(1)
-        assert go.wait(10)
+        assert go.wait(WAIT)
     codec = CompiledCodec(load)
     assert codec.problem is None and loads == []
     assert not codec.ready() and not codec.ready()
@@ -48,9 +49,9 @@ def test_while_it_is_compiled_one_message_says_so(logged: List[str]) -> None:
     def load(compiling: Callable[[], None]) -> None:
         compiling()
         began.set()
-        assert go.wait(10)
+        assert go.wait(WAIT)
     codec = CompiledCodec(load)
-    assert not codec.ready() and began.wait(10)
+    assert not codec.ready() and began.wait(WAIT)
     for _ in range(5):
         assert not codec.ready()
     assert codec.problem is not None and 'compiled' in codec.problem and len(logged) == 1
@@ -140,6 +141,6 @@ def test_a_node_that_ends_kills_the_child(monkeypatch: Any, logged: List[str]) -
     monkeypatch.setattr(compiled_codec.importlib, 'import_module', lambda name: Codec)
     monkeypatch.setattr(compiled_codec.subprocess, 'Popen', start)
     codec = CompiledCodec()
-    assert not codec.ready() and started.wait(10)
+    assert not codec.ready() and started.wait(WAIT)
     codec.close()
     assert children[0].returncode is not None and len(logged) == 1 and not codec.ready()

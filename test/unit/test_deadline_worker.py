@@ -6,7 +6,7 @@ import time
 from typing import Any, Iterator, List, Optional
 
 import pytest
-from polling import wait_for
+from polling import WAIT, wait_for
 
 from smokebot_udp.nodes.worker import DeadlineWorker
 
@@ -53,7 +53,7 @@ def test_it_works_in_order_and_not_before_the_time(source: Source) -> None:
     source.add(-math.inf, 'at once')
     source.add(due, 'later')
     source.add(due, 'then')
-    (first, _), (second, at), (third, _) = (source.done.get(timeout=10) for _ in range(3))
+    (first, _), (second, at), (third, _) = (source.done.get(timeout=WAIT) for _ in range(3))
     assert (first, second, third) == ('at once', 'later', 'then') and at >= due
     assert source.errors.empty()
 
@@ -63,24 +63,24 @@ def test_an_earlier_deadline_wakes_it(source: Source) -> None:
     wait_for(lambda: source.deadlines[-1] == math.inf)      # it is asked just before the worker waits
     with source.worker.changing():
         source.items.insert(0, (0.0, 'now'))
-    assert source.done.get(timeout=10)[0] == 'now' and source.errors.empty()
+    assert source.done.get(timeout=WAIT)[0] == 'now' and source.errors.empty()
 
 
 def test_after_an_error_it_goes_on(source: Source) -> None:
     source.add(0.0, ValueError('broken'))
     source.add(0.0, 'good')
-    assert str(source.errors.get(timeout=10)) == 'broken'
-    assert [source.done.get(timeout=10)[0] for _ in range(2)][1] == 'good'
+    assert str(source.errors.get(timeout=WAIT)) == 'broken'
+    assert [source.done.get(timeout=WAIT)[0] for _ in range(2)][1] == 'good'
 
 
 def test_it_works_without_the_lock(source: Source) -> None:
     began, go_on = threading.Event(), threading.Event()
     source.worker.close()
     source.worker = DeadlineWorker('worker', source.poll, source.deadline,
-                                   lambda item: began.set() or go_on.wait(10), source.errors.put)
+                                   lambda item: began.set() or go_on.wait(WAIT), source.errors.put)
     source.worker.start()
     source.add(0.0, 'slow')
-    assert began.wait(10)
+    assert began.wait(WAIT)
     with source.worker.changing():
         source.items.append((math.inf, 'other'))
     go_on.set()

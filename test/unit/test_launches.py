@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Processes that are kept running, with those that they leave behind: real ones."""
-import functools
 import os
 import pathlib
 import signal
@@ -9,9 +8,9 @@ import sys
 import time
 from typing import Any, Iterator, List
 
-import polling
 import psutil
 import pytest
+from polling import wait_for
 
 from smokebot_udp.nodes import launches
 from smokebot_udp.nodes.child_process import family, new_mark, with_parent
@@ -38,9 +37,6 @@ for number in (signal.SIGHUP, signal.SIGINT):   # who runs the tests may ignore 
 from smokebot_udp.nodes.launches import Launch, keep_all
 keep_all([Launch('one', sys.argv[1:])], lambda: False)
 """
-
-
-wait_for = functools.partial(polling.wait_for, seconds=60.0)
 
 
 class Nodes:

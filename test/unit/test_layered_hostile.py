@@ -20,6 +20,7 @@ from layered_operator import (
     scene,
     segments,
 )
+from polling import WAIT
 
 from smokebot_udp.codecs.layered.quality import from_byte
 from smokebot_udp.codecs.wire.partial_image import MAX_IMAGE_SIZE
@@ -159,7 +160,7 @@ def test_images_are_decoded_while_segments_are_received() -> None:
         __hash__ = int.__hash__
     with pytest.raises(ValueError):
         guard.check(Cells(FIRST + 1), 1.0)
-    waits[0].join(10)
+    waits[0].join(WAIT)
     assert not waits[0].is_alive()
     with pytest.raises(ValueError):     # the good image of the bound's size came in between
         guard.check(FIRST + 1, 1.0 + PROOF)

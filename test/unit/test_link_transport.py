@@ -6,7 +6,8 @@ import threading
 from typing import Any, Dict, Iterator, List
 
 import pytest
-from link_pair import KEY, Inbox, Links, Told, frame, links, wait_for
+from link_pair import KEY, Inbox, Links, Told, frame, links
+from polling import wait_for
 from sensor_msgs.msg import CompressedImage, Image, LaserScan
 from std_msgs.msg import Header, String
 

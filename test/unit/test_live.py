@@ -9,6 +9,7 @@ from typing import Any, Dict, List
 import pytest
 from dynamic_reconfigure.client import Client
 from dynamic_reconfigure.encoding import decode_config, decode_description, encode_config, encode_description
+from polling import WAIT
 
 from smokebot_udp.mission.parameters import Parameter, live
 from smokebot_udp.mission.settings import SettingsStore
@@ -186,7 +187,7 @@ def test_settings_begin_later_where_the_master_is_away_at_the_start(
     part = LiveSettings('map', SettingsStore(live(TABLE), {**START, 'topic': 'x'}), node.problems.append)
     monkeypatch.setattr(part, 'serve', served.set)
     watch = ParameterWatch([part], background)
-    assert served.wait(10) and subscribed.is_set() and not failures
+    assert served.wait(WAIT) and subscribed.is_set() and not failures
     watch.stop()
     assert logged == ['settings cannot be changed until the master answers: [Errno 111] refused',
                       'settings cannot be changed until the master answers: IncompleteRead(0 bytes read)']
@@ -208,7 +209,7 @@ def test_another_nodes_settings_are_shown_in_its_namespace(node: Node, monkeypat
     monkeypatch.setattr(part, 'serve', served.set)
     watch = ParameterWatch([], background=True, node='/desk/robot')
     watch.add(part)
-    assert served.wait(10)
+    assert served.wait(WAIT)
     watch.stop()
     assert node.parameters['/desk/robot/map'] == {name: START[name] for name in live(TABLE)}
     assert kept == ['/desk/robot'] and not requests

@@ -7,6 +7,7 @@ from typing import Any, Dict, Iterator, List, Optional
 import numpy as np
 import pytest
 import rospy
+from polling import WAIT
 from std_msgs.msg import Header, String
 from stub_transport import StubTransport
 
@@ -155,7 +156,7 @@ class Bench:
         self.topics['/smokebot_udp/%s/%s' % (name, part)].options['batch_callback'](records, GOOD)
 
     def logs(self, count: int) -> List[Any]:
-        return [self.log.get(timeout=10) for _ in range(count)]
+        return [self.log.get(timeout=WAIT) for _ in range(count)]
 
 
 @pytest.fixture
@@ -171,7 +172,7 @@ def test_a_message_is_published_and_then_settled(bench: Bench) -> None:
     assert stream.last_shown is None
     bench.receive('one')
     assert bench.logs(3) == [('assemble', 'one', True), ('publish', 'one'), ('settle', 'one')]
-    assert bench.compared.get(timeout=10) == 0.25
+    assert bench.compared.get(timeout=WAIT) == 0.25
     stats = stream.stats()
     assert stats == StreamStats(1, 1, shown=[Shown(10.0, 0.5, ERROR)], connections=[
         ConnectionStats('/robot', ('10.0.0.1', 5), 1, 99, name=name) for name in ('thermal', 'thermal/layers')])
@@ -207,7 +208,7 @@ def test_an_error_names_the_stream_and_stops_neither_it_nor_others(bench: Bench)
     bench.start()
     bench.start(name='camera')
     bench.receive('broken')
-    assert bench.logged.get(timeout=10) == "stream 'thermal': a message is not published: it is broken"
+    assert bench.logged.get(timeout=WAIT) == "stream 'thermal': a message is not published: it is broken"
     bench.receive('good')
     bench.receive('also good', 'camera')
     published = {entry[1] for entry in bench.logs(7) if entry[0] == 'publish'}
@@ -217,7 +218,7 @@ def test_an_error_names_the_stream_and_stops_neither_it_nor_others(bench: Bench)
 def test_warnings_are_logged_once(bench: Bench) -> None:
     bench.start()
     bench.receive('warn')
-    assert bench.logged.get(timeout=10) == "stream 'thermal': something is odd"
+    assert bench.logged.get(timeout=WAIT) == "stream 'thermal': something is odd"
     bench.receive('good')
     bench.logs(6)
     assert bench.logged.empty()
@@ -305,7 +306,7 @@ def test_a_part_that_is_repeated_until_it_is_held_is_reported(bench: Bench) -> N
     bench.receive('one')
     assert bench.logs(2)[1] == ('publish', 'one') and bench.held.empty()
     bench.receive('two', part='layers')
-    name, holding, interval = bench.held.get(timeout=10)
+    name, holding, interval = bench.held.get(timeout=WAIT)
     assert (name, holding(), interval) == ('thermal', Holding(3, ((1, 2),)), 0.25)
 
 
@@ -315,13 +316,13 @@ def test_what_is_held_once_it_is_shown_is_reported_after_each_message_shown_or_n
     bench.start(Shows)
     for message in ('one', 'same'):
         bench.receive(message)
-        assert bench.held.get(timeout=10)[0] == 'thermal'
+        assert bench.held.get(timeout=WAIT)[0] == 'thermal'
     assert [entry for entry in bench.logs(3) if entry[0] == 'publish'] == [('publish', 'one')] and bench.held.empty()
 
 
 def test_a_part_that_nothing_decodes_is_received_no_more(bench: Bench) -> None:
     stream = bench.start(VideoAssembler, video_decoder=BrokenDecoder)
     bench.receive('same', part='video')
-    bench.held.get(timeout=10)      # after the image
+    bench.held.get(timeout=WAIT)      # after the image
     assert stream.stats().connections[0].name == 'thermal' and len(stream.stats().connections) == 1
     assert [bench.topics['/smokebot_udp/thermal/' + part].closed for part in (MAIN_PART, 'video')] == [False, True]

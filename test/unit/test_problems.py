@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-import time
+from types import SimpleNamespace
+from typing import Any
 
 from smokebot_udp.nodes.problems import RECENT, REMEMBERED, Problems
 
@@ -8,11 +9,12 @@ def test_without_a_problem_all_is_fine() -> None:
     assert Problems().verdict(0.0) == (0, 'fine', {'problems': 0})
 
 
-def test_the_last_problems_are_told_and_warned_of_for_a_while() -> None:
+def test_the_last_problems_are_told_and_warned_of_for_a_while(monkeypatch: Any) -> None:
+    now = 100.0
+    monkeypatch.setattr('smokebot_udp.nodes.problems.time', SimpleNamespace(monotonic=lambda: now))
     problems = Problems()
     for number in range(REMEMBERED + 2):
         problems.report('rate is -%d' % number)
-    now = time.monotonic()
     level, message, values = problems.verdict(now)
     assert (level, message, values['problems']) == (1, 'rate is -6', REMEMBERED + 2)
     assert list(values)[1:] == ['problem 7', 'problem 6', 'problem 5', 'problem 4', 'problem 3']

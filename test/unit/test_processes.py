@@ -5,6 +5,7 @@ import sys
 
 import psutil
 import pytest
+from polling import WAIT
 
 from evaluation import TOP, processes
 
@@ -24,7 +25,7 @@ def test_a_child_does_not_outlive_a_parent_that_is_killed_at_once(_) -> None:
         child = psutil.Process(int(parent.stdout))
     except psutil.NoSuchProcess:
         return
-    assert not psutil.wait_procs([child], timeout=20)[1]
+    assert not psutil.wait_procs([child], timeout=WAIT)[1]
 
 
 def test_a_child_of_a_living_parent_runs() -> None:

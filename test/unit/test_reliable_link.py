@@ -4,7 +4,8 @@ import threading
 from typing import Any, Callable, Iterator, List, Tuple
 
 import pytest
-from link_pair import KEY, WAIT, Links, links, wait_for
+from link_pair import KEY, Links, links
+from polling import WAIT, wait_for
 
 from smokebot_udp.congestion.packet_scheduler import PacketScheduler
 from smokebot_udp.msg import ReliableSegment

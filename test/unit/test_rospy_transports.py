@@ -6,6 +6,7 @@ import time
 from typing import Any
 
 import pytest
+from polling import WAIT
 from rospy.impl.tcpros_pubsub import QueuedConnection
 from rospy.impl.transport import OUTBOUND, Transport
 from sensor_msgs.msg import LaserScan
@@ -14,8 +15,6 @@ from std_msgs.msg import String
 from smokebot_udp.udpros import Frame
 from smokebot_udp.udpros.negotiation import Request
 from smokebot_udp.udpros.rospy_transports import PublisherOptions, PublisherTransport, UdpPublisherImpl
-
-WAIT = 5.0      # longer than any of it takes [s]
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ from typing import Any
 from xmlrpc.server import SimpleXMLRPCRequestHandler, SimpleXMLRPCServer
 
 import pytest
-from polling import wait_for
+from polling import WAIT, wait_for
 
 from smokebot_udp.udpros import rpc
 
@@ -248,7 +248,7 @@ def http_server(*answers: bytes) -> Any:
         thread = threading.Thread(target=serve, daemon=True)
         thread.start()
         yield 'http://127.0.0.1:%d' % listening.getsockname()[1]
-        thread.join(10)
+        thread.join(WAIT)
 
 
 HEAD = b'HTTP/1.1 200 OK\r\nContent-Type: text/xml\r\nContent-Length: %d\r\n%s\r\n'

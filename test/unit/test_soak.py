@@ -11,7 +11,7 @@ import sys
 from typing import Any, Dict, List, Optional, Set
 
 import pytest
-from polling import wait_for
+from polling import WAIT, wait_for
 
 for library in ('cv2', 'matplotlib', 'psutil', 'tqdm'):
     pytest.importorskip(library)
@@ -270,7 +270,7 @@ def test_what_is_shared_with_a_living_child_does_not_count() -> None:
     child = subprocess.Popen(['cat'], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
     wait_for(lambda: descriptors(None) == before)
     child.kill()
-    child.wait(10)
+    child.wait(WAIT)
     assert descriptors(None) == before + 2      # nobody has closed them
     child.communicate()
     assert descriptors(None) == before
@@ -302,7 +302,7 @@ def test_the_robots_clock_steps_while_its_processes_run(tmp_path: pathlib.Path) 
             process.stdin.write('\n')
             wall, monotonic = map(float, process.stdout.readline().split())
             assert pause <= monotonic < 60
-            assert wall - monotonic == pytest.approx(step, abs=0.1)
+            assert wall - monotonic == pytest.approx(step, abs=5.0)   # a stall between readings counts
         assert clock.offset == -3600.0
     finally:
         process.kill()

@@ -1,5 +1,4 @@
 # SPDX-License-Identifier: BSD-3-Clause
-import time
 from types import SimpleNamespace
 from typing import Any, Dict, List, Tuple
 
@@ -46,7 +45,8 @@ def test_the_diagnostics_of_a_silent_stream_name_the_published_type(monkeypatch:
     master = Master(fix='std_msgs/String', odom='std_msgs/String')
     monkeypatch.setattr(diagnostics, '_topic_types', master)
     monkeypatch.setattr(diagnostics, 'Diagnostics', lambda sources: sources)
-    start = time.monotonic()
+    start = 100.0
+    monkeypatch.setattr(diagnostics, 'time', SimpleNamespace(monotonic=lambda: start))
     count = [0]
 
     def stream(name: str, messages: Any) -> Any:

@@ -7,7 +7,7 @@ import threading
 from typing import Any, Callable, Dict, List
 
 import pytest
-from polling import wait_for
+from polling import WAIT, wait_for
 
 from smokebot_udp.link.keys import make_key
 from smokebot_udp.nodes import parameters as tables
@@ -56,9 +56,9 @@ def waits(log: Log, monkeypatch: Any, make: Callable[[], Any]) -> List[str]:
             ended.append(error)
     thread = threading.Thread(target=run, daemon=True)
     thread.start()
-    assert log.new_error.wait(10)
+    assert log.new_error.wait(WAIT)
     shut_down.set()
-    thread.join(10)
+    thread.join(WAIT)
     assert len(ended) == 1
     return log.errors
 
@@ -130,13 +130,13 @@ def test_a_node_that_was_given_a_key_waits_for_it(monkeypatch: Any, log: Log, tm
     given = parameters(monkeypatch, tables.ROBOT_SENDER, {'link_port': port, 'key_file': str(path)}, [])
     thread = threading.Thread(target=lambda: made.append(robot_transport(given)), daemon=True)
     thread.start()
-    assert log.new_error.wait(10) and not made
+    assert log.new_error.wait(WAIT) and not made
     path.write_bytes(bytes(31))
     log.new_error.clear()
-    assert log.new_error.wait(10) and not made
+    assert log.new_error.wait(WAIT) and not made
     os.unlink(str(path))
     make_key(str(path))
-    thread.join(10)
+    thread.join(WAIT)
     stats = made[0].stats(0.0)
     made[0].close()
     assert stats.sealed and made[0].sealed and not log.warnings
@@ -152,8 +152,8 @@ def test_a_port_in_use_is_waited_for(monkeypatch: Any, log: Log) -> None:
         given = parameters(monkeypatch, tables.ROBOT_SENDER, {'link_port': port}, [])
         thread = threading.Thread(target=lambda: made.append(robot_transport(given)), daemon=True)
         thread.start()
-        assert log.new_error.wait(10) and not made
-    thread.join(10)
+        assert log.new_error.wait(WAIT) and not made
+    thread.join(WAIT)
     made[0].close()
     assert len(log.errors) == 1 and 'port %d' % port in log.errors[0] and 'in use' in log.errors[0]
 

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Video is decoded in a process of its own, which may die, hang or lie: real processes."""
-import functools
 import os
 import pathlib
 import re
@@ -11,9 +10,9 @@ import threading
 from typing import Any, Callable, Iterator, List
 
 import numpy as np
-import polling
 import psutil
 import pytest
+from polling import wait_for
 from video_scene import image, psnr, requests, video
 
 from smokebot_udp.codecs.video.decoder_memory import Answer, Status
@@ -23,8 +22,6 @@ HEIGHT, WIDTH = 96, 176
 STREAM = requests(video(40, HEIGHT, WIDTH), HEIGHT, WIDTH)
 PROCESS = 'import sys; from smokebot_udp.codecs.video import decoder, decoder_process; %s; sys.exit(%s)'
 MAIN = 'decoder_process.main(*sys.argv[1:])'
-
-wait_for = functools.partial(polling.wait_for, seconds=60.0)
 
 
 @pytest.fixture

@@ -3,6 +3,8 @@ import threading
 import time
 from typing import Any, List, Optional, Tuple
 
+from polling import WAIT
+
 from smokebot_udp.nodes.worker import DeadlineWorker, PeriodicWorker
 
 
@@ -32,7 +34,7 @@ def test_it_works_when_something_is_due_and_errors_do_not_end_the_thread() -> No
     soon = time.monotonic() + 0.05
     with worker.changing():
         due.times += [0.0, soon]
-    assert done.acquire(timeout=10) and done.acquire(timeout=10)
+    assert done.acquire(timeout=WAIT) and done.acquire(timeout=WAIT)
     assert time.monotonic() >= soon
     worker.close()
     assert [str(error) for error in errors] == ['that was 0', 'that was %g' % soon]
@@ -62,7 +64,7 @@ class Times:
             raise ValueError('time %d' % len(self.times))
 
     def wait(self, count: int) -> None:
-        assert all(self._done.acquire(timeout=10) for _ in range(count))
+        assert all(self._done.acquire(timeout=WAIT) for _ in range(count))
 
 
 def test_the_same_again_and_again_in_spite_of_errors() -> None:
@@ -95,13 +97,13 @@ def test_who_is_woken_while_it_works_works_again() -> None:
 
     def slow() -> None:
         busy.set()
-        assert free.wait(10)
+        assert free.wait(WAIT)
         work()
 
     worker = PeriodicWorker('periodic', slow, work.errors.append, 1000.0)
     worker.wake()
     worker.start()
-    assert busy.wait(10)
+    assert busy.wait(WAIT)
     worker.wake()
     free.set()
     work.wait(2)
