@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""How hypothesis runs here: a machine that is busy with something else makes no property false.
+"""How hypothesis runs here: a machine that is busy with something else makes no property false. Continuous integration
+tries the same examples each time: what fails there fails elsewhere, too. Others search on.
 
 Compiled loops check their indexes here. They have a cache of their own: numba would take unchecked ones from another.
 """
@@ -8,7 +9,8 @@ import pathlib
 
 from hypothesis import HealthCheck, settings
 
-settings.register_profile('busy machine', deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile('busy machine', deadline=None, suppress_health_check=[HealthCheck.too_slow],
+                          derandomize='CI' in os.environ)
 settings.load_profile('busy machine')
 
 os.environ['NUMBA_BOUNDSCHECK'] = '1'
