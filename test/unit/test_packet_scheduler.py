@@ -145,7 +145,8 @@ def test_no_more_leaves_than_rate_and_burst(rate: float, burst: int,
         until = now + pause
         while now + scheduler.wait(now) < until:
             now += scheduler.wait(now)
-            left.append((now, scheduler.take(now).size))
+            chunk = scheduler.take(now) or scheduler.take(now + 1e-9)   # `now` was rounded
+            left.append((now, chunk.size))
         now = until
         scheduler.put(name, None, parts)
     bucket = max([min(burst, rate * BURST_DURATION), *(size for _, size in left)])
