@@ -5,10 +5,10 @@ Connections, their threads and rospy's objects refer to each other. Python looks
 enough new ones have come, which takes hours in a node that mostly handles arrays: one whose peers restart again and
 again would grow. So it looks regularly, but not among what was made at the start: that takes 1 ms instead of 30, in
 which no thread of the node runs and commands wait. Nor does it look a second time among the many objects that are
-loaded later, such as a codec. Then free memory returns to the kernel.
+loaded later, such as a codec. What is alive then is never looked at again, so that must be rare: their number decides,
+and not how long a busy machine takes. Then free memory returns to the kernel.
 """
 import gc
-import time
 
 from .logging import log_error
 from .malloc_tuning import return_freed_memory
@@ -17,8 +17,8 @@ from .worker import PeriodicWorker
 PERIOD = 10.0
 """Time from one search to the next [s]."""
 
-MAX_SEARCH = 0.005
-"""What is found in use by a search that takes longer is not looked at again [s of the processor]."""
+MANY = 50000
+"""Where more objects than these are found in use, they are not looked at again: a search takes some ms then."""
 
 
 def collect_regularly(period: float = PERIOD) -> None:
@@ -29,8 +29,7 @@ def collect_regularly(period: float = PERIOD) -> None:
 
 
 def _collect() -> None:
-    begun = time.thread_time()
     gc.collect()
-    if time.thread_time() - begun > MAX_SEARCH:
+    if len(gc.get_objects()) > MANY:
         gc.freeze()
     return_freed_memory()
