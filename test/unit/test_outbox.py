@@ -124,7 +124,7 @@ def test_small_messages_do_not_wait(make) -> None:
     outbox = make(PacketScheduler(1.0, burst=1), departed)      # 1 byte/s
     outbox.start()
     outbox.put('scan', publisher, frames(5))
-    wait_for(lambda: told)      # the first one; the next has to wait for a minute
+    wait_for(lambda: told)      # one datagram has left; the next one leaves a minute later
     urgent, = frames(2)
     outbox.publish('gas', publisher, urgent)
     size = urgent.datagram_size + 28

@@ -29,9 +29,6 @@ from .references import CodedImage, ends_of, with_motion
 FLOOR = 255.0 ** 2 / 1e6
 """Mean squared errors of 8 bits below this are not distinguished: 60 dB [count^2]."""
 
-BACKLOG = 0.05
-"""The rest of an image is waited for this long: without it, the layers of high thresholds are lost [s]."""
-
 TABLE = LAYER_BYTES * MAX_LAYERS // 2
 """Length of a datagram's table of layers, about [byte]."""
 
@@ -79,7 +76,8 @@ class LayeredImages(CompressedImages):
     """
     # images come with jitter, and the rest of one that still waits when the next one comes is never sent
     AIR_PART = 0.8
-    BACKLOG = BACKLOG
+    BACKLOG = 0.05
+    """The rest of an image is waited for this long: without it, the layers of high thresholds are lost [s]."""
 
     def __init__(self, held: HeldByAll, session: Callable[[], int]) -> None:
         super().__init__()
