@@ -145,20 +145,20 @@ def await_calm(most: float) -> None:
             return
 
 
-def undisturbed(most: float = MAX_LATENESS) -> Callable[[Callable[[Any], None]], Callable[[Any], None]]:
-    """Decorates a test of times or rates, which a machine that does other things as well may change.
+def undisturbed(most: float = MAX_LATENESS) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Decorates a test of times or rates, or a step of one, which a machine that does other things as well may change.
 
     It is repeated where it fails, see Lateness.disturbed.
 
     :param most: it is judged where no wait was longer [s]
     """
-    def decorated(test: Callable[[Any], None]) -> Callable[[Any], None]:
+    def decorated(test: Callable[..., None]) -> Callable[..., None]:
         @functools.wraps(test)
-        def repeated(case: Any) -> None:
+        def repeated(case: Any, *arguments: Any) -> None:
             for last in (ATTEMPTS - 1) * (False,) + (True,):
                 with Lateness() as lateness:
                     try:
-                        test(case)
+                        test(case, *arguments)
                         return
                     except AssertionError as error:
                         failure = error
