@@ -6,7 +6,8 @@ import pathlib
 import sys
 import threading
 import unittest
-from typing import Any, List
+import xmlrpc.client
+from typing import Any, List, Set, Tuple
 
 import actionlib
 import rospy
@@ -96,10 +97,19 @@ def goal_at(x: float) -> Any:
     return goal
 
 
+def connections() -> Set[Tuple[int, str]]:
+    """(id, topic) of the connections by which this node sends to itself."""
+    with xmlrpc.client.ServerProxy(rospy.get_node_uri()) as proxy:
+        node: Any = proxy
+        return {(entry[0], entry[4]) for entry in node.getBusInfo(rospy.get_name())[2]
+                if entry[1:3] == [rospy.get_name(), 'o']}
+
+
 class ActionStreams(unittest.TestCase):
 
     def start(self, loss: float = 0.0, serve: bool = True) -> None:
-        """Both sides, an action server and a client."""
+        """Both sides, an action server and a client, all connected."""
+        before = connections()
         self.pair = ReliablePair(loss)
         self.addCleanup(self.pair.close)
         self.server = Server() if serve else None
@@ -115,6 +125,16 @@ class ActionStreams(unittest.TestCase):
         self.client = actionlib.SimpleActionClient('/operator/move_base', MoveBaseAction)
         self.addCleanup(self.client.action_client.stop)
         self.feedback: List[Any] = []
+        self.wait_for_topics('/operator/move_base', before)
+        if serve:
+            self.wait_for_topics('/move_base', before)
+        wait_for(lambda: self.pair.operator.reliable.peers() and self.pair.robot.reliable.peers(), what='the link')
+
+    @staticmethod
+    def wait_for_topics(action: str, before: Set[Tuple[int, str]]) -> None:
+        """Wait for connections of all topics of an action that were not there before: they come one by one."""
+        wanted = {action + part for part in ('/goal', '/cancel', '/status', '/feedback', '/result')}
+        wait_for(lambda: wanted <= {topic for _, topic in connections() - before}, what='the topics of ' + action)
 
     def send(self, x: float = 1.0) -> None:
         self.client.send_goal(goal_at(x), feedback_cb=self.feedback.append)
@@ -220,8 +240,6 @@ class ActionStreams(unittest.TestCase):
 
     def test_without_a_robot_a_goal_is_lost(self) -> None:
         self.start(serve=False)
-        wait_for(self.pair.operator.reliable.peers)
-        wait_for(self.client.action_client.pub_goal.get_num_connections)
         self.robot.close()
         self.pair.end_robot()
         self.send()
@@ -235,11 +253,13 @@ class ActionStreams(unittest.TestCase):
         self.send()
         wait_for(lambda: self.feedback)
         self.robot.close()
+        before = connections()
         self.pair.restart_robot()
         del self.feedback[:]
         self.robot = RobotAction('move_base', MOVE_BASE, self.pair.robot)
         self.robot.start()
         self.addCleanup(self.robot.close)
+        self.wait_for_topics('/move_base', before)
         wait_for(lambda: self.feedback)
         self.server.finish.set()
         self.ends(GoalStatus.SUCCEEDED)
@@ -281,22 +301,20 @@ class ActionStreams(unittest.TestCase):
         self.start(serve=False)
         bare = BareServer()
         self.addCleanup(bare.stop)
-        self.wait_for_both_sides(bare)
-        self.send()
-        self.ends(GoalStatus.LOST, 'no status of the action server has it')
+        wait_for(bare.connected)
+
+        def arrived() -> Any:
+            self.send()
+            self.ends(GoalStatus.LOST, 'no status of the action server has it')
+            return bare.goals
+        wait_for(arrived, what='the goal')
         self.assertEqual(bare.cancelled, [])
         bare.show(bare.goals[0])
         wait_for(lambda: bare.cancelled == [bare.goals[0].id])
 
-    def wait_for_both_sides(self, bare: Any) -> None:
-        """Until a goal arrives: the link may be slower than the topics."""
-        wait_for(bare.connected)
-        wait_for(self.client.action_client.pub_goal.get_num_connections)
-        wait_for(self.pair.operator.reliable.peers)
-
     def send_to(self, bare: Any) -> None:
         """Send a goal that becomes active."""
-        self.wait_for_both_sides(bare)
+        wait_for(bare.connected)
         self.send()
 
         def arrived() -> bool:
