@@ -9,7 +9,7 @@ import pathlib
 import signal
 import sys
 import time
-from typing import Any, List
+from typing import Any, List, Optional
 
 import numpy as np
 import rospy
@@ -49,6 +49,7 @@ class Commands(CommandsCase):
         cls.status = Listener('/operator/status', RobotStatus)
         wait_for(cls.stick.get_num_connections, START, 'the operator')
         wait_for(cls.button.get_num_connections, START, 'the operator')
+        wait_for(lambda: cls.status.came, START, 'the status')
 
     def setUp(self) -> None:
         for listener in (self.driver, self.arm, self.seeing):
@@ -61,9 +62,13 @@ class Commands(CommandsCase):
             stays(lambda: True, seconds)
         return time.monotonic()
 
+    def speed(self) -> Optional[float]:
+        """Of the last command that came; None: none came."""
+        return next((speed for _, speed in reversed(self.speeds(self.driver))), None)
+
     def wait_for_silence(self) -> None:
         """After a stop."""
-        wait_for(lambda: self.speeds(self.driver)[-1][1] == 0.0 and
+        wait_for(lambda: self.speed() == 0.0 and
                  time.monotonic() - self.driver.came[-1].when > 3 / RATE + SLACK, 10, 'silence')
 
     @undisturbed()
@@ -102,7 +107,7 @@ class Commands(CommandsCase):
             os.kill(pid, signal.SIGSTOP)
             stopped = time.monotonic()
             try:
-                wait_for(lambda: self.speeds(self.driver)[-1][1] == 0.0, 5, 'the stop')
+                wait_for(lambda: self.speed() == 0.0, 5, 'the stop')
                 self.assertLess(self.speeds(self.driver)[-1][0] - stopped, TIMEOUT + SLACK)
                 self.wait_for_silence()
             finally:
@@ -115,9 +120,11 @@ class Commands(CommandsCase):
         pid = wait_for(lambda: self.desk.pid('/operator_receiver'), START, 'the operator')
         with Drive(self.stick, twist(0.4)):
             wait_for(lambda: self.driver.came, START, 'the command')
+            self.addCleanup(os.kill, pid, signal.SIGCONT)
             os.kill(pid, signal.SIGSTOP)
             stays(lambda: True, 0.3)
         stays(lambda: True, 1.0)        # the stick is silent, its last commands wait
+        wait_for(lambda: self.speed() == 0.0, 5, 'the stop')
         self.driver.clear()
         os.kill(pid, signal.SIGCONT)
         stays(lambda: not any(speed for _, speed in self.speeds(self.driver)), 1.0, 'the stop')
@@ -129,7 +136,7 @@ class Commands(CommandsCase):
             wait_for(lambda: self.driver.came, START, 'the command')
             os.kill(pid, signal.SIGKILL)
             killed = time.monotonic()
-            wait_for(lambda: self.speeds(self.driver)[-1][1] == 0.0, 5, 'the stop')
+            wait_for(lambda: self.speed() == 0.0, 5, 'the stop')
             self.assertLess(self.speeds(self.driver)[-1][0] - killed, TIMEOUT + SLACK)
             self.driver.clear()
             # roslaunch starts it again, and a fresh command moves the robot
@@ -152,7 +159,7 @@ class Commands(CommandsCase):
             answer = rospy.ServiceProxy('/desk2/operator_receiver/take_control', Trigger)()
             self.assertTrue(answer.success, answer.message)
             self.wait_for_state(self.state, 'NOT IN CONTROL: /desk2/operator_receiver')
-            wait_for(lambda: self.speeds(self.driver)[-1][1] == -0.2, 5, 'the second one drives')
+            wait_for(lambda: self.speed() == -0.2, 5, 'the second one drives')
             speeds = [speed for _, speed in self.speeds(self.driver)]
             self.assertEqual(speeds, sorted(speeds, reverse=True))      # 0.2, a stop, -0.2
             self.assertIn(0.0, speeds)
@@ -175,11 +182,11 @@ class Commands(CommandsCase):
         self.addCleanup(stop, False)
         with Drive(self.stick, twist(0.6)):
             for engage in (lambda: self.button.publish(True), lambda: stop(True)):
-                wait_for(lambda: self.driver.came and self.speeds(self.driver)[-1][1] == 0.6, START, 'the command')
+                wait_for(lambda: self.speed() == 0.6, START, 'the command')
                 self.state.clear()
                 begun = time.monotonic()
                 engage()
-                wait_for(lambda: self.speeds(self.driver)[-1][1] == 0.0, 2, 'the stop')
+                wait_for(lambda: self.speed() == 0.0, 2, 'the stop')
                 self.assertLess(self.speeds(self.driver)[-1][0] - begun, SLACK)
                 wait_for(self.engaged, 2, '~estop')
                 self.wait_for_state(self.state, 'EMERGENCY STOP')
@@ -190,7 +197,8 @@ class Commands(CommandsCase):
                 released = stop(False)
                 self.assertTrue(released.success, released.message)
                 wait_for(lambda: not self.engaged(), 2, '~estop')
-            wait_for(lambda: self.speeds(self.driver)[-1][1] == 0.6, 2, 'the next command')
+            wait_for(lambda: self.speed() == 0.6, 2, 'the next command')
+        self.wait_for_silence()     # the next test begins with a robot that stands
 
     def test_somebody_at_the_robot_engages_and_releases_it(self) -> None:
         for data in ('true', 'false'):
