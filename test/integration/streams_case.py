@@ -5,7 +5,7 @@ import xmlrpc.client
 from typing import Any, Callable, List
 
 import rosgraph
-from waiting import errors_logged, wait_for
+from waiting import errors_logged, is_sent_here, wait_for
 
 from smokebot_udp import udpros
 
@@ -19,8 +19,9 @@ class StreamsCase(unittest.TestCase):
 
     @classmethod
     def listen(cls, *streams: str) -> None:
-        """Record errors, and wait until every stream reaches all three receivers."""
+        """Record errors, and wait until those of the robot come, and every stream reaches all three receivers."""
         cls.errors = errors_logged()
+        wait_for(lambda: is_sent_here('/rosout', '/robot_sender'), what="the robot's log")
         for stream in streams:
             wait_for(lambda name=stream: cls.receivers(name) == len(LOSSES), what='the receivers of ' + stream)
 

@@ -17,7 +17,7 @@ from sensor_msgs.msg import CompressedImage, Image
 from smokebot_udp.msg import LinkStatus
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from waiting import Collector, stamps, undisturbed, wait_for
+from waiting import Collector, is_sent_here, stamps, undisturbed, wait_for
 
 JPEG = 117000       # bytes
 FAIR_RATE = 30.0    # the robot's rate after FAIR_TIME, at least [Mbit/s]
@@ -42,6 +42,7 @@ class LongRelay(unittest.TestCase):
             wait_for(publisher.get_num_connections, what='robot_sender')
         for collector in (cls.shown, cls.relayed):
             collector.wait_connected()
+        wait_for(lambda: is_sent_here('/rosout', '/robot_sender'), what="the robot's log")
 
     def publish(self, count: int) -> None:
         """Publish both sources, 10 JPEG images and 5 others a second."""
@@ -64,7 +65,7 @@ class LongRelay(unittest.TestCase):
         self.addCleanup(source.join)
         for collector, what in ((self.shown, 'an image'), (self.relayed, 'a relayed message')):
             wait_for(lambda collector=collector: len(collector.messages) >= 3, 5.0, what)
-        wait_for(lambda: self.rates[-1] >= FAIR_RATE, FAIR_TIME, 'a rate of %g Mbit/s' % FAIR_RATE)
+        wait_for(lambda: self.rates and self.rates[-1] >= FAIR_RATE, FAIR_TIME, 'a rate of %g Mbit/s' % FAIR_RATE)
         source.join()
         for collector, rate in ((self.shown, 5.0), (self.relayed, 10.0)):
             late = [when for when in list(collector.arrivals.values()) if when > began + FAIR_TIME]

@@ -70,7 +70,7 @@ class RelayStreams(StreamsCase):
             self.odometry.publish(message)
             sent[stamp] = message
         out = self.out[0]
-        wait_for(lambda: max(out.messages, default=rospy.Time()) > stamp - rospy.Duration(0.1), 5, 'the newest')
+        wait_for(lambda: max(list(out.messages), default=rospy.Time()) > stamp - rospy.Duration(0.1), 5, 'the newest')
         for stamp, got in list(out.messages.items()):
             got.header.seq = sent[stamp].header.seq
             self.assertEqual(got, sent[stamp])

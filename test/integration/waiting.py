@@ -186,16 +186,16 @@ def pid_at(uri: str) -> int:
         return 0
 
 
-def is_sent_here(topic: str) -> bool:
-    """Whether a publisher of a topic sends its messages to this node by TCP."""
+def is_sent_here(topic: str, node: str = '') -> bool:
+    """Whether a node sends the messages of a topic to this node by TCP; empty: any node."""
     master = rosgraph.Master(rospy.get_name())
     try:
-        publishers = dict(master.getSystemState()[0]).get(topic, [])
+        publishers = [node] if node else dict(master.getSystemState()[0]).get(topic, [])
         for uri in map(master.lookupNode, publishers):
             with xmlrpc.client.ServerProxy(uri) as proxy:
-                node: Any = proxy
+                publisher: Any = proxy
                 if any(entry[1:5] == [rospy.get_name(), 'o', 'TCPROS', topic]
-                       for entry in node.getBusInfo(rospy.get_name())[2]):
+                       for entry in publisher.getBusInfo(rospy.get_name())[2]):
                     return True
     except (rosgraph.MasterException, xmlrpc.client.Error, OSError):    # it starts, or has just ended
         pass
