@@ -12,7 +12,7 @@ from std_msgs.msg import String
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from reliable_pair import ReliablePair
-from waiting import stays, wait_for
+from waiting import is_sent_here, stays, wait_for
 
 from smokebot_udp.nodes.reliable_relay import operator_relay, robot_relay
 from smokebot_udp.streams.config import load
@@ -49,7 +49,7 @@ class LatchedRelay(unittest.TestCase):
         self.publisher = rospy.Publisher(source, String, queue_size=1)
         for topic in (subscriber, self.publisher):
             self.addCleanup(topic.unregister)
-            wait_for(topic.get_num_connections, what=topic.name)
+            wait_for(lambda name=topic.name: is_sent_here(name), what=topic.name)
         wait_for(self.pair.operator.reliable.peers)
         wait_for(self.pair.robot.reliable.peers)
         self.publisher.publish('first')

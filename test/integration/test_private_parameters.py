@@ -23,6 +23,9 @@ streams:
 PROFILES = 'profiles: {slow: {streams: {front: {rate: 2.0}}}}'
 ROBOT, OPERATOR = '/robot_sender', '/desk2/operator_receiver'
 
+START = 60.0
+"""For nodes to start on a busy machine [s]."""
+
 
 class PrivateParameters(unittest.TestCase):
 
@@ -38,9 +41,9 @@ class PrivateParameters(unittest.TestCase):
         cls.profiles.write_text(PROFILES)
         # one after the other: each roslaunch sets /run_id where there is none
         cls.launch('robot.launch', 'streams:=%s' % cls.streams, 'focus_config:=%s' % cls.profiles, 'max_rate:=7')
-        wait_for(lambda: cls.pid(ROBOT), 30, 'the robot')
+        wait_for(lambda: cls.pid(ROBOT), START, 'the robot')
         cls.launch('operator.launch', 'streams:=%s' % cls.streams, 'name:=desk2', 'rviz:=false')
-        wait_for(lambda: cls.pid(OPERATOR), 30, 'the operator')
+        wait_for(lambda: cls.pid(OPERATOR), START, 'the operator')
 
     @classmethod
     def launch(cls, *arguments: str) -> None:
@@ -102,7 +105,7 @@ class PrivateParameters(unittest.TestCase):
             os.kill(pid, signal.SIGKILL)
         self.master.restart()
         for node, pid in pids.items():
-            wait_for(lambda node=node, pid=pid: self.pid(node) not in (0, pid), 30, 'the respawned ' + node)
+            wait_for(lambda node=node, pid=pid: self.pid(node) not in (0, pid), START, 'the respawned ' + node)
         self.check_streams()
 
 

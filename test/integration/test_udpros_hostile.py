@@ -19,7 +19,7 @@ from rosgraph_msgs.msg import Log
 from std_msgs.msg import Header
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from waiting import wait_for
+from waiting import is_sent_here, wait_for
 
 from smokebot_udp import udpros
 from smokebot_udp.msg import ImageSegment
@@ -52,7 +52,7 @@ class Hostile(unittest.TestCase):
         publisher = udpros.Publisher('/asked', Header, queue_size=1)
         warnings = []
         log = rospy.Subscriber('/rosout', Log, lambda entry: warnings.append(entry.msg))
-        wait_for(log.get_num_connections, what='rosout')
+        wait_for(lambda: is_sent_here(log.resolved_name), what='rosout')
         header = {'topic': '/asked', 'md5sum': Header._md5sum, 'type': Header._type, 'callerid': '/someone'}
         good = [encode_header(header), '127.0.0.1', 5000, 1472]
         lacking = {key: value for key, value in header.items() if key != 'md5sum'}

@@ -93,9 +93,10 @@ class Life(UdprosCase):
         subscriber = udpros.Subscriber('/talked', Header, lambda _: times.append(time.monotonic()), transport='udp')
         self.addCleanup(subscriber.unregister)
         for how in (signal.SIGINT, signal.SIGKILL, signal.SIGKILL):
+            before = rosgraph_uri('/talker')     # of a talker that was killed
             process = self.run_script('udpros_talker.py', '/talked', 'talker')
-            uri = wait_for(lambda: rosgraph_uri('/talker'), what='the talker at the master')
-            wait_for(lambda new=uri: new in subscriber.impl.publishers, what="the master's word")
+            wait_for(lambda old=before: rosgraph_uri('/talker') not in (None, old), what='the talker at the master')
+            wait_for(lambda new=rosgraph_uri('/talker'): new in subscriber.impl.publishers, what="the master's word")
             told = time.monotonic()
             del times[:]
             wait_for(lambda: times, 10, 'a message of the talker')

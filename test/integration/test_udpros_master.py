@@ -19,7 +19,7 @@ import rostest
 from std_msgs.msg import Header
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from waiting import give_time, stays, wait_for
+from waiting import give_time, stays, undisturbed, wait_for
 
 from smokebot_udp import udpros
 from smokebot_udp.mission.parameters import Parameter
@@ -139,6 +139,7 @@ class Master(unittest.TestCase):
         finally:
             self.master.process.send_signal(signal.SIGCONT)
         logged.join(5)
+
     def test_live_settings_begin_when_the_master_comes(self) -> None:
         store = SettingsStore({'rate': Parameter(1.0, 'Hz', 'how often', live=True)}, {'rate': 2.0}, lambda _: None)
         self.master.end()
@@ -152,6 +153,7 @@ class Master(unittest.TestCase):
         wait_for(lambda: store.current.requested['rate'] == 3.0, 5, 'the change')
         watch.stop()
 
+    @undisturbed()
     def test_a_working_connection_outlives_the_master(self) -> None:
         """Also to a publisher that does not register again."""
         deaf = 'from smokebot_udp.udpros.watch import Watch; Watch.start = lambda self: None'

@@ -15,7 +15,7 @@ from std_msgs.msg import Header
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from udpros_case import UdprosCase, request_topic, rosgraph_uri
-from waiting import stays, wait_for
+from waiting import stays, undisturbed, wait_for
 
 from smokebot_udp import udpros
 from smokebot_udp.udpros.admission import MAX_PER_HOST, SETTLED
@@ -27,6 +27,7 @@ from smokebot_udp.udpros.silence import SILENCE_TIMEOUT
 class Strangers(UdprosCase):
     NODE = '/udpros_strangers'
 
+    @undisturbed()
     def test_a_stranger_ends_no_connection(self) -> None:
         """By notifications, in its own name and in the master's, that a topic has no publisher, or others."""
         self.run_script('udpros_talker.py', '/steady', 'steady_talker')
