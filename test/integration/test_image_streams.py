@@ -161,6 +161,7 @@ class ImageStreams(unittest.TestCase):
         statuses = []
         self.addCleanup(rospy.Subscriber('/diagnostics', DiagnosticArray, lambda array: statuses.extend(
             status for status in array.status if 'takes too long' in status.message)).unregister)
+        rospy.wait_for_service('/loss50/operator_receiver/thermal/set_parameters', 60)   # it follows its parameters
         limit, integrate = ('/loss50/operator_receiver/thermal/' + name for name in ('fill_time', 'integrate'))
         for name in limit, integrate:
             self.addCleanup(rospy.set_param, name, rospy.get_param(name))
