@@ -57,6 +57,15 @@ def connections() -> Any:
     return found
 
 
+def settled_connections() -> Any:
+    """The connections, which begin topic by topic, once there are no more within some seconds."""
+    while True:
+        found = connections()
+        give_time(3.0)
+        if connections() == found:
+            return found
+
+
 class HostileCalls(unittest.TestCase):
 
     @classmethod
@@ -69,7 +78,8 @@ class HostileCalls(unittest.TestCase):
             (status.name, status) for status in message.status), queue_size=20)
         threading.Thread(target=publish, daemon=True).start()
         cls.pictures.wait_connected()
-        wait_for(lambda: len(cls.pictures.messages) >= 50, 60, 'pictures')
+        wait_for(lambda: len(cls.pictures.messages) >= 50 and cls.rates, 60, 'pictures, and a rate of the link')
+        cls.before = settled_connections()
 
     def observe(self, seconds) -> Any:
         """(pictures a second, mean and least rate of the link [Mbit/s]) from now on."""
@@ -80,7 +90,7 @@ class HostileCalls(unittest.TestCase):
 
     @undisturbed()
     def test_strangers_stop_nothing(self) -> None:
-        before, (frequency, rate, _) = connections(), self.observe(5.0)
+        frequency, rate, _ = self.observe(5.0)
         print('before: %.1f Hz, %.1f Mbit/s' % (frequency, rate))
         flood = subprocess.Popen(
             [sys.executable, '-m', 'evaluation.hostile_flood', ROBOT, OPERATOR, '--seconds', str(SECONDS), '--calls',
@@ -93,7 +103,7 @@ class HostileCalls(unittest.TestCase):
         self.assertGreaterEqual(flooded[1], 0.5 * rate)
         self.assertEqual(sum(counts.get(kind, 0) for kind in (
             'request_topic', 'publisher_update', 'bus_info', 'bad_call', 'garbage')), CALLS)
-        wait_for(lambda: connections() == before, 15, 'the connections as they were')
+        wait_for(lambda: connections() == self.before, 15, 'the connections as they were')
         for node in (ROBOT, OPERATOR):
             refused = wait_for(lambda name=node[1:]: self.statuses.get(name + ': connection requests'), 5, 'a status')
             values = {pair.key: int(pair.value) for pair in refused.values if pair.key != 'side'}

@@ -126,12 +126,15 @@ class Operators(unittest.TestCase):
                              for name in kind))
 
     def test_what_operators_send_reaches_the_robot(self) -> None:
-        with xmlrpc.client.ServerProxy(rosgraph.Master('/test').lookupNode('/robot_sender')) as node:
-            robot: Any = node
-            heard = [entry[1:5:3] for entry in robot.getBusInfo('/test')[2] if entry[2:4] == ['i', 'UDPROS']]
-        uris = [rosgraph.Master('/test').lookupNode(operator + '/operator_receiver') for operator in OPERATORS]
+        uris = sorted(rosgraph.Master('/test').lookupNode(operator + '/operator_receiver') for operator in OPERATORS)
+
+        def heard(topic: str) -> List[str]:
+            with xmlrpc.client.ServerProxy(rosgraph.Master('/test').lookupNode('/robot_sender')) as node:
+                robot: Any = node
+                return sorted(entry[1] for entry in robot.getBusInfo('/test')[2]
+                              if entry[2:5] == ['i', 'UDPROS', '/smokebot_udp/' + topic])
         for topic in ('link/report', 'clock/ask', 'focus/request'):
-            self.assertEqual(sorted(uri for uri, name in heard if name == '/smokebot_udp/' + topic), sorted(uris))
+            wait_for(lambda topic=topic: heard(topic) == uris, what='both operators at ' + topic)
 
     def test_their_diagnostics_have_different_names(self) -> None:
         for name in ('operator_receiver', 'desk2/operator_receiver'):
@@ -182,8 +185,8 @@ class Operators(unittest.TestCase):
                 answer = answers[operator]
                 self.assertIn(asked, answer.message)
                 self.assertTrue(answer.success or 'a later request switched it to ' + final in answer.message)
-                newest = self.collectors[operator, 'status'].messages
-                wait_for(lambda out=newest, focus=final: out[max(out)].focus == focus, 5, 'the focus at each operator')
+                status = self.collectors[operator, 'status']
+                wait_for(lambda out=status, focus=final: out.newest().focus == focus, 5, 'the focus at each operator')
 
     def test_zz_a_further_one_of_the_same_name_waits(self) -> None:
         """And it takes over when the first has ended: nobody is in each other's way."""

@@ -21,19 +21,21 @@ from std_srvs.srv import SetBool, Trigger
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from own_masters import Side
-from test_udpros_master import free_port
-from waiting import wait_for
+from waiting import free_port, wait_for
 
 from smokebot_udp.link.keys import make_key
 
 FOLDER = pathlib.Path(__file__).resolve().parent
 STREAMS = 'streams:=%s' % (FOLDER / 'remote_calls.yaml')
 START = rospy.Duration(60)      # for nodes on a busy machine
+ANSWER = rospy.Duration(10)     # a goal that reaches the operator's node is answered sooner
 LOSS = 'loss:=0.3'
 
 
 class Calls(unittest.TestCase):
     OWN = False
+    unknown = 0
+    """Calls of which their callers were told that it is unknown whether they were executed."""
     robot: Side
     desk: Side
 
@@ -76,20 +78,33 @@ class Calls(unittest.TestCase):
         """The number of calls as the robot counts them, this one included; 0: no answer."""
         try:
             return int(cls.count().message)
-        except rospy.ServiceException:
+        except rospy.ServiceException as error:
+            cls.unknown += 'whether the service was called is unknown' in str(error)
             return 0
+
+    def assert_called_once_since(self, before: int, unknown: int, after: int) -> None:
+        """Between two answers no call was executed but the last; of some, callers were told that it is unknown.
+
+        :param unknown: how many these were at the first answer
+        """
+        self.assertIn(after, range(before + 1, before + 2 + self.unknown - unknown))
 
     def restart_robot(self) -> None:
         """Another robot_sender takes the place of the one that is killed."""
         self.robot.stop(self.node)
         type(self).node = self.start_robot('key_file:=' + self.key)
 
-    def send(self, x: float) -> List[Any]:
-        """Send a goal; the feedback to it."""
-        goal, feedback = MoveBaseGoal(), []
+    @staticmethod
+    def goal(x: float) -> MoveBaseGoal:
+        goal = MoveBaseGoal()
         goal.target_pose.header.frame_id = 'map'
         goal.target_pose.pose.position.x, goal.target_pose.pose.orientation.w = x, 1.0
-        self.client.send_goal(goal, feedback_cb=feedback.append)
+        return goal
+
+    def send(self, x: float) -> List[Any]:
+        """Send a goal; the feedback to it."""
+        feedback: List[Any] = []
+        self.client.send_goal(self.goal(x), feedback_cb=feedback.append)
         wait_for(lambda: feedback or self.client.get_state() != GoalStatus.PENDING)
         return feedback
 
@@ -97,10 +112,12 @@ class Calls(unittest.TestCase):
         self.assertTrue(self.client.wait_for_result(START))
         self.assertEqual(GoalStatus.to_string(self.client.get_state()), GoalStatus.to_string(state))
 
-    def in_control(self) -> bool:
-        self.send(0.02)
-        self.client.wait_for_result(START)
-        return self.client.get_state() == GoalStatus.SUCCEEDED
+    def outcome(self, x: float) -> str:
+        """How a goal ends; empty: a node that has just started, to which its topic is not connected, did not get it."""
+        self.client.send_goal(self.goal(x))
+        if not self.client.wait_for_result(ANSWER):
+            return ''
+        return str(GoalStatus.to_string(self.client.get_state()))
 
     def test_each_call_is_executed_once(self) -> None:
         first = self.answered()
@@ -116,16 +133,17 @@ class Calls(unittest.TestCase):
         self.assertIn('on the robot: service [/missing] unavailable', str(caught.exception))
 
     def test_goals(self) -> None:
-        feedback = self.send(1.0)
+        self.send(1.0)
         self.ends(GoalStatus.SUCCEEDED)
-        self.assertGreater(len(feedback), 3)
-        self.send(-1.0)
+        feedback = self.send(-1.0)
+        wait_for(lambda: len(feedback) > 3, what='feedback')    # it does not end before, however late feedback comes
         self.client.cancel_goal()
         self.ends(GoalStatus.PREEMPTED)
 
     def test_the_emergency_stop_cancels_goals(self) -> None:
         self.send(-1.0)
         estop = rospy.ServiceProxy('/operator_receiver/estop', SetBool)
+        self.addCleanup(estop, False)
         self.assertTrue(estop(True).success)
         self.ends(GoalStatus.PREEMPTED)
         self.send(1.0)
@@ -136,10 +154,9 @@ class Calls(unittest.TestCase):
 
     def test_a_restart_of_robot_sender(self) -> None:
         feedback = self.send(-1.0)
-        before = wait_for(self.answered)
+        before, unknown = wait_for(self.answered), self.unknown
         self.restart_robot()
-        after = wait_for(self.answered, START.to_sec(), 'an answer')
-        self.assertEqual(after, before + 1)
+        self.assert_called_once_since(before, unknown, wait_for(self.answered, START.to_sec(), 'an answer'))
         del feedback[:]
         wait_for(lambda: feedback, START.to_sec(), 'feedback to the goal of before')
         self.client.cancel_goal()
@@ -151,7 +168,7 @@ class CallsOwnMasters(Calls):
 
     def test_refused_without_a_key(self) -> None:
         """Callers are told why; the robot executes nothing."""
-        before = wait_for(self.answered)
+        before, unknown = wait_for(self.answered), self.unknown
         self.robot.stop(self.node)
         self.desk.stop(self.receiver)
         type(self).node, type(self).receiver = self.start_robot(), self.start_desk()
@@ -159,16 +176,14 @@ class CallsOwnMasters(Calls):
         with self.assertRaises(rospy.ServiceException) as caught:
             self.count()
         self.assertIn('key', str(caught.exception))
-        wait_for(self.client.action_client.pub_goal.get_num_connections)
-        self.send(1.0)
-        self.ends(GoalStatus.REJECTED)
+        self.assertEqual(wait_for(lambda: self.outcome(1.0), START.to_sec(), 'an answer to a goal'), 'REJECTED')
         self.robot.stop(self.node)
         self.desk.stop(self.receiver)
         type(self).node = self.start_robot('key_file:=' + self.key)
         type(self).receiver = self.start_desk('key_file:=' + self.key, LOSS)
-        self.assertEqual(wait_for(self.answered, START.to_sec(), 'an answer'), before + 1)
+        self.assert_called_once_since(before, unknown, wait_for(self.answered, START.to_sec(), 'an answer'))
         self.assertTrue(self.client.wait_for_server(START))
-        wait_for(self.in_control, what='control')
+        wait_for(lambda: self.outcome(0.02) == 'SUCCEEDED', START.to_sec(), 'control')
 
 
 if __name__ == '__main__':
