@@ -158,7 +158,9 @@ class LabStreams(unittest.TestCase):
             clouds = [message.amount for message in heard if message.topic == self.topics['lidar']]
             points = points or statistics.mean(clouds)
             if loss < 0.9:      # there clouds of which nothing comes would count
-                self.assertAlmostEqual(statistics.mean(clouds) / points, 1 - loss, delta=0.1, msg=loss)
+                # five standard deviations
+                delta = max(0.1, 5 * math.sqrt(loss * (1 - loss) / (len(clouds) * DATAGRAMS['lidar'])))
+                self.assertAlmostEqual(statistics.mean(clouds) / points, 1 - loss, delta=delta, msg=loss)
 
     def test_after_a_cut_the_pictures_come_back(self) -> None:
         topics = [self.topics['thermal'], self.topics['lidar']]

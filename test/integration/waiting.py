@@ -26,6 +26,10 @@ CALM, PATIENCE = 1.0, 10.0
 """It is repeated when the machine was not disturbed for this long, or after this time [s]."""
 
 
+FAILURES = AssertionError, ArithmeticError, LookupError, ValueError
+"""What a test of times may raise: also for want of what it measures, as for the least of no rates."""
+
+
 class ResultWithSkips(xmlrunner._XMLTestResult):
     """Reports skipped tests: rosunit itself writes them as passed, and a whole skipped class not at all."""
 
@@ -160,7 +164,7 @@ def undisturbed(most: float = MAX_LATENESS) -> Callable[[Callable[..., None]], C
                     try:
                         test(case, *arguments)
                         return
-                    except AssertionError as error:
+                    except FAILURES as error:
                         failure = error
                 if last or not lateness.disturbed(most):
                     raise failure

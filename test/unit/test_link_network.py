@@ -182,7 +182,7 @@ def test_a_host_that_does_not_resolve_is_a_problem(made: Links, host: str) -> No
 def test_a_numeric_address_is_not_looked_up() -> None:
     resolver, threads = Resolver('10.0.0.7'), threading.active_count()
     resolver.poll(True, 1e9)
-    assert resolver.address == '10.0.0.7' and threading.active_count() == threads
+    assert resolver.address == '10.0.0.7' and threading.active_count() <= threads     # those of other tests may end
 
 
 def joined(receiver: DatagramReceiver, port: int) -> Peer:
