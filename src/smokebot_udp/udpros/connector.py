@@ -73,6 +73,18 @@ class Connector:
         for uri in uris:
             threading.Thread(target=self.connect_topic, args=(topic, uri), daemon=True).start()
 
+    def connect_tcp(self, topic: str, uri: str) -> None:
+        """Connect a rospy.Subscriber to one publisher, unless already connected, by one attempt: rospy's own goes on
+        for ever where the publisher does not answer.
+
+        :raises Refused: if the publisher refuses
+        :raises rpc.Unreachable: if it does not answer
+        """
+        params = _checked(rpc.call(uri, 'requestTopic', topic, [[TCPROS]]))
+        impl = get_topic_manager().get_subscriber_impl(topic)
+        if impl is not None and not impl.has_connection(uri):
+            get_tcpros_handler().create_transport(topic, uri, params)
+
     def renew(self, connection: SubscriberTransport) -> None:
         """Replace a connection."""
         connection.close()

@@ -23,6 +23,7 @@ from .master import MasterWatch, Registration, register_node
 from .negotiation import Refused
 from .rospy_transports import SubscriberTransport, UdpSubscriberImpl
 from .silence import SILENCE_TIMEOUT, FormerAddress, NewestAddresses
+from .tcp_connections import TcpConnections
 
 PERIOD = 1.0
 """How often the master's connection is checked, and topics are checked for silence [s]."""
@@ -61,6 +62,7 @@ class Watch:
         self._moved: Set[str] = set()                       # URIs of nodes that have another address now
         self._addresses = NewestAddresses()
         self._former: FormerAddress[SubscriberTransport] = FormerAddress()
+        self._tcp = TcpConnections(connector.connect_tcp)
         self._wake, self._ended = threading.Event(), threading.Event()
 
     def start(self) -> None:
@@ -159,6 +161,7 @@ class Watch:
         self._chores()
         self._connector.upgrade(_subscribed(), now)
         self._renew_former()
+        self._restore_tcp(now)
         silent = _silent(now)
         try:
             connections, address = self._master.connections, self._master.own_address
@@ -190,8 +193,17 @@ class Watch:
         if moved:
             self._former.lost([c for impl in _subscribed() for c in _connections(impl) if c.endpoint_id in moved],
                               time.monotonic())
+            self._tcp.close_former(_all_subscribed(), moved)
         for connection in self._former.broken(time.monotonic()):
             self._connector.renew(connection)
+
+    def _restore_tcp(self, now: float) -> None:
+        """Make TCPROS connections anew that a change of this machine's address or an outage of the link has ended."""
+        impls = _all_subscribed()
+        with self._lock:
+            publishers = dict(self._confirmed)
+        self._tcp.close_former(impls)
+        self._tcp.restore(impls, publishers, now)
 
     def _register(self) -> bool:
         """Register the node with a new master; whether this succeeded."""
@@ -277,10 +289,14 @@ class Watch:
             self._reviewing.discard(uri)
 
 
+def _all_subscribed() -> List[Any]:
+    """The topics with a Subscriber, rospy's or ours."""
+    return [impl for impl in list(get_topic_manager().subs.values()) if not impl.closed]
+
+
 def _subscribed() -> List[UdpSubscriberImpl]:
     """The topics with our Subscribers."""
-    return [impl for impl in list(get_topic_manager().subs.values())
-            if isinstance(impl, UdpSubscriberImpl) and not impl.closed]
+    return [impl for impl in _all_subscribed() if isinstance(impl, UdpSubscriberImpl)]
 
 
 def _connections(impl: UdpSubscriberImpl) -> List[SubscriberTransport]:
