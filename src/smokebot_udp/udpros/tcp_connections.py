@@ -33,7 +33,7 @@ class TcpConnections:
     def __init__(self, connect: Callable[[str, str], None]) -> None:
         self._connect = connect
         self._connected: Set[Link] = set()
-        self._lost: Dict[Link, '_Retry'] = {}
+        self._lost: Dict[Link, _Retry] = {}
         self._attempting: Set[Link] = set()
 
     def close_former(self, impls: Iterable[Any], moved: Collection[str] = ()) -> None:
