@@ -19,7 +19,7 @@ from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from waiting import Collector, ticks, wait_for
+from waiting import Collector, ticks, undisturbed, wait_for
 
 from smokebot_udp.simulation.robot import WATCHDOG
 
@@ -45,6 +45,7 @@ class Driving(unittest.TestCase):
         cls.transforms = tf2_ros.Buffer()
         cls.listener = tf2_ros.TransformListener(cls.transforms)
         wait_for(cls.commands.get_num_connections, what='the driver')
+        wait_for(lambda: cls.odometry.messages, what='the odometry')
 
     def speeds(self) -> List[float]:
         """The forward speeds that came, in the order of their stamps."""
@@ -79,6 +80,7 @@ class Driving(unittest.TestCase):
     def goal(self, x: float, y: float, **more: Any) -> Any:
         return MoveBaseGoal(target_pose=pose(x, y, **more))
 
+    @undisturbed()
     def test_commands_are_obeyed_until_the_watchdog(self) -> None:
         # a busy machine may deliver the first or the last one late
         wait_for(lambda: abs(self.obeyed_beyond_the_commands() - WATCHDOG) < 0.2, 30, 'a motion that ends in time')
@@ -101,6 +103,7 @@ class Driving(unittest.TestCase):
         return sorted(stamp.to_sec() for stamp, message in dict(self.odometry.messages).items()
                       if abs(message.twist.twist.linear.x) > 1e-6)
 
+    @undisturbed()
     def test_a_goal_is_reached_with_feedback(self) -> None:
         self.stop()
         feedback: List[Any] = []
@@ -113,6 +116,7 @@ class Driving(unittest.TestCase):
         self.assertEqual(last.header.frame_id, 'map')
         self.assertLess(math.dist((last.pose.position.x, last.pose.position.y), (5.0, 7.0)), 0.5)
 
+    @undisturbed()
     def test_rviz_goals_are_goals_and_another_one_takes_their_place(self) -> None:
         self.stop()
         results: List[Any] = []
@@ -129,6 +133,7 @@ class Driving(unittest.TestCase):
         wait_for(lambda: len(results) == 2, 60, 'both results')
         self.assertEqual([result.status.status for result in results], [GoalStatus.PREEMPTED, GoalStatus.SUCCEEDED])
 
+    @undisturbed()
     def test_a_cancelled_goal_stops_the_robot(self) -> None:
         self.stop()
         self.client.send_goal(self.goal(17.0, 7.0))
@@ -138,6 +143,7 @@ class Driving(unittest.TestCase):
         self.assertEqual(self.client.get_state(), GoalStatus.PREEMPTED)
         wait_for(lambda: abs(self.speeds()[-1]) < 1e-6, 2, 'the stop')
 
+    @undisturbed()
     def test_a_command_gives_a_goal_up_and_none_is_taken_meanwhile(self) -> None:
         self.stop()
         self.client.send_goal(self.goal(17.0, 7.0))
