@@ -21,7 +21,7 @@ from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from waiting import is_silent, wait_for
+from waiting import is_sent_here, is_silent, undisturbed, wait_for
 
 COLOURS_AND_MOVES = re.compile(r'\x1b\[[0-9]*[A-Za-z]|\r')
 
@@ -81,6 +81,7 @@ class TeleopKeyboard(unittest.TestCase):
                       lambda asked: cls.stops.append(asked.data) or SetBoolResponse(True, 'released'))
 
     def setUp(self) -> None:
+        del self.taken[:], self.stops[:]
         self.terminal = Terminal('rosrun', 'smokebot_udp', 'teleop_keyboard', '_repeat_rate:=20.0')
         self.addCleanup(self.terminal.close)
         self.shows('Ctrl-C: stop and quit')
@@ -94,7 +95,7 @@ class TeleopKeyboard(unittest.TestCase):
         subscriber = rospy.Subscriber('/desk/operator/cmd_vel', Twist,
                                       lambda message: found.append((message.linear.x, message.angular.z)))
         self.addCleanup(subscriber.unregister)
-        wait_for(subscriber.get_num_connections, what='the program')
+        wait_for(lambda: is_sent_here(subscriber.resolved_name), what='the program')
         return found
 
     def ended(self) -> None:
@@ -102,6 +103,7 @@ class TeleopKeyboard(unittest.TestCase):
         self.assertEqual(self.terminal.process.wait(20), 0)
         self.assertEqual(self.terminal.mode(), self.terminal.before)
 
+    @undisturbed()
     def test_it_drives_stops_and_is_silent(self) -> None:
         commands = self.listen()
         self.terminal.type('i')
@@ -124,11 +126,12 @@ class TeleopKeyboard(unittest.TestCase):
         state.publish('LOCKED: thermal is 2.3 s old\x1b[2J')
         self.shows('LOCKED: thermal is 2.3 s old?[2J')
 
+    @undisturbed()
     def test_control_is_taken_and_the_emergency_stop_engaged_and_released(self) -> None:
         pressed: List[bool] = []
         subscriber = rospy.Subscriber('/desk/operator/estop', Bool, lambda message: pressed.append(message.data))
         self.addCleanup(subscriber.unregister)
-        wait_for(subscriber.get_num_connections, what='the program')
+        wait_for(lambda: is_sent_here(subscriber.resolved_name), what='the program')
         self.terminal.type('s')
         wait_for(lambda: len(pressed) >= 3, 10, 'the emergency stop, repeated')
         self.assertEqual(set(pressed), {True})
@@ -143,6 +146,7 @@ class TeleopKeyboard(unittest.TestCase):
         self.terminal.type('k')
         self.assertEqual((len(self.stops), set(pressed)), (1, {True}))
 
+    @undisturbed()
     def test_ctrl_c_stops_the_robot_and_restores_the_terminal(self) -> None:
         commands = self.listen()
         self.terminal.type('i')
