@@ -13,8 +13,7 @@ from geometry_msgs.msg import Twist
 from own_masters import Side
 from sensor_msgs.msg import Image
 from std_msgs.msg import String
-from test_udpros_master import free_port
-from waiting import ticks, wait_for
+from waiting import free_port, ticks, wait_for
 
 from smokebot_udp.link.keys import make_key
 from smokebot_udp.nodes.foreign_publishers import register_publishers

@@ -18,8 +18,7 @@ from std_msgs.msg import Header
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from own_masters import Side
-from test_udpros_master import free_port
-from waiting import Collector, wait_for
+from waiting import Collector, free_port, wait_for
 
 from smokebot_udp import udpros
 from smokebot_udp.link.keys import make_key

@@ -5,7 +5,6 @@ import contextlib
 import os
 import pathlib
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -19,7 +18,7 @@ import rostest
 from std_msgs.msg import Header
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from waiting import give_time, stays, undisturbed, wait_for
+from waiting import free_port, give_time, stays, undisturbed, wait_for
 
 from smokebot_udp import udpros
 from smokebot_udp.mission.parameters import Parameter
@@ -30,12 +29,6 @@ from smokebot_udp.udpros.silence import SILENCE_TIMEOUT
 
 HERE = pathlib.Path(__file__).resolve().parent
 NODE = '/udpros_master'
-
-
-def free_port() -> Any:
-    with socket.socket() as probe:
-        probe.bind(('', 0))
-        return probe.getsockname()[1]
 
 
 class OwnMaster:

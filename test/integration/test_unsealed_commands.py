@@ -15,8 +15,7 @@ from std_msgs.msg import Int32
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from own_masters import Side
-from test_udpros_master import free_port
-from waiting import wait_for
+from waiting import free_port, wait_for
 
 STREAMS = pathlib.Path(__file__).resolve().parent / 'unsealed_streams.yaml'
 START = 60.0

@@ -1,8 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What the integration tests share: waiting for events with a deadline, and reports of skipped tests."""
+import contextlib
 import functools
 import itertools
 import os
+import pathlib
+import random
+import socket
 import sys
 import threading
 import time
@@ -21,6 +25,9 @@ LOOK_PERIOD, POLL_PERIOD = 0.01, 0.02
 MAX_LATENESS, MAX_SLOWNESS, ATTEMPTS = 0.1, 1.5, 8
 """A test of times is repeated where its process had to wait for longer [s], or more processes share each processor,
 until it was tried so often."""
+
+LEAST_PORT = 20000
+"""Ports below are left to programs with a fixed port, as the master."""
 
 CALM, PATIENCE = 1.0, 10.0
 """It is repeated when the machine was not disturbed for this long, or after this time [s]."""
@@ -67,14 +74,15 @@ def wait_for(condition: Callable[[], Any], seconds: float = 20.0, what: str = 't
     """
     begun, stalled = time.monotonic(), 0.0
     while True:
+        now = time.monotonic()      # however long a look takes, the last one begins after the time has passed
         value = condition()
         if value:
             return value
-        now = time.monotonic()
         assert now - begun - stalled < seconds * slowness(), '%s did not come in %.1f s' % (what, now - begun)
         assert not rospy.is_shutdown(), 'the node was shut down'
+        slept = time.monotonic()
         time.sleep(POLL_PERIOD)
-        stalled += max(0.0, time.monotonic() - now - POLL_PERIOD)
+        stalled += max(0.0, time.monotonic() - slept - POLL_PERIOD)
 
 
 def give_time(seconds: float) -> None:
@@ -190,6 +198,23 @@ def pid_at(uri: str) -> int:
         return 0
 
 
+def free_port() -> int:
+    """A port that no other program gets unasked: it is below those of outgoing connections.
+
+    One of these could take the port before it is used, or while the server there is being restarted: who connects to
+    localhost then may even be connected to itself.
+    """
+    first = int(pathlib.Path('/proc/sys/net/ipv4/ip_local_port_range').read_text().split()[0])
+    ports = list(range(LEAST_PORT, first)) or [0]
+    while True:
+        port = random.SystemRandom().choice(ports)
+        with contextlib.suppress(OSError), socket.socket() as tcp, socket.socket(type=socket.SOCK_DGRAM) as udp:
+            tcp.bind(('', port))
+            found = int(tcp.getsockname()[1])
+            udp.bind(('', found))
+            return found
+
+
 def is_sent_here(topic: str, node: str = '') -> bool:
     """Whether a node sends the messages of a topic to this node by TCP; empty: any node."""
     master = rosgraph.Master(rospy.get_name())
@@ -223,6 +248,11 @@ class Collector:
     def clear(self) -> None:
         with self._lock:
             self.messages, self.arrivals = {}, {}
+
+    def newest(self) -> Any:
+        """The message with the newest stamp; None: there is none. max(messages) may fail while messages come."""
+        with self._lock:
+            return self.messages[max(self.messages)] if self.messages else None
 
     def wait_connected(self) -> None:
         """Wait until a publisher sends to this. rospy's adds a connection only after the subscriber counts it."""
