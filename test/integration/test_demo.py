@@ -48,7 +48,7 @@ class Demo(unittest.TestCase):
         cls.sent = {name: Collector('/%s/image_raw' % name, Image) for name in TOPICS}
         cls.received = {name: Collector('/operator/%s/image_raw' % name, Image) for name in TOPICS}
         for name in TOPICS:
-            wait_for(lambda out=cls.received[name]: len(out.messages) > 2, 30, 'the first images')
+            wait_for(lambda out=cls.received[name]: len(out.messages) > 2, 60, 'the first images')
 
     def pairs(self, name: str, count: int) -> List[Tuple[Any, Any]]:
         """At least `count` images of a stream as (sent, received)."""
@@ -70,6 +70,7 @@ class Demo(unittest.TestCase):
             return None
         return float(wait_for(found, 20, 'diagnostics of ' + name))
 
+    @undisturbed()
     def test_the_images_look_like_the_scene(self) -> None:
         for name, encoding in TOPICS.items():
             for sent, received in self.pairs(name, 10):
@@ -81,8 +82,9 @@ class Demo(unittest.TestCase):
 
     def test_camera_info_goes_with_the_image(self) -> None:
         info = Collector('/thermal/camera_info', CameraInfo)
-        stamp, message = wait_for(lambda: next(iter(sorted(info.messages.items())), None), what='camera_info')
-        wait_for(lambda: stamp in self.sent['thermal'].messages, what='its image')
+        # the robot's publishers drop what a busy machine does not take in time
+        stamps = wait_for(lambda: set(info.messages) & set(self.sent['thermal'].messages), what='one with its image')
+        message = info.messages[stamps.pop()]
         self.assertEqual((message.width, message.height), (640, 480))
         self.assertAlmostEqual(message.K[2], 319.5)
 
@@ -136,10 +138,12 @@ class Demo(unittest.TestCase):
         self.assertIn('Over 1 s:', text)
         self.assertNotIn('goal:', text)     # nothing there crosses to the robot
 
+    @undisturbed()
     def test_the_robot_obeys_a_goal_and_commands_over_the_lossy_link(self) -> None:
         text = self.demo(DRIVING, 'seconds:=%d' % DRIVE_SECONDS)
         self.assertEqual(len(OBEYED.findall(text)), 1, text)
 
+    @undisturbed()
     def test_a_demo_of_two_robots_drives_and_reports_each_and_ends_cleanly(self) -> None:
         text = self.demo(DRIVING, 'robots:=2', 'seconds:=%d' % DRIVE_SECONDS)
         for name in 'ugv1', 'ugv2':
