@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """/diagnostics of both sides at 20 % loss, with an operator's clock that is an hour slow."""
 import contextlib
+import math
 import pathlib
 import re
 import subprocess
@@ -18,7 +19,7 @@ from sensor_msgs.msg import Image
 from std_msgs.msg import Float32
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from waiting import Collector, ticks, wait_for
+from waiting import Collector, ticks, undisturbed, wait_for
 
 from smokebot_udp.codecs.display.view import COLOURS, FRESH, FROZEN
 
@@ -93,6 +94,7 @@ class Diagnostics(unittest.TestCase):
         except AssertionError as error:
             raise AssertionError('%s; it is\n%s' % (error, self.statuses.get(name))) from None
 
+    @undisturbed()
     def test_a_stream_shows_its_rates_its_loss_and_its_age(self) -> None:
         robot = self.status('robot_sender: thermal', OK, rate_in=(9, 11), rate_out=(9, 11))
         self.assertEqual((robot['side'], robot['topic']), ('robot', '/thermal/image_raw'))
@@ -100,12 +102,18 @@ class Diagnostics(unittest.TestCase):
         operator = self.status('operator_receiver: thermal', WARN, rate_out=(9, 11), loss=(15, 25),
                                completeness=(65, 95), age_p50=(0, 400), age_p99=(0, 2000))
         self.assertIn('% lost', operator['message'])
-        self.assertEqual(operator['kernel_drops'], '0')
+        # emulated losses are none of the kernel's, which drops what comes while the node waits for the processor
+        self.status('operator_receiver: thermal', WARN, kernel_drops=(0, float(operator['kernel_drops'])),
+                    lost=(float(operator['lost']) + 50, math.inf))
         self.status('operator_receiver: gas', OK, rate_out=(6, 10))
-        sent, came = (self.status('%s: thermal, %s' % (one, other), level)
-                      for one, other, level in (('robot_sender', '/operator_receiver', OK),
-                                                ('operator_receiver', '/robot_sender', WARN)))
-        self.assertGreater(float(sent['datagrams/s']), float(came['datagrams/s']))
+
+        def part_that_came() -> float:
+            """The rates are those of different moments."""
+            sent, came = (float(self.status('%s: thermal, %s' % (one, other), level)['datagrams/s'])
+                          for one, other, level in (('robot_sender', '/operator_receiver', OK),
+                                                    ('operator_receiver', '/robot_sender', WARN)))
+            return came / sent
+        wait_for(lambda: 0.7 < part_that_came() < 0.9, what='four fifths of the datagrams')
 
     def test_the_robots_clock_is_known(self) -> None:
         clock = self.status('operator_receiver: clock', OK, offset=(3.5999e6, 3.6001e6), round_trip=(0, 1000))
