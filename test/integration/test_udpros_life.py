@@ -96,7 +96,8 @@ class Life(UdprosCase):
             before = rosgraph_uri('/talker')     # of a talker that was killed
             process = self.run_script('udpros_talker.py', '/talked', 'talker')
             wait_for(lambda old=before: rosgraph_uri('/talker') not in (None, old), what='the talker at the master')
-            wait_for(lambda new=rosgraph_uri('/talker'): new in subscriber.impl.publishers, what="the master's word")
+            uri = rosgraph_uri('/talker')
+            wait_for(lambda new=uri: new in subscriber.impl.publishers, what="the master's word")
             told = time.monotonic()
             del times[:]
             wait_for(lambda: times, 10, 'a message of the talker')
