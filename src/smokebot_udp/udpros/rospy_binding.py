@@ -10,8 +10,8 @@ classes:
   only the master reports it (watch.py);
 * the XML-RPC server's reader: roscpp's base64 puts a NUL into 3 of 54 requests (ros_comm#2160).
 
-Only these modules, rospy_transports.py, topics.py, registration.py and master.py depend on rospy's internals (1.14,
-1.15).
+Only these modules, rospy_transports.py, tcp_connections.py, topics.py, registration.py and master.py depend on rospy's
+internals (1.14, 1.15).
 """
 import functools
 import threading
