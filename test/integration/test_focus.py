@@ -35,8 +35,8 @@ RATE = 20.0
 SETTLED, WATCHED = 1.0, 2.5
 """A switch has taken effect after so long, and is then watched [s]."""
 
-TOLD = 20.0
-"""A status is told within this time: it is repeated once a second, and several in a row may be lost [s]."""
+STATUS_TIMEOUT = 20.0
+"""A status arrives within this time: it is repeated once a second, and several in a row may be lost [s]."""
 
 
 def by_rosparam(focus) -> None:
@@ -95,7 +95,7 @@ class Focus(StreamsCase):
         cls.listen()
         for collector in cls.out.values():
             wait_for(lambda out=collector: len(out.messages) > 3, 20, 'the streams')
-        wait_for(lambda: cls.status.messages, TOLD, 'the status at the operator')
+        wait_for(lambda: cls.status.messages, STATUS_TIMEOUT, 'the status at the operator')
         cls.before = cls.parameters()
 
     @staticmethod
@@ -146,7 +146,7 @@ class Focus(StreamsCase):
         shown = subprocess.run(['rosrun', 'dynamic_reconfigure', 'dynparam', 'get', '/robot_sender'],
                                stdout=subprocess.PIPE, check=True).stdout.decode()
         self.assertIn("'focus': '%s'" % focus, shown)
-        wait_for(lambda: self.told().focus == focus, TOLD, 'the status at the operator')
+        wait_for(lambda: self.told().focus == focus, STATUS_TIMEOUT, 'the status at the operator')
         self.assertFalse(self.told().modified)
 
     def test_each_way_switches_through_all_profiles(self) -> None:
@@ -177,7 +177,7 @@ class Focus(StreamsCase):
 
     def test_by_default_it_is_as_streams_yaml_has_it(self) -> None:
         by_service('default')
-        wait_for(lambda: self.told().focus == 'default', TOLD, 'the status')
+        wait_for(lambda: self.told().focus == 'default', STATUS_TIMEOUT, 'the status')
         self.assertEqual({stream.name: stream.rate for stream in self.told().streams}['odom'], 15.0)
         self.assertEqual(rospy.get_param('/robot_sender/odom/rate'), 15.0)
 
@@ -204,7 +204,7 @@ class Focus(StreamsCase):
                      what='the parameters of inspection')
         rospy.set_param('/robot_sender/thermal/rate', 3)
         wait_for(lambda: modified and modified[-1], 5, 'modified')
-        wait_for(lambda: self.told().modified and self.told().streams[0].rate == 3.0, TOLD,
+        wait_for(lambda: self.told().modified and self.told().streams[0].rate == 3.0, STATUS_TIMEOUT,
                  'the status at the operator')
         self.assertEqual(rospy.get_param('/robot_sender/camera/rate'), 8.0)
         by_service('inspection')
@@ -225,11 +225,12 @@ class Focus(StreamsCase):
             for focus in ('navigation', 'inspection'):
                 self.assertTrue(switch(focus).success)
                 reconfigure(encode_config({'weight': 2.0 + attempt}))
-                wait_for(lambda weight=2.0 + attempt: self.stream('odom').weight == weight, TOLD, 'the weight')
+                wait_for(lambda weight=2.0 + attempt: self.stream('odom').weight == weight, STATUS_TIMEOUT,
+                         'the weight')
                 rate = PROFILES[focus]['streams']['odom']['rate']
                 wait_for(lambda rate=rate: rospy.get_param('/robot_sender/odom/rate') == rate, 5, 'the parameter')
                 stays(lambda rate=rate: rospy.get_param('/robot_sender/odom/rate') == rate, 0.5, 'the rate')
-                wait_for(lambda rate=rate: self.stream('odom').rate == rate, TOLD, 'the rate of the focus')
+                wait_for(lambda rate=rate: self.stream('odom').rate == rate, STATUS_TIMEOUT, 'the rate of the focus')
         by_service('default')
 
     def test_a_whole_namespace_may_be_set(self) -> None:
@@ -241,16 +242,16 @@ class Focus(StreamsCase):
         for rate, replace in ((7.0, lambda: rospy.set_param('/robot_sender/thermal', {'rate': 7})),
                               (6.0, lambda: rospy.set_param('/robot_sender', {'thermal': {'rate': 6}}))):
             replace()
-            wait_for(lambda rate=rate: self.stream('thermal').rate == rate, TOLD, 'the rate %g' % rate)
+            wait_for(lambda rate=rate: self.stream('thermal').rate == rate, STATUS_TIMEOUT, 'the rate %g' % rate)
             wait_for(lambda rate=rate: rospy.get_param('/robot_sender/thermal') == {**before, 'rate': rate}, 5,
                      'what was left out')
             wait_for(lambda: rospy.get_param('/robot_sender/odom/rate', None) == 15.0, 5, "the others' settings")
             for weight in (rate + 1, rate + 2):
                 rospy.set_param('/robot_sender/thermal/weight', weight)
-                wait_for(lambda weight=weight: self.stream('thermal').weight == weight, TOLD,
+                wait_for(lambda weight=weight: self.stream('thermal').weight == weight, STATUS_TIMEOUT,
                          'the weight %g' % weight)
             rospy.set_param('/robot_sender/thermal/weight', 1.0)
-            wait_for(lambda: self.stream('thermal').weight == 1.0, TOLD, 'the weight')
+            wait_for(lambda: self.stream('thermal').weight == 1.0, STATUS_TIMEOUT, 'the weight')
         by_service('default')
 
     def test_a_namespace_of_wrong_values_is_refused(self) -> None:
@@ -262,7 +263,7 @@ class Focus(StreamsCase):
         rospy.set_param('/robot_sender/thermal', {'rate': 6, 'colour': 'red', 'warn_loss': 0.4})
         wait_for(lambda: any('/robot_sender/thermal' in error and 'colour: no such setting' in error
                              for error in self.errors), 5, 'the error')
-        wait_for(lambda: self.stream('thermal').rate == 6.0, TOLD, 'the rate beside it')
+        wait_for(lambda: self.stream('thermal').rate == 6.0, STATUS_TIMEOUT, 'the rate beside it')
         wait_for(lambda: {**before, 'rate': 6.0}.items() <= rospy.get_param('/robot_sender/thermal').items(), 5,
                  'what was left out')
         give_time(0.5)
@@ -275,12 +276,12 @@ class Focus(StreamsCase):
     def test_settings_by_their_former_names(self) -> None:
         """One warning each, by rosparam and by dynamic_reconfigure."""
         by_service('default')
-        wait_for(lambda: self.told().focus == 'default' and not self.told().modified, TOLD, 'the focus')
+        wait_for(lambda: self.told().focus == 'default' and not self.told().modified, STATUS_TIMEOUT, 'the focus')
         warnings = []
         log = rospy.Subscriber('/rosout', Log, lambda log: warnings.append(log.msg) if log.level == Log.WARN else None)
         wait_for(log.get_num_connections, 5, 'the log')
         rospy.set_param('/robot_sender/thermal/floor', 50)
-        wait_for(lambda: self.stream('thermal').min_bitrate == 50.0, TOLD, 'min_bitrate by rosparam')
+        wait_for(lambda: self.stream('thermal').min_bitrate == 50.0, STATUS_TIMEOUT, 'min_bitrate by rosparam')
         wait_for(lambda: not rospy.has_param('/robot_sender/thermal/floor'), 5, 'the end of the former name')
         self.assertEqual(rospy.get_param('/robot_sender/thermal/min_bitrate'), 50.0)
         subprocess.run(['rosrun', 'dynamic_reconfigure', 'dynparam', 'set', '/robot_sender/camera', 'taste', '0.25'],
@@ -288,7 +289,7 @@ class Focus(StreamsCase):
         wait_for(lambda: rospy.get_param('/robot_sender/camera/degradation_preference') == 0.25, 5,
                  'degradation_preference by dynamic_reconfigure')
         wait_for(lambda: [(one.name, one.value) for one in self.stream('camera').doubles]
-                 == [('degradation_preference', 0.25)], TOLD, 'the status at the operator')
+                 == [('degradation_preference', 0.25)], STATUS_TIMEOUT, 'the status at the operator')
         self.assertEqual([warning for warning in warnings if 'former name' in warning],
                          ['/robot_sender/thermal: floor is the former name of min_bitrate',
                           '/robot_sender/camera: taste is the former name of degradation_preference'])

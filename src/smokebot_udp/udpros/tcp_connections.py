@@ -44,7 +44,7 @@ class TcpConnections:
         """
         found = [(connection, *ends) for impl in impls for connection in _connections(impl)
                  for ends in _addresses(connection)]
-        gone = {local for _, local, _ in found if not is_own(local)}
+        gone = {local for local in {local for _, local, _ in found} if not is_own(local)}
         for connection, local, remote in found:
             uri = connection.endpoint_id
             if local in gone or (uri in moved and not is_home(number_of(remote), uri)):

@@ -160,8 +160,7 @@ class Watch:
     def _step(self, now: float) -> None:
         self._chores()
         self._connector.upgrade(_subscribed(), now)
-        self._renew_former()
-        self._restore_tcp(now)
+        self._renew(now)
         silent = _silent(now)
         try:
             connections, address = self._master.connections, self._master.own_address
@@ -183,26 +182,21 @@ class Watch:
             impl.silence.hurry()
         if moved:
             self._former.lost([c for impl in _subscribed() for c in _connections(impl)], time.monotonic())
-            self._renew_former()
+            self._renew(time.monotonic())
 
-    def _renew_former(self) -> None:
+    def _renew(self, now: float) -> None:
         """Make connections anew that were made to an address of this machine, or from one of another, that it no longer
-        has."""
+        has; those of TCPROS also after an outage of the link."""
+        impls = _all_subscribed()
         with self._lock:
             moved, self._moved = self._moved, set()
+            publishers = dict(self._confirmed)
         if moved:
             self._former.lost([c for impl in _subscribed() for c in _connections(impl) if c.endpoint_id in moved],
                               time.monotonic())
-            self._tcp.close_former(_all_subscribed(), moved)
         for connection in self._former.broken(time.monotonic()):
             self._connector.renew(connection)
-
-    def _restore_tcp(self, now: float) -> None:
-        """Make TCPROS connections anew that a change of this machine's address or an outage of the link has ended."""
-        impls = _all_subscribed()
-        with self._lock:
-            publishers = dict(self._confirmed)
-        self._tcp.close_former(impls)
+        self._tcp.close_former(impls, moved)
         self._tcp.restore(impls, publishers, now)
 
     def _register(self) -> bool:
