@@ -9,7 +9,7 @@ from typing import Any, Dict
 
 from evaluation.machine import describe
 
-NAMES = ('codecs', 'clouds', 'fill', 'layered', 'video', 'maps', 'udpros', 'link', 'end_to_end')
+NAMES = ('codecs', 'clouds', 'fill', 'layered', 'video', 'maps', 'udpros', 'link', 'end_to_end', 'stages')
 
 
 def log(text: str) -> None:

@@ -8,7 +8,9 @@ from polling import WAIT, wait_for
 from sensor_msgs.msg import LaserScan
 
 from smokebot_udp.congestion.packet_scheduler import PacketScheduler
+from smokebot_udp.monitoring.stages import read_marks
 from smokebot_udp.nodes.outbox import Outbox
+from smokebot_udp.nodes.trace import Trace
 from smokebot_udp.udpros import Frame
 
 
@@ -190,3 +192,18 @@ def test_what_is_sent_besides_is_charged(make) -> None:
     waits = []
     outbox.change(lambda used: waits.append(used.wait(before)))
     assert 0.288 - 1e-6 <= waits[0] <= 0.288 + passed + 1e-6
+
+
+def test_the_first_and_the_last_datagram_of_a_message_are_traced(make, tmp_path, monkeypatch) -> None:
+    trace, publisher = Trace(str(tmp_path / 'marks')), Publisher()
+    monkeypatch.setattr('smokebot_udp.nodes.outbox.TRACE', trace)
+    outbox = make(PacketScheduler(1e6, burst=300))
+    outbox.start()
+    outbox.put('scan/layers', publisher, frames(20, 3), stamp=77)
+    publisher.wait_for(22)
+    outbox.put('scan', publisher, frames(24))       # not traced
+    publisher.wait_for(23)
+    outbox.stop()
+    first, last = read_marks((tmp_path / 'marks').read_text().splitlines(True))
+    assert first[:3] == ('scan', 77, 'first sent') and last[:3] == ('scan', 77, 'last sent')
+    assert last.time > first.time

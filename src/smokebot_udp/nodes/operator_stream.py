@@ -12,9 +12,11 @@ from ..arrays import BoolArray, Records
 from ..codecs.video.pyav import installed
 from ..mission.parameters import live
 from ..mission.settings import Settings, SettingsStore
+from ..monitoring import stages
 from ..monitoring.stats import ConnectionStats, Shown, StreamStats
 from ..streams import assembler_class
 from ..streams.assembler import Assembled, Assembler
+from ..streams.frame_assembler import Frame
 from ..streams.frame_prefix import add_prefix
 from ..streams.held import Holding
 from ..streams.relay.transforms import QUEUE
@@ -23,6 +25,7 @@ from ..transport import Subscriber, Transport
 from .common import operator_topic
 from .compiled_codec import CompiledCodec
 from .notice import Notice
+from .trace import TRACE
 from .video_decoder import VideoDecoder
 from .worker import DeadlineWorker
 
@@ -220,7 +223,7 @@ class OperatorStream:
     def _show(self, finished: Any) -> None:
         """Assemble and publish one message, in the worker's thread."""
         self.received += 1
-        settings = self.settings.current
+        settings, taken = self.settings.current, time.monotonic()
         try:
             assembled = self.assembler.assemble(finished, settings, self._link.is_still(), time.monotonic())
             if self._decoder is not None and self._decoder.broken:
@@ -229,13 +232,22 @@ class OperatorStream:
                 self._report_held()
             if assembled is None:
                 return
+            done = time.monotonic()
             self._publish(assembled)    # the outputs, too, show the frames that are published
+            if TRACE.on and isinstance(finished, Frame):
+                self._trace(finished, taken, done)
             for output in self._outputs:
                 output.show(assembled)
             self.assembler.settle(finished, assembled, settings, time.monotonic())
             self._link.images_compared(assembled.changed)
         finally:
             self._log_warnings()
+
+    def _trace(self, frame: Frame[Any], taken: float, assembled: float) -> None:
+        """Trace a message that was published just now; times by time.monotonic() [s]."""
+        for point, when in ((stages.ARRIVED, frame.latest), (stages.TAKEN, taken), (stages.ASSEMBLED, assembled),
+                            (stages.PUBLISHED, None)):
+            TRACE.mark(self.name, frame.head.stamp, point, when)
 
     def _refuse_decoded(self) -> None:
         """End the parts that nothing decodes: the robot then sends the others."""

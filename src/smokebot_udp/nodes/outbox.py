@@ -7,9 +7,11 @@ from typing import Any, Callable, Mapping, Optional, Sequence
 
 from ..congestion.packet_scheduler import Chunk, PacketScheduler
 from ..congestion.sent_history import stream_of
+from ..monitoring import stages
 from ..transport import Publisher
 from ..udpros.datagram import IP_UDP_HEADERS
 from ..udpros.frame import Frame
+from .trace import TRACE
 
 MAX_BACKLOG = 0.02
 """A newer message of a stream waits for the one before if everything that waits leaves within this time, unless its
@@ -68,14 +70,15 @@ class Outbox:
         if self._thread.ident:
             self._thread.join()
 
-    def put(self, name: str, publisher: Publisher, frames: Sequence[Frame]) -> None:
+    def put(self, name: str, publisher: Publisher, frames: Sequence[Frame], stamp: int = 0) -> None:
         """Send the frames of a message; what did not leave yet of the stream's last message is dropped.
 
         :param name: of the stream, or of the part of it that carries the message, as in Departed
+        :param stamp: of the message, for its trace; 0: it is not traced [ns]
         """
         parts = [(len(frame), frame.datagram_size + self._headers) for frame in frames]
         with self._changed:
-            self._scheduler.put(stream_of(name), (name, publisher, frames), parts)
+            self._scheduler.put(stream_of(name), (name, publisher, frames, stamp), parts)
             self._changed.notify()
 
     def await_rest(self, stream: str, whole: bool = False, backlog: float = MAX_BACKLOG) -> None:
@@ -160,9 +163,14 @@ class Outbox:
             return None
 
     def _send(self, chunk: Chunk) -> None:
-        name, publisher, frames = chunk.work
+        name, publisher, frames, stamp = chunk.work
         frame = frames[chunk.part].part(chunk.start, chunk.stop)
         now, size = time.monotonic(), frame.datagram_size + self._headers
         limits = self._conforming(chunk.stream, len(frame), size, now, chunk.start, chunk.total)
         first = publisher.publish_frames(frame, limits=limits)
         self._departed(name, first, len(frame), size, now, limits)
+        if TRACE.on and stamp:
+            if chunk.start == chunk.part == 0:
+                TRACE.mark(chunk.stream, stamp, stages.FIRST_SENT, now)
+            if chunk.stop == chunk.total and chunk.part == len(frames) - 1:
+                TRACE.mark(chunk.stream, stamp, stages.LAST_SENT)

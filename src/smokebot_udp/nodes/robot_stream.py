@@ -17,6 +17,7 @@ from ..congestion.controller import Demand
 from ..congestion.operating_points import OperatingPoint
 from ..mission.parameters import live
 from ..mission.settings import Settings, SettingsStore
+from ..monitoring import stages
 from ..monitoring.stats import ConnectionStats, StreamStats
 from ..monitoring.windows import Rate
 from ..streams.encoder import Encoder
@@ -29,6 +30,7 @@ from ..udpros.datagram import IP_UDP_HEADERS
 from ..udpros.frame import Frame
 from ..units import KBIT
 from .outbox import MAX_BACKLOG, Outbox
+from .trace import TRACE
 from .worker import DeadlineWorker
 
 SOURCE_RATE_OVER = 2.0
@@ -208,6 +210,8 @@ class RobotStream(rospy.SubscribeListener):
             self._report(ValueError('it is %s, must be %s' % (message._type, type_name)), topic)
             return
         self.received += 1
+        if TRACE.on and self.encoder.STAMPED:
+            TRACE.mark(self.name, message.header.stamp.to_nsec(), stages.RECEIVED)
         local = self._local_publisher is not None and self._local_publisher.get_num_connections() > 0
         if not (self.encoder.KEEPS or local or self.wanted):
             return
@@ -288,7 +292,11 @@ class RobotStream(rospy.SubscribeListener):
             self._sending_limiter.take(now)
         elif not encoder.PROTECTED:
             self.link.outbox.await_rest(self.name, encoder.WHOLE, encoder.backlog or MAX_BACKLOG)
+        began = time.monotonic()
         frames = encoder.encode(message, settings, self._datagram_size)
+        if TRACE.on and encoder.STAMPED:
+            TRACE.mark(self.name, self._stamp.to_nsec(), stages.STARTED, began)
+            TRACE.mark(self.name, self._stamp.to_nsec(), stages.ENCODED)
         self._follow_repeats()
         if not frames:
             return
@@ -337,7 +345,7 @@ class RobotStream(rospy.SubscribeListener):
         part = self._part_of[frames[0].message_class]
         name, publisher = reported_name(self.name, part), self._publishers[part]
         if not self.encoder.PROTECTED:
-            self.link.outbox.put(name, publisher, frames)
+            self.link.outbox.put(name, publisher, frames, self._stamp.to_nsec() if self._stamp else 0)
             return
         for frame in frames:
             self.link.outbox.publish(name, publisher, frame)
