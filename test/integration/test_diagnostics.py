@@ -170,10 +170,11 @@ class Diagnostics(unittest.TestCase):
                 print(text, file=sys.stderr)
             return text if good else ''
         text = wait_for(relayed, 60, 'what is relayed')
-        head, link, control, _, thermal = text.splitlines()[:5]
+        head, link, control, wifi, _, thermal = text.splitlines()[:6]
         self.assertTrue(head.endswith(', no report of the operator'), text)
         self.assertRegex(link, r'^OK     link: .*; as /operator_receiver reports$')
         self.assertRegex(control, r'^OK     /\w+: /operator_receiver drives$')
+        self.assertRegex(wifi, r'^OK     Wi-Fi of /\w+: ')
         self.assertEqual(thermal.split()[:4], ['OK', 'thermal', '-', '<=10.0'], text)
 
 

@@ -17,6 +17,7 @@ from smokebot_udp.congestion.operating_points import OperatingPoint
 from smokebot_udp.congestion.packet_scheduler import PacketScheduler
 from smokebot_udp.mission.parameters import check
 from smokebot_udp.monitoring.stats import LinkStats
+from smokebot_udp.monitoring.wifi import WifiState
 from smokebot_udp.msg import LinkReport
 from smokebot_udp.nodes import link_control, link_reporter
 from smokebot_udp.nodes.link_control import LinkControl, SharedController, as_message, grant
@@ -88,15 +89,18 @@ def test_operators_are_the_subscribers_of_the_streams(ros: Any, monkeypatch: pyt
 ])
 def test_the_status_message_says_what_the_rate_depends_on(changes: Dict[str, Any], state: str) -> None:
     known = {'adaptive': True, 'rate': 2 * MBIT, 'sent': MBIT, 'wanted': 30 * MBIT, 'operator': '/op', 'silence': 0.1}
-    assert as_message(LinkStats(**{**known, **changes})).state == state
+    assert as_message(LinkStats(**{**known, **changes}), WifiState()).state == state
 
 
 def test_the_status_message_has_its_own_units() -> None:
     known = LinkStats(True, 2 * MBIT, MBIT, 30 * MBIT, 2.5 * MBIT, 0.05, 0.01, 0.04)
-    status = as_message(known)
+    status = as_message(known, WifiState('wlan0', 'net', -60.0, rx_bitrate=6.5))
     assert (status.rate, status.sent, status.wanted, status.capacity) == (2.0, 1.0, 30.0, 2.5)
     assert (status.loss, status.queue_delay, status.round_trip) == (0.05, 0.01, 0.04)
-    assert as_message(LinkStats(True, None, 0.0, 0.0)).rate == 0        # unlimited
+    assert (status.wifi.interface, status.wifi.ssid, status.wifi.signal, status.wifi.rx_bitrate) == (
+        'wlan0', 'net', -60.0, 6.5)
+    assert math.isnan(status.wifi.noise)
+    assert as_message(LinkStats(True, None, 0.0, 0.0), WifiState()).rate == 0        # unlimited
 
 
 def test_a_plan_reaches_the_streams() -> None:

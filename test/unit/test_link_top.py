@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from smokebot_udp.monitoring.link_board import DIAGNOSTICS, MAX_NODES, STALE_AFTER, Board, NodeStatus, printable
 from smokebot_udp.monitoring.link_table import render
-from smokebot_udp.msg import LinkStatus, RobotStatus, StreamStatus
+from smokebot_udp.msg import LinkStatus, RobotStatus, StreamStatus, WifiStatus
 from smokebot_udp.nodes.link_top import as_status, relayed_diagnostics, relayed_link, relayed_streams
 
 
@@ -201,10 +201,10 @@ def test_a_robot_whose_diagnostics_do_not_come_is_shown_as_relayed() -> None:
     assert texts[0] == 'smokebot_udp link: last report 0.0 s ago'
     assert texts[1] == ('OK     link: 4.4 of 0.0 Mbit/s sent, 0.0 wanted, 0.0 carried; queue 0 ms, loss 50 %, '
                         'round trip 0 ms; as /op reports')
-    assert texts[2] == 'OK     /robot_sender: /op drives'
-    assert texts[4].split()[:7] == ['OK', 'thermal', '-', '<=2.5', '9.9', '9.8', '12.3']
-    assert texts[5].split()[:5] == ['WARN', 'camera', '-', '<=0.0', '-']
-    assert texts[5].endswith('robot: the link is too slow for it and the other streams')
+    assert texts[2:4] == ['OK     /robot_sender: /op drives', 'OK     Wi-Fi of /robot_sender: -']
+    assert texts[5].split()[:7] == ['OK', 'thermal', '-', '<=2.5', '9.9', '9.8', '12.3']
+    assert texts[6].split()[:5] == ['WARN', 'camera', '-', '<=0.0', '-']
+    assert texts[6].endswith('robot: the link is too slow for it and the other streams')
 
 
 def test_diagnostics_count_before_what_is_relayed_until_they_are_stale() -> None:
@@ -213,8 +213,8 @@ def test_diagnostics_count_before_what_is_relayed_until_they_are_stale() -> None
     board.add(receives('operator_receiver', '/robot_sender'), 0.0)
     relayed(board, STALE_AFTER - 0.1)
     assert lines(board, STALE_AFTER)[2].split()[2:4] == ['30.0', '10.0']
-    assert lines(board, STALE_AFTER + 0.1)[4].split()[2:4] == ['-', '<=2.5']
-    assert lines(board, 2 * STALE_AFTER + 0.1)[4].endswith('robot: silent for 3 s  operator: silent for 6 s')
+    assert lines(board, STALE_AFTER + 0.1)[5].split()[2:4] == ['-', '<=2.5']
+    assert lines(board, 2 * STALE_AFTER + 0.1)[5].endswith('robot: silent for 3 s  operator: silent for 6 s')
     board.add([stream('robot', node='robot_sender', **ROBOT)], STALE_AFTER + 0.2)
     assert lines(board, STALE_AFTER + 0.2)[2].split()[2:4] == ['30.0', '10.0']
 
@@ -283,6 +283,26 @@ def test_the_link_s_line() -> None:
     silent = status('robot_node: link control', 1, 'no reports', side='robot', state='no reports')
     texts, levels = shown([silent], now=STALE_AFTER + 1)
     assert texts[1].startswith('STALE  link: - of') and texts[1].endswith('silent for 4 s')
+
+
+def test_the_wifi_of_both_sides() -> None:
+    robot = status('robot_node: wifi', side='robot', wifi='wlan0', ssid='net', **{
+        'signal [dBm]': '-60', 'noise [dBm]': 'nan', 'tx bitrate [Mbit/s]': '65', 'rx bitrate [Mbit/s]': '6.5',
+        'retries [1/s]': '12.3', 'failed [1/s]': '0', 'beacon loss [1/s]': 'nan'})
+    operator = status('operator_node: wifi', side='operator', wifi='-')
+    texts, _ = shown([robot, stream('robot')], [operator])
+    assert texts[1:3] == ['OK     Wi-Fi of /operator_node: -',
+                          'OK     Wi-Fi of /robot_node: wlan0 in net: signal -60 dBm, noise - dBm; '
+                          'sends at 65.0, receives at 6.5 Mbit/s; 12 retries/s, 0 failed/s']
+    texts, _ = shown([robot, stream('robot')], now=STALE_AFTER + 1)
+    assert texts[1] == 'STALE  Wi-Fi of /robot_node: -'
+
+
+def test_a_robot_s_wifi_is_relayed() -> None:
+    link, wifi = relayed_link(LinkStatus(wifi=WifiStatus(
+        interface='wlan0', ssid='a\x1b[2J', signal=-60.0, noise=float('nan'))))
+    assert (wifi.kind, wifi.values['wifi'], wifi.values['ssid']) == ('wifi', 'wlan0', 'a?[2J')
+    assert (wifi.number('signal [dBm]', 0), wifi.number('noise [dBm]', 0)) == ('-60', '-') and link.kind == 'link'
 
 
 def test_a_node_that_is_silent_is_stale() -> None:

@@ -55,7 +55,7 @@ def test_the_diagnostics_of_a_silent_stream_name_the_published_type(monkeypatch:
     streams: Dict[str, Any] = {'fix': stream('fix', lambda: 0), 'odom': stream('odom', lambda: count[0])}
     parameters = SimpleNamespace(values={}, report=None)
     way_back = SimpleNamespace(streams={}, statuses=lambda now: [])
-    fix, odom, _ = diagnostics.robot_diagnostics(streams, way_back, lambda now: None, parameters, None,   # type: ignore
+    fix, odom, _ = diagnostics.robot_diagnostics(streams, way_back, None, parameters, None,   # type: ignore
                                                  SimpleNamespace(stats=lambda now: None))
     for second in range(5):
         count[0] += 10

@@ -61,6 +61,7 @@ def render(board: Board, now: float, only: str = '') -> Tuple[List[Line], List[L
     top += [_line(status, '%s: %s' % (status.node, status.values['control'])) for status in statuses
             if status.kind == 'control']
     top += [_transport_line(status) for status in statuses if status.kind == 'transport']
+    top += [_wifi_line(status) for status in statuses if status.kind == 'wifi']
     top += [_line(status, '%s: %s' % (status.node, status.message)) for status in statuses
             if status.kind in ('settings', 'requests') and status.level]
     body: List[Line] = []
@@ -116,6 +117,17 @@ def _clock_line(status: NodeStatus, whose: str) -> Line:
     return _line(status, "clock%s: the robot's is ahead by %s ms +- %s, round trip %s ms" % (
         whose, status.number('offset [ms]', 1), status.number('uncertainty [ms]', 1),
         status.number('round_trip [ms]', 1)))
+
+
+def _wifi_line(status: NodeStatus) -> Line:
+    values = status.values
+    text = '-' if values['wifi'] == '-' or status.level == STALE else \
+        '%s%s: signal %s dBm, noise %s dBm; sends at %s, receives at %s Mbit/s; %s retries/s, %s failed/s' % (
+            values['wifi'], ' in %s' % values['ssid'] if 'ssid' in values else '', *(
+                status.number(key, digits) for key, digits in (
+                    ('signal [dBm]', 0), ('noise [dBm]', 0), ('tx bitrate [Mbit/s]', 1), ('rx bitrate [Mbit/s]', 1),
+                    ('retries [1/s]', 0), ('failed [1/s]', 0))))
+    return _line(status, 'Wi-Fi of %s: %s' % (status.node, text))
 
 
 def _transport_line(status: NodeStatus) -> Line:

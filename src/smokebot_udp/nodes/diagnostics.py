@@ -24,11 +24,12 @@ from .. import udpros
 from ..monitoring.link_status import clock_status, link_status
 from ..monitoring.request_status import RequestMonitor
 from ..monitoring.source_types import SourceTypes
-from ..monitoring.stats import LinkStats, StreamStats
+from ..monitoring.stats import StreamStats
 from ..monitoring.status import OPERATOR, ROBOT, Status
 from ..monitoring.stream_status import StreamMonitor
 from ..monitoring.thresholds import Thresholds
 from ..monitoring.transport_status import transport_status
+from ..monitoring.wifi import WifiState, wifi_status
 from ..transport import Transport
 from ..udpros import rpc
 from .logging import log_error
@@ -87,13 +88,13 @@ class Diagnostics:
         self._worker.stop()
 
 
-def robot_diagnostics(streams: Mapping[str, Any], way_back: WayBack, link_stats: Callable[[float], LinkStats],
-                      parameters: Any, problems: Any, transport: Transport) -> Diagnostics:
+def robot_diagnostics(streams: Mapping[str, Any], way_back: WayBack, link: Any, parameters: Any, problems: Any,
+                      transport: Transport) -> Diagnostics:
     """Start the diagnostics of the robot's side.
 
     :param streams: {name: RobotStream}, started
     :param way_back: started
-    :param link_stats: f(now)
+    :param link: link_control.LinkControl
     :param parameters: common.Parameters
     :param problems: problems.Problems
     :return: to be closed before the streams and the transport
@@ -104,13 +105,15 @@ def robot_diagnostics(streams: Mapping[str, Any], way_back: WayBack, link_stats:
         return monitor.update(_stats_with_type(stream, monitor, types, now), now)
 
     def update_node(now: float) -> List[Status]:
-        return [link_status(link_stats(now)), *way_back.statuses(now), _settings_status(problems, ROBOT, now),
-                requests.update(udpros.refused_requests(), now), *_transport_status(transport, ROBOT, now)]
+        return [link_status(link.stats(now)), wifi_status(link.wifi.state, ROBOT), *way_back.statuses(now),
+                _settings_status(problems, ROBOT, now), requests.update(udpros.refused_requests(), now),
+                *_transport_status(transport, ROBOT, now)]
     return Diagnostics(_sources(ROBOT, {**streams, **way_back.streams}, parameters, update) + [update_node])
 
 
 def operator_diagnostics(streams: Mapping[str, Any], way_back: WayBack, clock: Any, parameters: Any, problems: Any,
-                         sent: Callable[[], Dict[str, Any]], transport: Transport) -> Diagnostics:
+                         sent: Callable[[], Dict[str, Any]], transport: Transport,
+                         wifi: Callable[[], WifiState]) -> Diagnostics:
     """Start the diagnostics of the operator's side.
 
     :param streams: {name: OperatorStream}, started
@@ -119,6 +122,7 @@ def operator_diagnostics(streams: Mapping[str, Any], way_back: WayBack, clock: A
     :param parameters: common.Parameters
     :param problems: problems.Problems
     :param sent: f() -> {name: StreamStatus}, the robot's last report of what it sends
+    :param wifi: f() -> the state of this machine's Wi-Fi
     :return: to be closed before the streams, the clock and the transport
     """
     types, requests = SourceTypes(_topic_types), RequestMonitor(OPERATOR)
@@ -133,7 +137,7 @@ def operator_diagnostics(streams: Mapping[str, Any], way_back: WayBack, clock: A
         return monitor.update(_stats_with_type(stream, monitor, types, now), now)
 
     def update_node(now: float) -> List[Status]:
-        return [clock_status(clock.estimate, clock.counts), *way_back.statuses(now),
+        return [clock_status(clock.estimate, clock.counts), wifi_status(wifi(), OPERATOR), *way_back.statuses(now),
                 _settings_status(problems, OPERATOR, now), requests.update(udpros.refused_requests(), now),
                 *_transport_status(transport, OPERATOR, now)]
     return Diagnostics(_sources(OPERATOR, streams, parameters, update)

@@ -3,10 +3,11 @@
 ~link.
 """
 import collections
+import dataclasses
 import math
 import threading
 import time
-from typing import Any, Callable, Dict, Mapping
+from typing import Any, Callable, Dict, List, Mapping
 
 import rospy
 
@@ -14,12 +15,14 @@ from ..congestion.controller import NO_LIMITS, Controller, Plan
 from ..congestion.estimator import REPORT_INTERVAL
 from ..congestion.packet_scheduler import PacketScheduler
 from ..monitoring.stats import LinkStats
-from ..msg import LinkReport, LinkStatus
+from ..monitoring.wifi import WifiState
+from ..msg import LinkReport, LinkStatus, WifiStatus
 from ..streams.outlook import Outlook, StreamLosses
 from ..units import MBIT
 from .link_reporter import TOPIC
 from .logging import log_error
 from .robot_stream import RobotLink, RobotStream
+from .wifi_monitor import WifiMonitor
 from .worker import PeriodicWorker
 
 
@@ -58,10 +61,11 @@ class LinkControl:
     :param link: of the streams; its datagram_size follows the plan
     :param streams: {name: RobotStream}, started
     :param reported: f(operator), called with whose report came
+    :param wifi_interface: the parameter ~wifi_interface
     """
 
     def __init__(self, controller: SharedController, link: RobotLink, streams: Mapping[str, RobotStream],
-                 reported: Callable[[str], None] = lambda operator: None) -> None:
+                 reported: Callable[[str], None] = lambda operator: None, wifi_interface: str = '') -> None:
         self._controller, self._link, self._streams, self._reported = controller, link, streams, reported
         self._losses = StreamLosses()
         with controller as unshared:
@@ -70,6 +74,8 @@ class LinkControl:
         """{stream: its share of the link [byte/s]}; empty: unlimited."""
         self._status = rospy.Publisher('~link', LinkStatus, queue_size=1)
         self._reports = link.transport.subscriber(TOPIC, LinkReport, self._on_report, queue_size=10)
+        self.wifi = WifiMonitor(self._hosts, wifi_interface)
+        self.wifi.start()
         self._ticks = PeriodicWorker('link', self._tick, log_error('link'), REPORT_INTERVAL)
         self._ticks.start()
         link.subscribed = self._count_operators
@@ -115,7 +121,7 @@ class LinkControl:
             for name, share in plan.shares.items():
                 scheduler.set_share(name, share)
         self._link.outbox.change(follow)
-        status = as_message(stats)
+        status = as_message(stats, self.wifi.state)
         status.header.stamp = rospy.Time.now()
         self._status.publish(status)
 
@@ -137,9 +143,14 @@ class LinkControl:
         with self._controller as controller:
             scheduler.set_rate(controller.rate(now))
 
+    def _hosts(self) -> List[str]:
+        """The hosts of the operators that report."""
+        return [connection['address'][0] for connection in self._reports.connections()]
+
     def close(self) -> None:
         """Stop; the outbox keeps its last rate."""
         self._ticks.stop()
+        self.wifi.close()
         self._reports.unregister()
         self._status.unregister()
 
@@ -155,8 +166,9 @@ def grant(plan: Plan, streams: Mapping[str, RobotStream]) -> None:
         stream.settings.grant(limits)
 
 
-def as_message(stats: LinkStats) -> LinkStatus:
+def as_message(stats: LinkStats, wifi: WifiState) -> LinkStatus:
     """The LinkStatus of a link's stats, without a stamp."""
     return LinkStatus(
         state=stats.state, rate=(stats.rate or 0.0) / MBIT, sent=stats.sent / MBIT, wanted=stats.wanted / MBIT,
-        capacity=stats.capacity / MBIT, loss=stats.loss, queue_delay=stats.queue_delay, round_trip=stats.round_trip)
+        capacity=stats.capacity / MBIT, loss=stats.loss, queue_delay=stats.queue_delay, round_trip=stats.round_trip,
+        wifi=WifiStatus(**dataclasses.asdict(wifi)))

@@ -3,6 +3,7 @@
 import os
 import threading
 import time
+from typing import List
 
 from ..congestion.estimator import REPORT_INTERVAL
 from ..congestion.feedback import ReceiveHistory, Report
@@ -46,6 +47,10 @@ class LinkReporter:
         with self._lock:
             report = self._history.report(time.monotonic())
         self._publisher.publish(as_message(report))
+
+    def hosts(self) -> List[str]:
+        """The hosts that get the reports: the robot's."""
+        return [connection['address'][0] for connection in self._publisher.connections()]
 
     def close(self) -> None:
         """Stop reporting."""

@@ -10,6 +10,7 @@ import curses
 import sys
 import threading
 import time
+from dataclasses import fields
 from typing import Any, Callable, Dict, List, Optional, Set, Tuple
 
 import rosgraph
@@ -22,6 +23,7 @@ from ..monitoring.control_status import control_text
 from ..monitoring.link_board import LEVELS, STALE, Board, NodeStatus, printable
 from ..monitoring.link_table import Line, render
 from ..monitoring.status import OK, OPERATOR, ROBOT, WARN
+from ..monitoring.wifi import WifiState, wifi_status
 from ..msg import LinkStatus, RobotStatus
 from ..udpros import rpc
 from .terminal import fail, is_terminal, master_answers, run_node
@@ -52,13 +54,16 @@ def _node(name: str) -> str:
 
 
 def relayed_link(message: Any) -> List[NodeStatus]:
-    """What a relayed LinkStatus reports, as link_status of monitoring/link_status.py does."""
+    """What a relayed LinkStatus reports, as link_status and wifi_status of monitoring/ do."""
     state = printable(message.state)
+    wifi = wifi_status(WifiState(**{field.name: getattr(message.wifi, field.name) for field in fields(WifiState)}),
+                       ROBOT)
     return [NodeStatus('', WARN if state.startswith('no reports') else OK, state, {
         'side': ROBOT, 'state': state,
         **{'%s [Mbit/s]' % name: str(getattr(message, name)) for name in ('sent', 'rate', 'wanted', 'capacity')},
         'loss [%]': str(100 * message.loss), 'queue delay [ms]': str(1e3 * message.queue_delay),
-        'round trip [ms]': str(1e3 * message.round_trip)})]
+        'round trip [ms]': str(1e3 * message.round_trip)}),
+        NodeStatus('', wifi.level, wifi.message, {key: printable(str(value)) for key, value in wifi.values.items()})]
 
 
 def relayed_streams(message: Any) -> List[NodeStatus]:

@@ -41,6 +41,7 @@ from .transports import operator_transport
 from .video_decoder import VideoDecoder
 from .way import OperatorWay
 from .way_back import WayBack
+from .wifi_monitor import WifiMonitor
 
 
 class OperatorReceiver:
@@ -72,8 +73,10 @@ class OperatorReceiver:
                 OPERATOR, definitions, control, lambda reliable: OperatorWay(
                     self._transport, control, reliable, parameters.report, parameters['frame_prefix'], self._view_age),
                 self._transport, parameters)
+            self._wifi = WifiMonitor(self._reporter.hosts, parameters['wifi_interface'])
+            self._wifi.start()
             self._diagnostics = operator_diagnostics(self.streams, self._way_back, self._clock, parameters, problems,
-                                                     self._focus.sent, self._transport)
+                                                     self._focus.sent, self._transport, lambda: self._wifi.state)
             self._stale = StaleMarker(self.streams, self._focus.sent, operator_topic(parameters['stale_topic']),
                                       parameters['frame_prefix'] + parameters['base_frame'], parameters['stale_after'])
         stores = {name: stream.settings for name, stream in self.streams.items() if stream.settings.table}
@@ -103,6 +106,7 @@ class OperatorReceiver:
             self._mirror.close()
         self._stale.close()
         self._diagnostics.close()
+        self._wifi.close()
         self._focus.close()
         self._watch.stop()
         self._motion.close()

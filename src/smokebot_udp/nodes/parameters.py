@@ -37,6 +37,9 @@ _LOSS = {
     'loss_seed': Parameter(0, '', 'seed of the random losses', least=0),
 }
 
+_WIFI_INTERFACE = Parameter('', '', 'wireless interface whose state is reported, such as wlan0; empty: that of the '
+                            'route to the other side, else the only one')
+
 ROBOT_SENDER = {
     'streams_file': _STREAMS_FILE,
     'focus_file': Parameter('', '', "the mission focus's profiles by name; empty: this package's config/focus.yaml"),
@@ -52,6 +55,7 @@ ROBOT_SENDER = {
     'min_rate': Parameter(0.1, 'Mbit/s', 'minimum rate, whatever operators report', least=0.01),
     'start_rate': Parameter(0.5, 'Mbit/s', 'rate until the first report', least=0.01),
     'focus': FOCUS,
+    'wifi_interface': _WIFI_INTERFACE,
     **_LOSS,
     **DIAGNOSTICS,
 }
@@ -65,6 +69,7 @@ OPERATOR_RECEIVER = {
                        'this master'),
     'key_file': _KEY_FILE,
     'allow_unsealed_commands': _ALLOW_UNSEALED_COMMANDS,
+    'wifi_interface': _WIFI_INTERFACE,
     **_LOSS,
     'odom_topic': Parameter('/operator/odom', '', 'nav_msgs/Odometry, from which it is known whether the robot stands '
                             "still; in the operator's namespace"),

@@ -77,13 +77,14 @@ class RobotSender:
             self.streams = start_streams(definitions.streams, _StreamMaker(link, self._codec), parameters.report)
             control = RobotControl(transport, link.outbox, is_open(transport, parameters['allow_unsealed_commands']))
             self._way_back = _way_back(definitions, control, link, parameters)
-            self._link = LinkControl(shared, link, self.streams, control.reported)
+            self._link = LinkControl(shared, link, self.streams, control.reported,
+                                     parameters['wifi_interface'])
             stores = {name: stream.settings for name, stream in self.streams.items()}
             self.focus = FocusControl({**stores, **self._way_back.stores}, profiles, lambda: self._link.shares,
                                       self._link.forget, problems.report, transport, lambda: control.standing)
             control.subscribe(self.focus.standing_changed)
             self._clock, self._held = ClockServer(transport), HeldReports(self.streams, transport)
-            self._diagnostics = robot_diagnostics(self.streams, self._way_back, self._link.stats, parameters, problems,
+            self._diagnostics = robot_diagnostics(self.streams, self._way_back, self._link, parameters, problems,
                                                   transport)
         rospy.on_shutdown(self.close)
 
