@@ -24,6 +24,7 @@ from tf2_msgs.msg import TFMessage
 from smokebot_udp import udpros
 from smokebot_udp.codecs.wire.partial_image import RECEIVED
 from smokebot_udp.msg import LinkStatus
+from smokebot_udp.streams.blank import has_blank
 from smokebot_udp.streams.relay.transforms import stamp_of
 from smokebot_udp.udpros.rospy_binding import install
 
@@ -172,13 +173,20 @@ def stamp(message: Any) -> Optional[float]:
     return None if found is None else float(found.to_sec())
 
 
+def is_blank(message: Any) -> bool:
+    """Whether operator_receiver published it in place of an old message, see streams.blank; also of an AnyMsg."""
+    type_ = message._connection_header['type'] if isinstance(message, rospy.AnyMsg) else message._type
+    return has_blank(roslib.message.get_message_class(type_)) and stamp(message) == 0
+
+
 def subscribe(topic: str, kind: str, transport: str) -> Any:
     """A subscriber that reports each message."""
     message_class, amount = KINDS[kind]
 
     def report(message: Any) -> None:
         arrival = time.time()
-        write_line([topic, stamp(message), arrival, amount(message)])
+        if not is_blank(message):
+            write_line([topic, stamp(message), arrival, amount(message)])
 
     if kind == 'any':
         return rospy.Subscriber(topic, message_class, report, queue_size=100)

@@ -4,7 +4,7 @@
 import pathlib
 import sys
 import time
-from typing import Any
+from typing import Any, List
 
 import numpy as np
 import rospy
@@ -13,7 +13,7 @@ from sensor_msgs.msg import LaserScan, PointCloud2, PointField
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from streams_case import LOSSES, StreamsCase
-from waiting import Collector, give_time, stamps, undisturbed, wait_for
+from waiting import Collector, give_time, is_sent_here, stamps, undisturbed, wait_for
 
 from smokebot_udp.codecs.perception.voxel import voxel_filter
 from smokebot_udp.codecs.wire.points import as_points
@@ -199,6 +199,32 @@ class CloudStreams(StreamsCase):
         nearest[columns] = obstacle[::2]
         close = np.abs(scan - nearest) < 0.3     # the rays between may be nearer, along a wall
         self.assertGreater(close.mean(), 0.95)
+
+    def test_what_is_silent_is_cleared_and_shown_again(self) -> None:
+        seen: List[Any] = []
+        for topic, message_class in (('/operator/lidar/points', PointCloud2), ('/operator/scan', LaserScan)):
+            subscriber = rospy.Subscriber(topic, message_class, seen.append, queue_size=10)
+            self.addCleanup(subscriber.unregister)
+            wait_for(lambda name=topic: is_sent_here(name), what=topic)
+        message = self.flow(seen)
+        blanks = wait_for(lambda: len({type(one): one for one in seen if not one.header.stamp}) == 2 and [
+            one for one in seen if not one.header.stamp], 20, 'blank messages')
+        for one in blanks:
+            self.assertTrue(np.isnan(one.ranges).all() if isinstance(one, LaserScan) else one.width == 0)
+            self.assertEqual(one.header.frame_id, 'laser' if isinstance(one, LaserScan) else 'velodyne')
+        give_time(2.0)
+        self.assertEqual(len([one for one in seen if not one.header.stamp]), 2)     # once
+        self.assertNotEqual(self.flow(seen), message)
+
+    def flow(self, seen: List[Any]) -> Any:
+        """Publish a cloud and a scan until both arrive; their stamp."""
+        def both() -> Any:
+            stamp = rospy.Time.now()
+            self.clouds.publish(cloud(self.lidar.scan((1.5, 7.0, 0.3), 1.0)[:500], stamp))
+            self.scans.publish(scan([1.0, 2.0, 5.0], stamp=stamp))
+            give_time(0.2)
+            return sum(one.header.stamp == stamp for one in seen) == 2 and stamp
+        return wait_for(both, 20, 'both')
 
     def test_bad_clouds_are_told_of_and_the_next_good_one_comes(self) -> None:
         points = self.lidar.scan((1.5, 7.0, 0.3), 1.0)[:500]

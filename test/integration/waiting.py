@@ -19,6 +19,8 @@ import rospy
 from rosgraph_msgs.msg import Log
 from rosunit import xmlrunner
 
+from smokebot_udp.streams.blank import has_blank
+
 LOOK_PERIOD, POLL_PERIOD = 0.01, 0.02
 """Of Lateness and of wait_for [s]."""
 
@@ -232,7 +234,10 @@ def is_sent_here(topic: str, node: str = '') -> bool:
 
 
 class Collector:
-    """A subscriber that keeps all messages: {stamp: message}, and when each arrived: {stamp: [s]}."""
+    """A subscriber that keeps all messages: {stamp: message}, and when each arrived: {stamp: [s]}.
+
+    Blank ones in place of an old cloud or scan do not count.
+    """
 
     def __init__(self, topic: str, message_class: Any) -> None:
         self.messages: Dict[Any, Any] = {}
@@ -241,6 +246,8 @@ class Collector:
         self._subscriber = rospy.Subscriber(topic, message_class, self._take, queue_size=100, buff_size=1 << 25)
 
     def _take(self, message: Any) -> None:
+        if has_blank(type(message)) and not message.header.stamp:
+            return
         with self._lock:
             self.messages[message.header.stamp] = message
             self.arrivals[message.header.stamp] = time.monotonic()

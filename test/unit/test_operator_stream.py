@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import rospy
 from polling import WAIT
+from sensor_msgs.msg import LaserScan
 from std_msgs.msg import Header, String
 from stub_transport import StubTransport
 
@@ -98,6 +99,10 @@ class ForwardingAssembler(FakeAssembler):
     def forward(self, message: Any) -> Optional[Assembled]:
         self.warnings += ['odd'] * (message == 'odd')
         return None if message == 'same' else Assembled(message, 0, None)
+
+
+class ScanAssembler(ForwardingAssembler):
+    MESSAGE = LaserScan
 
 
 class FakeTopic:
@@ -326,3 +331,27 @@ def test_a_part_that_nothing_decodes_is_received_no_more(bench: Bench) -> None:
     bench.held.get(timeout=WAIT)      # after the image
     assert stream.stats().connections[0].name == 'thermal' and len(stream.stats().connections) == 1
     assert [bench.topics['/smokebot_udp/thermal/' + part].closed for part in (MAIN_PART, 'video')] == [False, True]
+
+
+def test_a_scan_is_cleared_once_unless_a_newer_one_was_shown(bench: Bench) -> None:
+    stream = bench.start(ScanAssembler)
+    callback = bench.topics['/smokebot_udp/thermal/segments'].options['callback']
+    callback(LaserScan(ranges=[1.0]))
+    first = stream.last_shown
+    callback(LaserScan(ranges=[2.0]))
+    assert first is not None and stream.last_shown is not None
+    stream.clear(first)
+    stream.clear(stream.last_shown)
+    stream.clear(stream.last_shown)
+    ranges = [message.ranges for _, message in bench.logs(3)]
+    assert ranges[:2] == [[1.0], [2.0]] and np.isnan(ranges[2]).all() and len(ranges[2]) == 1
+    assert bench.log.empty()
+
+
+def test_what_has_no_blank_message_is_not_cleared(bench: Bench) -> None:
+    stream = bench.start()
+    bench.receive('one')
+    bench.logs(3)
+    assert stream.last_shown is not None
+    stream.clear(stream.last_shown)
+    assert bench.log.empty()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-from smokebot_udp.monitoring.staleness import Freshness, stale_streams, stale_text
+from smokebot_udp.monitoring.staleness import Freshness, outdated_streams, stale_streams, stale_text
 
 STREAMS = {'lidar': Freshness(94.0), 'scan': Freshness(99.9), 'map': Freshness(5.0, steady=False),
            'gas': Freshness(None)}
@@ -20,7 +20,15 @@ def test_slow_streams_may_be_older() -> None:
     assert stale_streams({**STREAMS, 'lidar': Freshness(94.0, rate=0.6)}, 2.0, 100.0) == ({'lidar': 6.0}, 2)
 
 
+def test_stale_streams_and_those_that_the_robot_does_not_send_are_outdated() -> None:
+    assert outdated_streams(STREAMS, 2.0, 100.0) == {'lidar': 94.0}
+    streams = {**STREAMS, 'scan': Freshness(99.9, enabled=False), 'gas': Freshness(None, enabled=False),
+               'map': Freshness(5.0, steady=False, enabled=False)}
+    assert outdated_streams(streams, 10.0, 100.0) == {'scan': 99.9}
+
+
 def test_the_text() -> None:
     assert stale_text({}, 3) == ''
-    assert stale_text({'lidar': 6.4, 'scan': 2.2}, 3) == 'NO DATA 6 s: lidar, scan'
+    assert stale_text({'lidar': 6.4}, 3) == 'NO DATA 6 s: lidar'
+    assert stale_text({'lidar': 6.4, 'scan': 2.2}, 3) == 'NO DATA 6 s: lidar +1'
     assert stale_text({'lidar': 6.4, 'scan': 7.2}, 2) == 'NO DATA 7 s'

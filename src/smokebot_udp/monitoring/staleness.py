@@ -36,9 +36,21 @@ def stale_streams(streams: Mapping[str, Freshness], after: float, now: float) ->
     return {name: silence for name, (silence, limit) in watched.items() if silence > limit}, len(watched)
 
 
+def outdated_streams(streams: Mapping[str, Freshness], after: float, now: float) -> Dict[str, float]:
+    """The streams whose last message is no longer true: stale ones, and those that the robot no longer sends.
+
+    :param streams, after, now: as of `stale_streams`
+    :return: {name: when it was shown last [s]}
+    """
+    stale, _ = stale_streams(streams, after, now)
+    return {name: stream.last_shown for name, stream in streams.items()
+            if stream.last_shown is not None and (name in stale or stream.steady and not stream.enabled)}
+
+
 def stale_text(silences: Mapping[str, float], watched: int) -> str:
-    """The warning for a result of `stale_streams`; empty if no stream is stale."""
+    """The warning for a result of `stale_streams`, one short line; empty if no stream is stale."""
     if not silences:
         return ''
-    names = '' if len(silences) == watched else ': ' + ', '.join(silences)
+    first, *others = silences
+    names = '' if len(silences) == watched else ': ' + first + (' +%d' % len(others) if others else '')
     return 'NO DATA %.0f s%s' % (max(silences.values()), names)

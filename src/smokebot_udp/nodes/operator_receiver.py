@@ -36,7 +36,7 @@ from .operator_stream import OperatorLink, OperatorStream
 from .parameters import OPERATOR_RECEIVER
 from .problems import Problems
 from .settings_mirror import SettingsMirror
-from .stale import StaleMarker
+from .stale import StaleStreams
 from .transports import operator_transport
 from .video_decoder import VideoDecoder
 from .way import OperatorWay
@@ -77,8 +77,10 @@ class OperatorReceiver:
             self._wifi.start()
             self._diagnostics = operator_diagnostics(self.streams, self._way_back, self._clock, parameters, problems,
                                                      self._focus.sent, self._transport, lambda: self._wifi.state)
-            self._stale = StaleMarker(self.streams, self._focus.sent, operator_topic(parameters['stale_topic']),
-                                      parameters['frame_prefix'] + parameters['base_frame'], parameters['stale_after'])
+            self._stale = StaleStreams(
+                self.streams, self._focus.sent, operator_topic(parameters['stale_topic']),
+                parameters['frame_prefix'] + parameters['base_frame'], parameters['stale_after'],
+                parameters['clear_stale'])
         stores = {name: stream.settings for name, stream in self.streams.items() if stream.settings.table}
         parts = [LiveSettings(name, store, problems.report)
                  for name, store in {**stores, **self._way_back.stores}.items()]

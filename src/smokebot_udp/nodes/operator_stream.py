@@ -2,6 +2,7 @@
 """Runs the operator's side of one stream: from its segments' topic to the operator's topic."""
 import collections
 import functools
+import threading
 import time
 from dataclasses import dataclass, field
 from typing import Any, Callable, Deque, Dict, List, Mapping, Optional
@@ -16,6 +17,7 @@ from ..monitoring import stages
 from ..monitoring.stats import ConnectionStats, Shown, StreamStats
 from ..streams import assembler_class
 from ..streams.assembler import Assembled, Assembler
+from ..streams.blank import blank, has_blank
 from ..streams.frame_assembler import Frame
 from ..streams.frame_prefix import add_prefix
 from ..streams.held import Holding
@@ -80,6 +82,8 @@ class OperatorStream:
         self.last_shown: Optional[float] = None
         """When a message was published last, by time.monotonic() [s]."""
         self._last_age: Optional[float] = None      # its age then, but for the offset of the robot's clock [s]
+        self._publishing = threading.Lock()
+        self._last: Any = None      # the message published last, where a blank one can take its place
         self._link = link
         self._shown: Deque[Shown] = collections.deque(maxlen=MAX_SHOWN)
         self._publisher: Any = None     # made by start(), as are these
@@ -158,6 +162,16 @@ class OperatorStream:
         shown = self.last_shown     # before the age: with another message's it is too old, not too fresh
         age = self._last_age
         return None if shown is None or age is None or clock_offset is None else age + clock_offset + now - shown
+
+    def clear(self, shown: float) -> None:
+        """Publish a blank message in place of a cloud or scan that is no longer true, see streams.blank. Any thread.
+
+        :param shown: `last_shown` of that message: if another one is shown by now, nothing is published
+        """
+        with self._publishing:
+            if self._last is not None and self.last_shown == shown and not rospy.is_shutdown():
+                self._publisher.publish(blank(self._last))
+                self._last = None
 
     def close(self) -> None:
         """End all threads and topics."""
@@ -263,10 +277,12 @@ class OperatorStream:
 
     def _publish(self, assembled: Assembled) -> None:
         assembled.message = self._prefixed(assembled.message)
-        self._publisher.publish(assembled.message)
-        self.published += 1
-        age = (rospy.Time.now().to_nsec() - assembled.stamp) / 1e9 if assembled.stamp else None
-        self._last_age, self.last_shown = age, time.monotonic()     # in this order, see `age`
+        with self._publishing:
+            self._publisher.publish(assembled.message)
+            self.published += 1
+            age = (rospy.Time.now().to_nsec() - assembled.stamp) / 1e9 if assembled.stamp else None
+            self._last_age, self.last_shown = age, time.monotonic()     # in this order, see `age`
+            self._last = assembled.message if has_blank(self.assembler.MESSAGE) else None
         self._shown.append(Shown(age, assembled.completeness, assembled.error))
 
     def _prefixed(self, message: Any) -> Any:

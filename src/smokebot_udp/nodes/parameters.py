@@ -79,6 +79,9 @@ OPERATOR_RECEIVER = {
     'stale_after': Parameter(2.0, 's', "time without data after which rviz' 3D view shows NO DATA", least=0.1),
     'stale_topic': Parameter('/operator/stale', '', "visualization_msgs/Marker that shows NO DATA; in the operator's "
                              'namespace'),
+    'clear_stale': Parameter(True, '', 'whether a blank message (stamp 0; no points, or all ranges NaN) follows the '
+                             'last cloud or scan of a stream that is stale or not sent any more: rviz would go on '
+                             'showing it'),
     'frame_prefix': Parameter('', '', "goes before all frames of the robot's messages, such as ugv1/"),
     'base_frame': Parameter('base_link', '', 'frame of the robot above which NO DATA stands'),
     **DIAGNOSTICS,
