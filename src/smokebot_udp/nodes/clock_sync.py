@@ -8,6 +8,7 @@ import time
 from typing import Any, Dict, Optional
 
 import rospy
+from std_msgs.msg import Float64
 
 from ..monitoring.clock_client import EchoClient
 from ..monitoring.clock_offset import ClockEstimate
@@ -42,12 +43,13 @@ class ClockServer:
 
 
 class ClockClient:
-    """The operator's side: asks, and estimates the offset from the answers."""
+    """The operator's side: asks, and estimates the offset from the answers. ~clock_offset shows it [s]."""
 
     def __init__(self, transport: Transport) -> None:
         self._echoes, self._lock = EchoClient(), threading.Lock()
         self._answers = transport.subscriber(ANSWER, ClockEcho, self._answered, queue_size=1)
         self._questions = transport.publisher(ASK, ClockEcho, queue_size=1)
+        self._offsets = rospy.Publisher('~clock_offset', Float64, queue_size=1)
         self._worker = PeriodicWorker('clock', self._ask, log_error("asking for the robot's clock"), PERIOD)
         self._worker.start()
 
@@ -75,6 +77,9 @@ class ClockClient:
         question = ClockEcho(asked=now)
         question.header.stamp = now
         self._questions.publish(question)
+        estimate = self.estimate
+        if estimate is not None:
+            self._offsets.publish(estimate.offset)
 
     def _answered(self, answer: Any) -> None:
         came, now = rospy.Time.now(), time.monotonic()
@@ -86,3 +91,4 @@ class ClockClient:
         self._worker.stop()
         self._answers.unregister()
         self._questions.unregister()
+        self._offsets.unregister()

@@ -87,12 +87,29 @@ OPERATOR_RECEIVER = {
     **DIAGNOSTICS,
 }
 
+BLACK_BOX = {
+    'side': Parameter('robot', '', 'what is recorded: the original messages, or what the operator receives',
+                      choices=('robot', 'operator')),
+    'streams_file': _STREAMS_FILE,
+    'folder': Parameter('', '', 'where the bags are written; empty: black_box in ~/.ros, or in ROS_HOME'),
+    'split_mb': Parameter(1024, 'MB', 'size at which a new bag is begun; a quarter of max_mb at most', least=1,
+                          most=1 << 20),
+    'max_mb': Parameter(65536, 'MB', 'size of all bags of this side in the folder: the oldest are deleted', least=4,
+                        most=1 << 30),
+    'min_free_mb': Parameter(1024, 'MB', 'space on the disk that is left to others: the oldest bags are deleted; '
+                             'nothing is recorded while there is less nevertheless', least=0, most=1 << 30),
+}
+
 OPERATOR_DESK = {
     'robots_file': Parameter('', '', "the robots by name; empty: this package's config/robots.yaml"),
     'streams_file': _STREAMS_FILE,
     'rviz': Parameter(True, '', 'whether to start rviz, one for each robot'),
     'max_datagram_size': OPERATOR_RECEIVER['max_datagram_size'],
     'loss': OPERATOR_RECEIVER['loss'],
+    'record': Parameter(False, '', 'whether to record what comes from each robot in bags'),
+    'record_dir': BLACK_BOX['folder'],
+    'record_split_mb': BLACK_BOX['split_mb'],
+    'record_max_mb': BLACK_BOX['max_mb'],
 }
 
 SIMULATED_ROBOT = {
@@ -148,5 +165,5 @@ TELEOP_KEYBOARD = {
 
 NODES = {'robot_sender': ROBOT_SENDER, 'operator_receiver': OPERATOR_RECEIVER, 'operator_desk': OPERATOR_DESK,
          'simulated_robot': SIMULATED_ROBOT, 'demo_report': DEMO_REPORT,
-         'demo_robots': DEMO_ROBOTS, 'teleop_keyboard': TELEOP_KEYBOARD}
+         'demo_robots': DEMO_ROBOTS, 'black_box': BLACK_BOX, 'teleop_keyboard': TELEOP_KEYBOARD}
 """{node: its table}"""
