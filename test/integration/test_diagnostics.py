@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """/diagnostics of both sides at 20 % loss, with an operator's clock that is an hour slow."""
 import contextlib
+import json
 import math
 import pathlib
 import re
@@ -159,6 +160,17 @@ class Diagnostics(unittest.TestCase):
             good = [line for line in lines if line[1:2] == ['thermal'] and all(map(NEAR.fullmatch, line[2:6]))]
             return good[0] if good else []
         self.assertEqual(wait_for(shown, 60, 'the rates of the camera')[0], 'WARN')
+
+    def test_link_top_prints_json(self) -> None:
+        def printed() -> Any:
+            text = link_top('--json', '--wait', '20')
+            tree = json.loads(text) if text else {}
+            thermal = [stream for stream in tree.get('streams', []) if stream['stream'] == 'thermal']
+            return thermal and thermal[0]['source_hz'] and thermal[0]['shown_hz'] and tree
+        tree = wait_for(printed, 60, 'the rates of the camera')
+        self.assertEqual(([robot['node'] for robot in tree['robots']], [one['node'] for one in tree['operators']]),
+                         (['/robot_sender'], ['/operator_receiver']))
+        self.assertGreater(tree['time'], 1e9)
 
     def test_link_top_shows_what_is_relayed_of_a_robot_whose_diagnostics_do_not_come(self) -> None:
         # it has a fixed time to find what is relayed, which a busy machine may need for its start; there, the link may

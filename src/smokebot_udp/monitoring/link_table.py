@@ -32,7 +32,7 @@ class Line(NamedTuple):
     """The level whose colour the first word gets; None: no colour."""
 
 
-class _Section(NamedTuple):
+class Section(NamedTuple):
     """An operator and the robots it receives from, or a robot that no operator receives from."""
     title: str
     robots: List[str]
@@ -47,11 +47,7 @@ def render(board: Board, now: float, only: str = '') -> Tuple[List[Line], List[L
     age = board.age(now)
     if age is None:
         return [Line('smokebot_udp link: no report on /diagnostics yet')], []
-    statuses = [status for status in board.statuses(now)
-                if status.values['side'] == ROBOT or not only or _is_named(status.node, only)]
-    sections = _sections(statuses, bool(only))
-    shown = {node for section in sections for node in (*section.robots, section.operator)}
-    statuses = [status for status in statuses if status.node in shown]
+    statuses, sections = sections_of(board, now, only)
     missing = ''.join(', no report of the %s%s' % (side, ' ' + only if only and side == OPERATOR else '')
                       for side in (ROBOT, OPERATOR) if not _nodes(statuses, side))
     top = [Line('smokebot_udp link: last report %.1f s ago%s' % (age, missing))]
@@ -72,6 +68,19 @@ def render(board: Board, now: float, only: str = '') -> Tuple[List[Line], List[L
     return top, body + ([Line(''), _headings(CONNECTION_COLUMNS)] + connections if connections else [])
 
 
+def sections_of(board: Board, now: float, only: str = '') -> Tuple[List[NodeStatus], List[Section]]:
+    """What is shown of a board: (statuses, sections).
+
+    :param only: see render
+    """
+    statuses = [status for status in board.statuses(now)
+                if status.values['side'] == ROBOT or not only or _is_named(status.node, only)]
+    sections = _sections(statuses, bool(only))
+    shown = {node for section in sections for node in (*section.robots, section.operator)}
+    statuses = [status for status in statuses if status.node in shown]
+    return statuses, sections
+
+
 def _is_named(node: str, name: str) -> bool:
     """Whether this is the name of a node or of its namespace."""
     name = '/' + name.strip('/')
@@ -83,7 +92,7 @@ def _nodes(statuses: Sequence[NodeStatus], side: str) -> List[str]:
     return list(dict.fromkeys(status.node for status in statuses if status.values['side'] == side))
 
 
-def _sections(statuses: Sequence[NodeStatus], received_only: bool) -> List[_Section]:
+def _sections(statuses: Sequence[NodeStatus], received_only: bool) -> List[Section]:
     """A section for each operator and, unless received_only, for each robot that no operator receives from."""
     robots, operators = _nodes(statuses, ROBOT), _nodes(statuses, OPERATOR)
     sections, received = [], set()
@@ -91,10 +100,10 @@ def _sections(statuses: Sequence[NodeStatus], received_only: bool) -> List[_Sect
         peers = robots_of(operator, statuses)
         partners = [robot for robot in robots if robot in peers] or (robots if len(robots) == 1 else [])
         received.update(partners)
-        sections.append(_Section('%s receives from %s' % (operator, ', '.join(partners) or 'no robot that reports'),
-                                 partners, operator))
+        sections.append(Section('%s receives from %s' % (operator, ', '.join(partners) or 'no robot that reports'),
+                                partners, operator))
     lonely = [robot for robot in robots if robot not in received] if not (received_only and operators) else []
-    return sections + [_Section(robot, [robot], None) for robot in lonely]
+    return sections + [Section(robot, [robot], None) for robot in lonely]
 
 
 def _line(status: NodeStatus, text: str) -> Line:
@@ -140,14 +149,19 @@ def _transport_line(status: NodeStatus) -> Line:
     return _line(status, '%s %s%s' % (status.node, text, '; ' + status.message if status.level else ''))
 
 
-def _stream_lines(section: _Section, statuses: Sequence[NodeStatus]) -> List[Line]:
+def _stream_lines(section: Section, statuses: Sequence[NodeStatus]) -> List[Line]:
     """A line for each stream of a section, with the robot's values beside the operator's."""
+    return [_stream_line(name, sides.get(ROBOT, NOT_REPORTED), sides.get(OPERATOR, NOT_REPORTED))
+            for name, sides in streams_of(section, statuses).items()]
+
+
+def streams_of(section: Section, statuses: Sequence[NodeStatus]) -> Dict[str, Dict[str, NodeStatus]]:
+    """{stream: {side: its status}} of a section."""
     by_stream: Dict[str, Dict[str, NodeStatus]] = {}
     for status in statuses:
         if status.kind == 'stream' and status.node in (*section.robots, section.operator):
             by_stream.setdefault(status.stream, {}).setdefault(status.values['side'], status)
-    return [_stream_line(name, sides.get(ROBOT, NOT_REPORTED), sides.get(OPERATOR, NOT_REPORTED))
-            for name, sides in by_stream.items()]
+    return by_stream
 
 
 def _stream_line(name: str, robot: NodeStatus, operator: NodeStatus) -> Line:

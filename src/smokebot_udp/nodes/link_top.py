@@ -7,6 +7,8 @@ the robot's ~link and ~status, crosses by UDP, and replaces them where they do n
 import argparse
 import contextlib
 import curses
+import json
+import os
 import sys
 import threading
 import time
@@ -21,6 +23,7 @@ from .. import udpros
 from ..mission.parameters import EXCHANGES
 from ..monitoring.control_status import control_text
 from ..monitoring.link_board import LEVELS, STALE, Board, NodeStatus, printable
+from ..monitoring.link_snapshot import Tree, snapshot
 from ..monitoring.link_table import Line, render
 from ..monitoring.status import OK, OPERATOR, ROBOT, WARN
 from ..monitoring.wifi import WifiState, wifi_status
@@ -31,6 +34,9 @@ from .worker import PeriodicWorker
 
 REFRESH_PERIOD = 0.25
 """How often the screen is drawn [s]."""
+
+JSON_PERIOD = 1.0
+"""How often --json prints an object; nodes report once a second [s]."""
 
 SEARCH_PERIOD = 5.0
 """How often the master is asked for relayed topics [s]."""
@@ -154,6 +160,11 @@ class Listener:
         with self._lock:
             return render(self._board, time.monotonic(), self._only)
 
+    def tree(self) -> Tree:
+        """All values now, see link_snapshot.snapshot."""
+        with self._lock:
+            return snapshot(self._board, time.monotonic(), self._only)
+
 
 def show(screen: Any, listener: Listener) -> None:
     """Draw until q is pressed.
@@ -193,32 +204,62 @@ def _prepare(screen: Any) -> Dict[Optional[int], int]:
     return {1: curses.A_BOLD, 2: curses.A_REVERSE, STALE: curses.A_REVERSE}
 
 
-def print_once(listener: Listener, wait: float) -> int:
-    """Print the table once, when both sides have reported or after `wait` [s]; returns the exit code."""
+def print_json(listener: Listener) -> None:
+    """Print all values as an object of one line."""
+    print(json.dumps({'time': round(time.time(), 3), **listener.tree()}, allow_nan=False), flush=True)
+
+
+def print_objects(listener: Listener) -> int:
+    """Print an object periodically, until nobody reads it; returns the exit code."""
+    try:
+        while True:
+            print_json(listener)
+            time.sleep(JSON_PERIOD)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())      # it is flushed once more at the exit
+        return 0
+
+
+def print_once(listener: Listener, wait: float, as_json: bool) -> int:
+    """Print the table or an object once, when both sides have reported or after `wait` [s]; returns the exit code."""
     deadline = time.monotonic() + wait
     while time.monotonic() < deadline and len(listener.sides) < 2:
         time.sleep(0.05)
     top, body = listener.lines()
+    if as_json:
+        print_json(listener)
     if not body:
         return fail('link_top', 'no report of robot_sender or operator_receiver on /diagnostics within %g s' % wait)
-    print('\n'.join(line.text for line in top + body))
+    if not as_json:
+        print('\n'.join(line.text for line in top + body))
+    return 0
+
+
+def show_live(listener: Listener, plain: bool) -> int:
+    """Show the table until it is quit, by rich if it is installed; returns the exit code."""
+    if not plain:
+        with contextlib.suppress(ImportError):      # Ubuntu 20.04 has no python3-rich
+            from . import link_view
+            link_view.show(listener.tree, time.monotonic, REFRESH_PERIOD)
+            return 0
+    try:
+        curses.wrapper(show, listener)
+    except curses.error as error:
+        return fail('link_top', 'this terminal cannot show the table (%s); --once prints it' % error)
     return 0
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Show or print the table; returns the exit code."""
-    if not arguments.once and not is_terminal():
-        return fail('link_top', 'this is not a terminal; --once prints the table')
+    if not (arguments.once or arguments.json or is_terminal()):
+        return fail('link_top', 'this is not a terminal; --once prints the table, --json its values')
     if not master_answers():
         return fail('link_top', 'no ROS master answers at %s' % rosgraph.get_master_uri())
     rospy.init_node('link_top', anonymous=True, disable_signals=True, log_level=rospy.FATAL)
+    listener = Listener(arguments.operator)
     if arguments.once:
-        return print_once(Listener(arguments.operator), arguments.wait)
-    try:
-        curses.wrapper(show, Listener(arguments.operator))
-    except curses.error as error:
-        return fail('link_top', 'this terminal cannot show the table (%s); --once prints it' % error)
-    return 0
+        return print_once(listener, arguments.wait, arguments.json)
+    return print_objects(listener) if arguments.json else show_live(listener, arguments.plain)
 
 
 def main() -> None:
@@ -226,6 +267,9 @@ def main() -> None:
         prog='link_top', description="Show the link's streams and connections live.",
         epilog='The arrow and page keys scroll; q or Ctrl-C quits.')
     parser.add_argument('--once', action='store_true', help='print the table once and exit')
+    parser.add_argument('--json', action='store_true',
+                        help='print all values as a JSON object on a line of its own, once a second')
+    parser.add_argument('--plain', action='store_true', help='the table of text, as without the Python module rich')
     parser.add_argument('--wait', type=float, default=3.0, metavar='SECONDS',
                         help='with --once: how long to wait for both sides (default: %(default)s)')
     parser.add_argument('--operator', default='', metavar='NAME',
