@@ -17,6 +17,8 @@ from smokebot_udp.congestion.operating_points import OperatingPoint
 from smokebot_udp.congestion.packet_scheduler import PacketScheduler
 from smokebot_udp.link_lab.channel import Channel
 
+from .simulated_paths import Path
+
 FULL = 1500
 """A full datagram on the air [byte]."""
 
@@ -68,7 +70,7 @@ class Operator:
     :param clock: reading of its steady clock at the start [s]
     """
 
-    def __init__(self, name: str, there: Channel, back: Channel, clock: float, seed: int) -> None:
+    def __init__(self, name: str, there: Path, back: Channel, clock: float, seed: int) -> None:
         self.name, self.there, self.back, self.clock = name, there, back, clock
         draw = random.Random('%s session' % seed)
         self.arrivals = ReceiveHistory(lambda: draw.getrandbits(32))
@@ -88,7 +90,7 @@ class Robot:
     :param clocks: readings of the robot's and the operator's steady clocks at the start [s]
     """
 
-    def __init__(self, events: Events, there: Channel, back: Channel, load: Load, seed: int = 0,
+    def __init__(self, events: Events, there: Path, back: Channel, load: Load, seed: int = 0,
                  limits: Limits = LIMITS, clocks: Tuple[float, float] = (1000.0, 5000.0)) -> None:
         self.events, self.there, self.back, self.load = events, there, back, load
         self.robots_clock, clock = clocks
@@ -106,7 +108,7 @@ class Robot:
         self.plan = self.controller.tick(self.robot_time, load.demands(), 0)
         load.start(self)
 
-    def join(self, name: str, there: Channel, back: Channel, seed: int = 0, clock: float = 5000.0) -> Operator:
+    def join(self, name: str, there: Path, back: Channel, seed: int = 0, clock: float = 5000.0) -> Operator:
         """Another operator gets all from now on."""
         operator = Operator(name, there, back, clock, seed)
         self.operators[name] = operator

@@ -13,6 +13,7 @@ from smokebot_udp.link_lab.channel import Channel, LinkConditions
 
 from .. import drawing, table
 from ..runner import Figure, Run, Table
+from . import scenario_results
 
 TITLE = 'Congestion control, simulated'
 
@@ -29,6 +30,9 @@ battery).
 **A shared air**: 1, 10 and 100 robots, which start within five seconds and always have more to send, over one queue of
 20 Mbit/s. They notice each other only by the queue's delay. Jain's index is 1 if all get the same, and 1/n if one gets
 everything.
+
+**Hard links** (scenarios.py): jitter, a queue that drops before it is seen, a policer, sudden loss, sudden changes,
+aggregates, an asymmetric path, several robots, TCP downloads beside us.
 """
 
 STEPS = 20, 5, 1, 0.3, 20
@@ -130,7 +134,8 @@ def crowd(robots: int, seconds: float, seed: int) -> Tuple[List[Dict[str, float]
 
 
 def run(run: Run) -> None:
-    """Write steps.csv, course_LOSS.csv, crowds.csv and dropped.csv."""
+    """Write scenarios.csv, steps.csv, course_LOSS.csv, crowds.csv and dropped.csv."""
+    scenario_results.measure(run)
     seeds = 3 if run.quick else SEEDS
     rows = []
     for loss, seed in run.steps([(loss, seed) for loss in LOSSES for seed in range(seeds)], 'loss %g, %d'.__mod__):
@@ -165,7 +170,13 @@ def plot(folder: pathlib.Path) -> List[Union[Figure, Table]]:
               ['loss', 'Mbit/s', 'used', 'queue p95 [ms]', 'dropped', 'used by streams', 'protected lost',
                'protected age p99 [ms]', 'images [Hz]'], rows),
         _draw_crowds(folder),
+        scenario_results.results(folder),
     ]
+
+
+def missed(folder: pathlib.Path) -> List[str]:
+    """Goals that were missed."""
+    return scenario_results.missed(folder)
 
 
 def _row(steps: List[Dict[str, Any]], loss: float, number: int) -> List[str]:

@@ -95,7 +95,7 @@ def test_what_was_left_out_for_a_slower_link_has_not_arrived() -> None:
     reader = FeedbackReader(history)
     reader.read(arrivals.report(100.09 + AHEAD), 100.11)
     history.add('thermal', 5, 4, 1000, 100.2)
-    reader.sent.leave_out('thermal', 7, 2, 1000)
+    reader.sent.leave_out('thermal', 7, 2, 1000, 100.2)
     for seq in (5, 6):
         arrivals.add('thermal', seq, 1000, 100.25 + 0.004 * seq + AHEAD)
     history.add('thermal', 9, 1, 1000, 100.21)

@@ -10,6 +10,7 @@ from smokebot_udp.congestion.operator_share import (
     MAX_DEBT,
     MAX_RANGES,
     MAX_WHOLE_DEBT,
+    MIN_RANGES,
     OperatorHistory,
     Policer,
 )
@@ -142,10 +143,10 @@ def test_what_was_left_out_was_not_sent() -> None:
     history = SentHistory()
     own = OperatorHistory(history)
     history.add('thermal', 1, 5, SIZE, 1.0)
-    own.leave_out('thermal', 4, 2, SIZE)
+    own.leave_out('thermal', 4, 2, SIZE, 1.0)
     history.add('tf', 1, 1, 200, 1.1)
     history.add('thermal', 6, 3, SIZE, 1.2)
-    own.leave_out('thermal', 6, 3, SIZE)
+    own.leave_out('thermal', 6, 3, SIZE, 1.2)
     history.add('thermal', 9, 1, SIZE, 1.3)
     assert own.total == 4200 and history.total == 9200
     assert own.totals('thermal') == (4, 4000) and own.totals('tf') == (1, 200) and own.totals('map') == (0, 0)
@@ -161,7 +162,7 @@ def test_sequence_numbers_wrap() -> None:
     history = SentHistory()
     own = OperatorHistory(history)
     history.add('thermal', 2 ** 32 - 2, 6, SIZE, 1.0)
-    own.leave_out('thermal', 2 ** 32, 4, SIZE)
+    own.leave_out('thermal', 2 ** 32, 4, SIZE, 1.0)
     assert own.find('thermal', 2 ** 32 - 1) is not None and own.find('thermal', 1) is None
     assert own.sent_between('thermal', 2 ** 32 - 2, 3) == 1
 
@@ -172,11 +173,22 @@ def test_memory_is_bounded_and_recent_datagrams_stay_known() -> None:
     count = 5 * MAX_RANGES
     for k in range(count):
         history.add('thermal', 2 * k + 1, 2, SIZE, float(k))
-        own.leave_out('thermal', 2 * k + 2, 1, SIZE)
+        own.leave_out('thermal', 2 * k + 2, 1, SIZE, float(k))
     assert own.total == count * SIZE and own.totals('thermal') == (count, count * SIZE)
     assert own.find('thermal', 2 * count) is None
     assert own.find('thermal', 2 * count - 1) == (count - 1.0, SIZE, count * SIZE)
     assert own.sent_between('thermal', 2 * count - 201, 2 * count - 1) == 100
+
+
+@pytest.mark.parametrize('every, most', [(0.001, 4 * MAX_RANGES), (0.1, 2 * 2 * 20 / 0.1), (1.0, 4 * MIN_RANGES)])
+def test_what_was_left_out_is_forgotten_as_what_was_sent_is(every: float, most: int) -> None:
+    """Of one stream, counted in datagrams and in bytes."""
+    history = SentHistory()
+    own = OperatorHistory(history)
+    for k in range(3 * MAX_RANGES):
+        history.add('thermal', 2 * k + 1, 2, SIZE, every * k)
+        own.leave_out('thermal', 2 * k + 2, 1, SIZE, every * k)
+        assert own.ranges <= most + 4
 
 
 @given(st.lists(st.tuples(st.sampled_from(['thermal', 'lidar']), st.integers(1, 5), st.integers(0, 5),
@@ -191,7 +203,7 @@ def test_it_is_the_history_of_an_operator_who_was_sent_only_that(
         seqs[stream] += count
         everything.add(stream, first, count, size, float(number))
         if kept < count:
-            own.leave_out(stream, first + kept, count - kept, size)
+            own.leave_out(stream, first + kept, count - kept, size, float(number))
         if kept:
             alone.add(stream, first, kept, size, float(number))
     assert own.total == alone.total

@@ -169,6 +169,37 @@ def test_the_rate_falls_without_reports_and_recovers() -> None:
     assert not robot.controller.stats(robot.robot_time).timeout
 
 
+class Little(Load):
+    """Streams that use all of the link for a while, and then only a little of what they may."""
+    FRAMES, SIZE, UNTIL, RATE = 10, 1000, 6.0, 20e3
+
+    def start(self, robot: Robot) -> None:
+        self._put(robot)
+
+    def demands(self) -> Dict[str, Demand]:
+        return {'little': Greedy.DEMAND}
+
+    def _put(self, robot: Robot) -> None:
+        rate = 1.2 * (robot.controller.rate(robot.robot_time) or 0.0) if robot.events.now < self.UNTIL else self.RATE
+        robot.put('little', None, [(max(1, round(rate / self.FRAMES / self.SIZE)), self.SIZE)])
+        robot.events.at(robot.events.now + 1 / self.FRAMES, self._put, robot)
+
+
+@pytest.mark.parametrize('seed', range(8))
+@pytest.mark.parametrize('loss', [0.2, 0.5])
+def test_sudden_loss_while_streams_send_little_does_not_lower_the_capacity_for_long(loss: float, seed: int) -> None:
+    events, there, robot = link(1, seed=seed, load=Little())
+    events.run(10)
+    for channel in (there, robot.back):
+        channel.conditions = replace(channel.conditions, loss=loss)
+    known = []
+    while events.now < 40:
+        events.run(events.now + 0.1)
+        known.append(robot.controller.stats(robot.robot_time).capacity / MBIT)
+    assert max(known) <= 1.2
+    assert sum(capacity < 0.8 for capacity in known) <= 50
+
+
 def test_robots_that_share_the_air() -> None:
     events, there = Events(), Channel(LinkConditions(rate=20e6, delay=0.02, queue=0.2), 1)
     back, draw = Channel(LinkConditions(delay=0.02), 2), random.Random(3)

@@ -160,7 +160,7 @@ class Controller:
             number = limits.get(name, count)
             state.policer.spend(number * size)
             if number < count:
-                state.reader.sent.leave_out(stream, seq + number, count - number, size)
+                state.reader.sent.leave_out(stream, seq + number, count - number, size, now)
 
     def on_operators(self, connections: Mapping[str, int], now: float) -> None:
         """Take the operators that the streams are sent to now; the others no longer count.

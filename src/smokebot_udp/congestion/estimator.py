@@ -86,7 +86,10 @@ REPORT_LOSS_PROBABILITY = 0.01
 """Reports are lost like datagrams: the timeout is longer where losing all of them is more probable than this."""
 
 RECOVERY_FACTOR = 2.0
-"""When reports return and show no queue, the capacity is what it was before the timeout, over this."""
+"""When reports return and show no queue, the capacity is what it was before the timeout, over this;"""
+
+RECOVERY_GROWTH_FACTOR = 1.2
+"""and this much more with each report that shows no queue, until it is what it was."""
 
 LONG_QUEUE = 0.06
 """A longer queue is drained; and datagrams lost beside it may never have been on the air [s]."""
@@ -166,7 +169,7 @@ class Estimator:
         self._delay, self._loss, self._probes, self._probe_rtt = QueueDelay(), Loss(), ProbeController(), ProbeRtt()
         self._newest: Optional[PacketSample] = None
         self._reported = now            # when the last report came
-        self._before_timeout = 0.0      # capacity [byte/s]
+        self._before_timeout = 0.0      # capacity; less once it was measured to be less [byte/s]
         self._was_short = True          # whether the last report showed a short queue
         self._last_short = now          # when the queue was last near its target
 
@@ -216,7 +219,7 @@ class Estimator:
         timeout = max(REPORT_TIMEOUT, REPORT_INTERVAL * math.log(REPORT_LOSS_PROBABILITY) / math.log(loss))
         while now - self._reported > timeout * (1 + self.timeouts) and self.link.capacity > self.limits.min_rate:
             if not self.timeouts:
-                self._before_timeout = self.link.capacity
+                self._before_timeout = max(self._before_timeout, self.link.capacity)
             self.timeouts += 1
             self.link.capacity = max(self.link.capacity / 2, self.limits.min_rate)
         self._set_rate(now)
@@ -243,6 +246,7 @@ class Estimator:
             step = min(1.0, 2 * busy / HORIZON) * (carried * (1 - dropped) / busy - link.capacity)
             if step > 0 or queue > self._target() / 2:      # without a queue less was offered, not carried
                 link.capacity += step
+                self._before_timeout = min(self._before_timeout, math.inf if step > 0 else link.capacity)
         if queue < LONG_QUEUE and not self._loss.excess:
             # what was sent beside a long queue was not all carried
             since = max((at + 1 for at, wait in enumerate(waits) if wait > LONG_QUEUE), default=0)
@@ -272,9 +276,11 @@ class Estimator:
 
     def _grow(self, chain: List[PacketSample]) -> None:
         """Assume somewhat more capacity than is used."""
+        link = self.link
         offered = (chain[-1].total - chain[0].total) / max(chain[-1].sent - chain[0].sent, 1e-3)
         ceiling = max(MAX_MIN_RATE_FACTOR * self.limits.min_rate, MAX_OFFERED_FACTOR * offered)
-        self.link.capacity = max(self.link.capacity, min(ceiling, self.link.capacity * GROWTH_FACTOR))
+        link.capacity = max(link.capacity, min(ceiling, link.capacity * GROWTH_FACTOR),
+                            min(self._before_timeout, link.capacity * RECOVERY_GROWTH_FACTOR))
 
     def _update_probe_rtt(self, sample: PacketSample, queue: float, now: float) -> None:
         """End a pause and use what it measured; begin one where there is a reason."""
@@ -282,7 +288,7 @@ class Estimator:
             self._loss.answered()
         if self._loss.excess and queue < LONG_QUEUE and self._probe_rtt.loss_checked(now):
             reduced = self.link.capacity * max(MIN_GAIN, 1 - self._loss.excess)
-            self.link.capacity = max(reduced, self.limits.min_rate)
+            self.link.capacity = self._before_timeout = max(reduced, self.limits.min_rate)
             self._loss.answered()
         if queue < STANDING_FACTOR * self._target():
             self._last_short = now

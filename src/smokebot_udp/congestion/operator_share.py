@@ -6,12 +6,16 @@ so for a slower link some are left out, and its operator sees the same messages 
 without all its datagrams (a long relayed one) is left out as a whole or not at all: its operator gets fewer of them.
 """
 import bisect
-from typing import Collection, Dict, List, Mapping, NamedTuple, Optional, Tuple
+from array import array
+from typing import Collection, Dict, Mapping, NamedTuple, Optional, Tuple
 
-from .sent_history import SEQ_MODULUS, SentHistory, SentPacket
+from .sent_history import MAX_AGE, SEQ_MODULUS, SentHistory, SentPacket
 
 MAX_RANGES = 4096
-"""Ranges of datagrams that were left out, remembered of each stream, at least."""
+"""Of each stream more ranges of datagrams that were left out need not be remembered,"""
+
+MIN_RANGES = 128
+"""nor those from before sent_history.MAX_AGE, but for this number."""
 
 BURST_DURATION = 0.05
 """After a pause, what the link carries in this time may leave at once [s];"""
@@ -104,29 +108,39 @@ class Policer:
 
 
 class _LeftOut:
-    """Ranges of a growing number that were left out, and how much of it that is."""
+    """Ranges of a growing number that were left out, and how much of it that is. 32 bytes each."""
 
     def __init__(self) -> None:
         self.amount = 0
-        self._starts: List[int] = []
-        self._before: List[Tuple[int, int]] = []    # (length, left out before the range)
+        self._forget()
 
-    def add(self, start: int, length: int) -> None:
+    def __len__(self) -> int:
+        return len(self._starts)
+
+    def add(self, start: int, length: int, now: float) -> None:
         if self._starts and start <= self._starts[-1]:
-            self._starts, self._before = [], []     # the numbering started again
+            self._forget()      # the numbering started again
         self._starts.append(start)
-        self._before.append((length, self.amount))
+        self._lengths.append(length)
+        self._before.append(self.amount)
+        self._times.append(now)
         self.amount += length
-        if len(self._starts) >= 2 * MAX_RANGES:
-            del self._starts[:MAX_RANGES], self._before[:MAX_RANGES]
+        half = len(self._starts) // 2
+        if half >= MAX_RANGES or (half >= MIN_RANGES and self._times[half] < now - MAX_AGE):
+            for column in (self._starts, self._lengths, self._before, self._times):
+                del column[:half]
 
     def until(self, end: int) -> int:
         """How much was left out before `end`."""
         index = bisect.bisect_left(self._starts, end) - 1
         if index < 0:
-            return self._before[0][1] if self._before else 0
-        length, before = self._before[index]
-        return before + min(length, end - self._starts[index])
+            return self._before[0] if self._before else 0
+        return self._before[index] + min(self._lengths[index], end - self._starts[index])
+
+    def _forget(self) -> None:
+        self._starts, self._lengths = array('Q'), array('Q')
+        self._before = array('Q')       # left out before the range
+        self._times = array('d')        # when it was [s]
 
 
 class OperatorHistory:
@@ -146,15 +160,21 @@ class OperatorHistory:
         """Bytes of all streams sent so far."""
         return self._history.total - self._bytes.amount
 
-    def leave_out(self, stream: str, first: int, count: int, size: int) -> None:
+    @property
+    def ranges(self) -> int:
+        """Number of ranges remembered, of all streams."""
+        return len(self._bytes) + sum(map(len, self._seqs.values()))
+
+    def leave_out(self, stream: str, first: int, count: int, size: int, now: float) -> None:
         """Record that of the datagrams which were added to the history last, the last ones were left out.
 
         :param first: sequence number of the first one left out (not wrapped)
         :param count: number of datagrams
         :param size: of each on the air [byte]
+        :param now: when [s]
         """
-        self._bytes.add(self._history.total - count * size, count * size)
-        self._seqs.setdefault(stream, _LeftOut()).add(first, count)
+        self._bytes.add(self._history.total - count * size, count * size, now)
+        self._seqs.setdefault(stream, _LeftOut()).add(first, count, now)
         self._sizes[stream] = self._sizes.get(stream, 0) + count * size
 
     def find(self, stream: str, seq: int) -> Optional[SentPacket]:
