@@ -72,3 +72,11 @@ def test_any_value_is_taken_in_its_type_or_refused(value: Any) -> None:
             assert type(parameter.check(value)) is parameter.kind
         except ValueError as error:
             assert str(error) == 'must be ' + parameter.allowed
+
+
+def test_a_list_of_texts_is_a_text_where_that_is_allowed() -> None:
+    several = Parameter('', '', 'names', many=True)
+    assert several.check(['rgb', 'ring']) == several.check('rgb, ring') == 'rgb, ring' and several.check([]) == ''
+    for parameter, value in (several, ['rgb', 1]), (Parameter('', '', 'name'), ['rgb']):
+        with pytest.raises(ValueError, match='must be a text'):
+            parameter.check(value)

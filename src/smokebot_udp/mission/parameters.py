@@ -30,6 +30,8 @@ class Parameter:
     choices: Tuple[str, ...] = ()
     live: bool = False
     """Whether it may change while the node runs."""
+    many: bool = False
+    """Whether a text may be given as a list of texts, too: it becomes one, with commas."""
 
     @property
     def kind(self) -> Type[Any]:
@@ -43,6 +45,8 @@ class Parameter:
         """
         if self.kind is float and type(value) is int and abs(value) < 2 ** 53:
             value = float(value)
+        if self.many and isinstance(value, list) and all(isinstance(item, str) for item in value):
+            value = ', '.join(value)
         if type(value) is not self.kind or not self._allows(value):
             raise ValueError('must be ' + self.allowed)
         return value

@@ -30,6 +30,9 @@ PCL_INDEXES = 2 ** 31 - 1
 FARTHEST = 2.0 ** 61
 """Voxels are numbered up to here on each axis; the last one contains all that is beyond."""
 
+COLOURS = 'rgb', 'rgba'
+"""Fields of 4 bytes, one a channel."""
+
 Filtered = Tuple[Float32Array, Optional[Float32Array]]
 """(m, 3) centroids, ordered by voxel: by z, then y, then x; and (m,) mean intensities or None."""
 
@@ -58,8 +61,30 @@ def filter_by_pcl(points: Float32Array, leaf: float, intensity: Optional[Float32
     return centroids[:, :3], None if intensity is None else centroids[:, 3]
 
 
+def filter_with_fields(points: Float32Array, leaf: float, intensity: Optional[Float32Array], extra: Array
+                       ) -> Tuple[Float32Array, Optional[Float32Array], Array]:
+    """As voxel_filter, with further fields: means of the channels of rgb and rgba, of others the first point's value.
+
+    :param extra: (n,) structured array of unsigned integers
+    :return: centroids and mean intensities as of voxel_filter, and (m,) extra
+    """
+    groups = _groups(points, leaf)
+    merged = extra[groups[0][groups[1]]]
+    for name in COLOURS:
+        if name in (extra.dtype.names or ()) and extra.dtype[name].itemsize == 4:
+            channels = np.ascontiguousarray(extra[name]).view(np.uint8).reshape(-1, 4)
+            means = [_means(channels[:, channel], *groups) for channel in range(4)]
+            merged[name] = np.rint(np.stack(means, axis=1)).astype(np.uint8).view('<u4')[:, 0]
+    return (*_filtered(points, intensity, *groups), merged)
+
+
 def filter_by_numpy(points: Float32Array, leaf: float, intensity: Optional[Float32Array] = None) -> Filtered:
     """As voxel_filter."""
+    return _filtered(points, intensity, *_groups(points, leaf))
+
+
+def _groups(points: Float32Array, leaf: float) -> Tuple[IntArray, IntArray]:
+    """(n,) the points' indexes, voxel by voxel and in their order within each; (m,) where in it a voxel begins."""
     voxels = voxels_of(points, leaf)
     low = voxels.min(axis=0)
     # Python's own integers: the product may not fit in 64 bits
@@ -71,15 +96,20 @@ def filter_by_numpy(points: Float32Array, leaf: float, intensity: Optional[Float
     else:
         order = np.lexsort(voxels.T)
         begins = np.flatnonzero(np.append(True, (np.diff(voxels[order], axis=0) != 0).any(axis=1)))
-    counts = np.diff(np.append(begins, len(points)))
+    return order, begins
 
-    def mean(values: Float32Array) -> Float32Array:
-        sums: Array = np.add.reduceat(values[order], begins, dtype=np.float64)
-        means: Array = sums / counts
-        return means.astype(np.float32)
 
-    centroids = np.stack([mean(points[:, axis]) for axis in range(3)], axis=1)
-    return centroids, None if intensity is None else mean(intensity)
+def _filtered(points: Float32Array, intensity: Optional[Float32Array], order: IntArray, begins: IntArray) -> Filtered:
+    """The centroids and mean intensities of groups of points."""
+    centroids = np.stack([_means(points[:, axis], order, begins) for axis in range(3)], axis=1)
+    return centroids, None if intensity is None else _means(intensity, order, begins)
+
+
+def _means(values: Array, order: IntArray, begins: IntArray) -> Float32Array:
+    """(m,) the means of groups of (n,) values."""
+    sums: Array = np.add.reduceat(values[order], begins, dtype=np.float64)
+    means: Array = sums / np.diff(np.append(begins, len(order)))
+    return means.astype(np.float32)
 
 
 def voxels_of(points: Float32Array, leaf: float) -> IntArray:

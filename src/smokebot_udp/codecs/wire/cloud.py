@@ -16,6 +16,9 @@ from .parts import ReceivedParts
 MAX_POINTS = 1 << 21
 """Clouds of more points are refused on arrival: they would take some 50 MB."""
 
+MAX_BYTES = 32 * MAX_POINTS
+"""Clouds whose points take more together are refused: points with further fields are larger."""
+
 MAX_BITS = 20
 """Maximum size of an axis' offsets. Clouds that need more at the requested bound are sent as float32 [bit]."""
 
@@ -180,6 +183,8 @@ def deal(points: Array, chunks: int) -> Array:
     if len(points) > MAX_POINTS or chunks > MAX_CHUNKS:
         raise ValueError('%d points in %d chunks; there are up to %d in %d' % (
             len(points), chunks, MAX_POINTS, MAX_CHUNKS))
+    if points.nbytes > MAX_BYTES:
+        raise ValueError('%d points take %d bytes; there are up to %d' % (len(points), points.nbytes, MAX_BYTES))
     size = -(-len(points) // chunks)
     missing = size * chunks - len(points)
     if missing:
@@ -210,18 +215,22 @@ class CloudParts(ReceivedParts):
 
     :param points: number of points of the whole cloud
     :param chunks: number of chunks
+    :param extra: size of a point's further fields [byte]
     :raises ValueError: the numbers contradict each other or exceed a limit
     """
 
-    def __init__(self, points: int, chunks: int, point_format: PointFormat) -> None:
+    def __init__(self, points: int, chunks: int, point_format: PointFormat, extra: int = 0) -> None:
         if not (1 <= chunks <= max(1, points) and points <= MAX_POINTS):
             raise ValueError('%d points in %d chunks; there are up to %d' % (points, chunks, MAX_POINTS))
+        self._size = point_format.size + extra
+        if points * self._size > MAX_BYTES:
+            raise ValueError('%d points of %d bytes; there are up to %d bytes' % (points, self._size, MAX_BYTES))
         self.points, self.format = points, point_format
         super().__init__(chunks)
         self.ending = False
         """Whether one of the last chunks was received: little can follow."""
         self._last = sending_order(chunks)[-ENDING:]
-        self._dealt = np.zeros((chunks, -(-points // chunks) * point_format.size), np.uint8)
+        self._dealt = np.zeros((chunks, -(-points // chunks) * self._size), np.uint8)
 
     def add(self, indexes: IntArray, payloads: UInt8Array) -> BoolArray:
         """Add chunks of the same length.
@@ -244,11 +253,18 @@ class CloudParts(ReceivedParts):
 
         :return: (n, 3) float32 points [m], and (n,) float32 intensities or None
         """
+        return self.merge_with_fields()[:2]
+
+    def merge_with_fields(self) -> Tuple[Float32Array, Optional[Float32Array], UInt8Array]:
+        """As merge, with (n, extra) uint8, the points' further fields."""
         chunks = np.flatnonzero(self.have)
-        dealt = self._dealt[chunks].reshape(len(chunks), self._dealt.shape[1] // self.format.size, self.format.size)
+        dealt = self._dealt[chunks].reshape(len(chunks), self._dealt.shape[1] // self._size, self._size)
         in_cloud = chunks + np.arange(dealt.shape[1])[:, np.newaxis] * len(self.have) < self.points
-        points, intensity = self.format.read(np.swapaxes(dealt, 0, 1)[in_cloud])
+        merged = np.swapaxes(dealt, 0, 1)[in_cloud]
+        points, intensity = self.format.read(merged[:, :self.format.size])
+        extra = merged[:, self.format.size:]
         finite = np.isfinite(points).all(axis=1)
         if not finite.all():
             points, intensity = points[finite], None if intensity is None else intensity[finite]
-        return points, intensity
+            extra = extra[finite]
+        return points, intensity, extra

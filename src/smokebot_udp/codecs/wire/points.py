@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The points of a sensor_msgs/PointCloud2 of any layout as plain arrays."""
-from typing import Any, Iterable, Optional, Tuple
+from typing import Any, Iterable, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -12,6 +12,18 @@ DATATYPES = {1: 'i1', 2: 'u1', 3: 'i2', 4: 'u2', 5: 'i4', 6: 'u4', 7: 'f4', 8: '
 FLOATS = 7, 8
 
 
+class Cloud(NamedTuple):
+    """The finite points of a cloud, in its order."""
+    points: Float32Array
+    """(n, 3) x, y, z [m]"""
+    intensity: Optional[Float32Array]
+    """(n,)"""
+    extra: Array
+    """(n,) structured array of the further fields: little-endian unsigned integers with the bytes of the values."""
+    datatypes: Tuple[int, ...]
+    """Of the further fields."""
+
+
 def as_points(data: Buffer, fields: Iterable[Any], height: int, width: int, point_step: int, row_step: int,
               is_bigendian: bool, with_intensity: bool = False) -> Tuple[Float32Array, Optional[Float32Array]]:
     """The finite points of a cloud, organised or not.
@@ -21,6 +33,17 @@ def as_points(data: Buffer, fields: Iterable[Any], height: int, width: int, poin
         cloud's order, without points whose coordinates are NaN or infinite
     :raises ValueError: names the wrong field and its value
     """
+    cloud = read_cloud(data, fields, height, width, point_step, row_step, is_bigendian, with_intensity)
+    return cloud.points, cloud.intensity
+
+
+def read_cloud(data: Buffer, fields: Iterable[Any], height: int, width: int, point_step: int, row_step: int,
+               is_bigendian: bool, with_intensity: bool = False, further: Sequence[str] = ()) -> Cloud:
+    """As as_points, with further fields of any type.
+
+    :param further: their names; those that the cloud does not have are left out
+    :raises ValueError: names the wrong field and its value
+    """
     by_name = {field.name: field for field in fields}
     for name in 'xyz':
         if name not in by_name:
@@ -28,7 +51,12 @@ def as_points(data: Buffer, fields: Iterable[Any], height: int, width: int, poin
         if by_name[name].datatype not in FLOATS:
             raise ValueError('field %s is of datatype %d, must be FLOAT32 (7) or FLOAT64 (8)' % (
                 name, by_name[name].datatype))
-    names = ['x', 'y', 'z'] + ['intensity'] * (with_intensity and 'intensity' in by_name)
+    with_intensity = with_intensity and 'intensity' in by_name and 'intensity' not in further
+    further = [name for name in further if name in by_name]
+    for name in further:
+        if by_name[name].count > 1:
+            raise ValueError('field %s has %d values a point, must be one' % (name, by_name[name].count))
+    names = ['x', 'y', 'z'] + ['intensity'] * with_intensity
     formats = [_format(by_name[name], point_step, is_bigendian) for name in names]
     offsets = [by_name[name].offset for name in names]
     row_step = _row_step(data, height, width, point_step, row_step)
@@ -38,12 +66,25 @@ def as_points(data: Buffer, fields: Iterable[Any], height: int, width: int, poin
     with np.errstate(over='ignore', invalid='ignore'):     # float64 beyond float32; signalling NaNs
         for axis, name in enumerate('xyz'):
             points[:, axis] = grid[name].reshape(-1)
-        intensity = grid['intensity'].reshape(-1).astype(np.float32) if 'intensity' in names else None
+        intensity = grid['intensity'].reshape(-1).astype(np.float32) if with_intensity else None
+    extra = _raw(data, [by_name[name] for name in further], (height, width), (row_step, point_step), is_bigendian)
     finite = np.isfinite(points).all(axis=1)
     if not finite.all():
         points = points[finite]
         intensity = None if intensity is None else intensity[finite]
-    return points, intensity
+        extra = extra[finite]
+    return Cloud(points, intensity, extra, tuple(by_name[name].datatype for name in further))
+
+
+def _raw(data: Buffer, fields: List[Any], shape: Tuple[int, int], steps: Tuple[int, int], is_bigendian: bool) -> Array:
+    """(n,) structured array of the bytes of some fields, as little-endian unsigned integers."""
+    sizes = [(field.name, _format(field, steps[1], is_bigendian).itemsize) for field in fields]
+    values: Array = np.empty(shape[0] * shape[1], [(name, '<u%d' % size) for name, size in sizes])
+    for field, (name, size) in zip(fields, sizes):
+        order = '>' if is_bigendian else '<'
+        grid: Array = np.ndarray(shape, '%su%d' % (order, size), data, field.offset, steps)
+        values[name] = grid.reshape(-1)
+    return values
 
 
 def _format(field: Any, point_step: int, is_bigendian: bool) -> DType:

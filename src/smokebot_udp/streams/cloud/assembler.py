@@ -7,8 +7,9 @@ from typing import Any, Deque, Mapping, NamedTuple, Optional, Tuple, Union
 import numpy as np
 from sensor_msgs.msg import PointCloud2, PointField
 
-from ...arrays import Float32Array, Records
+from ...arrays import Float32Array, Records, UInt8Array
 from ...codecs.wire.cloud import CloudParts, PointFormat
+from ...codecs.wire.cloud_fields import Fields, bytes_dtype, read_fields
 from ...codecs.wire.sorted_parts import SortedParts
 from ...mission.parameters import Parameter
 from ...mission.settings import Settings
@@ -31,6 +32,10 @@ class Points(NamedTuple):
     """(n, 3) [m]"""
     intensity: Optional[Float32Array]
     """(n,)"""
+    extra: UInt8Array
+    """(n, k) bytes of their further fields."""
+    fields: Fields
+    """The further fields."""
 
 
 Content = Union[CloudParts, SortedParts]
@@ -40,7 +45,7 @@ class CloudAssembler(StampedAssembler[Content, Assembled]):
     """Makes one cloud of each stamp's chunks."""
     MESSAGE, SEGMENTS = PointCloud2, {MAIN_PART: CloudChunk}
     HEADS = {MAIN_PART: ('points', 'chunks', 'has_intensity', 'step', 'origin', 'bits', 'intensity_min',
-                         'intensity_step', 'codes')}
+                         'intensity_step', 'fields', 'codes')}
     PARAMETERS = {
         **StampedAssembler.PARAMETERS,
         'persistence': Parameter(0.0, 's', 'how long the points of earlier clouds are kept while the robot stands '
@@ -55,18 +60,25 @@ class CloudAssembler(StampedAssembler[Content, Assembled]):
     def begin(self, head: SimpleNamespace) -> Content:
         point_format = PointFormat(bool(head.has_intensity), head.step, head.origin, head.bits, head.intensity_min,
                                    head.intensity_step)
+        fields = read_fields(head.fields)
+        if fields and (head.codes or (head.has_intensity and 'intensity' in [field.name for field in fields])):
+            raise ValueError('fields of sorted points, or a second intensity')
         if head.codes:
             return SortedParts(head.points, head.chunks, point_format, bytes(head.codes))
-        return CloudParts(head.points, head.chunks, point_format)
+        return CloudParts(head.points, head.chunks, point_format, bytes_dtype(fields).itemsize)
 
     def parts(self, records: Records, part: str) -> Tuple[Any, ...]:
         return records['index'].astype(int), records['data']
 
     def assemble(self, finished: Frame[Content], settings: Settings, still: bool, now: float) -> Optional[Assembled]:
         head, cloud = finished.head, finished.content
-        points = Points(now, head.frame_id, *cloud.merge())
         if isinstance(cloud, SortedParts):
+            xyz, intensity = cloud.merge()
+            extra = np.zeros((len(xyz), 0), np.uint8)
             self.dropped['broken'] += cloud.broken
+        else:
+            xyz, intensity, extra = cloud.merge_with_fields()
+        points = Points(now, head.frame_id, xyz, intensity, extra, read_fields(head.fields))
         if not cloud.have.any():    # nothing can be read
             return None
         persistence = settings['persistence']
@@ -83,21 +95,27 @@ class CloudAssembler(StampedAssembler[Content, Assembled]):
             earlier.clear()
         while earlier and (points.received - earlier[0].received > persistence
                            or earlier[0].frame_id != points.frame_id
-                           or (earlier[0].intensity is None) != (points.intensity is None)):
+                           or (earlier[0].intensity is None) != (points.intensity is None)
+                           or earlier[0].fields != points.fields):
             earlier.popleft()
         earlier.append(points)
         while len(earlier) > 1 and sum(len(kept.xyz) for kept in earlier) > MAX_PERSISTENT_POINTS:
             earlier.popleft()
         intensities = [kept.intensity for kept in earlier if kept.intensity is not None]
         return points._replace(xyz=np.concatenate([kept.xyz for kept in earlier]),
+                               extra=np.concatenate([kept.extra for kept in earlier]),
                                intensity=np.concatenate(intensities) if intensities else None)
 
 
 def _message(head: SimpleNamespace, points: Points) -> PointCloud2:
     names = ['x', 'y', 'z'] + ['intensity'] * (points.intensity is not None)
     values = points.xyz if points.intensity is None else np.column_stack([points.xyz, points.intensity])
-    step = 4 * len(names)
-    return PointCloud2(
-        header=header_of(head), height=1, width=len(values), point_step=step, row_step=step * len(values),
-        is_dense=True, fields=[PointField(name, 4 * i, PointField.FLOAT32, 1) for i, name in enumerate(names)],
-        data=np.ascontiguousarray(values, '<f4').tobytes())
+    data = np.ascontiguousarray(values, '<f4').view(np.uint8).reshape(len(values), 4 * len(names))
+    fields, step = [PointField(name, 4 * i, PointField.FLOAT32, 1) for i, name in enumerate(names)], data.shape[1]
+    for field in points.fields:
+        fields.append(PointField(field.name, step, field.datatype, 1))
+        step += bytes_dtype((field,)).itemsize
+    if points.fields:
+        data = np.hstack([data, points.extra])
+    return PointCloud2(header=header_of(head), height=1, width=len(values), point_step=step,
+                       row_step=step * len(values), is_dense=True, fields=fields, data=data.tobytes())

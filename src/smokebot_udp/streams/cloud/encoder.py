@@ -2,15 +2,16 @@
 """Cloud streams: sensor_msgs/PointCloud2 of any layout, reduced by a voxel grid filter, in chunks (D6.3, section 6.1).
 """
 import math
-from typing import Any, List, Mapping, Optional, Tuple
+from typing import Any, Iterable, List, Mapping, Optional, Set, Tuple
 
 import numpy as np
 from sensor_msgs.msg import PointCloud2
 
 from ...arrays import BoolArray, Float32Array
-from ...codecs.perception.voxel import voxel_filter
+from ...codecs.perception.voxel import filter_with_fields, voxel_filter
 from ...codecs.wire import cloud, sorted_cloud
-from ...codecs.wire.points import as_points
+from ...codecs.wire.cloud_fields import COORDINATES, CloudField, names_of, write_fields
+from ...codecs.wire.points import Cloud, read_cloud
 from ...congestion.operating_points import OperatingPoint, cloud_points
 from ...mission.parameters import Parameter
 from ...mission.settings import Settings
@@ -20,6 +21,12 @@ from ..encoder import Encoder
 from ..outlook import Outlook
 from ..parameters import ROBOT
 from ..segments import MAIN_PART, as_bytes, room, size_on_air, write_header
+
+MAX_TOLD = 64
+"""Number of warnings that are remembered, so that they are not repeated; further ones are left out."""
+
+PADDING = '_'
+"""Name of fields without a meaning, as PCL writes them."""
 
 FAR = 1000.0
 """The crop box does not crop at this distance [m]."""
@@ -49,6 +56,8 @@ class CloudEncoder(Encoder[Any]):
         'points_per_chunk': Parameter(80, '', 'with encoding float32: points in a datagram, if it has room for them',
                                       least=1, most=5000),
         'intensity': Parameter(False, '', 'send intensities, where the cloud has them', live=True),
+        'fields': Parameter('', '', 'names of further fields that are sent as they are, such as `rgb, ring`, also as a '
+                            'list; not sorted', live=True, many=True),
         'min_range': Parameter(0.0, 'm', 'points nearer to the sensor than this are left out', least=0.0, most=FAR,
                                live=True),
         **{'%s_%s' % (side, axis): Parameter({'min': -FAR, 'max': FAR}[side], 'm', "crop box in the cloud's frame: "
@@ -56,8 +65,13 @@ class CloudEncoder(Encoder[Any]):
                                             least=-FAR, most=FAR, live=True) for side, axis in SIDES},
     }
 
+    def __init__(self, settings: Mapping[str, Any]) -> None:
+        super().__init__(settings)
+        self._told: Set[str] = set()
+
     @staticmethod
     def check(settings: Mapping[str, Any]) -> None:
+        names_of(settings['fields'])
         for axis in 'xyz':
             low, high = settings['min_' + axis], settings['max_' + axis]
             if low > high:
@@ -69,17 +83,34 @@ class CloudEncoder(Encoder[Any]):
         return cloud_points(rate, settings.requested['leaf_size'], self.message_size)
 
     def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Frame]:
-        points, intensity = _reduced(message, settings)
-        point_format = (cloud.packed(points, settings['error_bound'], intensity)
-                        if settings['encoding'] != 'float32' and len(points) else cloud.plain(intensity is not None))
-        frame_id = message.header.frame_id.encode()
-        chunks = _chunks(points, intensity, point_format, settings, room(CloudChunk, max_datagram_size, frame_id),
+        reduced = _reduced(message, settings)
+        self._tell(message.fields, reduced, settings)
+        fields = tuple(map(CloudField, reduced.extra.dtype.names or (), reduced.datatypes))
+        point_format = (cloud.packed(reduced.points, settings['error_bound'], reduced.intensity)
+                        if settings['encoding'] != 'float32' and len(reduced.points)
+                        else cloud.plain(reduced.intensity is not None))
+        texts = message.header.frame_id.encode(), write_fields(fields)
+        chunks = _chunks(reduced, point_format, settings, room(CloudChunk, max_datagram_size, *texts),
                          _least_chunks(self.outlook))
-        frame = _frame(message, frame_id, len(points), point_format, chunks)
+        frame = _frame(message, texts, len(reduced.points), point_format, chunks)
         # of a cloud at the requested leaf size: a LiDAR sees surfaces, so points are as many as 1 / leaf_size ** 2
         leaf, requested = settings['leaf_size'], settings.requested['leaf_size']
         self.message_size = size_on_air([frame]) * ((leaf / requested) ** 2 if requested else 1.0)
         return [frame]
+
+    def _tell(self, fields: Iterable[Any], sent: Cloud, settings: Settings) -> None:
+        """Warn once of each field that is not sent, or not there, and of an encoding that is not used."""
+        present, names = [field.name for field in fields if field.name != PADDING], names_of(settings['fields'])
+        crossing = {*COORDINATES, *(sent.extra.dtype.names or ()), *['intensity'] * (sent.intensity is not None)}
+        left, missing = ([name for name in some if name not in crossing] for some in (present, names))
+        problems = ['not sent: %s; see its setting fields' % ', '.join(left)] * bool(left)
+        problems += ['the cloud has no field %s, only %s' % (', '.join(missing), ', '.join(present))] * bool(missing)
+        problems += ['its fields cannot be sorted, encoding packed is used'] * bool(
+            sent.extra.dtype.names and settings['encoding'] == 'sorted')
+        for problem in problems:
+            if problem not in self._told and len(self._told) < MAX_TOLD:
+                self._told.add(problem)
+                self.warnings.append(problem)
 
 
 def _least_chunks(outlook: Outlook) -> int:
@@ -90,56 +121,70 @@ def _least_chunks(outlook: Outlook) -> int:
     return min(max(math.ceil(math.log(LOST_CLOUDS) / math.log(loss)), LEAST_CHUNKS), MOST_NEEDED)
 
 
-def _chunks(points: Float32Array, intensity: Optional[Float32Array], point_format: cloud.PointFormat,
-            settings: Settings, left: int, least: int) -> cloud.Chunks:
+def _chunks(reduced: Cloud, point_format: cloud.PointFormat, settings: Settings, left: int, least: int) -> cloud.Chunks:
     """The points in chunks that fit; not sorted where that takes no fewer bytes.
 
     :param left: in a datagram, for data and codes [byte]
     :param least: number of chunks that are sorted
     :raises ValueError: there are more points or chunks than a receiver accepts
     """
-    if settings['encoding'] == 'sorted':
+    points, intensity, extra, _ = reduced
+    if settings['encoding'] == 'sorted' and not extra.dtype.names:
         ordered = sorted_cloud.encode(points, intensity, point_format, left, least)
         if ordered is not None and ordered.size < len(points) * point_format.size:
             return ordered
-    per_chunk = left // point_format.size
+    data = point_format.write(points, intensity)
+    if extra.dtype.names:
+        data = np.hstack([data, extra.view(np.uint8).reshape(len(extra), extra.dtype.itemsize)])
+    per_chunk = left // data.shape[1]
+    if not per_chunk:
+        raise ValueError('a point of %d bytes does not fit in a datagram' % data.shape[1])
     if not point_format.step:
         per_chunk = min(per_chunk, settings['points_per_chunk'])
-    dealt = cloud.deal(point_format.write(points, intensity), max(1, -(-len(points) // per_chunk)))
+    dealt = cloud.deal(data, max(1, -(-len(points) // per_chunk)))
     return cloud.Chunks(b'', dealt.reshape(len(dealt), -1))
 
 
-def _frame(message: Any, frame_id: bytes, points: int, point_format: cloud.PointFormat, chunks: cloud.Chunks) -> Frame:
-    """The datagrams of a cloud."""
+def _frame(message: Any, texts: Tuple[bytes, bytes], points: int, point_format: cloud.PointFormat, chunks: cloud.Chunks
+           ) -> Frame:
+    """The datagrams of a cloud.
+
+    :param texts: frame_id and fields
+    """
     order = cloud.sending_order(len(chunks.data))
-    frame = Frame(CloudChunk, len(order), {'header.frame_id': len(frame_id), 'codes': len(chunks.codes),
-                                           'data': chunks.data.shape[1]})
+    frame = Frame(CloudChunk, len(order), {'header.frame_id': len(texts[0]), 'fields': len(texts[1]),
+                                           'codes': len(chunks.codes), 'data': chunks.data.shape[1]})
     records = frame.records
     write_header(records, message.header)
     records['points'], records['chunks'], records['index'] = points, len(order), order
     records['has_intensity'] = point_format.has_intensity
     for field in ('step', 'origin', 'bits', 'intensity_min', 'intensity_step'):
         records[field] = getattr(point_format, field)
+    records['fields'] = as_bytes(texts[1])
     records['codes'], records['data'] = as_bytes(chunks.codes), chunks.data[order]
     return frame
 
 
-def _reduced(message: Any, settings: Settings) -> Tuple[Float32Array, Optional[Float32Array]]:
+def _reduced(message: Any, settings: Settings) -> Cloud:
     """The points of a PointCloud2 within the crop box and beyond min_range, after the voxel grid filter.
 
-    :return: (n, 3) float32; (n,) float32 intensities, or None
     :raises ValueError: where the layout is wrong, or no point is finite
     """
-    points, intensity = as_points(
-        message.data, message.fields, message.height, message.width, message.point_step, message.row_step,
-        message.is_bigendian, settings['intensity'])
+    found = read_cloud(message.data, message.fields, message.height, message.width, message.point_step,
+                       message.row_step, message.is_bigendian, settings['intensity'], names_of(settings['fields']))
+    points, intensity, extra, datatypes = found
     if not len(points):
         raise ValueError('none of its %d points is finite' % (message.height * message.width))
     kept = _cropped(points, settings)
     if kept is not None:
         points, intensity = points[kept], None if intensity is None else intensity[kept]
+        extra = extra[kept]
     leaf = settings['leaf_size']
-    return voxel_filter(points, leaf, intensity) if leaf and len(points) else (points, intensity)
+    if not leaf or not len(points):
+        return Cloud(points, intensity, extra, datatypes)
+    if not extra.dtype.names:
+        return Cloud(*voxel_filter(points, leaf, intensity), extra, datatypes)
+    return Cloud(*filter_with_fields(points, leaf, intensity, extra), datatypes)
 
 
 def _cropped(points: Float32Array, settings: Settings) -> Optional[BoolArray]:
