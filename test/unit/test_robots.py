@@ -8,14 +8,15 @@ from smokebot_udp.mission.robots import load
 
 GOOD = 'ugv1: {host: 10.0.0.7}\n'
 UGV1 = {'host': '10.0.0.7', 'port': 17001, 'key_file': '', 'allow_unsealed_commands': False, 'frame_prefix': 'ugv1/',
-        'streams': ''}
+        'footprint': '', 'streams': ''}
 
 
 def test_a_robot_with_defaults_and_one_with_all_settings() -> None:
     robots, problems = load(GOOD + 'ugv2: {host: ugv2.local, port: 17002, key_file: k, frame_prefix: b_, streams: s, '
-                            'allow_unsealed_commands: true}')
+                            'allow_unsealed_commands: true, footprint: [[0, 0], [1, 0], [0, 1]]}')
     assert robots == {'ugv1': UGV1, 'ugv2': {'host': 'ugv2.local', 'port': 17002, 'key_file': 'k', 'frame_prefix': 'b_',
-                                             'streams': 's', 'allow_unsealed_commands': True}}
+                                             'footprint': '[[0, 0], [1, 0], [0, 1]]', 'streams': 's',
+                                             'allow_unsealed_commands': True}}
     assert problems == []
 
 
@@ -25,7 +26,7 @@ def test_a_prefix_may_be_empty() -> None:
 
 @pytest.mark.parametrize('line, problem', [
     ('ugv2: {host: b, prot: 5}', "robot 'ugv2': prot: no such setting; there are allow_unsealed_commands, "
-                                 'frame_prefix, host, key_file, port, streams'),
+                                 'footprint, frame_prefix, host, key_file, port, streams'),
     ('ugv2: {port: 5}', "robot 'ugv2': host is missing: host name or IPv4 address of the robot"),
     ('ugv2: {host: b, port: x}', "robot 'ugv2': port is 'x', must be a whole number from 1 to 65535"),
     ('ugv2: {host: b, port: 0}', "robot 'ugv2': port is 0, must be a whole number from 1 to 65535"),
@@ -34,6 +35,8 @@ def test_a_prefix_may_be_empty() -> None:
     ('ugv2: {host: 10.0.0.8:17001}', "robot 'ugv2': host is '10.0.0.8:17001', must be a host name or an IPv4 address; "
                                      'its port is a setting of its own'),
     ('ugv2: {host: 10.0.0.7, port: 17001}', "robot 'ugv2': 10.0.0.7:17001 is already robot 'ugv1'"),
+    ('ugv2: {host: b, footprint: [[0, 0], [1, 0]]}', "robot 'ugv2': footprint is '[[0, 0], [1, 0]]', must be 3 to 64 "
+                                                     'points [[x, y], ...], each less than 100 m away'),
     ('ugv2: 10.0.0.8', "robot 'ugv2': its settings are '10.0.0.8', not names with values"),
     ('2: {host: b}', 'robot 2: a name has letters, digits and _, and begins with a letter'),
     ('a/b: {host: b}', "robot 'a/b': a name has letters, digits and _, and begins with a letter"),

@@ -9,6 +9,7 @@ A robot that is wrong is left out and reported; the others are used.
 import re
 from typing import Any, Dict, List, Mapping, Tuple
 
+from .footprint import read_footprint
 from .parameters import Parameter, check
 from .yaml_text import read_yaml
 
@@ -22,6 +23,7 @@ ROBOT = {
     'allow_unsealed_commands': Parameter(False, '', "whether the robot's commands and services work without a key"),
     'frame_prefix': Parameter('', '', "goes before all frames of the robot; if it is missing: the robot's name and a "
                               'slash'),
+    'footprint': Parameter('', 'm', 'outline of the robot, [[x, y], ...]; empty: the default of operator_receiver'),
     'streams': Parameter('', '', "file that defines the streams, the same as the robot's; empty: the desk's"),
 }
 """What robots.yaml may set for a robot."""
@@ -56,7 +58,11 @@ def _check(name: Any, values: Any, others: Mapping[str, Mapping[str, Any]]) -> D
         raise ValueError('a name has letters, digits and _, and begins with a letter')
     if not isinstance(values, dict):
         raise ValueError('its settings are %r, not names with values' % (values,))
+    if isinstance(values.get('footprint'), list):
+        values = {**values, 'footprint': str(values['footprint'])}
     settings = check({'frame_prefix': name + '/', **values}, ROBOT)
+    if settings['footprint']:
+        read_footprint(settings['footprint'])
     if not HOST.match(settings['host']):
         raise ValueError('host is %r, must be a host name or an IPv4 address; its port is a setting of its own'
                          % settings['host'])

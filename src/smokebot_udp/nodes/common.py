@@ -35,9 +35,11 @@ class Parameters:
         self.values: Dict[str, Any] = found if isinstance(found, dict) else {}
 
     def __getitem__(self, name: str) -> Any:
-        """A parameter's value in its type; a wrong one is reported, and the default is used."""
+        """A parameter's value in its type; a wrong one is reported, and the default is used. A list is a text, too."""
         parameter = self.table[name]
         value = self.values.get(name, parameter.default)
+        if parameter.kind is str and isinstance(value, list):
+            value = str(value)
         if parameter.kind is int and isinstance(value, float) and value.is_integer():
             value = int(value)
         try:

@@ -39,10 +39,15 @@ class FocusClient:
             self._status = status
             self._answered.notify_all()
 
+    @property
+    def status(self) -> Any:
+        """The robot's last RobotStatus; None: there was none."""
+        with self._answered:
+            return self._status
+
     def sent(self) -> Dict[str, Any]:
         """{stream: StreamStatus}, as the robot reported last."""
-        with self._answered:
-            status = self._status
+        status = self.status
         return {stream.name: stream for stream in status.streams} if status else {}
 
     def serve(self, asked: Any) -> Any:

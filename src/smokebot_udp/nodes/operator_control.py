@@ -94,6 +94,19 @@ class OperatorControl:
         """Ratio of this node's datagrams that do not reach the robot, 0..1; None: unknown."""
         return self._client.loss
 
+    @property
+    def state(self) -> str:
+        """In words, as on operator/control; empty: not known yet."""
+        return self._state
+
+    def situation(self) -> Tuple[bool, str, bool]:
+        """Whether the emergency stop is engaged, who drives (empty: nobody), and whether that is this operator, as far
+        as it is known."""
+        with self._worker.changing():
+            status = self._client.status
+            return (self._client.estop, status.driver if status else '',
+                    status is not None and status.driver_session == self.session)
+
     def robot_time(self, now: float) -> Optional[RobotTime]:
         """The robot's steady clock; None: unknown.
 

@@ -40,7 +40,8 @@ def operator_launch(name: str, robot: Mapping[str, Any], parameters: Mapping[str
         'rviz': str(parameters['rviz']).lower(), 'max_datagram_size': parameters['max_datagram_size'],
         'loss': parameters['loss'], 'record': str(parameters['record']).lower(),
         **{name: parameters[name] for name in ('record_dir', 'record_split_mb', 'record_max_mb')},
-        **({'streams': streams} if streams else {})}
+        **({'streams': streams} if streams else {}),
+        **({'footprint': robot['footprint']} if robot['footprint'] else {})}
     return [*LAUNCH, *('%s:=%s' % argument for argument in arguments.items())]
 
 

@@ -33,8 +33,10 @@ from .namesake import SECOND_OPERATOR, living, wait_until_free
 from .notice import Notice
 from .operator_control import OperatorControl
 from .operator_stream import OperatorLink, OperatorStream
+from .overlay import Overlay
 from .parameters import OPERATOR_RECEIVER
 from .problems import Problems
+from .robot_markers import RobotMarkers
 from .settings_mirror import SettingsMirror
 from .stale import StaleStreams
 from .transports import operator_transport
@@ -81,6 +83,9 @@ class OperatorReceiver:
                 self.streams, self._focus.sent, operator_topic(parameters['stale_topic']),
                 parameters['frame_prefix'] + parameters['base_frame'], parameters['stale_after'],
                 parameters['clear_stale'])
+            self._markers = RobotMarkers(parameters)
+            self._overlay = Overlay(self.streams, self._focus, control, operator_topic(parameters['overlay_topic']),
+                                    lambda: self._wifi.state.signal)
         stores = {name: stream.settings for name, stream in self.streams.items() if stream.settings.table}
         parts = [LiveSettings(name, store, problems.report)
                  for name, store in {**stores, **self._way_back.stores}.items()]
@@ -106,6 +111,8 @@ class OperatorReceiver:
     def close(self) -> None:
         if self._mirror is not None:
             self._mirror.close()
+        self._overlay.close()
+        self._markers.close()
         self._stale.close()
         self._diagnostics.close()
         self._wifi.close()

@@ -3,6 +3,7 @@
 from dataclasses import fields
 
 from ..mission.control import FOCUS
+from ..mission.footprint import DEFAULT_FOOTPRINT
 from ..mission.parameters import Parameter
 from ..monitoring.thresholds import Thresholds
 from ..teleop.keyboard import KEY_TIMEOUT
@@ -79,6 +80,14 @@ OPERATOR_RECEIVER = {
     'stale_after': Parameter(2.0, 's', "time without data after which rviz' 3D view shows NO DATA", least=0.1),
     'stale_topic': Parameter('/operator/stale', '', "visualization_msgs/Marker that shows NO DATA; in the operator's "
                              'namespace'),
+    'footprint': Parameter(
+        DEFAULT_FOOTPRINT, 'm', "outline of the robot in its base_frame, [[x, y], ...]; []: none is shown"),
+    'footprint_topic': Parameter('/operator/footprint', '', 'visualization_msgs/MarkerArray: the outline and the '
+                                 "heading; in the operator's namespace"),
+    'path_topic': Parameter('/operator/path', '', 'nav_msgs/Path: where the robot has driven, by odom_topic; in the '
+                            "operator's namespace"),
+    'overlay_topic': Parameter('/operator/overlay', '', 'sensor_msgs/Image for display: the link, the focus, the '
+                               "battery, who drives, the emergency stop; in the operator's namespace"),
     'clear_stale': Parameter(True, '', 'whether a blank message (stamp 0; no points, or all ranges NaN) follows the '
                              'last cloud or scan of a stream that is stale or not sent any more: rviz would go on '
                              'showing it'),

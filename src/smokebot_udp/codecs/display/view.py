@@ -152,7 +152,7 @@ def _draw_texts(strip: UInt8Array, state: str, texts: Sequence[Tuple[str, bool]]
         box = int(width * left) + pad, pad, int(width * (right - left)) - 2 * pad, height - 2 * pad
         if bad:
             cv2.rectangle(strip, box, BLACK, -1)
-        _write(strip, text, box, BLACK if state == OLD and not bad else WHITE)
+        write(strip, text, box, BLACK if state == OLD and not bad else WHITE)
 
 
 def _draw_scale(strip: UInt8Array, coloured: Coloured, palette: UInt8Array, dimmed: bool) -> None:
@@ -163,8 +163,8 @@ def _draw_scale(strip: UInt8Array, coloured: Coloured, palette: UInt8Array, dimm
     strip[3:half, left:right] = _dimmed(bar) if dimmed else bar
     for middle, number in zip(np.linspace(left, right - 1, len(MARKS)).astype(int), coloured.numbers):
         strip[3:half, middle] = WHITE
-        _write(strip, number, (middle - room // 2, half, room, height - half), WHITE)
-    _write(strip, coloured.unit, (right + 6, 0, width - right - 6, half), WHITE)
+        write(strip, number, (middle - room // 2, half, room, height - half), WHITE)
+    write(strip, coloured.unit, (right + 6, 0, width - right - 6, half), WHITE)
 
 
 def _draw_notice(strip: UInt8Array, text: str) -> None:
@@ -174,17 +174,17 @@ def _draw_notice(strip: UInt8Array, text: str) -> None:
     lines = text.split(': ', 1)     # 'LOCKED: why' is larger on two lines
     room = height // len(lines)
     for number, line in enumerate(lines):
-        _write(strip, line, (left + height // 8, number * room, width - left - height // 4, room), WHITE)
+        write(strip, line, (left + height // 8, number * room, width - left - height // 4, room), WHITE)
 
 
 def _draw_banner(image: UInt8Array, text: str) -> None:
     height, width = image.shape[:2]
     box = width // 16, (height - width // 6) // 2, width - width // 8, width // 6
-    _write(image, text, box, BLACK, 4)
-    _write(image, text, box, RED)
+    write(image, text, box, BLACK, 4)
+    write(image, text, box, RED)
 
 
-def _write(image: UInt8Array, text: str, box: Box, colour: Colour, boldness: int = 1) -> None:
+def write(image: UInt8Array, text: str, box: Box, colour: Colour, boldness: int = 1) -> None:
     """Write a text in the middle of a box, as large as it fits."""
     column, row, width, height = box
     (length, up), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 1.0, 1)

@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""An image with what an operator has to know at any time: the link, the focus, the battery, who drives, and whether the
+robot is stopped.
+
+It has two rows of tiles. A tile's colour says whether its value is good, deserves attention, is bad, or is unknown.
+"""
+import math
+from dataclasses import dataclass, replace
+from typing import List, NamedTuple, Tuple
+
+import cv2
+import numpy as np
+
+from ...arrays import UInt8Array
+from .view import COLOURS, FRESH, FROZEN, OLD, duration, write
+
+WIDTH, HEIGHT = 640, 150
+"""[pixel]"""
+
+COLUMNS, GAP = 4, 3
+
+GOOD, ATTENTION, BAD, UNKNOWN = 'good', 'attention', 'bad', 'unknown'
+TILE_COLOURS = {GOOD: (55, 55, 55), ATTENTION: COLOURS[OLD], BAD: COLOURS[FROZEN], UNKNOWN: (55, 55, 55)}
+"""{level: [b, g, r]}"""
+TEXT_COLOURS = {GOOD: (255, 255, 255), ATTENTION: (0, 0, 0), BAD: (255, 255, 255), UNKNOWN: (150, 150, 150)}
+MARK = COLOURS[FRESH]
+"""Of the bar at the left of a good tile."""
+
+LINK_TIMEOUT = 3.0
+"""Without a report from the robot for this time the link counts as broken [s]."""
+
+EMERGENCY_STOP = 'EMERGENCY STOP'
+
+
+class Limits(NamedTuple):
+    """From when a value deserves attention, and from when it is bad."""
+    attention: float
+    bad: float
+
+
+LOSS, ROUND_TRIP = Limits(0.3, 0.7), Limits(0.3, 1.0)
+SIGNAL, CHARGE = Limits(-70.0, -80.0), Limits(0.3, 0.15)
+"""Of what is worse the lower it is: [dBm], ratio."""
+
+
+@dataclass(frozen=True)
+class OperatorStatus:
+    """What the overlay shows. NaN and empty texts: unknown."""
+    link_silence: float = math.nan
+    """Time since the robot's last report of the link; infinite: there was none [s]."""
+    sent: float = math.nan
+    """Of all streams [Mbit/s]."""
+    capacity: float = math.nan
+    """Of the link [Mbit/s]."""
+    loss: float = math.nan
+    """Packet-loss ratio, 0..1."""
+    round_trip: float = math.nan
+    """[s]"""
+    signal: float = math.nan
+    """Of the Wi-Fi, of the side that receives it worse [dBm]."""
+    focus: str = ''
+    modified: bool = False
+    """Whether a setting differs from the focus's."""
+    charge: float = math.nan
+    """Of the battery, 0..1."""
+    voltage: float = math.nan
+    """[V]"""
+    driver: str = ''
+    """Who drives; empty: nobody."""
+    drives: bool = False
+    """Whether this operator does."""
+    control: str = ''
+    """The state of control in words, as on operator/control; empty: unknown."""
+    free: bool = False
+    """Whether this operator's commands leave and are obeyed."""
+    estop: bool = False
+    """Whether the emergency stop is engaged."""
+
+
+class Tile(NamedTuple):
+    """One value."""
+    label: str
+    text: str
+    level: str
+    """GOOD, ATTENTION, BAD or UNKNOWN."""
+
+
+def tiles(status: OperatorStatus) -> Tuple[Tile, ...]:
+    """The tiles, row by row. While the link is broken its values are unknown; the others are the last ones."""
+    if status.link_silence > LINK_TIMEOUT:
+        status = replace(status, loss=math.nan, round_trip=math.nan, signal=math.nan)
+    return (_link(status),
+            _tile('LOSS', '%.0f %%', 100, status.loss, LOSS),
+            _tile('ROUND TRIP', '%.0f ms', 1e3, status.round_trip, ROUND_TRIP),
+            _tile('WI-FI', '%.0f dBm', 1, status.signal, SIGNAL),
+            Tile('FOCUS', (status.focus or '-') + '*' * status.modified, _known(status.focus)),
+            _battery(status), _driver(status), _stop(status))
+
+
+def overlay(shown: Tuple[Tile, ...]) -> UInt8Array:
+    """The image of the tiles: (HEIGHT, WIDTH, 3) uint8, bgr."""
+    image: UInt8Array = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
+    rows = -(-len(shown) // COLUMNS)
+    width, height = WIDTH // COLUMNS, HEIGHT // rows
+    for number, tile in enumerate(shown):
+        row, column = divmod(number, COLUMNS)
+        _draw(image[row * height + GAP:(row + 1) * height - GAP, column * width + GAP:(column + 1) * width - GAP], tile)
+    return image
+
+
+def _draw(image: UInt8Array, tile: Tile) -> None:
+    height, width = image.shape[:2]
+    image[:] = TILE_COLOURS[tile.level]
+    if tile.level == GOOD:
+        image[:, :2 * GAP] = MARK
+    colour = TEXT_COLOURS[tile.level]
+    cv2.putText(image, tile.label, (5 * GAP, height // 3), cv2.FONT_HERSHEY_SIMPLEX, 0.42, colour, 1, cv2.LINE_AA)
+    lines = [line for line in tile.text.split(': ', 1) if line] or ['-']    # 'LOCKED: why' is larger on two lines
+    room = 2 * height // 3 // len(lines)
+    for number, line in enumerate(lines):
+        write(image, line, (4 * GAP, height // 3 + number * room, width - 6 * GAP, room), colour)
+
+
+def _tile(label: str, text: str, factor: float, value: float, limits: Limits) -> Tile:
+    """:param factor: of the value in the text"""
+    if not math.isfinite(value):
+        return Tile(label, '-', UNKNOWN)
+    return Tile(label, text % (factor * value), _level(value, limits))
+
+
+def _level(value: float, limits: Limits) -> str:
+    sign = 1 if limits.bad > limits.attention else -1
+    return (BAD if sign * value >= sign * limits.bad else
+            ATTENTION if sign * value >= sign * limits.attention else GOOD)
+
+
+def _known(text: str) -> str:
+    return GOOD if text else UNKNOWN
+
+
+def _link(status: OperatorStatus) -> Tile:
+    silence = status.link_silence
+    if silence > LINK_TIMEOUT:
+        return Tile('LINK', 'NO LINK' + ('' if math.isinf(silence) else ' ' + duration(silence)), BAD)
+    if math.isnan(silence) or math.isnan(status.sent):
+        return Tile('LINK', '-', UNKNOWN)
+    of: List[float] = [status.sent] + ([status.capacity] if math.isfinite(status.capacity) else [])
+    return Tile('LINK [Mbit/s]', ' of '.join('%.3g' % value if value < 100 else '%.0f' % value for value in of), GOOD)
+
+
+def _battery(status: OperatorStatus) -> Tile:
+    volts = '' if math.isnan(status.voltage) else '%.1f V' % status.voltage
+    charge = _tile('BATTERY', '%.0f %%', 100, status.charge, CHARGE)
+    if charge.level == UNKNOWN:
+        return Tile('BATTERY', volts or '-', _known(volts))
+    return charge._replace(text=' '.join(filter(None, (charge.text, volts))))
+
+
+def _driver(status: OperatorStatus) -> Tile:
+    if status.drives:
+        return Tile('DRIVES', 'you', GOOD)
+    if status.driver:
+        return Tile('DRIVES', status.driver, ATTENTION)
+    return Tile('DRIVES', 'nobody' if status.control else '-', UNKNOWN)
+
+
+def _stop(status: OperatorStatus) -> Tile:
+    """Whether the robot obeys, or why not."""
+    if status.estop:
+        return Tile('STOP', EMERGENCY_STOP, BAD)
+    if status.free:
+        return Tile('STOP', 'free', GOOD)
+    return Tile('STOP', status.control or '-', ATTENTION if status.drives else UNKNOWN)

@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Publishes the overlay, an image with what an operator has to know at any time, see codecs.display.overlay."""
+import math
+import time
+from typing import Any, Callable, Dict, Mapping, Optional, Tuple
+
+import rospy
+from sensor_msgs.msg import BatteryState, Image
+
+from ..codecs.display.overlay import OperatorStatus, Tile, overlay, tiles
+from ..msg import LinkStatus
+from .focus_client import FocusClient
+from .logging import log_error
+from .operator_control import IN_CONTROL, OperatorControl
+from .worker import PeriodicWorker
+
+PERIOD = 0.2
+"""How often it is looked whether anything has changed [s]."""
+
+REPEAT_PERIOD = 1.0
+"""The same image is repeated for new viewers [s]."""
+
+
+class Overlay:
+    """Lives as long as its node. The link and the battery are those of the first stream with such messages.
+
+    :param streams: {name: OperatorStream}, started
+    :param topic: of the sensor_msgs/Image
+    :param signal: f() -> of the Wi-Fi on this side; NaN: unknown [dBm]
+    """
+
+    def __init__(self, streams: Mapping[str, Any], focus: FocusClient, control: OperatorControl, topic: str,
+                 signal: Callable[[], float]) -> None:
+        self._focus, self._control, self._signal = focus, control, signal
+        self._sources = {class_: stream for stream in reversed(list(streams.values()))
+                         for class_ in (LinkStatus, BatteryState) if stream.assembler.MESSAGE is class_}
+        self._newest: Dict[Any, Any] = {}     # by class
+        self._shown: Tuple[Tile, ...] = ()
+        self._published = -math.inf     # [s]
+        self._subscribers = [rospy.Subscriber(stream.topic, class_, self._take, class_, queue_size=1)
+                             for class_, stream in self._sources.items()]
+        self._publisher = rospy.Publisher(topic, Image, queue_size=1, tcp_nodelay=True)
+        self._worker = PeriodicWorker('overlay', self._update, log_error('overlay'), PERIOD)
+        self._worker.start()
+
+    def _take(self, message: Any, class_: Any) -> None:
+        self._newest[class_] = message
+
+    def _update(self) -> None:
+        if not self._publisher.get_num_connections() or rospy.is_shutdown():
+            return
+        now = time.monotonic()
+        shown = tiles(self._status(now))
+        if shown == self._shown and now < self._published + REPEAT_PERIOD:
+            return
+        image = overlay(shown)
+        self._publisher.publish(Image(height=image.shape[0], width=image.shape[1], encoding='bgr8',
+                                      step=image.strides[0], data=image.tobytes()))
+        self._shown, self._published = shown, now
+
+    def _status(self, now: float) -> OperatorStatus:
+        robot, link, battery = self._focus.status, self._newest.get(LinkStatus), self._newest.get(BatteryState)
+        values: Dict[str, Any] = {}
+        if link is not None:
+            signals = [value for value in (link.wifi.signal, self._signal()) if math.isfinite(value)]
+            values.update(sent=link.sent, capacity=link.capacity, loss=link.loss, round_trip=link.round_trip,
+                          signal=min(signals, default=math.nan))
+        if battery is not None:
+            values.update(charge=battery.percentage, voltage=battery.voltage)
+        if robot is not None:
+            values.update(focus=robot.focus, modified=robot.modified)
+        estop, driver, drives = self._control.situation()
+        state = self._control.state
+        return OperatorStatus(link_silence=self._silence(now), control=state, free=state == IN_CONTROL, estop=estop,
+                              driver=driver, drives=drives, **values)
+
+    def _silence(self, now: float) -> float:
+        """Of the link's reports [s]; infinite: there was none; NaN: no stream carries them."""
+        stream: Optional[Any] = self._sources.get(LinkStatus)
+        if stream is None:
+            return math.nan
+        return math.inf if stream.last_shown is None else now - stream.last_shown
+
+    def close(self) -> None:
+        self._worker.stop()
+        for subscriber in self._subscribers:
+            subscriber.unregister()
+        self._publisher.unregister()

@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The overlay: what its tiles say, and in which colour."""
+import math
+from typing import Any, Dict, Tuple
+
+import numpy as np
+import pytest
+from hypothesis import example, given, strategies
+
+from smokebot_udp.codecs.display.overlay import (
+    ATTENTION,
+    BAD,
+    COLUMNS,
+    GOOD,
+    HEIGHT,
+    MARK,
+    TILE_COLOURS,
+    UNKNOWN,
+    WIDTH,
+    OperatorStatus,
+    overlay,
+    tiles,
+)
+
+GOOD_STATUS: Dict[str, Any] = {
+    'link_silence': 0.4, 'sent': 0.93, 'capacity': 2.0, 'loss': 0.2, 'round_trip': 0.045, 'signal': -61.0,
+    'focus': 'navigation', 'charge': 0.82, 'voltage': 24.4, 'driver': '/desk', 'drives': True,
+    'control': 'in control', 'free': True}
+
+
+def said(**values: Any) -> Dict[str, Tuple[str, str]]:
+    """{label: (text, level)}; the link's label may have a unit."""
+    return {tile.label.split()[0]: (tile.text, tile.level) for tile in tiles(OperatorStatus(**values))}
+
+
+def test_all_is_well() -> None:
+    assert said(**GOOD_STATUS) == {
+        'LINK': ('0.93 of 2', GOOD), 'LOSS': ('20 %', GOOD), 'ROUND': ('45 ms', GOOD), 'WI-FI': ('-61 dBm', GOOD),
+        'FOCUS': ('navigation', GOOD), 'BATTERY': ('82 % 24.4 V', GOOD), 'DRIVES': ('you', GOOD),
+        'STOP': ('free', GOOD)}
+
+
+def test_what_is_unknown_is_a_dash() -> None:
+    assert set(said().values()) == {('-', UNKNOWN)}
+    assert said(voltage=24.0)['BATTERY'] == ('24.0 V', GOOD)
+
+
+@pytest.mark.parametrize('change, label, text, level', [
+    ({'capacity': math.nan}, 'LINK', '0.93', GOOD), ({'sent': 312.4, 'capacity': 400.0}, 'LINK', '312 of 400', GOOD),
+    ({'loss': 0.31}, 'LOSS', '31 %', ATTENTION), ({'loss': 0.8}, 'LOSS', '80 %', BAD),
+    ({'round_trip': 0.4}, 'ROUND', '400 ms', ATTENTION),
+    ({'signal': -75.0}, 'WI-FI', '-75 dBm', ATTENTION), ({'signal': -90.0}, 'WI-FI', '-90 dBm', BAD),
+    ({'modified': True}, 'FOCUS', 'navigation*', GOOD),
+    ({'charge': 0.1}, 'BATTERY', '10 % 24.4 V', BAD), ({'voltage': math.nan}, 'BATTERY', '82 %', GOOD),
+    ({'drives': False, 'free': False, 'control': 'desk2 drives', 'driver': 'desk2'}, 'DRIVES', 'desk2', ATTENTION),
+    ({'drives': False, 'free': False, 'control': 'nobody drives', 'driver': ''}, 'DRIVES', 'nobody', UNKNOWN),
+    ({'free': False, 'control': 'LOCKED: thermal is 3 s old'}, 'STOP', 'LOCKED: thermal is 3 s old', ATTENTION),
+    ({'estop': True}, 'STOP', 'EMERGENCY STOP', BAD)])
+def test_one_value_differs(change: Dict[str, Any], label: str, text: str, level: str) -> None:
+    before, after = said(**GOOD_STATUS), said(**{**GOOD_STATUS, **change})
+    assert after[label] == (text, level)
+    others = {'DRIVES', 'STOP', label}
+    assert {name for name in after if after[name] != before[name]} <= others
+
+
+@pytest.mark.parametrize('silence, text', [(5.2, 'NO LINK 5.2 s'), (math.inf, 'NO LINK')])
+def test_of_a_broken_link_nothing_is_known_but_the_rest_is_the_last_that_was(silence: float, text: str) -> None:
+    before, after = said(**GOOD_STATUS), said(**{**GOOD_STATUS, 'link_silence': silence})
+    link = {'LINK': (text, BAD), **{name: ('-', UNKNOWN) for name in ('LOSS', 'ROUND', 'WI-FI')}}
+    assert after == {**before, **link}
+
+
+def colours(status: OperatorStatus) -> Any:
+    """The colour at the right edge of each tile, [b, g, r]."""
+    image = overlay(tiles(status))
+    assert image.shape == (HEIGHT, WIDTH, 3) and image.dtype == np.uint8
+    rows = (HEIGHT // 4, 3 * HEIGHT // 4)
+    return [tuple(image[row, (column + 1) * WIDTH // COLUMNS - 6].tolist())
+            for row in rows for column in range(COLUMNS)]
+
+
+def test_a_tile_has_the_colour_of_its_level() -> None:
+    shown = OperatorStatus(**{**GOOD_STATUS, 'loss': 0.4, 'estop': True})
+    assert colours(shown) == [TILE_COLOURS[tile.level] for tile in tiles(shown)]
+    assert TILE_COLOURS[BAD] in colours(shown) and TILE_COLOURS[ATTENTION] in colours(shown)
+
+
+def test_a_good_tile_has_a_mark_and_an_unknown_one_has_none() -> None:
+    assert (overlay(tiles(OperatorStatus(**GOOD_STATUS))) == MARK).all(axis=2).any()
+    assert not (overlay(tiles(OperatorStatus())) == MARK).all(axis=2).any()
+
+
+@given(strategies.builds(OperatorStatus, *[strategies.floats()] * 6, focus=strategies.text(max_size=99),
+                         charge=strategies.floats(), voltage=strategies.floats(), driver=strategies.text(max_size=99),
+                         control=strategies.text(max_size=300)))
+@example(OperatorStatus(focus=': ', control='a: '))
+def test_whatever_the_robot_says_is_drawn(status: OperatorStatus) -> None:
+    assert overlay(tiles(status)).shape == (HEIGHT, WIDTH, 3)
