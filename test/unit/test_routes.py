@@ -13,6 +13,8 @@ COUNT = 'count: {type: service, service_type: std_srvs/Trigger, robot_service: /
 MOVE = 'move: {type: action, action_type: move_base_msgs/MoveBaseAction, robot_action: /move_base, ' \
     'operator_action: /operator/move_base}'
 
+MAP = 'map: {type: grid, robot_topic: /map, operator_topic: operator/map, publish_updates: true}'
+
 
 def command(name: str, operator: str, robot: str, type_: str = 'geometry_msgs/Twist') -> str:
     return '%s: {type: command, message_type: %s, operator_topic: %s, robot_topic: %s}' % (name, type_, operator, robot)
@@ -63,6 +65,9 @@ def problems_of(streams: Sequence[str]) -> List[str]:
      "stream 'status': operator_topic /operator/move_base/status is already the operator_action of stream 'move'"),
     ([command('c', '/o', '/move_base/cancel', 'actionlib_msgs/GoalID'), MOVE], "stream 'move': robot_action "
      "/move_base/cancel is already the robot_topic of stream 'c'"),
+    # updates of a map
+    ([MAP, relay('raw', '/raw_updates', '/operator/map_updates', 'map_msgs/OccupancyGridUpdate')], "stream 'raw': "
+     "operator_topic /operator/map_updates is already the operator_topic of stream 'map'"),
     # different types
     ([CMD_VEL, relay('echo', '/cmd_vel', '/operator/echo', 'geometry_msgs/TwistStamped')], "stream 'echo': robot_topic "
      "/cmd_vel must be geometry_msgs/TwistStamped, but geometry_msgs/Twist for stream 'cmd_vel'"),

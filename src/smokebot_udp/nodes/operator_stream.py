@@ -98,8 +98,7 @@ class OperatorStream:
     def start(self) -> None:
         """Begin to receive."""
         # of images only the newest count; the messages of a relay may come many at once
-        self._publisher = rospy.Publisher(self.topic, self.assembler.MESSAGE, latch=self.assembler.LATCH,
-                                          queue_size=QUEUE if self.assembler.FORWARDS else 2, tcp_nodelay=True)
+        self._publisher = self._make_publisher()
         self._outputs = list(self._make_outputs())
         if not self.assembler.FORWARDS:
             self._worker.start()
@@ -107,6 +106,13 @@ class OperatorStream:
             self._link.codec.ready()    # loading takes a second: it begins before the robot offers such a part
         # all parts from the start: the robot may use another one at any time
         self._subscribers = {part: self._subscribe(part) for part in self.assembler.SEGMENTS}
+
+    def _make_publisher(self) -> Any:
+        if self.settings.current.get('publish_updates'):
+            from .map_publisher import MapPublisher  # imports map_msgs, for maps only
+            return MapPublisher(self.topic, self.assembler.MESSAGE)
+        return rospy.Publisher(self.topic, self.assembler.MESSAGE, latch=self.assembler.LATCH,
+                               queue_size=QUEUE if self.assembler.FORWARDS else 2, tcp_nodelay=True)
 
     def _subscribe(self, part: str) -> Subscriber:
         options: Dict[str, Any]

@@ -10,6 +10,9 @@ from . import encoder_class
 from .message_types import action_types
 from .relay.parameters import TO_ROBOT
 
+UPDATES = '_updates'
+"""Appended to the topic of a map: the topic of its updates, as costmaps and rviz have it."""
+
 Routes = List['Route']
 
 
@@ -69,8 +72,13 @@ def routes_of(settings: Mapping[str, Any]) -> Routes:
                       class_._type)
                 for part, class_ in action_types(settings['action_type'])._asdict().items()]
     type_ = settings.get('message_type') or encoder_class(kind).MESSAGE._type
-    return [Route('topic', normalised(settings['robot_topic']), normalised(settings['operator_topic']),
-                  kind == 'command' or settings.get('direction') == TO_ROBOT, type_)]
+    found = [Route('topic', normalised(settings['robot_topic']), normalised(settings['operator_topic']),
+                   kind == 'command' or settings.get('direction') == TO_ROBOT, type_)]
+    if settings.get('publish_updates'):
+        updates = settings['updates_topic'] or settings['robot_topic'] + UPDATES
+        found.append(Route('topic', normalised(updates), normalised(settings['operator_topic'] + UPDATES), False,
+                           'map_msgs/OccupancyGridUpdate'))
+    return found
 
 
 def check_routes(routes: Routes, others: Mapping[str, Routes]) -> None:

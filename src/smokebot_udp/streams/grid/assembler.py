@@ -59,6 +59,9 @@ class GridAssembler(Assembler[GridSnapshot, Assembled]):
         'publish_age': Parameter(True, '', 'whether a map of ages is published once a second, on '
                                  'operator_topic/age: 3..100: seconds since a region was received or confirmed; 0: '
                                  'less than 3; -1: never'),
+        'publish_updates': Parameter(False, '', 'whether changes are published on operator_topic_updates, as '
+                                     'map_msgs/OccupancyGridUpdate, and the map as a whole only when its size or place '
+                                     'changes and to new subscribers'),
     }
 
     def __init__(self, settings: Mapping[str, Any], clock: Clock = no_clock) -> None:

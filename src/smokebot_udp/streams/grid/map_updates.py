@@ -1,9 +1,23 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Updates of parts of a map, as costmaps publish them: map_msgs/OccupancyGridUpdate."""
 import copy
-from typing import Any
+from typing import Any, List
 
 import numpy as np
+from map_msgs.msg import OccupancyGridUpdate
+from rospy.numpy_msg import numpy_msg
+from scipy import ndimage
+
+from ...arrays import Array
+from ...codecs.tiles.rectangle import Rectangle
+
+UPDATE = numpy_msg(OccupancyGridUpdate)
+
+BLOCK = 64
+"""Side of the blocks that are compared: changes in neighbouring blocks are in one rectangle [cell]."""
+
+MAX_RECTANGLES = 16
+"""Where changes need more rectangles, one is around all of them."""
 
 
 def updated(grid: Any, update: Any) -> Any:
@@ -30,3 +44,49 @@ def updated(grid: Any, update: Any) -> Any:
     result = copy.copy(grid)
     result.header, result.data = update.header, cells.reshape(-1)
     return result
+
+
+def same_place(before: Any, after: Any) -> bool:
+    """Whether two nav_msgs/OccupancyGrids have the same cells; some mappers change the load time with each map."""
+    return bool(before.header.frame_id == after.header.frame_id
+                and all(getattr(before.info, name) == getattr(after.info, name)
+                        for name in ('resolution', 'width', 'height', 'origin')))
+
+
+def cells_of(grid: Any) -> Array:
+    """(height, width) int8: the cells of a nav_msgs/OccupancyGrid."""
+    return np.asarray(grid.data, np.int8).reshape(grid.info.height, grid.info.width)
+
+
+def changed_rectangles(before: Array, after: Array) -> List[Rectangle]:
+    """Rectangles around all cells that differ, as small as their blocks allow; empty: none does.
+
+    :param before, after: (height, width) arrays
+    """
+    differs = before != after
+    rows, columns = np.flatnonzero(differs.any(axis=1)), np.flatnonzero(differs.any(axis=0))
+    if not len(rows):
+        return []
+    blocks = np.logical_or.reduceat(np.logical_or.reduceat(differs, np.arange(0, differs.shape[0], BLOCK), axis=0),
+                                    np.arange(0, differs.shape[1], BLOCK), axis=1)
+    labels, count = ndimage.label(blocks, np.ones((3, 3)))
+    if count > MAX_RECTANGLES:
+        return [Rectangle(int(columns[0]), int(rows[0]), int(columns[-1] - columns[0]) + 1,
+                          int(rows[-1] - rows[0]) + 1)]
+    return [_around(differs, *(slice(BLOCK * side.start, BLOCK * side.stop) for side in found))
+            for found in ndimage.find_objects(labels)]
+
+
+def _around(differs: Array, rows: slice, columns: slice) -> Rectangle:
+    """The rectangle around the cells that differ within a part of the map."""
+    part = differs[rows, columns]
+    found, beside = np.flatnonzero(part.any(axis=1)), np.flatnonzero(part.any(axis=0))
+    return Rectangle(columns.start + int(beside[0]), rows.start + int(found[0]), int(beside[-1] - beside[0]) + 1,
+                     int(found[-1] - found[0]) + 1)
+
+
+def update_of(grid: Any, part: Rectangle) -> Any:
+    """A part of a nav_msgs/OccupancyGrid as map_msgs/OccupancyGridUpdate."""
+    cells = cells_of(grid)[part.row:part.row + part.height, part.column:part.column + part.width]
+    return UPDATE(header=grid.header, x=part.column, y=part.row, width=part.width, height=part.height,
+                  data=cells.reshape(-1))
