@@ -222,3 +222,25 @@ def test_forged_chunks_raise_nothing(seed: int, count: int, size: int, codes: in
     assembler, values = operator_side('cloud')
     for assembled in assemble_all(assembler, values, [records]):
         columns_in(assembled.message)
+
+
+def test_points_persist_with_their_fields_among_those_with_the_same() -> None:
+    assembler, values = operator_side('cloud', persistence=10.0)
+    shown = []
+    for number, names in enumerate(('ring', 'ring', 'ring rgb', 'ring rgb')):
+        columns = {**xyz([[number, 0, 0]]), 'ring': (4, [number]), 'rgb': (7, [number])}
+        frame, = Sender('cloud', leaf_size=0.0, fields=names).frames(cloud_of(columns, stamp=number + 1))
+        assembled, = assemble_all(assembler, values, [frame.records], 0.1 * number, True)
+        shown.append({name: column.tolist() for name, column in columns_in(assembled.message).items()
+                      if name not in 'yz'})
+    assert shown == [{'x': [0], 'ring': [0]}, {'x': [0, 1], 'ring': [0, 1]}, {'x': [2], 'ring': [2], 'rgb': [2]},
+                     {'x': [2, 3], 'ring': [2, 3], 'rgb': [2, 3]}]
+
+
+def test_forged_points_that_are_not_finite_are_left_out_with_their_fields() -> None:
+    parts = CloudParts(3, 1, plain(False), 1)
+    points = np.float32([[0, 0, 0], [np.nan, 0, 0], [2, 0, 0]])
+    rows = np.hstack([points.view(np.uint8).reshape(3, 12), np.uint8([[7], [8], [9]])])
+    assert parts.add(np.zeros(1, int), rows.reshape(1, -1)).all()
+    shown, _, extra = parts.merge_with_fields()
+    assert shown[:, 0].tolist() == [0, 2] and extra.tolist() == [[7], [9]]

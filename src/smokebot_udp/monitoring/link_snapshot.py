@@ -59,11 +59,12 @@ def snapshot(board: Board, now: float, only: str = '') -> Tree:
     :param only: see link_table.render
     """
     statuses, sections = sections_of(board, now, only)
+    age = board.age(now)
     nodes = list(dict.fromkeys(status.node for status in statuses))
     sides = {status.node: status.values['side'] for status in statuses}
     own = {node: [status for status in statuses if status.node == node] for node in nodes}
     return {
-        'last_report_age': board.age(now),
+        'last_report_age': None if age is None else round(age, 3),
         'robots': [_robot(node, own[node]) for node in nodes if sides[node] == ROBOT],
         'operators': [{**_operator(node, own[node]), 'receives_from': section.robots} for node in nodes
                       for section in sections if sides[node] == OPERATOR and section.operator == node],
@@ -105,7 +106,8 @@ def _node(node: str, statuses: Sequence[NodeStatus]) -> Tree:
     known = wifi if wifi and wifi.values['wifi'] != '-' else None
     worst = max(status.level for status in statuses)
     return {'node': node, 'level': LEVELS[worst],
-            'problems': sorted({status.message for status in statuses if status.level and status.kind != 'stream'}),
+            'problems': sorted({status.message for status in statuses
+                                if status.level and status.kind not in ('stream', 'connection')}),
             'wifi': known and {'interface': known.values['wifi'], 'ssid': known.values.get('ssid'),
                                **_numbers(known, WIFI)}}
 
