@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Transforms of point clouds into a level frame, from tf, for streams/virtual_scan."""
+"""Transforms from tf: of point clouds into a level frame, for streams/virtual_scan, and poses of sensors."""
 import threading
-from typing import Any, Optional, Tuple
+from typing import Any, Optional, Sequence, Tuple
 
 import numpy as np
 import rospy
@@ -21,11 +21,8 @@ class TransformLookup:
     def __call__(self, frame: str, header: Any) -> Optional[Tuple[Float32Array, Float32Array]]:
         """(3, 3) rotation and (3,) translation [m] into a frame, from a std_msgs/Header's at its stamp, or else the
         latest; None where tf does not know it."""
-        import tf2_ros  # takes a second, and only virtual scans need it
-        with self._lock:
-            if self._buffer is None:
-                self._buffer = tf2_ros.Buffer()
-                self._listener = tf2_ros.TransformListener(self._buffer)
+        import tf2_ros  # takes a second
+        self.listen()
         for stamp in (header.stamp, rospy.Time(0)):    # the mount hardly moves, so the latest transform is good too
             try:
                 found = self._buffer.lookup_transform(frame, header.frame_id, stamp).transform
@@ -33,4 +30,24 @@ class TransformLookup:
                 continue
             q, t = found.rotation, found.translation
             return rotation(q.x, q.y, q.z, q.w), np.array([t.x, t.y, t.z], np.float32)
+        return None
+
+    def listen(self) -> None:
+        """Listen to tf from now on."""
+        import tf2_ros  # takes a second, and not every node needs it
+        with self._lock:
+            if self._buffer is None:
+                self._buffer = tf2_ros.Buffer()
+                self._listener = tf2_ros.TransformListener(self._buffer)
+
+    def pose(self, frames: Sequence[str], header: Any) -> Any:
+        """The geometry_msgs/TransformStamped of a std_msgs/Header's frame at its stamp in the first of some frames that
+        tf knows; None: in none."""
+        import tf2_ros  # takes a second
+        self.listen()
+        for frame in frames:
+            try:
+                return self._buffer.lookup_transform(frame, header.frame_id, header.stamp)
+            except tf2_ros.TransformException:
+                continue
         return None

@@ -11,7 +11,7 @@ from typing import Any, Callable, Dict, List, Mapping
 
 import rospy
 
-from ..congestion.controller import NO_LIMITS, Controller, Plan
+from ..congestion.controller import NO_LIMITS, Controller, Demand, Plan
 from ..congestion.estimator import REPORT_INTERVAL
 from ..congestion.packet_scheduler import PacketScheduler
 from ..monitoring.stats import LinkStats
@@ -62,11 +62,14 @@ class LinkControl:
     :param streams: {name: RobotStream}, started
     :param reported: f(operator), called with whose report came
     :param wifi_interface: the parameter ~wifi_interface
+    :param further: f(capacity [byte/s]) -> {name: Demand}, of what is sent beside the streams
     """
 
     def __init__(self, controller: SharedController, link: RobotLink, streams: Mapping[str, RobotStream],
-                 reported: Callable[[str], None] = lambda operator: None, wifi_interface: str = '') -> None:
+                 reported: Callable[[str], None] = lambda operator: None, wifi_interface: str = '',
+                 further: Callable[[float], Mapping[str, Demand]] = lambda capacity: {}) -> None:
         self._controller, self._link, self._streams, self._reported = controller, link, streams, reported
+        self._further, self._capacity = further, 0.0
         self._losses = StreamLosses()
         with controller as unshared:
             unshared.on_arrivals = self._losses.add
@@ -106,12 +109,14 @@ class LinkControl:
 
     def _tick(self) -> None:
         now = time.monotonic()
-        demands = {name: stream.demand(now) for name, stream in self._streams.items()}
+        demands = {**{name: stream.demand(now) for name, stream in self._streams.items()},
+                   **self._further(self._capacity)}
         self._count_operators()
         with self._controller as controller:
             plan = controller.tick(now, {name: demand for name, demand in demands.items() if demand is not None},
                                    self._link.outbox.protected)
             stats = controller.stats(now)
+            self._capacity = stats.capacity or plan.rate or 0.0
             self._give_outlooks(plan, now)
         self._link.datagram_size, self.shares = plan.datagram_size, plan.shares
         grant(plan, self._streams)

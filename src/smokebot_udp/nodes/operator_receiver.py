@@ -6,9 +6,9 @@ Parameters: OPERATOR_RECEIVER in nodes/parameters.py, listed in doc/parameters.m
 Each stream subscribes /smokebot_udp/<stream>/segments, an image stream also /smokebot_udp/<stream>/layers and
 /smokebot_udp/<stream>/video, and a grid stream /smokebot_udp/<stream>/tiles. It publishes its operator_topic in the
 node's namespace, which distinguishes several operators of one robot. Services: ~set_focus, the robot's mission focus;
-~take_control, ~release_control and ~estop, see operator_control.py. Commands, services, actions and reliable relays go
-back over the same link, see way_back.py. Where the robot has a master of its own, the robot's settings are mirrored in
-robot_sender/, in the node's namespace.
+~capture, an original of a stream, see operator_capture.py; ~take_control, ~release_control and ~estop, see
+operator_control.py. Commands, services, actions and reliable relays go back over the same link, see way_back.py. Where
+the robot has a master of its own, the robot's settings are mirrored in robot_sender/, in the node's namespace.
 """
 from typing import Optional
 
@@ -31,6 +31,7 @@ from .live import LiveSettings, ParameterWatch
 from .motion import MotionListener
 from .namesake import SECOND_OPERATOR, living, wait_until_free
 from .notice import Notice
+from .operator_capture import OperatorCapture
 from .operator_control import OperatorControl
 from .operator_stream import OperatorLink, OperatorStream
 from .overlay import Overlay
@@ -67,6 +68,8 @@ class OperatorReceiver:
                                 self._held.received, parameters['frame_prefix'], notice)
             self.streams = start_streams(
                 definitions.streams, lambda name, settings: OperatorStream(name, settings, link), parameters.report)
+            self._capture = OperatorCapture(self._transport, self.streams, self._codec, self._reporter.arrived,
+                                            parameters)
             status = [stream.topic for stream in self.streams.values() if stream.assembler.MESSAGE is RobotStatus]
             self._focus = FocusClient(status[0] if status else None, parameters['focus_patience'],
                                       self._transport)
@@ -117,6 +120,7 @@ class OperatorReceiver:
         self._diagnostics.close()
         self._wifi.close()
         self._focus.close()
+        self._capture.close()
         self._watch.stop()
         self._motion.close()
         self._way_back.close()

@@ -81,6 +81,8 @@ class OperatorStream:
         self.received, self.published = 0, 0
         self.last_shown: Optional[float] = None
         """When a message was published last, by time.monotonic() [s]."""
+        self.last_stamp: Optional[int] = None
+        """Of that message [ns]."""
         self._last_age: Optional[float] = None      # its age then, but for the offset of the robot's clock [s]
         self._publishing = threading.Lock()
         self._last: Any = None      # the message published last, where a blank one can take its place
@@ -289,6 +291,7 @@ class OperatorStream:
             age = (rospy.Time.now().to_nsec() - assembled.stamp) / 1e9 if assembled.stamp else None
             self._last_age, self.last_shown = age, time.monotonic()     # in this order, see `age`
             self._last = assembled.message if has_blank(self.assembler.MESSAGE) else None
+            self.last_stamp = assembled.stamp
         self._shown.append(Shown(age, assembled.completeness, assembled.error))
 
     def _prefixed(self, message: Any) -> Any:

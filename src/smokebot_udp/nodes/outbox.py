@@ -70,15 +70,17 @@ class Outbox:
         if self._thread.ident:
             self._thread.join()
 
-    def put(self, name: str, publisher: Publisher, frames: Sequence[Frame], stamp: int = 0) -> None:
+    def put(self, name: str, publisher: Publisher, frames: Sequence[Frame], stamp: int = 0,
+            only: Optional[str] = None) -> None:
         """Send the frames of a message; what did not leave yet of the stream's last message is dropped.
 
         :param name: of the stream, or of the part of it that carries the message, as in Departed
         :param stamp: of the message, for its trace; 0: it is not traced [ns]
+        :param only: the subscriber that it is for; None: all
         """
         parts = [(len(frame), frame.datagram_size + self._headers) for frame in frames]
         with self._changed:
-            self._scheduler.put(stream_of(name), (name, publisher, frames, stamp), parts)
+            self._scheduler.put(stream_of(name), (name, publisher, frames, stamp, only), parts)
             self._changed.notify()
 
     def await_rest(self, stream: str, whole: bool = False, backlog: float = MAX_BACKLOG) -> None:
@@ -163,10 +165,13 @@ class Outbox:
             return None
 
     def _send(self, chunk: Chunk) -> None:
-        name, publisher, frames, stamp = chunk.work
+        name, publisher, frames, stamp, only = chunk.work
         frame = frames[chunk.part].part(chunk.start, chunk.stop)
         now, size = time.monotonic(), frame.datagram_size + self._headers
         limits = self._conforming(chunk.stream, len(frame), size, now, chunk.start, chunk.total)
+        if only is not None:
+            others = {connection['peer'] for connection in publisher.connections()} - {only}
+            limits = {**limits, **dict.fromkeys(others, 0)}
         first = publisher.publish_frames(frame, limits=limits)
         self._departed(name, first, len(frame), size, now, limits)
         if TRACE.on and stamp:

@@ -57,6 +57,10 @@ ROBOT_SENDER = {
     'start_rate': Parameter(0.5, 'Mbit/s', 'rate until the first report', least=0.01),
     'focus': FOCUS,
     'wifi_interface': _WIFI_INTERFACE,
+    'history_memory': Parameter(200, 'MB', 'memory for the originals that all streams keep by their setting history',
+                                least=0, most=1 << 20),
+    'capture_share': Parameter(0.35, '', 'share of the link that a capture gets while the streams could use all of it',
+                               least=0.01, most=1.0),
     **_LOSS,
     **DIAGNOSTICS,
 }
@@ -77,6 +81,9 @@ OPERATOR_RECEIVER = {
     'cmd_vel_topic': Parameter('/cmd_vel', '', 'geometry_msgs/Twist, used where there is no odometry; images are used '
                                'where there is neither'),
     'focus_patience': Parameter(10.0, 's', 'timeout of ~set_focus', least=0.1),
+    'capture_timeout': Parameter(60.0, 's', 'timeout of ~capture', least=1.0, most=3600.0),
+    'capture_directory': Parameter('~/.ros/smokebot_captures', '', 'where captures are saved; empty: they are only '
+                                   'published'),
     'stale_after': Parameter(2.0, 's', "time without data after which rviz' 3D view shows NO DATA", least=0.1),
     'stale_topic': Parameter('/operator/stale', '', "visualization_msgs/Marker that shows NO DATA; in the operator's "
                              'namespace'),

@@ -20,6 +20,7 @@ from typing import Any, DefaultDict, Dict, Tuple
 import rospy
 
 from .. import udpros
+from ..capture.history import Histories
 from ..congestion.controller import Controller
 from ..congestion.estimator import Limits
 from ..congestion.packet_scheduler import PacketScheduler
@@ -42,6 +43,7 @@ from .namesake import wait_until_free
 from .outbox import Outbox
 from .parameters import ROBOT_SENDER
 from .problems import Problems
+from .robot_captures import RobotCaptures
 from .robot_control import RobotControl
 from .robot_stream import RobotLink, RobotStream
 from .transports import robot_transport
@@ -51,6 +53,9 @@ from .way_back_policy import is_open
 
 BURST = 16
 """Datagrams that may leave at once on a fast link: roscpp's receiver holds 92, a Wi-Fi driver's queue not many more."""
+
+
+MEGABYTE = 1 << 20
 
 
 class RobotSender:
@@ -71,14 +76,17 @@ class RobotSender:
         self._codec = CompiledCodec()
         with udpros.registered_together():
             link = RobotLink(transport, Outbox(scheduler, shared.on_sent, _log, shared.conforming,
-                                               transport.overhead))
+                                               transport.overhead),
+                             histories=Histories(parameters['history_memory'] * MEGABYTE))
             link.outbox.start()
             self._outbox, self._transport = link.outbox, transport
-            self.streams = start_streams(definitions.streams, _StreamMaker(link, self._codec), parameters.report)
+            maker = _StreamMaker(link, self._codec)
+            self.streams = start_streams(definitions.streams, maker, parameters.report)
+            self._captures = RobotCaptures(link, self.streams, maker.lookup, self._codec, parameters['capture_share'])
             control = RobotControl(transport, link.outbox, is_open(transport, parameters['allow_unsealed_commands']))
             self._way_back = _way_back(definitions, control, link, parameters)
             self._link = LinkControl(shared, link, self.streams, control.reported,
-                                     parameters['wifi_interface'])
+                                     parameters['wifi_interface'], self._captures.demands)
             stores = {name: stream.settings for name, stream in self.streams.items()}
             self.focus = FocusControl({**stores, **self._way_back.stores}, profiles, lambda: self._link.shares,
                                       self._link.forget, problems.report, transport, lambda: control.standing)
@@ -92,6 +100,7 @@ class RobotSender:
         self._way_back.close()      # first: it stops a robot that is driven
         self._diagnostics.close()
         self._link.close()
+        self._captures.close()
         self._clock.close()
         self._held.close()
         self.focus.close()
@@ -109,9 +118,9 @@ class _StreamMaker:
     """
 
     def __init__(self, link: RobotLink, codec: CompiledCodec) -> None:
-        self._link, self._codec, self._lookup = link, codec, TransformLookup()
+        self._link, self._codec, self.lookup = link, codec, TransformLookup()
         # by the cloud's topic
-        self._fans: DefaultDict[str, FanCache] = collections.defaultdict(lambda: FanCache(self._lookup))
+        self._fans: DefaultDict[str, FanCache] = collections.defaultdict(lambda: FanCache(self.lookup))
 
     def __call__(self, name: str, settings: Dict[str, Any]) -> RobotStream:
         kind = settings['type']
@@ -121,7 +130,7 @@ class _StreamMaker:
         elif kind in ('image', 'grid'):
             shared = {'codec': self._codec, 'clock': time.monotonic}
         if kind == 'grid':
-            shared['lookup'] = self._lookup
+            shared['lookup'] = self.lookup
         return RobotStream(name, settings, encoder_class(kind)(settings, **shared), self._link)
 
 

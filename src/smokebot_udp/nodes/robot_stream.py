@@ -13,6 +13,7 @@ from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Set
 
 import rospy
 
+from ..capture.history import Histories
 from ..congestion.controller import Demand
 from ..congestion.operating_points import OperatingPoint
 from ..mission.parameters import live
@@ -47,6 +48,8 @@ class RobotLink:
     outbox: Outbox
     subscribed: Callable[[], None] = lambda: None
     """Called when a stream has a new subscriber."""
+    histories: Optional[Histories] = None
+    """Where originals are kept, of streams that have the setting `history`."""
 
     def __post_init__(self) -> None:
         self.datagram_size = self.transport.max_datagram_size
@@ -212,6 +215,8 @@ class RobotStream(rospy.SubscribeListener):
         self.received += 1
         if TRACE.on and self.encoder.STAMPED:
             TRACE.mark(self.name, message.header.stamp.to_nsec(), stages.RECEIVED)
+        if topic == self.topic:
+            self._keep(message)
         local = self._local_publisher is not None and self._local_publisher.get_num_connections() > 0
         if not (self.encoder.KEEPS or local or self.wanted):
             return
@@ -219,6 +224,13 @@ class RobotStream(rospy.SubscribeListener):
             self._put(message)
         except ValueError as error:
             self._report(error, topic)
+
+    def _keep(self, message: Any) -> None:
+        """Keep an original, for captures."""
+        period = self.settings.current.requested.get('history')
+        if period is not None and self.link.histories is not None:
+            stamp = message.header.stamp.to_nsec() or rospy.Time.now().to_nsec()
+            self.link.histories.add(self.name, message, stamp, period, time.monotonic())
 
     def _put(self, message: Any) -> None:
         """:raises ValueError: saying what is wrong with the message"""

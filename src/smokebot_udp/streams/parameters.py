@@ -11,6 +11,10 @@ ROBOT = {
     'min_bitrate': Parameter(0.0, 'kbit/s', 'minimum bitrate, before the rest is divided by weight', least=0.0,
                              most=1e6, live=True),
 }
+HISTORY = {
+    'history': Parameter(0.0, 's', 'originals of this time are kept on the robot, for captures; 0: none', least=0.0,
+                         most=3600.0, live=True),
+}
 OPERATOR = {
     'operator_topic': Parameter(None, '', "topic on which the operator receives it, in the operator's namespace"),
 }

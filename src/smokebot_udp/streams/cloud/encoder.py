@@ -19,7 +19,7 @@ from ...msg import CloudChunk
 from ...udpros.frame import Frame
 from ..encoder import Encoder
 from ..outlook import Outlook
-from ..parameters import ROBOT
+from ..parameters import HISTORY, ROBOT
 from ..segments import MAIN_PART, as_bytes, room, size_on_air, write_header
 
 MAX_TOLD = 64
@@ -47,6 +47,7 @@ class CloudEncoder(Encoder[Any]):
     FORESEES = True
     PARAMETERS = {
         **ROBOT,
+        **HISTORY,
         'leaf_size': Parameter(0.1, 'm', 'edge length of the voxel grid filter: the points of a voxel are replaced by '
                                'their centroid; 0: no filter', least=0.0, most=100.0, live=True),
         'encoding': Parameter('float32', '', 'coordinates on the wire: exact (float32), quantised (packed), or also '

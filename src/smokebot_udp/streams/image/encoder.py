@@ -16,7 +16,7 @@ from ...udpros.frame import Frame
 from ..codec import Codec, ImportedCodec
 from ..encoder import Encoder
 from ..held import Holding
-from ..parameters import ROBOT
+from ..parameters import HISTORY, ROBOT
 from ..segments import LAYERS, MAIN_PART, VIDEO, size_on_air
 from .coding_choice import CodingChoice, Conditions
 from .held_by_all import HeldByAll
@@ -57,6 +57,7 @@ class ImageEncoder(Encoder[Any]):
     FORESEES = True
     PARAMETERS = {
         **ROBOT,
+        **HISTORY,
         'coding': Parameter('auto', '', 'interleaved: raw pixels; layered: compressed, with protection against '
                             'loss; h264: video of 8-bit images, with protection against loss; auto: what shows the '
                             'better image', choices=('auto', 'interleaved', 'layered', 'h264'), live=True),

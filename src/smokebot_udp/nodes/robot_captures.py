@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The robot's side of captures: sends operators the originals that they ask for (doc/capture.md).
+
+Pieces leave as a stream of the outbox: they are paced with all others, and link reports name them. Its share of the
+link is `capture_share`, and whatever the other streams leave over.
+"""
+import threading
+import time
+from typing import Any, Dict, Mapping, Union
+
+import numpy as np
+import rospy
+
+from ..capture.content import cropped, pack, refusal
+from ..capture.sending import Piece, piece_length
+from ..capture.transfers import MAX_RATE, Batch, Load, Request, Transfers
+from ..congestion.controller import Demand
+from ..congestion.operating_points import OperatingPoint
+from ..msg import CapturePiece, CaptureRequest
+from ..streams.segments import room
+from ..udpros.datagram import IP_UDP_HEADERS
+from ..udpros.frame import Frame
+from .compiled_codec import CompiledCodec
+from .level_frame import TransformLookup
+from .logging import log_error
+from .robot_stream import RobotLink, RobotStream
+from .worker import DeadlineWorker
+
+REQUESTS, PIECES = '/smokebot_udp/capture/request', '/smokebot_udp/capture/pieces'
+"""Topics on the wire."""
+
+NAME = '~captures'
+"""Of the stream of pieces in link reports and in the packet scheduler. No stream of streams.yaml has such a name."""
+
+FIXED_FRAMES = 'map', 'odom'
+"""The pose is that in the first one of these that tf knows."""
+
+BATCH_DURATION, MAX_BATCH = 0.004, 16
+"""Pieces that leave together occupy the link for this long at most, unless it is a single one [s]; their number."""
+
+DURATION = 2.0
+"""On a link with nothing else to do a transfer would take about as long [s]."""
+
+
+class RobotCaptures:
+    """Serves captures; lives as long as its node.
+
+    :param streams: {name: RobotStream}
+    :param lookup: of transforms
+    :param codec: of layered images
+    :param share: of the link, 0..1, while there is a transfer
+    """
+
+    def __init__(self, link: RobotLink, streams: Mapping[str, RobotStream], lookup: TransformLookup,
+                 codec: CompiledCodec, share: float) -> None:
+        self._link, self._streams = link, streams
+        self._lookup, self._codec, self._share = lookup, codec, share
+        self._transfers = Transfers()
+        self._worker: DeadlineWorker[Union[Load, Batch]] = DeadlineWorker(
+            'captures', self._transfers.poll, lambda: self._transfers.deadline(time.monotonic()), self._work,
+            log_error('captures'))
+        self._publisher = link.transport.publisher(PIECES, CapturePiece)
+        self._subscriber = link.transport.subscriber(REQUESTS, CaptureRequest, self._receive, queue_size=20)
+        self._worker.start()
+        if any(stream.settings.current.requested.get('history') for stream in streams.values()):
+            # tf takes a second to load, and later it would not know the poses of what is kept
+            threading.Thread(target=lookup.listen, name='tf', daemon=True).start()
+
+    def demands(self, capacity: float) -> Dict[str, Demand]:
+        """What the transfers would send, as a stream beside the others; any thread.
+
+        :param capacity: of the link; 0: unknown [byte/s]
+        """
+        with self._worker.changing():
+            left = self._transfers.left
+        if not left:
+            return {}
+        least = self._share * capacity
+        most = max(least, min(left / DURATION, MAX_RATE))
+        points = [OperatingPoint({}, rate) for rate in (least, most)]
+        return {NAME: Demand(points, weight=0.0, min_bitrate=least)}
+
+    def close(self) -> None:
+        """End all transfers."""
+        self._subscriber.unregister()
+        self._worker.close()
+        self._link.outbox.drop(NAME)
+        self._publisher.unregister()
+
+    # -- the transport's thread ------------------------------------------------------------------------
+
+    def _receive(self, message: Any) -> None:
+        operator = message._connection_header['callerid']
+        with self._worker.changing():
+            if message.done:
+                self._transfers.end(operator, message.id)
+                return
+            request = Request(message.id, message.stream, message.stamp.to_nsec(),
+                              (message.x, message.y, message.width, message.height), message.layered)
+            self._transfers.request(operator, request, bytes(message.received), message.order, time.monotonic())
+
+    # -- the worker's thread ---------------------------------------------------------------------------
+
+    def _work(self, work: Union[Load, Batch]) -> None:
+        if isinstance(work, Load):
+            self._load(work)
+        else:
+            self._send(work)
+        with self._worker.changing():
+            self._transfers.batch = self._batch()
+
+    def _load(self, load: Load) -> None:
+        usual, most = (room(CapturePiece, size) for size in (
+            self._link.datagram_size, self._link.transport.max_datagram_size))
+        try:
+            content = self._content(load.request)
+            length = piece_length(len(content), usual, most)
+            rospy.loginfo("stream '%s': %s fetches an original, %.0f kB", load.request.stream, load.operator,
+                          len(content) / 1e3)
+        except ValueError as error:
+            rospy.logwarn("a capture of %s is refused: %s", load.operator, error)
+            content = refusal(str(error))
+            length = piece_length(len(content), usual, most)
+        with self._worker.changing():
+            self._transfers.loaded(load, content, length, time.monotonic())
+
+    def _content(self, request: Request) -> bytes:
+        """:raises ValueError: saying why there is none"""
+        if request.stream not in self._streams:
+            raise ValueError("the robot has no stream '%s'" % request.stream)
+        if self._link.histories is None:
+            raise ValueError('the robot keeps no originals')
+        found = self._link.histories.find(request.stream, request.stamp)
+        message = cropped(found.message, request.region)
+        return pack(message, self._lookup.pose(FIXED_FRAMES, message.header), request.layered and self._codec.ready())
+
+    def _send(self, batch: Batch) -> None:
+        self._link.outbox.put(NAME, self._publisher, [as_frame(batch.id, piece) for piece in batch.pieces],
+                              only=batch.operator)
+        self._link.outbox.await_rest(NAME, whole=True)
+
+    def _batch(self) -> int:
+        rate = self._link.outbox.rate
+        size = self._link.datagram_size + IP_UDP_HEADERS
+        return MAX_BATCH if rate is None else max(1, min(MAX_BATCH, int(BATCH_DURATION * rate / size)))
+
+
+def as_frame(id_: int, piece: Piece) -> Frame:
+    """A piece as a datagram.
+
+    :param id_: of the capture
+    """
+    frame = Frame(CapturePiece, 1, {'data': len(piece.data)})
+    record = frame.records[0]
+    record['id'] = id_
+    for name in ('size', 'order', 'number', 'length'):
+        record[name] = getattr(piece, name)
+    record['data'] = np.frombuffer(piece.data, np.uint8)
+    return frame
