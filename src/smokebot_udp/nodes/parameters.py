@@ -59,7 +59,7 @@ ROBOT_SENDER = {
     'wifi_interface': _WIFI_INTERFACE,
     'history_memory': Parameter(200, 'MB', 'memory for the originals that all streams keep by their setting history',
                                 least=0, most=1 << 20),
-    'capture_share': Parameter(0.35, '', 'share of the link that a capture gets while the streams could use all of it',
+    'capture_share': Parameter(0.4, '', 'share of the link that a capture gets while the streams could use all of it',
                                least=0.01, most=1.0),
     **_LOSS,
     **DIAGNOSTICS,
