@@ -24,7 +24,7 @@ from evaluation.listener import Listener
 from evaluation.own_masters import OwnMasters
 from smokebot_udp.link_lab.lab import LabError
 
-FOLDERS = sys.path[:2]
+FOLDERS = [str(pathlib.Path(__file__).resolve().parents[number]) for number in (2, 0)]
 STREAMS = pathlib.Path(__file__).resolve().with_name('capture_link_streams.yaml')
 LINK = {'rate': 1e6, 'loss': 0.5, 'delay': 0.02, 'queue': 0.1}
 THERMAL, LINK_STATUS = '/operator/thermal/image_raw', '/operator/link'
