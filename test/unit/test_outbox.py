@@ -89,6 +89,17 @@ def test_all_parts_of_a_stream_are_one_flow_and_are_recorded_by_their_names(make
     assert told == [('scan/layers', 1, 2)] and asked == ['scan'] and publisher.sent == []
 
 
+def test_a_message_for_one_subscriber_is_sent_to_no_other(make) -> None:
+    publisher, told = Publisher(), []
+    publisher.connections = lambda: [{'peer': peer} for peer in ('/a', '/b', '/c')]
+    outbox = make(PacketScheduler(), lambda *what: told.append(what[5]), conforming=lambda *_: {'/a': 1, '/b': 1})
+    outbox.start()
+    outbox.put('pieces', publisher, frames(2), only='/b')
+    publisher.wait_for(1)
+    outbox.stop()
+    assert publisher.limits == told == [{'/a': 0, '/b': 1, '/c': 0}]
+
+
 def test_an_older_message_is_given_up(make) -> None:
     outbox, publisher, old, new = make(), Publisher(), frames(4), frames(2)     # not started: nothing leaves
     outbox.put('scan', publisher, old)
