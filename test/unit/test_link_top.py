@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-from typing import List, Optional, Tuple
+import sys
+from typing import Any, List, Optional, Tuple
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -10,6 +11,7 @@ from hypothesis import strategies as st
 from smokebot_udp.monitoring.link_board import DIAGNOSTICS, MAX_NODES, STALE_AFTER, Board, NodeStatus, printable
 from smokebot_udp.monitoring.link_table import render
 from smokebot_udp.msg import LinkStatus, RobotStatus, StreamStatus, WifiStatus
+from smokebot_udp.nodes import link_top
 from smokebot_udp.nodes.link_top import as_status, relayed_diagnostics, relayed_link, relayed_streams
 
 
@@ -345,3 +347,15 @@ def test_no_report_can_control_the_terminal(text: str) -> None:
 @pytest.mark.parametrize('dirty, good', [('a\x1b[2Jb', 'a?[2Jb'), ('ä\n', '??'), ('a b', 'a b')])
 def test_printable(dirty: str, good: str) -> None:
     assert printable(dirty) == good
+
+
+@pytest.mark.parametrize('plain', [False, True])
+def test_without_rich_there_is_the_plain_table(monkeypatch: pytest.MonkeyPatch, plain: bool) -> None:
+    shown: List[Any] = []
+    if not plain:
+        monkeypatch.setitem(sys.modules, 'rich.console', None)      # as if it were not installed
+        monkeypatch.delitem(sys.modules, 'smokebot_udp.nodes.link_view', raising=False)
+        monkeypatch.delattr('smokebot_udp.nodes.link_view', raising=False)
+    monkeypatch.setattr(link_top.curses, 'wrapper', lambda *arguments: shown.append(arguments))
+    listener: Any = object()
+    assert link_top.show_live(listener, plain) == 0 and shown == [(link_top.show, listener)]
