@@ -91,6 +91,12 @@ def test_plain_images_are_as_they_are(encoding, pixel, bgr) -> None:
     assert image.pixels.tolist() == [[bgr]] and image.palette is None and image.numbers == ()
 
 
+def test_mosaics_are_shown_in_colours() -> None:
+    mosaic = np.tile(np.uint8([[200, 100], [100, 10]]), (8, 8))
+    image = Colouring()(mosaic, 'bayer_rggb8', 0.0)
+    assert (image.pixels[2:-2, 2:-2] == [10, 100, 200]).all() and image.palette is None
+
+
 @pytest.mark.parametrize('encoding', sorted(ENCODINGS))
 @pytest.mark.parametrize('height, width', [(1, 1), (1, 4), (4, 1), (1, 700), (700, 1), (5, 3)])
 @pytest.mark.parametrize('bigendian', [False, True])

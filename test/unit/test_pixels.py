@@ -40,7 +40,7 @@ def test_items_hold_the_sources_bytes(encoding, pad) -> None:
 
 
 @pytest.mark.parametrize('change, message', [
-    ({'encoding': 'yuv422'}, "encoding is 'yuv422'"),
+    ({'encoding': 'nv21'}, "encoding is 'nv21'"),
     ({'data': b'123'}, 'data has 3 bytes, height x step is 2 x 2 = 4'),
     ({'height': 0}, 'height is 0'),
     ({'width': 0}, 'width is 0'),

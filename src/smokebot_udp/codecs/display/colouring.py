@@ -9,6 +9,7 @@ import numpy as np
 
 from ...arrays import Array, FloatArray, UInt8Array
 from ...image_error import EIGHT_BITS
+from ..wire.bayer import BAYER, debayered
 
 PALETTES = ('inferno', 'hot', 'jet', 'turbo', 'gray', 'bone', 'rainbow', 'magma', 'plasma', 'viridis', 'cividis')
 """The colour maps of OpenCV 4.2 (Ubuntu 20.04) that are suitable for a scale, and gray."""
@@ -93,12 +94,14 @@ class Colouring:
         :param pixels: (height, width) or (height, width, channels) array, in any byte order, see pixels.as_pixels
         :param encoding: as in sensor_msgs/Image
         :param time: by any clock; an automatic range is smoothed over it [s]
-        :raises ValueError: the encoding is neither one of PLAIN nor of SCALED
+        :raises ValueError: the encoding is none of PLAIN, SCALED and mosaics
         """
         native = np.ascontiguousarray(pixels, pixels.dtype.newbyteorder('='))
         if encoding in PLAIN:
             conversion = PLAIN[encoding]
             return Coloured(native if conversion is None else cv2.cvtColor(native, conversion))
+        if encoding in BAYER:
+            return Coloured(debayered(native, encoding))
         if encoding not in SCALED:
             raise ValueError('encoding is %r, must be one of %s' % (encoding, ', '.join((*PLAIN, *SCALED))))
         values, ratios = self._fixed or self.automatic.follow(native, time)

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 
 from ...arrays import Array, Buffer, DType
+from .bayer import BAYER, CELLS, DEEP, PATTERNS, YUV422
 from .interleave import MAX_SIDE
 
 ENCODINGS = {'mono8': ('u1', 1), '8UC1': ('u1', 1), 'mono16': ('u2', 1), '16UC1': ('u2', 1), '32FC1': ('f4', 1),
@@ -13,16 +14,23 @@ ENCODINGS = {'mono8': ('u1', 1), '8UC1': ('u1', 1), 'mono16': ('u2', 1), '16UC1'
              '8UC4': ('u1', 4)}
 """{sensor_msgs/image_encodings: (numpy type of a channel, channels)}"""
 
+RAW = {**{name: ('u1', 1) for name in PATTERNS}, **{name: ('u2', 1) for name in DEEP},
+       **{name: ('u1', 2) for name in YUV422}}
+"""Likewise, of a camera's raw colours, see bayer: never coded as they are."""
+
+OF_CELLS = {name + CELLS: (RAW[name][0], 4) for name in BAYER}
+"""Likewise, of the cells of mosaics: only on the wire."""
+
 
 def pixel_type(encoding: str, is_bigendian: bool = False) -> Tuple[DType, int]:
     """The dtype of a channel, and the number of channels.
 
-    :raises ValueError: the encoding is not one of ENCODINGS
+    :raises ValueError: the encoding is none of ENCODINGS, RAW and OF_CELLS
     """
     try:
-        kind, channels = ENCODINGS[encoding]
+        kind, channels = ENCODINGS.get(encoding) or RAW.get(encoding) or OF_CELLS[encoding]
     except KeyError:
-        raise ValueError('encoding is %r, must be one of %s' % (encoding, ', '.join(ENCODINGS))) from None
+        raise ValueError('encoding is %r, must be one of %s' % (encoding, ', '.join((*ENCODINGS, *RAW)))) from None
     return np.dtype(kind).newbyteorder('>' if is_bigendian else '<'), channels
 
 
@@ -52,7 +60,7 @@ def as_items(data: Buffer, height: int, width: int, step: int, encoding: str) ->
 def item_type(encoding: str) -> DType:
     """A dtype of a whole pixel's bytes.
 
-    :raises ValueError: the encoding is not one of ENCODINGS
+    :raises ValueError: as pixel_type
     """
     dtype, channels = pixel_type(encoding)
     return _item(channels * dtype.itemsize)
