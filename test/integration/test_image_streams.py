@@ -272,7 +272,7 @@ class ImageStreams(unittest.TestCase):
     def test_bad_images_are_told_of_and_the_next_good_one_comes(self) -> None:
         good = bytes(range(16))
         for bad, words in (
-                (('encoding', 'yuv422'), "encoding is 'yuv422'"), (('data', b'short'), 'data has 5 bytes'),
+                (('encoding', 'nv21'), "encoding is 'nv21'"), (('data', b'short'), 'data has 5 bytes'),
                 (('height', 0), 'height is 0'), (('width', 0), 'width is 0'), (('step', 1), 'step is 1')):
             message = image(good, 4, 4, 'mono8', rospy.Time.now())
             setattr(message, *bad)

@@ -86,6 +86,15 @@ def test_a_region_outside_is_refused(region: Any) -> None:
         cropped(image(), region)
 
 
+def test_a_region_of_a_mosaic_keeps_its_pattern() -> None:
+    mosaic = image('mono8', 4, 6)
+    mosaic.encoding = 'bayer_rggb8'
+    assert cropped(mosaic, (2, 2, 3, 1)).encoding == 'bayer_rggb8'
+    for x, y in ((1, 2), (2, 1)):
+        with pytest.raises(ValueError, match='must begin at even places'):
+            cropped(mosaic, (x, y, 2, 2))
+
+
 def test_a_cloud_has_no_regions() -> None:
     assert cropped(cloud(), WHOLE).width == 100
     with pytest.raises(ValueError, match='region is of an image'):

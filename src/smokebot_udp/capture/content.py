@@ -16,6 +16,7 @@ from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import Image, PointCloud2
 
 from ..arrays import Array
+from ..codecs.wire.bayer import BAYER
 from ..codecs.wire.pixels import as_pixels, pixel_type
 from ..serialised import serialised
 from .coding import Coding, code_image, decode_image, from_planes, to_planes
@@ -73,6 +74,8 @@ def cropped(message: Any, region: Tuple[int, int, int, int]) -> Any:
     if not (width and height and x + width <= message.width and y + height <= message.height):
         raise ValueError('the region of %d x %d pixels at (%d, %d) is not in the image of %d x %d' % (
             width, height, x, y, message.width, message.height))
+    if message.encoding in BAYER and (x % 2 or y % 2):
+        raise ValueError('the region of a Bayer mosaic begins at (%d, %d), must begin at even places' % (x, y))
     part = np.ascontiguousarray(pixels[y:y + height, x:x + width])
     found = copy.copy(message)
     found.height, found.width, found.step, found.data = height, width, part.nbytes // height, part.tobytes()

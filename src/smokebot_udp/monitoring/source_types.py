@@ -20,7 +20,7 @@ class SourceTypes:
     def problem(self, topic: str, expected: str, now: float) -> Optional[str]:
         """The problem of a topic of another type than expected; None: it has this type, or is unknown.
 
-        :param expected: package/Type
+        :param expected: package/Type, or several with ' or ' between them
         :param now: by a steady clock [s]
         """
         if now >= self._due:
@@ -29,5 +29,7 @@ class SourceTypes:
                 self._types = dict(self._ask())
             except OSError:
                 self._types = {}
-        found = self._types.get(topic, expected)
-        return None if found in (expected, '*') else '%s is published as %s, must be %s' % (topic, found, expected)
+        found = self._types.get(topic, '*')
+        if found in (*expected.split(' or '), '*'):
+            return None
+        return '%s is published as %s, must be %s' % (topic, found, expected)

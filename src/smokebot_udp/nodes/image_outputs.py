@@ -1,15 +1,23 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The further topics of an image stream: a mask and a view."""
-from typing import Any, Callable, Mapping, Type, Union
+"""The further topics of an image stream: its calibration, a mask, compressed images, a view."""
+import collections
+import threading
+from typing import Any, Callable, Deque, Mapping, Tuple, Type, Union
 
 import rospy
-from sensor_msgs.msg import Image
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+from std_msgs.msg import Header
 
+from ..codecs.wire import compressed
 from ..codecs.wire.pixels import as_pixels
 from ..mission.settings import SettingsStore
 from ..streams.image.assembled import ShownImage
+from ..streams.image.camera_info import info_topic
 from .notice import Notice
 from .view_publisher import ViewPublisher
+
+MAX_WAITING = 8
+"""Images whose calibration may come after them, as where a segment overtakes that of a change."""
 
 
 class MaskOutput:
@@ -56,6 +64,67 @@ class ViewOutput:
         self._view.close()
 
 
-Output = Union[MaskOutput, ViewOutput]
-OUTPUTS: Mapping[str, Type[Any]] = {'publish_mask': MaskOutput, 'view_topic': ViewOutput}
+class CameraInfoOutput:
+    """Publishes the calibration of each image, with its header: after the image, or when it comes.
+
+    :param topic: resolved topic of the images; camera_info is beside it
+    """
+
+    def __init__(self, topic: str, settings: SettingsStore, clock_offset: Callable[[], float], notice: Notice) -> None:
+        self._publisher = rospy.Publisher(info_topic(topic), CameraInfo, queue_size=MAX_WAITING, tcp_nodelay=True)
+        self._waiting: Deque[Tuple[Header, Callable[[], Any]]] = collections.deque(maxlen=MAX_WAITING)
+        self._lock = threading.Lock()
+
+    def show(self, assembled: ShownImage) -> None:
+        """Publish the calibration of an image, if it is known."""
+        if assembled.camera_info is not None:
+            with self._lock:
+                self._waiting.append((assembled.message.header, assembled.camera_info))
+            self.renew()
+
+    def renew(self) -> None:
+        """Publish the calibrations of images that are known now. Any thread."""
+        with self._lock:
+            waiting = [(header, find, find()) for header, find in self._waiting]
+            self._waiting.clear()
+            self._waiting.extend((header, find) for header, find, info in waiting if info is None)
+        for header, _, info in waiting:
+            if info is not None:
+                info.header = Header(stamp=header.stamp, frame_id=header.frame_id)      # rospy writes into it
+                self._publisher.publish(info)
+
+    def close(self) -> None:
+        self._publisher.unregister()
+
+
+class CompressedOutput:
+    """Publishes each image compressed, as image_transport does: 8 bits as JPEG, 16 bits as PNG.
+
+    :param topic: resolved topic of the images; `compressed` is below it
+    """
+
+    def __init__(self, topic: str, settings: SettingsStore, clock_offset: Callable[[], float], notice: Notice) -> None:
+        self._publisher = rospy.Publisher(topic + '/compressed', CompressedImage, queue_size=2, tcp_nodelay=True)
+
+    def show(self, assembled: ShownImage) -> None:
+        """Publish an image, if there is any subscriber."""
+        if not self._publisher.get_num_connections():
+            return
+        image = assembled.message
+        pixels = as_pixels(image.data, image.height, image.width, image.step, image.encoding, image.is_bigendian)
+        try:
+            description, data = compressed.encode(pixels, image.encoding)
+        except ValueError as error:
+            rospy.logerr_throttle_identical(5, '%s: an image is not published: %s' % (self._publisher.name, error))
+            return
+        header = Header(stamp=image.header.stamp, frame_id=image.header.frame_id)
+        self._publisher.publish(CompressedImage(header=header, format=description, data=data))
+
+    def close(self) -> None:
+        self._publisher.unregister()
+
+
+Output = Union[MaskOutput, ViewOutput, CameraInfoOutput, CompressedOutput]
+OUTPUTS: Mapping[str, Type[Any]] = {'camera_info': CameraInfoOutput, 'publish_mask': MaskOutput,
+                                    'publish_compressed': CompressedOutput, 'view_topic': ViewOutput}
 """{setting: class of the output}: there is an output if its setting is neither false nor empty."""

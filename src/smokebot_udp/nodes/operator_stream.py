@@ -21,8 +21,9 @@ from ..streams.blank import blank, has_blank
 from ..streams.frame_assembler import Frame
 from ..streams.frame_prefix import add_prefix
 from ..streams.held import Holding
+from ..streams.image.camera_info import CAMERA_INFO
 from ..streams.relay.transforms import QUEUE
-from ..streams.segments import reported_name, wire_topic
+from ..streams.segments import INFO, reported_name, wire_topic
 from ..transport import Subscriber, Transport
 from .common import operator_topic
 from .compiled_codec import CompiledCodec
@@ -93,6 +94,7 @@ class OperatorStream:
         self._needs_codec = False       # whether the robot may send a part that needs it
         self._misses_decoder = False    # likewise, where there is none
         self._outputs: List[Any] = []
+        self._renew: Optional[Callable[[], None]] = None    # publishes calibrations that came after their images
         self._worker: DeadlineWorker[Any] = DeadlineWorker(
             name, self.assembler.poll, self.assembler.deadline, self._show, self._report)
         self.settings.subscribe(self._configure)
@@ -107,7 +109,7 @@ class OperatorStream:
         if self.assembler.COMPILED and self._link.codec is not None:
             self._link.codec.ready()    # loading takes a second: it begins before the robot offers such a part
         # all parts from the start: the robot may use another one at any time
-        self._subscribers = {part: self._subscribe(part) for part in self.assembler.SEGMENTS}
+        self._subscribers = {part: self._subscribe(part) for part in self.assembler.subscribed()}
 
     def _make_publisher(self) -> Any:
         if self.settings.current.get('publish_updates'):
@@ -202,8 +204,11 @@ class OperatorStream:
             return
         from .image_outputs import OUTPUTS  # imports OpenCV, for images only
         for setting, output in OUTPUTS.items():
-            if settings[setting]:
-                yield output(self.topic, self.settings, self._link.clock_offset, self._link.notice)
+            if settings.get(setting):
+                made = output(self.topic, self.settings, self._link.clock_offset, self._link.notice)
+                if setting == CAMERA_INFO:
+                    self._renew = made.renew
+                yield made
 
     def _configure(self, settings: Settings, changed: Mapping[str, Any]) -> None:
         with self._worker.changing():
@@ -215,6 +220,8 @@ class OperatorStream:
             self.assembler.receive(records, mask, time.monotonic(), part)
         if part in self.assembler.HELD:
             self._report_held()
+        if part == INFO and self._renew is not None:
+            self._renew()
 
     def _report_held(self) -> None:
         self._link.received(self.name, self._holding, self.assembler.REPORT_INTERVAL)

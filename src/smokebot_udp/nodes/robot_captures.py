@@ -17,6 +17,7 @@ from ..capture.transfers import MAX_RATE, Batch, Load, Request, Transfers
 from ..congestion.controller import Demand
 from ..congestion.operating_points import OperatingPoint
 from ..msg import CapturePiece, CaptureRequest
+from ..streams.image.source import raw_image
 from ..streams.segments import room
 from ..udpros.datagram import IP_UDP_HEADERS
 from ..udpros.frame import Frame
@@ -131,7 +132,7 @@ class RobotCaptures:
         if self._link.histories is None:
             raise ValueError('the robot keeps no originals')
         found = self._link.histories.find(request.stream, request.stamp)
-        message = cropped(found.message, request.region)
+        message = cropped(raw_image(found.message), request.region)
         return pack(message, self._lookup.pose(FIXED_FRAMES, message.header), request.layered and self._codec.ready())
 
     def _send(self, batch: Batch) -> None:

@@ -5,10 +5,11 @@ Parameters: ROBOT_SENDER in nodes/parameters.py, listed in doc/parameters.md.
 
 Each stream subscribes its robot_topic and publishes /smokebot_udp/<stream>/segments, an image stream that may be
 layered also /smokebot_udp/<stream>/layers, one that may be video also /smokebot_udp/<stream>/video, and a map that may
-be in tiles also /smokebot_udp/<stream>/tiles. Operators report on /smokebot_udp/held what they hold. ~status (latched)
-shows the focus and the settings of each stream,
-~focus/modified (latched) whether any of them was set by hand since the focus was switched, ~link the state of the link,
-~estop (latched) whether the emergency stop is engaged. Services: ~set_focus, ~set_estop.
+be in tiles also /smokebot_udp/<stream>/tiles. With camera_info an image stream also publishes
+/smokebot_udp/<stream>/camera_info. Operators report on /smokebot_udp/held what they hold. ~status (latched) shows the
+focus and the settings of each stream, ~focus/modified (latched) whether any of them was set by hand since the focus was
+switched, ~link the state of the link, ~estop (latched) whether the emergency stop is engaged. Services: ~set_focus,
+~set_estop.
 
 Commands, services, actions and reliable relays of operators come back over the same link, see way_back.py.
 """

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Set
 
 import rospy
+from rospy import AnyMsg
 
 from ..capture.history import Histories
 from ..congestion.controller import Demand
@@ -30,6 +31,7 @@ from ..transport import Publisher, Transport
 from ..udpros.datagram import IP_UDP_HEADERS
 from ..udpros.frame import Frame
 from ..units import KBIT
+from .any_type import class_of, read
 from .outbox import MAX_BACKLOG, Outbox
 from .trace import TRACE
 from .worker import DeadlineWorker
@@ -109,10 +111,12 @@ class RobotStream(rospy.SubscribeListener):
         self._worker.start()
         further = {rospy.resolve_name(topic): class_
                    for topic, class_ in self.encoder.sources(self.settings.current.requested).items()}
+        # a subscriber of any type follows a source that changes its own
+        own = AnyMsg if self.encoder.ACCEPTED else self.encoder.MESSAGE
         self._inputs = [self._make_subscriber(
-            topic, class_, functools.partial(self._receive, topic, class_._type), queue_size=self.encoder.QUEUE_SIZE,
-            buff_size=READ_SIZE, tcp_nodelay=True)
-            for topic, class_ in {**further, self.topic: self.encoder.MESSAGE}.items()]
+            topic, class_, functools.partial(self._receive, topic, self._accepted if class_ is AnyMsg else [class_]),
+            queue_size=self.encoder.QUEUE_SIZE, buff_size=READ_SIZE, tcp_nodelay=True)
+            for topic, class_ in {**further, self.topic: own}.items()]
 
     def close(self) -> None:
         """End the thread and all topics."""
@@ -137,8 +141,12 @@ class RobotStream(rospy.SubscribeListener):
 
     @property
     def source_type(self) -> str:
-        """The message type of the source, as package/Type."""
-        return str(self.encoder.MESSAGE._type)
+        """The message type of the source, as package/Type; of those that may be, with ' or ' between them."""
+        return ' or '.join(class_._type for class_ in self._accepted)
+
+    @property
+    def _accepted(self) -> Sequence[Any]:
+        return self.encoder.ACCEPTED or [self.encoder.MESSAGE]
 
     @property
     def heard(self) -> bool:
@@ -202,26 +210,25 @@ class RobotStream(rospy.SubscribeListener):
 
     def receive(self, message: Any) -> None:
         """A message of the source arrived."""
-        self._receive(self.topic, self.source_type, message)
+        self._receive(self.topic, self._accepted, message)
 
-    def _receive(self, topic: str, type_name: str, message: Any) -> None:
+    def _receive(self, topic: str, classes: Sequence[Any], message: Any) -> None:
         """A message arrived. It may be of another type, where this node subscribes the topic with another type as well.
 
-        :param type_name: that it must have, as package/Type
+        :param classes: that it may have
         """
-        if message._type != type_name:
-            self._report(ValueError('it is %s, must be %s' % (message._type, type_name)), topic)
-            return
-        self.received += 1
-        if TRACE.on and self.encoder.STAMPED:
-            TRACE.mark(self.name, message.header.stamp.to_nsec(), stages.RECEIVED)
-        if topic == self.topic:
-            self._keep(message)
-        local = self._local_publisher is not None and self._local_publisher.get_num_connections() > 0
-        if not (self.encoder.KEEPS or local or self.wanted):
-            return
         try:
-            self._put(message)
+            message = read(message, class_of(message, classes))
+            if self.encoder.takes(message):
+                return
+            self.received += 1
+            if TRACE.on and self.encoder.STAMPED:
+                TRACE.mark(self.name, message.header.stamp.to_nsec(), stages.RECEIVED)
+            if topic == self.topic:
+                self._keep(message)
+            local = self._local_publisher is not None and self._local_publisher.get_num_connections() > 0
+            if self.encoder.KEEPS or local or self.wanted:
+                self._put(message)
         except ValueError as error:
             self._report(error, topic)
 
@@ -309,12 +316,14 @@ class RobotStream(rospy.SubscribeListener):
         if TRACE.on and encoder.STAMPED:
             TRACE.mark(self.name, self._stamp.to_nsec(), stages.STARTED, began)
             TRACE.mark(self.name, self._stamp.to_nsec(), stages.ENCODED)
+        beside, encoder.beside = encoder.beside, []
         self._follow_repeats()
         if not frames:
             return
         with self._worker.changing():
             self._schedule.sent(time.monotonic())
         if self.wanted:
+            self._send_at_once(beside)
             self._send(frames)
             self.sent += not encoder.PROTECTED
 
@@ -354,14 +363,18 @@ class RobotStream(rospy.SubscribeListener):
 
     def _send(self, frames: Sequence[Frame]) -> None:
         """Hand over the frames that carry one message, or the messages of a PROTECTED stream."""
-        part = self._part_of[frames[0].message_class]
-        name, publisher = reported_name(self.name, part), self._publishers[part]
-        if not self.encoder.PROTECTED:
-            self.link.outbox.put(name, publisher, frames, self._stamp.to_nsec() if self._stamp else 0)
-            return
+        if self.encoder.PROTECTED:
+            self._send_at_once(frames)
+            self.sent += len(frames)
+        else:
+            part = self._part_of[frames[0].message_class]
+            self.link.outbox.put(reported_name(self.name, part), self._publishers[part], frames,
+                                 self._stamp.to_nsec() if self._stamp else 0)
+
+    def _send_at_once(self, frames: Sequence[Frame]) -> None:
         for frame in frames:
-            self.link.outbox.publish(name, publisher, frame)
-            self.sent += 1
+            part = self._part_of[frame.message_class]
+            self.link.outbox.publish(reported_name(self.name, part), self._publishers[part], frame)
 
     def _report(self, error: Exception, topic: Optional[str] = None) -> None:
         self._invalid += 1

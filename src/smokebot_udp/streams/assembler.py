@@ -13,7 +13,7 @@ A kind whose messages need no work (FORWARDS) implements `join` and `forward` in
 """
 import collections
 from dataclasses import dataclass, field
-from typing import Any, Callable, ClassVar, Counter, FrozenSet, Generic, List, Mapping, Optional, TypeVar
+from typing import Any, Callable, ClassVar, Counter, FrozenSet, Generic, List, Mapping, Optional, Sequence, TypeVar
 
 from ..arrays import BoolArray, Records
 from ..image_error import ImageError
@@ -42,6 +42,9 @@ class Assembled:
     """Received share of it, 0..1; None: unknown."""
     changed: Optional[float] = field(default=None, init=False)
     """Of images: share of their cells that differ from the image before, 0..1; None: not compared."""
+    camera_info: Optional[Callable[[], Any]] = field(default=None, init=False)
+    """Of images: f() -> their sensor_msgs/CameraInfo without its header, or None while it is not known; None: none is
+    wanted."""
     error: Optional[ImageError] = field(default=None, init=False)
     """Of images that were coded with loss; None: what was received is exact, or, of video, nothing is known."""
 
@@ -97,6 +100,10 @@ class Assembler(Generic[Finished, Result]):
 
         :param changed: {name: value} of the settings whose effective value differs from before, never empty
         """
+
+    def subscribed(self) -> Sequence[str]:
+        """The parts of SEGMENTS that are received."""
+        return list(self.SEGMENTS)
 
     def receive(self, records: Records, mask: BoolArray, now: float, part: str = MAIN_PART) -> None:
         """Sort a batch of segments of one part.

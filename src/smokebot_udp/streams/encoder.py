@@ -29,6 +29,8 @@ class Encoder(Generic[Message]):
     """
     MESSAGE: Any = None
     """Class of the source's messages."""
+    ACCEPTED: ClassVar[Sequence[Any]] = ()
+    """Classes that the source's messages may have, MESSAGE the first of them; empty: only MESSAGE."""
     SEGMENTS: ClassVar[Mapping[str, Any]] = {}
     """{part: class of its messages on the wire}, see segments.wire_topic; a frame belongs to the part of its class."""
     CARRIES: str = ''
@@ -65,6 +67,8 @@ class Encoder(Generic[Message]):
         """Size of the last message on the air; None: nothing was encoded yet [byte]."""
         self.warnings: Deque[str] = collections.deque(maxlen=16)
         """For the log: problems of messages that were encoded nevertheless. The runner removes them."""
+        self.beside: List[Frame] = []
+        """Frames of other parts, which leave at once before those that `encode` returned. The runner removes them."""
         self.backlog: Optional[float] = None
         """A newer message waits for the rest of the last one if everything that waits leaves within this time; None: as
         the outbox decides [s]."""
@@ -98,6 +102,13 @@ class Encoder(Generic[Message]):
         :param settings: {name: value} of PARAMETERS
         """
         return {}
+
+    def takes(self, message: Any) -> bool:
+        """Take a message of `sources` that accompanies those of the source: it is neither merged nor counted.
+
+        :return: whether it is one
+        """
+        return False
 
     def merge(self, waiting: Optional[Message], message: Any) -> Optional[Message]:
         """What waits to be encoded after a message has arrived; unless a kind overrides this, the newest message.

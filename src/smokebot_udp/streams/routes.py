@@ -7,6 +7,7 @@ the operator's side are all in the namespace of its node.
 from typing import Any, Dict, List, Mapping, NamedTuple, Optional
 
 from . import encoder_class
+from .image.camera_info import info_topic
 from .message_types import action_types
 from .relay.parameters import TO_ROBOT
 
@@ -72,12 +73,14 @@ def routes_of(settings: Mapping[str, Any]) -> Routes:
                       class_._type)
                 for part, class_ in action_types(settings['action_type'])._asdict().items()]
     type_ = settings.get('message_type') or encoder_class(kind).MESSAGE._type
-    found = [Route('topic', normalised(settings['robot_topic']), normalised(settings['operator_topic']),
-                   kind == 'command' or settings.get('direction') == TO_ROBOT, type_)]
+    robot, operator = normalised(settings['robot_topic']), normalised(settings['operator_topic'])
+    found = [Route('topic', robot, operator, kind == 'command' or settings.get('direction') == TO_ROBOT, type_)]
     if settings.get('publish_updates'):
         updates = settings['updates_topic'] or settings['robot_topic'] + UPDATES
         found.append(Route('topic', normalised(updates), normalised(settings['operator_topic'] + UPDATES), False,
                            'map_msgs/OccupancyGridUpdate'))
+    if settings.get('camera_info'):
+        found.append(Route('topic', info_topic(robot), info_topic(operator), False, 'sensor_msgs/CameraInfo'))
     return found
 
 

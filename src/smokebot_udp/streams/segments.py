@@ -21,6 +21,9 @@ LAYERS = 'layers'
 VIDEO = 'video'
 """The part of a stream of images that carries slices of H.264."""
 
+INFO = 'camera_info'
+"""The part of a stream of images that carries their calibration."""
+
 TILES = 'tiles'
 """The part of a stream of maps that carries tiles."""
 

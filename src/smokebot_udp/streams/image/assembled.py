@@ -29,6 +29,13 @@ class AssembledImage(Assembled):
         return mask_of(self.received, self.filtered.known)
 
 
+class MosaicImage(AssembledImage):
+    """A mosaic of which `received` and `filtered` are cells of 2 x 2 pixels, see codecs.wire.bayer."""
+
+    def mask(self) -> UInt8Array:
+        return super().mask().repeat(2, axis=0).repeat(2, axis=1)
+
+
 @dataclass
 class RestoredImage(Assembled):
     """An image restored from layers. All of its pixels are equally good, as `error` says."""

@@ -6,9 +6,11 @@ decoded from all layers that can be restored when the image is finished. Video i
 the slices that came or can be restored. Of an image of which nothing can be restored nothing is published: the one
 before goes on growing old. Nor is one whose reference is not held.
 """
+import functools
 from types import SimpleNamespace
-from typing import Any, Mapping, Optional, Tuple, Union
+from typing import Any, Mapping, Optional, Sequence, Tuple, Union
 
+import numpy as np
 from sensor_msgs.msg import Image
 
 from ...arrays import Array, BoolArray, Records
@@ -16,20 +18,23 @@ from ...codecs.concealment import fill
 from ...codecs.concealment.successive import SuccessiveImages
 from ...codecs.concealment.temporal import FilteredImage, TemporalFilter
 from ...codecs.layered.quality import from_byte
+from ...codecs.wire.bayer import CELLS, from_cells
 from ...codecs.wire.partial_image import PartialImage
-from ...codecs.wire.pixels import item_type, pixel_type
+from ...codecs.wire.pixels import OF_CELLS, item_type, pixel_type
 from ...image_error import EIGHT_BITS, ImageError
 from ...mission.parameters import Parameter
 from ...mission.settings import Settings
-from ...msg import ImageSegment, LayeredSegment, VideoSlice
+from ...msg import CameraInfoSegment, ImageSegment, LayeredSegment, VideoSlice
 from ..assembler import Clock, no_clock
 from ..concealment_budget import CHEAPEST, FALLBACK, ConcealmentBudget
 from ..frame_assembler import MAX_FINISHED, Frame
 from ..held import Holding
-from ..segments import LAYERS, MAIN_PART, VIDEO
+from ..segments import INFO, LAYERS, MAIN_PART, VIDEO
 from ..stamped_assembler import StampedAssembler, header_of
-from .assembled import AssembledImage, DecodedImage, RestoredImage, ShownImage
+from .assembled import AssembledImage, DecodedImage, MosaicImage, RestoredImage, ShownImage
+from .camera_info import SETTING
 from .held_images import HeldImages
+from .info_history import InfoHistory
 from .layered import LayeredImage
 from .pixel_layers import Layerable, restored
 from .size_guard import SizeGuard
@@ -55,7 +60,8 @@ class ImageAssembler(StampedAssembler[Content, ShownImage]):
     :param clock: measures how long concealment takes [s]
     :param decoder: of video images; None: there are none
     """
-    MESSAGE, SEGMENTS = Image, {MAIN_PART: ImageSegment, LAYERS: LayeredSegment, VIDEO: VideoSlice}
+    MESSAGE, SEGMENTS = Image, {MAIN_PART: ImageSegment, LAYERS: LayeredSegment, VIDEO: VideoSlice,
+                                INFO: CameraInfoSegment}
     COMPILED, DECODED = frozenset([LAYERS, VIDEO]), frozenset([VIDEO])
     HEADS = {
         MAIN_PART: ('height', 'width', 'encoding', 'is_bigendian', 'depth', 'total'),
@@ -78,6 +84,9 @@ class ImageAssembler(StampedAssembler[Content, ShownImage]):
                                   'its topic: 255: received pixel, 128: pixel of an earlier image, 0: concealed pixel; '
                                   'all over a layered image 255 - error byte (doc/wire_format.md): 255: exact; of '
                                   'video 255 times the share of the slices'),
+        'camera_info': SETTING,
+        'publish_compressed': Parameter(False, '', 'whether images are also published compressed, on compressed below '
+                                        'operator_topic, as by image_transport: 8 bits as JPEG, 16 bits as PNG'),
         **VIEW,
     }
 
@@ -90,10 +99,19 @@ class ImageAssembler(StampedAssembler[Content, ShownImage]):
         self._guard = SizeGuard()
         self._images = HeldImages(self.dropped)
         self._video = VideoSequence(decoder, self.dropped) if decoder is not None else None
+        self._infos = InfoHistory(self.dropped) if settings.get('camera_info') else None
         self._held: Optional[Holding] = None    # what is reported
         self._received = 0.0    # when the last batch was [s]
 
+    def subscribed(self) -> Sequence[str]:
+        return [part for part in self.SEGMENTS if part != INFO or self._infos is not None]
+
     def receive(self, records: Records, mask: BoolArray, now: float, part: str = MAIN_PART) -> None:
+        if part == INFO:
+            if self._infos is not None:
+                for row in np.flatnonzero(mask):
+                    self._infos.receive(records[row])
+            return
         self._received = now
         super().receive(records, mask, now, part)
 
@@ -114,6 +132,13 @@ class ImageAssembler(StampedAssembler[Content, ShownImage]):
         return records['index'].astype(int), records['count'], records['data']
 
     def assemble(self, finished: Frame[Content], settings: Settings, still: bool, now: float) -> Optional[ShownImage]:
+        shown = self._shown(finished, settings, still, now)
+        if shown is not None and self._infos is not None:
+            shown.camera_info = functools.partial(self._infos.of, shown.stamp, shown.message.height,
+                                                  shown.message.width)
+        return shown
+
+    def _shown(self, finished: Frame[Content], settings: Settings, still: bool, now: float) -> Optional[ShownImage]:
         head, image = finished.head, finished.content
         self._held = None   # interleaved images are not reported
         if isinstance(image, LayeredImage):
@@ -154,8 +179,10 @@ class ImageAssembler(StampedAssembler[Content, ShownImage]):
         # no earlier pixel replaces one of a complete image: it need not wait for the filter, see `settle`
         if not image.have.all():
             filtered = self._filtered(head, image, filtered, settings, still, now)
-        assembled = AssembledImage(_message(head, filtered.items, head.is_bigendian), head.stamp, image.completeness,
-                                   image.received, filtered)
+        class_, message = AssembledImage, _message(head, filtered.items, head.is_bigendian)
+        if head.encoding in OF_CELLS:
+            class_, message = MosaicImage, _mosaic(head, filtered.items)
+        assembled = class_(message, head.stamp, image.completeness, image.received, filtered)
         assembled.changed = filtered.changed
         return assembled
 
@@ -175,6 +202,8 @@ class ImageAssembler(StampedAssembler[Content, ShownImage]):
     def problem(self, settings: Settings, now: float) -> Optional[str]:
         if settings['fill'] != CHEAPEST and self._budget.falls_back(now):
             return 'filled by %s because %s takes too long' % (CHEAPEST, settings['fill'])
+        if self._infos is not None and self._infos.unknown:
+            return 'the camera_info of its images is not known: is it published beside robot_topic, of their size?'
         return None
 
     def _concealed(self, head: SimpleNamespace, image: PartialImage, settings: Settings) -> Array:
@@ -207,3 +236,15 @@ def _message(head: SimpleNamespace, pixels: Array, is_bigendian: int) -> Image:
     """
     return Image(header=header_of(head), height=head.height, width=head.width, encoding=head.encoding,
                  is_bigendian=is_bigendian, step=pixels.strides[0], data=pixels.tobytes())
+
+
+def _mosaic(head: SimpleNamespace, items: Array) -> Image:
+    """The image of a head whose encoding is one of OF_CELLS.
+
+    :param items: (height, width) array of cells
+    """
+    channel, channels = pixel_type(head.encoding, head.is_bigendian)
+    pixels = from_cells(items.view(channel).reshape(head.height, head.width, channels))
+    whole = SimpleNamespace(**{**vars(head), 'height': pixels.shape[0], 'width': pixels.shape[1],
+                               'encoding': head.encoding[:-len(CELLS)]})
+    return _message(whole, pixels, head.is_bigendian)

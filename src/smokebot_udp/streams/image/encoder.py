@@ -1,28 +1,32 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Image streams: sensor_msgs/Image of any supported encoding, interleaved, layered or as video."""
+"""Image streams: raw or compressed images of any supported encoding, interleaved, layered or as video."""
 import math
 import os
 from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Tuple, Union
 
-from sensor_msgs.msg import Image
+from sensor_msgs.msg import CameraInfo, Image
 
 from ...codecs.video.pyav import installed
 from ...codecs.wire import pixels
 from ...congestion.operating_points import OperatingPoint
 from ...mission.parameters import Parameter
 from ...mission.settings import Settings
-from ...msg import ImageSegment, LayeredSegment, VideoSlice
+from ...msg import CameraInfoSegment, ImageSegment, LayeredSegment, VideoSlice
 from ...udpros.frame import Frame
 from ..codec import Codec, ImportedCodec
 from ..encoder import Encoder
 from ..held import Holding
 from ..parameters import HISTORY, ROBOT
-from ..segments import LAYERS, MAIN_PART, VIDEO, size_on_air
+from ..segments import INFO, LAYERS, MAIN_PART, VIDEO, size_on_air
+from .camera_info import SETTING, info_topic
 from .coding_choice import CodingChoice, Conditions
 from .held_by_all import HeldByAll
+from .info_sender import InfoSender
 from .interleaved_encoder import InterleavedImages
 from .pixel_layers import cannot_be_layered
+from .region import parse
 from .similarity import Similarity
+from .source import ACCEPTED, SourceImage, source_image
 from .video import cannot_be_video
 from .video_choice import VideoChoice, VideoConditions
 
@@ -53,7 +57,9 @@ class ImageEncoder(Encoder[Any]):
     :param clock: steady [s]
     :param session: makes random numbers, uint32
     """
-    MESSAGE, SEGMENTS = Image, {MAIN_PART: ImageSegment, LAYERS: LayeredSegment, VIDEO: VideoSlice}
+    MESSAGE, SEGMENTS = Image, {MAIN_PART: ImageSegment, LAYERS: LayeredSegment, VIDEO: VideoSlice,
+                                INFO: CameraInfoSegment}
+    ACCEPTED = ACCEPTED
     FORESEES = True
     PARAMETERS = {
         **ROBOT,
@@ -63,6 +69,11 @@ class ImageEncoder(Encoder[Any]):
                             'better image', choices=('auto', 'interleaved', 'layered', 'h264'), live=True),
         'scale': Parameter(1, '', 'reduction factor: each block of scale x scale pixels is replaced by its mean',
                            least=1, most=16, live=True),
+        'region': Parameter('', 'pixel', "the part of the source's images that is sent: x, y, width, height of a "
+                            'rectangle, before scale; empty: all', live=True),
+        'debayer': Parameter(False, '', 'interleaved: whether a Bayer mosaic is sent in colours, at three times the '
+                             'size; by the other codings, and at a scale above 1, it always is', live=True),
+        'camera_info': SETTING,
         'max_subimages': Parameter(0, '', 'interleaved: number of subimages sent of each image, coarse first; 0: all',
                                    least=0, most=65536, live=True),
         'max_bytes': Parameter(0, 'byte', 'layered, h264: maximum size of an image on the air, all headers included; '
@@ -85,13 +96,27 @@ class ImageEncoder(Encoder[Any]):
         self._choice, self._video_choice, self._similarity = CodingChoice(), VideoChoice(), Similarity()
         self._interleaved, self._layered = InterleavedImages(), None    # type: InterleavedImages, Any
         self._video: Any = None
+        self._infos = InfoSender() if settings['camera_info'] else None
         self._broken = False            # whether there is a PyAV that cannot be used
         self._used: Union[InterleavedImages, Any] = self._interleaved   # for the last image
         self._unheard_since = math.inf      # since when not all operators receive video [s]
 
+    @staticmethod
+    def check(settings: Mapping[str, Any]) -> None:
+        parse(settings['region'])
+
     def parts(self, settings: Settings) -> Sequence[str]:
         further = {'interleaved': [], 'layered': [LAYERS]}.get(settings['coding'], [LAYERS] + [VIDEO] * installed())
-        return [MAIN_PART, *further]
+        return [MAIN_PART, *further, *([INFO] if self._infos is not None else [])]
+
+    def sources(self, settings: Mapping[str, Any]) -> Dict[str, Any]:
+        return {info_topic(settings['robot_topic']): CameraInfo} if self._infos is not None else {}
+
+    def takes(self, message: Any) -> bool:
+        if self._infos is None or not isinstance(message, CameraInfo):
+            return False
+        self._infos.add(message)
+        return True
 
     def operating_points(self, rate: float, settings: Settings) -> List[OperatingPoint]:
         points: List[OperatingPoint] = self._used.operating_points(rate, settings)
@@ -110,6 +135,10 @@ class ImageEncoder(Encoder[Any]):
             self._video.held(operator, holding, self._clock())
 
     def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Frame]:
+        source = source_image(message, settings)
+        message = source.message
+        if self._infos is not None:
+            self._add_info(self._infos, source, settings['scale'], max(max_datagram_size, self.longest_datagram))
         for_video = max(max_datagram_size, min(self.longest_datagram, VIDEO_DATAGRAM))
         self._used = self._chosen(message, settings, for_video)
         began = self._clock()
@@ -124,6 +153,13 @@ class ImageEncoder(Encoder[Any]):
         self.backlog = self._used.BACKLOG
         self.message_size = size_on_air(frames) or self.message_size
         return frames
+
+    def _add_info(self, infos: InfoSender, source: SourceImage, scale: int, datagram_size: int) -> None:
+        """Have the calibration of an image sent before it, if that is due."""
+        try:
+            self.beside += infos.frames(source, scale, self.operators(INFO), self._clock(), datagram_size)
+        except ValueError as error:
+            self.warnings.append('%s. It is not sent' % error)
 
     def _chosen(self, message: Any, settings: Settings, for_video: int) -> Any:
         """The way of coding of an image.
