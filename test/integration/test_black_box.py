@@ -2,8 +2,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Both sides record, with a master each: a switch of the focus, a cut of the link, a restart of the robot's master."""
 import contextlib
+import html
 import os
 import pathlib
+import re
 import signal
 import sys
 import tempfile
@@ -94,6 +96,7 @@ class BlackBox(unittest.TestCase):
         for side, process in self.launches:
             side.stop(process)
         self.check_bags()
+        self.check_report()
 
     def check_bags(self) -> None:
         """All are closed but the one whose rosbag was killed, and hold what they say."""
@@ -103,6 +106,18 @@ class BlackBox(unittest.TestCase):
             with rosbag.Bag(str(path)) as bag:
                 topics = bag.get_type_and_topic_info().topics
                 self.assertTrue(any(topic.endswith('_black_box/description') for topic in topics), path)
+
+    def check_report(self) -> None:
+        """All bags make a report that names what happened, also the one that was not closed."""
+        path = self.folder / 'report.html'
+        output = self.desk.run('rosrun', 'smokebot_udp', 'mission_report', str(self.folder), '-o', str(path))
+        self.assertEqual(output.count('reading '), 4)
+        text = html.unescape(re.sub(r'<[^>]*>', ' ', path.read_text()))
+        self.assertIn("focus 'inspection'", text)
+        cuts = [float(seconds) for seconds in re.findall(
+            r'no new image of thermal for ([0-9.]+) s \(nothing arrived: the link was cut\)', text)]
+        self.assertTrue(cuts and max(cuts) > 0.9 * CUT, text)
+        self.assertIn('thermal: original', text)
 
 
 if __name__ == '__main__':

@@ -13,11 +13,11 @@ SOURCE = TOP / 'src' / 'smokebot_udp'
 MODULES = sorted(SOURCE.rglob('*.py'))
 LAYERS = {
     'nodes': {'streams', 'codecs', 'congestion', 'mission', 'monitoring', 'udpros', 'link', 'simulation', 'teleop',
-              'reliable', 'capture', 'msg', 'srv'},
+              'reliable', 'capture', 'mission_report', 'msg', 'srv'},
     'streams': {'codecs', 'congestion.operating_points', 'mission.parameters', 'mission.settings', 'mission.yaml_text',
                 'udpros.frame', 'udpros.datagram', 'msg'},
     'congestion': {'monitoring.stats', 'monitoring.windows'},
-    'link_lab': {'udpros', 'msg'},
+    'link_lab': {'udpros', 'msg'}, 'mission_report': {'codecs'},
     'link': {'udpros.datagram', 'udpros.depacketizer', 'udpros.endpoints', 'udpros.frame',
              'udpros.loss_emulation', 'udpros.packetizer', 'udpros.records'},
     'teleop': {'monitoring.clock_offset', 'monitoring.windows'}, 'reliable': set(),
@@ -27,7 +27,8 @@ LAYERS = {
 """Each package, and the packages and modules below it that it may import."""
 
 EVERYWHERE = {'arrays', 'budget', 'checksum', 'image_error', 'serialised', 'transport', 'units'}
-PURE = {'capture', 'codecs', 'congestion', 'mission', 'monitoring', 'reliable', 'simulation', 'streams', 'teleop'}
+PURE = {'capture', 'codecs', 'congestion', 'mission', 'mission_report', 'monitoring', 'reliable', 'simulation',
+        'streams', 'teleop'}
 """Packages without threads, sockets, topics or a clock."""
 
 PURE_UDPROS = {'admission', 'batches', 'bus_info', 'datagram', 'depacketizer', 'frame', 'negotiation', 'packetizer',

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Times without a new image at the operator's, and what they are due to."""
+from typing import Callable, List, NamedTuple
+
+import numpy as np
+
+from ..arrays import FloatArray
+from .mission import Mission, Span
+from .record import OPERATOR, ROBOT, State
+
+LEAST_GAP = 1.0
+"""Shorter ones are not listed [s]."""
+
+PERIODS = 2.5
+"""Neither are those of fewer periods of the rate that the stream is set to."""
+
+MOST = 0.8
+"""A reason explains a gap if it holds for this part of it."""
+
+CUT, SOURCE, UNKNOWN = 'nothing arrived: the link was cut', 'the source on the robot was silent', (
+    'images were lost or late, other streams arrived')
+OFF, PAUSED = "focus '%s' does not send it", 'paused: the link was too slow for it'
+"""Causes."""
+
+
+class Gap(NamedTuple):
+    """A time without a new image."""
+    stream: str
+    begin: float
+    """The last image before, or the beginning of the recording [s]."""
+    end: float
+    cause: str
+
+    @property
+    def duration(self) -> float:
+        return self.end - self.begin
+
+
+def gaps(mission: Mission, name: str) -> List[Gap]:
+    """The gaps of a stream while all sides recorded, by time."""
+    if OPERATOR not in mission.spans:
+        return []
+    begin, end = mission.common
+    times = mission.times(OPERATOR, name)
+    edges = np.concatenate([[begin], times[(times > begin) & (times < end)], [end]])
+    found = []
+    for index in np.flatnonzero(np.diff(edges) > LEAST_GAP):
+        span = float(edges[index]), float(edges[index + 1])
+        state = mission.state(span[0])
+        rate = state.streams.get(name, (True, False, 0.0))[2] if state else 0.0
+        if rate <= 0 or span[1] - span[0] > PERIODS / rate:
+            found.append(Gap(name, *span, _cause(mission, name, span)))
+    return found
+
+
+def _cause(mission: Mission, name: str, span: Span) -> str:
+    most = MOST * (span[1] - span[0])
+    off = share(mission, lambda state: name in state.streams and not state.streams[name][0], span)
+    if off >= most:
+        state = mission.state((span[0] + span[1]) / 2)
+        return OFF % (state.focus if state else '')
+    if longest(mission.arrivals, span) >= most:
+        return CUT
+    if share(mission, lambda state: name in state.streams and state.streams[name][1], span) >= most:
+        return PAUSED
+    if ROBOT in mission.spans and longest(mission.times(ROBOT, name), span) >= most:
+        return SOURCE
+    return UNKNOWN
+
+
+def share(mission: Mission, holds: Callable[[State], bool], span: Span) -> float:
+    """For how long of a span the robot's state was as f(state) says [s]."""
+
+    intervals = mission.intervals(lambda state: 'yes' if holds(state) else '')
+    return sum(max(0.0, min(one.end, span[1]) - max(one.begin, span[0])) for one in intervals)
+
+
+def longest(times: FloatArray, span: Span) -> float:
+    """The longest time without any of these, within a span [s].
+
+    :param times: (n,) [s], ascending
+    """
+    begin, end = np.searchsorted(times, span[0], side='right'), np.searchsorted(times, span[1], side='left')
+    return float(np.diff(np.concatenate([[span[0]], times[begin:end], [span[1]]])).max())

@@ -1,0 +1,361 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The report of a mission: its numbers, its page, and what is said of bags that cannot be used."""
+import base64
+import builtins
+import contextlib
+import html.parser
+import os
+import pathlib
+import shutil
+import unittest.mock
+from typing import Any, Dict, List, Tuple
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from mission_bags import CUT, OFFSET, START, both, image, link, operator, robot, status, write
+
+from smokebot_udp.mission_report import plots as mission_plots
+from smokebot_udp.mission_report.gaps import longest
+from smokebot_udp.mission_report.mission import joined, rate
+from smokebot_udp.nodes.mission_report import main
+
+VOID = {'meta', 'img', 'br'}
+
+
+class Page(html.parser.HTMLParser):
+    """What a report says; it must be well-formed."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: List[str] = []
+        self.rows: List[List[str]] = []
+        self.pictures: List[Tuple[str, bytes]] = []
+        self.headings: List[str] = []
+        self.text = ''
+        self.feed(text)
+        assert not self.open
+
+    def handle_starttag(self, tag: str, attrs: Any) -> None:
+        if tag not in VOID:
+            self.open.append(tag)
+        if tag == 'tr':
+            self.rows.append([])
+        elif tag in ('td', 'th'):
+            self.rows[-1].append('')
+        elif tag in ('h2', 'h3'):
+            self.headings.append('')
+        elif tag == 'img':
+            values = dict(attrs)
+            kind, data = values['src'].split(';base64,')
+            self.pictures.append((values['alt'], base64.b64decode(data)))
+            assert kind in ('data:image/png', 'data:image/jpeg')
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if self.open and self.open[-1] in ('td', 'th'):
+            self.rows[-1][-1] += data
+        elif self.open and self.open[-1] in ('h2', 'h3'):
+            self.headings[-1] += data
+        if self.open and self.open[-1] != 'style':
+            self.text += data + '\n'
+
+    def row(self, *begins: str) -> List[str]:
+        """The rest of the only row that begins so."""
+        found = [row for row in self.rows if row[:len(begins)] == list(begins)]
+        assert len(found) == 1, (begins, self.rows)
+        return found[0][len(begins):]
+
+
+def report(folder: pathlib.Path, *arguments: str, draw: bool = False) -> Page:
+    """A report, without plots: they take longer than all the rest."""
+    path = folder / 'report.html'
+    plots = contextlib.nullcontext() if draw else unittest.mock.patch.object(mission_plots, 'draw', return_value=[])
+    with plots:
+        assert main([*arguments, '-o', str(path)]) == 0
+    return Page(path.read_text())
+
+
+@pytest.fixture(scope='module', name='paths')
+def _paths(tmp_path_factory: Any) -> Dict[str, str]:
+    return both(tmp_path_factory.mktemp('mission'))
+
+
+@pytest.fixture(scope='module', name='page')
+def _page(paths: Dict[str, str], tmp_path_factory: Any) -> Page:
+    return report(tmp_path_factory.mktemp('report'), *paths.values(), draw=True)
+
+
+def test_the_streams_in_numbers(page: Page) -> None:
+    # 200 images in 19.9 s of the robot, 158 in 19.9 s of the operator, all 0.2 s old; the last before the cut is 7.9 s
+    assert page.row('thermal', 'image') == ['200', '10.1 Hz', '158', '7.9 Hz', '200 ms', '200 ms', '4.1 s']
+    assert page.row('gas', 'relay') == ['20', '1.0 Hz', '16', '0.8 Hz', '', '', '']
+
+
+def test_the_summary(page: Page) -> None:
+    for name, value in {'duration': '19.9 s', 'distance driven': '4.0 m', 'sent, mean': '2.00 Mbit/s',
+                        'capacity, mean': '8.00 Mbit/s', 'packet loss, mean': '25.0 %',
+                        'queue of the link, mean': '50 ms', 'round trip, mean': '100 ms',
+                        "the robot's clock minus the operator's": '3.000 s', 'emergency stop engaged': '2.0 s',
+                        'focus default': '5.0 s', 'focus inspection': '14.9 s', 'driver desk': '14.9 s'}.items():
+        assert page.row(name) == [value]
+
+
+def test_the_gap_and_its_cause(page: Page) -> None:
+    assert page.row('thermal', '0:08.1') == ['0:12.2', '4.1 s', 'nothing arrived: the link was cut']
+    assert sum('0:08.1' in row and row[0] == 'thermal' for row in page.rows) == 1
+
+
+def test_the_events_in_order(page: Page) -> None:
+    begin = page.rows.index(['time', 'event'])
+    assert page.rows[begin + 1:] == [
+        ['0:00.0', "focus 'default'"], ['0:05.0', 'desk drives'], ['0:05.0', "focus 'inspection'"],
+        ['0:06.0', "operator's control: in control"],
+        ['0:08.1', 'no new image of thermal for 4.1 s (nothing arrived: the link was cut)'],
+        ['0:14.0', 'emergency stop engaged'], ['0:16.0', 'emergency stop released']]
+
+
+def test_the_film_strip_pairs_the_original_with_what_was_seen(page: Page) -> None:
+    pairs = [(name, cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)) for name, data in page.pictures
+             if name.startswith('thermal')]
+    captions = [name for name, _ in pairs]
+    assert 'thermal: operator, 0.2 s old' in captions and 'thermal: robot at this time' in captions
+    assert any(name == 'thermal: operator, 1.2 s old' for name in captions)     # a second after the cut
+    whole = [(before, after) for before, after in zip(pairs, pairs[1:]) if before[0] == 'thermal: original'
+             and after[0].startswith('thermal: operator')]
+    assert len(whole) >= 6
+    for (_, original), (_, seen) in whole:
+        assert original.shape == (12, 16, 3) and np.array_equal(original, seen)     # nothing was lost
+    assert any('emergency stop engaged' in heading for heading in page.headings)
+
+
+def test_every_plot_is_an_image(page: Page) -> None:
+    plots = [data for name, data in page.pictures if not name.startswith('thermal')]
+    assert len(plots) == 6
+    for data in plots:
+        assert cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR) is not None
+
+
+def test_without_matplotlib_only_the_plots_are_missing(paths: Dict[str, str], tmp_path: pathlib.Path,
+                                                       monkeypatch: Any, capsys: Any) -> None:
+    plain = builtins.__import__
+
+    def without(name: str, *rest: Any) -> Any:
+        if name.startswith('matplotlib'):
+            raise ImportError(name)
+        return plain(name, *rest)
+    monkeypatch.setattr(builtins, '__import__', without)
+    page = report(tmp_path, *paths.values(), draw=True)
+    assert 'matplotlib is not installed' in page.text and 'matplotlib is not installed' in capsys.readouterr().err
+    assert page.row('distance driven') == ['4.0 m']
+
+
+def test_splits_in_any_order_are_one_mission(page: Page, tmp_path: pathlib.Path) -> None:
+    for side, messages in {'robot': robot(), 'operator': operator()}.items():
+        first = messages[0]
+        for number in range(3):
+            part = [one for one in messages[1:] if int(one[2] - first[2]) // 7 == number]
+            again = (*first[:2], first[2] + 7 * number)
+            write(tmp_path / ('%d_%s.bag' % (2 - number, side)), [again, *part], chunk_threshold=2000)
+    split = report(tmp_path, str(tmp_path), draw=True)
+    assert split.rows == page.rows and split.pictures == page.pictures
+
+
+@pytest.mark.parametrize('side, missing', [('robot', 'operator'), ('operator', 'robot')])
+def test_one_side_alone(side: str, missing: str, paths: Dict[str, str], tmp_path: pathlib.Path) -> None:
+    page = report(tmp_path, paths[side])
+    assert 'There is no bag of the %s' % missing in page.text
+    numbers = page.row('thermal', 'image')
+    assert numbers[:4] == (['200', '10.1 Hz', '0', ''] if side == 'robot' else ['0', '', '158', '7.9 Hz'])
+    if side == 'operator':
+        assert page.row('thermal', '0:08.1')[1:] == ['4.1 s', 'nothing arrived: the link was cut']
+
+
+def other_arrivals() -> List[Any]:
+    """Messages of another stream, which arrive although the images do not."""
+    some = next(one for one in operator() if one[0] == '/desk/operator/gas')
+    return [(some[0], some[1], START - OFFSET + 0.5 * number) for number in range(16, 25)]
+
+
+@pytest.mark.parametrize('extra, cause', [
+    # the focus does not send it
+    ([status(7.5, 'standby', 'desk', False, enabled=False), status(12.1, 'inspection', 'desk', False)],
+     "focus 'standby' does not send it"),
+    ([], 'images were lost or late, other streams arrived')])
+def test_other_causes(extra: List[Any], cause: str, tmp_path: pathlib.Path) -> None:
+    messages = operator() + ([] if extra else other_arrivals())
+    page = report(tmp_path, write(tmp_path / 'a.bag', robot() + extra), write(tmp_path / 'b.bag', messages))
+    assert page.row('thermal', '0:08.1')[2] == cause
+
+
+def test_a_silent_source(tmp_path: pathlib.Path) -> None:
+    originals = [one for one in robot() if one[0] != '/thermal/image_raw' or not CUT[0] <= one[2] - START < CUT[1]]
+    arrived = operator() + other_arrivals()
+    page = report(tmp_path, write(tmp_path / 'a.bag', originals), write(tmp_path / 'b.bag', arrived))
+    assert page.row('thermal', '0:08.1')[2] == 'the source on the robot was silent'
+
+
+def test_a_slow_stream_has_no_gaps_at_its_own_rate(tmp_path: pathlib.Path) -> None:
+    slow = status(0, 'default', '', False)
+    slow[1].streams[0].rate = 0.5
+    states = [one for one in robot() if one[0] != '/robot_sender/status'] + [slow]
+    rare = [one for one in operator() if 'thermal' not in one[0]] + [
+        ('/desk/operator/thermal/image_raw', image(number), START - OFFSET + 0.1 * number)
+        for number in range(0, 200, 20)]
+    page = report(tmp_path, write(tmp_path / 'a.bag', states), write(tmp_path / 'b.bag', rare))
+    assert 'None above 1 s.' in page.text
+
+
+def test_a_bag_that_was_never_closed(page: Page, paths: Dict[str, str], tmp_path: pathlib.Path) -> None:
+    """As after a power failure: the index is missing, and the last chunk is cut off."""
+    killed = tmp_path / 'c.bag.active'
+    write(killed, operator(), chunk_threshold=1000)
+    data = bytearray(killed.read_bytes())
+    index = data.index(b'index_pos=') + len(b'index_pos=')
+    data[index:index + 8] = bytes(8)
+    killed.write_bytes(data[:int(0.6 * len(data))])
+    before = killed.read_bytes()
+    found = report(tmp_path, paths['robot'], str(killed))
+    assert killed.read_bytes() == before        # it stays as it is
+    count = int(found.row('thermal', 'image')[2])
+    assert 30 < count < 158 and found.row('thermal', 'image')[4] == page.row('thermal', 'image')[4]
+
+
+def test_a_bag_that_is_damaged_in_the_middle(paths: Dict[str, str], tmp_path: pathlib.Path, capsys: Any) -> None:
+    path = tmp_path / 'c.bag'
+    write(path, operator(), chunk_threshold=1000, compression='bz2')
+    data = bytearray(path.read_bytes())
+    middle = data.index(b'BZh', len(data) // 3)
+    data[middle:middle + 3] = b'xxx'
+    path.write_bytes(data)
+    page = report(tmp_path, paths['robot'], str(path))
+    assert 'c.bag is damaged after' in page.text and 'c.bag is damaged after' in capsys.readouterr().err
+    assert 0 < int(page.row('thermal', 'image')[2]) < 158
+
+
+def other_operator(folder: pathlib.Path) -> str:
+    return write(folder / 'other.bag', operator('/desk2/'))
+
+
+def tomorrow(folder: pathlib.Path) -> str:
+    return write(folder / 'tomorrow.bag', [(topic, message, time + 86400) for topic, message, time in operator()
+                                           if 'clock' not in topic])
+
+
+def text(folder: pathlib.Path) -> str:
+    (folder / 'text.bag').write_text('not a bag\n' * 100)
+    return str(folder / 'text.bag')
+
+
+def without_messages(folder: pathlib.Path) -> str:
+    return write(folder / 'none.bag', [])
+
+
+def stranger(folder: pathlib.Path) -> str:
+    return write(folder / 'stranger.bag', [('/elsewhere', link(0)[1], START)])
+
+
+def empty_file(folder: pathlib.Path) -> str:
+    (folder / 'empty.bag').write_bytes(b'')
+    return str(folder / 'empty.bag')
+
+
+@pytest.mark.parametrize('make, words', [
+    (text, 'text.bag is not a bag, or it is damaged'), (empty_file, 'empty.bag is not a bag, or it is damaged'),
+    (without_messages, 'none.bag has no messages'), (stranger, 'stranger.bag is of neither side'),
+    (lambda folder: str(folder / 'away.bag'), 'away.bag cannot be read: No such file or directory')],
+    ids=['text', 'empty', 'without messages', 'stranger', 'missing'])
+def test_a_bad_bag_is_one_sentence_and_the_others_are_used(make: Any, words: str, paths: Dict[str, str],
+                                                           tmp_path: pathlib.Path, capsys: Any) -> None:
+    bad = make(tmp_path)
+    assert words in report(tmp_path, bad, *paths.values()).text
+    errors = capsys.readouterr().err
+    assert errors.count('\n') == 1 and words in errors
+    assert main([bad, '-o', str(tmp_path / 'none.html')]) == 1 and not (tmp_path / 'none.html').exists()
+    errors = capsys.readouterr().err
+    assert errors.count('\n') == 2 and errors.endswith('mission_report: no bag can be used\n')
+
+
+@pytest.mark.parametrize('make, words', [
+    (tomorrow, 'mission_report: the bags are of different times: the '),
+    (other_operator, 'mission_report: the bags are of several operators, one without a name, desk2: give those of ')],
+    ids=['times', 'operators'])
+def test_bags_that_do_not_belong_together(make: Any, words: str, paths: Dict[str, str], tmp_path: pathlib.Path,
+                                          capsys: Any) -> None:
+    bags = [paths['robot'], make(tmp_path)] + [paths['operator']] * (make is other_operator)
+    assert main([*bags, '-o', str(tmp_path / 'none.html')]) == 1
+    errors = capsys.readouterr().err
+    assert errors.startswith(words) and errors.count('\n') == 1
+
+
+def test_an_empty_folder_and_a_place_that_cannot_be_written(paths: Dict[str, str], tmp_path: pathlib.Path,
+                                                            capsys: Any) -> None:
+    assert main([str(tmp_path)]) == 1
+    assert capsys.readouterr().err == 'mission_report: %s has no bags\n' % tmp_path
+    assert main([paths['robot'], '-o', str(tmp_path / 'away' / 'r.html')]) == 1
+    assert 'r.html cannot be written: No such file or directory' in capsys.readouterr().err
+
+
+def test_bags_of_others_by_the_topics_of_a_streams_yaml(page: Page, tmp_path: pathlib.Path) -> None:
+    """rosbag record was used without the black box; the operator has a namespace."""
+    bags = [write(tmp_path / name, messages[1:]) for name, messages in (('a.bag', robot()), ('b.bag', operator()))]
+    streams = tmp_path / 'streams.yaml'
+    streams.write_text('''streams:
+  thermal: {type: image, robot_topic: /thermal/image_raw, operator_topic: /operator/thermal/image_raw}
+  gas: {type: relay, message_type: std_msgs/Float32, robot_topic: /gas, operator_topic: /operator/gas}
+  odom: {type: relay, message_type: nav_msgs/Odometry, robot_topic: /odom, operator_topic: /operator/odom}
+''')
+    found = report(tmp_path, *bags, '--streams', str(streams))
+    for name in ('distance driven',), ('focus default',), ('thermal', '0:08.1'):
+        assert found.row(*name) == page.row(*name)
+    assert found.row('thermal', 'image')[4:] == page.row('thermal', 'image')[4:]
+
+
+def test_hostile_names_are_text(tmp_path: pathlib.Path) -> None:
+    page = report(tmp_path, write(tmp_path / 'a.bag', robot() + [status(6, '<script>', 'a & b', False)]))
+    assert page.row('focus <script>') == ['8.0 s'] and page.row('driver a & b') == ['8.0 s']
+
+
+def test_the_report_does_not_change_the_bags(paths: Dict[str, str], tmp_path: pathlib.Path) -> None:
+    copies = [shutil.copy(path, str(tmp_path)) for path in paths.values()]
+    for path in copies:
+        os.chmod(path, 0o400)
+    report(tmp_path, *copies)
+    assert [pathlib.Path(path).read_bytes() for path in copies] == [
+        pathlib.Path(path).read_bytes() for path in paths.values()]
+
+
+TIMES = st.lists(st.floats(0, 100), max_size=30).map(sorted)
+
+
+@given(TIMES, st.floats(0, 50), st.floats(0.1, 50), st.floats(0.1, 10))
+def test_rates_count_each_message_of_the_span_once(times: List[float], begin: float, length: float, width: float
+                                                   ) -> None:
+    middles, rates = rate(np.array(times), (begin, begin + length), width)
+    assert len(middles) == len(rates) and (np.diff(middles) > 0).all()
+    widths = np.full(len(rates), width)
+    widths[-1] = 2 * (begin + length - middles[-1])
+    inside = sum(begin <= time <= begin + length for time in times)
+    assert abs(float((rates * widths).sum()) - inside) < 1e-3 * (1 + inside)
+
+
+@given(TIMES, st.floats(0, 50), st.floats(0.1, 50))
+def test_the_longest_silence(times: List[float], begin: float, length: float) -> None:
+    inside = [begin, *(time for time in times if begin < time < begin + length), begin + length]
+    assert longest(np.array(times), (begin, begin + length)) == pytest.approx(
+        max(after - before for before, after in zip(inside, inside[1:])))
+
+
+@given(st.lists(st.tuples(st.integers(0, 20), st.sampled_from(['', 'a', 'b'])), max_size=12).map(
+    lambda changes: sorted(changes, key=lambda one: one[0])))
+def test_intervals_say_what_held_at_each_time(changes: List[Tuple[int, str]]) -> None:
+    found = joined([(float(time), text) for time, text in changes], (2.0, 15.0))
+    for half in range(5, 30, 2):
+        time = half / 2
+        said = [text for at, text in changes if at <= time]
+        assert [one.text for one in found if one.begin <= time < one.end] == ([said[-1]] if said and said[-1] else [])
+    assert all(before.end < after.begin or before.text != after.text for before, after in zip(found, found[1:]))
