@@ -265,6 +265,9 @@ SCENARIOS: List[Scenario] = [
     *[Scenario('queue of 10 ms, %g Mbit/s' % rate, link(rate, queue=0.01), [used(85), lost(1)]) for rate in (5, 20)],
     *[Scenario('policer, %g Mbit/s, %g kB' % (rate, burst / 1e3), policed(rate, burst), [used(85), lost(1)])
       for rate, burst in ((5, 15e3), (5, 60e3), (20, 30e3))],
+    *[Scenario('bursts of loss, %g %%, 5 Mbit/s' % (100 * loss), link(5, loss=loss, burst=burst),
+               [used(85), lost(1), queue(60)])
+      for loss, burst in ((0.1, 5.0), (0.2, 10.0))],
     Scenario('0.3 to 20 Mbit/s', changed({'rate': 0.3e6}, {'rate': 20e6}), [settled(3)]),
     Scenario('90 % loss at once', changed({'rate': 5e6}, {'loss': 0.9}, True), [settled(5)]),
     Scenario('50 % loss, streams send little', sudden_loss_beside_little(0.5), [settled(5)]),

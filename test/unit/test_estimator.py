@@ -101,7 +101,7 @@ def test_loss_while_uncongested_is_the_airs() -> None:
         loss.update(counts(100, 80), True)
         assert loss.excess == 0
     assert loss.air == pytest.approx(0.2)
-    for _ in range(20):
+    for _ in range(200):
         loss.update(counts(100, 40), False)
     assert loss.excess == pytest.approx(0.5)        # of the 80 that the air lets through
 

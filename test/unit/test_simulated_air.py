@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from evaluation.simulated_air import FULL, Events, Greedy, Load, Operator, Robot
+from evaluation.simulated_paths import Policer
 from evaluation.simulated_streams import Streams, cloud, grid, image, long_relay, navigation, scan
 from smokebot_udp.congestion.controller import Controller, Demand
 from smokebot_udp.congestion.estimator import LIMITS, Limits
@@ -167,6 +168,39 @@ def test_the_rate_falls_without_reports_and_recovers() -> None:
     events.run(15)
     assert used(robot, 5, 12, 15) >= 0.85
     assert not robot.controller.stats(robot.robot_time).timeout
+
+
+def alone(path: Any, rate: float, seed: int) -> Tuple[float, float]:
+    """(utilisation, part of what was sent that the path dropped) of a greedy robot, from 5 to 20 s [Mbit/s]."""
+    events = Events()
+    Robot(events, path, Channel(LinkConditions(delay=0.02), seed + 1), Greedy(), seed)
+    events.run(5)
+    before = replace(path.counts)
+    events.run(20)
+    carried, dropped = path.counts.carried - before.carried, path.counts.dropped - before.dropped
+    return carried * 8e-6 / 15 / rate, dropped / (path.counts.offered - before.offered)
+
+
+@pytest.mark.parametrize('seed', [1, 2, 3])
+@pytest.mark.parametrize('burst', [15e3, 60e3])
+def test_a_policer_is_used_and_not_overrun(burst: float, seed: int) -> None:
+    utilisation, dropped = alone(Policer(5e6, burst, 0.02), 5, seed)
+    assert utilisation >= 0.85 and dropped <= 0.01
+
+
+@pytest.mark.parametrize('seed', [1, 2, 3])
+@pytest.mark.parametrize('rate', [5, 20])
+def test_a_queue_too_short_to_be_seen_is_not_overrun(rate: float, seed: int) -> None:
+    path = Channel(LinkConditions(rate=rate * 1e6, delay=0.02, queue=0.01), seed)
+    utilisation, dropped = alone(path, rate, seed)
+    assert utilisation >= 0.85 and dropped <= 0.01
+
+
+@pytest.mark.parametrize('seed', [1, 2, 3, 5])
+@pytest.mark.parametrize('loss, burst', [(0.1, 5), (0.2, 10)])
+def test_bursts_of_loss_are_no_policer(loss: float, burst: float, seed: int) -> None:
+    path = Channel(LinkConditions(rate=5e6, delay=0.02, queue=0.2, loss=loss, burst=burst), seed)
+    assert alone(path, 5, seed)[0] >= 0.85
 
 
 class Little(Load):

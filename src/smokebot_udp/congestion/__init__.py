@@ -6,7 +6,8 @@ Nothing here reads a clock, a socket or a topic; times are arguments, from ``tim
 * ``feedback``: the receiver counts what arrives (ReceiveHistory) and reports it ten times a second. The sender checks
   each report against its ``sent_history`` (FeedbackReader).
 * ``estimator``: feedback to capacity and rate, with ``delay`` (queueing delay), ``loss`` (wireless or congestion loss),
-  ``probe_rtt`` (pauses that measure both) and ``probing`` (packet trains that look for more capacity).
+  ``loss_ceiling`` (paths that drop without a queue), ``probe_rtt`` (pauses that measure the base
+  delay) and ``probing`` (packet trains that look for more capacity).
 * ``operator_share``: what one of several operators gets, where its link carries less than the best one.
 * ``operating_points`` and ``allocation``: cheaper settings of each stream, and the division of the capacity.
 * ``controller``: all of the above behind one class, Controller. The robot_sender node (nodes/link_control.py) and the

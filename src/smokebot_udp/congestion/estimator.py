@@ -24,13 +24,12 @@ Its parts:
   2 to 4 times faster. They find a link that has become 60 times wider within a second, at the cost of a few ms of
   queue when it has not.
 * **No reaction to loss as such** (unlike GCC's loss-based half, and TCP): on a lossy air the loss ratio says nothing
-  about the rate, because lost datagrams use air time, too. More loss than before is a reason to check: the rate is
-  halved for a moment. What is lost then the air loses (loss.py); the rest was dropped by a queue too short to be seen,
-  and the rate is lowered by that much.
+  about the rate, because lost datagrams use air time, too. More loss than before is a reason to check: as much less is
+  sent for a moment as was lost. What is lost then the air loses (loss.py); otherwise a policer or a queue too short to
+  be seen drops datagrams, and the rate stays below what it lets pass (loss_ceiling.py).
 
-Limits: a queue of 10 ms, which drops before it is seen, is overrun by some 40 % all the same; where the air
-begins to lose nearly everything at once, including reports, the rate falls for some seconds; and as all delay-based
-control it yields to a flow that fills the queue regardless of others.
+Limits: where the air begins to lose nearly everything at once, including reports, the rate falls for some seconds; much
+jitter looks like a queue; and as all delay-based control it yields to a flow that fills the queue regardless of others.
 """
 import math
 import statistics
@@ -43,6 +42,7 @@ from ..units import MBIT
 from .delay import QueueDelay, typical
 from .feedback import Feedback, PacketSample
 from .loss import MAX_AIR_LOSS, Loss
+from .loss_ceiling import LossCeiling
 from .probe_rtt import ProbeRtt
 from .probing import ProbeController, ProbeTrain
 
@@ -76,6 +76,13 @@ MAX_GAIN = 1.1
 BUSY_DELAY = 0.002
 """A datagram delayed longer was queued: the air was busy [s]."""
 
+RELAXED = 0.7
+"""Where less than this part of the capacity is sent, or not more than start_rate, and no queue shows, what is lost the
+air loses."""
+
+QUEUE_MEMORY = 0.5
+"""A queue that was long dropped what is lost until this long after [s]."""
+
 REPORT_INTERVAL = 0.1
 """Reports are sent, and the estimator is polled, this often [s]."""
 
@@ -86,7 +93,8 @@ REPORT_LOSS_PROBABILITY = 0.01
 """Reports are lost like datagrams: the timeout is longer where losing all of them is more probable than this."""
 
 RECOVERY_FACTOR = 2.0
-"""When reports return and show no queue, the capacity is what it was before the timeout, over this;"""
+"""When reports return and show no queue, the capacity is what it was before the timeout; over this where the loss of
+datagrams does not explain that of the reports,"""
 
 RECOVERY_GROWTH_FACTOR = 1.2
 """and this much more with each report that shows no queue, until it is what it was."""
@@ -102,6 +110,10 @@ STANDING_TIME = 1.0
 
 MAX_PUSH_FACTOR = 1.25
 """A train that was faster while the air was busy may only have displaced other traffic: it counts up to this factor."""
+
+MAX_TRAIN_LOSS = 0.5
+"""Where more than this part is lost that the air is not known to lose, trains may have overrun the path, and none
+leaves."""
 
 PROBE_HOLDOFF = 0.6
 """No train leaves this soon after a pause: others have only paused, too [s]."""
@@ -167,11 +179,13 @@ class Estimator:
         self.timeouts = 0
         """How often the rate was halved since the last report."""
         self._delay, self._loss, self._probes, self._probe_rtt = QueueDelay(), Loss(), ProbeController(), ProbeRtt()
+        self._ceiling = LossCeiling()
         self._newest: Optional[PacketSample] = None
         self._reported = now            # when the last report came
         self._before_timeout = 0.0      # capacity; less once it was measured to be less [byte/s]
         self._was_short = True          # whether the last report showed a short queue
         self._last_short = now          # when the queue was last near its target
+        self._last_long = -math.inf     # when it was long
 
     def on_feedback(self, feedback: Feedback, now: float, wanted: float = math.inf) -> Optional[ProbeTrain]:
         """Update the estimate.
@@ -181,7 +195,8 @@ class Estimator:
         :param wanted: what the streams would send if the link had room for it [byte/s]
         :return: a train for the packet scheduler, if one is due
         """
-        after_timeout, self._reported, self.timeouts = self.timeouts > 0, now, 0
+        after_timeout, silence = self.timeouts > 0, now - self._reported
+        self._reported, self.timeouts = now, 0
         if feedback.restarted:
             self._delay.base = self._newest = None
         if not feedback.samples:
@@ -197,12 +212,18 @@ class Estimator:
 
         short = queue < self._target()
         paused = queue < LONG_QUEUE and self._probe_rtt.covers(chain[0].sent)
-        self._update_loss(feedback, (short and self._was_short) or paused)
+        offered = (chain[-1].total - chain[0].total) / max(chain[-1].sent - chain[0].sent, 1e-3)
+        relaxed = (short and self._was_short and not self._ceiling.checking
+                   and offered < max(RELAXED * link.capacity, MAX_GAIN * self.limits.start_rate))
+        self._update_loss(feedback, relaxed or paused)
         self._was_short = short
         if after_timeout and short:     # reports were lost like other datagrams
-            link.capacity = max(link.capacity, self._before_timeout / RECOVERY_FACTOR)
+            lost = 1 - feedback.received / feedback.expected if feedback.expected else 0.0
+            explained = math.pow(lost, silence / REPORT_INTERVAL) > REPORT_LOSS_PROBABILITY
+            link.capacity = max(link.capacity, self._before_timeout / (1.0 if explained else RECOVERY_FACTOR))
         self._update_capacity(chain, queue)
         self._update_probe_rtt(middle, queue, now)
+        self._find_ceiling(feedback, chain[0].sent, offered, queue, now)
         in_flight = feedback.unreported / link.capacity
         since_newest = now - samples[-1].sent - queue       # since the newest datagram was on the air
         link.queue_delay = max(0.0, in_flight - since_newest)
@@ -284,25 +305,37 @@ class Estimator:
 
     def _update_probe_rtt(self, sample: PacketSample, queue: float, now: float) -> None:
         """End a pause and use what it measured; begin one where there is a reason."""
-        if self._probe_rtt.on_sample(sample, queue, self._target(), self._delay, now):
-            self._loss.answered()
-        if self._loss.excess and queue < LONG_QUEUE and self._probe_rtt.loss_checked(now):
-            reduced = self.link.capacity * max(MIN_GAIN, 1 - self._loss.excess)
-            self.link.capacity = self._before_timeout = max(reduced, self.limits.min_rate)
-            self._loss.answered()
+        self._probe_rtt.on_sample(sample, queue, self._target(), self._delay, now)
         if queue < STANDING_FACTOR * self._target():
             self._last_short = now
         queue_long = queue > LONG_QUEUE or now - self._last_short > STANDING_TIME
-        self._probe_rtt.begin(self._delay.expired(now), queue_long, self._loss.excess > 0, self.link.loss, now)
+        self._probe_rtt.begin(self._delay.expired(now) and not self._ceiling.checking, queue_long, now)
+
+    def _find_ceiling(self, feedback: Feedback, since: float, offered: float, queue: float, now: float) -> None:
+        """Find the rate above which datagrams are lost without a queue to be seen; what a long queue dropped is known
+        from its delay.
+
+        :param since: when the first datagrams that the report counts were sent [s]
+        :param offered: what was sent [byte/s]
+        """
+        if queue > LONG_QUEUE:
+            self._last_long = now
+        elif now - self._last_long < QUEUE_MEMORY:
+            self._loss.answered()
+        elif not self._probe_rtt.active(now):
+            self._ceiling.update(feedback, since, offered, self._loss, now)
+            self.link.capacity = self.limits.clamp(min(self.link.capacity, self._ceiling.known))
+            self._before_timeout = min(self._before_timeout, self._ceiling.known)
 
     def _set_rate(self, now: float) -> None:
         link = self.link
         gain = min(max(1 + (self._target() - link.queue_delay) / HORIZON, MIN_GAIN), MAX_GAIN)
-        self.rate = self.limits.clamp(link.capacity * min(gain, self._probe_rtt.gain(now)))
+        self.rate = self.limits.clamp(min(link.capacity * min(gain, self._probe_rtt.gain(now)), self._ceiling.rate))
 
     def _next_probe(self, samples: List[PacketSample], wanted: float, unreported: int,
                     now: float) -> Optional[ProbeTrain]:
-        if self._probe_rtt.active(now - PROBE_HOLDOFF) or self._loss.excess:
+        bounded = self._ceiling.rate < math.inf or self._loss.excess > MAX_TRAIN_LOSS
+        if self._probe_rtt.active(now - PROBE_HOLDOFF) or bounded:
             return None
         empty = statistics.median(self._delay.of(sample) for sample in samples) < self._target() / 2
         return self._probes.next(self.link.capacity, empty, wanted > self.rate, samples[-1], unreported, now)

@@ -5,13 +5,22 @@ import math
 from .feedback import Feedback
 
 AVERAGING_WINDOW = 200
-"""Loss is averaged over this many datagrams."""
+"""Recent loss is averaged over this many datagrams,"""
+
+EVIDENCE_WINDOW = 600
+"""and what tells the air's loss from congestion over this many."""
 
 PRIOR_COUNT = 20
 """The prior that the air loses nothing weighs as much as this many datagrams."""
 
 EXCESS_MARGIN = 0.05
 """Loss beyond the air's is congestion only above this, plus twice the standard deviation."""
+
+DISPERSION_REPORTS = 20
+"""Dispersion is averaged over this many reports."""
+
+MAX_DISPERSION = 20.0
+"""Of one report, at most."""
 
 MAX_AIR_LOSS = 0.95
 """Above this the link is taken for gone rather than lossy."""
@@ -25,7 +34,9 @@ class Loss:
         """Of all loss since `answered` was called last."""
         self.recent = 0.0
         """Of all loss."""
-        self._count = self._uncongested = self._uncongested_lost = 0.0
+        self.dispersion = 1.0
+        """Variance of the number lost, compared with that of independent losses, at least 1: of bursts it is more."""
+        self._count = self._evidence = self._uncongested = self._uncongested_lost = 0.0
 
     def update(self, feedback: Feedback, uncongested: bool) -> None:
         """Take the counts of a report.
@@ -36,13 +47,23 @@ class Loss:
         if not count:
             return
         self._count = min(self._count + count, AVERAGING_WINDOW)
-        gain = min(1.0, count / self._count)
-        self.unanswered += gain * (lost / count - self.unanswered)
-        self.recent += gain * (lost / count - self.recent)
+        self._measure_dispersion(count, lost)
+        self._evidence = min(self._evidence + count, EVIDENCE_WINDOW)
+        self.unanswered += min(1.0, count / self._evidence) * (lost / count - self.unanswered)
+        self.recent += min(1.0, count / self._count) * (lost / count - self.recent)
         if uncongested:
-            keep = max(0.0, 1 - count / AVERAGING_WINDOW)
+            keep = max(0.0, 1 - count / EVIDENCE_WINDOW)
             self._uncongested = keep * self._uncongested + count
             self._uncongested_lost = keep * self._uncongested_lost + lost
+
+    def _measure_dispersion(self, count: int, lost: int) -> None:
+        variance = count * self.recent * (1 - self.recent)
+        found = 1.0 if variance < 0.5 else min(MAX_DISPERSION, (lost - count * self.recent) ** 2 / variance)
+        self.dispersion = max(1.0, self.dispersion + (found - self.dispersion) / DISPERSION_REPORTS)
+
+    def set_air(self, count: int, lost: int) -> None:
+        """It is known what the air loses: of `count` datagrams `lost`."""
+        self._uncongested, self._uncongested_lost = float(count), float(lost)
 
     def answered(self) -> None:
         """The rate was lowered for the excess so far: only new loss counts from now on."""
@@ -57,6 +78,6 @@ class Loss:
     def excess(self) -> float:
         """Of the datagrams that the air let through, the ratio lost all the same; 0: within chance."""
         deviation = math.sqrt(self.unanswered * (1 - self.unanswered)
-                              * (2 / AVERAGING_WINDOW + 1 / (self._uncongested + PRIOR_COUNT)))
+                              * (2 / EVIDENCE_WINDOW + 1 / (self._uncongested + PRIOR_COUNT)))
         beyond = self.unanswered - self.air
         return beyond / (1 - self.air) if beyond > EXCESS_MARGIN + 2 * deviation else 0.0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Pauses in which less is sent, to measure the path without a queue: its base delay and its loss.
+"""Pauses in which less is sent, to measure the path without a queue: its base delay.
 
 A *dip* is short and is BBR's ProbeRTT. A *drain* is for a queue that has become long: it is longer and deeper, goes on
 while the delay still falls, and takes the remaining delay for the path's.
@@ -9,7 +9,6 @@ from typing import Optional
 
 from .delay import QueueDelay
 from .feedback import PacketSample
-from .loss import MAX_AIR_LOSS
 
 DIP_DURATION = 0.2
 """[s]"""
@@ -38,18 +37,12 @@ SAME_DELAY = 0.005
 MAX_DRAIN_DURATION = 3.0
 """but a drain is not extended after this long [s]."""
 
-LOSS_CHECK_DURATION = 0.3
-"""A dip that checks for loss lasts this long without loss, and longer with it: some reports must get through [s]."""
-
-LOSS_CHECK_INTERVAL = 3.0
-"""Loss is checked at most this often [s]."""
-
 
 class ProbeRtt:
     """The dip or drain in progress, if any."""
 
     def __init__(self) -> None:
-        self._began = self._ends = self._loss_checked = -math.inf
+        self._began = self._ends = -math.inf
         self._draining = False
         self._least: Optional[PacketSample] = None      # of least delay among those sent in this pause
 
@@ -67,30 +60,18 @@ class ProbeRtt:
         """Whether a datagram sent at that time was sent in the last pause [s]."""
         return self._began <= sent < self._ends + 1e-9
 
-    def loss_checked(self, now: float) -> bool:
-        """Whether a pause checked for loss lately: if more is lost now, a full queue drops it."""
-        return now - self._loss_checked < LOSS_CHECK_INTERVAL and not self.active(now)
-
-    def begin(self, base_expired: bool, queue_long: bool, excess_loss: bool, loss: float, now: float) -> None:
+    def begin(self, base_expired: bool, queue_long: bool, now: float) -> None:
         """Begin a pause where there is a reason for one.
 
         :param base_expired: whether nothing confirmed the base delay for long
         :param queue_long: whether the queue has been long
-        :param excess_loss: whether more is lost than the air is known to lose
-        :param loss: ratio of datagrams lost; reports are lost likewise
         :param now: by a steady clock [s]
         """
         if self.active(now) or self._least is not None:
             return
-        check_loss = excess_loss and now - self._loss_checked > LOSS_CHECK_INTERVAL
-        if not (base_expired or queue_long or check_loss):
-            return
-        duration = DRAIN_DURATION if queue_long else DIP_DURATION
-        if check_loss:
-            duration = max(duration, LOSS_CHECK_DURATION / max(1 - loss, 1 - MAX_AIR_LOSS))
-        self._began, self._ends, self._draining = now, now + duration, queue_long
-        if check_loss:
-            self._loss_checked = self._ends
+        if base_expired or queue_long:
+            self._began, self._draining = now, queue_long
+            self._ends = now + (DRAIN_DURATION if queue_long else DIP_DURATION)
 
     def on_sample(self, sample: PacketSample, queue: float, target: float, delay: QueueDelay, now: float) -> bool:
         """Take what a report shows during a pause, or just after it.

@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The rate above which the path drops datagrams without a queue to be seen: a policer, or a queue of a few ms.
+
+Where more is lost than the air is known to lose, either the air or such a path loses it. A *check* tells: as much less
+is sent as was lost, and what the air loses is lost all the same. If it is not, that rate is the ceiling, as BBR's bw_hi
+is (draft-cardwell-iccrg-bbr-congestion-control-02). From time to time a *trial* sends more: a little at first, and
+twice as much more with each trial that loses nothing.
+"""
+import enum
+import math
+from typing import Optional
+
+from .feedback import Feedback
+from .loss import Loss
+
+MARGIN = 0.96
+"""Part of what was carried that may be sent."""
+
+AIR_COUNT = 300
+"""What a check has shown of the air's loss weighs as much as this many datagrams."""
+
+MIN_CHECK_GAIN = 0.5
+"""A check sends at least this part of the rate before."""
+
+MIN_EXCESS = 0.01
+"""Less that is lost beyond what the air loses needs no check."""
+
+SIGNIFICANCE = 2.5
+"""Where less is lost in a check than before, it is by this many standard deviations,"""
+
+CERTAINTY = 6.0
+"""and what was expected of the path and of the air differ by this many standard deviations at the end of a check."""
+
+MIN_CHECK_COUNT = 20
+"""Datagrams in a check, at least,"""
+
+SUSPICION_COUNT, SUSPICION_TIME = 100, 0.3
+"""Before a check loss is counted over so many datagrams, or for so long [s]."""
+
+MAX_CHECK_DURATION = 1.0
+"""unless it has taken this long [s]."""
+
+CHECK_INTERVAL = 3.0
+"""Time from a check to the next one [s]."""
+
+FIRST_STEP = 0.05
+"""A first trial sends this much more,"""
+
+MAX_STEP = 0.8
+"""a later one up to this; then there is no ceiling."""
+
+MIN_HOLD, MAX_HOLD = 8.0, 64.0
+"""Time before a first trial; it doubles where one fails [s]."""
+
+TRIAL_DURATION = 1.0
+"""[s]"""
+
+MIN_TRIAL_COUNT = 50
+"""Datagrams in a trial, at least."""
+
+MIN_USE = 0.93
+"""A trial needs streams that use this part of what they may."""
+
+
+class _State(enum.Enum):
+    FREE, SUSPICION, CHECK, HOLD, TRIAL = range(5)
+
+
+class LossCeiling:
+    """Finds the ceiling, if there is one."""
+
+    def __init__(self) -> None:
+        self.rate = math.inf
+        """What may be sent, at most [byte/s]."""
+        self._state = _State.FREE
+        self._began = 0.0                   # the state [s]
+        self._since = 0.0                   # datagrams sent from then on are counted [s]
+        self._next_check = -math.inf        # not before [s]
+        self._count = self._lost = 0        # of datagrams sent in this state
+        self._held = math.inf               # the ceiling in use before a check or a trial [byte/s]
+        self._before = self._expected = 0.0     # loss ratio before the check, and that expected of a ceiling
+        self._before_count = 0                  # datagrams, and how many of them were lost
+        self._before_lost = 0
+        self._found = 0.0                   # loss beyond the air's when the ceiling was found
+        self._step, self._hold = FIRST_STEP, MIN_HOLD
+
+    @property
+    def known(self) -> float:
+        """What the path is known to carry, at most [byte/s]."""
+        return self._held if self._state is _State.CHECK else self.rate
+
+    @property
+    def checking(self) -> bool:
+        """Whether less is sent to learn what loses datagrams."""
+        return self._state is _State.CHECK
+
+    def update(self, feedback: Feedback, since: float, offered: float, loss: Loss, now: float) -> None:
+        """Take the counts of a report beside a short queue.
+
+        :param since: when the first datagrams that the report counts were sent [s]
+        :param offered: what was sent [byte/s]
+        :param loss: has the report's counts already
+        """
+        if since >= self._since:
+            self._count += feedback.expected
+            self._lost += feedback.expected - feedback.received
+        if self._state is _State.CHECK:
+            self._judge_check(loss, now)
+        elif self._state is _State.TRIAL and self._failed(loss):
+            self._hold = min(2 * self._hold, MAX_HOLD)
+            self._settle(self._held * (MARGIN if self._step > FIRST_STEP else 1.0), now)
+            self._next_check = now + TRIAL_DURATION
+            loss.answered()
+        elif self._state is _State.SUSPICION:
+            enough = MIN_CHECK_COUNT if now - self._began > SUSPICION_TIME else SUSPICION_COUNT
+            if self._count >= enough:
+                self._begin_check(offered, loss, now)
+        elif self._state is _State.HOLD and now >= self._next_check and self._failed(loss):
+            self._begin_check(offered, loss, now)
+        elif loss.excess and now >= self._next_check:
+            self._held = self.rate
+            self._enter(_State.SUSPICION, self.rate, now)
+            self._since = -math.inf
+        elif offered >= MIN_USE * self.rate:
+            self._try_more(now)
+
+    def _enter(self, state: _State, rate: float, now: float) -> None:
+        self._state, self.rate = state, rate
+        self._began = self._since = now
+        self._count = self._lost = 0
+
+    def _settle(self, rate: Optional[float], now: float) -> None:
+        """Keep a ceiling [byte/s]; None: there is none."""
+        self._step, self._next_check = FIRST_STEP, now + CHECK_INTERVAL
+        if rate is None or rate == math.inf:
+            self._enter(_State.FREE, math.inf, now)
+            self._found, self._hold = 0.0, MIN_HOLD
+        else:
+            self._enter(_State.HOLD, rate, now)
+        self._held = self.rate
+
+    def _begin_check(self, offered: float, loss: Loss, now: float) -> None:
+        self._before_count, self._before_lost = self._count, self._lost
+        self._before = self._lost / self._count
+        excess = (self._before - loss.air) / (1 - loss.air)
+        if not MIN_EXCESS <= excess < 1:        # nothing arrives: that is no matter of the rate
+            self._settle(self._held, now)
+            return
+        gain = max(MIN_CHECK_GAIN, MARGIN * (1 - excess))
+        self._expected = 1 - (1 - loss.air) * min(1.0, (1 - excess) / gain)
+        self._enter(_State.CHECK, gain * min(offered, self.rate), now)
+
+    def _judge_check(self, loss: Loss, now: float) -> None:
+        variance = loss.dispersion * self._before * (1 - self._before)      # of one datagram
+        needed = variance * CERTAINTY ** 2 / (self._before - self._expected) ** 2
+        if self._count < max(MIN_CHECK_COUNT, needed) and now - self._began < MAX_CHECK_DURATION:
+            return
+        ratio = self._lost / max(self._count, 1)
+        deviation = math.sqrt(variance * (1 / self._before_count + 1 / max(self._count, 1)))
+        if ratio >= min((self._before + self._expected) / 2, self._before - SIGNIFICANCE * deviation):
+            again = self._before - loss.air >= self._found / 2      # as much loss at the ceiling as there was above it
+            loss.set_air(self._count + self._before_count, self._lost + self._before_lost)
+            self._settle(None if again else self._held, now)
+        else:
+            self._found = max(self._found, self._before - loss.air)
+            carried = (1 - ratio) / (1 - loss.air)
+            overrun = ratio > loss.air + (1 - MARGIN)
+            self._settle(self.rate * (MARGIN * carried if overrun else 1.0), now)
+            self._next_check = now
+            loss.set_air(AIR_COUNT, round(AIR_COUNT * (loss.air if overrun else ratio)))
+        loss.answered()
+
+    def _failed(self, loss: Loss) -> bool:
+        """Whether more is lost in this state than the air loses."""
+        chance = loss.air * self._count
+        deviation = math.sqrt(loss.dispersion * chance * (1 - loss.air))
+        return self._lost > chance + 2 * deviation + max(2.0, 0.01 * self._count)
+
+    def _try_more(self, now: float) -> None:
+        """Begin a trial, or end one without loss."""
+        if self._state is _State.HOLD and now - self._began >= self._hold:
+            self._held = self.rate
+            self._enter(_State.TRIAL, self.rate * (1 + self._step), now)
+        elif (self._state is _State.TRIAL and now - self._began >= TRIAL_DURATION
+              and self._count >= MIN_TRIAL_COUNT):
+            self._hold, step = MIN_HOLD, 2 * self._step
+            if step > MAX_STEP:
+                self._settle(None, now)
+            else:
+                self._held, self._step = self.rate, step
+                self._enter(_State.TRIAL, self.rate * (1 + step), now)
