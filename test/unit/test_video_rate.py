@@ -6,7 +6,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from smokebot_udp.codecs.video.rate import LEAST_AGE, LONG, SHORT, Opening, SizeControl, coding_error, plan, reopening
+from smokebot_udp.codecs.video.rate import (
+    EACH,
+    LEAST_AGE,
+    LONG,
+    SHORT,
+    Opening,
+    SizeControl,
+    coding_error,
+    intra_cost,
+    plan,
+    reopening,
+)
 from smokebot_udp.codecs.video.redundancy import Link, Scene, Sizes, divide, division, expected_error, parities
 
 SIZES = Sizes(room=1300, head=100)
@@ -91,6 +102,17 @@ def test_a_short_refresh_cycle_where_losses_remain() -> None:
         assert plan(3750, SIZES, Scene(5.0, 100.0, usual), mild).refresh == LONG
     assert plan(3750, SIZES, Scene(5.0, 100.0, SHORT), lossy).refresh == SHORT
     assert plan(3750, SIZES, Scene(5.0, 100.0, LONG), lossy).refresh == SHORT
+
+
+def test_nothing_is_predicted_where_each_image_shows_another_view() -> None:
+    clean, lossy = Link({0.0: 1.0}), Link({0.2: 1.0})
+    for link in (clean, lossy):
+        assert plan(3750, SIZES, Scene(10.0, 3500.0, LONG, intra_cost(0.9)), link).refresh == EACH
+        assert plan(3750, SIZES, Scene(10.0, 3500.0, EACH, intra_cost(0.9)), link).refresh == EACH
+        assert plan(3750, SIZES, Scene(10.0, 5.0, EACH, intra_cost(0.001)), link).refresh != EACH
+    assert intra_cost(0.0) == pytest.approx(4.0) == intra_cost(None)
+    assert intra_cost(3.0) == pytest.approx(0.8)
+    assert 0.8 < intra_cost(0.1) < 4.0
 
 
 def test_the_encoder_is_opened_for_the_whole_image() -> None:

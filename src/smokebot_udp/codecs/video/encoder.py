@@ -80,8 +80,8 @@ class VideoEncoder:
         codec.options = {
             'preset': 'veryfast', 'tune': 'psnr,zerolatency',
             'maxrate': str(codec.bit_rate), 'bufsize': str(int(BUFFERED * codec.bit_rate / NOMINAL_RATE)),
-            'x264-params': 'intra-refresh=1:keyint=%d:slice-max-size=%d:constrained-intra=1:ref=1:bframes=0:aq-mode=0:'
-                           'level=%s:threads=1:log=0' % (refresh, room, LEVEL)}
+            'x264-params': 'intra-refresh=%d:keyint=%d:slice-max-size=%d:constrained-intra=1:ref=1:bframes=0:aq-mode=0:'
+                           'level=%s:threads=1:log=0' % (refresh > 1, refresh, room, LEVEL)}
         codec.open()    # before `encode` asks for less: libx264 follows only if it was opened with maxrate as bit_rate
 
     def encode(self, pixels: UInt8Array, size: int, intra: bool = False) -> EncodedImage:

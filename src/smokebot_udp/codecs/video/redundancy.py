@@ -51,6 +51,8 @@ class Scene(NamedTuple):
     """Mean squared difference between an image and the next one [count^2]."""
     refresh: int
     """Images of a refresh cycle."""
+    intra_cost: float = math.inf
+    """The coding error if no image were predicted, relative to that with a long refresh cycle."""
 
     @property
     def damage(self) -> float:

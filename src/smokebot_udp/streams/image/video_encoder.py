@@ -12,7 +12,7 @@ from ...codecs.video import rate as video_rate
 from ...codecs.video.decoder_request import MAX_BYTES
 from ...codecs.video.encoder import LEAST_ROOM, LEAST_SIZE, EncodedImage, VideoEncoder, check_library
 from ...codecs.video.protection import LENGTH_BYTES, MAX_PIECES, protect
-from ...codecs.video.redundancy import Link, Scene, Sizes, parities
+from ...codecs.video.redundancy import Division, Link, Scene, Sizes, parities
 from ...mission.settings import Settings
 from ...msg import VideoSlice
 from ...udpros.datagram import IP_UDP_HEADERS
@@ -62,9 +62,9 @@ LOST_BEGINNING = 2000.0
 """Of an image that is not predicted, the mean squared error where it is lost: there is nothing to take the place of it
 [count^2]."""
 
-BEGINNING_PARITY = 0.6
-"""An image that is not predicted may have so many parity pieces for each slice, beyond its budget: where it is
-incomplete, the next ones are, too."""
+BEGINNING_PARITY, BEGINNING_MORE = 0.6, 1.25
+"""A beginning may have so many parity pieces for each slice, or so many times those of other images if that is more,
+beyond its budget: where it is incomplete, the next images are, too."""
 
 SMOOTHING = 0.3
 """Weight of the error of the newest image."""
@@ -180,17 +180,17 @@ class VideoImages(CompressedImages):
         picture, coded = session.pictures, session.encode(source, plan.division.size, intra)
         self._coding_error += SMOOTHING * (video_rate.coding_error(coded.qp) - self._coding_error)
         slices = [unit + bytes(-len(unit) % PADDED) for unit in coded.slices]
-        scene = self._scene()
-        if coded.intra:
+        scene, beginning = self._scene(), coded.intra and session.refresh > video_rate.EACH
+        if beginning:
             scene = scene._replace(change=LOST_BEGINNING, refresh=2 * scene.refresh)
         most = max(MAX_WAIT * outlook.room, TOO_LARGE * budget)
-        planned = _beginning_parities(slices, most, sizes) if coded.intra else plan.division.parities
+        planned = _beginning_parities(slices, most, sizes, plan.division) if beginning else plan.division.parities
         image = _Image(session, picture, coded, slices + _parity(slices, budget, planned, sizes, scene, link))
         frames = list(_frames(message, source, image, texts))
-        if not coded.intra:
+        if not beginning:
             session.control.add(budget, size_on_air(frames))
         if size_on_air(frames) > most:
-            if coded.intra:
+            if beginning:
                 with self._lock:
                     self._requests.too_large(now)
             return []
@@ -219,17 +219,20 @@ class VideoImages(CompressedImages):
     def _scene(self) -> Scene:
         difference = self._similarity.difference
         return Scene(self._coding_error, UNKNOWN_CHANGE if difference is None else difference,
-                     self._session.refresh if self._session else video_rate.LONG)
+                     self._session.refresh if self._session else video_rate.LONG,
+                     video_rate.intra_cost(self._similarity.ratio))
 
 
-def _beginning_parities(slices: List[bytes], most: float, sizes: Sizes) -> int:
-    """The parity pieces that an image may have which is not predicted.
+def _beginning_parities(slices: List[bytes], most: float, sizes: Sizes, usual: Division) -> int:
+    """The parity pieces that a beginning may have.
 
     :param most: for the image on the air [byte]
+    :param usual: of other images
     """
+    ratio = max(BEGINNING_PARITY, BEGINNING_MORE * usual.parities / math.ceil(usual.size / sizes.room))
     piece = max(map(len, slices)) + LENGTH_BYTES + sizes.head
     spare = most - PARAMETER_SETS * len(slices) - sum(map(len, slices)) - len(slices) * sizes.head
-    return int(max(min(math.ceil(BEGINNING_PARITY * len(slices)), spare / (piece + PARAMETER_SETS)), 0))
+    return int(max(min(math.ceil(ratio * len(slices)), spare / (piece + PARAMETER_SETS)), 0))
 
 
 def _parity(slices: List[bytes], budget: float, planned: int, sizes: Sizes, scene: Scene, link: Link) -> List[bytes]:
@@ -265,7 +268,7 @@ def _frames(message: Any, source: Layerable, image: _Image, texts: Tuple[bytes, 
     sources, sets = len(image.coded.slices), image.coded.parameter_sets
 
     def layout(index: int) -> Tuple[bool, int, int]:
-        with_sets = image.coded.intra or index == 0
+        with_sets = index == 0 or image.coded.intra and image.session.refresh > video_rate.EACH
         return index >= sources, len(sets) if with_sets else 0, len(image.pieces[index])
 
     for (_, length, size), group in itertools.groupby(sorted(range(len(image.pieces)), key=layout), layout):
