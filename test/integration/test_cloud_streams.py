@@ -20,7 +20,7 @@ from smokebot_udp.codecs.wire.points import as_points
 from smokebot_udp.msg import CloudChunk, ScanSegment
 from smokebot_udp.simulation.lidar import POINT, RINGS, Lidar
 from smokebot_udp.simulation.world import building
-from smokebot_udp.streams.frame_assembler import QUIET
+from smokebot_udp.streams.frame_end import FIRST_MARGIN
 
 LEAF, BOUND = 0.1, 0.0125      # the defaults
 RATE, CLOUDS = 10.0, 40
@@ -87,7 +87,7 @@ class CloudStreams(StreamsCase):
     def shown(self, message, name, loss=0) -> Any:
         return wait_for(lambda: self.out[name, loss].messages.get(message.header.stamp), 5, name)
 
-    @undisturbed(QUIET)      # a datagram that is later is not waited for
+    @undisturbed(FIRST_MARGIN)      # a datagram that is later is not waited for
     def test_without_loss_a_cloud_is_the_voxel_filtered_one(self) -> None:
         points = self.lidar.scan((1.5, 7.0, 0.3), 1.0)
         points['x'][::100] = np.nan
@@ -142,7 +142,7 @@ class CloudStreams(StreamsCase):
                                 for cloud_points in got]) / there
                 self.assertAlmostEqual(kept, share, delta=0.12, msg='block %s' % block)
 
-    @undisturbed(QUIET)
+    @undisturbed(FIRST_MARGIN)
     def test_without_loss_scans_are_exact(self) -> None:
         random = np.random.RandomState(4)
         millimetres = (random.randint(0, 30000, 720) / 1000).astype(np.float32)
@@ -176,7 +176,7 @@ class CloudStreams(StreamsCase):
                 self.assertIn(there[:2].tolist(), ([True, False], [False, True]))
         self.assertGreater(halves, 5)
 
-    @undisturbed(QUIET)
+    @undisturbed(FIRST_MARGIN)
     def test_virtual_scans_are_the_same_on_both_sides_and_true(self) -> None:
         lidar, pose = Lidar(building(1), 0.9, 1, noise=0.0), (10.5, 7.0, 0.3)
         message = cloud(lidar.scan(pose, 1.0))
@@ -270,7 +270,7 @@ class CloudStreams(StreamsCase):
         self.scans.publish(message)
         wait_for(lambda: any(len(got.ranges) == 3 for got in list(self.out['scan', 0].messages.values())), 5, 'a scan')
 
-    @undisturbed(QUIET)
+    @undisturbed(FIRST_MARGIN)
     def test_forged_segments_crash_nothing(self) -> None:
         random = np.random.RandomState(3)
 

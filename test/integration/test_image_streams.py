@@ -25,7 +25,7 @@ from smokebot_udp import udpros
 from smokebot_udp.codecs.display.view import COLOURS, FRESH, FROZEN, OLD
 from smokebot_udp.codecs.wire.pixels import item_type
 from smokebot_udp.msg import ImageSegment
-from smokebot_udp.streams.frame_assembler import QUIET
+from smokebot_udp.streams.frame_end import FIRST_MARGIN
 
 THERMAL = pathlib.Path(__file__).resolve().parents[3] / 'shared' / 'data' / 'thermal'
 SIZES = {'mono8': (240, 320), '8UC1': (33, 77), 'mono16': (480, 640), '16UC1': (1, 1), 'bgr8': (479, 641),
@@ -128,7 +128,7 @@ class ImageStreams(unittest.TestCase):
         for stamp, message in sent.items():
             self.assertEqual(self.out[0].messages[stamp].data, message.data)
 
-    @undisturbed(QUIET)
+    @undisturbed(FIRST_MARGIN)
     def test_every_encoding_is_bit_exact(self) -> None:
         for encoding, (height, width) in SIZES.items():
             for is_bigendian in (0, 1):
@@ -142,7 +142,7 @@ class ImageStreams(unittest.TestCase):
                 self.assertEqual((got.height, got.width, got.step, got.encoding, got.is_bigendian, got.header.frame_id),
                                  (height, width, step - 6, encoding, is_bigendian, 'somewhere'))
 
-    @undisturbed(QUIET)
+    @undisturbed(FIRST_MARGIN)
     def test_a_moving_gradient_at_10_hz_through_loss(self) -> None:
         rows, columns = np.mgrid[:480, :640]
         pictures = [(7000 + 5 * rows + 3 * columns + 40 * k).astype(np.uint16) for k in range(30)]
@@ -226,7 +226,7 @@ class ImageStreams(unittest.TestCase):
             self.assertLess(np.mean((shown == here) & (shown != picture)), 0.01)
 
     @unittest.skipUnless(THERMAL.is_dir(), 'the thermal recordings are not on this machine')
-    @undisturbed(QUIET)
+    @undisturbed(FIRST_MARGIN)
     def test_thermal_recordings_at_10_hz_through_loss(self) -> None:
         import cv2
         files = sorted(THERMAL.glob('seq_*/*.png')) + sorted(THERMAL.glob('single/*.png'))
@@ -238,7 +238,7 @@ class ImageStreams(unittest.TestCase):
         self.await_shown(sent, (50, 90))
 
     @unittest.skipUnless(THERMAL.is_dir(), 'the thermal recordings are not on this machine')
-    @undisturbed(QUIET)
+    @undisturbed(FIRST_MARGIN)
     def test_small_thermal_clips_are_bit_exact(self) -> None:
         """160 x 120: too few datagrams for every picture to survive 90 % loss, so only the clean link counts."""
         clips = [np.load(str(file))['frames'] for file in sorted(THERMAL.glob('seq_lepton*/*.npz'))]
@@ -283,7 +283,7 @@ class ImageStreams(unittest.TestCase):
         self.source.publish(image(good, 4, 4, 'mono8', stamp))
         wait_for(lambda: stamp in self.out[0].messages, 5, 'a good picture')
 
-    @undisturbed(QUIET)
+    @undisturbed(FIRST_MARGIN)
     def test_hostile_segments_change_nothing(self) -> None:
         hostile = udpros.Publisher('/smokebot_udp/thermal/segments', ImageSegment, queue_size=10)
         wait_for(lambda: len(hostile.connections()) == 3, what='the receivers')

@@ -22,7 +22,7 @@ from waiting import Collector, errors_logged, give_time, undisturbed, wait_for
 from smokebot_udp import udpros
 from smokebot_udp.codecs.wire.pixels import item_type
 from smokebot_udp.msg import ImageSegment, LayeredSegment
-from smokebot_udp.streams.frame_assembler import QUIET
+from smokebot_udp.streams.frame_end import FIRST_MARGIN
 
 LOADED = 300.0
 """The compiled codec is loaded within this time, compiled first where it is not yet [s]."""
@@ -127,7 +127,7 @@ class LayeredStreams(unittest.TestCase):
             wait_for(lambda name=name, value=value: self.settings[stream].get_configuration()[name] == value,
                      what='%s %r' % (name, value))
 
-    @undisturbed(QUIET)
+    @undisturbed(FIRST_MARGIN)
     def check_shown(self, encoding: str, k: int) -> None:
         pixels = scene(encoding, k)
         stamp = self.send('thermal', pixels, encoding)
@@ -164,7 +164,7 @@ class LayeredStreams(unittest.TestCase):
         give_time(0.3)
         return self.carried == before
 
-    @undisturbed(QUIET)
+    @undisturbed(FIRST_MARGIN)
     def test_coding_is_switched_while_images_come(self) -> None:
         client = self.settings['thermal']
         self.addCleanup(client.update_configuration, {'coding': 'layered'})

@@ -6,7 +6,7 @@ from genpy import Time
 from layered_operator import Operator
 from layered_sender import DATAGRAM, NO_LOSS, encoder, image, settings
 
-from smokebot_udp.streams.frame_assembler import QUIET
+from smokebot_udp.streams.frame_end import FIRST_MARGIN
 from smokebot_udp.streams.held import from_message, to_message
 from smokebot_udp.streams.outlook import Outlook
 
@@ -68,7 +68,7 @@ class PredictedLink:
     def _show(self, name: str, arrived: Collection[int], unreported: bool) -> Optional[Any]:
         operator, records = self.operators[name], self.sent[-1]
         shown = operator(records[sorted(arrived)], self.now) if arrived else []
-        shown += operator.poll(self.now + QUIET) + operator.poll(self.now + self.period)
+        shown += operator.poll(self.now + FIRST_MARGIN) + operator.poll(self.now + self.period)
         holding = operator.assembler.holding()
         if arrived and holding is not None and not unreported:
             self._reports.append((len(self.sent) + self._delay, name, to_message(holding, name, 'camera', DATAGRAM)))

@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from smokebot_udp.codecs.wire.cloud import (
-    ENDING,
     MAX_POINTS,
     CloudParts,
     PointFormat,
@@ -302,13 +301,13 @@ def test_memory_is_bounded() -> None:
         assert not parts.complete
 
 
-def test_the_end_is_noticed_though_chunks_of_it_are_lost() -> None:
+def test_the_missing_chunk_that_is_sent_last_is_awaited() -> None:
     _, payloads, parts = written(100, 50)
     order = sending_order(50)
-    gathered(parts, payloads, [order[:-ENDING]])
-    assert not parts.ending
-    gathered(parts, payloads, [order[-ENDING:][:1]])
-    assert parts.ending
+    gathered(parts, payloads, [order[:46]])
+    assert parts.awaited == 49 and parts.places(order).tolist() == list(range(50))
+    gathered(parts, payloads, [order[47:]])
+    assert parts.awaited == 46 and parts.places(np.array([50, 65535, 0])).tolist() == [-1, -1, 0]
 
 
 def test_points_that_are_not_finite_are_left_out() -> None:

@@ -5,8 +5,9 @@ from typing import Any, List, Optional, Tuple
 import numpy as np
 import pytest
 
-from smokebot_udp.codecs.wire.partial_image import ENDING, PartialImage
-from smokebot_udp.streams.frame_assembler import MAX_FINISHED, MAX_REORDERING, QUIET, FrameAssembler
+from smokebot_udp.codecs.wire.partial_image import PartialImage
+from smokebot_udp.streams.frame_assembler import MAX_FINISHED, MAX_REORDERING, FrameAssembler
+from smokebot_udp.streams.frame_end import FIRST_MARGIN
 
 S = 10 ** 9
 SIZE = 64            # 64 subimages of one pixel
@@ -77,20 +78,36 @@ def test_late_segments_change_nothing() -> None:
     assert feed(2 * S, range(20, 64), 0.12) == [(2 * S, 64)]
     assert feed(2 * S, range(64), 0.13) == []       # of a frame that is complete
     assert +feed.frames.dropped == {'late': 54, 'not needed': 64}
-    assert feed(3 * S, [63], 0.2) == [] and feed.poll(0.2 + QUIET) == (3 * S, 1)
-    assert feed(3 * S, range(63), 0.23) == []       # of one that was finished without them
+    assert feed(3 * S, [63], 0.2) == [] and feed.poll(0.4) == (3 * S, 1)
+    assert feed(3 * S, range(63), 0.41) == []       # of one that was finished without them
     assert +feed.frames.dropped == {'late': 54 + 63, 'not needed': 64}
 
 
-def test_after_one_of_the_last_segments_it_waits_for_reordered_ones_only() -> None:
+def test_missing_segments_are_waited_for_until_they_are_late() -> None:
+    """One every millisecond: each is expected at its own time, also where later ones came."""
     feed = Feed()
-    feed(1 * S, range(SIZE - ENDING), 0.0)
-    assert feed.frames.deadline() == pytest.approx(0.2)
-    feed(1 * S, [SIZE - 1], 0.03)
-    assert feed.frames.deadline() == pytest.approx(0.03 + QUIET)
-    feed(1 * S, [SIZE - 3], 0.04)
-    assert feed.frames.deadline() == pytest.approx(0.04 + QUIET)
-    assert feed.poll(0.04 + QUIET) == (1 * S, SIZE - 2)
+    for k in range(40):
+        feed(1 * S, [k], 0.001 * k)
+    assert feed.frames.deadline() == pytest.approx(0.063 + FIRST_MARGIN)
+    feed(1 * S, [62, 63], 0.0625)
+    assert feed.frames.deadline() == pytest.approx(0.0605 + FIRST_MARGIN, abs=0.001)
+    assert feed.poll(0.062 + FIRST_MARGIN) == (1 * S, 42)
+
+
+def test_of_a_single_segment_nothing_follows_before_max_wait() -> None:
+    feed = Feed(max_wait=0.2)
+    feed(1 * S, [5], 0.0)
+    assert feed.frames.deadline() == 0.2
+
+
+def test_a_forged_segment_of_a_finished_frame_does_not_change_its_end() -> None:
+    feed = Feed()
+    feed(1 * S, range(60), 0.0)
+    assert feed.poll(2 * FIRST_MARGIN) == (1 * S, 60)
+    for says, index in ('else', 63), ('', 64), ('', 65535):
+        assert feed(1 * S, [index], 0.1, says) == []
+    feed(2 * S, range(60), 0.3)
+    assert feed.frames.deadline() == pytest.approx(0.3 + FIRST_MARGIN)
 
 
 def test_a_source_whose_clock_was_set_back_goes_on() -> None:
@@ -156,6 +173,6 @@ def test_of_finished_frames_that_nobody_takes_the_newest_are_kept() -> None:
 
 def test_max_wait_changes_in_place() -> None:
     feed = Feed(max_wait=0.2)
-    feed(1 * S, range(10), 5.0)
+    feed(1 * S, [9], 5.0)
     feed.frames.max_wait = 0.5
     assert feed.frames.deadline() == pytest.approx(5.5)

@@ -27,7 +27,7 @@ from smokebot_udp.image_error import ImageError
 from smokebot_udp.mission.parameters import check
 from smokebot_udp.mission.settings import Settings
 from smokebot_udp.streams.air import Air
-from smokebot_udp.streams.frame_assembler import QUIET
+from smokebot_udp.streams.frame_end import FIRST_MARGIN
 from smokebot_udp.streams.image.assembled import RestoredImage
 from smokebot_udp.streams.image.encoder import ImageEncoder
 from smokebot_udp.streams.outlook import Outlook
@@ -82,8 +82,8 @@ def test_any_datagrams_show_the_image_the_better_the_more_come(came: int, restor
 def test_an_image_that_cannot_be_completed_waits_for_reordered_datagrams_only() -> None:
     operator = Operator()
     assert operator(segments(scene(), 7)[8:], 1.0) == []
-    assert operator.assembler.deadline() == pytest.approx(1.0 + QUIET)
-    assembled, = operator.poll(1.0 + QUIET)
+    assert operator.assembler.deadline() == pytest.approx(1.0 + FIRST_MARGIN)
+    assembled, = operator.poll(1.0 + FIRST_MARGIN)
     assert assembled.error is not None and assembled.error.rms == from_byte(ERRORS[1])
 
 
@@ -102,7 +102,7 @@ def test_all_layers_of_rare_images_come_before_the_operator_stops_waiting(rate: 
         for row in range(len(records)):
             shown += operator.poll(now) + operator(records[row:row + 1], now)
             now += size_on_air([frame]) / len(records) / (0.6 * room)
-        assembled, = shown + operator.poll(now + QUIET)
+        assembled, = shown + operator.poll(now + FIRST_MARGIN)
         assert assembled.error.rms == from_byte(int(records['errors'][0, -1]))
     assert operator.dropped == {}
 

@@ -54,12 +54,13 @@ def test_layer_by_layer() -> None:
     data = stream_of(plan)
     pieces = protect(data, plan)
     restorer = Restorer(plan.count, plan.layers)
-    assert (restorer.restorable, restorer.restored(), restorer.completeness, restorer.ending) == (0, b'', 0.0, False)
-    expected = [(1, 3, False), (2, 13, True), (2, 13, True), (2, 13, True), (3, 33, True)]
-    for index, (restorable, length, ending) in zip([1, 5, 3, 2, 4], expected):
+    assert (restorer.restorable, restorer.restored(), restorer.completeness, restorer.awaited) == (0, b'', 0.0, 5)
+    # two of 5 that are needed came: without 2, 3 and 4 are too few
+    expected = [(1, 3, 5), (2, 13, 2), (2, 13, 2), (2, 13, 4), (3, 33, None)]
+    for index, (restorable, length, awaited) in zip([1, 5, 3, 2, 4], expected):
         assert restorer.add(np.array([index]), pieces[index:index + 1]).tolist() == [True]
         assert (restorer.restorable, restorer.restored()) == (restorable, data[:length])
-        assert restorer.ending is ending or index == 3
+        assert awaited is None or restorer.awaited == awaited
     assert restorer.complete and restorer.completeness == pytest.approx(5 / 6)
 
 

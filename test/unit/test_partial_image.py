@@ -121,13 +121,15 @@ def test_a_prefix_is_complete_when_all_that_was_sent_is_received() -> None:
     assert take(image, segments[2]) == [True] and image.complete
 
 
-def test_the_end_is_noticed() -> None:
+def test_the_missing_segment_that_is_sent_last_is_awaited() -> None:
     _, cut, segments = segments_of()
-    image = empty(cut)
+    image, count = empty(cut), len(segments)
     take(image, *segments[:-5])
-    assert not image.ending
-    take(image, segments[-2])
-    assert image.ending
+    assert image.awaited == count - 1
+    take(image, *segments[-2:])
+    assert image.awaited == count - 3
+    indexes = np.array([index for index, _, _ in segments] + [60000])
+    assert image.places(indexes).tolist() == [*range(count), -1]
 
 
 @pytest.mark.parametrize('change', [

@@ -100,7 +100,7 @@ def test_one_half_lost() -> None:
     gathered = parts_of([1, 2, 3, 4, 5], 2, [1])
     ranges, intensities, comb = gathered.merge('nan')
     np.testing.assert_array_equal(ranges, np.float32([np.nan, 2, np.nan, 4, np.nan]))
-    assert intensities is None and comb == (0, 1) and gathered.ending and not gathered.complete
+    assert intensities is None and comb == (0, 1) and gathered.awaited == 0 and not gathered.complete
     ranges, _, comb = gathered.merge('thin')
     assert ranges.tolist() == [2, 4] and comb == (1, 2)
 
@@ -119,7 +119,7 @@ def test_lost_ranges_lose_their_intensities() -> None:
     for part, ranges, intensities in (0, [1000, 1004], [7, 8]), (3, [1003], [9]):
         assert gathered.add(np.array([part]), np.array([ranges], '<u2').view(np.uint8),
                             np.array([intensities], np.uint8)).all()
-    assert gathered.completeness == 0.5 and gathered.ending
+    assert gathered.completeness == 0.5 and gathered.awaited == 2
     ranges, intensities, comb = gathered.merge('nan')
     assert ranges.tobytes() == np.float32([1.0, np.nan, np.nan, 1.003, 1.004, np.nan]).tobytes() and comb == (0, 1)
     np.testing.assert_array_equal(intensities, np.float32([7, np.nan, np.nan, 9, 8, np.nan]))

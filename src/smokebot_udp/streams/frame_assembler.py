@@ -2,12 +2,12 @@
 """Which frame is finished when: a jitter buffer of one frame in progress, without clock or ROS (D6.3, section 4.2).
 
 A frame is the segments of one message: they have the same stamp. It is finished when all that was sent of it has been
-received, QUIET after one of its last segments, when a segment of a newer frame is received, or max_wait after its
-first segment. Segments of a finished frame are late, or not needed if it was complete, and change nothing.
+received; when what is still missing is no longer expected, or would not change anything (frame_end.py); when a segment
+of a newer frame is received; or max_wait after its first segment. Segments of a finished frame are late, or not needed
+if it was complete, and change nothing but how long the next frame is waited for.
 
 A frame is finished once: what is received later does not bring out a better version of it. Two messages of one stamp
-would look like two images to whoever counts or records them, and the better version is at most QUIET, or the time to
-the next frame, away.
+would look like two images to whoever counts or records them.
 """
 import collections
 import math
@@ -17,7 +17,8 @@ from typing import Any, Callable, Counter, Deque, Generic, Optional, Protocol, T
 
 import numpy as np
 
-from ..arrays import BoolArray
+from ..arrays import BoolArray, IntArray
+from .frame_end import FrameEnd
 
 RESTART = 2.0
 """A stamp that is older than the newest one by more is not late: the source's clock was set back, or a recording
@@ -26,9 +27,6 @@ starts again [s]."""
 MAX_REORDERING = 0.3
 """Nor is any older stamp where no other segment was accepted for this long: no link reorders by so much. The clock was
 set back by less, or a short recording starts again [s]."""
-
-QUIET = 0.02
-"""How long a frame waits for reordered segments after one of its last ones [s]."""
 
 MAX_WAIT = 0.2
 """How long images, clouds and the like are waited for, unless an operator changes max_wait. Encoders that spread a
@@ -42,16 +40,24 @@ class PartialFrame(Protocol):
     """What was received of a frame."""
 
     @property
-    def ending(self) -> bool:
-        """Whether one of the last segments was received."""
-
-    @property
     def complete(self) -> bool:
         """Whether all that was sent of it was received, or can be restored."""
 
     @property
     def completeness(self) -> float:
         """Received share, 0..1."""
+
+    @property
+    def awaited(self) -> int:
+        """The place, in the order of sending, of the missing segment that matters last: where neither it nor a missing
+        one before it comes, those after it change nothing. Not asked of a complete frame."""
+
+    def places(self, numbers: IntArray) -> IntArray:
+        """The places of segments in the order of sending. By any thread.
+
+        :param numbers: (m,) int, the first of the arguments of `add`
+        :return: (m,) int, from 0 on; -1: there is no such segment
+        """
 
     def add(self, *parts: Any) -> BoolArray:
         """Add m segments; (m,) which of them fit. The others are dropped."""
@@ -70,6 +76,8 @@ class Frame(Generic[Partial]):
     """When its first segment was received [s]."""
     latest: float
     """When the last one so far was received [s]."""
+    given_up: float = math.inf
+    """When what is missing is no longer expected [s]."""
 
 
 class FrameAssembler(Generic[Partial]):
@@ -90,6 +98,8 @@ class FrameAssembler(Generic[Partial]):
         self._surplus = 'late'                  # what further segments of the last finished frame are
         self._accepted = -math.inf              # when a segment was accepted last
         self._current: Optional[Frame[Partial]] = None
+        self._last: Optional[Frame[Partial]] = None     # the frame in progress, or the last one finished
+        self._end = FrameEnd()
         self._finished: Deque[Frame[Partial]] = collections.deque()
 
     def deadline(self) -> Optional[float]:
@@ -97,10 +107,7 @@ class FrameAssembler(Generic[Partial]):
         if self._finished:
             return -math.inf
         current = self._current
-        if current is None:
-            return None
-        latest = current.began + self.max_wait
-        return min(latest, current.latest + QUIET) if current.content.ending else latest
+        return None if current is None else min(current.began + self.max_wait, current.given_up)
 
     def poll(self, now: float) -> Optional[Frame[Partial]]:
         """The oldest finished frame that was not returned before; None if there is none."""
@@ -124,14 +131,15 @@ class FrameAssembler(Generic[Partial]):
             self.dropped['late'] += count
         elif stamp != self._newest:
             self._add_new(head, parts, now)
+        elif self._last is not None and self._last.head != head:
+            self.dropped['contradiction'] += count
         elif self._current is None:
             self.dropped[self._surplus] += count
-        elif self._current.head != head:
-            self.dropped['contradiction'] += count
-        elif self._fit(self._current.content, parts):
-            self._current.latest = self._accepted = now
-        if self._current is not None and self._current.content.complete:
-            self._finish()
+            self._learn(parts, now)
+        else:
+            good = self._fit(self._current.content, parts)
+            if good.any():
+                self._expect(self._current, parts, good, now)
 
     def _add_new(self, head: SimpleNamespace, parts: Tuple[Any, ...], now: float) -> None:
         try:
@@ -140,16 +148,37 @@ class FrameAssembler(Generic[Partial]):
             self.dropped['impossible head'] += len(parts[0])
             return
         # only segments that fit start a frame: forged ones must not finish the one in progress
-        if self._fit(content, parts):
+        good = self._fit(content, parts)
+        if good.any():
             if self._current is not None:
                 self._finish()
-            self._newest, self._current, self._accepted = head.stamp, Frame(head, content, now, now), now
+            self._newest = head.stamp
+            self._current = self._last = Frame(head, content, now, now)
+            self._end.begin()
+            self._expect(self._current, parts, good, now)
 
-    def _fit(self, content: Partial, parts: Tuple[Any, ...]) -> bool:
-        """Add segments to a frame; whether any of them fits."""
+    def _fit(self, content: Partial, parts: Tuple[Any, ...]) -> BoolArray:
+        """Add m segments to a frame; (m,) which of them fit."""
         good = content.add(*parts)
         self.dropped['contradiction'] += len(good) - int(np.count_nonzero(good))
-        return bool(good.any())
+        return good
+
+    def _expect(self, current: Frame[Partial], parts: Tuple[Any, ...], good: BoolArray, now: float) -> None:
+        """Note when the frame in progress ends, now that some of these segments were added to it."""
+        current.latest = self._accepted = now
+        self._end.add(current.content.places(parts[0])[good], now)
+        if current.content.complete:
+            self._finish()
+        else:
+            current.given_up = self._end.given_up(current.content.awaited)
+
+    def _learn(self, parts: Tuple[Any, ...], now: float) -> None:
+        """Note when segments of the last finished frame came, unless they could not have been waited for."""
+        assert self._last is not None
+        if now < self._last.began + self.max_wait:
+            places = self._last.content.places(parts[0])
+            if (places >= 0).any():
+                self._end.add(places[places >= 0], now)
 
     def _finish(self) -> None:
         assert self._current is not None

@@ -33,9 +33,6 @@ MAX_SIZE = 16 << 20
 REPEATED = 3
 """With several codes, pieces are repeated where the threshold is at most this part of a code's length: a third."""
 
-ENDING = 4
-"""Any of the last this many datagrams announces the end of the image. With only one, its loss would hide the end."""
-
 
 class Layer(NamedTuple):
     """A part of the stream."""
@@ -135,8 +132,6 @@ class Restorer:
         check(count, layers)
         self.restorable = 0
         """Layers that can be restored now: the first ones, without gaps."""
-        self.ending = False
-        """Whether one of the last datagrams was received. They are sent in order, so little can follow."""
         self._layers = layers
         self._received = np.zeros(count, bool)
         self._pieces = np.empty((count, sum(layer.size for layer in layers)), np.uint8)
@@ -151,6 +146,19 @@ class Restorer:
     def completeness(self) -> float:
         """Received share of the datagrams, 0..1."""
         return float(np.count_nonzero(self._received)) / len(self._received)
+
+    @property
+    def awaited(self) -> int:
+        """The index of the missing datagram that matters last: where neither it nor a missing one before it comes, the
+        next layer cannot be restored. Not to be asked of a complete image."""
+        threshold = self._layers[self.restorable].threshold
+        awaited = len(self._received) - 1
+        for datagrams in _datagrams(threshold, len(self._received)):
+            came = self._received[datagrams].any(axis=0)
+            needed = threshold - int(np.count_nonzero(came))
+            if needed > 0:      # of each missing piece the last copy counts
+                awaited = min(awaited, int(np.sort(datagrams[-1][~came])[-needed]))
+        return awaited
 
     def add(self, indexes: IntArray, pieces: UInt8Array) -> BoolArray:
         """Add datagrams.
@@ -171,7 +179,6 @@ class Restorer:
         if good.any():
             new = indexes[good]
             self._pieces[new], self._received[new] = pieces[good], True
-            self.ending |= bool(new.max() >= count - ENDING)
             while not self.complete and self._is_restorable(self._layers[self.restorable].threshold):
                 self.restorable += 1
         return good

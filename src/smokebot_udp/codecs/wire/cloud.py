@@ -27,8 +27,6 @@ WORD = 64
 """Maximum size of a point's offsets and intensity together [bit]."""
 
 INTENSITY_BITS = 8
-ENDING = 4
-"""Any of the last this many chunks announces the end of the cloud. With only one, its loss would hide the end."""
 
 
 @dataclass(frozen=True)
@@ -226,10 +224,7 @@ class CloudParts(ReceivedParts):
         if points * self._size > MAX_BYTES:
             raise ValueError('%d points of %d bytes; there are up to %d bytes' % (points, self._size, MAX_BYTES))
         self.points, self.format = points, point_format
-        super().__init__(chunks)
-        self.ending = False
-        """Whether one of the last chunks was received: little can follow."""
-        self._last = sending_order(chunks)[-ENDING:]
+        super().__init__(chunks, sending_order(chunks))
         self._dealt = np.zeros((chunks, -(-points // chunks) * self._size), np.uint8)
 
     def add(self, indexes: IntArray, payloads: UInt8Array) -> BoolArray:
@@ -245,7 +240,6 @@ class CloudParts(ReceivedParts):
         if good.any():
             self._dealt[indexes[good]] = payloads[good]
             self.have[indexes[good]] = True
-            self.ending = self.ending or bool(self.have[self._last].any())
         return good
 
     def merge(self) -> Tuple[Float32Array, Optional[Float32Array]]:

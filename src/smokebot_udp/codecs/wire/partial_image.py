@@ -13,9 +13,6 @@ FillMethod = Callable[[Array, BoolArray, Interleave], Array]
 MAX_IMAGE_SIZE = 4096 * 4096 * 4
 """Images that need more memory are refused [byte]."""
 
-ENDING = 4
-"""Any of the last this many segments announces the end of the image. With only one, its loss would hide the end."""
-
 RECEIVED, REMEMBERED, FILLED = 255, 128, 0
 """Values of a mask: the pixel was received with this image, with an earlier one, or never."""
 
@@ -40,8 +37,7 @@ class PartialImage:
         self.item, self.total = item, total
         self.have = np.zeros(len(self.cut), bool)
         """(n,) bool: the subimages received, in cut.order."""
-        self.ending = False
-        """Whether one of the last segments was received. Segments are sent in order, so little can follow."""
+        self._per_segment = 1       # subimages, of those that were received
         self._subimages = np.zeros((len(self.cut), rows * columns), item)
         self._received: Optional[BoolArray] = None
 
@@ -61,6 +57,22 @@ class PartialImage:
         if self._received is None:
             self._received = self.cut.pixel_mask(self.have)
         return self._received
+
+    @property
+    def awaited(self) -> int:
+        """The place of the missing segment that is sent last; not to be asked of a complete image."""
+        return int(np.flatnonzero(~self.have[:self.total])[-1]) // self._per_segment
+
+    def places(self, numbers: IntArray) -> IntArray:
+        """The places of segments in the order in which they are sent, where all are as long as those received.
+
+        :param numbers: (m,) int, the first subimage of each
+        :return: (m,) int, from 0 on; -1: there is no such segment
+        """
+        inside = numbers < len(self.cut.positions)
+        first = np.where(inside, self.cut.positions[np.where(inside, numbers, 0)], -1)
+        places: IntArray = np.where(first < self.total, first, -1) // self._per_segment
+        return places
 
     def add(self, indexes: IntArray, counts: Array, payloads: UInt8Array) -> BoolArray:
         """Add segments whose payloads have the same length.
@@ -82,7 +94,7 @@ class PartialImage:
             pixels = np.ascontiguousarray(payloads[good]).view(self.item)
             self._subimages[places] = pixels.reshape(places.shape + (-1,))
             self.have[places] = True
-            self.ending |= bool(places.max() >= self.total - ENDING * count)
+            self._per_segment = max(self._per_segment, count)
             self._received = None
         return good
 

@@ -111,11 +111,6 @@ class ScanParts(ReceivedParts):
         self._ranges = np.zeros((total, range_size), np.uint8)
         self._intensities = np.zeros((total, intensity_size), np.uint8)
 
-    @property
-    def ending(self) -> bool:
-        """Whether the last part was received: only reordered parts can follow."""
-        return bool(self.have[-1])
-
     def add(self, parts: IntArray, ranges: UInt8Array, intensities: UInt8Array) -> BoolArray:
         """Add parts of the same length.
 

@@ -11,7 +11,7 @@ import numpy as np
 from ...arrays import Array, BoolArray, Float32Array, IntArray, UInt8Array
 from . import bit_fields
 from .bit_fields import unzigzag
-from .cloud import ENDING, MAX_POINTS, PointFormat, sending_order
+from .cloud import MAX_POINTS, PointFormat, sending_order
 from .parts import ReceivedParts
 from .prefix_code import CLASSES, MAX_LENGTH, UNKNOWN, PrefixCode, follow, read_codes
 from .sorted_cloud import HASHED, LENGTH_BITS, MAX_KEY, can_sort, spread
@@ -40,13 +40,10 @@ class SortedParts(ReceivedParts):
         if not can_sort(point_format):
             raise ValueError('step is %r, bits are %r; sorted points have up to %d bits' % (
                 point_format.step, point_format.bits, MAX_KEY))
-        super().__init__(chunks)
+        super().__init__(chunks, sending_order(chunks))
         self._codes = read_codes(codes, 3 if point_format.has_intensity else 2)
         self._points, self._format = points, point_format
         self._chunks: Dict[int, UInt8Array] = {}
-        self.ending = False
-        """Whether one of the last chunks was received: little can follow."""
-        self._last = sending_order(chunks)[-ENDING:]
         self.broken = 0
         """How many chunks `merge` has found to be broken. They do not count as received any more."""
 
@@ -67,7 +64,6 @@ class SortedParts(ReceivedParts):
         for index, payload in zip(indexes[good].tolist(), payloads[good]):
             self._chunks[index] = payload.copy()     # not a view, which would keep the whole batch
         self.have[indexes[good]] = True
-        self.ending = self.ending or bool(self.have[self._last].any())
         return good
 
     def _counts(self, indexes: IntArray) -> IntArray:

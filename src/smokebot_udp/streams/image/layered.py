@@ -3,6 +3,8 @@
 from types import SimpleNamespace
 from typing import Any, Optional
 
+import numpy as np
+
 from ...arrays import Array, BoolArray, IntArray, UInt8Array
 from ...codecs.layered.layout import most_bytes
 from ...codecs.layered.pieces import MAX_LAYERS, Layer, Restorer, check, parts_of
@@ -44,11 +46,6 @@ class LayeredImage:
         self.reference, self.reference_layers, self.checksum = head.reference, head.reference_layers, head.checksum
 
     @property
-    def ending(self) -> bool:
-        """Whether one of the last segments was received."""
-        return self._restorer.ending
-
-    @property
     def complete(self) -> bool:
         """Whether all layers can be restored; further segments bring nothing."""
         return self._restorer.complete
@@ -57,6 +54,16 @@ class LayeredImage:
     def completeness(self) -> float:
         """Received share of the segments, 0..1."""
         return self._restorer.completeness
+
+    @property
+    def awaited(self) -> int:
+        """The index of the missing segment that matters last, see Restorer.awaited."""
+        return self._restorer.awaited
+
+    def places(self, numbers: IntArray) -> IntArray:
+        """(m,) int: the places of segments in the order in which they are sent; -1: there is none such."""
+        places: IntArray = np.where(numbers < self._count, numbers, -1)
+        return places
 
     @property
     def error_byte(self) -> Optional[int]:

@@ -14,9 +14,6 @@ from .size_guard import SizeGuard
 INTRA = 1
 """In `flags`: the image is not predicted from others."""
 
-ENDING = 4
-"""One of so many last datagrams ends an image: the others are late or lost."""
-
 MAX_REFRESH = 120
 """Images until all parts of an image were coded anew: 4 s at 30 Hz."""
 
@@ -66,11 +63,6 @@ class VideoImage:
         """As received last; empty: none were."""
 
     @property
-    def ending(self) -> bool:
-        """Whether one of the last datagrams was received."""
-        return any(index >= self._count - ENDING for index in self._pieces)
-
-    @property
     def complete(self) -> bool:
         """Whether all slices can be restored; further datagrams bring nothing."""
         return len(self._pieces) >= int(self._sources)
@@ -79,6 +71,20 @@ class VideoImage:
     def completeness(self) -> float:
         """Share of the slices that can be restored, 0..1."""
         return 1.0 if self.complete else sum(index < self._sources for index in self._pieces) / self._sources
+
+    @property
+    def awaited(self) -> int:
+        """The index of the missing datagram that matters last: a slice, or one without which the slices cannot be
+        restored. Not to be asked of a complete image."""
+        missing = [index for index in range(self._count) if index not in self._pieces]
+        slices = [index for index in missing if index < self._sources]
+        needed = int(self._sources) - len(self._pieces)
+        return max([missing[-needed], *slices[-1:]])
+
+    def places(self, numbers: IntArray) -> IntArray:
+        """(m,) int: the places of datagrams in the order in which they are sent; -1: there is none such."""
+        places: IntArray = np.where(numbers < self._count, numbers, -1)
+        return places
 
     def add(self, indexes: IntArray, parameter_sets: UInt8Array, data: UInt8Array) -> BoolArray:
         """Add datagrams.
