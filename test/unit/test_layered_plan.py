@@ -126,3 +126,22 @@ def test_too_few_bytes(budget, room) -> None:
     ends, values = curve(3000)
     with pytest.raises(ValueError, match='too few'):
         best_plan(ends, values, budget, {0.1: 1.0}, None, HEAD, room)
+
+
+@pytest.mark.parametrize('loss, burst, least', [(0.0, None, 1), (0.5, None, 6), (0.5, 10.0, 32), (0.9, None, 38)])
+def test_an_image_has_so_many_datagrams_that_one_comes(loss: float, burst: Optional[float], least: int) -> None:
+    ends, values = curve(20000)
+    for budget in (8000, 20000):
+        plan = best_plan(ends, values, budget, {loss: 0.9, 0.95: 0.1}, burst, HEAD, ROOM)
+        assert plan.count >= min(least, budget // (4 * HEAD))
+        assert plan.count * (HEAD + sum(layer.size + LAYER_BYTES for layer in plan.layers)) <= budget
+    few = best_plan(ends, values, 1500, {loss: 1.0}, burst, HEAD, ROOM)
+    assert few.count >= min(least, 1500 // (4 * HEAD))
+
+
+@pytest.mark.parametrize('budget', [8000, 20000, 60000, 150000])
+@pytest.mark.parametrize('loss', [0.2, 0.5, 0.9])
+def test_the_first_layer_is_restored_nearly_always(budget: int, loss: float) -> None:
+    plan = best_plan(*curve(200000), budget, {loss: 1.0}, None, HEAD, ROOM)
+    shown = survival(plan.count, {loss: 1.0}, None)[plan.layers[0].threshold - 1]
+    assert shown >= 0.98 or plan.layers[0].threshold == 1 and plan.count >= budget // (4 * HEAD)

@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """How likely layers are restored: by hand, datagram by datagram, and by simulation."""
+from typing import Optional
+
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from smokebot_udp.codecs.layered.pieces import parts_of
-from smokebot_udp.codecs.layered.survival import arrivals, survival
+from smokebot_udp.codecs.layered.survival import SURE, arrivals, sure_count, survival
 
 
 def test_arrivals_by_hand() -> None:
@@ -53,3 +57,18 @@ def test_survival_mixes_losses_and_falls() -> None:
     mixed = survival(20, {0.1: 0.75, 0.5: 0.25}, None)
     assert mixed == pytest.approx(0.75 * survival(20, {0.1: 1.0}, None) + 0.25 * survival(20, {0.5: 1.0}, None))
     assert (np.diff(mixed) <= 0).all() and mixed[0] <= 1 and len(mixed) == 20
+
+
+@pytest.mark.parametrize('loss, burst, count', [
+    (0.0, None, 1), (0.02, None, 1), (0.1, None, 2), (0.2, None, 3), (0.5, None, 6), (0.66, None, 10), (0.9, None, 38),
+    (0.5, 2.0, 6), (0.5, 10.0, 32), (0.9, 5.0, 38), (0.9, 20.0, 76)])
+def test_of_how_many_datagrams_one_comes_nearly_always(loss: float, burst: Optional[float], count: int) -> None:
+    assert sure_count(loss, burst) == count
+
+
+@given(st.floats(0.0, 0.97), st.none() | st.floats(1.0, 30.0))
+def test_no_fewer_datagrams_would_do(loss: float, burst: Optional[float]) -> None:
+    count = sure_count(loss, burst)
+    if count <= 200:    # of one code
+        assert survival(count, {loss: 1.0}, burst)[0] >= SURE - 1e-6
+        assert count == 1 or survival(count - 1, {loss: 1.0}, burst)[0] <= SURE + 1e-6

@@ -8,7 +8,8 @@ both curves, worth over bytes and probability over 1 / t, are ever best (H. Ever
 for this use A. Mohr, R. Ladner, E. Riskin, ICIP 2000). The price that just fills the datagrams is found by bisection.
 
 More and smaller datagrams than necessary allow finer thresholds and vary less, but have more headers: some numbers are
-tried.
+tried. Where much is lost, an image has so many that one of them comes nearly always, and nearly any datagrams restore
+its first layer: without it, it is not shown.
 """
 import math
 from typing import List, Mapping, NamedTuple, Optional, Tuple
@@ -18,7 +19,7 @@ import numpy as np
 from ...arrays import FloatArray, IntArray
 from .pieces import MAX_COUNT, MAX_LAYERS, Layer, Plan, codes_of, most_repeated, parts_of
 from .prices import filling_bytes, hull_points
-from .survival import survival
+from .survival import SURE, sure_count, survival
 
 LAYER_BYTES = 4
 """A layer's entry in the table of each datagram: threshold, size of a piece, error [byte]."""
@@ -31,6 +32,15 @@ FINER_GAIN = 0.004
 
 MIN_PIECES = 64
 """Datagrams of less are not tried [byte]."""
+
+MOST_LOSS = 0.99
+"""Heavier packet losses count as this one."""
+
+MOST_HEADS = 0.25
+"""Part of the budget that the heads of these may take: nothing is gained where what follows them restores too little."""
+
+PESSIMISM = 0.85
+"""One of the datagrams comes nearly always at a packet loss that is not exceeded with this probability."""
 
 NOTHING = 10 ** 0.1
 """No image is worse than the stream's head, a uniform image, by this factor of the mean squared error: 1 dB."""
@@ -76,16 +86,20 @@ def best_plan(ends: IntArray, values: FloatArray, budget: int, losses: Mapping[f
     :raises ValueError: the budget or the room is too small for one useful datagram
     """
     curve = upper_hull(np.concatenate([[0.0], ends]), values)
-    smallest = _fewest(budget, head, room)
+    smallest, sure = _fewest(budget, head, room), _sure(budget, losses, burst, head)
     best: Tuple[float, Optional[Plan]] = -math.inf, None
+    tried = 0
     for fineness in FINENESS:
-        count = min(int(smallest * fineness), MAX_COUNT)
+        count = min(max(int(smallest * fineness), sure), MAX_COUNT)
         count += -count % codes_of(count)
+        if count == tried:
+            continue
+        tried = count
         space = min(budget // count - head, room)
         if space < MIN_PIECES and (best[1] is not None or space <= LAYER_BYTES):
             break
         likely = survival(count, losses, burst)
-        layers = _fit(_price_layers(curve, count, likely, space), space, count, int(ends[-1]))
+        layers = _sure_first(_fit(_price_layers(curve, count, likely, space), space, count, int(ends[-1])), likely)
         promise = promised(count, layers, ends, values, likely) - FINER_GAIN * fineness * float(values[-1] - values[0])
         if promise > best[0]:
             best = promise, Plan(count, layers)
@@ -98,6 +112,22 @@ def _fewest(budget: int, head: int, room: int) -> int:
     """The number of datagrams that hold the budget; less the last one where it would take nearly all for its head."""
     fewest = max(-(-budget // (head + room)), 1)
     return fewest if budget // fewest - head >= MIN_PIECES else max(budget // (head + room), 1)
+
+
+def _sure(budget: int, losses: Mapping[float, float], burst: Optional[float], head: int) -> int:
+    """The number of datagrams of which one nearly always comes, or as many as MOST_HEADS allows."""
+    total = 0.0
+    for loss in sorted(losses):
+        total += losses[loss]
+        if total >= PESSIMISM:
+            break
+    return min(sure_count(min(loss, MOST_LOSS), burst), int(budget * MOST_HEADS / max(head, MIN_PIECES)))
+
+
+def _sure_first(layers: List[Layer], likely: FloatArray) -> List[Layer]:
+    """The layers with the first one restored with the probability SURE, or by any datagram."""
+    most = max(int(np.count_nonzero(likely >= SURE)), 1)
+    return [Layer(min(layer.threshold, most), layer.size) for layer in layers[:1]] + layers[1:]
 
 
 def promised(count: int, layers: List[Layer], ends: IntArray, values: FloatArray, likely: FloatArray) -> float:

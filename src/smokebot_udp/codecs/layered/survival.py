@@ -4,6 +4,7 @@
 The channel is good or bad, and loses datagrams while it is bad (E. Gilbert, BSTJ 39, 1960).
 """
 import functools
+import math
 from typing import Mapping, Optional, Tuple
 
 import numpy as np
@@ -17,6 +18,9 @@ CERTAIN = 1e-4
 RARE = 0.05
 """Where all copies of a piece are lost by less than this probability, a third of the pieces always comes."""
 
+SURE = 0.98
+"""At least one of so many datagrams comes with this probability that an image is shown."""
+
 CACHED = 64
 """Numbers of datagrams whose probabilities are cached."""
 
@@ -29,6 +33,21 @@ def survival(count: int, losses: Mapping[float, float], burst: Optional[float]) 
     :param burst: mean number of datagrams lost in a row; None: losses are independent
     """
     return np.array(list(losses.values())) @ _survivals(count, tuple(losses), burst)
+
+
+def sure_count(loss: float, burst: Optional[float]) -> int:
+    """The least number of datagrams of which one comes with the probability SURE, at least.
+
+    By Gilbert's model all of n are lost with the probability loss * (1 - recovery)^(n - 1); independent losses: loss^n.
+
+    :param loss: packet loss, below 1
+    :param burst: as in `survival`
+    """
+    if loss <= 1 - SURE:
+        return 1
+    recovery = 1 - loss if burst is None else min(1 / burst, 1 - loss)
+    # no rounding error makes it one more
+    return 1 + math.ceil(math.log((1 - SURE) / loss) / math.log(1 - recovery) - 1e-9)
 
 
 @functools.lru_cache(maxsize=CACHED)
