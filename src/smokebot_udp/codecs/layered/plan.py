@@ -37,7 +37,7 @@ MOST_LOSS = 0.99
 """Heavier packet losses count as this one."""
 
 MOST_HEADS = 0.25
-"""Part of the budget that the heads of these may take: nothing is gained where what follows them restores too little."""
+"""Part of the budget that the heads of these may take: nothing is gained where what follows them restores little."""
 
 PESSIMISM = 0.85
 """One of the datagrams comes nearly always at a packet loss that is not exceeded with this probability."""
