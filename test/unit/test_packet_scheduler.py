@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from smokebot_udp.congestion.packet_scheduler import (
+    BASE_DURATION,
     BURST_DURATION,
     CHUNK_DURATION,
     MAX_CATCH_UP,
@@ -59,15 +60,134 @@ def test_a_newer_message_replaces_the_rest_of_the_older() -> None:
     assert scheduler.sending('a') is None
 
 
-def test_streams_take_turns_by_their_shares() -> None:
-    scheduler = PacketScheduler(rate=100000)
-    scheduler.set_share('much', 3.0)
-    scheduler.put('much', None, [(400, 100)])
-    scheduler.put('little', None, [(400, 100)])
-    first = [chunk.stream for _, chunk in sent(scheduler)][:200]
-    assert 149 <= first.count('much') <= 151
-    longest = max(len(run) for run in ''.join('m' if name == 'much' else ' ' for name in first).split())
-    assert longest <= 4
+def test_messages_leave_one_after_the_other_the_one_with_the_earlier_deadline_first() -> None:
+    """Two images of 20 ms: in turns both would leave within 40 ms."""
+    scheduler = PacketScheduler(rate=1e6)
+    for name, share in (('camera', 2.5e5), ('thermal', 7.5e5)):
+        scheduler.set_share(name, share)
+        scheduler.put(name, None, [(20, 1000)])
+    ends = {chunk.stream: when for when, chunk in sent(scheduler)}
+    assert 0.015 <= ends['thermal'] <= 0.025 and 0.035 <= ends['camera'] <= 0.040      # after the base layer of camera
+
+
+@pytest.mark.parametrize('size', [40, 400])
+def test_streams_that_always_have_more_get_their_shares(size: int) -> None:
+    scheduler, now, sizes = PacketScheduler(rate=1e6), 0.0, {'much': 0, 'little': 0, 'least': 0}
+    for name, share in (('much', 6e5), ('little', 2e5), ('least', 1e5)):
+        scheduler.set_share(name, share)
+    while now < 20.0:
+        for name in sizes:
+            if scheduler.sending(name) is None:
+                scheduler.put(name, name, [(size, 100)])
+        chunk = scheduler.take(now)
+        if chunk is not None:
+            sizes[chunk.stream] += chunk.size
+        now += max(scheduler.wait(now), 1e-6)
+    assert sizes['much'] / sizes['least'] == pytest.approx(6, rel=0.05)
+    assert sizes['little'] / sizes['least'] == pytest.approx(2, rel=0.05)
+
+
+def test_streams_whose_messages_are_cut_off_get_their_shares() -> None:
+    """Images of 0.15 s each, one every 0.1 s, of two streams beside each other."""
+    scheduler, now, sizes = PacketScheduler(rate=1e6), 0.0, {'thermal': 0, 'camera': 0}
+    scheduler.set_share('thermal', 6e5)
+    scheduler.set_share('camera', 3e5)
+    due = {'thermal': 0.0, 'camera': 0.05}
+    while now < 20.0:
+        for name in due:
+            if due[name] <= now:
+                due[name] += 0.1
+                scheduler.put(name, name, [(150, 1000)])
+        chunk = scheduler.take(now)
+        if chunk is not None:
+            sizes[chunk.stream] += chunk.size
+        now = min(now + max(scheduler.wait(now), 1e-6), *due.values())
+    assert sizes['thermal'] / sizes['camera'] == pytest.approx(2, rel=0.1)
+
+
+def test_the_base_layer_of_a_message_leaves_before_the_rest_of_others() -> None:
+    scheduler = PacketScheduler(rate=1e6)
+    for name, share in (('image', 9e5), ('map', 1e4)):
+        scheduler.set_share(name, share)
+    scheduler.put('image', None, [(100, 1000)])
+    now = 0.0
+    for _ in range(20):
+        now += scheduler.wait(now)
+        scheduler.take(now)
+    scheduler.put('map', None, [(30, 1000)], base=8)
+    order = [(chunk.stream, chunk.start) for _, chunk in sent(scheduler)]
+    firsts = [start for stream, start in order if stream == 'map'].index(8)
+    assert [stream for stream, _ in order[:firsts]] == ['map'] * firsts
+    assert order[firsts][0] == 'image' and order[-1][0] == 'map'
+
+
+def test_a_stream_of_short_messages_gets_no_more_than_its_share_beside_others() -> None:
+    scheduler, now, sizes = PacketScheduler(rate=1e6), 0.0, {'image': 0, 'short': 0}
+    scheduler.set_share('image', 9e5)
+    scheduler.set_share('short', 1e5)
+    while now < 5.0:
+        for name, count in (('image', 90), ('short', 3)):
+            if scheduler.sending(name) is None:
+                scheduler.put(name, name, [(count, 1000)])
+        chunk = scheduler.take(now)
+        if chunk is not None:
+            sizes[chunk.stream] += chunk.size
+        now += max(scheduler.wait(now), 1e-6)
+    assert sizes['image'] / sizes['short'] == pytest.approx(9, rel=0.1)
+
+
+def in_turns(puts: List[Tuple[str, float, int]], shares: Dict[str, float], rate: float) -> List[float]:
+    """When each message has left, if all streams send at once, each by its share: [(stream, when, bytes), ...]."""
+    queues: Dict[str, List[List[float]]] = {name: [] for name in shares}
+    ends, now, coming = [math.inf] * len(puts), 0.0, list(enumerate(puts))
+    while coming or any(queues.values()):
+        sending = [name for name, queue in queues.items() if queue]
+        part = {name: rate * shares[name] / sum(shares[other] for other in sending) for name in sending}
+        step = min([queues[name][0][1] / part[name] for name in sending]
+                   + [when - now for _, (_, when, _) in coming[:1]])
+        now += step
+        for name in sending:
+            queues[name][0][1] -= step * part[name]
+            if queues[name][0][1] <= 1e-6 * part[name]:
+                ends[int(queues[name].pop(0)[0])] = now
+        while coming and coming[0][1][1] <= now + 1e-9:
+            number, (name, _, size) = coming.pop(0)
+            queues[name].append([number, size])
+    return ends
+
+
+@given(st.lists(st.tuples(st.sampled_from('abc'), st.floats(0, 0.1), st.integers(1, 60)), max_size=20),
+       st.lists(st.sampled_from([1e4, 1e5, 5e5]), min_size=3, max_size=3))
+def test_no_message_leaves_later_than_in_turns(steps: List[Tuple[str, float, int]], given: List[float]) -> None:
+    """But for chunks, and the base layers of the others."""
+    rate, size, shares = 1e6, 1000, dict(zip('abc', given))
+    now, puts = 0.0, []
+    for name, pause, count in steps:
+        now += pause
+        puts.append((name, now, count * size))
+    limits = in_turns(puts, shares, rate)
+    scheduler, now, ends = PacketScheduler(rate), 0.0, [math.inf] * len(puts)
+    for name, share in shares.items():
+        scheduler.set_share(name, share)
+    coming, waiting = list(enumerate(puts)), {name: [] for name in shares}
+    while now < max([0.0, *limits]) + 0.2:
+        while coming and coming[0][1][1] <= now:
+            number, (name, _, bytes_) = coming.pop(0)
+            waiting[name].append((number, bytes_))
+        for name, queue in waiting.items():
+            if queue and scheduler.sending(name) is None:
+                scheduler.put(name, queue[0][0], [(queue[0][1] // size, size)])
+        chunk = scheduler.take(now)
+        if chunk is not None and scheduler.sending(chunk.stream) is None:
+            ends[chunk.work] = now
+            waiting[chunk.stream].pop(0)
+        if not any(queue and scheduler.sending(name) is None for name, queue in waiting.items()):
+            now = min([now + max(scheduler.wait(now), 1e-6), now + 0.1] + [when for _, (_, when, _) in coming[:1]])
+    base = max(size, BASE_DURATION * rate) + CHUNK_DURATION * rate + size
+    # each message that came meanwhile may have gone first with its base layer
+    for (name, _, _), end, limit in zip(puts, ends, limits):
+        others = sum(other != name and came <= limit for other, came, _ in puts)
+        assert end <= limit + (others * base + 2 * size) / rate + 1e-3
 
 
 def test_a_silent_stream_gains_no_credit() -> None:
@@ -112,14 +232,14 @@ def test_a_late_caller_catches_up_on_a_backlog_but_not_after_a_pause() -> None:
 
 def test_how_long_the_backlog_takes() -> None:
     scheduler = PacketScheduler(rate=1000)
-    assert scheduler.takes() == 0
+    assert scheduler.takes('a') == 0
     scheduler.put('a', None, [(3, 100), (1, 50)])
     scheduler.put('b', None, [(1, 150)])
-    assert scheduler.takes() == pytest.approx(0.5)
-    scheduler.take(0.0)
-    assert scheduler.takes() == pytest.approx(0.4)
+    assert scheduler.takes('a') == pytest.approx(0.5) and scheduler.takes('b') == pytest.approx(0.25)
+    assert scheduler.take(0.0).stream == 'a'        # its base layer is shorter
+    assert scheduler.takes('a') == pytest.approx(0.4) and scheduler.takes('b') == pytest.approx(0.15)
     scheduler.set_rate(None)
-    assert scheduler.takes() == 0
+    assert scheduler.takes('a') == 0
 
 
 def test_a_datagram_larger_than_the_burst() -> None:
@@ -162,12 +282,12 @@ def test_what_was_sent_at_a_tiny_share_does_not_block_a_stream_later() -> None:
     for name in ('picture', 'map'):
         scheduler.set_share(name, 0.0)
         scheduler.put(name, name, [(1000, 1000)])
-    assert {scheduler.take(now).stream for now in (0.0, 0.1)} == {'picture', 'map'}
-    scheduler.set_share('picture', 1000.0)
-    scheduler.take(0.2)
-    scheduler.set_share('map', 1000.0)
-    left = [scheduler.take(0.3 + 0.1 * step).stream for step in range(20)]
-    assert 9 <= left.count('picture') <= 11
+    assert {scheduler.take(0.1 * step).stream for step in range(20)} == {'picture', 'map'}
+    for name in ('picture', 'map'):
+        scheduler.set_share(name, 1000.0)
+    scheduler.put('picture', None, [(10, 1000)])
+    left = [scheduler.take(2.0 + 0.1 * step) for step in range(10)]
+    assert sum(chunk.size for chunk in left if chunk.stream == 'picture') == 10 * 1000
 
 
 def test_what_was_sent_past_it_holds_up_the_rest_for_a_moment_only() -> None:

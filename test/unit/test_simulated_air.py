@@ -316,9 +316,9 @@ def test_a_slower_operator_gets_fewer_long_relayed_messages_and_these_whole(rate
     second = join(robot, Channel(LinkConditions(rate=rate * 1e6, delay=0.02, queue=0.4), 5), 0.0, 6)
     events.run(20)
     came = {}
-    for operator in robot.operators.values():
+    for operator in robot.operators.values():   # the last messages are still on their way
         came[operator.name] = collections.Counter(
-            frame for _, name, frame, _, _ in operator.came if name == 'jpeg' and 80 <= frame[0] < 190)
+            frame for _, name, frame, _, _ in operator.came if name == 'jpeg' and 80 <= frame[0] < 185)
     complete = {frame for frame, parts in came['operator'].items() if parts == frame[1]}    # others were cut off
     assert len(complete) >= 100
     slower = {frame: parts for frame, parts in came['second'].items() if frame in complete}

@@ -2,15 +2,24 @@
 """Which datagram leaves next, and when, of all streams together.
 
 Datagrams are paced evenly at the link's rate by a token bucket (committed rate and burst size of RFC 2697), so that our
-bursts overflow no queue on the path. Streams with something to send take turns by their shares: start-time fair
-queueing (Goyal, Vin, Cheng: "Start-time Fair Queueing", SIGCOMM 1996). Of a stream only the newest message counts: the
-rest of the one before is dropped, never sent late.
+bursts overflow no queue on the path. Of a stream only the newest message counts: the rest of the one before is dropped,
+never sent late.
+
+An image is shown when all of it has come, so messages leave one after the other, not in turns. A message's deadline is
+the virtual time at which it would have left if all streams with something to send had sent at once, each by its share:
+generalised processor sharing (Parekh, Gallager: "A generalized processor sharing approach to flow control in integrated
+services networks", IEEE/ACM Trans. Networking 1(3), 1993). The earliest deadline leaves first. Before that, the base
+layer of each message leaves, the first datagrams, which show something, where its stream has had no more than its share
+so far. But for these and a chunk, no message leaves later than it would in turns.
 """
 import math
 from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 CHUNK_DURATION = 0.002
 """Datagrams that leave together occupy the link for this long at most [s],"""
+
+BASE_DURATION = 0.005
+"""What leaves within this time belongs to the base layer of a message [s]."""
 
 BURST_DURATION = 0.005
 """and after a pause, for no longer than this [s]."""
@@ -50,13 +59,26 @@ class _Flow:
 
     def __init__(self) -> None:
         self.share = 1.0
-        self.start = 0.0        # virtual time of its next turn
+        self.served = 0.0       # virtual time up to which it has had its share
         self.work: Any = None
         self.parts: List[Tuple[int, int]] = []
         self.part = self.at = 0
+        self.left = self.base = 0.0     # bytes that have not left: all, and of the base layer
 
-    def load(self, work: Any, parts: List[Tuple[int, int]]) -> None:
+    def load(self, work: Any, parts: List[Tuple[int, int]], base: float) -> None:
         self.work, self.parts, self.part, self.at = work, parts, 0, 0
+        self.left = sum(count * size for count, size in parts)
+        self.base = min(base, self.left)
+
+    @property
+    def deadline(self) -> float:
+        """The virtual time at which all of it has left if streams take turns by their shares."""
+        return self.served + self.left / self.share
+
+    @property
+    def order(self) -> Tuple[bool, float]:
+        """The least one leaves next."""
+        return (False, self.served + self.base / self.share) if self.base > 0 else (True, self.deadline)
 
     def remaining(self) -> List[Tuple[int, int]]:
         """The parts (datagrams, bytes of each) that have not left."""
@@ -66,11 +88,13 @@ class _Flow:
         return [(count - self.at, size), *self.parts[self.part + 1:]]
 
     def advance(self, count: int) -> None:
-        self.at += count
+        size = count * self.parts[self.part][1]
+        self.served += size / self.share
+        self.left, self.base, self.at = self.left - size, max(0.0, self.base - size), self.at + count
         if self.at == self.parts[self.part][0]:
             self.part, self.at = self.part + 1, 0
         if self.part == len(self.parts):
-            self.load(None, [])
+            self.load(None, [], 0.0)
 
 
 class PacketScheduler:
@@ -107,23 +131,29 @@ class PacketScheduler:
         """Set a stream's share of the link beside others that have something to send [byte/s]."""
         flow, share = self._flow(stream), max(share, MIN_SHARE)
         # its lead over the others stays the same in bytes: what was sent at a tiny share must not block it for long
-        flow.start = self._virtual + (flow.start - self._virtual) * flow.share / share
+        flow.served = self._virtual + (flow.served - self._virtual) * flow.share / share
         flow.share = share
 
     def start_probe(self, rate: float, size: float) -> None:
         """Send the next ``size`` bytes at another rate [byte/s]: a probing.ProbeTrain."""
         self._probe_rate, self._probe_left = rate, size
 
-    def put(self, stream: str, work: Any, parts: Sequence[Tuple[int, int]]) -> None:
+    def put(self, stream: str, work: Any, parts: Sequence[Tuple[int, int]], base: int = 1) -> None:
         """Send a stream's new message; the rest of the one before is dropped.
 
         :param work: passed on in each Chunk
         :param parts: [(datagrams, bytes of each), ...]
+        :param base: datagrams of the base layer, at least
         """
-        self._clear(stream)
         flow = self._flow(stream)
-        flow.start = max(flow.start, self._virtual)
-        flow.load(work, [part for part in parts if part[0]])
+        if flow.parts:
+            self._clear(stream)     # it has waited, and keeps its place
+        else:
+            flow.served = max(flow.served, self._virtual)
+        parts = [part for part in parts if part[0]]
+        largest = max((size for _, size in parts), default=0)
+        had_more = flow.served > self._virtual
+        flow.load(work, parts, 0.0 if had_more else max(base * largest, BASE_DURATION * (self.rate or 0.0)))
 
     def drop(self, stream: str) -> None:
         """Drop the rest of a stream's message."""
@@ -134,11 +164,13 @@ class PacketScheduler:
         """The work of a stream that is being sent; None: nothing."""
         return self._flow(stream).work
 
-    def takes(self) -> float:
-        """How long sending all that waits takes at the present rate [s]."""
-        if self.rate is None:
+    def takes(self, stream: str) -> float:
+        """How long it takes until the message of a stream has left, if nothing else comes, at the present rate [s]."""
+        flow = self._flow(stream)
+        if self.rate is None or not flow.parts:
             return 0.0
-        return sum(count * size for flow in self._flows.values() for count, size in flow.remaining()) / self.rate
+        return sum(other.left if other.deadline <= flow.deadline else other.base
+                   for other in self._flows.values()) / self.rate
 
     def charge(self, size: int, now: float) -> None:
         """Account for bytes sent past the scheduler. What waits here makes room for them, but for MAX_DEBT at most."""
@@ -159,9 +191,8 @@ class PacketScheduler:
         flow, rate = self._flows[name], self._pacing_rate()
         size = count * flow.parts[flow.part][1]
         chunk = Chunk(name, flow.work, flow.part, flow.at, flow.at + count, size, flow.parts[flow.part][0])
+        self._pass_time(size)
         flow.advance(count)
-        self._virtual = flow.start
-        flow.start += size / flow.share
         if rate is not None:
             self._spend(size, now, rate)
             self._probe_left -= size
@@ -170,10 +201,10 @@ class PacketScheduler:
 
     def _next(self, now: float) -> Tuple[float, str, int]:
         """(time until it may leave [s], stream, number of datagrams)"""
-        waiting = [(flow.start, name) for name, flow in self._flows.items() if flow.parts]
+        waiting = [(*flow.order, name) for name, flow in self._flows.items() if flow.parts]
         if not waiting:
             return math.inf, '', 0
-        _, name = min(waiting)
+        name = min(waiting)[-1]
         flow, rate = self._flows[name], self._pacing_rate()
         count, size = flow.parts[flow.part]
         if rate is None:
@@ -189,6 +220,17 @@ class PacketScheduler:
     def _spend(self, size: int, now: float, rate: float) -> None:
         self._full_at = max(now - MAX_CATCH_UP * self._backlogged, self._full_at) + size / rate
 
+    def _pass_time(self, size: float) -> None:
+        """Let virtual time pass while bytes leave: in turns, the streams that were still sending would get them."""
+        while size > 0:
+            sending = [flow for flow in self._flows.values() if flow.deadline > self._virtual]
+            if not sending:
+                return
+            shares, until = sum(flow.share for flow in sending), min(flow.deadline for flow in sending)
+            room = (until - self._virtual) * shares
+            self._virtual = until if room <= size else self._virtual + size / shares
+            size -= room
+
     def _waiting(self) -> bool:
         return any(flow.parts for flow in self._flows.values())
 
@@ -196,7 +238,7 @@ class PacketScheduler:
         flow = self._flow(stream)
         if flow.parts:
             self.dropped[stream] = self.dropped.get(stream, 0) + sum(count for count, _ in flow.remaining())
-            flow.load(None, [])
+            flow.load(None, [], 0.0)
 
     def _flow(self, stream: str) -> _Flow:
         return self._flows.setdefault(stream, _Flow())

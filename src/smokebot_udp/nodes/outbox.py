@@ -14,8 +14,8 @@ from ..udpros.frame import Frame
 from .trace import TRACE
 
 MAX_BACKLOG = 0.02
-"""A newer message of a stream waits for the one before if everything that waits leaves within this time, unless its
-encoder says otherwise [s],"""
+"""A newer message of a stream waits for the rest of the one before if that leaves within this time, unless its encoder
+says otherwise [s],"""
 
 MAX_WAIT = 0.5
 """but no longer than this [s],"""
@@ -71,27 +71,28 @@ class Outbox:
             self._thread.join()
 
     def put(self, name: str, publisher: Publisher, frames: Sequence[Frame], stamp: int = 0,
-            only: Optional[str] = None) -> None:
+            only: Optional[str] = None, base: int = 1) -> None:
         """Send the frames of a message; what did not leave yet of the stream's last message is dropped.
 
         :param name: of the stream, or of the part of it that carries the message, as in Departed
         :param stamp: of the message, for its trace; 0: it is not traced [ns]
         :param only: the subscriber that it is for; None: all
+        :param base: datagrams that show something of it, see PacketScheduler.put
         """
         parts = [(len(frame), frame.datagram_size + self._headers) for frame in frames]
         with self._changed:
-            self._scheduler.put(stream_of(name), (name, publisher, frames, stamp, only), parts)
+            self._scheduler.put(stream_of(name), (name, publisher, frames, stamp, only), parts, base)
             self._changed.notify()
 
     def await_rest(self, stream: str, whole: bool = False, backlog: float = MAX_BACKLOG) -> None:
         """Wait until the last message of a stream has left, so that the next one does not cut it off, but only if
-        everything that waits leaves within `backlog` [s]. A busy machine takes longer than the link: at most MAX_WAIT.
+        it leaves within `backlog` [s]. A busy machine takes longer than the link: at most MAX_WAIT.
 
         :param whole: whether the message is useless without all its datagrams: it leaves then, if it can within
             MAX_WHOLE_WAIT
         """
         with self._left:
-            if whole or self._scheduler.takes() <= backlog:
+            if whole or self._scheduler.takes(stream) <= backlog:
                 self._left.wait_for(lambda: self._ended or self._scheduler.sending(stream) is None,
                                     MAX_WHOLE_WAIT if whole else MAX_WAIT)
 

@@ -309,8 +309,8 @@ class RobotStream(rospy.SubscribeListener):
             if not self.wanted or self._sending_limiter.due > now:
                 return
             self._sending_limiter.take(now)
-        elif not encoder.PROTECTED:
-            self.link.outbox.await_rest(self.name, encoder.WHOLE, encoder.backlog or MAX_BACKLOG)
+        elif encoder.WHOLE and not encoder.PROTECTED:
+            self.link.outbox.await_rest(self.name, True)
         began = time.monotonic()
         frames = encoder.encode(message, settings, self._datagram_size)
         if TRACE.on and encoder.STAMPED:
@@ -320,6 +320,8 @@ class RobotStream(rospy.SubscribeListener):
         self._follow_repeats()
         if not frames:
             return
+        if not (encoder.WHOLE or encoder.PROTECTED or encoder.DERIVED):     # the rest has left while this was encoded
+            self.link.outbox.await_rest(self.name, False, encoder.backlog or MAX_BACKLOG)
         with self._worker.changing():
             self._schedule.sent(time.monotonic())
         if self.wanted:
@@ -369,7 +371,7 @@ class RobotStream(rospy.SubscribeListener):
         else:
             part = self._part_of[frames[0].message_class]
             self.link.outbox.put(reported_name(self.name, part), self._publishers[part], frames,
-                                 self._stamp.to_nsec() if self._stamp else 0)
+                                 self._stamp.to_nsec() if self._stamp else 0, base=self.encoder.base)
 
     def _send_at_once(self, frames: Sequence[Frame]) -> None:
         for frame in frames:

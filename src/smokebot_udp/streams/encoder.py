@@ -70,8 +70,10 @@ class Encoder(Generic[Message]):
         self.beside: List[Frame] = []
         """Frames of other parts, which leave at once before those that `encode` returned. The runner removes them."""
         self.backlog: Optional[float] = None
-        """A newer message waits for the rest of the last one if everything that waits leaves within this time; None: as
-        the outbox decides [s]."""
+        """A newer message waits for the rest of the last one if that leaves within this time; None: as the outbox
+        decides [s]."""
+        self.base = 1
+        """Datagrams of the last message that show something of it, at least: they leave before the rest of others."""
         self.outlook = Outlook()
         """What to expect of the link. Where it is used, the runner replaces it, many times a second."""
         self.source_rate: Optional[float] = None

@@ -23,6 +23,8 @@ class CompressedImages:
     def __init__(self) -> None:
         self._size: Optional[float] = None  # of a complete image on the air [byte]
         self._fair_size = 0.0               # of a fair image on the air [byte]
+        self.base = 1
+        """As Encoder.base."""
 
     @property
     def _least_rate(self) -> float:

@@ -150,7 +150,7 @@ class ImageEncoder(Encoder[Any]):
             frames = self._layered.encode(message, settings, max_datagram_size, self.outlook,
                                           (self.operators(LAYERS), began))
             self._choice.took(self._clock() - began)
-        self.backlog = self._used.BACKLOG
+        self.backlog, self.base = self._used.BACKLOG, self._used.base
         self.message_size = size_on_air(frames) or self.message_size
         return frames
 

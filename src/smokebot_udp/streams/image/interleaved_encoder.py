@@ -25,7 +25,7 @@ class _Requested(NamedTuple):
 
 class InterleavedImages:
     """Encodes images, and knows the size of the last one. `encode` is called by one thread, the others by any."""
-    BACKLOG = None
+    BACKLOG, base = None, 1
 
     def __init__(self) -> None:
         self._requested: Optional[_Requested] = None

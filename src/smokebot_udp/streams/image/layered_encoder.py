@@ -122,6 +122,7 @@ class LayeredImages(CompressedImages):
                          free)
         data, layer_errors = stream.cut(fresh).data, _layer_errors(plan, ends, errors, stream.cells)
         frame = _frame(message, source, plan, protect(_beginning(prediction) + data, plan), texts, layer_errors)
+        self.base = plan.layers[0].threshold
         self._predictor.describe(frame.records, prediction)
         self._predictor.sent(_coded(source, prediction, data, plan), layer_errors, prediction, stamp, *recipients)
         return [frame]
