@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The start of a node while the master restarts: a process, and a master that cuts its first answers off."""
+"""The start of a node while the master restarts, and its end while it starts: a process, and a master that cuts its first
+answers off, or interrupts it."""
 import collections
 import os
+import signal
 import subprocess
 import sys
 import threading
-from typing import Any, Counter, Iterator, Tuple
+import time
+from typing import Any, Counter, Iterator, List, Sequence, Tuple
 from xmlrpc.server import SimpleXMLRPCRequestHandler, SimpleXMLRPCServer
 
 import pytest
@@ -30,18 +33,41 @@ except rospy.ROSInterruptException as error:
     print(error, flush=True)
 """
 
+INTERRUPTED = """
+import os
+import rospy
+from smokebot_udp import udpros
+{init}('starting')
+rospy.set_param('~pid', os.getpid())
+rospy.spin()
+print('ended', flush=True)
+"""
+
 CUT = b'HTTP/1.1 200 OK\r\nContent-Type: text/xml\r\nContent-Length: 100\r\n\r\n<?xml'
+
+
+PAUSE = 0.5
+"""For a handler of a signal to be called [s]."""
 
 
 class Server(SimpleXMLRPCServer):
     """A master that answers these methods only from the second time on."""
-    weak = 'setParam', 'getParam', 'registerPublisher'
+    weak: Sequence[str] = ('setParam', 'getParam', 'registerPublisher')
+    interrupts = signal.SIGINT
 
     def __init__(self) -> None:
         super().__init__(('127.0.0.1', 0), Handler, logRequests=False)
         self.asked: Counter[str] = collections.Counter()
+        self.left: List[str] = []       # topics that were unregistered
 
     def _dispatch(self, method: str, params: Tuple[Any, ...]) -> Any:
+        if method == 'setParam' and params[1].endswith('/pid'):
+            os.kill(params[2], self.interrupts)     # it waits for the answer
+            time.sleep(PAUSE)
+        if method == 'unregisterPublisher':
+            self.left.append(params[1])
+        if method == 'system.multicall':
+            return [[self._dispatch(one['methodName'], one['params'])] for one in params[0]]
         return 1, '', [] if method.startswith('register') else 0
 
 
@@ -93,3 +119,11 @@ def test_rospys_own_start_fails_then(master: Server) -> None:
 
 def test_a_node_that_the_master_ends_while_it_starts_says_so(master: Server) -> None:
     assert output(master, ENDED) == 'the node is ending\n'
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_node_ends_that_is_interrupted_while_it_calls_the_master(master: Server, number: signal.Signals) -> None:
+    """And it unregisters: rospy's own handler would wait for the lock of the call that it has interrupted."""
+    master.weak, master.interrupts = (), number
+    assert output(master, INTERRUPTED.format(init='udpros.init_node')) == 'ended\n'
+    assert '/rosout' in master.left

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The start of a node while the master restarts."""
+"""The start of a node: while the master restarts, and while it is interrupted."""
 import logging
 import xmlrpc.client
 from typing import Any
@@ -9,6 +9,7 @@ import rospy
 import rospy.core
 
 from . import rpc
+from .ending import end_by_signals
 
 
 class _Transport(xmlrpc.client.Transport):
@@ -25,7 +26,7 @@ class _Transport(xmlrpc.client.Transport):
 
 
 def init_node(name: str) -> None:
-    """rospy.init_node, but a master that restarts at this moment does not end the node.
+    """rospy.init_node, but a master that restarts at this moment does not end the node, and a signal always does.
 
     rospy sets the node's private parameters and asks for /use_sim_time once; neither it nor a second call of
     rospy.init_node could go on where that failed. So its proxy of the master repeats its calls meanwhile.
@@ -40,3 +41,4 @@ def init_node(name: str) -> None:
         rospy.init_node(name)
     finally:
         transport.repeats = False       # rospy keeps the proxy
+    end_by_signals()
