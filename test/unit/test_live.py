@@ -193,6 +193,25 @@ def test_settings_begin_later_where_the_master_is_away_at_the_start(
                       'settings cannot be changed until the master answers: IncompleteRead(0 bytes read)']
 
 
+def test_a_value_that_is_set_while_the_settings_begin_is_read(node: Node, monkeypatch: Any) -> None:
+    """By a master that was away when they began first: dynamic_reconfigure's servers are there already."""
+    there: Dict[str, Any] = {}
+
+    def subscribe(_: str) -> None:
+        there['map']['rate'] = 3.0      # before: the master notifies of later changes only
+    for name, value in (('set_param', lambda _, value: there.update({key: dict(of) for key, of in value.items()})),
+                        ('get_param', lambda *_: there), ('get_param_cached', subscribe)):
+        monkeypatch.setattr('rospy.' + name, value)
+    monkeypatch.setattr(module.udpros, 'registered_together', contextlib.nullcontext)
+    store, changed = SettingsStore(live(TABLE), {**START, 'topic': 'x'}), threading.Event()
+    part = LiveSettings('map', store, node.problems.append)
+    monkeypatch.setattr(part, 'serve', lambda: None)
+    store.subscribe(lambda settings, changes: changed.set())
+    watch = ParameterWatch([part], background=False)
+    assert changed.wait(WAIT) and store.current['rate'] == 3.0
+    watch.stop()
+
+
 def test_another_nodes_settings_are_shown_in_its_namespace(node: Node, monkeypatch: Any) -> None:
     """As the robot's at an operator's master: what is there is of an earlier time, and not requested."""
     node.parameters['/desk/robot/map'] = {'rate': 77.0}

@@ -281,6 +281,7 @@ class ParameterWatch:
         with udpros.registered_together():
             for part in self._parts:
                 part.serve()
+        self._changed.set()     # nobody notifies of what was set after the values were written, and before _follow
 
     def _start_late(self) -> None:
         late = list(self._late)
