@@ -95,6 +95,21 @@ def test_a_region_of_a_mosaic_keeps_its_pattern() -> None:
             cropped(mosaic, (x, y, 2, 2))
 
 
+def test_rows_that_are_too_short_for_their_points_are_refused() -> None:
+    """The robot's checksum proves nothing: who reads such a cloud would read beyond its data."""
+    message = cloud(3)
+    message.point_step = 23
+    with pytest.raises(ValueError, match='3 points of 23 bytes do not fit'):
+        unpack(pack(message, None, False), PointCloud2)
+
+
+def test_a_cloud_of_too_many_fields_is_refused() -> None:
+    message = cloud(3)
+    message.fields = [PointField('field%d' % number, 0, PointField.UINT8, 1) for number in range(4000)]
+    with pytest.raises(ValueError, match='at most 65535 can cross'):
+        pack(message, None, False)
+
+
 def test_a_cloud_has_no_regions() -> None:
     assert cropped(cloud(), WHOLE).width == 100
     with pytest.raises(ValueError, match='region is of an image'):

@@ -37,6 +37,12 @@ def test_images_are_read_as_they_were(encoding: str, bigendian: bool) -> None:
     np.testing.assert_array_equal(found, wanted)
 
 
+def test_what_opencv_cannot_write_is_refused() -> None:
+    message = Image(height=2, width=2, encoding='yuv422', step=4, data=bytes(8))
+    with pytest.raises(ValueError, match='cannot write an image yuv422 as .png'):
+        file_of(message)
+
+
 def cloud() -> Any:
     fields = [PointField('intensity', 16, PointField.UINT8, 1), PointField('x', 0, PointField.FLOAT32, 1),
               PointField('y', 4, PointField.FLOAT32, 1), PointField('z', 8, PointField.FLOAT32, 1),

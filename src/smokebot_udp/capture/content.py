@@ -24,6 +24,9 @@ from .coding import Coding, code_image, decode_image, from_planes, to_planes
 MAX_DATA = 1 << 26
 """Of an original [byte]."""
 
+MAX_HEAD = 0xffff
+"""Of a message without its data, and of a pose [byte]."""
+
 MAX_REASON = 1000
 """Of a sentence [byte]."""
 
@@ -96,6 +99,9 @@ def pack(message: Any, pose: Any, layered: bool) -> bytes:
     head = copy.copy(message)
     head.data = b''
     heads = serialised(head), b'' if pose is None else serialised(pose)
+    if max(map(len, heads)) > MAX_HEAD:
+        raise ValueError('what it says of its data has %d bytes, at most %d can cross' % (
+            max(map(len, heads)), MAX_HEAD))
     if message._type == Image._type:
         coding, coded = code_image(_pixels(message), layered)
     else:
@@ -140,6 +146,9 @@ def _decoded(message: Any, coding: int, coded: bytes) -> bytes:
     if message._type == PointCloud2._type:
         if coding != Coding.PLANES:
             raise ValueError('its coding %d is unknown' % coding)
+        if message.row_step < message.width * message.point_step:
+            raise ValueError('its rows have %d bytes, %d points of %d bytes do not fit' % (
+                message.row_step, message.width, message.point_step))
         return from_planes(coded, size)
     kind, channels = pixel_type(message.encoding)
     if not message.height or not message.width or message.step != message.width * channels * kind.itemsize:

@@ -44,7 +44,10 @@ def image_file(message: Any) -> Tuple[str, bytes]:
     if message.encoding in SWAPPED:
         native = cv2.cvtColor(native, SWAPPED[message.encoding])
     end = '.tiff' if native.dtype.kind == 'f' else '.png'
-    done, content = cv2.imencode(end, native)
+    try:
+        done, content = cv2.imencode(end, native)
+    except cv2.error:       # as of two channels
+        done = False
     if not done:
         raise ValueError('OpenCV cannot write an image %s as %s' % (message.encoding, end))
     return end, content.tobytes()
