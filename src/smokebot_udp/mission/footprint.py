@@ -30,5 +30,6 @@ def read_footprint(text: str) -> Footprint:
 
 
 def _is_point(point: Any) -> bool:
-    return (isinstance(point, list) and len(point) == 2 and all(type(value) in (int, float) for value in point)
+    return (isinstance(point, list) and len(point) == 2
+            and all(type(value) in (int, float) and abs(value) < MAX_DISTANCE for value in point)
             and math.hypot(*point) < MAX_DISTANCE)
