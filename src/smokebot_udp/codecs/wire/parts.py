@@ -18,7 +18,8 @@ class ReceivedParts:
         self.have = np.zeros(count, bool)
         """(count,) bool: those received."""
         self._order: IntArray = np.arange(count) if order is None else order
-        self._places: IntArray = np.argsort(self._order)
+        self._places: IntArray = np.empty(count, int)
+        self._places[self._order] = np.arange(count)
 
     @property
     def complete(self) -> bool:
