@@ -13,9 +13,10 @@ from typing import Any, Dict, List, Tuple
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from mission_bags import CUT, OFFSET, START, both, image, link, operator, robot, status, write
+from sensor_msgs.msg import CompressedImage, Image
 
 from smokebot_udp.mission_report import plots as mission_plots
 from smokebot_udp.mission_report.gaps import longest
@@ -131,6 +132,30 @@ def test_the_film_strip_pairs_the_original_with_what_was_seen(page: Page) -> Non
     for (_, original), (_, seen) in whole:
         assert original.shape == (12, 16, 3) and np.array_equal(original, seen)     # nothing was lost
     assert any('emergency stop engaged' in heading for heading in page.headings)
+
+
+@pytest.mark.parametrize('source', ['png', 'yuv'])
+def test_the_film_strip_shows_what_cameras_publish(tmp_path: pathlib.Path, source: str) -> None:
+    """A PNG of 16 bits has the colours of the image at the operator's side; YUV is in colours."""
+    def published(message: Any) -> Any:
+        pixels = np.frombuffer(message.data, np.uint16).reshape(message.height, message.width)
+        if source == 'png':
+            return CompressedImage(header=message.header, format='mono16; png compressed ',
+                                   data=cv2.imencode('.png', pixels)[1].tobytes())
+        return Image(header=message.header, height=12, width=16, step=32, encoding='yuv422', data=bytes([128]) * 384)
+    messages = [(topic, published(message) if isinstance(message, Image) else message, time)
+                for topic, message, time in robot()]
+    path = tmp_path / 'report.html'
+    bags = [write(tmp_path / 'a.bag', messages), write(tmp_path / 'b.bag', operator())]
+    assert main([*bags, '-o', str(path), '--moments', '2']) == 0
+    pictures = Page(path.read_text()).pictures
+    place = [name for name, _ in pictures].index('thermal: operator, 0.2 s old')
+    original, seen = [cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+                      for _, data in pictures[place - 1:place + 1]]
+    if source == 'png':
+        assert np.array_equal(original, seen)
+    else:
+        assert original.shape == seen.shape and original.ptp() < 8      # grey
 
 
 def test_every_plot_is_an_image(page: Page) -> None:
@@ -333,6 +358,7 @@ TIMES = st.lists(st.floats(0, 100), max_size=30).map(sorted)
 
 
 @given(TIMES, st.floats(0, 50), st.floats(0.1, 50), st.floats(0.1, 10))
+@example([36.00000000000002], 32.0, 4.000000000000021, 0.3333333333333333)     # 12 * width is rounded up
 def test_rates_count_each_message_of_the_span_once(times: List[float], begin: float, length: float, width: float
                                                    ) -> None:
     middles, rates = rate(np.array(times), (begin, begin + length), width)

@@ -17,7 +17,7 @@ LAYERS = {
     'streams': {'codecs', 'congestion.operating_points', 'mission.parameters', 'mission.settings', 'mission.yaml_text',
                 'udpros.frame', 'udpros.datagram', 'msg'},
     'congestion': {'monitoring.stats', 'monitoring.windows'},
-    'link_lab': {'udpros', 'msg'}, 'mission_report': {'codecs'},
+    'link_lab': {'udpros', 'msg'}, 'mission_report': {'codecs', 'streams.image.source'},
     'link': {'udpros.datagram', 'udpros.depacketizer', 'udpros.endpoints', 'udpros.frame',
              'udpros.loss_emulation', 'udpros.packetizer', 'udpros.records'},
     'teleop': {'monitoring.clock_offset', 'monitoring.windows'}, 'reliable': set(),

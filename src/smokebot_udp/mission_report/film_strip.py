@@ -8,6 +8,7 @@ import numpy as np
 from ..arrays import Array, UInt8Array
 from ..codecs.display.colouring import Colouring
 from ..codecs.wire.pixels import as_pixels
+from ..streams.image.source import raw_image
 from .bags import BagFile
 from .mission import Mission
 from .page import Moment, Picture
@@ -146,12 +147,10 @@ def _decoded(message: Any) -> Optional[Tuple[Array, str]]:
     """(pixels, encoding) of an image; None: it cannot be shown."""
     if message is None:
         return None
-    if message._type == 'sensor_msgs/CompressedImage':
-        pixels = cv2.imdecode(np.frombuffer(message.data, np.uint8), cv2.IMREAD_COLOR)
-        return None if pixels is None else (pixels, 'bgr8')
     try:
-        return as_pixels(message.data, message.height, message.width, message.step, message.encoding,
-                         message.is_bigendian), message.encoding
+        image = raw_image(message)
+        return as_pixels(image.data, image.height, image.width, image.step, image.encoding,
+                         image.is_bigendian), image.encoding
     except (AttributeError, ValueError):
         return None
 

@@ -141,6 +141,9 @@ def rate(times: FloatArray, span: Span, width: float) -> Tuple[FloatArray, Float
     :param width: of the bins; the last one is as long as what is left [s]
     :return: (middle of each bin [s], rate [Hz]), each of shape (bins,)
     """
-    edges = np.append(np.arange(span[0], span[1], width), span[1])
+    begins = np.arange(span[0], span[1], width)
+    kept = begins < span[1] - 1e-6 * width      # by rounding the last one may lie at the end, or beyond
+    kept[:1] = True
+    edges = np.append(begins[kept], span[1])
     counts = np.histogram(times, edges)[0]
     return (edges[1:] + edges[:-1]) / 2, counts / np.maximum(np.diff(edges), 1e-9)
