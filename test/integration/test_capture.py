@@ -97,6 +97,7 @@ class CaptureStreams(unittest.TestCase):
         for place, collector in cls.shown.items():
             wait_for(lambda found=collector: len(found.messages) > 2, 60, 'images at ' + (place or '/'))
         wait_for(cls.pose_is_known, 60, what="robot_sender's tf")
+        wait_for(lambda: len(cls.sources.clouds) > 5, what='earlier originals')
 
     @classmethod
     def pose_is_known(cls) -> bool:
