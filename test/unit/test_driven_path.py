@@ -55,8 +55,9 @@ def test_a_footprint_is_a_closed_line_with_an_arrow_ahead() -> None:
 
 
 @pytest.mark.parametrize('text', ['', 'x', '[[0, 0], [1, 1]]', '[[0, 0], [1, 1], [2]]', '[[0, 0], [1, 1], ["2", 2]]',
-                                  '[[0, 0], [1, 1], [NaN, 2]]', '[[0, 0], [1, 1], [1e9, 2]]', '[[0, 0], [1, 1], [1%s, 2]]' % ('0' * 400), '7', '{}', '[' * 9999,
-                                  str([[0, 0]] * 65), '[[0, 0], [1, 1], [true, 2]]'])
+                                  '[[0, 0], [1, 1], [NaN, 2]]', '[[0, 0], [1, 1], [1e9, 2]]', '7', '{}', '[' * 9999,
+                                  str([[0, 0]] * 65), '[[0, 0], [1, 1], [true, 2]]',
+                                  '[[0, 0], [1, 1], [1%s, 2]]' % ('0' * 400)])
 def test_what_is_no_footprint(text: str) -> None:
     with pytest.raises(ValueError, match='must be 3 to 64 points'):
         read_footprint(text)

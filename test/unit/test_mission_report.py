@@ -150,8 +150,8 @@ def test_the_film_strip_shows_what_cameras_publish(tmp_path: pathlib.Path, sourc
     assert main([*bags, '-o', str(path), '--moments', '2']) == 0
     pictures = Page(path.read_text()).pictures
     place = [name for name, _ in pictures].index('thermal: operator, 0.2 s old')
-    original, seen = [cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
-                      for _, data in pictures[place - 1:place + 1]]
+    original, seen = (cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+                      for _, data in pictures[place - 1:place + 1])
     if source == 'png':
         assert np.array_equal(original, seen)
     else:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The start of a node while the master restarts, and its end while it starts: a process, and a master that cuts its first
-answers off, or interrupts it."""
+"""The start of a node while the master restarts, and its end while it starts: a process, and a master that cuts its
+first answers off, or interrupts it."""
 import collections
 import os
 import signal
@@ -44,7 +44,6 @@ print('ended', flush=True)
 """
 
 CUT = b'HTTP/1.1 200 OK\r\nContent-Type: text/xml\r\nContent-Length: 100\r\n\r\n<?xml'
-
 
 PAUSE = 0.5
 """For a handler of a signal to be called [s]."""
