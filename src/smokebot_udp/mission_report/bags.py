@@ -18,7 +18,6 @@ STAMP = struct.Struct('<II')
 DESCRIPTION, CONTROL, OFFSET = 'black_box/description', 'operator/control', 'operator_receiver/clock_offset'
 """Ends of topics."""
 
-
 NEAR = 1e-3
 """A message is looked for this near to its time, which was rounded [s]."""
 

@@ -38,7 +38,6 @@ BUFFER = 128
 SPLITS = 4
 """The limit is as much as this many bags at least: the oldest is deleted for the newest."""
 
-
 QUIETLY = 'exec "$0" "$@" >/dev/null'
 """A shell's script that runs its arguments: rosbag writes a line for each topic; its errors go to stderr."""
 

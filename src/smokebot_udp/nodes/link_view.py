@@ -25,8 +25,6 @@ WIDE, MEDIUM = 150, 110
 """Widths of a terminal from which on sparklines are longer."""
 
 
-
-
 class LinkView:
     """Makes what rich renders of trees, see monitoring/link_snapshot.py.
 

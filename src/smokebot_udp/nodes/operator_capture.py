@@ -79,7 +79,7 @@ class OperatorCapture:
     def _take(self, message: Any) -> None:
         piece = Piece(message.size, message.order, message.number, message.length, bytes(message.data))
         with self._changed:
-            if message.id == self._id:
+            if message.id and message.id == self._id:
                 self._receiving.take(piece)
                 self._came = time.monotonic()
                 if self._receiving.whole is not None:
@@ -155,7 +155,9 @@ class OperatorCapture:
             yield
         finally:
             with self._changed:
-                self._id = 0
+                self._id, dropped = 0, self._receiving.dropped
+            if dropped:
+                rospy.logwarn("stream '%s': %d impossible pieces of a capture were dropped", request.stream, dropped)
             for _ in range(LAST_COPIES):
                 self._requests.publish(CaptureRequest(id=request.id, done=True))
                 time.sleep(LAST_SPACING)

@@ -82,19 +82,23 @@ class OperatorReceiver:
             self._wifi.start()
             self._diagnostics = operator_diagnostics(self.streams, self._way_back, self._clock, parameters, problems,
                                                      self._focus.sent, self._transport, lambda: self._wifi.state)
-            self._stale = StaleStreams(
-                self.streams, self._focus.sent, operator_topic(parameters['stale_topic']),
-                parameters['frame_prefix'] + parameters['base_frame'], parameters['stale_after'],
-                parameters['clear_stale'])
-            self._markers = RobotMarkers(parameters)
-            self._overlay = Overlay(self.streams, self._focus, control, operator_topic(parameters['overlay_topic']),
-                                    lambda: self._wifi.state.signal)
+            self._start_displays(parameters, control)
         stores = {name: stream.settings for name, stream in self.streams.items() if stream.settings.table}
         parts = [LiveSettings(name, store, problems.report)
                  for name, store in {**stores, **self._way_back.stores}.items()]
         self._watch = ParameterWatch(parts, background=True)
         self._mirror = self._mirror_settings(problems)
         rospy.on_shutdown(self.close)
+
+    def _start_displays(self, parameters: Parameters, control: OperatorControl) -> None:
+        """Start what rviz shows beside the streams."""
+        self._stale = StaleStreams(
+            self.streams, self._focus.sent, operator_topic(parameters['stale_topic']),
+            parameters['frame_prefix'] + parameters['base_frame'], parameters['stale_after'],
+            parameters['clear_stale'])
+        self._markers = RobotMarkers(parameters)
+        self._overlay = Overlay(self.streams, self._focus, control, operator_topic(parameters['overlay_topic']),
+                                lambda: self._wifi.state.signal)
 
     def _view_age(self, name: str, now: float) -> Optional[float]:
         """How old what is shown of a stream is [s]; None: unknown."""

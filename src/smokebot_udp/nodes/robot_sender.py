@@ -55,7 +55,6 @@ from .way_back_policy import is_open
 BURST = 16
 """Datagrams that may leave at once on a fast link: roscpp's receiver holds 92, a Wi-Fi driver's queue not many more."""
 
-
 MEGABYTE = 1 << 20
 
 
