@@ -97,3 +97,11 @@ def test_a_refusal_is_sent_likewise(side: Any) -> None:
         unpack(topic.received.whole, Image)
     topic.ask(id=8, done=True)
     assert captures.demands(1e5) == {}
+
+
+def test_a_forged_name_controls_no_terminal(side: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    logged: List[str] = []
+    monkeypatch.setattr('rospy.logwarn', lambda text, *values: logged.append(text % values))
+    side[1].ask(id=9, stream='a\x1b[2J\0')
+    wait_for(lambda: logged)
+    assert logged == ["a capture of /operator is refused: the robot has no stream 'a\\x1b[2J\\x00'"]

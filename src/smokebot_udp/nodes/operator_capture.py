@@ -16,6 +16,7 @@ from ..capture import files
 from ..capture.content import Captured, Refused, unpack
 from ..capture.receiving import Receiving
 from ..capture.sending import Piece
+from ..monitoring.link_board import printable
 from ..msg import CapturePiece, CaptureProgress, CaptureRequest
 from ..srv import Capture, CaptureResponse
 from ..streams.frame_prefix import add_prefix
@@ -113,7 +114,7 @@ class OperatorCapture:
         try:
             captured = self._prefixed(unpack(content, stream.assembler.MESSAGE))
         except (Refused, ValueError) as error:
-            raise _Failed("stream '%s' cannot be captured: %s" % (asked.stream, error)) from None
+            raise _Failed("stream '%s' cannot be captured: %s" % (asked.stream, printable(str(error)))) from None
         self._output(stream).publish(captured.message)
         path = self._save(asked, stream, captured)
         self._show(asked.stream, 'done', size)

@@ -128,7 +128,7 @@ class RobotCaptures:
     def _content(self, request: Request) -> bytes:
         """:raises ValueError: saying why there is none"""
         if request.stream not in self._streams:
-            raise ValueError("the robot has no stream '%s'" % request.stream)
+            raise ValueError('the robot has no stream %.80r' % request.stream)
         if self._link.histories is None:
             raise ValueError('the robot keeps no originals')
         found = self._link.histories.find(request.stream, request.stamp)
