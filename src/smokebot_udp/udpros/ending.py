@@ -31,7 +31,7 @@ class _Ending:
         self._thread.start()
         for number in SIGNALS:
             signal.signal(number, self._take)
-        atexit.register(self._finish)       # is called before rospy's, which does not wait either
+        atexit.register(self._finish)       # is called before rospy's, which does not wait
 
     def _take(self, number: int, _: Any) -> None:
         self._came.append(number)
@@ -49,5 +49,5 @@ class _Ending:
 
 
 def end_by_signals() -> None:
-    """Have SIGINT and SIGTERM end the node so. In the main thread, after rospy.init_node."""
+    """Have SIGINT and SIGTERM end the node so. In the main thread, before rospy.init_node with disable_signals."""
     _Ending().begin()

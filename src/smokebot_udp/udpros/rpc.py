@@ -382,7 +382,7 @@ def repeated(call: Callable[[], Value], warn: Callable[..., None] = rospy.logwar
         try:
             return call()
         except TRANSIENT as error:
-            if rospy.is_shutdown():
+            if rospy.core.is_shutdown_requested():      # rospy.is_shutdown is false until the node has unregistered
                 raise
             if period == RETRY_PERIOD:
                 warn('the master does not answer, it is asked again: %r', error)

@@ -37,8 +37,8 @@ def init_node(name: str) -> None:
     uri, transport = rosgraph.get_master_uri(), _Transport()
     cache = rospy.core._xmlrpc_cache
     cache[uri] = type(rospy.core.xmlrpcapi(uri))(uri, transport=transport)
+    end_by_signals()
     try:
-        rospy.init_node(name)
+        rospy.init_node(name, disable_signals=True)     # rospy's own handlers
     finally:
         transport.repeats = False       # rospy keeps the proxy
-    end_by_signals()
