@@ -5,7 +5,7 @@ import collections
 import itertools
 import random
 from dataclasses import replace
-from typing import Any, Dict, Iterator, Optional, Set, Tuple
+from typing import Any, Dict, Iterator, List, Optional, Set, Tuple
 
 import numpy as np
 import pytest
@@ -256,6 +256,17 @@ class LossyEnd:
         return () if self._draw.random() < self._loss else times
 
 
+class Interrupted:
+    """A channel that loses everything for a while."""
+
+    def __init__(self, channel: Channel, since: float, until: float) -> None:
+        self._channel, self._since, self._until = channel, since, until
+        self.waits, self.counts = channel.waits, channel.counts
+
+    def fate(self, now: float, size: int) -> Tuple[float, ...]:
+        return () if self._since <= now < self._until else self._channel.fate(now, size)
+
+
 def received(operator: Operator, since: float, until: float) -> float:
     """What came to a greedy robot's operator [Mbit/s]."""
     return sum(since <= when < until for when, *_ in operator.came) * FULL * 8e-6 / (until - since)
@@ -293,6 +304,23 @@ def test_operators_that_share_the_air_share_it_and_who_stays_has_all_of_it(loss:
     robot.leave('second')
     events.run(26)
     assert received(first, 24.8, 25) >= 0.9 * 10
+
+
+@pytest.mark.parametrize('seed', [0, 2, 24, 36])
+def test_after_an_outage_each_operator_has_all_streams_soon(seed: int) -> None:
+    """What was lost meanwhile is reported with the next datagram of each stream: it is no matter of the rate."""
+    events, since, until, end = Events(), 5.0, 11.0, 15.0
+    air = Channel(LinkConditions(rate=20e6, loss=0.05, delay=0.01, queue=0.1), seed)
+    back: List[Any] = [Interrupted(Channel(LinkConditions(loss=0.05, delay=0.01), seed + number), since, until)
+                       for number in (1, 2)]
+    there = Interrupted(air, since, until)
+    robot = Robot(events, there, back[0], navigation(), seed)
+    robot.join('second', there, back[1], seed + 7, 7000.0)
+    events.run(end)
+    for operator in robot.operators.values():
+        for stream in ('thermal', 'lidar'):
+            times = [until, *sorted(when for when, name, *_ in operator.came if name == stream and when > until), end]
+            assert max(after - before for before, after in zip(times, times[1:])) <= 1.5
 
 
 def test_a_slow_link_carries_all_streams_beside_a_fast_one() -> None:

@@ -83,6 +83,10 @@ air loses."""
 QUEUE_MEMORY = 0.5
 """A queue that was long dropped what is lost until this long after [s]."""
 
+OUTAGE_MEMORY = 1.5
+"""What was lost while the link was away is reported for this long after it: by each stream with its next datagram
+[s]."""
+
 REPORT_INTERVAL = 0.1
 """Reports are sent, and the estimator is polled, this often [s]."""
 
@@ -186,6 +190,7 @@ class Estimator:
         self._was_short = True          # whether the last report showed a short queue
         self._last_short = now          # when the queue was last near its target
         self._last_long = -math.inf     # when it was long
+        self._back = -math.inf          # when reports came again after a timeout
 
     def on_feedback(self, feedback: Feedback, now: float, wanted: float = math.inf) -> Optional[ProbeTrain]:
         """Update the estimate.
@@ -197,6 +202,9 @@ class Estimator:
         """
         after_timeout, silence = self.timeouts > 0, now - self._reported
         self._reported, self.timeouts = now, 0
+        if after_timeout:
+            self._back = now
+            self._ceiling.interrupt(now)
         if feedback.restarted:
             self._delay.base = self._newest = None
         if not feedback.samples:
@@ -313,14 +321,14 @@ class Estimator:
 
     def _find_ceiling(self, feedback: Feedback, since: float, offered: float, queue: float, now: float) -> None:
         """Find the rate above which datagrams are lost without a queue to be seen; what a long queue dropped is known
-        from its delay.
+        from its delay, and an outage drops everything.
 
         :param since: when the first datagrams that the report counts were sent [s]
         :param offered: what was sent [byte/s]
         """
         if queue > LONG_QUEUE:
             self._last_long = now
-        elif now - self._last_long < QUEUE_MEMORY:
+        elif now - self._last_long < QUEUE_MEMORY or now - self._back < OUTAGE_MEMORY:
             self._loss.answered()
         elif not self._probe_rtt.active(now):
             self._ceiling.update(feedback, since, offered, self._loss, now)

@@ -124,6 +124,11 @@ class LossCeiling:
         elif offered >= MIN_USE * self.rate:
             self._try_more(now)
 
+    def interrupt(self, now: float) -> None:
+        """The link was away: what was lost meanwhile is no matter of the rate."""
+        if self._state not in (_State.FREE, _State.HOLD):
+            self._settle(self._held, now)
+
     def _enter(self, state: _State, rate: float, now: float) -> None:
         self._state, self.rate = state, rate
         self._began = self._since = now
