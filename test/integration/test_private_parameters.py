@@ -32,6 +32,7 @@ class PrivateParameters(unittest.TestCase):
     @classmethod
     def setUpClass(cls) -> None:
         cls.master = OwnMaster()
+        cls.addClassCleanup(cls.master.end)
         os.environ['ROS_MASTER_URI'] = cls.master.uri
         folder = tempfile.TemporaryDirectory()
         cls.addClassCleanup(folder.cleanup)
