@@ -27,7 +27,7 @@ import rospy.names
 from .endpoints import Address, is_own
 from .negotiation import Refused
 
-RPC_TIMEOUT = 5.0
+RPC_TIMEOUT = 4.0
 """How long a publisher or the master may take to answer [s]."""
 
 MAX_ANSWER = 4 << 20
