@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""demo_link link:=bad [NAME:=VALUE ...]: the demo over a bad link (as root). The loss can be changed while looking.
+
+A simulated robot and an operator, with a master each, run on the two sides of link_lab's emulated link. NAME is one of
+
+    link      bad, or conditions of link_lab: link:=loss=0.5,rate=1e6
+    rviz      whether to start rviz (default: true)
+    seconds   duration; then the table of link_top is printed (default: 0, until Ctrl-C)
+    streams   file that defines the streams
+    seed      of the simulated building and of the link
+
+In a terminal + and - change the loss, > and < the rate, q ends.
+"""
+import contextlib
+import os
+import pathlib
+import select
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from typing import Any, Callable, Dict, Iterator, List, Sequence
+
+from ..link.keys import make_key
+from ..link_lab.cli import SOCKET, parse
+from ..link_lab.lab import ADDRESSES, Lab, LabError, environment
+from ..link_lab.server import LabServer
+from .launches import Launch, keep_all
+from .operator_desk import QUIET
+from .terminal import is_terminal, single_keys
+
+BAD = {'loss': 0.2, 'delay': 0.02, 'jitter': 0.005, 'rate': 2e6, 'queue': 0.2}
+"""The conditions of link:=bad, as link_lab has them: a Wi-Fi at the end of its range."""
+
+STEP, MOST = 0.1, 0.95
+"""A key changes the loss by this much, up to this much."""
+
+MIN_RATE, MAX_RATE = 1e5, 1e8
+"""A key doubles or halves the rate within these bounds [bit/s]."""
+
+PORT = 17001
+"""The link's, on the robot's side."""
+
+DEFAULTS = {'link': 'bad', 'rviz': 'true', 'seconds': '0', 'streams': '', 'seed': '1'}
+
+
+def arguments(words: Sequence[str]) -> Dict[str, str]:
+    """The values of NAME:=VALUE words, with the defaults of those that are not given.
+
+    :raises ValueError: naming the word that is invalid
+    """
+    values = dict(DEFAULTS)
+    for word in words:
+        name, given, value = word.partition(':=')
+        if not given or name not in DEFAULTS:
+            raise ValueError('%r is not NAME:=VALUE with one of %s' % (word, ', '.join(DEFAULTS)))
+        values[name] = value
+    for name in ('seconds', 'seed'):
+        if not values[name].replace('.', '', name == 'seconds').isdigit():
+            raise ValueError('%s is %r, not a number' % (name, values[name]))
+    return values
+
+
+def conditions(link: str) -> Dict[str, Any]:
+    """The conditions that `link` stands for.
+
+    :raises ValueError: naming what is invalid
+    """
+    return dict(BAD) if link == 'bad' else parse(link.split(','))
+
+
+def changed(link: Dict[str, Any], key: str) -> Dict[str, Any]:
+    """The conditions after a key."""
+    loss, rate = link.get('loss', 0.0), link.get('rate', 0.0) or MAX_RATE
+    if key in '+-':
+        return {**link, 'loss': round(min(max(loss + (STEP if key == '+' else -STEP), 0.0), MOST), 2)}
+    if key in '<>':
+        return {**link, 'rate': min(max(rate * (2 if key == '>' else 0.5), MIN_RATE), MAX_RATE)}
+    return link
+
+
+def described(link: Dict[str, Any]) -> str:
+    """The conditions in words."""
+    rate = link.get('rate', 0.0)
+    return 'the link loses %.0f %%, carries %s, and takes %.0f ms' % (
+        100 * link.get('loss', 0.0), '%.3g Mbit/s' % (rate / 1e6) if rate else 'any rate', 1e3 * link.get('delay', 0.0))
+
+
+def launches(lab: Lab, values: Dict[str, str], key_file: str) -> List[Launch]:
+    """The roslaunch of each side, with a master of its own."""
+    streams = ['streams:=' + os.path.abspath(values['streams'])] if values['streams'] else []
+    sides = {'robot': ['simulated_robot.launch', 'link_port:=%d' % PORT, 'seed:=' + values['seed']],
+             'operator': ['operator.launch', 'robot:=%s:%d' % (ADDRESSES['robot'], PORT), 'rviz:=' + values['rviz']]}
+    return [Launch("the %s's side" % side, lab.command(side, [
+        'roslaunch', *QUIET, 'smokebot_udp', *words, 'key_file:=' + key_file, *streams]), own_master(side))
+        for side, words in sides.items()]
+
+
+def own_master(side: str) -> Dict[str, str]:
+    """The environment of a side's nodes."""
+    variables = {**environment(side), 'ROS_MASTER_URI': 'http://%s:11311' % ADDRESSES[side]}
+    return {name: variables[name] for name in ('ROS_IP', 'ROS_MASTER_URI')}
+
+
+@contextlib.contextmanager
+def keys() -> Iterator[Callable[[], str]]:
+    """A function that returns the keys pressed since its last call; without a terminal none."""
+    if not is_terminal():
+        yield lambda: ''
+        return
+    with single_keys(sys.stdin.fileno()):
+        yield lambda: os.read(sys.stdin.fileno(), 64).decode(errors='replace') if select.select(
+            [sys.stdin], [], [], 0)[0] else ''
+
+
+def run(values: Dict[str, str]) -> None:
+    """Run both sides until the end; print the conditions when they change."""
+    link, seconds = conditions(values['link']), float(values['seconds'])
+    with tempfile.TemporaryDirectory(prefix='demo_link_') as folder, contextlib.ExitStack() as stack:
+        lab = stack.enter_context(Lab(int(values['seed'])))
+        lab.set(link)
+        stack.enter_context(LabServer(SOCKET, lab))
+        key_file = str(pathlib.Path(folder, 'demo.key'))
+        make_key(key_file)
+        pressed = stack.enter_context(keys())
+        print(described(link) + ('; keys: + and - change the loss, > and < the rate, q ends' if is_terminal() else ''),
+              flush=True)
+        begun = time.monotonic()
+
+        def is_over() -> bool:
+            nonlocal link
+            for key in pressed():
+                if key in 'qQ':
+                    return True
+                if changed(link, key) != link:
+                    link = changed(link, key)
+                    lab.set(link)
+                    print(described(link), flush=True)
+            if seconds and time.monotonic() - begun > seconds:
+                report(lab)
+                return True
+            return False
+
+        keep_all(launches(lab, values, key_file), is_over)
+
+
+def report(lab: Lab) -> None:
+    """Print what the operator's side knows."""
+    subprocess.run(lab.command('operator', ['rosrun', 'smokebot_udp', 'link_top', '--once']),
+                   env={**os.environ, **own_master('operator')}, timeout=60, check=False)
+
+
+def main() -> None:
+    words = sys.argv[1:]
+    if {'-h', '--help'} & set(words):
+        print(__doc__)
+        return
+    os.environ.pop('ROS_HOSTNAME', None)     # it would take precedence over ROS_IP
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        with contextlib.suppress(KeyboardInterrupt):
+            run(arguments(words))
+    except (ValueError, LabError) as error:
+        sys.exit('demo_link: %s' % error)

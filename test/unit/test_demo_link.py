@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The demo over a bad link: its arguments, and the keys that change the link."""
+import pytest
+
+from smokebot_udp.nodes.demo_link import BAD, arguments, changed, conditions, described
+
+
+def test_arguments_have_defaults() -> None:
+    values = arguments(['seconds:=30', 'rviz:=false'])
+    assert values == {'link': 'bad', 'rviz': 'false', 'seconds': '30', 'streams': '', 'seed': '1'}
+
+
+@pytest.mark.parametrize('word', ['los:=0.2', 'seconds', 'seconds=3', 'seconds:=long', 'seed:=1.5', 'seed:=-1'])
+def test_a_wrong_argument_is_named(word: str) -> None:
+    with pytest.raises(ValueError, match=word.split(':=')[0].split('=')[0]):
+        arguments([word])
+
+
+def test_a_link_is_bad_or_as_told() -> None:
+    assert conditions('bad') == BAD
+    assert conditions('loss=0.5,rate=1e6') == {'loss': 0.5, 'rate': 1e6}
+    with pytest.raises(ValueError, match='good'):
+        conditions('good')
+
+
+def test_keys_change_loss_and_rate_within_bounds() -> None:
+    link = {'loss': 0.2, 'rate': 2e6}
+    assert changed(link, '+') == {'loss': 0.3, 'rate': 2e6}
+    assert changed(link, '-') == {'loss': 0.1, 'rate': 2e6}
+    assert changed(link, '>') == {'loss': 0.2, 'rate': 4e6}
+    assert changed(link, '<') == {'loss': 0.2, 'rate': 1e6}
+    assert changed(link, 'x') == link
+    for _ in range(20):
+        link = changed(changed(link, '+'), '<')
+    assert link == {'loss': 0.95, 'rate': 1e5}
+    assert changed({}, '-')['loss'] == 0.0
+
+
+def test_a_link_in_words() -> None:
+    assert described(BAD) == 'the link loses 20 %, carries 2 Mbit/s, and takes 20 ms'
+    assert described({'loss': 0.0}) == 'the link loses 0 %, carries any rate, and takes 0 ms'
