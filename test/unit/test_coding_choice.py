@@ -43,11 +43,12 @@ def test_neither_loss_nor_bandwidth_near_the_limit_changes_it_to_and_fro() -> No
     assert len([1 for before, after in zip(chosen, chosen[1:]) if before != after]) <= 1
 
 
-def run(choice: CodingChoice, duration: float, images: int, start: float) -> List[bool]:
+def run(choice: CodingChoice, duration: float, images: int, start: float, link: Conditions = conditions(loss=0.05)
+        ) -> List[bool]:
     """Layered images that take so long, ten a second [s]."""
     chosen = []
     for number in range(images):
-        chosen.append(choice.update(conditions(room=SLOW), start + 0.1 * number))
+        chosen.append(choice.update(link, start + 0.1 * number))
         if chosen[-1]:
             choice.took(duration)
     return chosen
@@ -67,3 +68,15 @@ def test_one_slow_image_changes_nothing() -> None:
     run(choice, 0.02, 10, 0.0)
     choice.took(3.0)
     assert all(run(choice, 0.02, 10, 1.0))
+
+
+@pytest.mark.parametrize('link, longest', [
+    (conditions(loss=0.05), 0.1),
+    (conditions(room=SLOW), 0.2),                               # a raw image takes 0.2 s there
+    (conditions(raw=float('inf'), room=float('inf')), 10.0),    # raw images are never whole
+])
+def test_layered_coding_is_not_too_slow_while_interleaving_shows_fewer_whole_images(link: Conditions, longest: float
+                                                                                     ) -> None:
+    assert all(run(CodingChoice(), 0.9 * longest, 20, 0.0, link))
+    if longest < 1:
+        assert not all(run(CodingChoice(), 1.1 * longest, 20, 0.0, link))

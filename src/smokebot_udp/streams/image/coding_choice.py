@@ -3,8 +3,8 @@
 
 Raw pixels need no computing and are exact, but they are the worse image wherever some of them are lost or do not fit.
 So images are interleaved where all raw pixels fit the link with time to spare and nearly none is lost, and where
-layered coding takes too long for the frame rate. With hysteresis: a change costs the operator's temporal filter its
-memory.
+layered coding takes longer than both the frame period and all raw pixels on the link. With hysteresis: a change costs
+the operator's temporal filter its memory.
 """
 import math
 import statistics
@@ -16,9 +16,6 @@ FITS, STILL_FITS = 0.5, 0.8
 
 LOSSLESS, STILL_LOSSLESS = 0.01, 0.03
 """Nearly nothing is lost if the packet-loss ratio is this; once interleaved, until it is this."""
-
-SLOW = 1.0
-"""Layered coding takes too long if it takes this part of the frame period: images would be left out."""
 
 HOLD = 5.0
 """Conditions for a change to interleaved must hold for this long [s]."""
@@ -61,7 +58,7 @@ class CodingChoice:
 
     def update(self, conditions: Conditions, now: float) -> bool:
         """Choose for the next image."""
-        if len(self._durations) == MEASURED and statistics.median(self._durations) > SLOW * conditions.period:
+        if len(self._durations) == MEASURED and statistics.median(self._durations) > _interleaved_period(conditions):
             self._slow_until = now + RETRY
             self._durations.clear()
         if now < self._slow_until:
@@ -88,3 +85,10 @@ class CodingChoice:
             self._warm = False
             self._durations.clear()
         self.layered = layered
+
+
+def _interleaved_period(conditions: Conditions) -> float:
+    """From a whole interleaved image to the next one, as far as the link lets them through [s]."""
+    if math.isinf(conditions.raw):      # never whole
+        return math.inf
+    return conditions.period * max(1.0, conditions.raw / conditions.room)
