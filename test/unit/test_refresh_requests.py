@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """When a video begins anew for an operator."""
-from typing import Any, Sequence, Tuple
+from typing import Any, List, Sequence, Tuple
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -24,7 +25,7 @@ def holding(*runs: Tuple[int, int], session: int = SESSION) -> Holding:
 def started(operators: Sequence[str] = ('desk',), images: int = 10, period: float = 0.1) -> RefreshRequests:
     """That has sent images 0, 1, ... at 0.0, 0.1 s, ..., the first one as a beginning."""
     requests = RefreshRequests()
-    requests.serve(operators)
+    requests.serve(operators, 0.0)
     for number in range(images):
         requests.sent(SESSION, number, number == 0, number * period)
     return requests
@@ -33,17 +34,40 @@ def started(operators: Sequence[str] = ('desk',), images: int = 10, period: floa
 def test_each_operator_that_joins_gets_a_beginning_once() -> None:
     requests = RefreshRequests()
     assert not requests.wanted()
-    requests.serve(['desk'])
+    requests.serve(['desk'], 0.0)
     assert requests.wanted()
     requests.sent(SESSION, 0, False, 0.0)       # it was not one, for whatever reason
     assert requests.wanted()
     requests.sent(SESSION, 1, True, 0.1)
-    requests.serve(['desk'])
+    requests.serve(['desk'], 0.2)
     assert not requests.wanted()
-    requests.serve(['desk', 'tablet'])
+    requests.serve(['desk', 'tablet'], 0.3)
     assert requests.wanted()
-    requests.serve(['desk'])                    # it has left
+    requests.serve(['desk'], 0.4)               # it has left
     assert not requests.wanted()
+
+
+def begun(requests: RefreshRequests, operator: str, times: Sequence[float]) -> List[float]:
+    """When images that are sent at these times are beginnings."""
+    found = []
+    for number, now in enumerate(times):
+        requests.serve([operator], now)
+        if requests.wanted():
+            found.append(now)
+        requests.sent(SESSION, number, requests.wanted(), now)
+    return found
+
+
+def test_an_operator_that_has_never_reported_gets_a_beginning_ever_more_seldom() -> None:
+    found = begun(RefreshRequests(), 'desk', [0.1 * step for step in range(1000)])
+    assert np.diff(found) == pytest.approx([2 * FIRST_RETRY * 2 ** step for step in range(len(found) - 1)], abs=0.11)
+    assert found[0] == 0.0 and found[-1] > 30
+
+
+def test_an_operator_that_has_reported_gets_another_beginning_for_its_reports_only() -> None:
+    requests = started()
+    requests.held('desk', holding((0, 10)), 0.9)
+    assert begun(requests, 'desk', [1.0 + 0.1 * step for step in range(1000)]) == []
 
 
 def test_who_holds_what_was_sent_of_late_needs_nothing() -> None:
@@ -73,9 +97,9 @@ def test_reports_that_take_long_are_no_loss(delay: float) -> None:
 
 def test_a_beginning_that_is_too_large_is_not_tried_at_once_again() -> None:
     requests = RefreshRequests()
-    requests.serve(['desk'])
+    requests.serve(['desk'], 0.0)
     requests.too_large(0.0)
-    requests.serve(['desk'])
+    requests.serve(['desk'], 0.1)
     assert not requests.wanted()
     requests.sent(SESSION, 1, False, 0.1)
     requests.held('desk', holding(), 0.2)

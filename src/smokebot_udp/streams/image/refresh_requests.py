@@ -23,8 +23,8 @@ RISE = 0.1
 """The delay rises by so much from one report to the next, at most: a report before may have been lost [s]."""
 
 FIRST_RETRY, LAST_RETRY = 0.3, 8.0
-"""Time from a beginning to the next one for the same operator; it doubles as long as its reports remain the same [s].
-"""
+"""Time from a beginning to the next one for the same operator; it doubles as long as its reports remain the same, and
+without a limit as long as there is none [s]."""
 
 REMEMBERED = 256
 """Newest images whose times are known."""
@@ -48,14 +48,19 @@ class RefreshRequests:
         self._session: Optional[int] = None
         self._sent: Deque[Tuple[int, float]] = deque(maxlen=REMEMBERED)
 
-    def serve(self, operators: Collection[str]) -> None:
-        """Note to whom the next image is sent: a new operator needs a beginning, and who has left needs none."""
+    def serve(self, operators: Collection[str], now: float) -> None:
+        """Note to whom the next image is sent: a new operator needs a beginning, and who has left needs none.
+
+        An operator that has never reported may have lost its beginning. It gets another one ever more seldom: it may be
+        one that does not report.
+        """
         for name in set(self._operators) - set(operators):
             del self._operators[name]
         for name in set(operators) - set(self._operators):
             self._operators[name] = _Operator()
-            self._asking.add(name)
         self._asking &= set(self._operators)
+        self._asking |= {name for name, operator in self._operators.items()
+                         if operator.reported is None and now - operator.begun >= operator.retry}
 
     def held(self, name: str, holding: Holding, now: float) -> None:
         """Take an operator's report."""
@@ -92,7 +97,8 @@ class RefreshRequests:
     def _served(self, now: float) -> None:
         for name in self._asking:
             operator = self._operators[name]
-            operator.begun, operator.retry = now, min(2 * operator.retry, LAST_RETRY)
+            last = math.inf if operator.reported is None else LAST_RETRY
+            operator.begun, operator.retry = now, min(2 * operator.retry, last)
         self._asking.clear()
 
     def _measure(self, operator: _Operator, holding: Holding, now: float) -> None:

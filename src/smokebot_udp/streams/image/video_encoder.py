@@ -175,7 +175,7 @@ class VideoImages(CompressedImages):
         plan = video_rate.plan(budget, sizes, self._scene(), link, self._parities)
         session, self._parities = self._prepared(source, sizes, plan), plan.division.parities
         with self._lock:
-            self._requests.serve(operators)
+            self._requests.serve(operators, now)
             intra = self._requests.wanted()
         picture, coded = session.pictures, session.encode(source, plan.division.size, intra)
         self._coding_error += SMOOTHING * (video_rate.coding_error(coded.qp) - self._coding_error)
