@@ -6,7 +6,8 @@ import pytest
 from skimage.metrics import peak_signal_noise_ratio
 
 from smokebot_udp.monitoring.link_board import NodeStatus
-from smokebot_udp.nodes.demo_report import DatagramCounts, in_namespace, psnr, rates
+from smokebot_udp.nodes.demo_images import psnr, stacked
+from smokebot_udp.nodes.demo_report import DatagramCounts, in_namespace, loss_text
 
 
 @pytest.mark.parametrize('shape', [(40, 60), (40, 60, 3)])
@@ -27,20 +28,29 @@ def report(stream: str, datagrams: int, lost: int, side: str = 'operator') -> No
                                           'lost': str(lost)})
 
 
-def test_the_report_says_how_many_datagrams_were_lost() -> None:
+def test_the_report_counts_how_many_datagrams_were_lost() -> None:
     counts = DatagramCounts()
-    assert counts.line() == 'datagrams: none counted'
+    assert counts.counted() == (0, 0)
     counts.add([report('thermal', 500, 100), report('gas', 10, 0)])
     counts.reset()
     counts.add([report('thermal', 900, 200), report('gas', 10, 0), report('thermal', 9999, 0, 'robot'),
                 NodeStatus('receiver', 0, '', {'side': 'operator', 'stream': 'map', 'topic': '/map'})])
-    assert counts.line() == 'datagrams: 100 of 500 lost (20 %)'
+    assert counts.counted() == (400, 100)
 
 
-def test_the_report_says_which_rate_is_expected() -> None:
-    assert rates(46.04, {'rate': 10.0, 'latch': False}, 8.0) == (
-        ' 46.0 Hz source, at most 10 Hz wanted,   8.0 received')
-    assert rates(0.0, {'rate': 10.0, 'latch': True}, 0.0) == '  0.0 Hz source, latched,   0.0 received'
+@pytest.mark.parametrize('emulated, counts, text', [
+    (0.2, (400, 100), '20 % of the datagrams dropped on purpose, 100 of 500 lost (20 %)'),
+    (0.0, (500, 0), '0 of 500 lost (0 %)'),
+    (0.0, (0, 0), 'no datagrams counted'),
+])
+def test_the_loss_in_words(emulated: float, counts: tuple, text: str) -> None:
+    assert loss_text(emulated, counts) == text
+
+
+def test_pictures_of_different_widths_are_below_each_other() -> None:
+    picture = stacked([np.full((2, 3, 3), 7, np.uint8), np.full((1, 5, 3), 9, np.uint8)])
+    assert picture.shape == (3, 5, 3)
+    assert (picture[:2, :3] == 7).all() and (picture[:2, 3:] == 0).all() and (picture[2] == 9).all()
 
 
 def test_the_names_of_an_operator() -> None:

@@ -8,7 +8,18 @@ import pytest
 
 from smokebot_udp.arrays import UInt8Array
 from smokebot_udp.codecs.display.colouring import MARKS, SHADES, Coloured, Colouring
-from smokebot_udp.codecs.display.view import BLACK, COLOURS, FRESH, FROZEN, OLD, Limits, duration, framed, layout
+from smokebot_udp.codecs.display.view import (
+    BLACK,
+    COLOURS,
+    FRESH,
+    FROZEN,
+    OLD,
+    Limits,
+    duration,
+    framed,
+    layout,
+    titled,
+)
 from smokebot_udp.image_error import EIGHT_BITS, ImageError
 
 LIMITS = Limits(old_after=0.5, frozen_after=2.0, least_complete=0.5)
@@ -194,3 +205,15 @@ def test_text_is_as_large_as_the_view(height, width, monkeypatch) -> None:
     coloured = Colouring(**KELVIN)(np.full((height, width), 7000, np.uint16), 'mono16', 0.0)
     view_width = framed(coloured, 0.12, 0.87, LIMITS).shape[1]
     assert min(heights[:2]) > view_width / 40 and min(heights) > view_width / 70
+
+
+def test_a_titled_image_looks_like_a_view_but_is_grey() -> None:
+    thermal = Colouring('inferno', 0.0, 100.0)(np.tile(np.arange(500, dtype=np.uint16), (400, 1)), 'mono16', 0.0)
+    image, live = titled(thermal, 'thermal, as sent'), framed(thermal, 0.1, 1.0, Limits())
+    place = layout(400, 500)
+    assert image.shape == live.shape and len(set(image[0, 0].tolist())) == 1 and tuple(live[0, 0].tolist()) == COLOURS[FRESH]
+    inside = np.s_[place.border:-place.strip, place.border:-place.border]
+    assert (image[inside] == live[inside]).all()
+    scale = np.s_[-place.strip:-place.border, 300:-place.border]
+    assert (image[scale] == live[scale]).all()
+    assert (image[-place.strip:, :200].min(axis=2) > 150).any()     # the title

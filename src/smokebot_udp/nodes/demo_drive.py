@@ -56,6 +56,10 @@ IN_FORCE = 1 / RATE + 0.02
 the round trip is 0 on one machine [s]."""
 
 
+GOOD_SHARE = 0.95
+"""Of commands that are in force."""
+
+
 class Topics(NamedTuple):
     """The resolved names on the operator's side of what drives the robot."""
     goal: str
@@ -162,8 +166,10 @@ class DemoDrive:
         """The report."""
         if not self._sent:
             return 'goal: ' + self._goal
-        return 'goal: %s, commands in force %.1f %% (of %d)' % (
-            self._goal, 100 * share_in_force(self._sent, list(self._arrived), IN_FORCE), len(self._sent))
+        share = share_in_force(self._sent, list(self._arrived), IN_FORCE)
+        good = self._result is not None and self._result.status == GoalStatus.SUCCEEDED and share >= GOOD_SHARE
+        return 'goal: %s, commands in force %.1f %% (of %d): %s' % (
+            self._goal, 100 * share, len(self._sent), 'good' if good else 'poor')
 
     def _send_goal(self, patience: float) -> None:
         """Send a goal, and wait until it is over.

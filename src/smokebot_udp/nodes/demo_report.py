@@ -9,41 +9,30 @@ may be another one. Images are paired by their stamps.
 """
 import collections
 import contextlib
-import math
 import sys
 import threading
 import time
 from typing import Any, Callable, Container, Counter, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple, Union
 
 import cv2
-import numpy as np
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray
-from sensor_msgs.msg import Image
 
-from ..arrays import Array, UInt8Array
-from ..codecs.wire.pixels import as_pixels
+from ..monitoring.comparison import LEGEND, Compared, table
 from ..monitoring.link_board import NodeStatus
 from ..monitoring.status import OPERATOR
 from ..streams import classified
 from ..udpros import rpc
 from .common import Parameters, read_streams
 from .demo_drive import DemoDrive, topics_of
+from .demo_images import ImageComparison, stacked
 from .foreign_publishers import register_publishers
 from .launches import end_own_launch
 from .link_top import as_status
 from .parameters import DEMO_REPORT
 
-MAX_WAITING = 64
-"""Number of sent images that wait for the received ones with the same stamps."""
-
 FIRST_IMAGE_TIMEOUT = 60.0
 """After this time without images from every stream the report begins anyway [s]."""
-
-EXPECTED = """\
-  Expected of relays: the lower of the first two rates, minus the lost datagrams: each one is a message. tf merges
-  messages. Expected of all other streams: the lower of the first two rates; messages are less complete instead. The
-  rates of a slow link are lower."""
 
 Counts = Tuple[int, int]
 """(received, lost)"""
@@ -69,80 +58,23 @@ class DatagramCounts:
         """Start counting anew."""
         self._first = dict(self._last)
 
-    def line(self) -> str:
-        """The report."""
+    def counted(self) -> Counts:
+        """(received, lost) since then."""
         received, lost = (sum(max(0, last[part] - self._first[key][part]) for key, last in list(self._last.items()))
                           for part in (0, 1))
-        if not received + lost:
-            return 'datagrams: none counted'
-        return 'datagrams: %d of %d lost (%.0f %%)' % (lost, received + lost, 100 * lost / (received + lost))
+        return received, lost
 
 
-def rates(source: float, settings: Mapping[str, Any], received: float) -> str:
-    """The rates of a stream, in words.
+def loss_text(emulated: float, counts: Counts) -> str:
+    """The loss in words.
 
-    :param source: rate of the messages on the robot [Hz]
-    :param settings: of the stream
-    :param received: rate of the messages published for the operator [Hz]
+    :param emulated: ratio of datagrams that are dropped on purpose
     """
-    if settings.get('latch'):
-        return '%5.1f Hz source, latched, %5.1f received' % (source, received)
-    return '%5.1f Hz source, at most %g Hz wanted, %5.1f received' % (source, settings['rate'], received)
-
-
-class ImageComparison:
-    """Compares the images of one stream on both sides."""
-
-    def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
-        self.name, self._settings = name, settings
-        self.operator_topic = settings['operator_topic']
-        self.sent, self.received = 0, 0
-        self.pair: Optional[Tuple[Array, Array]] = None
-        """The pixels of the last image, (sent, received)."""
-        self._psnr: List[float] = []
-        self._ages: List[float] = []
-        self._waiting: collections.OrderedDict[Any, Any] = collections.OrderedDict()   # {stamp: message}
-        self._lock = threading.Lock()
-        self._subscribers = [
-            rospy.Subscriber(settings['robot_topic'], Image, self._on_sent, queue_size=20, buff_size=1 << 24),
-            rospy.Subscriber(settings['operator_topic'], Image, self._on_received, queue_size=20, buff_size=1 << 24)]
-
-    def _on_sent(self, message: Any) -> None:
-        with self._lock:
-            self.sent += 1
-            self._waiting[message.header.stamp] = message
-            while len(self._waiting) > MAX_WAITING:
-                self._waiting.popitem(last=False)
-
-    def _on_received(self, message: Any) -> None:
-        age = (rospy.Time.now() - message.header.stamp).to_sec()
-        with self._lock:
-            self.received += 1
-            self._ages.append(age)
-            source = self._waiting.pop(message.header.stamp, None)
-        if source is not None:
-            pair = _pixels(source), _pixels(message)
-            quality = psnr(*pair)
-            with self._lock:
-                self._psnr.append(quality)
-                self.pair = pair
-
-    def reset(self) -> None:
-        """Start counting anew."""
-        with self._lock:
-            self.sent = self.received = 0
-            del self._psnr[:], self._ages[:]
-
-    def line(self, seconds: float) -> str:
-        """The report after `seconds` of comparison."""
-        with self._lock:
-            if not self._ages:
-                return '%-13s no image received (%d sent)' % (self.name, self.sent)
-            lossy = [value for value in self._psnr if not math.isinf(value)]
-            quality = 'PSNR %.1f dB' % np.mean(lossy) if lossy else 'all exact'
-            return '%-13s %s, %s, age p50 %.0f ms, p99 %.0f ms' % (
-                self.name, rates(self.sent / seconds, self._settings, self.received / seconds), quality,
-                1e3 * np.percentile(self._ages, 50), 1e3 * np.percentile(self._ages, 99))
+    received, lost = counts
+    lines = ['%g %% of the datagrams dropped on purpose' % (100 * emulated)] if emulated else []
+    if received + lost:
+        lines.append('%d of %d lost (%.0f %%)' % (lost, received + lost, 100 * lost / (received + lost)))
+    return ', '.join(lines or ['no datagrams counted'])
 
 
 class RateComparison:
@@ -150,66 +82,24 @@ class RateComparison:
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         self.name, self._settings = name, settings
-        self.operator_topic = settings['operator_topic']
+        self.operator_topics = [settings['operator_topic']]
         self._counts: Counter[str] = collections.Counter()
+        self._came = False
         self._subscribers = [rospy.Subscriber(settings[side], rospy.AnyMsg, self._count, side, queue_size=100)
                              for side in ('robot_topic', 'operator_topic')]
 
     def _count(self, _: Any, side: str) -> None:
         self._counts[side] += 1
+        self._came = self._came or side == 'operator_topic'
 
     def reset(self) -> None:
         """Start counting anew."""
         self._counts.clear()
 
-    def line(self, seconds: float) -> str:
-        """The report after `seconds` of comparison."""
-        return '%-13s %s' % (self.name, rates(
-            self._counts['robot_topic'] / seconds, self._settings, self._counts['operator_topic'] / seconds))
-
-
-def _pixels(message: Any) -> Array:
-    return as_pixels(message.data, message.height, message.width, message.step, message.encoding, message.is_bigendian)
-
-
-def psnr(sent: Array, received: Array) -> float:
-    """Peak signal-to-noise ratio [dB]; infinite if the images are equal.
-
-    The peak is 255 where the pixels of the sent image fit in a byte, otherwise it is the range of its pixels.
-
-    :param sent, received: (height, width) or (height, width, channels) arrays of the same type, in native byte order
-    """
-    if np.array_equal(sent, received):
-        return math.inf
-    peak = 255.0 if sent.max() <= 255 else float(sent.max()) - float(sent.min())
-    return float(cv2.PSNR(np.ascontiguousarray(sent), np.ascontiguousarray(received), peak))
-
-
-def _for_display(pixels: Array, low: float, high: float) -> UInt8Array:
-    """(height, width, 3) uint8 BGR; pixels of more than 8 bits are coloured by a palette from `low` to `high`."""
-    if pixels.dtype == np.uint8 and pixels.ndim == 3:
-        return pixels[..., :3]
-    if pixels.dtype == np.uint8:
-        return np.asarray(cv2.cvtColor(pixels, cv2.COLOR_GRAY2BGR))
-    scaled = np.clip((pixels.astype(np.float32) - low) * (255.0 / max(high - low, 1e-6)), 0, 255)
-    return np.asarray(cv2.applyColorMap(scaled.astype(np.uint8), cv2.COLORMAP_INFERNO))
-
-
-def side_by_side(comparisons: Sequence[ImageComparison]) -> UInt8Array:
-    """(rows, columns, 3) uint8 BGR: a row for each stream, the sent image on the left, the received on the right."""
-    rows = []
-    for comparison in comparisons:
-        if comparison.pair is None:
-            continue
-        low, high = np.percentile(comparison.pair[0], (0.5, 99.8))
-        row = np.hstack([_for_display(pixels, low, high) for pixels in comparison.pair])
-        for text, column in (('%s: sent' % comparison.name, 8), ('received', row.shape[1] // 2 + 8)):
-            for colour, thickness in ((0, 3), (255, 1)):
-                cv2.putText(row, text, (column, 22), cv2.FONT_HERSHEY_SIMPLEX, 0.7, (colour,) * 3, thickness,
-                            cv2.LINE_AA)
-        rows.append(row)
-    width = max(row.shape[1] for row in rows)
-    return np.vstack([np.pad(row, ((0, 0), (0, width - row.shape[1]), (0, 0))) for row in rows])
+    def compared(self, seconds: float) -> Compared:
+        """The result after `seconds` of comparison."""
+        return Compared(self.name, self._settings, self._counts['robot_topic'] / seconds,
+                        self._counts['operator_topic'] / seconds, self._came)
 
 
 def _wait_for_images(comparisons: Sequence[ImageComparison], look: Callable[[], None]) -> None:
@@ -240,18 +130,20 @@ def in_namespace(topic: str, namespace: str) -> str:
     return '/' + '/'.join(name.strip('/') for name in (namespace, topic) if name)
 
 
-def comparisons_of(streams: Mapping[str, Mapping[str, Any]], operator: str
+def comparisons_of(streams: Mapping[str, Mapping[str, Any]], operator: str, drawn: bool
                    ) -> Tuple[List[ImageComparison], List[RateComparison]]:
     """The comparisons of image streams, and those of the others.
 
     :param streams: {name: settings}, of those with an encoder
     :param operator: namespace of the operator
+    :param drawn: whether the images are to be drawn
     """
     images, others = [], []
     for name, settings in streams.items():
-        settings = {**settings, 'operator_topic': in_namespace(settings['operator_topic'], operator)}
+        settings = {**settings, **{topic: in_namespace(settings[topic], operator)
+                                   for topic in ('operator_topic', 'view_topic') if settings.get(topic)}}
         if settings['type'] == 'image':
-            images.append(ImageComparison(name, settings))
+            images.append(ImageComparison(name, settings, drawn))
         elif not settings['robot_topic'].startswith('~'):      # only robot_sender resolves those
             others.append(RateComparison(name, settings))
     return images, others
@@ -259,7 +151,7 @@ def comparisons_of(streams: Mapping[str, Mapping[str, Any]], operator: str
 
 def report(title: str, lines: Sequence[str]) -> None:
     """Print at once: several robots report at the same time."""
-    sys.stdout.write('\n'.join(['', title, *('  ' + line for line in lines), EXPECTED, '', '']))
+    sys.stdout.write('\n'.join(['', title, *('  ' + line for line in lines), '', '']))
     sys.stdout.flush()
 
 
@@ -281,13 +173,13 @@ def main() -> None:
     topics_to_robot = topics_of(definitions, lambda topic: in_namespace(topic, operator))
     # before the comparisons: the first subscriber of a topic determines the type for the whole node; theirs is AnyMsg
     drive = DemoDrive(topics_to_robot, parameters['frame_prefix']) if topics_to_robot else None
-    images, others = comparisons_of(classified(definitions).streams, operator)
+    images, others = comparisons_of(classified(definitions).streams, operator, bool(path))
     datagrams = DatagramCounts()
     rospy.Subscriber('/diagnostics', DiagnosticArray, lambda message: datagrams.add(
         status for status in map(as_status, message.status) if status is not None), queue_size=20)
     comparisons: List[Union[ImageComparison, RateComparison]] = [*images, *others]
-    master, topics = parameters['operator_master'], {'/diagnostics', *(one.operator_topic for one in comparisons),
-                                                     *(topics_to_robot or ())}
+    master, topics = parameters['operator_master'], {
+        '/diagnostics', *(topic for one in comparisons for topic in one.operator_topics), *(topics_to_robot or ())}
 
     def look() -> None:
         if master:
@@ -297,12 +189,15 @@ def main() -> None:
         for counts in (*comparisons, datagrams):
             counts.reset()
         elapsed = _drive_for(seconds, drive)
-    lines = [comparison.line(elapsed) for comparison in comparisons] + [datagrams.line()]
+    counts = datagrams.counted()
+    lines = table([comparison.compared(elapsed) for comparison in comparisons], counts[1] / max(sum(counts), 1))
     if drive:
         lines.append(drive.line())
-    if path and any(comparison.pair for comparison in images):
-        cv2.imwrite(path, side_by_side(images))
-        lines.append('sent beside received: %s' % path)
-    report('%sver %.0f s:' % (operator + ', o' if operator else 'O', elapsed), lines)
+    pictures = [picture for picture in (comparison.picture() for comparison in images) if picture is not None]
+    if pictures:
+        cv2.imwrite(path, stacked(pictures))
+        lines.append('sent beside what the operator sees: %s' % path)
+    report('%sver %.0f s, %s:' % (operator + ', o' if operator else 'O', elapsed,
+                                  loss_text(parameters['loss'], counts)), [*lines, *LEGEND.splitlines()])
     if parameters['end_launch']:
         end_own_launch()

@@ -152,7 +152,8 @@ SIMULATED_ROBOT = {
 DEMO_REPORT = {
     'streams_file': _STREAMS_FILE,
     'seconds': Parameter(20.0, 's', 'duration, from the first image that arrives', least=1.0),
-    'picture': Parameter('', '', 'file that the last sent and received images are written to; empty: none'),
+    'picture': Parameter('', '', "file for the last images, as sent beside the operator's views; empty: none"),
+    'loss': Parameter(0.0, '', 'packet-loss ratio that is emulated, for the report', least=0.0, most=1.0),
     'operator': Parameter('', '', "namespace of the operator's side; empty: none"),
     'frame_prefix': Parameter('', '', "what the operator's side puts before the robot's frames"),
     'operator_master': Parameter('', '', "URI of the operator's master; empty: the robot's"),

@@ -20,7 +20,7 @@ from .colouring import MARKS, Coloured
 FRESH, OLD, FROZEN = 'fresh', 'old', 'frozen'
 COLOURS = {FRESH: (60, 170, 40), OLD: (0, 220, 255), FROZEN: (30, 30, 220)}
 """{state: [b, g, r]}"""
-BLACK, WHITE, RED = (0, 0, 0), (255, 255, 255), (80, 80, 255)
+BLACK, WHITE, GREY, RED = (0, 0, 0), (255, 255, 255), (80, 80, 80), (80, 80, 255)
 LEAST_WIDTH, LEAST_HEIGHT = 480, 120
 """Smaller images are enlarged and then padded, because text needs space [pixel]."""
 SCALE_LEFT = 0.42
@@ -108,6 +108,20 @@ def framed(coloured: Coloured, age: float, completeness: float, limits: Limits, 
     if state == FROZEN:
         word = 'NO DATA' if silence >= limits.old_after else 'LATE'
         _draw_banner(view[:-place.strip], 'NO DATA YET' if age == math.inf else '%s %s' % (word, duration(age)))
+    return view
+
+
+def titled(coloured: Coloured, title: str) -> UInt8Array:
+    """An image like a view of it, grey, with a title in place of age and quality.
+
+    :return: (height, width, 3) uint8, bgr; see layout
+    """
+    place = layout(*coloured.pixels.shape[:2])
+    view = _surrounded(coloured.pixels, place, GREY)
+    strip = view[-place.strip:-place.border, :-place.border]
+    write(strip, title, (place.border, 0, int(strip.shape[1] * SCALE_LEFT) - 2 * place.border, strip.shape[0]), WHITE)
+    if coloured.palette is not None:
+        _draw_scale(strip, coloured, coloured.palette, False)
     return view
 
 

@@ -73,7 +73,7 @@ class View:
 
     def __init__(self, settings: Mapping[str, Any], header: Any) -> None:
         self._limits = _limits(settings)
-        self._colouring = _colouring(settings)
+        self._colouring = colouring_of(settings)
         self._drawn = ViewedImage(header, 0.0, coloured=PLACEHOLDER)
         self._waiting: Optional[ViewedImage] = None
         self._reminded = -math.inf      # when `poll` returned an old image last, or would have [s]
@@ -86,7 +86,7 @@ class View:
         :param changed: {name: value} of those that differ from before
         """
         if COLOURS & set(changed):
-            self._colouring = _colouring(settings, self._colouring.automatic)
+            self._colouring = colouring_of(settings, self._colouring.automatic)
         if PARAMETERS.keys() & set(changed):
             self._limits = _limits(settings)
             self._reminded = -math.inf      # an old image shows the change at once
@@ -147,6 +147,11 @@ def _limits(settings: Mapping[str, Any]) -> Limits:
     return Limits(settings['old_after'], settings['frozen_after'], settings['least_complete'], settings['least_psnr'])
 
 
-def _colouring(settings: Mapping[str, Any], automatic: Optional[AutomaticRange] = None) -> Colouring:
+def colouring_of(settings: Mapping[str, Any], automatic: Optional[AutomaticRange] = None) -> Colouring:
+    """The colours of a stream.
+
+    :param settings: {name: value} with those of PARAMETERS, checked
+    :param automatic: the state of an automatic range that goes on
+    """
     return Colouring(settings['palette'], settings['range_low'], settings['range_high'], settings['counts_per_unit'],
                      settings['zero'], settings['unit'], automatic)

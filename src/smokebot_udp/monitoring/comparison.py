@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The demo's report as text: for each stream what the robot had, what was to be sent, and what the operator received."""
+import math
+from typing import Any, List, Mapping, NamedTuple, Optional, Sequence
+
+import numpy as np
+
+GOOD_SHARE = 0.8
+"""Of the expected messages."""
+
+GOOD_PSNR = 30.0
+"""Of images, on average [dB]."""
+
+GOOD_AGE = 0.3
+"""Of half of the images [s]."""
+
+HEADINGS = 'stream', 'source', 'wanted', 'expected', 'received', '', ''
+
+LEGEND = """\
+Expected: the lower of source and wanted; of relays, which are one datagram, less what was lost.
+Good: %d %% of it; images of %g dB or exact, half of them at most %g s old. A slow link or a busy computer gives less.\
+""" % (100 * GOOD_SHARE, GOOD_PSNR, GOOD_AGE)
+
+
+class Images(NamedTuple):
+    """What the operator received of an image stream."""
+    psnr: Sequence[float]
+    """Of each image that was compared; infinite: exact [dB]."""
+    ages: Sequence[float]
+    """When each one was received [s]."""
+
+    @property
+    def good(self) -> bool:
+        lossy = self._lossy()
+        return bool(self.ages) and np.median(self.ages) <= GOOD_AGE and (not lossy or np.mean(lossy) >= GOOD_PSNR)
+
+    def __str__(self) -> str:
+        if not self.ages:
+            return ''
+        lossy = self._lossy()
+        quality = 'PSNR %.1f dB' % np.mean(lossy) if lossy else 'all exact'
+        return '%s, age p50 %.0f ms, p99 %.0f ms' % (quality, *(1e3 * np.percentile(self.ages, (50, 99))))
+
+    def _lossy(self) -> List[float]:
+        return [value for value in self.psnr if not math.isinf(value)]
+
+
+class Compared(NamedTuple):
+    """A stream on both sides."""
+    name: str
+    settings: Mapping[str, Any]
+    source: float
+    """Messages on the robot [Hz]."""
+    received: float
+    """Messages published for the operator [Hz]."""
+    came: bool
+    """Whether any was published for the operator yet: latched ones come before the report begins."""
+    images: Optional[Images] = None
+
+    def expected(self, loss: float) -> float:
+        """The rate that is expected [Hz].
+
+        :param loss: ratio of datagrams
+        """
+        most = min(self.source, self.settings['rate'])
+        return most * (1 - loss) if self.settings['type'] == 'relay' else most
+
+    def row(self, loss: float) -> Sequence[str]:
+        """The texts below HEADINGS."""
+        if self.settings.get('latch'):
+            return self.name, '', 'latched', '', 'yes' if self.came else 'no', 'good' if self.came else 'poor', ''
+        expected = self.expected(loss)
+        good = self.received >= GOOD_SHARE * expected and (self.images is None or self.images.good)
+        rates = ('%.1f Hz' % rate for rate in (self.source, self.settings['rate'], expected, self.received))
+        return (self.name, *rates, 'good' if good else 'poor', '' if self.images is None else str(self.images))
+
+
+def table(streams: Sequence[Compared], loss: float) -> List[str]:
+    """The lines of a table of all streams.
+
+    :param loss: ratio of datagrams
+    """
+    rows = [HEADINGS, *(stream.row(loss) for stream in streams)]
+    widths = [max(len(row[column]) for row in rows) for column in range(len(HEADINGS))]
+    return ['  '.join(text.ljust(width) if column in (0, 5, 6) else text.rjust(width)
+                      for column, (text, width) in enumerate(zip(row, widths))).rstrip() for row in rows]
