@@ -30,11 +30,12 @@ EXPERIMENTS = {
     'own_masters': 'link',
     'hostile': 'link',
     'way_back': 'link',
+    'drive': 'link',
     'soak': 'link',
 }
 """{name: folder}, in the report's order."""
 
-NEVER_QUICK = 'adaptation', 'soak', 'own_masters', 'hostile', 'way_back'
+NEVER_QUICK = 'adaptation', 'soak', 'own_masters', 'hostile', 'way_back', 'drive'
 """Left out of a quick run of all: they take minutes even with --quick."""
 
 

@@ -18,9 +18,10 @@ import rostest
 from std_srvs.srv import SetBool
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from screen import Screen
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
 from waiting import pid_at, wait_for
 
+from evaluation.screen import Screen
 from smokebot_udp.codecs.display.view import COLOURS, FRESH, FROZEN
 from smokebot_udp.srv import SetFocus
 

@@ -43,8 +43,10 @@ def test_neither_loss_nor_bandwidth_near_the_limit_changes_it_to_and_fro() -> No
     assert len([1 for before, after in zip(chosen, chosen[1:]) if before != after]) <= 1
 
 
-def run(choice: CodingChoice, duration: float, images: int, start: float, link: Conditions = conditions(loss=0.05)
-        ) -> List[bool]:
+LOSSY = conditions(loss=0.05)
+
+
+def run(choice: CodingChoice, duration: float, images: int, start: float, link: Conditions = LOSSY) -> List[bool]:
     """Layered images that take so long, ten a second [s]."""
     chosen = []
     for number in range(images):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The demo's report as text: for each stream what the robot had, what was to be sent, and what the operator received."""
+"""The demo's report as text: what the robot had of each stream, what was to be sent, and what the operator received."""
 import math
 from typing import Any, List, Mapping, NamedTuple, Optional, Sequence
 
@@ -32,7 +32,7 @@ class Images(NamedTuple):
     @property
     def good(self) -> bool:
         lossy = self._lossy()
-        return bool(self.ages) and np.median(self.ages) <= GOOD_AGE and (not lossy or np.mean(lossy) >= GOOD_PSNR)
+        return bool(self.ages and np.median(self.ages) <= GOOD_AGE and (not lossy or np.mean(lossy) >= GOOD_PSNR))
 
     def __str__(self) -> str:
         if not self.ages:
@@ -62,7 +62,7 @@ class Compared(NamedTuple):
 
         :param loss: ratio of datagrams
         """
-        most = min(self.source, self.settings['rate'])
+        most: float = min(self.source, self.settings['rate'])
         return most * (1 - loss) if self.settings['type'] == 'relay' else most
 
     def row(self, loss: float) -> Sequence[str]:

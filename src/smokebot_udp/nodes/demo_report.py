@@ -10,7 +10,6 @@ may be another one. Images are paired by their stamps.
 import collections
 import contextlib
 import sys
-import threading
 import time
 from typing import Any, Callable, Container, Counter, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple, Union
 
@@ -186,8 +185,8 @@ def main() -> None:
             _find_operator(master, operator, topics)
     _wait_for_images(images, look)
     with drive.connected(master, look) if drive else contextlib.nullcontext():
-        for counts in (*comparisons, datagrams):
-            counts.reset()
+        for one in (*comparisons, datagrams):
+            one.reset()
         elapsed = _drive_for(seconds, drive)
     counts = datagrams.counted()
     lines = table([comparison.compared(elapsed) for comparison in comparisons], counts[1] / max(sum(counts), 1))
