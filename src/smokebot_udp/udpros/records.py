@@ -30,6 +30,9 @@ PLAIN: Dict[str, DType] = {name: np.dtype(code) for name, code in {
 PLAIN.update(time=TIME, duration=DURATION)
 """{ROS type: dtype} of the types of fixed size that are not messages."""
 
+LAYOUTS = 48
+"""That are kept, of 10 KB each: datagrams of one frame share theirs, and many frames have one that never comes again."""
+
 _ARRAY = re.compile(r'(.+)\[(\d*)\]$')
 
 
@@ -48,7 +51,7 @@ def record_dtype(message_class: Any, lengths: Mapping[str, int]) -> DType:
     return _record_dtype(message_class, tuple(sorted(lengths.items())))
 
 
-@functools.lru_cache(maxsize=256)
+@functools.lru_cache(maxsize=LAYOUTS)
 def _record_dtype(message_class: Any, lengths: Tuple[Tuple[str, int], ...]) -> DType:
     left = dict(lengths)
     try:
