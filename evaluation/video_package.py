@@ -9,6 +9,7 @@ import numpy as np
 from smokebot_udp.arrays import Array, BoolArray
 from smokebot_udp.streams.air import Air
 from smokebot_udp.streams.held import Holding
+from smokebot_udp.streams.codec import ImportedCodec
 from smokebot_udp.udpros.datagram import IP_UDP_HEADERS
 from smokebot_udp.udpros.frame import Frame
 
@@ -45,7 +46,7 @@ class PackageVideo(Way):
     """
 
     def __init__(self, coding: str, rate: float, first: Array, way_back: float, seed: object = 0) -> None:
-        self._coding, self._size = coding, int(rate / 8 / RATE)
+        self._coding, self._size, self._now = coding, int(rate / 8 / RATE), SEEN[0]
         self._assembler, self._settings = operator_side('image', integrate='never')
         for when in SEEN:
             frames = self._new_sender().frames(image_message(first, FIRST_STAMP + when))
@@ -54,7 +55,6 @@ class PackageVideo(Way):
         self._way_back, self._draw = way_back, random.Random('way back %s' % seed).random
         self._frames: List[Frame] = []
         self._reports: Deque[Tuple[float, Holding]] = collections.deque()
-        self._now = 0.0
 
     def send(self, image: Array, number: int, air: Air) -> Sequence[int]:
         self._now = number / RATE
@@ -72,7 +72,7 @@ class PackageVideo(Way):
         return shown
 
     def _new_sender(self) -> Sender:
-        sender = Sender('image', coding=self._coding, max_bytes=self._size)
+        sender = Sender('image', ImportedCodec(), lambda: self._now, coding=self._coding, max_bytes=self._size)
         sender.serve(OPERATOR)
         return sender
 
