@@ -12,8 +12,10 @@ import pytest
 
 pytest.importorskip('numba')
 
+from numba.core.dispatcher import _DispatcherBase  # noqa: E402
+
 from smokebot_udp.arrays import Array  # noqa: E402
-from smokebot_udp.codecs.layered import cache  # noqa: E402
+from smokebot_udp.codecs.layered import cache, image  # noqa: E402
 from smokebot_udp.codecs.layered.loops import compiled  # noqa: E402
 from smokebot_udp.codecs.layered.range_coder import begin  # noqa: E402
 
@@ -152,3 +154,24 @@ def test_asking_whether_the_cache_is_filled_does_not_import_numba() -> None:
     program = ('import sys; from smokebot_udp.codecs.layered.compile import compiled; compiled(); '
                'sys.exit("numba" in sys.modules)')
     assert subprocess.run([sys.executable, '-c', program]).returncode == 0
+
+
+def test_numba_knows_the_types_of_all_arguments_from_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What numba types anew at each call it keeps for ever: long tuples of arrays, in numba 0.56."""
+    pixels = np.random.RandomState(0).randint(2000, 4000, (60, 80)).astype(np.uint16)
+    reference, typed = pixels // 2, []
+    known = _DispatcherBase.typeof_pyval
+
+    def typeof(self: Any, value: Any) -> Any:
+        typed.append((self, type(value)))
+        return known(self, value)
+
+    def work() -> None:
+        for before in (None, reference):
+            stream = image.encode(pixels, False, 3000, reference=before)
+            assert image.decode(stream.data, 60, 80, 1, 2, before) is not None
+    work()
+    monkeypatch.setattr(_DispatcherBase, 'typeof_pyval', typeof)
+    for _ in range(5):
+        work()
+    assert not typed

@@ -97,21 +97,21 @@ def quantise(canvas: Array, plan: Layout, work: Work) -> int:
 
 
 @compiled
-def _estimate(work: Work, number: int, band: Array, canvas: Array) -> None:
+def _estimate(values: Array, found: Array, guesses: Array, counts: Array, band: Array, canvas: Array) -> None:
     """Write what is thought of a band's significant coefficients into a canvas of zeros.
 
     The first REFINED of those found before the last plane are known down to it, the other old ones to the one above.
     """
-    counts, start, step = work.counts[number], band[START], band[STEP]
+    start, step = band[START], band[STEP]
     plane, shift = counts[PLANE], GUESS_BITS + STEP_BITS
     half = int64(1) << (shift - 1)
     if not counts[ALIVE]:
         return
     for i in range(counts[FOUND]):
-        place = work.found[start + i]
-        value = int64(work.values[place])
+        place = found[start + i]
+        value = int64(values[place])
         low = plane + 1 if counts[REFINED] <= i < counts[OLD] else plane
-        magnitude = (((value >> 1 << GUESS_BITS) + work.guesses[low]) * step + half) >> shift
+        magnitude = (((value >> 1 << GUESS_BITS) + guesses[low]) * step + half) >> shift
         canvas[place] = -magnitude if value & 1 else magnitude
 
 
@@ -140,7 +140,7 @@ def estimated(plan: Layout, work: Work) -> Array:
     """(cells,) int32: the canvas of what is known of the coefficients."""
     canvas = np.zeros(plan.cells, np.int32)
     for number, band in enumerate(plan.bands):
-        _estimate(work, number, band, canvas)
+        _estimate(work.values, work.found, work.guesses, work.counts[number], band, canvas)
     return canvas
 
 

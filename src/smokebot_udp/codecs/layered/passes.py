@@ -373,27 +373,37 @@ def _pass(encoding: bool, work: Work, band: Band, kind: int, along: int, part: i
     return symbol, points, low, width, at
 
 
-@compiled
 def code_planes(encoding: bool, work: Work, bands: Array, weights: Array, steps: Array, stride: int, planes: int,
                 part: int, ends: Array, errors: Array, low: int, width: int, at: int) -> Tuple[int, int, int, int]:
     """All passes of an image, until the stream or the encoder's room ends.
 
     :returns: the number of truncation points, and the coder's state
     """
+    return _code_planes(encoding, bands, weights, steps, stride, planes, part, ends, errors, low, width, at, *work)
+
+
+@compiled
+def _code_planes(encoding: bool, bands: Array, weights: Array, steps: Array, stride: int, planes: int, part: int,
+                 ends: Array, errors: Array, low: int, width: int, at: int, values: Array, activity: Array,
+                 signs: Array, live: Array, quiet: Array, found: Array, blocks: Array, firsts: Array, alive: Array,
+                 counts: Array, odds: Array, error: Array, guesses: Array, data: Array) -> Tuple[int, int, int, int]:
+    """As code_planes. A tuple of so many arrays is not passed from Python: numba 0.56 looks up its type by the first 40
+    bytes of a description, beyond which they are arbitrary; so it types it anew each time, and keeps that for ever."""
+    work = Work(values, activity, signs, live, quiet, found, blocks, firsts, alive, counts, odds, error, guesses, data)
     points, symbol = 1, 0
     for step in range(len(steps)):
         number, plane, kind = steps[step, 0], steps[step, 1], steps[step, 2]
-        counts = work.counts[number]
-        if plane >= planes or (kind != NEAR and not counts[ALIVE]):
+        own = counts[number]
+        if plane >= planes or (kind != NEAR and not own[ALIVE]):
             continue
-        if not counts[ALIVE]:
-            symbol, low, width, at = code(encoding, work.data, work.odds, number * CONTEXTS + BAND_CONTEXT,
-                                          1 if counts[TOP] > plane else 0, low, width, at)
+        if not own[ALIVE]:
+            symbol, low, width, at = code(encoding, data, odds, number * CONTEXTS + BAND_CONTEXT,
+                                          1 if own[TOP] > plane else 0, low, width, at)
             if symbol < 0:
                 break
             if symbol == 0:
                 continue
-            counts[ALIVE] = 1
+            own[ALIVE] = 1
         band = _band(bands, weights, number, plane, stride)
         symbol, points, low, width, at = _pass(encoding, work, band, kind, bands[number, ALIVE_STRIDE], part, ends,
                                                errors, points, low, width, at)
