@@ -18,7 +18,7 @@ from geometry_msgs.msg import Twist
 from sensor_msgs.msg import Image, LaserScan
 from std_msgs.msg import String
 
-from smokebot_udp.nodes.operator_control import IN_CONTROL
+from smokebot_udp.nodes.operator_control import IN_CONTROL, STATE_TOPIC
 from smokebot_udp.nodes.simulated_driving import planar
 from smokebot_udp.simulation.pose import Pose
 
@@ -77,7 +77,7 @@ class Driver:
         self._commands = rospy.Publisher('operator/cmd_vel', Twist, queue_size=5, tcp_nodelay=True)
         rospy.Subscriber('operator/scan', LaserScan, self._on_scan, queue_size=1, tcp_nodelay=True)
         rospy.Subscriber('operator/thermal/image_color', Image, self._on_image, queue_size=1, buff_size=1 << 24)
-        rospy.Subscriber('operator_receiver/control', String, self._on_control, queue_size=5)
+        rospy.Subscriber(STATE_TOPIC, String, self._on_control, queue_size=5)
 
     def _on_scan(self, scan: Any) -> None:
         ranges = np.array(scan.ranges, np.float64)

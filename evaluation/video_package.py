@@ -8,8 +8,8 @@ import numpy as np
 
 from smokebot_udp.arrays import Array, BoolArray
 from smokebot_udp.streams.air import Air
-from smokebot_udp.streams.held import Holding
 from smokebot_udp.streams.codec import ImportedCodec
+from smokebot_udp.streams.held import Holding
 from smokebot_udp.udpros.datagram import IP_UDP_HEADERS
 from smokebot_udp.udpros.frame import Frame
 
