@@ -31,7 +31,7 @@ PLAIN.update(time=TIME, duration=DURATION)
 """{ROS type: dtype} of the types of fixed size that are not messages."""
 
 LAYOUTS = 48
-"""That are kept, of 10 KB each: datagrams of one frame share theirs, and many frames have one that never comes again."""
+"""That are kept, of 10 KB each: the datagrams of a frame share one, and many never come again."""
 
 _ARRAY = re.compile(r'(.+)\[(\d*)\]$')
 
