@@ -18,6 +18,7 @@ from waiting import Collector, give_time, is_sent_here, stamps, undisturbed, wai
 from smokebot_udp.codecs.perception.voxel import voxel_filter
 from smokebot_udp.codecs.wire.points import as_points
 from smokebot_udp.msg import CloudChunk, ScanSegment
+from smokebot_udp.nodes.operator_stream import CLEARING
 from smokebot_udp.simulation.lidar import POINT, RINGS, Lidar
 from smokebot_udp.simulation.world import building
 from smokebot_udp.streams.frame_end import FIRST_MARGIN
@@ -208,13 +209,17 @@ class CloudStreams(StreamsCase):
             wait_for(lambda name=topic: is_sent_here(name), what=topic)
         message = self.flow(seen)
         del seen[:]     # also blank messages after those of the test before
-        blanks = wait_for(lambda: len({type(one): one for one in seen if not one.header.stamp}) == 2 and [
-            one for one in seen if not one.header.stamp], 20, 'blank messages')
+
+        def cleared() -> List[Any]:
+            return [one for one in seen if not one.header.stamp]
+        blanks = wait_for(lambda: len(set(map(type, cleared()))) == 2 and cleared(), 20, 'blank messages')
         for one in blanks:
             self.assertTrue(np.isnan(one.ranges).all() if isinstance(one, LaserScan) else one.width == 0)
             self.assertEqual(one.header.frame_id, 'laser' if isinstance(one, LaserScan) else 'velodyne')
+        give_time(CLEARING + 2.0)
+        count = len(cleared())
         give_time(2.0)
-        self.assertEqual(len([one for one in seen if not one.header.stamp]), 2)     # once
+        self.assertEqual(len(cleared()), count)     # they end
         self.assertNotEqual(self.flow(seen), message)
 
     def flow(self, seen: List[Any]) -> Any:

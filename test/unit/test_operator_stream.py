@@ -16,7 +16,7 @@ from smokebot_udp.image_error import ImageError
 from smokebot_udp.mission.parameters import Parameter
 from smokebot_udp.monitoring.stats import ConnectionStats, Shown, StreamStats
 from smokebot_udp.nodes import operator_stream
-from smokebot_udp.nodes.operator_stream import OperatorLink, OperatorStream
+from smokebot_udp.nodes.operator_stream import CLEARING, OperatorLink, OperatorStream
 from smokebot_udp.streams.assembler import Assembled, Assembler
 from smokebot_udp.streams.held import Holding
 from smokebot_udp.streams.parameters import OPERATOR
@@ -333,19 +333,23 @@ def test_a_part_that_nothing_decodes_is_received_no_more(bench: Bench) -> None:
     assert [bench.topics['/smokebot_udp/thermal/' + part].closed for part in (MAIN_PART, 'video')] == [False, True]
 
 
-def test_a_scan_is_cleared_once_unless_a_newer_one_was_shown(bench: Bench) -> None:
+def test_a_scan_is_cleared_for_a_while_unless_a_newer_one_was_shown(bench: Bench) -> None:
     stream = bench.start(ScanAssembler)
     callback = bench.topics['/smokebot_udp/thermal/segments'].options['callback']
     callback(LaserScan(ranges=[1.0]))
     first = stream.last_shown
     callback(LaserScan(ranges=[2.0]))
     assert first is not None and stream.last_shown is not None
-    stream.clear(first)
-    stream.clear(stream.last_shown)
-    stream.clear(stream.last_shown)
-    ranges = [message.ranges for _, message in bench.logs(3)]
-    assert ranges[:2] == [[1.0], [2.0]] and np.isnan(ranges[2]).all() and len(ranges[2]) == 1
+    stream.clear(first, 9.0)
+    for now in (10.0, 12.0, 10.0 + CLEARING, 17.0, 30.0):
+        stream.clear(stream.last_shown, now)
+    ranges = [message.ranges for _, message in bench.logs(5)]
+    assert ranges[:2] == [[1.0], [2.0]]
+    assert all(len(blank) == 1 and np.isnan(blank).all() for blank in ranges[2:])
     assert bench.log.empty()
+    callback(LaserScan(ranges=[3.0]))
+    stream.clear(stream.last_shown, 31.0)
+    assert [bool(np.isnan(message.ranges).all()) for _, message in bench.logs(2)] == [False, True]
 
 
 def test_what_has_no_blank_message_is_not_cleared(bench: Bench) -> None:
@@ -353,5 +357,5 @@ def test_what_has_no_blank_message_is_not_cleared(bench: Bench) -> None:
     bench.receive('one')
     bench.logs(3)
     assert stream.last_shown is not None
-    stream.clear(stream.last_shown)
+    stream.clear(stream.last_shown, 10.0)
     assert bench.log.empty()

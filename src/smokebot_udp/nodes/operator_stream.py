@@ -35,6 +35,9 @@ from .worker import DeadlineWorker
 MISSING_DECODER = ('the robot can send it as video, which is not decoded here: PyAV is missing. Install python3-av '
                    '(sudo apt install python3-av) and restart this node. Until then images are layered')
 
+CLEARING = 5.0
+"""Displays drop what has waited for its transform for longer [s]."""
+
 MAX_SHOWN = 512
 """What is known of this number of messages is kept until `stats` is called."""
 
@@ -86,7 +89,8 @@ class OperatorStream:
         """Of that message [ns]."""
         self._last_age: Optional[float] = None      # its age then, but for the offset of the robot's clock [s]
         self._publishing = threading.Lock()
-        self._last: Any = None      # the message published last, where a blank one can take its place
+        self._last: Any = None      # the message published last, while blank ones can take its place
+        self._cleared: Optional[float] = None   # when the first one did [s]
         self._link = link
         self._shown: Deque[Shown] = collections.deque(maxlen=MAX_SHOWN)
         self._publisher: Any = None     # made by start(), as are these
@@ -173,14 +177,20 @@ class OperatorStream:
         age = self._last_age
         return None if shown is None or age is None or clock_offset is None else age + clock_offset + now - shown
 
-    def clear(self, shown: float) -> None:
+    def clear(self, shown: float, now: float) -> None:
         """Publish a blank message in place of a cloud or scan that is no longer true, see streams.blank. Any thread.
 
+        It is repeated at each call for CLEARING: a display shows messages that wait for their transforms after it.
+
         :param shown: `last_shown` of that message: if another one is shown by now, nothing is published
+        :param now: by time.monotonic() [s]
         """
         with self._publishing:
-            if self._last is not None and self.last_shown == shown and not rospy.is_shutdown():
-                self._publisher.publish(blank(self._last))
+            if self._last is None or self.last_shown != shown or rospy.is_shutdown():
+                return
+            self._publisher.publish(blank(self._last))
+            self._cleared = now if self._cleared is None else self._cleared
+            if now - self._cleared >= CLEARING:
                 self._last = None
 
     def close(self) -> None:
@@ -298,6 +308,7 @@ class OperatorStream:
             age = (rospy.Time.now().to_nsec() - assembled.stamp) / 1e9 if assembled.stamp else None
             self._last_age, self.last_shown = age, time.monotonic()     # in this order, see `age`
             self._last = assembled.message if has_blank(self.assembler.MESSAGE) else None
+            self._cleared = None
             self.last_stamp = assembled.stamp
         self._shown.append(Shown(age, assembled.completeness, assembled.error))
 

@@ -18,6 +18,9 @@ from .worker import PeriodicWorker
 PERIOD = 0.5
 """[s]"""
 
+FULL_SIZE = 16
+"""Longer texts are smaller, so that operator.rviz shows all of them [letters]."""
+
 
 class StaleStreams:
     """Publishes a text above the robot, and clears streams.
@@ -45,7 +48,7 @@ class StaleStreams:
         now = time.monotonic()
         if self._clears:
             for name, shown in outdated_streams(streams, self._after, now).items():
-                self._streams[name].clear(shown)
+                self._streams[name].clear(shown, now)
         text = stale_text(*stale_streams(streams, self._after, now))
         if text != self._shown and not rospy.is_shutdown():
             self._publisher.publish(self._marker(text))
@@ -55,7 +58,8 @@ class StaleStreams:
         marker = Marker(ns='stale', type=Marker.TEXT_VIEW_FACING, action=Marker.ADD if text else Marker.DELETE,
                         text=text, color=ColorRGBA(1.0, 0.1, 0.1, 1.0), frame_locked=True)
         marker.header.frame_id = self._frame    # stamp 0: the latest transform, however old
-        marker.pose.position.z, marker.pose.orientation.w, marker.scale.z = 1.5, 1.0, 0.5
+        marker.pose.position.z, marker.pose.orientation.w = 1.5, 1.0
+        marker.scale.z = 0.5 * min(1.0, FULL_SIZE / max(len(text), 1))
         return marker
 
     def close(self) -> None:
