@@ -52,6 +52,7 @@ from ..simulation.robot import Robot
 from ..simulation.scanner import Scanner
 from ..simulation.thermal import ThermalCamera
 from ..simulation.world import building
+from . import malloc_tuning
 from . import simulated_topics as topics
 from .common import Parameters
 from .parameters import SIMULATED_ROBOT
@@ -133,6 +134,7 @@ class SimulatedRobot:
 
 
 def main() -> None:
+    malloc_tuning.keep_freed_memory()
     udpros.init_node('simulated_robot')
     SimulatedRobot()
     rospy.spin()

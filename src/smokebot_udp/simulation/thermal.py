@@ -2,11 +2,11 @@
 """The thermal camera: a radiometric image in 16-bit counts of 0.04 K, like FLIR's high-temperature range."""
 import numpy as np
 
-from ..arrays import Array, Float32Array
+from ..arrays import Array
 from .noise import NoisePool
-from .pinhole import Pinhole, View
+from .pinhole import Pinhole, remainder, warmth
 from .pose import Pose
-from .world import World
+from .world import FLOOR, World
 
 KELVIN_PER_COUNT = 0.04
 """counts = temperature [K] / 0.04: 0 degC is 6829, 300 degC is 14329, the end of the range is 2348 degC."""
@@ -35,19 +35,18 @@ class ThermalCamera:
         view = self.pinhole.look(self.world, pose)
         temperatures = self.world.temperatures(time)
         base = np.append(temperatures, (self.world.ambient + 14.0, self.world.ambient - 1.0))
-        celsius = base.astype(np.float32)[view.surface]    # ROOF and FLOOR, -2 and -1, are the last two
+        celsius = np.take(base.astype(np.float32), view.surface, mode='wrap')    # ROOF and FLOOR are the last two
         # walls are uneven, and warmer towards the ceiling, where the smoke is
-        celsius += 3.5 * view.z ** 2 / 2.7 * (view.surface >= 0)
-        celsius += 0.35 * np.sin(7.0 * view.x + 3.0 * view.z) * np.sin(7.0 * view.y - 2.0 * view.z)
-        celsius += 0.5 * (np.floor(2.5 * view.x) + np.floor(2.5 * view.y)) % 2 * (view.surface == -1)
+        np.add(celsius, np.float32(3.5 / 2.7) * np.square(view.z), out=celsius, where=view.surface >= 0)
+        uneven = np.sin(7.0 * view.x + 3.0 * view.z)
+        uneven *= np.sin(7.0 * view.y - 2.0 * view.z)
+        uneven *= np.float32(0.35)
+        celsius += uneven
+        tiles = remainder(0.5 * (np.floor(2.5 * view.x) + np.floor(2.5 * view.y)), 2)
+        np.add(celsius, tiles, out=celsius, where=view.surface == FLOOR)
         for fire, temperature in zip(self.world.fires, temperatures[self.world.flicker > 0]):
-            celsius += _heated(view, fire, temperature)
+            celsius += np.float32(0.05 * temperature) * warmth(view, fire, 1.5)
         if self._noise is not None:
-            celsius += self._noise.draw(time) + self._pattern
+            celsius += self._noise.draw(time)
+            celsius += self._pattern
         return np.clip(to_counts(celsius) + 0.5, 0, 65535).astype(np.uint16)
-
-
-def _heated(view: View, fire: Array, temperature: float) -> Float32Array:
-    """How much a fire at (x, y, z) of this temperature [degC] has heated its surroundings: (height, width) [K]."""
-    squared = (view.x - np.float32(fire[0])) ** 2 + (view.y - np.float32(fire[1])) ** 2
-    return np.asarray(np.float32(0.05 * temperature) / (1 + 1.5 * squared))
