@@ -14,6 +14,7 @@ from typing import Any, List, NamedTuple, Optional, Tuple
 import numpy as np
 import rospy
 import tf2_ros
+from geometry_msgs.msg import Pose as PoseMessage
 from geometry_msgs.msg import Twist
 from sensor_msgs.msg import Image, LaserScan
 from std_msgs.msg import String
@@ -22,7 +23,7 @@ from smokebot_udp.nodes.operator_control import IN_CONTROL, STATE_TOPIC
 from smokebot_udp.nodes.simulated_driving import planar
 from smokebot_udp.simulation.pose import Pose
 
-from .steering import is_reached, nearest_ahead, steer
+from .driver_steering import is_reached, nearest_ahead, steer
 
 RATE = 20.0
 """Of commands [Hz]."""
@@ -137,16 +138,12 @@ class Driver:
     def _pose(self) -> Tuple[Optional[Pose], float]:
         """Where the robot is in its map as far as the operator knows, and since when; None: unknown."""
         try:
-            found = self._transforms.lookup_transform('map', 'base_link', rospy.Time(0))
+            found, odom = (self._transforms.lookup_transform(frame, 'base_link', rospy.Time(0))
+                           for frame in ('map', 'odom'))
         except tf2_ros.TransformException:
             return None, -math.inf
-        odom = self._transforms.lookup_transform('odom', 'base_link', rospy.Time(0))
-        return planar(_Pose(found.transform.translation, found.transform.rotation)), odom.header.stamp.to_sec()
-
-
-class _Pose(NamedTuple):
-    position: Any
-    orientation: Any
+        pose = PoseMessage(found.transform.translation, found.transform.rotation)
+        return planar(pose), odom.header.stamp.to_sec()
 
 
 def main() -> None:
