@@ -5,10 +5,15 @@ import pathlib
 import struct
 import subprocess
 import tempfile
-from typing import Any, Dict, Tuple
+from typing import Any, Dict, List, Tuple
 
 import cv2
 import numpy as np
+
+from . import TOP
+
+RVIZ_SIZE = 1280, 900
+"""(width, height) of the window of operator.rviz [pixel]."""
 
 Region = Tuple[int, int, int, int]
 """(left, top, right, bottom) [pixel]"""
@@ -21,6 +26,19 @@ WORDS = 25
 
 COLOUR_MAP_ENTRY = 12
 """[byte]"""
+
+
+def operator_rviz(folder: pathlib.Path) -> List[str]:
+    """The command that starts rviz as operator.launch does, but with few frames a second: each takes long to draw.
+
+    :param folder: for its configuration
+    """
+    config = (TOP / 'rviz' / 'operator.rviz').read_text()
+    assert 'Frame Rate: 30' in config
+    path = folder / 'operator.rviz'
+    path.write_text(config.replace('Frame Rate: 30', 'Frame Rate: 5'))
+    return ['rosrun', 'smokebot_udp', 'rviz_keeper', '-d', str(path), '/tf:=operator/tf',
+            '/tf_static:=operator/tf_static']
 
 
 class Screen:

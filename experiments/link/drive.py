@@ -6,13 +6,13 @@ import os
 import pathlib
 import sys
 import time
-from typing import Any, Dict, Iterator, List, Mapping, Tuple, Union
+from typing import Any, Dict, List, Mapping, NamedTuple, Tuple, Union
 
 from evaluation import TOP
 from evaluation.link_run import lab_state
 from evaluation.own_masters import OwnMasters
 from evaluation.processes import Peer
-from evaluation.screen import Screen
+from evaluation.screen import RVIZ_SIZE, Screen, operator_rviz
 from smokebot_udp.link.keys import make_key
 from smokebot_udp.simulation.drive import CORRIDOR
 from smokebot_udp.simulation.world import DOORS, room_centre
@@ -47,9 +47,6 @@ SETTLE, QUICK_SETTLE = 15.0, 8.0
 CUT, AFTER = 5.0, 3.0
 """[s]"""
 
-SCREEN = 1280, 900
-"""As the window of operator.rviz."""
-
 START = 60.0
 """For rviz to draw its first frames [s]."""
 
@@ -61,7 +58,7 @@ class Scene:
 
     def __init__(self, run: Run) -> None:
         try:
-            self._screen = Screen(SCREEN)
+            self._screen = Screen(RVIZ_SIZE)
         except OSError as error:
             raise Skipped(str(error)) from None
         self._folder = run.folder
@@ -74,19 +71,12 @@ class Scene:
         self.stack.start_node('robot', 'simulated_robot')
         self.stack.start_sender(streams, '_focus_file:=%s' % (TOP / 'config' / 'focus.yaml'))
         self.stack.start_receiver(streams)
-        self.stack.start('operator', 'rosrun', 'smokebot_udp', 'rviz_keeper', '-d', str(self._slow_rviz()),
-                         '/tf:=operator/tf', '/tf_static:=operator/tf_static',
+        self.stack.start('operator', *operator_rviz(run.folder),
                          env={**self.stack.environment('operator'), **self._screen.environment})
         self._driver = Peer(self.lab.command('operator', [
             sys.executable, '-m', 'evaluation.blind_driver', '/tf:=operator/tf', '/tf_static:=operator/tf_static']),
             cwd=str(TOP), env=self.stack.environment('operator'), stderr=(run.folder / 'driver.log').open('wb'))
         assert self._driver.line() == 'ready'
-
-    def _slow_rviz(self) -> pathlib.Path:
-        """The configuration with few frames a second: each takes half of a processor here."""
-        path = self._folder / 'operator.rviz'
-        path.write_text((TOP / 'rviz' / 'operator.rviz').read_text().replace('Frame Rate: 30', 'Frame Rate: 5'))
-        return path
 
     def drive(self, target: Tuple[float, float]) -> Dict[str, Any]:
         """Drive to a point; a blind_driver.Leg as a dict."""
@@ -122,8 +112,8 @@ def run(run: Run) -> None:
             if target not in ((x, CORRIDOR) for x in DOORS):
                 scene.shot('way_%d' % number)
         table.write(run.folder / 'legs.csv', rows)
-        for look in run.steps(list(_looks()), lambda look: look[0]):
-            _look(scene, *look, QUICK_SETTLE if run.quick else SETTLE)
+        for look in run.steps(_looks(QUICK_SETTLE if run.quick else SETTLE), lambda look: look.name):
+            _take(look, scene)
 
 
 def _row(target: Tuple[float, float], leg: Mapping[str, Any], state: Mapping[str, Any]) -> Dict[str, Any]:
@@ -134,22 +124,29 @@ def _row(target: Tuple[float, float], leg: Mapping[str, Any], state: Mapping[str
             'nearest [m]': round(leg['least'], 2), **ages, **state}
 
 
-def _looks() -> Iterator[Tuple[str, Dict[str, float], str]]:
-    """(name of a screenshot, conditions of the link, mission focus)"""
-    for loss in (0.0, 0.2, 0.8):
-        yield 'loss_%.0f' % (100 * loss), {**LINK, 'loss': loss}, 'default'
-    yield 'cut', {**LINK, 'loss': 1.0}, 'default'
-    yield 'after_cut', LINK, 'default'
-    for focus in FOCUSES:
-        yield 'focus_' + focus, LINK, focus
+class _Look(NamedTuple):
+    """A screenshot."""
+    name: str
+    link: Mapping[str, float]
+    """Conditions."""
+    seconds: float
+    """From a change until then."""
+    focus: str = ''
+    """That is requested before; empty: none."""
 
 
-def _look(scene: Scene, name: str, conditions: Mapping[str, float], focus: str, settle: float) -> None:
-    if conditions['loss'] < 1 and not name.startswith('after') and focus != 'default':
-        scene.focus(focus)
-    scene.lab.set(conditions)
-    time.sleep({'cut': CUT, 'after_cut': AFTER}.get(name, settle))
-    scene.shot(name)
+def _looks(settle: float) -> List[_Look]:
+    return [*(_Look('loss_%.0f' % (100 * loss), {**LINK, 'loss': loss}, settle) for loss in (0.0, 0.2, 0.8)),
+            _Look('cut', {**LINK, 'loss': 1.0}, CUT), _Look('after_cut', LINK, AFTER),
+            *(_Look('focus_' + focus, LINK, settle, focus) for focus in FOCUSES)]
+
+
+def _take(look: _Look, scene: Scene) -> None:
+    scene.lab.set(look.link)
+    if look.focus:
+        scene.focus(look.focus)
+    time.sleep(look.seconds)
+    scene.shot(look.name)
 
 
 def plot(folder: pathlib.Path) -> List[Union[Figure, Table]]:

@@ -21,12 +21,9 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
 from waiting import pid_at, wait_for
 
-from evaluation.screen import Screen
+from evaluation.screen import RVIZ_SIZE, Screen, operator_rviz
 from smokebot_udp.codecs.display.view import COLOURS, FRESH, FROZEN
 from smokebot_udp.srv import SetFocus
-
-SIZE = 1280, 900
-"""As the window of operator.rviz."""
 
 # Docks differ by some pixels with fonts and styles: regions are within them, or beyond.
 STATUS, THERMAL, SCENE = (0, 60, 560, 212), (0, 225, 560, 645), (600, 70, 1260, 865)
@@ -47,7 +44,7 @@ class Rviz(unittest.TestCase):
     @classmethod
     def setUpClass(cls) -> None:
         rospy.init_node('watch_rviz')
-        cls.screen = Screen(SIZE)
+        cls.screen = Screen(RVIZ_SIZE)
         cls.addClassCleanup(cls.screen.close)
         cls.start_rviz()
         for service in ('set_focus', 'estop'):
@@ -58,13 +55,8 @@ class Rviz(unittest.TestCase):
         """Start it as operator.launch does, but with few frames a second."""
         folder = tempfile.TemporaryDirectory()
         cls.addClassCleanup(folder.cleanup)
-        config = pathlib.Path(rospkg.RosPack().get_path('smokebot_udp'), 'rviz', 'operator.rviz').read_text()
-        assert 'Frame Rate: 30' in config
-        path = pathlib.Path(folder.name, 'operator.rviz')
-        path.write_text(config.replace('Frame Rate: 30', 'Frame Rate: 5'))
-        rviz = subprocess.Popen(
-            ['rosrun', 'smokebot_udp', 'rviz_keeper', '-d', str(path), '/tf:=operator/tf',
-             '/tf_static:=operator/tf_static'], env={**os.environ, **cls.screen.environment}, start_new_session=True)
+        rviz = subprocess.Popen(operator_rviz(pathlib.Path(folder.name)),
+                                env={**os.environ, **cls.screen.environment}, start_new_session=True)
         cls.addClassCleanup(rviz.wait)
         cls.addClassCleanup(os.killpg, rviz.pid, signal.SIGTERM)
 

@@ -35,9 +35,7 @@ def remainder(values: Float32Array, period: float) -> Float32Array:
 def warmth(view: View, fire: Sequence[float], spread: float) -> Float32Array:
     """1 / (1 + spread * squared distance over the floor plan) from a fire at (x, y, z): (height, width)."""
     squared = np.square(view.x - np.float32(fire[0]))
-    east = view.y - np.float32(fire[1])
-    east *= east
-    squared += east
+    squared += np.square(view.y - np.float32(fire[1]))
     squared *= np.float32(spread)
     squared += np.float32(1)
     return np.asarray(np.reciprocal(squared, out=squared))

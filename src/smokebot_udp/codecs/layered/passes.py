@@ -387,8 +387,11 @@ def _code_planes(encoding: bool, bands: Array, weights: Array, steps: Array, str
                  ends: Array, errors: Array, low: int, width: int, at: int, values: Array, activity: Array,
                  signs: Array, live: Array, quiet: Array, found: Array, blocks: Array, firsts: Array, alive: Array,
                  counts: Array, odds: Array, error: Array, guesses: Array, data: Array) -> Tuple[int, int, int, int]:
-    """As code_planes. A tuple of so many arrays is not passed from Python: numba 0.56 looks up its type by the first 40
-    bytes of a description, beyond which they are arbitrary; so it types it anew each time, and keeps that for ever."""
+    """As code_planes, with the arrays of Work one by one.
+
+    numba 0.56 caches the types of arguments by a fingerprint, and that of a tuple is wrong where it is longer than 40
+    bytes: each call would add an entry to the cache.
+    """
     work = Work(values, activity, signs, live, quiet, found, blocks, firsts, alive, counts, odds, error, guesses, data)
     points, symbol = 1, 0
     for step in range(len(steps)):
