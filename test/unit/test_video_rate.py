@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from smokebot_udp.codecs.video.protection import LENGTH_BYTES
 from smokebot_udp.codecs.video.rate import (
     EACH,
     LEAST_AGE,
@@ -18,7 +19,16 @@ from smokebot_udp.codecs.video.rate import (
     plan,
     reopening,
 )
-from smokebot_udp.codecs.video.redundancy import Link, Scene, Sizes, divide, division, expected_error, parities
+from smokebot_udp.codecs.video.redundancy import (
+    Link,
+    Scene,
+    Sizes,
+    divide,
+    division,
+    expected_error,
+    parities,
+    slice_bytes,
+)
 
 SIZES = Sizes(room=1300, head=100)
 SLOW = Scene(coding_error=5.0, change=9.0, refresh=LONG)
@@ -57,13 +67,29 @@ def test_parity_grows_with_the_loss_and_all_fits_the_budget(budget) -> None:
     last = 0.0
     for loss in LOSSES:
         found = divide(budget, SIZES, SLOW, Link({loss: 1.0}))
-        on_air = found.size * (1 + SIZES.head / SIZES.room) + found.parities * SIZES.parity
-        assert on_air == pytest.approx(budget, rel=0.01)
-        share = found.parities * SIZES.parity / budget
+        piece = min(found.size, SIZES.room) + LENGTH_BYTES + SIZES.head
+        slices = max(found.size / SIZES.room, 1.0)
+        assert found.size + slices * SIZES.head + found.parities * piece == pytest.approx(budget, rel=0.01)
+        share = found.parities * piece / budget
         assert share >= last - 0.05
         last = max(share, last)
     assert divide(budget, SIZES, SLOW, Link({0.0: 1.0})).parities == 0
-    assert last > (0.5 if budget > 4000 else -1)
+    assert last > 0.5
+
+
+def test_the_parity_of_an_only_slice_is_as_short_as_the_slice() -> None:
+    # 3740 byte on the air hold one full datagram of parity; or four of 935, a slice and three parity pieces
+    found = division(3740, 3, SIZES, SLOW, Link({0.5: 1.0}))
+    assert divide(3740, SIZES, SLOW, Link({0.5: 1.0})).parities == 2
+    assert found.size == (3740 - 3 * LENGTH_BYTES) // 4 - SIZES.head
+
+
+def test_where_two_slices_become_one() -> None:
+    # with one parity piece: at 2 * 1400 byte and what tells its length, one slice fills its datagram
+    both = 2 * (SIZES.room + SIZES.head) + LENGTH_BYTES
+    shorter, longer = (slice_bytes(both + change, 1, SIZES) for change in (-28, 28))
+    assert shorter == SIZES.room - 14
+    assert longer == pytest.approx(SIZES.room + 28 * SIZES.room / (SIZES.room + SIZES.head))
 
 
 @given(st.integers(3000, 200000), st.sampled_from(LOSSES), st.sampled_from([None, 2.0, 5.0]), st.floats(0.1, 50),

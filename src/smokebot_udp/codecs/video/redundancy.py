@@ -39,6 +39,9 @@ NEGLIGIBLE = 0.004
 LEAST_SLICES = 0.25
 """However heavy the losses, slices take this part of the bytes: a blurred image is of no use."""
 
+MOST_COPIES = int(1 / LEAST_SLICES) - 1
+"""Parity pieces of an only slice: they are as short as the slice."""
+
 CACHED = 256
 """Numbers of datagrams whose probabilities are cached."""
 
@@ -106,7 +109,7 @@ def divide(budget: float, sizes: Sizes, scene: Scene, link: Link, usual: Optiona
     def error(number: int) -> float:
         return division(budget, number, sizes, scene, link).error - CLEARLY * (number == usual)
     whole = math.ceil(slice_bytes(budget, 0, sizes) / sizes.room)
-    most = min(int((1 - LEAST_SLICES) * budget / sizes.parity), MAX_PIECES - whole)
+    most = min(max(int((1 - LEAST_SLICES) * budget / sizes.parity), MOST_COPIES), MAX_PIECES - whole)
     likely = whole * math.fsum(loss * weight for loss, weight in link.losses.items())
     return division(budget, _best(error, most, [usual or 0, int(likely)]), sizes, scene, link)
 
@@ -154,9 +157,15 @@ def expected_error(count: int, parities: int, cost: float, scene: Scene, link: L
 
 
 def slice_bytes(budget: float, parities: int, sizes: Sizes) -> float:
-    """What parity pieces leave of a budget for the slices, without their heads [byte]."""
+    """What parity pieces leave of a budget for the slices, without their heads [byte].
+
+    They are as long as the longest slice: where one slice remains, it is shorter than a datagram's room, and so are
+    they.
+    """
     left = budget - parities * sizes.parity
-    return max(left * sizes.room / (sizes.room + sizes.head), 1.0)
+    if left < sizes.room + sizes.head:
+        return max((budget - parities * LENGTH_BYTES) / (parities + 1) - sizes.head, 1.0)
+    return left * sizes.room / (sizes.room + sizes.head)
 
 
 def _believed(losses: Mapping[float, float]) -> FloatArray:
