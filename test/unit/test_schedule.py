@@ -11,12 +11,12 @@ from smokebot_udp.streams.schedule import Schedule
 def test_the_newest_is_taken_when_its_turn_comes() -> None:
     schedule: Schedule[str] = Schedule(10.0)
     assert schedule.deadline() is None and schedule.take(0.0) is None
-    schedule.put('first')
+    schedule.put('first', 0.0)
     assert schedule.deadline() <= 0.0 and schedule.take(0.0) == 'first' and schedule.take(0.0) is None
-    schedule.put('second')      # within the slack of one period
+    schedule.put('second', 0.0)      # within the slack of one period
     assert schedule.take(0.0) == 'second'
     for item in ('third', 'fourth'):
-        schedule.put(item)
+        schedule.put(item, 0.0)
     assert schedule.deadline() == 0.1 and schedule.take(0.09) is None
     assert schedule.take(0.1) == 'fourth' and schedule.replaced == 1
     assert schedule.deadline() is None
@@ -25,8 +25,8 @@ def test_the_newest_is_taken_when_its_turn_comes() -> None:
 def test_what_is_merged_is_not_replaced() -> None:
     schedule: Schedule[List[int]] = Schedule(10.0)
     items = [1]
-    schedule.put(items)
-    schedule.put(items)
+    schedule.put(items, 0.0)
+    schedule.put(items, 0.0)
     assert schedule.replaced == 0 and schedule.take(0.0) is items
 
 
@@ -60,13 +60,13 @@ def test_the_period_changes_in_place() -> None:
 
 def test_what_is_due_first_counts() -> None:
     schedule: Schedule[str] = Schedule(10.0, repeat_period=0.05)
-    schedule.put('item')
+    schedule.put('item', 0.0)
     assert schedule.take(0.0) == 'item'
     schedule.sent(0.0)
     for _ in range(2):
-        schedule.put('next')
+        schedule.put('next', 0.0)
         schedule.take(0.0)
-    schedule.put('last')
+    schedule.put('last', 0.0)
     assert schedule.deadline() == 0.05
     schedule.repeat_period = 0.5
     assert schedule.deadline() == 0.1
@@ -87,8 +87,49 @@ def test_a_grant_that_differs_in_its_last_digits_lets_no_more_through() -> None:
         if event == 'grant':
             schedule.set_rate(granted * (1 + chance.uniform(-1e-9, 1e-9)))
         else:
-            schedule.put(1)
+            schedule.put(1, now)
     assert 57 <= sent <= 63
+
+
+def waits(schedule: Schedule[float], times: List[float]) -> List[float]:
+    """How long each item that is taken has waited, of items put at these times [s]."""
+    found = []
+    for now, following in zip(times, times[1:]):
+        schedule.put(now, now)
+        due = schedule.deadline()
+        if due <= following:
+            at = max(now, due)
+            found.append(at - schedule.take(at))
+    return found
+
+
+def test_one_late_item_delays_no_later_ones() -> None:
+    """A stream whose rate was limited for a moment sent images that had waited for 60 ms from then on."""
+    schedule: Schedule[float] = Schedule(8.0, steady=True)
+    waits(schedule, [0.1 * k for k in range(20)])
+    schedule.set_rate(10.0)
+    found = waits(schedule, [2.0 + 0.1 * k for k in range(50)])
+    assert len(found) >= 48 and max(found) < 0.011
+
+
+def test_a_source_with_jitter_keeps_its_rate_and_waits_little() -> None:
+    chance = random.Random(3)
+    found = waits(Schedule(10.0, steady=True), [0.1 * k + chance.uniform(0.0, 0.02) for k in range(1000)])
+    assert len(found) >= 990 and sum(found) / len(found) < 0.002
+
+
+def test_a_faster_source_is_held_to_the_rate_by_fresh_items() -> None:
+    found = waits(Schedule(8.0, steady=True), [0.1 * k for k in range(1000)])
+    assert 790 <= len(found) <= 802 and max(found) < 0.011
+
+
+def test_the_last_item_of_a_source_that_ends_is_taken() -> None:
+    schedule: Schedule[str] = Schedule(8.0, steady=True)
+    for number in range(6):
+        schedule.put('item', 0.1 * number)
+        assert schedule.take(0.1 * number) == 'item'
+    schedule.put('last', 0.6)       # its turn is at 0.625
+    assert schedule.take(0.7) is None and schedule.take(0.6 + 0.13 + 1e-9) == 'last'
 
 
 @given(st.lists(st.tuples(st.floats(0.0, 1.0), st.booleans(), st.booleans()), max_size=100))
@@ -98,7 +139,7 @@ def test_what_is_due_can_be_taken(steps: List) -> None:
     for gap, put, wake in steps:
         now += gap
         if put:
-            schedule.put(1)
+            schedule.put(1, now)
         if wake:
             schedule.wake()
         deadline = schedule.deadline()

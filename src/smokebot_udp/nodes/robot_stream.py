@@ -96,7 +96,8 @@ class RobotStream(rospy.SubscribeListener):
         self._source = Rate(SOURCE_RATE_OVER)
         current = self.settings.current
         # however slow the link is, derived messages are published at the requested rate: they are limited twice
-        self._schedule: Schedule[Any] = Schedule(self._encoding_rate(current), encoder.repeat_period(current))
+        self._schedule: Schedule[Any] = Schedule(
+            self._encoding_rate(current), encoder.repeat_period(current), encoder.STEADY)
         self._sending_limiter = RateLimiter(current['rate'])
         self._worker: DeadlineWorker[Callable[[], None]] = DeadlineWorker(
             name, self._next_job, self._schedule.deadline, self._work, self._report)
@@ -247,7 +248,7 @@ class RobotStream(rospy.SubscribeListener):
                 return
             if self.encoder.REENCODES:
                 self._last = merged
-            self._schedule.put(merged)
+            self._schedule.put(merged, time.monotonic())
 
     def held(self, operator: str, holding: Holding) -> bool:
         """An operator reported what it holds.
@@ -273,7 +274,7 @@ class RobotStream(rospy.SubscribeListener):
             self._schedule.repeat_period = self.encoder.repeat_period(settings)
             self._sending_limiter.rate = settings['rate']
             if changed and self._last is not None:
-                self._schedule.put(self._last)
+                self._schedule.put(self._last, time.monotonic())
         if not settings['enabled']:
             self.link.outbox.drop(self.name)
 
