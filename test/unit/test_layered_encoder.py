@@ -180,17 +180,17 @@ def test_the_smallest_image_and_the_shortest_datagrams(size: int) -> None:
 # operating points
 
 def test_operating_points_are_bytes_and_rate_and_what_is_left_over_makes_more_bytes() -> None:
-    of = settings({'max_bytes': 1500}, rate=8.0)
+    of = settings({'max_bytes': 1500}, rate=10.0)
     made = encoder(of)
     frames = made.encode(image(CASES['mono16'], 'mono16'), of, DATAGRAM)
     assert size_on_air(frames) <= 1500
-    points = made.operating_points(8.0, of)
-    assert points[-1].settings == {'max_bytes': 0, 'rate': 8.0} and points[-1].cost > 8 * 1500
+    points = made.operating_points(10.0, of)
+    assert points[-1].settings == {'max_bytes': 0, 'rate': 10.0} and points[-1].cost > 10 * 1500
     assert points[0].settings['max_bytes'] == 600
-    assert made.refine(points[0].settings, 8.0 * 250) == {**points[0].settings, 'max_bytes': 850}
-    assert made.refine(points[-1].settings, 0.0) == {'rate': 8.0}
-    limited = settings(max_bytes=2000, rate=8.0)
-    assert made.operating_points(8.0, limited)[-1].cost == 8 * 2000
+    assert made.refine(points[0].settings, 10.0 * 250) == {**points[0].settings, 'max_bytes': 850}
+    assert made.refine(points[-1].settings, 0.0) == {'rate': 10.0}
+    limited = settings(max_bytes=2000, rate=10.0)
+    assert made.operating_points(10.0, limited)[-1].cost == 10 * 2000
 
 
 def test_the_cost_of_a_complete_image_changes_in_steps() -> None:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What the encoder of a stream may expect of the link, and how that follows from the operators' reports."""
 import math
-from typing import Collection, Dict, NamedTuple
+from typing import Any, Collection, Dict, Mapping, NamedTuple
 
 from .air import UNKNOWN, Air, LossBeliefs, merged
 
@@ -21,6 +21,14 @@ class Outlook(NamedTuple):
             if total >= probability:
                 break
         return loss
+
+    def in_air_time(self, settings: Mapping[str, Any], most: float = math.inf) -> float:
+        """What a stream may send within `air_time` [byte].
+
+        :param most: air time where the setting is 0, and at most [s]
+        """
+        duration = min(settings['air_time'] or math.inf, most)
+        return math.inf if math.isinf(duration) else duration * self.room
 
 
 class StreamLosses:

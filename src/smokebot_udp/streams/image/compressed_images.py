@@ -28,10 +28,10 @@ class CompressedImages:
 
     @property
     def _least_rate(self) -> float:
-        """An image leaves within the period of this rate at what its stream may use of the link, however rare images
-        are: its last datagrams come long before the operator stops waiting for them, also where the link is slower than
-        expected [Hz]."""
-        return self.AIR_PART / (MAX_WAIT / 2)
+        """An image leaves within its part of the period of this rate at what its stream may use of the link, however
+        rare images are: its last datagrams come long before the operator stops waiting for them, also where the link is
+        slower than expected [Hz]."""
+        return 1 / (MAX_WAIT / 2)
 
     def _note_size(self, size: float) -> None:
         """Note what a complete image takes on the air [byte]."""
@@ -52,5 +52,5 @@ class CompressedImages:
     def budget(self, settings: Settings, outlook: Outlook) -> float:
         """What the link has for an image on the air, as granted [byte]; inf: more than any image takes."""
         granted = (settings.granted or {}).get('max_bytes') or math.inf
-        return float(min(settings.requested['max_bytes'] or math.inf, self.AIR_PART * granted,
-                         self.AIR_PART * outlook.room / max(settings['rate'], self._least_rate)))
+        return float(min(settings.requested['max_bytes'] or math.inf, self.AIR_PART * granted, outlook.in_air_time(
+            settings, self.AIR_PART / max(settings['rate'], self._least_rate))))

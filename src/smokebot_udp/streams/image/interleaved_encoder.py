@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Images as raw pixels in interleaved segments (D6.3, section 4): every datagram shows the image, at low resolution."""
+import math
 from typing import Any, Dict, List, Mapping, NamedTuple, Optional
 
 import numpy as np
@@ -47,14 +48,19 @@ class InterleavedImages:
         # the requested max_subimages stays in effect: 0 would be all subimages
         return {name: value for name, value in point.items() if name != 'max_subimages'}
 
-    def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Frame]:
-        """As Encoder.encode."""
+    def encode(self, message: Any, settings: Settings, max_datagram_size: int, most: float = math.inf) -> List[Frame]:
+        """As Encoder.encode.
+
+        :param most: of all datagrams on the air, but for one [byte]
+        """
         items = _items(message, settings['scale'])
         frame_id, encoding = message.header.frame_id.encode(), message.encoding.encode()
         cut, per_segment = interleave.fit(items.shape[0], items.shape[1], items.dtype.itemsize,
                                           room(ImageSegment, max_datagram_size, frame_id, encoding))
         total, requested = (min(values['max_subimages'] or len(cut), len(cut))
                             for values in (settings, settings.requested))
+        if most < math.inf:
+            total = min(total, per_segment * max(1, int(most / (max_datagram_size + IP_UDP_HEADERS))))
         subimages = cut.split(items).reshape(len(cut), -1).view(np.uint8)[:total]
         parts = subimage_frames(ImageSegment, subimages, per_segment, {
             'header.frame_id': len(frame_id), 'encoding': len(encoding)})
