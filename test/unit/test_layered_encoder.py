@@ -6,7 +6,7 @@ import needs_numba  # noqa: F401
 import numpy as np
 import pytest
 from genpy import Time
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import settings as settings_of_property
 from hypothesis import strategies as st
 from layered_sender import (
@@ -102,6 +102,7 @@ def test_an_image_of_a_scene_that_moves_fast_is_short_on_a_slow_link_so_that_it_
 @settings_of_property(max_examples=60)
 @given(st.sampled_from(['mono8', 'mono16', 'bgr8', '32FC1']), st.integers(1, 40), st.integers(1, 40),
        st.integers(1, 20000), st.integers(256, DATAGRAM), st.sampled_from([0.0, 0.3, 0.9]), st.integers(0, 9))
+@example('32FC1', 18, 32, 1777, 256, 0.0, 4)    # what shows it fills more than a datagram
 def test_any_image_at_any_budget(encoding: str, height: int, width: int, budget: int, size: int, loss: float,
                                  seed: int) -> None:
     random = np.random.RandomState(seed)

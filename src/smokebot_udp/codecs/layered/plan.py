@@ -99,7 +99,8 @@ def best_plan(ends: IntArray, values: FloatArray, budget: int, losses: Mapping[f
         if space < MIN_PIECES and (best[1] is not None or space <= LAYER_BYTES):
             break
         likely = survival(count, losses, burst)
-        layers = _sure_first(_fit(_price_layers(curve, count, likely, space), space, count, int(ends[-1])), likely)
+        layers = _fit(_price_layers(curve, count, likely, space), space, count, int(ends[-1]))
+        layers = _sure_first(layers, likely, int(ends[0]))
         promise = promised(count, layers, ends, values, likely) - FINER_GAIN * fineness * float(values[-1] - values[0])
         if promise > best[0]:
             best = promise, Plan(count, layers)
@@ -124,9 +125,12 @@ def _sure(budget: int, losses: Mapping[float, float], burst: Optional[float], he
     return min(sure_count(min(loss, MOST_LOSS), burst), int(budget * MOST_HEADS / max(head, MIN_PIECES)))
 
 
-def _sure_first(layers: List[Layer], likely: FloatArray) -> List[Layer]:
-    """The layers with the first one restored with the probability SURE, or by any datagram."""
-    most = max(int(np.count_nonzero(likely >= SURE)), 1)
+def _sure_first(layers: List[Layer], likely: FloatArray, least: int) -> List[Layer]:
+    """The layers with the first one restored with the probability SURE, or by any datagram that can hold it.
+
+    :param least: of the stream that shows an image [byte]
+    """
+    most = max(int(np.count_nonzero(likely >= SURE)), -(-least // layers[0].size))
     return [Layer(min(layer.threshold, most), layer.size) for layer in layers[:1]] + layers[1:]
 
 
