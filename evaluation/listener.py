@@ -23,8 +23,9 @@ from tf2_msgs.msg import TFMessage
 
 from smokebot_udp import udpros
 from smokebot_udp.codecs.wire.partial_image import RECEIVED
-from smokebot_udp.msg import LinkStatus
+from smokebot_udp.msg import LinkStatus, RelaySegment
 from smokebot_udp.streams.blank import has_blank
+from smokebot_udp.streams.relay.parts import PartJoiner
 from smokebot_udp.streams.relay.transforms import stamp_of
 from smokebot_udp.udpros.rospy_binding import install
 
@@ -51,6 +52,9 @@ KINDS: Dict[str, Tuple[Any, Callable[[Any], Any]]] = {
 }
 """{kind: (message class, f(message) -> amount)}; the amount: bytes, points, ranges, transforms, the share of pixels
 that were received, or the content."""
+
+RELAYED = {'relayed odometry': 'odometry', 'relayed transforms': 'transforms'}
+"""{kind of a relay's segments, as they leave: kind of the messages that they carry}"""
 
 LARGE = {Image, CompressedImage, PointCloud2}
 """Of these only two wait in the queue."""
@@ -179,14 +183,36 @@ def is_blank(message: Any) -> bool:
     return has_blank(roslib.message.get_message_class(type_)) and stamp(message) == 0
 
 
+class Relayed:
+    """The messages that a relay's segments carry."""
+
+    def __init__(self, message_class: Any) -> None:
+        self._class, self._joiner = message_class, PartJoiner(message_class)
+
+    def message(self, segment: RelaySegment) -> Optional[Any]:
+        """The message that a segment completes; None: it completes none."""
+        data = self._joiner.add(segment)
+        return None if data is None else self._class().deserialize(data)
+
+
 def subscribe(topic: str, kind: str, transport: str) -> Any:
     """A subscriber that reports each message."""
-    message_class, amount = KINDS[kind]
+    message_class, amount = KINDS[RELAYED.get(kind, kind)]
 
     def report(message: Any) -> None:
         arrival = time.time()
         if not is_blank(message):
             write_line([topic, stamp(message), arrival, amount(message)])
+
+    if kind in RELAYED:
+        relayed = Relayed(message_class)
+
+        def report_segment(segment: RelaySegment) -> None:
+            message = relayed.message(segment)
+            if message is not None:
+                report(message)
+        return udpros.Subscriber(topic, RelaySegment, report_segment, queue_size=100, tcp_nodelay=True,
+                                 transport=TRANSPORTS[transport])
 
     if kind == 'any':
         return rospy.Subscriber(topic, message_class, report, queue_size=100)

@@ -75,8 +75,9 @@ class Method:
         wires = {name: 'whole/' + name if self.robot is None else '/smokebot_udp/%s/segments' % name
                  for name in (ODOM, TF)}
         status = [] if self.robot is None else [['robot_sender/status', 'status', 'TCPROS']]
-        return [[CAMERA, 'recorded image', 'TCPROS'], [wires[ODOM], 'odometry', 'TCPROS'],
-                [wires[TF], 'transforms', 'TCPROS'], *status]
+        relayed = '' if self.robot is None else 'relayed '
+        return [[CAMERA, 'recorded image', 'TCPROS'], [wires[ODOM], relayed + 'odometry', 'TCPROS'],
+                [wires[TF], relayed + 'transforms', 'TCPROS'], *status]
 
     @property
     def operator_subscriptions(self) -> List[Subscription]:

@@ -68,7 +68,9 @@ def run(run: Run) -> None:
                 steps = link.measure_in_time(loss, seconds)
                 display = DisplayHistory(link)
                 case = {'way': name, 'loss [%]': 100 * loss}
-                rows += [{**case, **row} for row in step_rows(link, steps, display)]
+                measured = list(step_rows(link, steps, display))
+                check_heard(measured)
+                rows += [{**case, **row} for row in measured]
                 times += [{**case, **row} for row in time_rows(link, steps, display)]
                 table.write(run.folder / 'steps.csv', rows)
                 table.write(run.folder / 'times.csv', times)
@@ -79,6 +81,13 @@ def run(run: Run) -> None:
     np.savez_compressed(str(run.folder / 'film.npz'), **film)
     measure_without_camera(run, seconds)
     measure_switch(run)
+
+
+def check_heard(rows: Sequence[table.Row]) -> None:
+    """:raises RuntimeError: where a protected topic was never heard on the robot's side, so that nothing can be judged"""
+    for name in (rate_steps.ODOM, rate_steps.TF):
+        if not any(row[name + ' left'] for row in rows):
+            raise RuntimeError('nothing of %s was heard leaving: see nodes.log' % name)
 
 
 def step_rows(link: RateStepRun, steps: Sequence[Step], display: DisplayHistory) -> Iterator[table.Row]:

@@ -5,13 +5,22 @@ from typing import Any, Dict
 
 import numpy as np
 import pytest
+import rospy
+from geometry_msgs.msg import TransformStamped
+from nav_msgs.msg import Odometry
+from std_msgs.msg import Header
+from tf2_msgs.msg import TFMessage
 
 for library in ('cv2', 'matplotlib', 'skimage', 'tqdm'):
     pytest.importorskip(library)
 
 from evaluation import rate_steps, recorder  # noqa: E402
-from evaluation.listener import Heard  # noqa: E402
+from evaluation.listener import KINDS, RELAYED, Heard, Relayed  # noqa: E402
+from evaluation.listener import stamp as heard_stamp  # noqa: E402
 from experiments.link import adaptation  # noqa: E402
+from smokebot_udp.msg import RelaySegment  # noqa: E402
+from smokebot_udp.streams.relay.parts import relay_frame  # noqa: E402
+from smokebot_udp.udpros.datagram import OVERHEAD  # noqa: E402
 
 
 def counts(carried: int, dropped: int, waited: Dict[int, int], lost: int = 0, offered: int = 0) -> Dict[str, Any]:
@@ -53,6 +62,30 @@ def test_messages_that_arrived() -> None:
     arrived = [Heard('b', at, at + 0.05, 1) for at in (101.0, 103.0, 104.0, 106.0)]
     assert rate_steps.message_row(sent, arrived, step, ('a', 'b')) == {'left': 4, 'lost [%]': 25.0, 'age p99 [ms]': 50}
     assert rate_steps.message_row([], [], step, ('a', 'b')) == {'left': 0, 'lost [%]': None, 'age p99 [ms]': None}
+
+
+def test_each_method_hears_its_protected_messages_leave() -> None:
+    stamp = rospy.Time(7, 500)
+    for method in rate_steps.METHODS.values():
+        kinds = {topic: kind for topic, kind, _ in method.robot_subscriptions}
+        for name, message in (('odom', Odometry(header=Header(stamp=stamp))),
+                              ('tf', TFMessage([TransformStamped(header=Header(stamp=stamp))]))):
+            topic = method.protected[name][0]
+            assert (kinds[topic] in RELAYED) == (topic == '/smokebot_udp/%s/segments' % name)
+            kind = RELAYED.get(kinds[topic], kinds[topic])
+            assert isinstance(message, KINDS[kind][0])
+            relayed = Relayed(KINDS[kind][0])
+            frame = relay_frame(message, 500)       # odometry takes two datagrams then
+            frame.records['header']['seq'] = np.arange(len(frame))
+            *earlier, whole = (relayed.message(RelaySegment().deserialize(row[OVERHEAD:].tobytes()))
+                               for row in frame.rows)
+            assert not any(earlier) and whole == message and heard_stamp(whole) == stamp.to_sec()
+
+
+def test_a_run_that_hears_no_odometry_is_none() -> None:
+    adaptation.check_heard([{'odom left': 0, 'tf left': 3}, {'odom left': 2, 'tf left': 0}])
+    with pytest.raises(RuntimeError):
+        adaptation.check_heard([{'odom left': 0, 'tf left': 3}, {'odom left': 0, 'tf left': 4}])
 
 
 def test_shares_around_a_switch() -> None:
