@@ -26,10 +26,16 @@ DELAY, QUEUE = 0.02, 0.2
 SAMPLE_PERIOD = 0.25
 """Of the link's counts [s]."""
 
+SAMPLED = 0.017
+"""The display is judged this often: no part of the time between two images, so that each part of it counts [s]."""
+
 ATTEMPTS = 2
 
 START_TIMEOUT = 60.0
 """Nodes that have not delivered an image by then never will [s]."""
+
+COURSE = 10.0
+"""The robot has driven for this long when the first step begins, so that all methods show the same course [s]."""
 
 STEADY, SETTLED = 2.0, 1.0
 """What the link carries counts from this time after a step on, what it drops from this one on [s]."""
@@ -151,9 +157,12 @@ class RateStepRun:
             self.stack.close()
             raise
 
+    def _start_robot(self) -> None:
+        self._robot = self.stack.start_node('robot', 'simulated_robot', '_width:=%d' % recorder.WIDTH,
+                                            '_height:=%d' % recorder.HEIGHT)
+
     def _start(self) -> None:
-        self.stack.start_node('robot', 'simulated_robot', '_width:=%d' % recorder.WIDTH,
-                              '_height:=%d' % recorder.HEIGHT)
+        self._start_robot()
         if self.method.robot is None:
             self.stack.start('robot', sys.executable, '-m', 'evaluation.baseline', cwd=str(TOP))
         else:
@@ -170,6 +179,15 @@ class RateStepRun:
         self.operator.subscribe(self.method.operator_subscriptions)
         if not self.operator.first([self.method.image_topic], START_TIMEOUT):
             raise RuntimeError('no image arrives over a good link: see nodes.log')
+
+    def restart_robot(self) -> float:
+        """Let the simulated robot begin its course again; when its first image came, by time.time() [s]."""
+        self.stack.end(self._robot)
+        heard = len(self.robot.heard)
+        self._start_robot()
+        if not self.robot.first([CAMERA], START_TIMEOUT):
+            raise RuntimeError('the simulated robot sends no images: see nodes.log')
+        return next(one.stamp for one in self.robot.heard[heard:] if one.topic == CAMERA and one.stamp)
 
     def set_link(self, rate: float, loss: float) -> None:
         """Change the link; rate [bit/s], loss 0..1."""
@@ -190,11 +208,14 @@ class RateStepRun:
         return steps
 
     def measure_in_time(self, loss: float, seconds: float) -> List[Step]:
-        """`measure` over new connections; repeated where the emulated link itself was late."""
+        """`measure` over new connections, from a place of the robot's course on; repeated where the emulated link
+        itself was late."""
         steps: List[Step] = []
         for _ in range(ATTEMPTS):
             self.set_link(RATES[0], 0.0)
+            began = self.restart_robot()
             self.connect()
+            time.sleep(max(0.0, began + COURSE - time.time()))
             steps = self.measure(loss, seconds)
             if max(step.lateness for step in steps) < MAX_LATENESS:
                 break
@@ -307,7 +328,7 @@ class DisplayHistory:
         arrived = [heard for heard in self.arrived if begun <= heard.arrival < ended]
         ages = [heard.age for heard in arrived]
         p50, p99 = percentile(ages, 50), percentile(ages, 99)
-        qualities = [quality for quality in map(self.psnr, np.arange(begun, ended, 0.1)) if quality is not None]
+        qualities = [quality for quality in map(self.psnr, np.arange(begun, ended, SAMPLED)) if quality is not None]
         return {'pictures [Hz]': round(len(arrived) / (ended - begun), 2),
                 'exact [%]': round(100 * float(np.mean([self.exact(heard) for heard in arrived])), 1) if arrived
                 else None,
