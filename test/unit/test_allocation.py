@@ -138,6 +138,8 @@ def test_decimation_ignores_a_dip_and_ends_when_the_link_recovers() -> None:
     assert hold(10000, 10) == 0.5
     assert hold(1000, 10) == 0.25   # the limit
     assert hold(75000, 10) == 1
+    assert hold(1000, 10) == 0.25
+    assert hold(80000, 0.1) == 1    # there is plenty
 
 
 some_points = st.lists(st.floats(1, 1e6), min_size=1, max_size=8).map(lambda costs: points(*sorted(costs)))

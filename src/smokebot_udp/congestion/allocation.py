@@ -38,6 +38,9 @@ MIN_DECIMATION = 0.25
 DECIMATION_HOLD = 3.0
 """Decimation stays for this long after a change: its effect is measured over 2 s [s]."""
 
+PLENTY = 4.0
+"""Where the link has room for this many times what protected streams would send, decimation ends at once."""
+
 
 def _unrefined(settings: Mapping[str, Any], spare: float) -> Dict[str, Any]:
     return dict(settings)
@@ -116,6 +119,8 @@ class Decimation:
         :param protected: what they send, as decimated now [byte/s]
         :param now: by a steady clock [s]
         """
+        if self.part < 1 and PLENTY * protected / self.part <= MAX_PROTECTED_PART * capacity:
+            self.part, self._changed = 1.0, now
         if now - self._changed < DECIMATION_HOLD:
             return self.part        # `protected` was measured before the change took effect
         whole, part = protected / self.part, MIN_DECIMATION
