@@ -73,6 +73,9 @@ MIN_GAIN = 0.5
 MAX_GAIN = 1.1
 """and at most."""
 
+ENOUGH = 16
+"""As many datagrams say for sure what the air carries: between fewer, a single one of others takes much of the time."""
+
 BUSY_DELAY = 0.002
 """A datagram delayed longer was queued: the air was busy [s]."""
 
@@ -272,7 +275,8 @@ class Estimator:
         duration = chain[-1].arrived - chain[0].arrived
         if busy > duration / 4 and busy > 0.01:
             dropped = self._loss.excess if queue > LONG_QUEUE else 0.0
-            step = min(1.0, 2 * busy / HORIZON) * (carried * (1 - dropped) / busy - link.capacity)
+            weight = min(1.0, 2 * busy / HORIZON, (len(chain) - 1) / ENOUGH)
+            step = weight * (carried * (1 - dropped) / busy - link.capacity)
             if step > 0 or queue > self._target() / 2:      # without a queue less was offered, not carried
                 link.capacity += step
                 self._before_timeout = min(self._before_timeout, math.inf if step > 0 else link.capacity)
