@@ -234,6 +234,25 @@ def test_sudden_loss_while_streams_send_little_does_not_lower_the_capacity_for_l
     assert sum(capacity < 0.8 for capacity in known) <= 50
 
 
+def test_a_little_of_others_traffic_does_not_halve_the_capacity_of_a_slow_link() -> None:
+    """Master calls and TCP acknowledgements on 0.3 Mbit/s: for a moment their datagrams take most of the air."""
+    known = []
+    for seed in range(3):
+        draw = random.Random(seed)
+        streams = Streams({'thermal': image(30000), 'lidar': cloud(15000), 'scan': scan(2200)},
+                          {'tf': (20.0, 330), 'odom': (10.0, 800)})
+        events, there, robot = link(0.3, seed=seed, load=streams)
+
+        def chatter(there: Channel = there, events: Events = events, draw: random.Random = draw) -> None:
+            there.fate(events.now, 600)
+            events.at(events.now + draw.expovariate(0.04 * MBIT / 600), chatter)
+        chatter()
+        for _ in range(60):
+            events.run(events.now + 0.5)
+            known.append(robot.controller.stats(robot.robot_time).capacity / MBIT)
+    assert np.percentile(known, 5) > 0.21 and np.median(known) > 0.25
+
+
 def test_robots_that_share_the_air() -> None:
     events, there = Events(), Channel(LinkConditions(rate=20e6, delay=0.02, queue=0.2), 1)
     back, draw = Channel(LinkConditions(delay=0.02), 2), random.Random(3)
