@@ -14,6 +14,12 @@ from .negotiation import Reply
 POLL_PERIOD = 0.25
 """How often a silent connection checks whether it has been stopped [s]; `stop` wakes it at once."""
 
+SHORT = 0.25
+"""After a silence, and after a batch of MANY datagrams, a batch grows for this part of `coalesce` only: most of an image
+has come by then, and what waits grows old. Where datagrams come slowly each would be a batch of its own."""
+
+MANY = 8
+
 MAX_BATCHES = 4
 """Batches received before messages are delivered, so that the newest are among them."""
 
@@ -65,8 +71,8 @@ class Subscription:
     :param consumer: to which the messages are delivered, in the thread of `run` or `poll`
     :param message_class: the topic's
     :param queue_size: of messages that arrived together only this many, the newest, are delivered; None: all
-    :param coalesce: how long to wait after the first datagram of a batch for more [s]. Fewer and larger batches cost
-        less; 0 delivers single messages at once
+    :param coalesce: how long to wait after the first datagram of a batch for more, at most [s], see SHORT. Fewer and
+        larger batches cost less; 0 delivers single messages at once
     :param arrived: called for new messages, see Arrived; None: nothing is called
     """
 
@@ -77,6 +83,7 @@ class Subscription:
         self.depacketizer = Depacketizer(reply.connection_id, consumer, message_class, queue_size, arrived)
         self._source = Source(hosts)
         self._coalesce = coalesce
+        self._many = False      # whether the last batch was of MANY datagrams
         self._begun = time.monotonic()
         self._ended = threading.Event()
 
@@ -94,7 +101,7 @@ class Subscription:
                 if not flowing and not self.receiver.wait(POLL_PERIOD):
                     continue
                 if self._coalesce:
-                    time.sleep(self._coalesce)
+                    time.sleep(self._coalesce if flowing and not self._many else SHORT * self._coalesce)
                 flowing = self.poll() and self._coalesce > 0   # more will have arrived after the next sleep
         finally:
             self.receiver.close()
@@ -111,8 +118,10 @@ class Subscription:
         self.receiver.wake()
 
     def _receive(self) -> bool:
+        self._many = False
         for batch in range(MAX_BATCHES):
             count = self.receiver.receive()
+            self._many |= count >= MANY
             start = self._take_singles(count) if count else 0
             if start < count:
                 self._take(start, count)
