@@ -65,7 +65,9 @@ def test_what_cannot_be_compared_is_forgotten(change: str) -> None:
 
 def test_bytes_are_sent_while_they_gain_more_than_their_time_costs() -> None:
     ends, errors = np.array([10, 100, 200, 300]), np.array([1000.0, 500.0, 400.0, 390.0])
-    assert worth_sending(ends, errors, 0.0, 1.0) == 4
-    assert worth_sending(ends, errors, 50.0, 0.0) == 4              # an infinitely fast link
-    assert worth_sending(ends, errors, 50.0, 0.01) == 3             # 100 bytes cost 50
-    assert worth_sending(ends, errors, 1e6, 0.01) == 3              # 200 bytes are the first above LEAST_PART
+    assert worth_sending(ends, errors, 0.0, 1.0, 0.0) == 4
+    assert worth_sending(ends, errors, 50.0, 0.0, 0.0) == 4         # an infinitely fast link
+    assert worth_sending(ends, errors, 50.0, 0.01, 0.0) == 3        # 100 bytes cost 50
+    assert worth_sending(ends, errors, 1e6, 0.01, 0.0) == 1
+    assert worth_sending(ends, errors, 1e6, 0.01, 180.0) == 3       # 200 bytes are the first of as many
+    assert worth_sending(ends, errors, 1e6, 0.01, 500.0) == 4       # there are no more

@@ -77,7 +77,7 @@ def test_auto_goes_by_the_images_that_the_source_has() -> None:
 
 
 def test_auto_gives_up_layers_on_a_processor_that_is_too_slow() -> None:
-    now = iter(np.arange(0.0, 1e3, 0.04))       # at each look at the clock it is 40 ms later
+    now = iter(np.arange(0.0, 1e3, 0.01))       # at each look at the clock it is 10 ms later: an image takes 50 ms
     of = settings(coding='auto', rate=30.0)
     made = encoder(of, BAD, clock=lambda: float(next(now)))
     kinds = [kind(made, of, second) for second in range(1, 12)]
@@ -85,10 +85,10 @@ def test_auto_gives_up_layers_on_a_processor_that_is_too_slow() -> None:
 
 
 def test_auto_goes_by_the_time_between_the_images_that_the_source_has() -> None:
-    now = iter(np.arange(0.0, 1e3, 0.04))
+    now = iter(np.arange(0.0, 1e3, 0.01))
     of = settings(coding='auto', rate=30.0)
     made = encoder(of, BAD, clock=lambda: float(next(now)))
-    made.source_rate = 10.0     # 40 ms are not too slow
+    made.source_rate = 10.0     # 50 ms are not too slow
     assert [kind(made, of, second) for second in range(1, 12)] == 11 * [LayeredSegment]
 
 

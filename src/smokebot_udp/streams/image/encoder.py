@@ -46,6 +46,9 @@ VIDEO_DATAGRAM = 1024
 CONNECTED = 5.0
 """Operators receive a part this long after it is offered; compiling takes longer [s]."""
 
+AT_ONCE = 0.002
+"""An interleaved image that leaves within this time is as fresh as can be [s]."""
+
 RAW_OVERHEAD = 1.08
 """Size of interleaved images on the air, in terms of their pixels."""
 
@@ -102,6 +105,7 @@ class ImageEncoder(Encoder[Any]):
         self._infos = InfoSender() if settings['camera_info'] else None
         self._broken = False            # whether there is a PyAV that cannot be used
         self._used: Union[InterleavedImages, Any] = self._interleaved   # for the last image
+        self._size_wished = 0.0     # of an interleaved image, where it would be or is one; 0: it would not be [byte]
         self._unheard_since = math.inf      # since when not all operators receive video [s]
 
     @staticmethod
@@ -143,8 +147,10 @@ class ImageEncoder(Encoder[Any]):
         if self._infos is not None:
             self._add_info(self._infos, source, settings['scale'], max(max_datagram_size, self.longest_datagram))
         for_video = max(max_datagram_size, min(self.longest_datagram, VIDEO_DATAGRAM))
+        self._size_wished = 0.0
         self._used = self._chosen(message, settings, for_video)
         began = self._clock()
+        self.wished = self._size_wished / AT_ONCE
         if self._used is self._interleaved:
             frames: List[Frame] = self._interleaved.encode(message, settings, max_datagram_size,
                                                             self.outlook.in_air_time(settings))
@@ -152,7 +158,7 @@ class ImageEncoder(Encoder[Any]):
             frames = self._video.encode(message, settings, for_video, self.outlook, self.operators(VIDEO), began)
         else:
             frames = self._layered.encode(message, settings, max_datagram_size, self.outlook,
-                                          (self.operators(LAYERS), began))
+                                          (self.operators(LAYERS), began), self._choice.exploring)
             self._choice.took(self._clock() - began)
         self.backlog, self.base = self._used.BACKLOG, self._used.base
         self.message_size = size_on_air(frames) or self.message_size
@@ -231,7 +237,7 @@ class ImageEncoder(Encoder[Any]):
             return False
         if self._layered is None:
             from .layered_encoder import LayeredImages  # compiled
-            self._layered = LayeredImages(self._held, self._session)
+            self._layered = LayeredImages(self._held, self._session, self._clock)
         return True
 
     def _is_better_compressed(self, message: Any, settings: Settings) -> bool:
@@ -240,10 +246,11 @@ class ImageEncoder(Encoder[Any]):
         height, width = _reduced(message, settings)
         raw = RAW_OVERHEAD * height * width * pixels.item_type(message.encoding).itemsize
         most, source_rate = settings.requested['max_bytes'] or math.inf, self.source_rate or math.inf
-        return self._choice.update(Conditions(
+        conditions = Conditions(
             raw * min(settings.requested['rate'], source_rate) if raw <= most else math.inf, self.outlook.room,
-            self.outlook.loss(0.5) if self.outlook.air.known else None, 1 / min(settings['rate'], source_rate)),
-            self._clock())
+            self.outlook.loss(0.5) if self.outlook.air.known else None, 1 / min(settings['rate'], source_rate))
+        self._size_wished = raw if self._choice.is_possible(conditions) else 0.0
+        return self._choice.update(conditions, self._clock())
 
     def _has_room(self, message: Any, settings: Settings) -> bool:
         """Whether an image is video because the link has room for it, or because it cannot be layered."""

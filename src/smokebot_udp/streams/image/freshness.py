@@ -17,8 +17,9 @@ SAMPLED = 4
 SMOOTHING = 0.3
 """Weight of the newest measurement."""
 
-LEAST_PART = 0.6
-"""However fast the scene moves, this part of the bytes is sent: a blurred image is of no use, whatever its error."""
+LEAST_PART, GOOD_RATIO = 0.6, 10 ** (-30 / 20)
+"""However fast the scene moves, this part of the bytes is sent, or as many as make a good image: a blurred image is of
+no use, whatever its error. The rms error of a good one is this part of the standard deviation of its pixels."""
 
 MAX_GAP = 1.0
 """Images that are farther apart are not compared [s]."""
@@ -55,13 +56,14 @@ class MotionMeter:
         self._last.append((stamp, image))
 
 
-def worth_sending(ends: IntArray, errors: FloatArray, growth: float, duration: float) -> int:
-    """The number of truncation points up to the one with the least error on the screen, or to LEAST_PART of the bytes.
+def worth_sending(ends: IntArray, errors: FloatArray, growth: float, duration: float, least: float) -> int:
+    """The number of truncation points up to the one with the least error on the screen.
 
     :param ends: (s,) truncation points of a stream [byte]
     :param errors: (s,) sums of squared errors there
     :param growth: of the sum of squared errors with age [1/s]
-    :param duration: of a byte of the stream on the air [s]
+    :param duration: of a byte of the stream until it is on the screen [s]
+    :param least: however fast the scene moves [byte]
     """
-    least = int(np.searchsorted(ends, LEAST_PART * ends[-1]))
-    return least + int(np.argmin((errors + growth * duration * ends)[least:])) + 1
+    first = min(int(np.searchsorted(ends, least)), len(ends) - 1)
+    return first + int(np.argmin((errors + growth * duration * ends)[first:])) + 1

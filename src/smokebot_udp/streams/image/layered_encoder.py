@@ -19,8 +19,9 @@ from ...udpros.frame import Frame
 from ..outlook import Outlook
 from ..segments import as_bytes, room, write_header
 from .coded_shape import shape_of
+from .coding_time import CodingTime, Foreseen
 from .compressed_images import LEAST_BYTES, CompressedImages
-from .freshness import MotionMeter, worth_sending
+from .freshness import GOOD_RATIO, LEAST_PART, SAMPLED, MotionMeter, worth_sending
 from .held_by_all import HeldByAll
 from .pixel_layers import Layerable, layerable
 from .prediction import Prediction, Predictor
@@ -61,6 +62,10 @@ CERTAIN_FIT, LIKELY = 0.97, 0.7
 """The exact transform is used where the whole stream is estimated to fill this part, at most, of what arrives of the
 budget at losses that are not exceeded with that probability."""
 
+LUCKY, MORE = 0.1, 1.1
+"""No more is coded than this many times what arrives of the budget at losses that are exceeded unless with that
+probability."""
+
 
 FINISHING = 1.0
 """A prediction whose mean squared error is at most this is refined by the exact transform, in however many images: the
@@ -73,14 +78,17 @@ class LayeredImages(CompressedImages):
 
     :param held: what the operators report
     :param session: makes random numbers, uint32
+    :param clock: steady [s]
     """
     # images come with jitter, and the rest of one that still waits when the next one comes is never sent
     AIR_PART = 0.8
     BACKLOG = 0.05
     """The rest of an image is waited for this long: without it, the layers of high thresholds are lost [s]."""
 
-    def __init__(self, held: HeldByAll, session: Callable[[], int]) -> None:
+    def __init__(self, held: HeldByAll, session: Callable[[], int], clock: Callable[[], float] = lambda: 0.0) -> None:
         super().__init__()
+        self._time, self._foreseen = CodingTime(clock), Foreseen()
+        self._error = math.inf                      # mean squared error of the last image as sent [count^2]
         self._predictor = Predictor(session, held)
         self._stream_size: Optional[float] = None   # of a complete stream of an image like the last one [byte]
         self._was_predicted = False                 # whether the last one was
@@ -91,32 +99,46 @@ class LayeredImages(CompressedImages):
         self._shortened = False                     # whether the scene moves too fast for a complete image
 
     def encode(self, message: Any, settings: Settings, max_datagram_size: int, outlook: Outlook,
-               recipients: Tuple[Collection[str], float] = ((), 0.0)) -> List[Frame]:
+               recipients: Tuple[Collection[str], float] = ((), 0.0), large: bool = False) -> List[Frame]:
         """As Encoder.encode.
 
         :param outlook: what to expect of the link
         :param recipients: names of the operators, and now, by a steady clock [s]
+        :param large: whether it takes as much of the link as it may, however old it is then
         """
         source, stamp = layerable(message, settings['scale'], settings['depth_unit']), message.header.stamp.to_sec()
         self._forget_others(source, settings)
-        prediction = self._predictor.predict(source.pixels, stamp, self._motion.growth, *recipients)
+        prediction = self._predicted(source, stamp, recipients)
         texts = message.header.frame_id.encode(), source.encoding.encode()
         free = room(LayeredSegment, max_datagram_size, *texts)
         head = max_datagram_size + IP_UDP_HEADERS - free
         overhead = (head + TABLE) / max(free - TABLE, 1)
         least = max(LEAST_BYTES, head + LEAST_PIECES)
         budget = max(self._budget(source, prediction, settings, overhead, outlook), least)
-        stream = self._compress(source, prediction, settings, int(budget / (1 + overhead)), outlook)
+        carried = int(budget / (1 + overhead))
+        useful = max(int(min(1.0, MORE * (1 - outlook.loss(LUCKY))) * carried), LEAST_BYTES)
+        coded = int(max(min(useful, math.inf if large else self._foreseen.size), LEAST_BYTES))
+        stream = self._compress(source, prediction, settings, carried, coded, outlook)
         prediction = prediction if stream.predicted else None
         ends, errors = _useful(stream, settings['max_quality'], source.pixels.itemsize)
         floor = None if source.pixels.itemsize > 1 else max(FLOOR, _bound(settings['max_quality'], 1))
         self._estimate(source, prediction, stream, int(ends[-1]), overhead, outlook)
         self.good_size = _length_at(stream, GOOD) * _protected(overhead, outlook.loss(LIKELY))
         self._motion.add(source.pixels, stamp, source.classes)
-        fresh = worth_sending(ends, errors, self._motion.growth * stream.cells,
-                              _protected(overhead, outlook.loss(LIKELY)) / max(outlook.room, LEAST_ROOM))
-        self._shortened = fresh < len(ends)
-        budget = max(int(budget * ends[fresh - 1] / ends[-1]), least)
+        good = _length_at(stream, max(GOOD_RATIO * float(source.pixels[::SAMPLED, ::SAMPLED].std()), UNIFORM_ERROR))
+        hurried = coded < useful
+        fresh = worth_sending(
+            ends, errors, 0.0 if large else self._motion.growth * stream.cells,
+            _protected(overhead, outlook.loss(LIKELY)) / max(outlook.room, LEAST_ROOM) + self._time.per_byte,
+            min(LEAST_PART * (useful if hurried else ends[-1]), good))
+        self._foreseen.sent(int(ends[fresh - 1]), int(ends[-1]), not hurried or len(stream.data) < coded)
+        self._shortened = fresh < len(ends) or hurried
+        self._error = max(float(errors[fresh - 1]), 0.0) / stream.cells
+        if hurried:
+            budget = min(budget, int(ends[fresh - 1] * _protected(overhead, outlook.loss(RESERVE))))
+        else:
+            budget = int(budget * ends[fresh - 1] / ends[-1])
+        budget = max(budget, least)
         ends, errors = ends[:fresh] + len(_beginning(prediction)), errors[:fresh]
         plan = best_plan(ends, worth(errors, stream.cells, floor), budget, outlook.air.losses, outlook.air.burst, head,
                          free)
@@ -133,11 +155,23 @@ class LayeredImages(CompressedImages):
         stream = image.encode(source.pixels, False, int(GOOD_BITS / 8 * source.pixels.size), source.classes)
         self.good_size = _length_at(stream, GOOD) * _protected(0.0, outlook.loss(LIKELY))
 
+    def _predicted(self, source: Layerable, stamp: float,
+                   recipients: Tuple[Collection[str], float]) -> Optional[Prediction]:
+        """What the image is to be coded against; None: nothing, or to predict it takes so long that the scene has moved
+        by more than that could save."""
+        if self._motion.growth * self._time.prediction > self._error:
+            return None
+        self._time.begin()
+        prediction = self._predictor.predict(source.pixels, stamp, self._motion.growth, *recipients)
+        self._time.predicted()
+        return prediction
+
     def _forget_others(self, source: Layerable, settings: Settings) -> None:
         """Forget what was measured of images of another kind."""
         shape = (source.pixels.shape, source.encoding, source.depth_unit, settings['scale'], settings['max_quality'])
         if shape != self._shape:
             self._shape, self._stream_size, self._motion, self._shortened = shape, None, MotionMeter(), False
+            self._foreseen, self._error = Foreseen(), math.inf
             self._predictor.begin()
 
     def _budget(self, source: Layerable, prediction: Optional[Prediction], settings: Settings, overhead: float,
@@ -154,8 +188,12 @@ class LayeredImages(CompressedImages):
         return int(max(min(whole, self.budget(settings, outlook)), LEAST_BYTES))
 
     def _compress(self, source: Layerable, prediction: Optional[Prediction], settings: Settings, budget: int,
-                  outlook: Outlook) -> image.LayeredStream:
-        """The stream of an image, exact where all of it is likely to arrive."""
+                  coded: int, outlook: Outlook) -> image.LayeredStream:
+        """The stream of an image, exact where all of it is likely to arrive.
+
+        :param budget: of the stream on the air [byte]
+        :param coded: what is coded of it, at most [byte]
+        """
         if prediction is not None:
             size: Optional[float] = prediction.exact_size
         else:
@@ -163,7 +201,10 @@ class LayeredImages(CompressedImages):
         fits = size is not None and size <= CERTAIN_FIT * budget * (1 - outlook.loss(LIKELY))
         finishing = prediction is not None and prediction.error <= FINISHING
         lossless = not settings['max_quality'] and not self._shortened and (fits or finishing)
-        return image.encode(source.pixels, lossless, budget, source.classes, prediction and prediction.pixels)
+        self._time.begin()
+        stream = image.encode(source.pixels, lossless, coded, source.classes, prediction and prediction.pixels)
+        self._time.coded(stream.cells, len(stream.data))
+        return stream
 
     def _estimate(self, source: Layerable, prediction: Optional[Prediction], stream: image.LayeredStream, useful: int,
                   overhead: float, outlook: Outlook) -> None:
