@@ -63,11 +63,28 @@ def test_what_cannot_be_compared_is_forgotten(change: str) -> None:
     assert meter.growth == 0
 
 
+def test_a_scene_that_is_another_one_in_each_image_is_not_outdated_further() -> None:
+    """Its differences are large, but the older one is no larger than the newer one, on average."""
+    growth = measured(lambda k: NOISE.randint(0, 256, (240, 320)).astype(np.uint8), 60)
+    assert growth < 0.05 * 2 * 255 ** 2 / 12 / 0.1
+
+
 def test_bytes_are_sent_while_they_gain_more_than_their_time_costs() -> None:
     ends, errors = np.array([10, 100, 200, 300]), np.array([1000.0, 500.0, 400.0, 390.0])
-    assert worth_sending(ends, errors, 0.0, 1.0, 0.0) == 4
-    assert worth_sending(ends, errors, 50.0, 0.0, 0.0) == 4         # an infinitely fast link
-    assert worth_sending(ends, errors, 50.0, 0.01, 0.0) == 3        # 100 bytes cost 50
-    assert worth_sending(ends, errors, 1e6, 0.01, 0.0) == 1
-    assert worth_sending(ends, errors, 1e6, 0.01, 180.0) == 3       # 200 bytes are the first of as many
-    assert worth_sending(ends, errors, 1e6, 0.01, 500.0) == 4       # there are no more
+    assert worth_sending(ends, errors, 0.0, 1.0, 0) == 4
+    assert worth_sending(ends, errors, 50.0, 1e-9, 0) == 4          # an infinitely fast link
+    assert worth_sending(ends, errors, 50.0, 0.01, 0) == 3          # 100 bytes cost 50
+    assert worth_sending(ends, errors, 1e6, 0.01, 0) == 1
+
+
+def test_an_image_is_fair_however_fast_the_scene_moves() -> None:
+    ends, cells = np.arange(100, 10001, 100), 76800
+    errors = 1e6 * 0.5 ** (ends / 1000)
+
+    def sent(duration: float) -> int:
+        return int(ends[worth_sending(ends, errors, 1e12, duration, cells) - 1])
+    assert sent(1e-5) == 2400                                       # a quarter of a bit a value
+    assert sent(1e-6) == pytest.approx(4000, abs=100)               # takes 4 ms
+    assert sent(4e-5) == pytest.approx(1500, abs=100)               # takes 60 ms
+    assert sent(1e-3) == 1000                                       # a tenth of a bit
+    assert sent(1e-9) == 10000                                      # all there is

@@ -83,7 +83,7 @@ class ImageEncoder(Encoder[Any]):
                                '0: what the link allows', least=0, most=1 << 24, live=True),
         'air_time': Parameter(0.0, 's', 'maximum time that an image takes of what the stream may use of the link; what '
                               'does not fit is not sent; 0: auto, up to 0.8 of the time between images (video: 0.9), '
-                              'less where the scene moves', least=0.0, most=10.0, live=True),
+                              'but less where the scene moves', least=0.0, most=10.0, live=True),
         'max_quality': Parameter(0.0, 'dB', 'layered: PSNR above which nothing more is sent, of the range of the '
                                  'encoding (255 or 65535 counts); 0: exact', least=0.0, most=150.0, live=True),
         'depth_unit': Parameter(0.0, 'm', 'layered: depth of one count of a 32FC1 image; 0: 32FC1 cannot be layered',

@@ -17,9 +17,15 @@ SAMPLED = 4
 SMOOTHING = 0.3
 """Weight of the newest measurement."""
 
-LEAST_PART, GOOD_RATIO = 0.6, 10 ** (-30 / 20)
-"""However fast the scene moves, this part of the bytes is sent, or as many as make a good image: a blurred image is of
-no use, whatever its error. The rms error of a good one is this part of the standard deviation of its pixels."""
+FAIR_BITS = 0.25
+"""However fast the scene moves, an image is fair, because a blurred one is of no use, whatever its error: 28 dB of
+photographs of 320 x 240 pixels [bit per value];"""
+
+FAIR_TIME, POOR_BITS = 0.06, 0.1
+"""but where that takes longer than this, it has only what takes so long, and at least this [s, bit per value]."""
+
+FREE_TIME = 0.004
+"""What takes no longer than this is sent in any case [s]."""
 
 MAX_GAP = 1.0
 """Images that are farther apart are not compared [s]."""
@@ -29,9 +35,13 @@ class MotionMeter:
     """Measures how fast the images of a stream become outdated."""
 
     def __init__(self) -> None:
-        self.growth = 0.0
-        """Of the mean squared difference from the scene, without noise [count^2/s]."""
+        self._growth = 0.0
         self._last: Deque[Tuple[float, Array]] = deque(maxlen=2)
+
+    @property
+    def growth(self) -> float:
+        """Of the mean squared difference from the scene, without noise [count^2/s]."""
+        return max(self._growth, 0.0)
 
     def add(self, pixels: Array, stamp: float, classes: Optional[UInt8Array] = None) -> None:
         """Compare an image with the two before, where all three are finite; elsewhere they count as alike.
@@ -47,23 +57,24 @@ class MotionMeter:
             image[classes[::SAMPLED, ::SAMPLED] > 0] = np.nan
         if self._last and (self._last[-1][1].shape != image.shape or not 0 < stamp - self._last[-1][0] < MAX_GAP):
             self._last.clear()
-            self.growth = 0.0
+            self._growth = 0.0
         if len(self._last) == 2:
             (first, earlier), (second, later) = self._last
             growths = np.square(image - earlier) - np.square(image - later)
-            growth = max(0.0, float(np.nansum(growths)) / growths.size) / (second - first)
-            self.growth += SMOOTHING * (growth - self.growth)
+            growth = float(np.nansum(growths)) / growths.size / (second - first)
+            self._growth += SMOOTHING * (growth - self._growth)
         self._last.append((stamp, image))
 
 
-def worth_sending(ends: IntArray, errors: FloatArray, growth: float, duration: float, least: float) -> int:
+def worth_sending(ends: IntArray, errors: FloatArray, growth: float, duration: float, cells: int) -> int:
     """The number of truncation points up to the one with the least error on the screen.
 
     :param ends: (s,) truncation points of a stream [byte]
     :param errors: (s,) sums of squared errors there
     :param growth: of the sum of squared errors with age [1/s]
-    :param duration: of a byte of the stream until it is on the screen [s]
-    :param least: however fast the scene moves [byte]
+    :param duration: of a byte of the stream until it is on the screen [s], > 0
+    :param cells: number of values of the image
     """
-    first = min(int(np.searchsorted(ends, least)), len(ends) - 1)
+    fair = min(FAIR_BITS / 8 * cells, max(POOR_BITS / 8 * cells, FAIR_TIME / duration))
+    first = min(int(np.searchsorted(ends, max(fair, FREE_TIME / duration))), len(ends) - 1)
     return first + int(np.argmin((errors + growth * duration * ends)[first:])) + 1

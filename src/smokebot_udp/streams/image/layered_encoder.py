@@ -21,7 +21,7 @@ from ..segments import as_bytes, room, write_header
 from .coded_shape import shape_of
 from .coding_time import CodingTime, Foreseen
 from .compressed_images import LEAST_BYTES, CompressedImages
-from .freshness import GOOD_RATIO, LEAST_PART, SAMPLED, MotionMeter, worth_sending
+from .freshness import FAIR_BITS, MotionMeter, worth_sending
 from .held_by_all import HeldByAll
 from .pixel_layers import Layerable, layerable
 from .prediction import Prediction, Predictor
@@ -33,9 +33,6 @@ FLOOR = 255.0 ** 2 / 1e6
 TABLE = LAYER_BYTES * MAX_LAYERS // 2
 """Length of a datagram's table of layers, about [byte]."""
 
-FAIR_BITS = 0.25
-"""Of a fair image: 28 dB of photographs of 320 x 240 pixels [bit per value]."""
-
 LEAST_PIECES = 128
 """Beside however long texts [byte]."""
 
@@ -44,6 +41,9 @@ RESERVE = 0.85
 
 LEAST_ROOM = 1.0
 """A stream that may use less of the link counts as if it could use this [byte/s]."""
+
+LEAST_DURATION = 1e-9
+"""A byte takes at least this long [s]."""
 
 MOST_LOSS = 0.99
 """Against heavier losses an image is protected as against this packet-loss ratio."""
@@ -117,6 +117,7 @@ class LayeredImages(CompressedImages):
         budget = max(self._budget(source, prediction, settings, overhead, outlook), least)
         carried = int(budget / (1 + overhead))
         useful = max(int(min(1.0, MORE * (1 - outlook.loss(LUCKY))) * carried), LEAST_BYTES)
+        large = large or settings['air_time'] > 0
         coded = int(max(min(useful, math.inf if large else self._foreseen.size), LEAST_BYTES))
         stream = self._compress(source, prediction, settings, carried, coded, outlook)
         prediction = prediction if stream.predicted else None
@@ -125,12 +126,10 @@ class LayeredImages(CompressedImages):
         self._estimate(source, prediction, stream, int(ends[-1]), overhead, outlook)
         self.good_size = _length_at(stream, GOOD) * _protected(overhead, outlook.loss(LIKELY))
         self._motion.add(source.pixels, stamp, source.classes)
-        good = _length_at(stream, max(GOOD_RATIO * float(source.pixels[::SAMPLED, ::SAMPLED].std()), UNIFORM_ERROR))
         hurried = coded < useful
-        fresh = worth_sending(
-            ends, errors, 0.0 if large else self._motion.growth * stream.cells,
-            _protected(overhead, outlook.loss(LIKELY)) / max(outlook.room, LEAST_ROOM) + self._time.per_byte,
-            min(LEAST_PART * (useful if hurried else ends[-1]), good))
+        duration = _protected(overhead, outlook.loss(LIKELY)) / max(outlook.room, LEAST_ROOM) + self._time.per_byte
+        fresh = len(ends) if large else worth_sending(ends, errors, self._motion.growth * stream.cells,
+                                                      max(duration, LEAST_DURATION), stream.cells)
         self._foreseen.sent(int(ends[fresh - 1]), int(ends[-1]), not hurried or len(stream.data) < coded)
         self._shortened = fresh < len(ends) or hurried
         self._error = max(float(errors[fresh - 1]), 0.0) / stream.cells
