@@ -323,6 +323,13 @@ class DisplayHistory:
         at = self._index_of.get(heard.stamp)
         return at is not None and np.array_equal(self._truths[at], self._images[heard.amount])
 
+    def error(self, heard: Heard) -> float:
+        """The rms error of an image that arrived, compared with the camera's of the same stamp [count]; NaN: the camera's
+        was not heard."""
+        at = self._index_of.get(heard.stamp)
+        difference = np.nan if at is None else self._images[heard.amount].astype(float) - self._truths[at]
+        return float(np.sqrt(np.square(difference).mean()))
+
     def row(self, begun: float, ended: float) -> Row:
         """Rate, ages and quality within a time, for a row of a CSV file."""
         arrived = [heard for heard in self.arrived if begun <= heard.arrival < ended]
@@ -331,6 +338,8 @@ class DisplayHistory:
         qualities = [quality for quality in map(self.psnr, np.arange(begun, ended, SAMPLED)) if quality is not None]
         return {'pictures [Hz]': round(len(arrived) / (ended - begun), 2),
                 'exact [%]': round(100 * float(np.mean([self.exact(heard) for heard in arrived])), 1) if arrived
+                else None,
+                'rms error [count]': round(float(np.nanmedian([self.error(heard) for heard in arrived])), 1) if arrived
                 else None,
                 'age p50 [ms]': None if p50 is None else round(1e3 * p50),
                 'age p99 [ms]': None if p99 is None else round(1e3 * p99),

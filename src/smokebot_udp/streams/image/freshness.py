@@ -17,15 +17,12 @@ SAMPLED = 4
 SMOOTHING = 0.3
 """Weight of the newest measurement."""
 
-FAIR_BITS = 0.25
-"""However fast the scene moves, an image is fair, because a blurred one is of no use, whatever its error: 28 dB of
+SHARP_BITS = 0.5
+"""However fast the scene moves, an image is sharp, because a blurred one is of no use, whatever its error: 32 dB of
 photographs of 320 x 240 pixels [bit per value];"""
 
-FAIR_TIME, POOR_BITS = 0.06, 0.1
+SHARP_TIME, POOR_BITS = 0.04, 0.1
 """but where that takes longer than this, it has only what takes so long, and at least this [s, bit per value]."""
-
-FREE_TIME = 0.004
-"""What takes no longer than this is sent in any case [s]."""
 
 MAX_GAP = 1.0
 """Images that are farther apart are not compared [s]."""
@@ -75,6 +72,6 @@ def worth_sending(ends: IntArray, errors: FloatArray, growth: float, duration: f
     :param duration: of a byte of the stream until it is on the screen [s], > 0
     :param cells: number of values of the image
     """
-    fair = min(FAIR_BITS / 8 * cells, max(POOR_BITS / 8 * cells, FAIR_TIME / duration))
-    first = min(int(np.searchsorted(ends, max(fair, FREE_TIME / duration))), len(ends) - 1)
+    least = min(SHARP_BITS / 8 * cells, max(POOR_BITS / 8 * cells, SHARP_TIME / duration))
+    first = min(int(np.searchsorted(ends, least)), len(ends) - 1)
     return first + int(np.argmin((errors + growth * duration * ends)[first:])) + 1
