@@ -61,6 +61,8 @@ class Demand:
     """f(settings of a point, spare [byte/s]) -> settings, improved by bandwidth left over (Encoder.refine)."""
     whole: bool = False
     """Whether a message is useless without all its datagrams."""
+    wished: float = 0.0
+    """A link of this rate would show its messages sooner, however much is sent: it is probed for [byte/s]."""
 
 
 class Grant(NamedTuple):

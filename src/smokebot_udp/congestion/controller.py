@@ -117,7 +117,7 @@ class Controller:
         self._ignored: Counter[str] = collections.Counter()     # reports, by reason
         self._sent, self._protected = Rate(SENT_WINDOW), Rate(PROTECTED_WINDOW)
         self._stream_sent: Dict[str, Rate] = {}
-        self._wanted = math.inf
+        self._wanted, self._wished = math.inf, 0.0
         self._datagram_size, self._decimation = DatagramSize(max_datagram_size), Decimation()
         self._allocator = Allocator()
         self._grants: Dict[str, Optional[Dict[str, Any]]] = {}      # as in the last plan
@@ -198,7 +198,7 @@ class Controller:
         state.confirmed |= bool(feedback.samples)
         for one in feedback.arrivals:
             self.on_arrivals(operator, stream_of(one.stream), one.expected, one.received, now)
-        train = state.estimator.on_feedback(feedback, now, self._wanted)
+        train = state.estimator.on_feedback(feedback, now, self._wanted, self._wished)
         if train is None or not self._adapt:
             return None
         state.policer.start_probe(*train)
@@ -218,6 +218,7 @@ class Controller:
         self._find_near()
         protected = self._protected.per_second or 0.0
         self._wanted = protected + math.fsum(demand.points[-1].cost for demand in demands.values())
+        self._wished = max((demand.wished for demand in demands.values()), default=0.0)
         # a dip in the rate soon passes: streams are allocated the capacity
         capacity = self._capacity()
         shares, rooms, self._grants = self._divide(capacity, demands, protected, now)

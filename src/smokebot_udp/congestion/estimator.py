@@ -195,12 +195,14 @@ class Estimator:
         self._last_long = -math.inf     # when it was long
         self._back = -math.inf          # when reports came again after a timeout
 
-    def on_feedback(self, feedback: Feedback, now: float, wanted: float = math.inf) -> Optional[ProbeTrain]:
+    def on_feedback(self, feedback: Feedback, now: float, wanted: float = math.inf,
+                    wished: float = 0.0) -> Optional[ProbeTrain]:
         """Update the estimate.
 
         :param feedback: of a valid report
         :param now: by a steady clock [s]
         :param wanted: what the streams would send if the link had room for it [byte/s]
+        :param wished: what the link should have so that what they send is as fresh as it can be [byte/s]
         :return: a train for the packet scheduler, if one is due
         """
         after_timeout, silence = self.timeouts > 0, now - self._reported
@@ -239,7 +241,7 @@ class Estimator:
         since_newest = now - samples[-1].sent - queue       # since the newest datagram was on the air
         link.queue_delay = max(0.0, in_flight - since_newest)
         self._set_rate(now)
-        return self._next_probe(samples, wanted, feedback.unreported, now)
+        return self._next_probe(samples, wanted, wished, feedback.unreported, now)
 
     def expect_more(self) -> None:
         """The link may carry more from now on: probe with the next report."""
@@ -344,13 +346,15 @@ class Estimator:
         gain = min(max(1 + (self._target() - link.queue_delay) / HORIZON, MIN_GAIN), MAX_GAIN)
         self.rate = self.limits.clamp(min(link.capacity * min(gain, self._probe_rtt.gain(now)), self._ceiling.rate))
 
-    def _next_probe(self, samples: List[PacketSample], wanted: float, unreported: int,
+    def _next_probe(self, samples: List[PacketSample], wanted: float, wished: float, unreported: int,
                     now: float) -> Optional[ProbeTrain]:
         bounded = self._ceiling.rate < math.inf or self._loss.excess > MAX_TRAIN_LOSS
         if self._probe_rtt.active(now - PROBE_HOLDOFF) or bounded:
             return None
         empty = statistics.median(self._delay.of(sample) for sample in samples) < self._target() / 2
-        return self._probes.next(self.link.capacity, empty, wanted > self.rate, samples[-1], unreported, now)
+        wished = min(wished, self.limits.max_rate)
+        return self._probes.next(self.link.capacity, empty, wanted > self.rate, samples[-1], unreported, now,
+                                 wished > self.rate)
 
 
 def peak_rate(chain: List[PacketSample], waits: List[float], noise: float) -> float:

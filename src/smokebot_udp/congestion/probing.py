@@ -26,6 +26,10 @@ SUCCESS_FACTOR = 1.3
 RETRY_INTERVAL = 1.0
 """After an unsuccessful train the next one waits this long [s],"""
 
+MAX_RETRY_INTERVAL = 30.0
+"""and up to this twice as long each time where streams only wish for more: trains cost a few ms of queue, unless too
+little is due for them [s],"""
+
 QUEUED_RETRY_INTERVAL = 2.0
 """and this much longer while the queue looks occupied: its delay may be mistaken [s]."""
 
@@ -56,14 +60,17 @@ class ProbeController:
     def __init__(self) -> None:
         self._succeeded = False
         self._next = -math.inf      # not before [s]
+        self._interval = RETRY_INTERVAL     # after the next unsuccessful train [s]
+        self._wished = -math.inf    # where streams only wish for more: not before [s]
         self._pending: Optional[_Pending] = None
 
     def retry(self) -> None:
         """Wait no longer after an unsuccessful train."""
-        self._next = -math.inf
+        self._next = self._wished = -math.inf
+        self._interval = RETRY_INTERVAL
 
     def next(self, capacity: float, empty: bool, wanted: bool, newest: PacketSample, unreported: int,
-             now: float) -> Optional[ProbeTrain]:
+             now: float, wished: bool = False) -> Optional[ProbeTrain]:
         """The train that leaves now, if any.
 
         :param capacity: as known [byte/s]
@@ -72,16 +79,22 @@ class ProbeController:
         :param newest: sample of the newest datagram that arrived
         :param unreported: bytes sent since
         :param now: by a steady clock [s]
+        :param wished: whether what they send would be fresher if the link had more
         """
         if self._pending:
-            if newest.total < self._pending.end and now - self._pending.sent < TIMEOUT:
+            complete = newest.total >= self._pending.end
+            if not complete and now - self._pending.sent < TIMEOUT:
                 return None
             self._succeeded = capacity > SUCCESS_FACTOR * self._pending.capacity
             self._pending = None
             if not self._succeeded:
-                self._next = now + RETRY_INTERVAL
+                self._next, self._wished = now + RETRY_INTERVAL, now + self._interval
+            if self._succeeded:
+                self._interval = RETRY_INTERVAL
+            elif complete:
+                self._interval = min(2 * self._interval, MAX_RETRY_INTERVAL)
         least, usual = MIN_PACKETS * newest.size, capacity * DURATION
-        if not wanted or now < self._next:
+        if not (wanted or wished and now >= self._wished) or now < self._next:
             return None
         if not empty and (usual < least or now < self._next + QUEUED_RETRY_INTERVAL):
             return None

@@ -193,7 +193,7 @@ class RobotStream(rospy.SubscribeListener):
         return Demand([OperatingPoint(point.settings, expansion * point.cost) for point in points],
                       requested['weight'], requested['min_bitrate'] * KBIT, rate,
                       lambda point, spare: self.encoder.refine(point, spare / expansion),
-                      self.encoder.WHOLE) if points else None
+                      self.encoder.WHOLE, expansion * self.encoder.wished) if points else None
 
     def stats(self) -> StreamStats:
         """What the stream does and did, for diagnostics."""

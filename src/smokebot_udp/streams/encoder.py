@@ -65,6 +65,8 @@ class Encoder(Generic[Message]):
         self.check(settings)
         self.message_size: Optional[float] = None
         """Size of the last message on the air; None: nothing was encoded yet [byte]."""
+        self.wished = 0.0
+        """As Demand.wished, of the last message [byte/s]."""
         self.warnings: Deque[str] = collections.deque(maxlen=16)
         """For the log: problems of messages that were encoded nevertheless. The runner removes them."""
         self.beside: List[Frame] = []
