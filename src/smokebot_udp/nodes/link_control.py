@@ -25,6 +25,10 @@ from .robot_stream import RobotLink, RobotStream
 from .wifi_monitor import WifiMonitor
 from .worker import PeriodicWorker
 
+UNPACED = 800 * MBIT
+"""On a faster link datagrams are not paced. It is no radio, and nothing on the way to it is faster: there is no queue
+that they could overrun. A raw image leaves in a quarter of the time [byte/s]."""
+
 
 class SharedController:
     """A Controller that several threads use, one at a time: ``with shared as controller: ...``.
@@ -146,7 +150,8 @@ class LinkControl:
     def _set_rate(self, scheduler: PacketScheduler, now: float) -> None:
         """Set the present rate, under the outbox's lock: a report may have changed it since the plan was made."""
         with self._controller as controller:
-            scheduler.set_rate(controller.rate(now))
+            rate = controller.rate(now)
+        scheduler.set_rate(None if rate is not None and rate > UNPACED else rate)
 
     def _hosts(self) -> List[str]:
         """The hosts of the operators that report."""
