@@ -3,8 +3,18 @@ from typing import Any, List
 
 import pytest
 
-from smokebot_udp.streams.image.coding_choice import (EXPLORATION, FITS, HOLD, MEASURED, QUICK, RETRY, TRIAL,
-                                                           TRIAL_INTERVAL, CodingChoice, Conditions)
+from smokebot_udp.streams.image.coding_choice import (
+    EXPLORATION,
+    FITS,
+    HOLD,
+    MEASURED,
+    QUICK,
+    RETRY,
+    TRIAL,
+    TRIAL_INTERVAL,
+    CodingChoice,
+    Conditions,
+)
 
 FAST, SLOW = 1e7, 1e6       # links [byte/s]
 

@@ -15,8 +15,8 @@ POLL_PERIOD = 0.25
 """How often a silent connection checks whether it has been stopped [s]; `stop` wakes it at once."""
 
 SHORT = 0.25
-"""After a silence, and after a batch of MANY datagrams, a batch grows for this part of `coalesce` only: most of an image
-has come by then, and what waits grows old. Where datagrams come slowly each would be a batch of its own."""
+"""After a silence, and after a batch of MANY datagrams, a batch grows for this part of `coalesce` only: most of an
+image has come by then, and what waits grows old. Where datagrams come slowly each would be a batch of its own."""
 
 MANY = 8
 

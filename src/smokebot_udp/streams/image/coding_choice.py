@@ -2,9 +2,9 @@
 """Chooses between interleaved and layered coding of an image stream: `coding: auto`.
 
 Raw pixels need no computing and are exact, but they are the worse image wherever some of them are lost or do not fit.
-So images are interleaved where all raw pixels fit the link with time to spare, are shown no later than layered ones,
-and nearly none is lost; and where layered coding takes longer than both the frame period and all raw pixels on the link. With hysteresis: a change costs
-the operator's temporal filter its memory.
+So images are interleaved where all raw pixels fit the link with time to spare, are shown no later than layered ones and
+nearly none is lost, and where layered coding takes longer than both the frame period and all raw pixels on the link.
+With hysteresis: a change costs the operator's temporal filter its memory.
 """
 import math
 import statistics
