@@ -2,7 +2,8 @@
 """How long an image is in each stage between the robot's topic and the operator's screen.
 
 A source publishes images of 640 x 480 pixels and 16 bits, robot_sender and operator_receiver carry them over loopback,
-a sink subscribes the images and their view. Both nodes mark when an image passes a point (monitoring/stages.py).
+a sink subscribes the images and their view. The last cases are of both nodes' default settings, where the operator's
+side drops datagrams on arrival. Both nodes mark when an image passes a point (monitoring/stages.py).
 """
 import contextlib
 import json
@@ -23,12 +24,12 @@ from smokebot_udp.nodes.trace import VARIABLE
 from .end_to_end import NODES, PEER, TIMEOUT
 from .end_to_end_peer import Entry
 
-SECONDS, QUICK_SECONDS = 20.0, 4.0
+SECONDS, QUICK_SECONDS = 10.0, 4.0
 RATE = 10.0
 """[Hz]"""
 
-WARM_UP, CONNECT_TIMEOUT = 3.0, 60.0
-"""The codec is loaded, and compiled where it never was [s]."""
+WARM_UP, SETTLING, CONNECT_TIMEOUT = 3.0, 14.0, 60.0
+"""The codec is loaded, and compiled where it never was; with the default settings the link is measured, too [s]."""
 
 SOURCE, SHOWN, VIEW = '/in/image', '/operator/image', '/view/image'
 STREAM = 'image'
@@ -43,10 +44,15 @@ class Case(NamedTuple):
     arguments: Tuple[str, ...] = UNPACED
     goals: Mapping[str, Tuple[float, float]] = {}
     """{stage: (p50, p99) at most [s]}"""
+    loss: float = 0.0
+    """Packet-loss ratio that the operator's side emulates on reception, independent."""
+    warm_up: float = WARM_UP
+    """[s]"""
 
 
 CASES = [Case('interleaved', 'interleaved', goals={'age': (8e-3, 15e-3)}), Case('layered', 'layered'),
-         Case('as delivered', 'auto', ())]
+         *(Case('default, %d %% lost' % (100 * loss), 'auto', (), {'age': goal}, loss, SETTLING)
+           for loss, goal in ((0.0, (8e-3, 15e-3)), (0.5, (15e-3, 30e-3)), (0.9, (25e-3, 60e-3))))]
 
 
 class Nodes:
@@ -70,11 +76,11 @@ class Nodes:
 
     def _start(self, stack: contextlib.ExitStack) -> None:
         self._streams.write_text(json.dumps({'streams': {STREAM: {     # JSON is YAML
-            'type': 'image', 'robot_topic': SOURCE, 'operator_topic': SHOWN, 'view_topic': VIEW, 'rate': 100.0,
+            'type': 'image', 'robot_topic': SOURCE, 'operator_topic': SHOWN, 'view_topic': VIEW, 'rate': 2 * RATE,
             'coding': self._case.coding}}}))
         stack.enter_context(Master())
         environment = {**os.environ, VARIABLE: str(self._trace)}     # with the master's address
-        for node, arguments in zip(NODES, (self._case.arguments, ())):
+        for node, arguments in zip(NODES, (self._case.arguments, ('_loss:=%g' % self._case.loss,))):
             process = start([sys.executable, str(TOP / 'scripts' / node), '_streams_file:=%s' % self._streams,
                              *arguments], env=environment)
             stack.callback(end, process)
@@ -92,7 +98,7 @@ class Nodes:
         """How long the images were in each stage [s]."""
         _ask(self._source, 'start', {SOURCE: RATE})
         _ask(self._sink, 'wait', {'topics': [SHOWN], 'timeout': CONNECT_TIMEOUT}, CONNECT_TIMEOUT + TIMEOUT)
-        time.sleep(WARM_UP)
+        time.sleep(self._case.warm_up)
         since = time.monotonic()
         time.sleep(seconds)
         until = time.monotonic()
@@ -161,4 +167,4 @@ def _cell(times: Optional[Mapping[str, float]]) -> str:
 
 
 def _row(title: str, cells: Iterable[str]) -> str:
-    return ('%-22s' % title + ''.join('%20s' % cell for cell in cells)).rstrip()
+    return ('%-22s' % title + ''.join('%24s' % cell for cell in cells)).rstrip()
