@@ -22,9 +22,9 @@ TRIAL, TRIAL_INTERVAL = 3.0, 60.0
 """Whether the link is so wide shows only while much is sent. So where raw pixels fit they are in use for this long; if
 they are not quick by then, they are tried again after this time [s]."""
 
-EXPLORATION, EXPLORED = 1.5, 2.0
+EXPLORATION, EXPLORED, HOPELESS = 1.5, 2.0, 8.0
 """Where it is not known whether this many times the room for raw pixels is there, layered images are as large as the
-link allows for this long, as often [s, 1]."""
+link allows for this long, as often; not where raw pixels take that many times the room [s, 1, 1]."""
 
 LOSSLESS, STILL_LOSSLESS = 0.01, 0.03
 """Nearly nothing is lost if the packet-loss ratio is this; once interleaved, until it is this."""
@@ -91,7 +91,8 @@ class CodingChoice:
         return bool(self.layered)
 
     def _explore(self, conditions: Conditions, now: float) -> None:
-        open_ = self.is_possible(conditions) and EXPLORED * conditions.raw > FITS * conditions.room
+        open_ = (self.is_possible(conditions) and EXPLORED * conditions.raw > FITS * conditions.room
+                 and conditions.raw <= HOPELESS * conditions.room)
         if open_ and now - self._explored >= TRIAL_INTERVAL:
             self._explored = now
         self.exploring = open_ and now - self._explored < EXPLORATION

@@ -21,7 +21,7 @@ from ..segments import as_bytes, room, write_header
 from .coded_shape import shape_of
 from .coding_time import CodingTime, Foreseen
 from .compressed_images import LEAST_BYTES, CompressedImages
-from .freshness import MotionMeter, worth_sending
+from .freshness import MotionMeter, contrast_of, worth_sending
 from .held_by_all import HeldByAll
 from .pixel_layers import Layerable, layerable
 from .prediction import Prediction, Predictor
@@ -132,7 +132,8 @@ class LayeredImages(CompressedImages):
         hurried = coded < useful
         duration = _protected(overhead, outlook.loss(LIKELY)) / max(outlook.room, LEAST_ROOM) + self._time.per_byte
         fresh = len(ends) if large else worth_sending(ends, errors, self._motion.growth * stream.cells,
-                                                      max(duration, LEAST_DURATION), stream.cells)
+                                                      max(duration, LEAST_DURATION), stream.cells,
+                                                      contrast_of(source.pixels))
         self._foreseen.sent(int(ends[fresh - 1]), int(ends[-1]), not hurried or len(stream.data) < coded)
         self._shortened = fresh < len(ends) or hurried
         self._error = max(float(errors[fresh - 1]), 0.0) / stream.cells
