@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What experiments, benchmarks and tests share to evaluate the package; it is not installed.
 
-* Data and quality: recordings, quality, linear_fit, machine.
+* Data and quality: recordings, quality, linear_fit, machine, checkout (the state of the code).
 * Without a network: offline_link (messages through the streams), losses, send_orders, jpeg_packets (the alternative),
   display (what the operator sees).
 * Video without a network: video_clips (what cameras see), video_link (losses, late reports, the screen), video_ways

@@ -50,7 +50,7 @@ LOAD_CODEC = 8.0
 """
 
 IMAGE_METHODS = {
-    'smokebot_udp': Method('camera/image_raw', [['operator/camera/image_raw', 'image', 'TCPROS']]),
+    'smokebot_udp, interleaved': Method('camera/image_raw', [['operator/camera/image_raw', 'image', 'TCPROS']]),
     'smokebot_udp, layered': Method('layered/image_raw', [['operator/layered/image_raw', 'image', 'TCPROS']],
                                     LOAD_CODEC),
     'JPEG over TCPROS': Method('whole/jpeg', [['whole/jpeg', 'jpeg', 'TCPROS']]),

@@ -76,6 +76,7 @@ def decimated(points: Float32Array) -> Float32Array:
 
 TOPICS: Dict[str, Tuple[Any, Any, Callable[[UInt8Array, Float32Array], Any]]] = {
     'camera/image_raw': (rospy.Publisher, Image, lambda image, _: image_message(image)),
+    'default/image_raw': (rospy.Publisher, Image, lambda image, _: image_message(image)),
     'layered/image_raw': (rospy.Publisher, Image, lambda image, _: image_message(image)),
     'small/image_raw': (rospy.Publisher, Image, lambda image, _: image_message(image[::2, ::2])),
     'velodyne_points': (rospy.Publisher, PointCloud2, lambda _, points: cloud_message(points)),

@@ -15,8 +15,8 @@ matplotlib.rcParams.update({'axes.grid': True, 'grid.alpha': 0.3, 'axes.spines.t
 OURS = '#d62728'
 LAYERED = '#e377c2'
 PAPER = '0.45'
-COLOURS = {'smokebot_udp': OURS, 'smokebot_udp, layered': LAYERED, 'JPEG over TCPROS': '#1f77b4',
-           'JPEG over UDPROS': '#2ca02c',
+COLOURS = {'smokebot_udp': OURS, 'smokebot_udp, interleaved': '#8c564b', 'smokebot_udp, layered': LAYERED,
+           'JPEG over TCPROS': '#1f77b4', 'JPEG over UDPROS': '#2ca02c',
            'raw over TCPROS': '#9467bd', 'raw over UDPROS': '#ff7f0e',
            'cloud over TCPROS': '#9467bd', 'cloud over UDPROS': '#ff7f0e', 'cubic': '#1f77b4', 'bbr': '#17becf',
            'UDP': OURS, 'the deliverable': PAPER}

@@ -4,7 +4,6 @@ import base64
 import pathlib
 import platform
 import re
-import subprocess
 from typing import Any, Dict, Match, Sequence, Tuple
 from xml.etree import ElementTree
 
@@ -14,9 +13,8 @@ import matplotlib
 import numpy
 
 from evaluation import TOP
-from evaluation.machine import describe
 
-from .runner import Figure, Table, has_results, read_summary
+from .runner import Figure, has_results, read_summary
 
 STYLE = '''
 body { max-width: 75em; margin: 2em auto; padding: 0 1em; font: 16px/1.5 sans-serif; color: #222 }
@@ -59,17 +57,16 @@ def _head() -> str:
         '# smokebot_udp: the experiments',
         'Section 7 of SmokeBot\'s deliverable 6.3 measures how images and point clouds cross a bad Wi-Fi. '
         'These are its experiments, repeated with this package and compared with the usual alternatives.',
-        'Machine: %s. Versions: %s.' % (describe(), versions())])
+        'Versions: %s. The line below each experiment names the code and the machine it was measured with.'
+        % versions()])
 
 
 def versions() -> str:
     """One line: this package, Python and the libraries."""
-    version = ElementTree.parse(str(TOP / 'package.xml')).findtext('version')
-    commit = subprocess.run(['git', '-C', str(TOP), 'describe', '--always', '--dirty'], stdout=subprocess.PIPE,
-                            stderr=subprocess.DEVNULL).stdout.decode().strip()
-    return ', '.join(filter(None, [
-        'smokebot_udp %s' % version, commit and 'commit %s' % commit, 'Python %s' % platform.python_version(),
-        'numpy %s' % numpy.__version__, 'OpenCV %s' % cv2.__version__, 'matplotlib %s' % matplotlib.__version__]))
+    return ', '.join([
+        'smokebot_udp %s' % ElementTree.parse(str(TOP / 'package.xml')).findtext('version'),
+        'Python %s' % platform.python_version(), 'numpy %s' % numpy.__version__, 'OpenCV %s' % cv2.__version__,
+        'matplotlib %s' % matplotlib.__version__])
 
 
 def _section(name: str, summary: Dict[str, Any]) -> str:
@@ -81,17 +78,16 @@ def _section(name: str, summary: Dict[str, Any]) -> str:
         if isinstance(item, Figure):
             lines += ['![%s](%s/%s)' % (item.name, name, item.name), '*%s*' % item.caption]
         else:
-            lines += [item.caption, _table(item)]
-    return '\n\n'.join([*lines, '*%s, seed %d, %.0f s%s; the numbers are in results/experiments/%s*' % (
-        summary['date'], summary['seed'], summary['seconds'], ', quick' if summary['quick'] else '', name)])
+            lines += [item.caption, item.markdown()]
+    return '\n\n'.join([*lines, '*%s, seed %d, %.0f s%s%s; the numbers are in results/experiments/%s*' % (
+        summary['date'], summary['seed'], summary['seconds'], ', quick' if summary['quick'] else '',
+        _measured_with(summary), name)])
 
 
-def _table(table: Table) -> str:
-    rows = [table.head, ['---'] * len(table.head), *table.rows]
-    return '\n'.join('| %s |' % ' | '.join(map(_cell, row)) for row in rows)
-
-
-def _cell(value: Any) -> str:
-    if value is None:
+def _measured_with(summary: Dict[str, Any]) -> str:
+    """The code and the machine of a run; empty where they were not recorded."""
+    if not summary.get('commit'):
         return ''
-    return '%.4g' % value if isinstance(value, float) else str(value)
+    return ', commit %s%s, %s, load %g before and %g after' % (
+        summary['commit'], ' with changes' if summary['dirty'] else '', summary['machine'], *summary['load'])
+

@@ -10,12 +10,14 @@ An experiment is a module with
     plot(folder)   reads these files, and writes figures beside them as PNG; returns [Figure or Table, ...] in the
                    report's order
     missed(folder) optional: the goals that these files miss, as texts
+    DOC_TABLES     optional: {name: function of a folder that makes a Table of these files}, for doc/, see doc_tables
 
-`./smokebot experiments NAME --draw` redraws the figures without measuring. `run.json` in the folder holds the outcome
-and everything else that report.py needs.
+`./smokebot experiments NAME --draw` redraws the figures without measuring. `run.json` in the folder holds the outcome,
+the state of the code and of the machine, and everything else that report.py needs.
 """
 import datetime
 import json
+import os
 import pathlib
 import shutil
 import time
@@ -25,7 +27,7 @@ from typing import Any, Callable, Dict, Iterable, Iterator, List, Mapping, Optio
 
 from tqdm import tqdm
 
-from evaluation import TOP
+from evaluation import TOP, checkout, machine
 from smokebot_udp.link_lab.lab import LabError
 
 RESULTS = TOP / 'results' / 'experiments'
@@ -56,6 +58,17 @@ class Table:
     head: Sequence[str]
     rows: Sequence[Sequence[Any]]
     """Texts, numbers or None."""
+
+    def markdown(self) -> str:
+        """The table without its caption."""
+        rows = [self.head, ['---'] * len(self.head), *self.rows]
+        return '\n'.join('| %s |' % ' | '.join(map(_cell, row)) for row in rows)
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return ''
+    return '%.4g' % value if isinstance(value, float) else str(value)
 
 
 Plot = Callable[[pathlib.Path], List[Union[Figure, Table]]]
@@ -91,7 +104,8 @@ def run_experiment(name: str, module: Any, results: pathlib.Path, quick: bool, s
     folder = results / name
     shutil.rmtree(str(folder), ignore_errors=True)
     folder.mkdir(parents=True)
-    begun, outcome = time.monotonic(), DONE
+    begun, load, outcome = time.monotonic(), _load(), DONE
+    commit, dirty = checkout.state()
     items: List[Union[Figure, Table]] = []
     try:
         module.run(Run(folder, quick, seed, minutes))
@@ -107,8 +121,14 @@ def run_experiment(name: str, module: Any, results: pathlib.Path, quick: bool, s
     _write_summary(folder, {
         'end': outcome, 'quick': quick, 'seed': seed, 'seconds': round(time.monotonic() - begun, 1),
         'date': datetime.datetime.now(datetime.timezone.utc).strftime('%Y-%m-%d %H:%M UTC'),
+        'commit': commit, 'dirty': dirty, 'machine': machine.describe(), 'load': [load, _load()],
         'title': module.TITLE, 'explanation': module.EXPLANATION.strip()}, items)
     return outcome
+
+
+def _load() -> float:
+    """Of the machine, over the last minute."""
+    return round(os.getloadavg()[0], 1)
 
 
 def read_summary(folder: pathlib.Path) -> Optional[Dict[str, Any]]:

@@ -5,8 +5,7 @@ import os
 import pathlib
 import subprocess
 import time
-from itertools import product
-from typing import Any, Dict, Iterator, List, Mapping, Sequence, Union
+from typing import Any, Callable, Dict, Iterator, List, Mapping, Sequence, Union
 
 import numpy as np
 
@@ -84,7 +83,10 @@ def run(run: Run) -> None:
 
 
 def check_heard(rows: Sequence[table.Row]) -> None:
-    """:raises RuntimeError: where a protected topic was never heard on the robot's side, so that nothing can be judged"""
+    """Of one run.
+
+    :raises RuntimeError: where a protected topic was never heard on the robot's side, so that nothing can be judged
+    """
     for name in (rate_steps.ODOM, rate_steps.TF):
         if not any(row[name + ' left'] for row in rows):
             raise RuntimeError('nothing of %s was heard leaving: see nodes.log' % name)
@@ -186,19 +188,13 @@ def plot(folder: pathlib.Path) -> List[Union[Figure, Table]]:
         Figure('film.png', 'At a loss of %g %%: left what the camera sees, right what is on the operator\'s display at '
                'that instant, %g s after each step of the link. The robot drives, and its place differs between '
                'the methods.' % (shown, FILM_TIME))]
-    for method, loss in product((OURS, LAYERED), losses):
-        ours = [row for row in rows if (row['way'], row['loss [%]']) == (method, loss)]
-        items.append(Table('%s, at a loss of %g %%. The goals: used from 85 %%, queue up to 60 ms, none dropped, odom '
-                           'and tf lost as the air loses, and 80 ms old at p99.' % (method.capitalize(), loss),
-                           list(COLUMNS), [[row[key] for key in COLUMNS.values()] for row in ours]))
+    items += [goals_table(rows, OURS), goals_table(rows, LAYERED)]
     items += simulation_tables(folder, rows)
     links = ['%g Mbit/s, %g %%' % (row['rate [Mbit/s]'], row['loss [%]']) for row in rows if row['way'] == OURS]
     for key, caption in COMPARED.items():
         items.append(Table(caption, ['method', *links],
                            [[method, *(row[key] for row in rows if row['way'] == method)] for method in METHODS]))
-    without_camera, = table.read(folder / 'whole.csv')
-    items.append(Table('All but the colour camera over 20 Mbit/s.', list(without_camera),
-                       [list(without_camera.values())]))
+    items.append(without_camera_table(folder))
     switched = table.read(folder / 'switch.csv')
     draw_switch(switched, folder / 'switch.png')
     caption = 'The focus is switched from %s to %s at 0 s, over %g Mbit/s with a loss of %g %%.' % (
@@ -206,12 +202,12 @@ def plot(folder: pathlib.Path) -> List[Union[Figure, Table]]:
     return [*items, Figure('switch.png', caption), switch_table(switched)]
 
 
-COLUMNS = {'Mbit/s': 'rate [Mbit/s]', 'used [%]': 'used [%]', 'queue p50 [ms]': 'queue p50 [ms]',
-           'p95 [ms]': 'queue p95 [ms]', 'dropped': 'dropped', 'air lost [%]': 'air lost [%]',
-           'odom lost [%]': 'odom lost [%]', 'age p99 [ms]': 'odom age p99 [ms]', 'tf lost [%]': 'tf lost [%]',
-           'tf age p99 [ms]': 'tf age p99 [ms]', 'images [Hz]': 'pictures [Hz]', 'exact [%]': 'exact [%]',
-           'image age p50 [ms]': 'age p50 [ms]', 'image p99 [ms]': 'age p99 [ms]', 'PSNR [dB]': 'PSNR [dB]',
-           'late [ms]': 'late p99 [ms]', 'load': 'load'}
+COLUMNS = {'lost [%]': 'loss [%]', 'Mbit/s': 'rate [Mbit/s]', 'used [%]': 'used [%]',
+           'queue p50 [ms]': 'queue p50 [ms]', 'p95 [ms]': 'queue p95 [ms]', 'dropped': 'dropped',
+           'air lost [%]': 'air lost [%]', 'odom lost [%]': 'odom lost [%]', 'age p99 [ms]': 'odom age p99 [ms]',
+           'tf lost [%]': 'tf lost [%]', 'tf age p99 [ms]': 'tf age p99 [ms]', 'images [Hz]': 'pictures [Hz]',
+           'exact [%]': 'exact [%]', 'image age p50 [ms]': 'age p50 [ms]', 'image p99 [ms]': 'age p99 [ms]',
+           'PSNR [dB]': 'PSNR [dB]', 'late [ms]': 'late p99 [ms]', 'load': 'load'}
 """{column of the report: column of steps.csv}"""
 
 COMPARED = {'pictures [Hz]': 'Images per second, from 2 s after each step.',
@@ -222,6 +218,46 @@ COMPARED = {'pictures [Hz]': 'Images per second, from 2 s after each step.',
             'dropped': 'Packets that found the queue full, from 1 s after each step.',
             'odom age p99 [ms]': 'The age of odometry when it arrives, p99 [ms].'}
 """{column of steps.csv: caption of a table of all methods}"""
+
+
+def goals_table(rows: Sequence[table.Row], method: str) -> Table:
+    """All that was measured of one of our methods."""
+    return Table('%s. The goals: used from 85 %%, queue up to 60 ms, none dropped, odom and tf lost as the air loses, '
+                 'and 80 ms old at p99.' % method.capitalize(), list(COLUMNS),
+                 [[row[key] for key in COLUMNS.values()] for row in rows if row['way'] == method])
+
+
+def without_camera_table(folder: pathlib.Path) -> Table:
+    """What a link with room enough carries."""
+    row, = table.read(folder / 'whole.csv')
+    shown = {words: key for words, key in COLUMNS.items() if key in row}
+    return Table('All but the colour camera over %g Mbit/s, images interleaved:' % row['rate [Mbit/s]'],
+                 [*shown, *('%s [Hz]' % name for name in OTHERS), 'maps'],
+                 [[*(row[key] for key in shown.values()), *(row['%s [Hz]' % name] for name in OTHERS), row['maps']]])
+
+
+def compared_table(folder: pathlib.Path) -> Table:
+    """All methods at SHOWN_LOSS, by what a crew asks for."""
+    rows = [row for row in table.read(folder / 'steps.csv') if row['loss [%]'] == 100 * SHOWN_LOSS]
+
+    def text(row: table.Row, key: str) -> str:
+        return '–' if row[key] is None else '%.3g' % row[key] if row[key] < 1000 else '%.0f' % row[key]
+    return Table('All methods at %g %% packet loss, from %g s after each step of the link; –: nothing arrived.'
+                 % (100 * SHOWN_LOSS, rate_steps.STEADY),
+                 ['', 'method', *('%g Mbit/s' % (rate / 1e6) for rate in rate_steps.RATES)], [
+                     [words, method, *(text(row, key) for row in rows if row['way'] == method)]
+                     for key, words in DOC_COMPARED.items() for method in METHODS])
+
+
+DOC_COMPARED = {'pictures [Hz]': 'images per second', 'age p50 [ms]': 'age of images, p50 [ms]',
+                'age p99 [ms]': 'age of images, p99 [ms]', 'PSNR [dB]': 'screen against what the camera sees then [dB]',
+                'queue p95 [ms]': 'wait for the air, p95 [ms]', 'odom lost [%]': 'odometry lost [%]',
+                'odom age p99 [ms]': 'age of odometry, p99 [ms]'}
+"""{column of steps.csv: words of the doc's table}"""
+
+
+def _doc_goals(method: str) -> Callable[[pathlib.Path], Table]:
+    return lambda folder: goals_table(table.read(folder / 'steps.csv'), method)
 
 
 def simulation_tables(folder: pathlib.Path, rows: Sequence[table.Row]) -> List[Union[Figure, Table]]:
@@ -311,3 +347,12 @@ def switch_table(rows: Sequence[table.Row]) -> Table:
     names = sorted(shares['before'], key=lambda name: -max(share[name] for share in shares.values()))
     return Table('Each stream\'s share of what arrived around the switch [%].', ['stream', *windows],
                  [[name, *(shares[label][name] for label in windows)] for name in names])
+
+
+def doc_switch(folder: pathlib.Path) -> Table:
+    """switch_table of the last results."""
+    return switch_table(table.read(folder / 'switch.csv'))
+
+
+DOC_TABLES = {'adapting': _doc_goals(OURS), 'layered': _doc_goals(LAYERED), 'compared': compared_table,
+              'without_camera': without_camera_table, 'switch': doc_switch}

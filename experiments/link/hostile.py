@@ -56,13 +56,24 @@ def missed(folder: pathlib.Path) -> List[str]:
 
 def plot(folder: pathlib.Path) -> List[Union[Figure, Table]]:
     """Tables of the phases, and of what was sent and dropped."""
-    phases = load(folder)
-    rows = [[phase.name, phase.seconds, phase.rate, 1e3 * phase.age,
-             *(1e-6 * phase.growth[side] for side in SIDES)] for phase in phases]
-    return [Table('Images at the operator, and memory.',
-                  ['attack', 'seconds', 'images [Hz]', 'age p99 [ms]', 'robot + [MB]', 'operator + [MB]'], rows),
-            Table('What the stranger sent, and what the attacked node dropped.', ['attack', 'sent', 'dropped'],
-                  [[phase.name, in_words(phase.sent), in_words(phase.dropped)] for phase in phases])]
+    return [images_table(folder), dropped_table(folder)]
+
+
+def images_table(folder: pathlib.Path) -> Table:
+    """Images and memory in each phase."""
+    return Table('Images at the operator, and growth of the nodes\' memory:',
+                 ['attack', 'seconds', 'images [Hz]', 'age p99 [ms]', 'robot + [MB]', 'operator + [MB]'],
+                 [[phase.name, '%.0f' % phase.seconds, '%.1f' % phase.rate, '%.0f' % (1e3 * phase.age),
+                   *('%+.1f' % (1e-6 * phase.growth[side]) for side in SIDES)] for phase in load(folder)])
+
+
+def dropped_table(folder: pathlib.Path) -> Table:
+    """What was sent and dropped in each phase."""
+    return Table('What the stranger sent, and what the attacked node dropped:', ['attack', 'sent', 'dropped'],
+                 [[phase.name, in_words(phase.sent), in_words(phase.dropped)] for phase in load(folder)])
+
+
+DOC_TABLES = {'images': images_table, 'dropped': dropped_table}
 
 
 def in_words(counts: Dict[str, Any]) -> str:

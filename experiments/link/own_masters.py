@@ -184,18 +184,26 @@ def missed(folder: pathlib.Path) -> List[str]:
 def plot(folder: pathlib.Path) -> List[Union[Figure, Table]]:
     """A figure and a table of the times."""
     figure, axes = drawing.canvas(9, 4.2, columns=2, sharey=True)
-    rows = []
-    for height, (event, images, all_streams) in enumerate(times(folder)):
+    found = times(folder)
+    for height, (_, images, all_streams) in enumerate(found):
         for panel, values in zip(axes, (images, all_streams)):
             panel.plot(values, [height] * len(values), 'o', color=drawing.OURS, alpha=0.5)
-        rows.append([event, len(images), statistics.median(images), images[-1], statistics.median(all_streams),
-                     all_streams[-1]])
     for panel, title in zip(axes, ('first image', 'all streams')):
         panel.set(xlabel='[s] after packets can cross', title=title, xlim=(0, None))
-    axes[0].set_yticks(range(len(rows)), [row[0] for row in rows])
+    axes[0].set_yticks(range(len(found)), [one.event for one in found])
     drawing.save(figure, folder / 'own_masters.png')
     return [Figure('own_masters.png', 'Each dot is one run with another seed.'),
-            Table('Times [s]. Goals after a start: first image 1 s median, 2.5 s worst, all streams 2 s median; '
-                  'after the other events: an image that shows the present 1 s median.',
-                  ['event', 'runs', 'image, median', 'image, worst', 'all streams, median', 'all streams, worst'],
-                  rows)]
+            times_table(folder)]
+
+
+def times_table(folder: pathlib.Path) -> Table:
+    """Until the first image that shows the present, and until all streams."""
+    rows = [[event, len(images), *('%.2f' % time for time in (
+        statistics.median(images), images[-1], statistics.median(all_streams), all_streams[-1]))]
+            for event, images, all_streams in times(folder)]
+    return Table('Times [s]. Goals after a start: first image 1 s median, 2.5 s worst, all streams 2 s median; '
+                 'after the other events: an image that shows the present 1 s median.',
+                 ['event', 'runs', 'image, median', 'image, worst', 'all streams, median', 'all streams, worst'], rows)
+
+
+DOC_TABLES = {'times': times_table}

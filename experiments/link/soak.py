@@ -156,19 +156,27 @@ def plot(folder: pathlib.Path) -> List[Union[Figure, Table]]:
     drawing.legend_right(below)
     drawing.save(figure, folder / 'soak.png')
     loads = [row['load'] for row in rounds]
-    found = goals(folder)
     return [
         Figure('soak.png', 'Above: each dot is one round. Below: the resident memory of the nodes; a line ends where '
                'its process was killed. Load of the machine (%s): %.1f to %.1f.' % (
                    machine.describe(), min(loads), max(loads))),
-        Table('**%s** The memory\'s slope is one for all lives of a node, without the first %g s of each, from a third '
-              'of the soak on.' % ('All goals are met.' if all(goal.met for goal in found) else
-                                   '%d of %d goals are missed.' % (sum(not goal.met for goal in found), len(found)),
-                                   WARM_UP),
-              ['what', 'goal', 'measured', 'met'],
-              [[goal.what, goal.goal, goal.measured, 'yes' if goal.met else '**no**'] for goal in found]),
+        goals_table(folder),
         Table('Rounds in which something was missed.', ['at [min]', 'fault', 'wait [s]', 'slowest', 'unequal', 'died'],
               [[row['at [s]'] / 60, row['fault'], 'never' if row['wait [s]'] is None else row['wait [s]'],
                 row['slowest'], row['unequal'], row['died']] for row in rounds
                if row['wait [s]'] is None or row['wait [s]'] > soak.KINDS[row['fault']].worst or row['unequal'] or
                row['died']])]
+
+
+def goals_table(folder: pathlib.Path) -> Table:
+    """All goals, and whether they are met."""
+    found, rounds = goals(folder), table.read(folder / 'rounds.csv')
+    verdict = ('All goals are met' if all(goal.met for goal in found) else
+               '%d of %d goals are missed' % (sum(not goal.met for goal in found), len(found)))
+    return Table('**%s** in %d rounds. The memory\'s slope is one for all lives of a node, without the first %g s of '
+                 'each, from a third of the soak on.' % (verdict, len(rounds), WARM_UP),
+                 ['what', 'goal', 'measured', 'met'],
+                 [[goal.what, goal.goal, goal.measured, 'yes' if goal.met else '**no**'] for goal in found])
+
+
+DOC_TABLES = {'goals': goals_table}

@@ -7,22 +7,24 @@ from typing import Any, Dict, NamedTuple, Tuple
 
 import numpy as np
 
-from evaluation.link_run import IMAGE_METHODS, LinkRun, Method
+from evaluation.link_run import IMAGE_METHODS, LOAD_CODEC, LinkRun, Method
 from smokebot_udp.arrays import FloatArray
 from smokebot_udp.link_lab import link_trace
 
 from .. import drawing, table
 from ..runner import Run
 
+INTERLEAVED = 'smokebot_udp, interleaved'
 METHODS = {
-    'smokebot_udp': Method('camera/image_raw', [['operator/camera/image_raw', 'image', 'TCPROS'],
-                                                ['operator/camera/mask', 'mask', 'TCPROS']]),
+    'smokebot_udp': Method('default/image_raw', [['operator/default/image_raw', 'image', 'TCPROS']], LOAD_CODEC),
+    INTERLEAVED: Method('camera/image_raw', [['operator/camera/image_raw', 'image', 'TCPROS'],
+                                             ['operator/camera/mask', 'mask', 'TCPROS']]),
     'JPEG over TCPROS': IMAGE_METHODS['JPEG over TCPROS'],
     'JPEG over UDPROS': IMAGE_METHODS['JPEG over UDPROS'],
 }
 
 CAPTION = ('From the top: the link; how many images arrive; the age of the newest image that the operator has; and '
-           'the share of the pixels of each image that was received rather than filled.')
+           'the share of the pixels of each interleaved image that was received rather than filled.')
 
 QUICK_METHODS = 'smokebot_udp', 'JPEG over TCPROS'
 
@@ -40,7 +42,7 @@ class Images(NamedTuple):
     arrivals: FloatArray
     """(n,)"""
     received: Dict[float, float]
-    """{stamp: share of the pixels that was received}; empty: all of every image."""
+    """{stamp: share of the pixels that was received}; empty: the method has no such share."""
 
 
 def run(run: Run, trace: str, seconds: float, quick_speed: float) -> None:
@@ -118,8 +120,9 @@ def draw(folder: pathlib.Path, name: str) -> None:
                                    'zorder': 3 if method == 'smokebot_udp' else 2}
         rate.plot(times, rates, **options)
         age.plot(times, ages, **options)
-        shares = [found.received.get(stamp, np.nan) if found.received else 1.0 for stamp in found.stamps]
-        completeness.plot(found.arrivals, 100 * np.array(shares), '.', markersize=4, **options)
+        if method == INTERLEAVED:
+            shares = [found.received.get(stamp, np.nan) for stamp in found.stamps]
+            completeness.plot(found.arrivals, 100 * np.array(shares), '.', markersize=4, **options)
     conditions.set_ylabel('the link')
     rate.set(ylabel='images per second', ylim=(0, 16))
     age.set(ylabel='age of what\nis shown [s]', yscale='log')

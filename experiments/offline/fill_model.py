@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The variogram that kriging assumes: how pixels really differ over distance, and how well each model fills."""
 import pathlib
-from typing import Dict, List, Sequence, Union
+from typing import Callable, Dict, List, Sequence, Union
 
 import numpy as np
 
@@ -109,3 +109,10 @@ def length_table(rows: Sequence[table.Row], kind: str) -> Table:
 
 def _kinds(rows: Sequence[table.Row]) -> List[str]:
     return list(dict.fromkeys(row['kind'] for row in rows))
+
+
+def _doc_table(kind: str) -> Callable[[pathlib.Path], Table]:
+    return lambda folder: length_table(table.read(folder / 'lengths.csv'), kind)
+
+
+DOC_TABLES = {kind: _doc_table(kind) for kind in ('photographs', 'recordings')}

@@ -207,9 +207,60 @@ def plot(folder: pathlib.Path) -> List[Union[Figure, Table]]:
                'average, which hit fewer images, but those hard.' % BURST),
         Figure('shown.png', 'What is on the display at %s, in a moment of median quality.'
                % panels[SEGMENTS.index(SHOWN[1])][0]),
-        *(Table('PSNR [dB] at %s, by loss:' % words, ['method'] + ['%g %%' % (100 * loss) for loss in LOSSES],
-                [[method] + [round(value, 1) for value in mean(rows, method, segments, 0, 'PSNR [dB]').values()]
-                 for method in COLOURS]) for words, segments, _ in panels)]
+        *(psnr_table(rows, words, segments, 0) for words, segments, _ in panels), lead_table(folder)]
+
+
+def psnr_table(rows: Sequence[table.Row], words: str, segments: int, burst: int) -> Table:
+    """The quality of all methods over loss at a budget; words: name the budget."""
+    values = {method: mean(rows, method, segments, burst, 'PSNR [dB]') for method in COLOURS}
+    return Table('PSNR [dB] at %s, by the packet loss:' % words, ['method', *map(_percent, values[LAYERED])],
+                 [[method, *('%.1f' % value for value in found.values())] for method, found in values.items()])
+
+
+def _percent(loss: float) -> str:
+    return '%g %%' % (100 * loss)
+
+
+def lead_table(folder: pathlib.Path) -> Table:
+    """Of our methods over the JPEG whose code knows the loss, at each budget."""
+    rows, known = table.read(folder / 'quality.csv'), JPEGS[-1]
+    lines = []
+    for budget in table.read(folder / 'budgets.csv'):
+        rival = mean(rows, known, budget['segments'], 0, 'PSNR [dB]')
+        for method in (LAYERED, INTERLEAVED[BEST]):
+            ours = mean(rows, method, budget['segments'], 0, 'PSNR [dB]')
+            lines.append(['%.1f kB' % budget['kB'], method, *('%+.1f' % (ours[loss] - rival[loss]) for loss in rival)])
+    behind = [gap for gap in _gaps(rows) if gap < 0]
+    return Table('Lead over the JPEG with a code that knows the loss [dB]. Of all %d combinations of photograph, '
+                 'budget, loss and bursts, layered images are behind it in %d, by at most %.1f dB:' % (
+                     len(_gaps(rows)), len(behind), -min(behind, default=0.0)),
+                 ['per image', 'method', *map(_percent, LOSSES)], lines)
+
+
+def _gaps(rows: Sequence[table.Row]) -> List[float]:
+    """The lead of layered images in each case."""
+    by_case = {(row['photograph'], row['segments'], row['burst'], row['loss'], row['way']): row['PSNR [dB]']
+               for row in rows}
+    return [value - by_case[(*case, JPEGS[-1])] for (*case, way), value in by_case.items() if way == LAYERED]
+
+
+def single_losses_table(folder: pathlib.Path) -> Table:
+    """psnr_table at the middle budget."""
+    return _doc_table(folder, 'single losses', 0)
+
+
+def bursts_table(folder: pathlib.Path) -> Table:
+    """The same with bursts."""
+    return _doc_table(folder, 'losses in bursts of %d' % BURST, BURST)
+
+
+def _doc_table(folder: pathlib.Path, losses: str, burst: int) -> Table:
+    size, = (row['kB'] for row in table.read(folder / 'budgets.csv') if row['segments'] == BURSTY)
+    return psnr_table(table.read(folder / 'quality.csv'), '%.1f kB per image (%d of 64 segments), %s' % (
+        size, BURSTY, losses), BURSTY, burst)
+
+
+DOC_TABLES = {'psnr': single_losses_table, 'lead': lead_table, 'bursts': bursts_table}
 
 
 def mean(rows: Sequence[table.Row], method: str, segments: int, burst: int, column: str) -> Dict[float, float]:

@@ -144,9 +144,20 @@ def plot(folder: pathlib.Path) -> List[Union[Figure, Table]]:
         items += [Figure(path.name, '%s: black is occupied, white free, light grey unknown. Above: the full map; '
                          'reduced by the mean; reduced by the maximum, in %d datagrams. Below: half of them lost, '
                          'after one, two and three cycles.' % (name.capitalize(), of_map[0]['segments'])),
-                  Table('%s, one draw of losses:' % name.capitalize(), list(rows[0])[2:],
-                        [list(row.values())[2:] for row in of_map])]
+                  judged_table(name, of_map)]
     return items
+
+
+def judged_table(name: str, rows: Sequence[table.Row]) -> Table:
+    """What each way of showing a map keeps of it."""
+    return Table('%s, in %d datagrams, one draw of losses:' % (name.capitalize(), rows[0]['segments']),
+                 list(rows[0])[2:], [list(row.values())[2:] for row in rows])
+
+
+def simulated_table(folder: pathlib.Path) -> Table:
+    """judged_table of the simulated building."""
+    rows = table.read(folder / 'maps.csv')
+    return judged_table(rows[0]['map'], [row for row in rows if row['map'] == rows[0]['map']])
 
 
 def draw(shown: Mapping[str, Array], rows: Sequence[table.Row], path: pathlib.Path) -> None:
@@ -167,3 +178,6 @@ def draw(shown: Mapping[str, Array], rows: Sequence[table.Row], path: pathlib.Pa
     for axes in grid[:, 0]:
         axes.set_ylabel('y [m]')
     drawing.save(figure, path)
+
+
+DOC_TABLES = {'simulated': simulated_table}

@@ -134,26 +134,51 @@ def missed(folder: pathlib.Path) -> List[str]:
 
 def plot(folder: pathlib.Path) -> List[Union[Figure, Table]]:
     """Time over loss, and tables."""
-    found, sizes_of = medians(folder), table.read(folder / 'bytes.csv')
+    found = medians(folder)
     draw(found, folder / 'maps_time.png')
     name = table.read(folder / 'times.csv')[0]['map']
     times = [[*case, *map(_text, one)] for case, one in found.items()]
-    stats = change_stats(folder)
     return [
         Figure('maps_time.png', 'Time until %s is complete over the loss, and (dotted) until anything of it is shown; '
                'medians. Where a line ends, the map was not complete after %g s.' % (name, LIMIT)),
-        Table('Bytes of whole maps: data of the tiles, in datagrams; the overview, reduced by 2^shift; zlib (level 9) '
-              'and PNG of the whole array; a cycle of the interleaved map on the wire, reduced by a factor:',
-              list(sizes_of[0]), [list(row.values()) for row in sizes_of]),
+        bytes_table(folder),
         Table('%s, medians:' % name, [
             'rate [Mbit/s]', 'method', 'loss', 'first [s]', 'complete [s]', 'sent [byte]'], times),
-        Table('Changes of %d × %d cells, %g %% lost:' % (SIDE, SIDE, 100 * CHANGE_LOSS), list(stats),
-              [['%.3g' % value if value < 10 else '%.0f' % value for value in stats.values()]])]
+        changes_table(folder)]
+
+
+def bytes_table(folder: pathlib.Path) -> Table:
+    """Sizes of whole maps."""
+    rows = table.read(folder / 'bytes.csv')
+    return Table('Bytes of whole maps: data of the tiles, in datagrams; the overview, reduced by 2^shift; zlib (level '
+                 '9) and PNG of the whole array; a cycle of the interleaved map on the wire, reduced by a factor:',
+                 list(rows[0]), [list(row.values()) for row in rows])
+
+
+def changes_table(folder: pathlib.Path) -> Table:
+    """What a change takes."""
+    stats = change_stats(folder)
+    return Table('Changes of %d × %d cells, %g %% lost:' % (SIDE, SIDE, 100 * CHANGE_LOSS), list(stats),
+                 [['%.3g' % value if value < 10 else '%.0f' % value for value in stats.values()]])
+
+
+def times_table(folder: pathlib.Path) -> Table:
+    """Each method over loss, at the first rate."""
+    found, name = medians(folder), table.read(folder / 'times.csv')[0]['map']
+    rate = RATES[0] / 1e6
+
+    def row(words: str, method: str, field: str) -> List[str]:
+        return [words, *(_text(getattr(found[rate, method, loss], field)) for loss in LOSSES)]
+    return Table('%s at %g Mbit/s, by the packet loss; medians of %d runs, – where it was not complete after %g s:'
+                 % (name, rate, SEEDS, LIMIT), ['', *('%g %%' % (100 * loss) for loss in LOSSES)], [
+                     row('tiles: overview shown [s]', TILES, 'first'), row('tiles: complete [s]', TILES, 'complete'),
+                     row('tiles: sent until then [byte]', TILES, 'sent'),
+                     *(row('%s: complete [s]' % method, method, 'complete') for method in COLOURS if method != TILES)])
 
 
 def _text(value: float) -> str:
     if not math.isfinite(value):
-        return '-'
+        return '–'
     return '%.2f' % value if value < 1000 else '%.0f' % value
 
 
@@ -174,3 +199,6 @@ def draw(found: Mapping[Tuple[float, str, float], Outcome], path: pathlib.Path) 
     grid[0, 0].set_ylabel('complete after [s]')
     drawing.legend_right(grid[0, -1])
     drawing.save(figure, path)
+
+
+DOC_TABLES = {'times': times_table, 'changes': changes_table, 'bytes': bytes_table}

@@ -173,6 +173,20 @@ def burst_table(rows: Sequence[table.Row], column: str, caption: str) -> Table:
                  [[name] + ['%.2f' % found[(name, *cell)] for cell in cells] for name in names])
 
 
+def doc_prefixes(folder: pathlib.Path) -> Table:
+    """prefix_table of 64 subimages."""
+    return prefix_table(table.read(folder / 'prefixes.csv'), DEPTHS[0])
+
+
+def doc_bursts(folder: pathlib.Path) -> Table:
+    """burst_table at the higher losses."""
+    rows = [row for row in table.read(folder / 'bursts.csv') if row['lost'] in LOSSES[1:]]
+    return burst_table(rows, 'psnr', 'Mean PSNR [dB] of images whose datagrams are lost in runs of this mean length:')
+
+
+DOC_TABLES = {'prefixes': doc_prefixes, 'bursts': doc_bursts}
+
+
 def _psnr_by_order(rows: Sequence[table.Row], key: str) -> Dict[str, Dict[Any, float]]:
     """{order: {the row's key: its PSNR}}"""
     found: Dict[str, Dict[Any, float]] = {}

@@ -113,7 +113,21 @@ def draw_curve(rows: Sequence[table.Row], path: pathlib.Path) -> None:
     drawing.save(figure, path)
 
 
+def psnr_table(folder: pathlib.Path) -> Table:
+    """The mean quality over images and draws."""
+    rows = table.read(folder / 'psnr.csv')
+    names = {row['picture'] for row in rows}
+    counts = (1, FEW, *MORE)
+    return Table('PSNR [dB], mean over %d photographs and random losses, by the number of segments that were received '
+                 'of 64:' % len(names), ['missing pixels', *map(str, counts)], [
+                     [words, *('%.1f' % np.mean([psnr_of_draws(rows, name, count, fill) for name in names])
+                               for count in counts)] for fill, words in FILLS.items()])
+
+
 def psnr_of_draws(rows: Sequence[table.Row], name: str, count: int, fill: str) -> List[float]:
     """Of each draw [dB]; the last one is shown."""
     return [row['PSNR [dB]'] for row in rows
             if (row['picture'], row['received'], row['fill']) == (name, count, fill)]
+
+
+DOC_TABLES = {'psnr': psnr_table}

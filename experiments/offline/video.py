@@ -153,3 +153,7 @@ def plot(folder: pathlib.Path) -> Sequence[Union[Figure, Table]]:
 def missed(folder: pathlib.Path) -> List[str]:
     """What falls behind the best peer, or behind images without prediction."""
     return video_results.missed(folder) + video_prediction.missed(folder)
+
+
+DOC_TABLES = {'psnr': video_results.doc_psnr, 'leads': video_results.doc_leads, 'steps': video_results.steps_table,
+              'times': video_results.doc_times}

@@ -119,6 +119,51 @@ def tables(rows: Rows, name: str) -> Iterator[Table]:
                 [[way, *(times(rows, way, rate) for rate in rates_of(rows))] for way in COLOURS])
 
 
+def doc_psnr(folder: pathlib.Path) -> Table:
+    """Ours, the best peer and nimbro_network on each clip."""
+    rows, lines = table.read(folder / 'video.csv'), []
+    for name in dict.fromkeys(row['clip'] for row in rows):
+        of_clip = [row for row in rows if row['clip'] == name]
+        for rate in rates_of(of_clip):
+            for way in (H264, PREDICTED, NIMBRO):
+                lines.append([name, rate, way, *(rounded(mean(of_clip, way, rate, link, 'PSNR [dB]'), 1)
+                                                 for link in LINKS)])
+            best = [best_peer(of_clip, rate, link)[0] for link in LINKS]
+            lines.append([name, rate, 'best peer', *('' if math.isnan(value) else '%.1f' % value for value in best)])
+    return Table('PSNR [dB] of the screen, by the packet loss; *best peer* is the best of all ways but this package\'s '
+                 'in the same cell:', ['clip', 'Mbit/s', 'way', *LINKS], lines)
+
+
+def doc_leads(folder: pathlib.Path) -> Table:
+    """Of the better of our ways over the best peer."""
+    rows, lines, leads = table.read(folder / 'video.csv'), [], []
+    for name in dict.fromkeys(row['clip'] for row in rows):
+        of_clip = [row for row in rows if row['clip'] == name]
+        for rate in rates_of(of_clip):
+            found = [best_lead(of_clip, rate, link) for link in LINKS]
+            lines.append([name, rate, *('' if math.isnan(value) else '%+.1f' % value for value in found)])
+            leads += [value for value in found if not math.isnan(value)]
+    return Table('Lead of the better one of our H.264 and our layered images over the best peer [dB]: at least −%g dB '
+                 'in %d of %d cells.' % (TOLERANCE, sum(value >= -TOLERANCE for value in leads), len(leads)),
+                 ['clip', 'Mbit/s', *LINKS], lines)
+
+
+def best_lead(rows: Rows, rate: float, link: str) -> float:
+    """Of the better of our ways over the best peer [dB]; NaN: not measured."""
+    ours = [value for value in (mean(rows, way, rate, link, 'PSNR [dB]') for way in OURS) if value is not None]
+    return max(ours, default=math.nan) - best_peer(rows, rate, link)[0]
+
+
+def doc_times(folder: pathlib.Path) -> Table:
+    """CPU time of our ways."""
+    rows = table.read(folder / 'video.csv')
+    names, rates = list(dict.fromkeys(row['clip'] for row in rows)), rates_of(rows)
+    return Table('CPU time per image without loss, encoding / decoding [ms]:',
+                 ['clip', 'way', *('%g Mbit/s' % rate for rate in rates)], [
+                     [name, way, *(times([row for row in rows if row['clip'] == name], way, rate) for rate in rates)]
+                     for name in names for way in (H264, PREDICTED)])
+
+
 def lead(rows: Rows, rate: float, link: str) -> Optional[str]:
     """Of our H.264 over the best peer [dB]; None: it was not measured."""
     ours = mean(rows, H264, rate, link, 'PSNR [dB]')
@@ -154,9 +199,17 @@ def step_items(folder: pathlib.Path) -> Iterator[Union[Figure, Table]]:
     figure.legend(*grid[0][0].get_legend_handles_labels(), loc='outside lower center', ncols=3)
     drawing.save(figure, folder / 'steps.png')
     yield Figure('steps.png', 'The loss steps from 2 to 30 % and back; mean over seeds.')
-    yield Table('What is missing to the steady quality %g to %g s after each step [dB]:' % (
-        RECOVERY, RECOVERY + RECOVERY_SPAN), ['clip', 'way', 'after the step up', 'after the step down'],
-        [[name, way, *('%.1f' % gap for gap in gaps(rows, name, way))] for name in names for way in STEP_WAYS])
+    yield steps_table(folder)
+
+
+def steps_table(folder: pathlib.Path) -> Table:
+    """What a step of the loss costs."""
+    rows = table.read(folder / 'steps.csv')
+    return Table('The loss steps from 2 to 30 %% and back. Missing to the steady quality, %g to %g s after each step '
+                 '[dB]:' % (RECOVERY, RECOVERY + RECOVERY_SPAN),
+                 ['clip', 'way', 'after the step up', 'after the step down'],
+                 [[name, way, *('%.1f' % gap for gap in gaps(rows, name, way))]
+                  for name in dict.fromkeys(row['clip'] for row in rows) for way in STEP_WAYS])
 
 
 def curve(rows: Rows, name: str, way: str, link: str) -> Tuple[FloatArray, FloatArray]:

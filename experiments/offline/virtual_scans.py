@@ -145,3 +145,18 @@ def plot(folder: pathlib.Path) -> List[Union[Figure, Table]]:
                for kind in SHOWN if kind in shown]
     return [*figures, Table('All of them; their figures are in the folder.', list(rows[0])[1:],
                             [list(row.values())[1:] for row in rows])]
+
+
+def kinds_table(folder: pathlib.Path) -> Table:
+    """What was found in the clouds of each kind."""
+    rows = table.read(folder / 'scans.csv')
+    lines = []
+    for kind in dict.fromkeys(row['kind'] for row in rows):
+        mine = [row for row in rows if row['kind'] == kind]
+        medians = (np.median([row[key] for row in mine]) for key in ('obstacle columns', 'landmark columns'))
+        lines.append([kind, len(mine), sum(row['ground'] == 'fresh' for row in mine), *map('{:.0f}'.format, medians)])
+    return Table('Columns of %d in which something was found, medians, by the kind of cloud:' % virtual_scan.COLUMNS,
+                 ['kind', 'clouds', 'with the ground found', 'obstacle scan', 'landmark scan'], lines)
+
+
+DOC_TABLES = {'kinds': kinds_table}

@@ -32,10 +32,11 @@ def results(folder: pathlib.Path) -> Table:
         goals = [goal for goal in scenario.goals if goal.quantity == quantity]
         rows.append([scenario.name, quantity, ' '.join(map(_text, goals)), '%.3g' % np.median(values),
                      '%.3g' % min(values), '%.3g' % max(values),
-                     ('yes' if _met(goals, values) else 'no') if goals else ''])
+                     ('yes' if _met(goals, values) else '**no**') if goals else ''])
     seeds = max(len(values) for values in measured.values())
-    return Table('Links on which congestion control is hard, %d runs each. A goal is met where all of them meet it.'
-                 % seeds, ['link', 'quantity', 'goal', 'median', 'least', 'most', 'met'], rows)
+    return Table('Links on which congestion control is hard, %d runs each. A goal is met where all of them meet it: '
+                 '%d of %d are.' % (seeds, sum(row[-1] == 'yes' for row in rows), sum(bool(row[-1]) for row in rows)),
+                 ['link', 'quantity', 'goal', 'median', 'least', 'most', 'met'], rows)
 
 
 def missed(folder: pathlib.Path) -> List[str]:

@@ -160,23 +160,27 @@ def run(run: Run) -> None:
 
 
 def plot(folder: pathlib.Path) -> List[Union[Figure, Table]]:
-    steps = table.read(folder / 'steps.csv')
-    rows = [_row(steps, loss, number) for loss in LOSSES for number in range(len(STEPS))]
-    return [
-        _draw_steps(folder),
-        Table('From %g s after each step, %d runs each: the median, and the worst in brackets. Required: 85 %% used, '
-              'at most 60 ms of queue, nothing dropped, 2 images a second, and for protected streams the link\'s '
-              'loss, and an age of 80 ms at most' % (SETTLED, len({row['seed'] for row in steps})),
-              ['loss', 'Mbit/s', 'used', 'queue p95 [ms]', 'dropped', 'used by streams', 'protected lost',
-               'protected age p99 [ms]', 'images [Hz]'], rows),
-        _draw_crowds(folder),
-        scenario_results.results(folder),
-    ]
+    """Figures over time, and tables of the steps and of the hard links."""
+    return [_draw_steps(folder), steps_table(folder), _draw_crowds(folder), scenario_results.results(folder)]
 
 
 def missed(folder: pathlib.Path) -> List[str]:
     """Goals that were missed."""
     return scenario_results.missed(folder)
+
+
+def steps_table(folder: pathlib.Path) -> Table:
+    """What was measured after each step of the link."""
+    steps = table.read(folder / 'steps.csv')
+    return Table('From %g s after each step, %d runs each: the median, and the worst in brackets. Required: 85 %% '
+                 'used, at most 60 ms of queue, nothing dropped, 2 images a second, and for protected streams the '
+                 'link\'s loss, and an age of 80 ms at most:' % (SETTLED, len({row['seed'] for row in steps})),
+                 ['loss', 'Mbit/s', 'used', 'queue p95 [ms]', 'dropped', 'used by streams', 'protected lost',
+                  'protected age p99 [ms]', 'images [Hz]'],
+                 [_row(steps, loss, number) for loss in LOSSES for number in range(len(STEPS))])
+
+
+DOC_TABLES = {'steps': steps_table, 'scenarios': scenario_results.results}
 
 
 def _row(steps: List[Dict[str, Any]], loss: float, number: int) -> List[str]:

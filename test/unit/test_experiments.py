@@ -11,8 +11,10 @@ import pytest
 for library in ('cv2', 'markdown', 'matplotlib', 'tqdm'):
     pytest.importorskip(library)
 
+from evaluation import checkout, machine  # noqa: E402
 from experiments import drawing, report, runner, table  # noqa: E402
-from experiments.__main__ import EXPERIMENTS, load, main  # noqa: E402
+from experiments.__main__ import main  # noqa: E402
+from experiments.catalogue import EXPERIMENTS, MAX_MINUTES, QUICK_RUN, WHOLE_RUN, load  # noqa: E402
 from experiments.runner import DONE, Figure, Run, Skipped, Table  # noqa: E402
 
 
@@ -125,7 +127,30 @@ def test_each_experiment_has_what_the_runner_needs(name: str) -> None:
 def test_every_experiment_has_a_name() -> None:
     folder = pathlib.Path(runner.__file__).parent
     found = {path.stem: path.parent.name for path in folder.glob('*/*.py') if 'TITLE = ' in path.read_text()}
-    assert found == EXPERIMENTS
+    assert found == {name: experiment.folder for name, experiment in EXPERIMENTS.items()}
+
+
+def test_a_whole_run_takes_an_hour_at_most(capsys: Any) -> None:
+    total = sum(EXPERIMENTS[name].minutes for name in WHOLE_RUN)
+    assert total <= MAX_MINUTES == 60
+    assert set(QUICK_RUN) < set(WHOLE_RUN) and not {'soak', 'video', 'way_back'} & set(WHOLE_RUN)
+    with pytest.raises(SystemExit):
+        main(['--help'])
+    shown = capsys.readouterr().out
+    for name, experiment in EXPERIMENTS.items():
+        assert re.search(r'%s +%g\n' % (name, experiment.minutes), shown)
+    assert re.search(r'all of these +%g\n' % total, shown)
+
+
+def test_a_run_says_with_what_it_was_measured(tmp_path: pathlib.Path) -> None:
+    run('first', experiment(), tmp_path)
+    summary = runner.read_summary(tmp_path / 'first')
+    assert summary is not None
+    commit, dirty = checkout.state()
+    assert (summary['commit'], summary['dirty'], summary['machine']) == (commit, dirty, machine.describe())
+    assert len(summary['load']) == 2 and min(summary['load']) >= 0
+    shown = report.write(tmp_path, ['first'])[1].read_text()
+    assert machine.describe() in shown and (commit is None or commit in shown)
 
 
 def test_an_unknown_name_is_refused(capsys: Any) -> None:

@@ -16,7 +16,7 @@ from evaluation.linear_fit import linear_fit  # noqa: E402
 from evaluation.link_run import IMAGE_METHODS, summary  # noqa: E402
 from evaluation.listener import Heard  # noqa: E402
 from experiments import drawing, table  # noqa: E402
-from experiments.link import hostile, own_masters  # noqa: E402
+from experiments.link import hostile, own_masters, traces  # noqa: E402
 from experiments.link.start_up import EVENTS, starts  # noqa: E402
 from experiments.link.traces import shown  # noqa: E402
 from experiments.runner import Table  # noqa: E402
@@ -64,13 +64,15 @@ def test_a_start_ends_with_the_last_stream_that_has_to_arrive() -> None:
 
 def test_image_methods_have_a_colour_a_source_and_a_stream_of_their_own() -> None:
     assert set(IMAGE_METHODS) <= set(drawing.COLOURS)
-    assert {method.source for method in IMAGE_METHODS.values()} <= set(sensor_source.TOPICS)
     streams, problems = config.load((TOP / 'evaluation' / 'link_streams.yaml').read_text())
     coding = {settings['operator_topic']: settings['coding'] for settings in streams.values()
               if settings['type'] == 'image'}
-    assert not problems and {name: coding['/' + method.subscriptions[0][0]] for name, method in IMAGE_METHODS.items()
+    ours = {**IMAGE_METHODS, **traces.METHODS}
+    assert not problems and {name: coding['/' + method.subscriptions[0][0]] for name, method in ours.items()
                              if name.startswith('smokebot_udp')} == {
-        'smokebot_udp': 'interleaved', 'smokebot_udp, layered': 'layered'}
+        'smokebot_udp': 'auto', 'smokebot_udp, interleaved': 'interleaved', 'smokebot_udp, layered': 'layered'}
+    assert set(traces.METHODS) <= set(drawing.COLOURS)
+    assert {method.source for method in ours.values()} <= set(sensor_source.TOPICS)
 
 
 def test_own_masters_goals_are_of_medians_and_of_the_worst(tmp_path: pathlib.Path) -> None:
