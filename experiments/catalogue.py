@@ -23,7 +23,7 @@ EXPERIMENTS = {
     'supervisor_simulation': Experiment('simulated', 3),
     'subimages': Experiment('offline', 0.5),
     'map_reduction': Experiment('offline', 0.5),
-    'maps': Experiment('offline', 2),
+    'maps': Experiment('offline', 0.5),
     'pictures_per_second': Experiment('link', 8.5),
     'received_packets': Experiment('link', 3),
     'cloud_points': Experiment('link', 4.5),

@@ -39,6 +39,32 @@ def results(folder: pathlib.Path) -> Table:
                  ['link', 'quantity', 'goal', 'median', 'least', 'most', 'met'], rows)
 
 
+MAIN = {'used [%]': '≥ 85', 'own loss [%]': '≤ 1', 'queue p95 [ms]': '≤ 60'}
+"""{quantity with a column of its own: its usual goal}"""
+
+
+def doc_results(folder: pathlib.Path) -> Table:
+    """All scenarios, a row each, with the quantities that have goals."""
+    cells: Dict[str, Dict[str, str]] = {}
+    for scenario, quantity, values in _quantities(_values(folder)):
+        goals = [goal for goal in scenario.goals if goal.quantity == quantity]
+        if goals:
+            text = '%.3g (%.3g to %.3g)' % (np.median(values), min(values), max(values))
+            text = text if _met(goals, values) else '**%s**' % text
+            if quantity not in MAIN:
+                text = '%s: %s, %s' % (quantity, text, ' '.join(map(_text, goals)))
+            cells.setdefault(scenario.name, {})[quantity] = text
+    rows = [[name, *(found.get(quantity) for quantity in MAIN),
+             '; '.join(text for quantity, text in found.items() if quantity not in MAIN)]
+            for name, found in cells.items()]
+    met = [text for found in cells.values() for text in found.values() if '**' not in text]
+    return Table('The median of %d runs, with the least and the most; a goal that one of them misses is bold: %d of %d '
+                 'are met. Goals: %s.' % (
+                     max(len(values) for values in _values(folder).values()), len(met),
+                     sum(map(len, cells.values())), ', '.join('%s %s' % item for item in MAIN.items())),
+                 ['link', *MAIN, 'others'], rows)
+
+
 def missed(folder: pathlib.Path) -> List[str]:
     """The goals that were missed."""
     return ['%s: %s %.3g to %.3g, goal %s' % (scenario.name, quantity, min(values), max(values),

@@ -180,7 +180,7 @@ def steps_table(folder: pathlib.Path) -> Table:
                  [_row(steps, loss, number) for loss in LOSSES for number in range(len(STEPS))])
 
 
-DOC_TABLES = {'steps': steps_table, 'scenarios': scenario_results.results}
+DOC_TABLES = {'steps': steps_table, 'scenarios': scenario_results.doc_results}
 
 
 def _row(steps: List[Dict[str, Any]], loss: float, number: int) -> List[str]:
