@@ -51,7 +51,7 @@ def after_table(folder: pathlib.Path) -> Table:
     for method, images in traces.images(folder).items():
         after = images.arrivals >= ended
         fresh = images.arrivals - images.stamps < FRESH
-        waits = ['%.2g' % (images.arrivals[which].min() - ended) if which.any() else 'never'
+        waits = ['%.2f' % (images.arrivals[which].min() - ended) if which.any() else 'never'
                  for which in (after, after & fresh)]
         rows.append([method, *waits, int(np.count_nonzero(after & ~fresh))])
     return Table('After the cut:', ['method', 'first image after [s]', 'first one younger than %g s after [s]' % FRESH,

@@ -41,7 +41,7 @@ AFTER = """After the cut:
 
 | method | first image after [s] | first one younger than 1 s after [s] | older images that arrived |
 | --- | --- | --- | --- |
-| JPEG over TCPROS | 1.5 | 2.2 | 1 |
+| JPEG over TCPROS | 1.50 | 2.25 | 1 |
 | JPEG over UDPROS | 0.12 | 0.12 | 0 |
 """
 
@@ -162,3 +162,106 @@ def test_the_lead_of_layered_images(tmp_path: pathlib.Path) -> None:
     assert lead.rows[0][:5] == ['20.7 kB', LAYERED, '+2.0', '+2.0', '+0.5']
     psnr = made('image_quality', 'psnr', tmp_path)
     assert psnr.head[:4] == ['method', '0 %', '1 %', '5 %'] and psnr.rows[0][:4] == [LAYERED, '40.0', '40.0', '38.5']
+
+
+LOSSY = {'late p99 [ms]': 1.0, 'load': 0.5, 'attempts': 1}
+
+
+def test_packets_of_images(tmp_path: pathlib.Path) -> None:
+    table.write(tmp_path / 'packets.csv', [
+        {'adapt': adapt, 'loss [%]': loss, 'packets': 64 - 0.64 * loss + adapt, 'p5': 1.0, 'p95': 64.0,
+         'rate [Hz]': 10.25, **LOSSY} for adapt in (False, True) for loss in (0, 50, 90)])
+    found = made('received_packets', 'packets', tmp_path)
+    assert 'R² = 1.0000 and, with an adaptive rate, 1.0000' in found.caption
+    assert found.rows[:2] == [['packets of 64', '64.0', '32.0', '6.4'], ['images per second', '10.2', '10.2', '10.2']]
+    assert found.rows[2][1] == '65.0'
+    assert [item.caption for item in load('received_packets').plot(tmp_path)][1] == found.caption
+
+
+def test_points_of_clouds(tmp_path: pathlib.Path) -> None:
+    from experiments.link.cloud_points import STYLES
+    table.write(tmp_path / 'points.csv', [
+        {'way': way, 'delay [ms]': delay, 'loss [%]': loss, 'rate [Hz]': 10.0 - delay / 10, 'age p50 [s]': None,
+         'age p99 [s]': None, 'amount': 1000.0 - 10 * loss + delay or None, **LOSSY}
+        for way in STYLES for delay in (2, 50) for loss in (0, 50, 90)])
+    assert made('cloud_points', 'rates', tmp_path).rows[:2] == [
+        ['smokebot_udp', 2, '9.8', '9.8', '9.8'], ['smokebot_udp', 50, '5', '5', '5']]
+    points = made('cloud_points', 'points', tmp_path)
+    assert points.rows[0] == ['smokebot_udp', '1026', '526', '126'] and 'R² = 1.0000' in points.caption
+    assert len(load('cloud_points').plot(tmp_path)) == 3
+
+
+def test_what_the_operator_looks_at_along_a_trace(tmp_path: pathlib.Path) -> None:
+    table.write(tmp_path / 'link.csv', [{'at [s]': at, 'loss': 0.0, 'delay': 0.01, 'rate': 1e6} for at in (0, 10, 20)])
+    table.write(tmp_path / 'messages.csv', [
+        {'way': 'smokebot_udp, interleaved', 'topic': topic, 'stamp [s]': at, 'arrival [s]': at + 0.5, 'amount': 0.25}
+        for at in range(20) for topic in ('operator/camera/image_raw', 'operator/camera/mask')])
+    found = made('out_of_range', 'ages', tmp_path)
+    assert found.head[1] == 'images, of 200'
+    assert found.rows == [['smokebot_udp, interleaved', 20, '1.0', '1.4', '1.4']]
+    assert len(load('out_of_range').plot(tmp_path)) == 2
+
+
+def test_starts(tmp_path: pathlib.Path) -> None:
+    table.write(tmp_path / 'waits.csv', [
+        {'seed': seed, 'event': 'both start', 'stream': stream, 'wait [s]': wait * seed}
+        for seed in (1, 2) for stream, wait in (('thermal', 5.2), ('camera', 6.0), ('battery', 7.0))])
+    assert made('start_up', 'times', tmp_path).rows == [
+        ['both start', 'first image', '7.8', '10.4', 10, '1 of 2'],
+        ['both start', 'all streams', '10.5', '14.0', 20, '2 of 2']]
+    assert len(load('start_up').plot(tmp_path)) == 2
+    assert made('own_masters', 'times', tmp_path).rows == [['both start', 2, '7.80', '10.40', '10.50', '14.00']]
+    assert len(load('own_masters').plot(tmp_path)) == 2
+
+
+def test_an_attack(tmp_path: pathlib.Path) -> None:
+    (tmp_path / 'phases.json').write_text(json.dumps([
+        {'name': 'flood', 'seconds': 49.6, 'rate': 9.94, 'age': 0.1611, 'growth': {'robot': 3.84e6, 'operator': -1e5},
+         'sent': {'mutated': 7}, 'dropped': {'forged': 2, 'malformed': 5}}]))
+    assert made('hostile', 'images', tmp_path).rows == [['flood', '50', '9.9', '161', '+3.8', '-0.1']]
+    assert made('hostile', 'dropped', tmp_path).rows == [['flood', 'mutated: 7', 'malformed: 5, forged: 2']]
+
+
+def test_video(tmp_path: pathlib.Path) -> None:
+    from evaluation.video_ways import H264, KNOWN, NIMBRO, PREDICTED
+    from experiments.offline.video_results import LINKS, STEP_WAYS
+    quality = {H264: 38.0, PREDICTED: 39.5, NIMBRO: 30.0, KNOWN: 41.0}
+    table.write(tmp_path / 'video.csv', [
+        {'clip': 'euroc', 'Mbit/s': 1, 'link': link, 'way': way, 'PSNR [dB]': value - (link == '50 %'),
+         'visible [%]': 100, 'freeze [s]': 0, 'used [Mbit/s]': 1, 'encode [ms]': 3.25, 'decode [ms]': 1.0}
+        for link in LINKS for way, value in quality.items() if (link, way) != ('50 %', KNOWN)])
+    psnr = made('video', 'psnr', tmp_path).rows
+    assert psnr[0] == ['euroc', 1, H264, '38.0', '38.0', '38.0', '37.0', '38.0']
+    assert psnr[-1] == ['euroc', 1, 'best peer', '41.0', '41.0', '41.0', '29.0', '41.0']
+    leads = made('video', 'leads', tmp_path)
+    assert leads.rows == [['euroc', 1, '-1.5', '-1.5', '-1.5', '+9.5', '-1.5']] and '1 of 5 cells' in leads.caption
+    assert made('video', 'times', tmp_path).rows == [['euroc', H264, '3.2 / 1.0'], ['euroc', PREDICTED, '3.2 / 1.0']]
+    table.write(tmp_path / 'steps.csv', [
+        {'clip': 'euroc', 'way': way, 'link': link, 'time [s]': at / 10, 'PSNR [dB]': 40 - (link == 'steps')}
+        for way in STEP_WAYS for link in ('steps', '2 %', '30 %') for at in range(150)])
+    assert made('video', 'steps', tmp_path).rows[0] == ['euroc', H264, '1.0', '1.0']
+
+
+def test_links_on_which_congestion_control_is_hard(tmp_path: pathlib.Path) -> None:
+    policer, robots = 'policer, 5 Mbit/s, 15 kB', '4 robots, one air'
+    values = {(policer, 'used [%]'): (97, 96, 98), (policer, 'own loss [%]'): (0, 2, 0),
+              (robots, "Jain's index"): (0.96, 0.97, 0.99), (robots, 'own loss [%]'): (0, 0, 0)}
+    table.write(tmp_path / 'scenarios.csv', [
+        {'scenario': scenario, 'seed': seed, 'quantity': quantity, 'value': value}
+        for (scenario, quantity), each in values.items() for seed, value in enumerate(each)])
+    found = made('supervisor_simulation', 'scenarios', tmp_path)
+    assert found.rows == [[policer, '97 (96 to 98)', '**0 (0 to 2)**', None, ''],
+                          [robots, None, None, None, "Jain's index: 0.97 (0.96 to 0.99), ≥ 0.95"]]
+    assert 'The median of 3 runs' in found.caption and '2 of 3 are met' in found.caption
+
+
+def test_all_methods_over_a_link_in_steps(tmp_path: pathlib.Path) -> None:
+    from experiments.link.adaptation import DOC_COMPARED, METHODS
+    measured = {column: 1234.5 for column in DOC_COMPARED}
+    table.write(tmp_path / 'steps.csv', [
+        {'way': way, 'loss [%]': loss, 'step': step, **measured, 'pictures [Hz]': None if step else 9.125}
+        for way in METHODS for loss in (0.0, 5.0) for step in range(5)])
+    rows = made('adaptation', 'compared', tmp_path).rows
+    assert rows[0] == ['images per second', 'ours, adapting', '9.12', '–', '–', '–', '–']
+    assert rows[-1][1:] == ['whole, over TCPROS, bbr', *['1234'] * 5]
+    assert len(rows) == len(DOC_COMPARED) * len(METHODS)
