@@ -4,13 +4,14 @@
 On the robot's side run sensor_source and robot_sender, on the operator's side operator_receiver and a listener. They
 keep running while the link changes. Both sides have one clock, so a message's age is exact.
 """
+import contextlib
 import os
 import pathlib
 import subprocess
 import sys
 import time
 from dataclasses import dataclass
-from typing import Any, Dict, List, Sequence, Set, Tuple
+from typing import Any, Callable, Dict, List, Sequence, Set, Tuple, TypeVar
 
 import numpy as np
 
@@ -21,6 +22,8 @@ from smokebot_udp.link_lab.link_trace import SIDES
 from . import TOP
 from .listener import Heard, Listener, Subscription
 from .stack import Stack
+
+Measured = TypeVar('Measured')
 
 AIR = {'rate': 54e6, 'queue': 0.1}
 """Of all links here, in both directions: 802.11g's nominal rate [bit/s], and its queue [s]."""
@@ -61,16 +64,61 @@ IMAGE_METHODS = {
 """{name: Method} of images of 640 x 480, mono8"""
 
 
-def lab_state(lab: Lab) -> Dict[str, float]:
-    """The state of a lab and of the machine since the last call, for a row of a CSV file.
+class LabBusy(RuntimeError):
+    """The lab itself lost packets, so that no measurement counts."""
 
-    :raises RuntimeError: where the lab itself lost packets, so that no measurement counts
+
+class LabWatch:
+    """Watches a lab and the machine."""
+
+    def __init__(self, lab: Lab) -> None:
+        self.lab = lab
+        self._missed = 0
+
+    def state(self) -> Dict[str, float]:
+        """Since the last call, for a row of a CSV file.
+
+        :raises LabBusy: where the lab itself lost packets
+        """
+        statistics = self.lab.statistics()
+        before, self._missed = self._missed, sum(statistics[side]['missed'] for side in SIDES)
+        if self._missed > before:
+            raise LabBusy('the lab itself lost %d packets: the machine is too busy' % (self._missed - before))
+        return {'late p99 [ms]': round(1e3 * statistics['late'].get('p99', 0.0), 2),
+                'load': round(os.getloadavg()[0], 1)}
+
+    def forget(self) -> None:
+        """What came before is no part of the next `state`."""
+        with contextlib.suppress(LabBusy):
+            self.state()
+
+
+def lab_state(lab: Lab) -> Dict[str, float]:
+    """The state of a lab since its start, but for `late`, which is since the last call.
+
+    :raises LabBusy: where the lab itself lost packets
     """
-    statistics = lab.statistics()
-    missed = sum(statistics[side]['missed'] for side in SIDES)
-    if missed:
-        raise RuntimeError('the lab itself lost %d packets: the machine is too busy' % missed)
-    return {'late p99 [ms]': round(1e3 * statistics['late'].get('p99', 0.0), 2), 'load': round(os.getloadavg()[0], 1)}
+    return LabWatch(lab).state()
+
+
+def repeated(measure: Callable[[], Tuple[Measured, Dict[str, float]]],
+             attempts: int = ATTEMPTS) -> Tuple[Measured, Dict[str, float]]:
+    """What is measured, and the state of the lab with the number of attempts; repeated where the machine was busy.
+
+    :param measure: what was measured, and lab_state
+    :raises LabBusy: where the lab lost packets in the last attempt, too
+    """
+    attempt = 0
+    while True:
+        attempt += 1
+        try:
+            found, state = measure()
+        except LabBusy:
+            if attempt == attempts:
+                raise
+            continue
+        if state['late p99 [ms]'] < 1e3 * MAX_LATENESS or attempt == attempts:
+            return found, {**state, 'attempts': attempt}
 
 
 class SensorSource:
@@ -110,6 +158,7 @@ class LinkRun:
         self._settle = QUICK_SETTLE if quick else SETTLE
         self._warm: Set[str] = set()    # sources of the methods that were used
         self._stack = Stack(seed, log=log)
+        self.watch = LabWatch(self._stack.lab)
         try:
             self._start(adapt)
         except BaseException:
@@ -153,28 +202,20 @@ class LinkRun:
             self._warm.add(method.source)
             time.sleep(method.warm_up)
 
-    def state(self) -> Dict[str, float]:
-        """lab_state of this link."""
-        return lab_state(self._stack.lab)
-
     def measure(self, method: Method, seconds: float, loss: float,
                 delay: float = 0.0) -> Tuple[List[Heard], Dict[str, float]]:
-        """What arrives over a bad link, and `state` with the number of attempts; repeated where the machine was busy.
+        """What arrives over a bad link, and the state of the lab, see `repeated`.
 
         :param loss: 0..1
         :param delay: each way [s]
         """
-        attempt = 0
-        while True:
-            attempt += 1
+        def once() -> Tuple[List[Heard], Dict[str, float]]:
             self.use(method, delay)
             self._set_link({'delay': delay, 'loss': loss})
             time.sleep(self._settle)
-            self.state()
-            heard = self.listener.during(seconds)
-            state = self.state()
-            if state['late p99 [ms]'] < 1e3 * MAX_LATENESS or attempt == ATTEMPTS:
-                return heard, {**state, 'attempts': attempt}
+            self.watch.forget()
+            return self.listener.during(seconds), self.watch.state()
+        return repeated(once)
 
     def close(self) -> None:
         """End the nodes and the link."""

@@ -12,7 +12,7 @@ import numpy as np
 from smokebot_udp.arrays import Array
 
 from . import TOP, recorder
-from .link_run import LOAD_CODEC, MAX_LATENESS
+from .link_run import LOAD_CODEC, LabWatch, repeated
 from .listener import Heard, Listener, Subscription
 from .quality import psnr
 from .stack import Stack
@@ -150,6 +150,7 @@ class RateStepRun:
         for file in self._files.values():
             file.write_bytes(b'')
         self.stack = Stack(seed, method.congestion_control, folder / 'nodes.log')
+        self._watch = LabWatch(self.stack.lab)
         try:
             self.set_link(rate, 0.0)
             self._start()
@@ -209,22 +210,19 @@ class RateStepRun:
 
     def measure_in_time(self, loss: float, seconds: float) -> List[Step]:
         """`measure` over new connections, from a place of the robot's course on; repeated where the emulated link
-        itself was late."""
-        steps: List[Step] = []
-        for _ in range(ATTEMPTS):
+        itself was late, or lost packets.
+
+        :raises LabBusy: where it lost some in the last attempt, too
+        """
+        def once() -> Tuple[List[Step], Dict[str, float]]:
             self.set_link(RATES[0], 0.0)
             began = self.restart_robot()
             self.connect()
             time.sleep(max(0.0, began + COURSE - time.time()))
+            self._watch.forget()
             steps = self.measure(loss, seconds)
-            if max(step.lateness for step in steps) < MAX_LATENESS:
-                break
-        return steps
-
-    def missed(self) -> int:
-        """Packets that the lab itself lost."""
-        statistics = self.stack.lab.statistics()
-        return sum(statistics[side]['missed'] for side in ('robot', 'operator'))
+            return steps, {**self._watch.state(), 'late p99 [ms]': 1e3 * max(step.lateness for step in steps)}
+        return repeated(once, ATTEMPTS)[0]
 
     def recorded(self, side: str) -> Array:
         """The images that were heard on a side, see recorder.load."""

@@ -75,8 +75,6 @@ def run(run: Run) -> None:
                 table.write(run.folder / 'times.csv', times)
                 if loss == SHOWN_LOSS:
                     film[name] = film_strip(steps, display)
-            if link.missed():
-                raise RuntimeError('the lab itself lost packets: the machine is too busy')
     np.savez_compressed(str(run.folder / 'film.npz'), **film)
     measure_without_camera(run, seconds)
     measure_switch(run)

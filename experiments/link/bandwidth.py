@@ -5,9 +5,9 @@ import pathlib
 import shutil
 import subprocess
 import time
-from typing import Iterator, List, Sequence, Tuple, Union
+from typing import Dict, Iterator, List, Sequence, Tuple, Union
 
-from evaluation.link_run import AIR, ATTEMPTS, MAX_LATENESS, lab_state
+from evaluation.link_run import AIR, LabBusy, LabWatch, repeated
 from smokebot_udp.link_lab.lab import ADDRESSES, Lab
 
 from .. import drawing, table
@@ -47,12 +47,17 @@ PAPER_UDP = {0: 20, 10: 18, 20: 16}
 """{loss [%]: Mbit/s} of the deliverable's Figure 8."""
 
 
+class IperfFailed(RuntimeError):
+    """iperf3 did not measure."""
+
+
 def bandwidth(lab: Lab, kind: str, delay: float, loss: float, seconds: int) -> float:
     """What the operator's side receives [Mbit/s].
 
     :param delay: each way [ms]
     :param loss: [%]
-    :raises RuntimeError: where iperf3 does not finish, or another congestion control was in use
+    :raises IperfFailed: where iperf3 does not finish
+    :raises RuntimeError: where another congestion control was in use
     """
     lab.set({'loss': 0.0, 'delay': delay / 1e3, **AIR})
     server = lab.popen('operator', ['iperf3', '-s', '-1'], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
@@ -65,13 +70,13 @@ def bandwidth(lab: Lab, kind: str, delay: float, loss: float, seconds: int) -> f
         lab.set({'loss': 0.0})
         result = json.loads(client.communicate(timeout=20)[0].decode())
     except (subprocess.TimeoutExpired, ValueError) as error:
-        raise RuntimeError('iperf3 does not finish: %s' % error) from None
+        raise IperfFailed('iperf3 does not finish: %s' % error) from None
     finally:
         for process in (client, server):
             process.kill()
             process.wait()
     if 'error' in result:
-        raise RuntimeError('iperf3: ' + result['error'])
+        raise IperfFailed('iperf3: ' + result['error'])
     used = result['end'].get('sender_tcp_congestion', kind)
     if used != kind:
         raise RuntimeError('TCP used %s, not %s' % (used, kind))
@@ -88,22 +93,17 @@ def cells(quick: bool) -> Iterator[Tuple[str, int, int]]:
                 yield kind, delay, loss
 
 
-def measure(lab: Lab, kind: str, delay: int, loss: int, seconds: int) -> table.Row:
+def measure(watch: LabWatch, kind: str, delay: int, loss: int, seconds: int) -> table.Row:
     """A row of the CSV file; measured again where the machine was busy, or iperf3 did not finish."""
-    attempt = 0
-    while True:
-        attempt += 1
+    def once() -> Tuple[float, Dict[str, float]]:
+        watch.forget()
         try:
-            lab_state(lab)
-            received = bandwidth(lab, kind, delay, loss, seconds)
-            state = lab_state(lab)
-        except RuntimeError:        # its server may not have listened yet
-            if attempt == ATTEMPTS:
-                raise
-            continue
-        if state['late p99 [ms]'] < 1e3 * MAX_LATENESS or attempt == ATTEMPTS:
-            return {'kind': kind, 'delay [ms]': delay, 'loss [%]': loss, 'Mbit/s': round(received, 2), **state,
-                    'attempts': attempt}
+            return bandwidth(watch.lab, kind, delay, loss, seconds), watch.state()
+        except IperfFailed as error:    # its server may not have listened yet
+            raise LabBusy(str(error)) from None
+
+    received, state = repeated(once)
+    return {'kind': kind, 'delay [ms]': delay, 'loss [%]': loss, 'Mbit/s': round(received, 2), **state}
 
 
 def run(run: Run) -> None:
@@ -112,8 +112,9 @@ def run(run: Run) -> None:
         raise Skipped('there is no iperf3: apt install iperf3')
     rows = []
     with Lab(run.seed, 'cubic') as cubic, Lab(run.seed, 'bbr') as bbr:
+        watches = {'cubic': LabWatch(cubic), 'bbr': LabWatch(bbr)}
         for kind, delay, loss in run.steps(cells(run.quick), lambda cell: '%s, %d ms, %d %%' % cell):
-            rows.append(measure(bbr if kind == 'bbr' else cubic, kind, delay, loss,
+            rows.append(measure(watches.get(kind, watches['cubic']), kind, delay, loss,
                                 QUICK_SECONDS if run.quick else SECONDS))
             table.write(run.folder / 'bandwidth.csv', rows)
 

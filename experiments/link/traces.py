@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What the operator sees while the link follows a trace, with each method: measured for out_of_range and link_cut."""
+import functools
 import pathlib
 import time
 from dataclasses import replace
-from typing import Any, Dict, NamedTuple, Tuple
+from typing import Any, Dict, List, NamedTuple, Sequence, Tuple
 
 import numpy as np
 
-from evaluation.link_run import IMAGE_METHODS, LOAD_CODEC, LinkRun, Method
+from evaluation.link_run import IMAGE_METHODS, LOAD_CODEC, LinkRun, Method, repeated
 from smokebot_udp.arrays import FloatArray
 from smokebot_udp.link_lab import link_trace
 
@@ -58,21 +59,28 @@ def run(run: Run, trace: str, seconds: float, quick_speed: float) -> None:
     rows, states = [], []
     with LinkRun(run.seed, run.folder / 'nodes.log', run.quick, adapt=True) as link:
         for name in run.steps(QUICK_METHODS if run.quick else METHODS, str):
-            link.use(METHODS[name])
-            begun = time.time()
-            link.state()
-            for step in steps:
-                time.sleep(max(0.0, begun + step.at - time.time()))
-                link.change(step.robot, step.operator)
-            time.sleep(max(0.0, begun + seconds - time.time()))
-            rows += [{'way': name, 'topic': heard.topic, 'stamp [s]': round((heard.stamp or 0.0) - begun, 4),
-                      'arrival [s]': round(heard.arrival - begun, 4), 'amount': round(heard.amount, 4)}
-                     for heard in link.listener.heard if begun < heard.arrival < begun + seconds]
-            states.append({'way': name, **link.state()})
+            found, state = repeated(functools.partial(follow, link, name, steps, seconds))
+            rows += found
+            states.append({'way': name, **state})
     table.write(run.folder / 'messages.csv', rows)
     table.write(run.folder / 'state.csv', states)
     table.write(run.folder / 'link.csv', [{'at [s]': step.at, **vars(step.robot)} for step in steps] +
                 [{'at [s]': seconds, **vars(steps[-1].robot)}])
+
+
+def follow(link: LinkRun, name: str, steps: Sequence[link_trace.Step],
+           seconds: float) -> Tuple[List[table.Row], Dict[str, float]]:
+    """Follow a trace with one method: rows of messages.csv, and the state of the lab."""
+    link.use(METHODS[name])
+    begun = time.time()
+    link.watch.forget()
+    for step in steps:
+        time.sleep(max(0.0, begun + step.at - time.time()))
+        link.change(step.robot, step.operator)
+    time.sleep(max(0.0, begun + seconds - time.time()))
+    return [{'way': name, 'topic': heard.topic, 'stamp [s]': round((heard.stamp or 0.0) - begun, 4),
+             'arrival [s]': round(heard.arrival - begun, 4), 'amount': round(heard.amount, 4)}
+            for heard in link.listener.heard if begun < heard.arrival < begun + seconds], link.watch.state()
 
 
 def images(folder: pathlib.Path) -> Dict[str, Images]:

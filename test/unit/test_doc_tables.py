@@ -198,7 +198,7 @@ def test_what_the_operator_looks_at_along_a_trace(tmp_path: pathlib.Path) -> Non
         for at in range(20) for topic in ('operator/camera/image_raw', 'operator/camera/mask')])
     found = made('out_of_range', 'ages', tmp_path)
     assert found.head[1] == 'images, of 200'
-    assert found.rows == [['smokebot_udp, interleaved', 20, '1.0', '1.4', '1.4']]
+    assert found.rows == [['smokebot_udp, interleaved', 20, '1.00', '1.36', '1.40']]
     assert len(load('out_of_range').plot(tmp_path)) == 2
 
 

@@ -13,7 +13,7 @@ for library in ('cv2', 'matplotlib', 'tqdm'):
 
 from evaluation import TOP, sensor_source  # noqa: E402
 from evaluation.linear_fit import linear_fit  # noqa: E402
-from evaluation.link_run import IMAGE_METHODS, summary  # noqa: E402
+from evaluation.link_run import IMAGE_METHODS, LabBusy, repeated, summary  # noqa: E402
 from evaluation.listener import Heard  # noqa: E402
 from experiments import drawing, table  # noqa: E402
 from experiments.link import hostile, own_masters, traces  # noqa: E402
@@ -38,6 +38,26 @@ def test_how_well_a_line_fits() -> None:
 def test_rate_and_ages_of_what_arrived() -> None:
     heard = [Heard('image', 0.1 * i, 0.1 * i + 0.01 * (i + 1), 1000 + i) for i in range(4)]
     assert summary(heard, 2.0) == {'rate [Hz]': 2.0, 'age p50 [s]': 0.025, 'age p99 [s]': 0.04, 'amount': 1001.5}
+
+
+@pytest.mark.parametrize('attempts, found', [
+    ([0.3], (0, 1)), ([25.0, 0.3], (1, 2)), ([None, 0.3], (1, 2)), ([25.0, None, 30.0, 0.3], (2, 3)),
+    ([25.0, 0.3, None], (1, 2)), ([0.3, None, None], (0, 1)), ([None, None, None], None), ([25.0, 25.0, None], None)])
+def test_a_cell_is_measured_again_where_the_machine_was_busy(attempts: List[Any], found: Any) -> None:
+    left = list(enumerate(attempts))
+
+    def measure() -> Any:
+        number, late = left.pop(0)
+        if late is None:
+            raise LabBusy('the lab itself lost 7 packets')
+        return number, {'late p99 [ms]': late}
+
+    if found is None:
+        with pytest.raises(LabBusy):
+            repeated(measure)
+    else:
+        number, state = repeated(measure)
+        assert (number, state['attempts']) == found and len(left) == len(attempts) - found[1]
 
 
 def test_nothing_arrived() -> None:
