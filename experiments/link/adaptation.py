@@ -184,8 +184,7 @@ def plot(folder: pathlib.Path) -> List[Union[Figure, Table]]:
                'carried; how long packets waited for the air; the quality of the image on the display, compared with '
                'what the camera sees then; and its age.' % shown),
         Figure('film.png', 'At a loss of %g %%: left what the camera sees, right what is on the operator\'s display at '
-               'that instant, %g s after each step of the link. The robot drives, and its place differs between '
-               'the methods.' % (shown, FILM_TIME))]
+               'that instant, %g s after each step of the link.' % (shown, FILM_TIME))]
     items += [goals_table(rows, OURS), goals_table(rows, LAYERED)]
     items += simulation_tables(folder, rows)
     links = ['%g Mbit/s, %g %%' % (row['rate [Mbit/s]'], row['loss [%]']) for row in rows if row['way'] == OURS]

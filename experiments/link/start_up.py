@@ -34,7 +34,7 @@ robot's side. A lost first packet of a TCP connection costs 1 s, a second one in
 """
 
 LOSS, DELAY = 0.2, 0.05
-SEEDS, QUICK_SEEDS = 6, 1
+SEEDS, QUICK_SEEDS = 5, 1
 TIMEOUT = 120.0
 """[s]"""
 
