@@ -322,7 +322,7 @@ class DisplayHistory:
         return at is not None and np.array_equal(self._truths[at], self._images[heard.amount])
 
     def error(self, heard: Heard) -> float:
-        """The rms error of an image that arrived, compared with the camera's of the same stamp [count]; NaN: that was not
+        """The rms error of an image that arrived, compared with the camera's of its stamp [count]; NaN: that was not
         heard."""
         at = self._index_of.get(heard.stamp)
         difference = np.nan if at is None else self._images[heard.amount].astype(float) - self._truths[at]
