@@ -20,7 +20,7 @@ from smokebot_udp.monitoring.stats import LinkStats
 from smokebot_udp.monitoring.wifi import WifiState
 from smokebot_udp.msg import LinkReport
 from smokebot_udp.nodes import link_control, link_reporter
-from smokebot_udp.nodes.link_control import LinkControl, SharedController, as_message, grant
+from smokebot_udp.nodes.link_control import UNPACED, LinkControl, SharedController, as_message, grant
 from smokebot_udp.nodes.outbox import Outbox
 from smokebot_udp.nodes.robot_stream import RobotLink, RobotStream
 from smokebot_udp.streams import encoder_class
@@ -80,6 +80,18 @@ def test_operators_are_the_subscribers_of_the_streams(ros: Any, monkeypatch: pyt
     peers[id(streams['off'])] = {'/late'}
     streams['off'].peer_subscribe('', None, None)       # at once, before it is sent much
     assert told[2:] == [{'/desk': 2, '/late': 1}]
+
+
+@pytest.mark.parametrize('rate, pace', [(UNPACED, UNPACED), (1.01 * UNPACED, None), (None, None)])
+def test_a_link_that_is_faster_than_any_radio_is_not_paced(rate: Any, pace: Any, ros: Any,
+                                                           monkeypatch: pytest.MonkeyPatch) -> None:
+    controller = Controller(Limits(), True, 1472)
+    monkeypatch.setattr(controller, 'rate', lambda now: rate)
+    shared = SharedController(controller)
+    link = RobotLink(ros.transport, Outbox(PacketScheduler(), shared.on_sent))
+    LinkControl(shared, link, {})
+    ros.tick()
+    assert link.outbox.rate == pace
 
 
 @pytest.mark.parametrize('changes, state', [
