@@ -65,6 +65,10 @@ CERTAIN_FIT, LIKELY = 0.97, 0.7
 """The exact transform is used where the whole stream is estimated to fill this part, at most, of what arrives of the
 budget at losses that are not exceeded with that probability."""
 
+AIR_TIME = 0.002
+"""An image that is short for the sake of the processors' time takes this time more on the air, for its protection
+[s]."""
+
 LUCKY, MORE = 0.1, 1.1
 """No more is coded than this many times what arrives of the budget at losses that are exceeded unless with that
 probability."""
@@ -138,7 +142,8 @@ class LayeredImages(CompressedImages):
         self._shortened = fresh < len(ends) or hurried
         self._error = max(float(errors[fresh - 1]), 0.0) / stream.cells
         if hurried:
-            budget = min(budget, int(ends[fresh - 1] * _protected(overhead, outlook.loss(RESERVE))))
+            needed = ends[fresh - 1] * _protected(overhead, outlook.loss(RESERVE))
+            budget = int(min(budget, needed + AIR_TIME * outlook.room))
         else:
             budget = int(budget * ends[fresh - 1] / ends[-1])
         budget = max(budget, least)
