@@ -31,6 +31,9 @@ USUAL = 5, 95
 SPREAD = 3.29
 """The distance between them in standard deviations, of normally distributed values."""
 
+SIGNIFICANCE = 3.0
+"""Growth is motion where it is larger than this many of its standard deviations, and else noise."""
+
 MAX_GAP = 1.0
 """Images that are farther apart are not compared [s]."""
 
@@ -39,13 +42,9 @@ class MotionMeter:
     """Measures how fast the images of a stream become outdated."""
 
     def __init__(self) -> None:
-        self._growth = 0.0
-        self._last: Deque[Tuple[float, Array]] = deque(maxlen=2)
-
-    @property
-    def growth(self) -> float:
+        self.growth = 0.0
         """Of the mean squared difference from the scene, without noise [count^2/s]."""
-        return max(self._growth, 0.0)
+        self._last: Deque[Tuple[float, Array]] = deque(maxlen=2)
 
     def add(self, pixels: Array, stamp: float, classes: Optional[UInt8Array] = None) -> None:
         """Compare an image with the two before, where all three are finite; elsewhere they count as alike.
@@ -61,12 +60,13 @@ class MotionMeter:
             image[classes[::SAMPLED, ::SAMPLED] > 0] = np.nan
         if self._last and (self._last[-1][1].shape != image.shape or not 0 < stamp - self._last[-1][0] < MAX_GAP):
             self._last.clear()
-            self._growth = 0.0
+            self.growth = 0.0
         if len(self._last) == 2:
             (first, earlier), (second, later) = self._last
             growths = np.square(image - earlier) - np.square(image - later)
-            growth = float(np.nansum(growths)) / growths.size / (second - first)
-            self._growth += SMOOTHING * (growth - self._growth)
+            growth, deviation = np.nansum(growths) / growths.size, np.sqrt(np.nansum(np.square(growths))) / growths.size
+            found = float(growth) / (second - first) if growth > SIGNIFICANCE * deviation else 0.0
+            self.growth += SMOOTHING * (found - self.growth)
         self._last.append((stamp, image))
 
 
