@@ -86,7 +86,7 @@ def test_an_image_is_sharp_however_fast_the_scene_moves() -> None:
     assert sent(1e-6) == sent(8e-6) == 4800                         # half a bit a value
     assert sent(2e-5) == pytest.approx(2000, abs=100)               # takes 40 ms
     assert sent(1e-3) == 1000                                       # a tenth of a bit
-    assert sent(1e-6, 10 ** 1.5 * 10.0) == pytest.approx(2000, abs=100)      # its error is 10
+    assert sent(1e-6, 10 ** 1.8 * 10.0) == pytest.approx(2000, abs=100)      # its error is 10
 
 
 def test_a_fire_is_no_contrast() -> None:

@@ -18,7 +18,7 @@ SAMPLED = 4
 SMOOTHING = 0.3
 """Weight of the newest measurement."""
 
-SHARP_BITS, SHARP_RATIO = 0.5, 10 ** (-30 / 20)
+SHARP_BITS, SHARP_RATIO = 0.5, 10 ** (-36 / 20)
 """However fast the scene moves, an image is sharp, because a blurred one is of no use, whatever its error: with so many
 bits a value, or where its rms error is this part of its contrast;"""
 
