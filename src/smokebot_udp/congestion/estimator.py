@@ -79,9 +79,13 @@ ENOUGH = 16
 BUSY_DELAY = 0.002
 """A datagram delayed longer was queued: the air was busy [s]."""
 
-RELAXED = 0.7
-"""Where less than this part of the capacity is sent, or not more than start_rate, and no queue shows, what is lost the
-air loses."""
+RELAXED, PROVEN = 0.7, 1.1
+"""Where less than this part of the capacity is sent, and no more than was carried lately, by this factor, or not more
+than start_rate, and no queue shows, what is lost the air loses. Trains alone prove no capacity: a policer lets them
+pass."""
+
+CARRIED_MEMORY = 0.99
+"""With each report what was carried lately counts for this part of before."""
 
 QUEUE_MEMORY = 0.5
 """A queue that was long dropped what is lost until this long after [s]."""
@@ -190,6 +194,7 @@ class Estimator:
         self._newest: Optional[PacketSample] = None
         self._reported = now            # when the last report came
         self._before_timeout = 0.0      # capacity; less once it was measured to be less [byte/s]
+        self._carried = 0.0             # lately, at most, over a report [byte/s]
         self._was_short = True          # whether the last report showed a short queue
         self._last_short = now          # when the queue was last near its target
         self._last_long = -math.inf     # when it was long
@@ -226,8 +231,10 @@ class Estimator:
         short = queue < self._target()
         paused = queue < LONG_QUEUE and self._probe_rtt.covers(chain[0].sent)
         offered = (chain[-1].total - chain[0].total) / max(chain[-1].sent - chain[0].sent, 1e-3)
-        relaxed = (short and self._was_short and not self._ceiling.checking
-                   and offered < max(RELAXED * link.capacity, MAX_GAIN * self.limits.start_rate))
+        relaxed = (short and self._was_short and not self._ceiling.checking and offered < max(
+            min(RELAXED * link.capacity, PROVEN * self._carried), MAX_GAIN * self.limits.start_rate))
+        if feedback.expected:
+            self._carried = max(CARRIED_MEMORY * self._carried, offered * feedback.received / feedback.expected)
         self._update_loss(feedback, relaxed or paused)
         self._was_short = short
         if after_timeout and short:     # reports were lost like other datagrams
