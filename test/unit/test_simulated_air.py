@@ -181,7 +181,7 @@ def alone(path: Any, rate: float, seed: int) -> Tuple[float, float]:
     return carried * 8e-6 / 15 / rate, dropped / (path.counts.offered - before.offered)
 
 
-@pytest.mark.parametrize('seed', [1, 2, 3])
+@pytest.mark.parametrize('seed', [1, 2, 3, 83, 84])      # the last two: trains passed it at 20 times its rate at first
 @pytest.mark.parametrize('burst', [15e3, 60e3])
 def test_a_policer_is_used_and_not_overrun(burst: float, seed: int) -> None:
     utilisation, dropped = alone(Policer(5e6, burst, 0.02), 5, seed)
