@@ -12,7 +12,7 @@ from typing import Tuple
 import numpy as np
 
 from ...arrays import Array, IntArray
-from .loops import compiled, int64, uint64
+from .loops import compiled, int32, int64, uint64
 
 NODE_UNITS = 32
 """Displacements of nodes are in parts of a pixel of this number."""
@@ -26,12 +26,14 @@ WEIGHT = 256
 """The sum of the weights of the nodes on two sides."""
 RUN = 4
 """Pixels with the same displacement."""
+LANES = 8
+"""Columns that are summed at once: those that a run needs, RUN + 3, and one more; of colours, of all channels."""
 APART = 4
 """Distance of compared pixels."""
 
 
 def _weights(b: float, c: float) -> IntArray:
-    """(PHASES, 4) int64: the piecewise cubic filter with these parameters (Mitchell and Netravali 1988).
+    """(PHASES, 4) int32: the piecewise cubic filter with these parameters (Mitchell and Netravali 1988).
 
     Rounded such that the sum is ONE; the largest weight takes what is left.
     """
@@ -42,7 +44,7 @@ def _weights(b: float, c: float) -> IntArray:
     weights = np.rint(np.where(distances < 1, near, np.where(distances < 2, far, 0)) * ONE / 6)
     rows = np.arange(PHASES)
     weights[rows, weights.argmax(axis=1)] += ONE - weights.sum(axis=1)
-    return np.asarray(weights, np.int64)
+    return np.asarray(weights, np.int32)
 
 
 SHARP = _weights(0, 0.5)
@@ -71,66 +73,93 @@ def _between(nodes: Array, y: int, height: int, result: Array) -> None:
 
 
 @compiled
-def _inside(source: Array, at: int, row: int, pixel: int, weights: Array, result: Array, first: int) -> None:
-    """The weighted sums of RUN values around 4 x 4 pixels, all of which are there."""
+def _down(source: Array, start: int, row: int, weights: Array, sums: Array, first: int) -> None:
+    """The weighted sums of LANES columns of four values: sums[first:first + LANES]."""
     # unsigned: numba counts negative indexes from the end, which takes twice the time
-    start, down, right, end = uint64(at), uint64(row), uint64(pixel), uint64(first)
-    for k in range(RUN):
-        total = 0
-        for i in range(4):
-            for j in range(4):
-                total += weights[4 * i + j] * int64(source[start + uint64(i) * down + uint64(j) * right + uint64(k)])
-        result[end + uint64(k)] = total
+    at, to, apart = uint64(start), uint64(first), uint64(row)
+    a, b, c, d = int32(weights[0]), int32(weights[1]), int32(weights[2]), int32(weights[3])
+    for k in range(LANES):
+        i = at + uint64(k)
+        sums[to + uint64(k)] = int32(int32(int32(a * int32(source[i])) + int32(b * int32(source[i + apart]))) + int32(
+            int32(c * int32(source[i + apart + apart])) + int32(d * int32(source[i + apart + apart + apart]))))
 
 
 @compiled
-def _across(source: Array, top: int, left: int, size: Tuple[int, int, int], weights: Array, result: Array, first: int,
-            count: int) -> None:
-    """Likewise, where some pixels may be beyond the border."""
+def _right(sums: Array, start: int, pixel: int, weights: Array, result: Array, first: int) -> None:
+    """The weighted sums of four of these sums, a pixel apart: result[first:first + RUN]."""
+    at, to, apart = uint64(start), uint64(first), uint64(pixel)
+    a, b, c, d = int32(weights[0]), int32(weights[1]), int32(weights[2]), int32(weights[3])
+    for k in range(RUN):
+        i = at + uint64(k)
+        result[to + uint64(k)] = int32(int32(int32(a * sums[i]) + int32(b * sums[i + apart])) + int32(
+            int32(c * sums[i + apart + apart]) + int32(d * sums[i + apart + apart + apart])))
+
+
+@compiled
+def _across(source: Array, top: int, left: int, size: Tuple[int, int, int], down: Array, right: Array, result: Array,
+            first: int, count: int) -> None:
+    """The weighted sums of `count` values around 4 x 4 pixels, some of which may be beyond the border."""
     height, width, channels = size
     for k in range(count):
         total = 0
         for i in range(16):
             y = min(max(top + (i >> 2), 0), height - 1)
             x = min(max(left + (i & 3) + k // channels, 0), width - 1)
-            total += weights[i] * int64(source[(y * width + x) * channels + k % channels])
+            total += int64(down[i >> 2]) * int64(right[i & 3]) * int64(source[(y * width + x) * channels + k % channels])
         result[first + k] = total
 
 
 @compiled
-def warp_row(source: Array, size: Tuple[int, int, int], nodes: Array, filters: Array, y: int, work: Array,
-             result: Array) -> None:
+def runs_of(width: int, cells: int) -> Array:
+    """(runs, 2) int64: of each run of pixels of a row, its cell and the weight of the nodes behind it."""
+    result = np.empty(((width + RUN - 1) // RUN, 2), np.int64)
+    for i in range(len(result)):
+        x = i * RUN
+        result[i, 0], result[i, 1] = _place(x + min(RUN, width - x) // 2, width, cells)
+    return result
+
+
+@compiled
+def warp_row(source: Array, size: Tuple[int, int, int], nodes: Array, filters: Array, y: int, runs: Array, work: Array,
+             sums: Array, result: Array) -> None:
     """Row y of the displaced image, times ONE * ONE.
+
+    No sum exceeds 32 bits: the magnitudes of the weights of SHARP add up to 1.25 times ONE at most, both ways.
 
     :param source: (height * width * channels,) uint8 or uint16
     :param size: height, width and channels
     :param nodes: (n, n, 2) int16, n from 2 on: down and right [1/NODE_UNITS pixel]
-    :param filters: (PHASES, 4) int64: SHARP or SMOOTH
-    :param work: (2, n) int64: is overwritten
-    :param result: (width * channels,) int64: is overwritten
+    :param filters: (PHASES, 4) int32: SHARP or SMOOTH
+    :param runs: see runs_of
+    :param work: (2, n) int64, and sums: (3 * LANES,) int32: are overwritten
+    :param result: (width * channels,) int32: is overwritten
     """
     height, width, channels = size
     _between(nodes, y, height, work)
-    weights = np.empty(16, np.int64)
-    for x in range(0, width, RUN):
-        pixels = min(RUN, width - x)
-        cell, behind = _place(x + pixels // 2, width, nodes.shape[0] - 1)
+    for number in range(len(runs)):
+        x = number * RUN
+        cell, behind = runs[number, 0], runs[number, 1]
         down = (work[0, cell] * (WEIGHT - behind) + work[0, cell + 1] * behind + ROUND) >> SHIFT
         right = (work[1, cell] * (WEIGHT - behind) + work[1, cell + 1] * behind + ROUND) >> SHIFT
-        for i in range(16):
-            weights[i] = filters[down & 63, i >> 2] * filters[right & 63, i & 3]
+        vertical, horizontal = filters[down & 63], filters[right & 63]
         top, left = y + (down >> 6) - 1, x + (right >> 6) - 1
-        if pixels == RUN and top >= 0 and left >= 0 and top + 4 <= height and left + RUN + 3 <= width:
-            for part in range(0, RUN * channels, RUN):
-                _inside(source, (top * width + left) * channels + part, width * channels, channels, weights, result,
-                        x * channels + part)
+        at, row = (top * width + left) * channels, width * channels
+        if (top >= 0 and left >= 0 and top + 4 <= height and x + RUN <= width and left + RUN + 3 <= width
+                and at + 3 * row + LANES * channels <= len(source)):
+            for part in range(channels):
+                _down(source, at + part * LANES, row, vertical, sums, part * LANES)
+            for part in range(channels):
+                _right(sums, part * RUN, channels, horizontal, result, x * channels + part * RUN)
         else:
-            _across(source, top, left, size, weights, result, x * channels, pixels * channels)
+            _across(source, top, left, size, vertical, horizontal, result, x * channels,
+                    min(RUN, width - x) * channels)
 
 
 @compiled
-def _rounded(value: int, most: int) -> int:
-    return min(max((value + ONE * ONE // 2) >> 14, 0), most)
+def _clip(row: Array, most: int, result: Array) -> None:
+    """Round the sums, and clip them to what pixels can hold."""
+    for x in range(len(row)):
+        result[x] = min(max((row[x] + int32(ONE * ONE // 2)) >> 14, int32(0)), int32(most))
 
 
 @compiled
@@ -141,11 +170,16 @@ def warp(source: Array, size: Tuple[int, int, int], nodes: Array, filters: Array
     :param result: as the source: is overwritten
     """
     height, width, channels = size
-    work, row = np.zeros((2, len(nodes)), np.int64), np.zeros(width * channels, np.int64)
+    work, row, sums = np.zeros((2, len(nodes)), np.int64), np.zeros(width * channels, np.int32), _no_sums()
+    runs = runs_of(width, nodes.shape[0] - 1)
     for y in range(height):
-        warp_row(source, size, nodes, filters, y, work, row)
-        for x in range(width * channels):
-            result[y * width * channels + x] = _rounded(row[x], most)
+        warp_row(source, size, nodes, filters, y, runs, work, sums, row)
+        _clip(row, most, result[y * width * channels:(y + 1) * width * channels])
+
+
+@compiled
+def _no_sums() -> Array:
+    return np.zeros(3 * LANES, np.int32)
 
 
 @compiled
@@ -157,12 +191,14 @@ def roughness(source: Array, size: Tuple[int, int, int], nodes: Array, filters: 
     :param image: as the source
     """
     height, width, channels = size
-    work, row = np.zeros((2, len(nodes)), np.int64), np.zeros(width * channels, np.int64)
+    work, row, sums = np.zeros((2, len(nodes)), np.int64), np.zeros(width * channels, np.int32), _no_sums()
+    runs = runs_of(width, nodes.shape[0] - 1)
     total = 0.0
     for y in range(step // 2, height, step):
-        warp_row(source, size, nodes, filters, y, work, row)
+        warp_row(source, size, nodes, filters, y, runs, work, sums, row)
+        _clip(row, most, row)
         for x in range(width * channels):
-            row[x] = int64(image[y * width * channels + x]) - _rounded(row[x], most)
+            row[x] = int32(image[y * width * channels + x]) - row[x]
         for x in range(APART * channels, width * channels):
             total += math.sqrt(abs(row[x] - row[x - APART * channels]))
     return total

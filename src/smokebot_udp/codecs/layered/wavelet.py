@@ -37,16 +37,21 @@ def inverse(steps: Array) -> Array:
 
 
 @compiled
+def _lift(row: Array, above: Array, below: Array, factor: int, half: int) -> None:
+    """Add to a row the factor times the two beside it. A function of its own: the compiler makes vectors of it."""
+    for i in range(len(row)):
+        row[i] += (int64(int32(above[i] + below[i])) * factor + half) >> BITS
+
+
+@compiled
 def _lift_rows(x: Array, y: int, steps: Array) -> None:
     """Each step s of the row y - s: those that the rows up to y, lifted likewise, allow."""
-    rows, columns = x.shape
+    rows = x.shape[0]
     for step in range(len(steps)):
         at = y - step
         if 0 <= at < rows:
-            row, above, below = x[at], x[at - 1 if at > 0 else at + 1], x[at + 1 if at + 1 < rows else at - 1]
-            factor, half = int32(steps[step, 1]), steps[step, 2]
-            for i in range(columns):
-                row[i] += (int64(int32(above[i] + below[i])) * factor + half) >> BITS
+            _lift(x[at], x[at - 1 if at > 0 else at + 1], x[at + 1 if at + 1 < rows else at - 1],
+                  int32(steps[step, 1]), steps[step, 2])
 
 
 @compiled
