@@ -204,12 +204,12 @@ def test_a_link_on_which_a_beginning_is_too_large_gets_video_nevertheless() -> N
 
 def test_operating_points_are_fewer_bytes_and_then_fewer_images() -> None:
     robot = Robot()
-    assert robot.encoder.operating_points(10.0, robot.settings) == []
+    assert robot.encoder.operating_points(20.0, robot.settings) == []
     robot.frames(scene(0), 0)
-    points = robot.encoder.operating_points(10.0, robot.settings)
-    assert points[-1].settings == {'max_bytes': 0, 'rate': 10.0}
+    points = robot.encoder.operating_points(20.0, robot.settings)
+    assert points[-1].settings == {'max_bytes': 0, 'rate': 20.0}
     assert [point.cost for point in points] == sorted(point.cost for point in points)
-    assert points[0].settings['rate'] < 10.0 and points[0].settings['max_bytes'] > 0
+    assert points[0].settings['rate'] < 20.0 and points[0].settings['max_bytes'] > 0
     assert robot.encoder.refine(points[0].settings, 1e9) == {'rate': points[0].settings['rate']}
     point = points[len(points) // 2].settings
     assert robot.encoder.refine(point, 1000.0)['max_bytes'] == point['max_bytes'] + int(1000 / point['rate'])

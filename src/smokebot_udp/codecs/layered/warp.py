@@ -105,7 +105,8 @@ def _across(source: Array, top: int, left: int, size: Tuple[int, int, int], down
         for i in range(16):
             y = min(max(top + (i >> 2), 0), height - 1)
             x = min(max(left + (i & 3) + k // channels, 0), width - 1)
-            total += int64(down[i >> 2]) * int64(right[i & 3]) * int64(source[(y * width + x) * channels + k % channels])
+            value = int64(source[(y * width + x) * channels + k % channels])
+            total += int64(down[i >> 2]) * int64(right[i & 3]) * value
         result[first + k] = total
 
 
