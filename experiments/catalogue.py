@@ -4,7 +4,7 @@ import importlib
 from typing import Any, List, NamedTuple
 
 MAX_MINUTES = 60.0
-"""A whole run may take so long on two cores: see WHOLE_RUN."""
+"""A whole run takes at most this long on two cores: see WHOLE_RUN."""
 
 
 class Experiment(NamedTuple):

@@ -98,7 +98,7 @@ def _right(sums: Array, start: int, pixel: int, weights: Array, result: Array, f
 @compiled
 def _across(source: Array, top: int, left: int, size: Tuple[int, int, int], down: Array, right: Array, result: Array,
             first: int, count: int) -> None:
-    """The weighted sums of `count` values around 4 x 4 pixels, some of which may be beyond the border."""
+    """The weighted sums of `count` values around 4 x 4 pixels; some pixels may be beyond the border."""
     height, width, channels = size
     for k in range(count):
         total = 0

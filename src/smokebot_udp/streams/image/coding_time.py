@@ -14,10 +14,10 @@ SMOOTHING = 0.2
 """Weight of the newest measurement."""
 
 SPARE = 1.25
-"""So much more is coded than was worth sending of the last image,"""
+"""The next image is coded up to this many times the bytes that were worth sending of the last one,"""
 
 GROWTH = 2.0
-"""and so much more where all that was coded was worth sending."""
+"""or this many times where all that was coded was worth sending."""
 
 
 class CodingTime:

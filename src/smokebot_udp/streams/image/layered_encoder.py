@@ -65,8 +65,8 @@ CERTAIN_FIT, LIKELY = 0.97, 0.7
 """The exact transform is used where the whole stream is estimated to fill this part, at most, of what arrives of the
 budget at losses that are not exceeded with that probability."""
 
-AIR_TIME = 0.002
-"""An image that is short for the sake of the processors' time takes this time more on the air, for its protection
+PROTECTION_TIME = 0.002
+"""An image that is short for the sake of the processors' time may take this time more on the air, for its protection
 [s]."""
 
 LUCKY, MORE = 0.1, 1.1
@@ -143,7 +143,7 @@ class LayeredImages(CompressedImages):
         self._error = max(float(errors[fresh - 1]), 0.0) / stream.cells
         if hurried:
             needed = ends[fresh - 1] * _protected(overhead, outlook.loss(RESERVE))
-            budget = int(min(budget, needed + AIR_TIME * outlook.room))
+            budget = int(min(budget, needed + PROTECTION_TIME * outlook.room))
         else:
             budget = int(budget * ends[fresh - 1] / ends[-1])
         budget = max(budget, least)
