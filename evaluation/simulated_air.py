@@ -199,7 +199,7 @@ class Robot:
         self.events.at(self.events.now + REPORT_INTERVAL, self._tick)
 
     def _follow(self) -> None:
-        self.scheduler.set_rate(self.controller.rate(self.robot_time))
+        self.scheduler.set_rate(self.controller.rate(self.robot_time), self.robot_time)
         self._wake()
 
 

@@ -118,12 +118,12 @@ def test_who_waits_until_a_message_has_left(make, monkeypatch) -> None:
     threading.Timer(0.1, outbox.start).start()
     outbox.await_rest('scan')
     publisher.wait_for(2)
-    outbox.change(lambda pace: pace.set_rate(1e3))
+    outbox.change(lambda pace: pace.set_rate(1e3, time.monotonic()))
     long = frames(300)
     outbox.put('scan', publisher, long)
     outbox.await_rest('scan')               # that takes too long: the next one cuts it off
     assert outbox.sending('scan')
-    threading.Timer(0.1, outbox.change, [lambda pace: pace.set_rate(1e6)]).start()
+    threading.Timer(0.1, outbox.change, [lambda pace: pace.set_rate(1e6, time.monotonic())]).start()
     outbox.await_rest('scan', whole=True)
     assert not outbox.sending('scan')
 
@@ -163,7 +163,7 @@ def test_a_new_rate_counts_at_once(make) -> None:
     outbox, publisher = make(PacketScheduler(1.0, burst=1)), Publisher()
     outbox.start()
     outbox.put('scan', publisher, frames(50))
-    outbox.change(lambda pace: pace.set_rate(None))
+    outbox.change(lambda pace: pace.set_rate(None, time.monotonic()))
     publisher.wait_for(49)
 
 

@@ -238,7 +238,7 @@ def test_how_long_the_backlog_takes() -> None:
     assert scheduler.takes('a') == pytest.approx(0.5) and scheduler.takes('b') == pytest.approx(0.25)
     assert scheduler.take(0.0).stream == 'a'        # its base layer is shorter
     assert scheduler.takes('a') == pytest.approx(0.4) and scheduler.takes('b') == pytest.approx(0.15)
-    scheduler.set_rate(None)
+    scheduler.set_rate(None, 0.0)
     assert scheduler.takes('a') == 0
 
 
@@ -288,6 +288,19 @@ def test_what_was_sent_at_a_tiny_share_does_not_block_a_stream_later() -> None:
     scheduler.put('picture', None, [(10, 1000)])
     left = [scheduler.take(2.0 + 0.1 * step) for step in range(10)]
     assert sum(chunk.size for chunk in left if chunk.stream == 'picture') == 10 * 1000
+
+
+@pytest.mark.parametrize('rate, wait', [(4000, 0.1), (1000, 0.4), (800, 0.5), (10, 0.5)])
+def test_what_was_sent_past_it_stays_the_same_in_bytes_at_another_rate(rate: float, wait: float) -> None:
+    scheduler = PacketScheduler(rate=2000, burst=1000)
+    scheduler.put('a', None, [(1, 500)])
+    scheduler.charge(400, 1.0)
+    scheduler.charge(500, 1.0)
+    scheduler.set_rate(rate, 1.25)          # 400 bytes are left, which hold up the rest for MAX_DEBT at most
+    before = PacketScheduler(rate=rate, burst=1000)
+    before.put('a', None, [(1, 500)])
+    before.charge(int(wait * rate), 1.25)
+    assert scheduler.wait(1.25) == pytest.approx(before.wait(1.25), abs=1e-9)
 
 
 def test_what_was_sent_past_it_holds_up_the_rest_for_a_moment_only() -> None:

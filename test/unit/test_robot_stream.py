@@ -140,7 +140,7 @@ def test_grants_that_differ_in_their_last_digits_let_no_more_through(make: Make)
 
 def test_a_stream_that_is_turned_off_stops_in_the_middle(make: Make) -> None:
     made = make()
-    made.link.outbox.change(lambda scheduler: scheduler.set_rate(1.0))
+    made.link.outbox.change(lambda scheduler: scheduler.set_rate(1.0, time.monotonic()))
     made.stream.receive(scan(1))        # a burst lets it go
     wait_for(lambda: made.segments.published == [1])
     made.stream.receive(scan(2))

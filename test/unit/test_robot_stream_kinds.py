@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The runner of the robot's streams: of several parts, of messages made on the robot, and protected ones."""
+import time
 from typing import Any, List, Sequence
 
 from genpy import Time
@@ -135,7 +136,7 @@ def test_protected_messages_leave_at_once(make: Make, logged: List[str]) -> None
     made = make(Protected)
     assert made.source.options['queue_size'] == 100
     made.link.datagram_size = 736
-    made.link.outbox.change(lambda scheduler: scheduler.set_rate(1.0))
+    made.link.outbox.change(lambda scheduler: scheduler.set_rate(1.0, time.monotonic()))
     for number in (5, 6):
         made.stream.receive(scan(number))
         wait_for(lambda number=number: made.segments.published[-2:] == [number] * 2)

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The runner of the robot's streams: messages that are kept, repeated, and sent until operators hold them."""
+import time
 from typing import Any, List, Mapping, Optional, Sequence
 
 from nav_msgs.msg import Odometry
@@ -68,7 +69,7 @@ def test_other_settings_encode_the_last_message_again(make: Make) -> None:
 
 def test_nothing_is_repeated_while_it_is_still_leaving(make: Make) -> None:
     made = make(Keeper, repeat_rate=100.0)
-    made.link.outbox.change(lambda scheduler: scheduler.set_rate(1.0))      # 1 byte/s
+    made.link.outbox.change(lambda scheduler: scheduler.set_rate(1.0, time.monotonic()))      # 1 byte/s
     made.stream.receive(scan(5))        # a burst lets it go
     wait_for(lambda: made.segments.published == [5])
     wait_for(lambda: made.link.outbox.sending('scan'))

@@ -108,8 +108,7 @@ class PacketScheduler:
     def __init__(self, rate: Optional[float] = None, burst: float = 16 * 1500) -> None:
         if not 0 < burst < math.inf:
             raise ValueError('burst is %r, must be positive and finite' % burst)
-        self.burst = burst
-        self.set_rate(rate)
+        self.burst, self.rate = burst, _checked(rate)
         self.dropped: Dict[str, int] = {}
         """{stream: datagrams that a newer message replaced}"""
         self._probe_rate, self._probe_left = 0.0, 0.0
@@ -118,14 +117,15 @@ class PacketScheduler:
         self._flows: Dict[str, _Flow] = {}
         self._virtual = 0.0
 
-    def set_rate(self, rate: Optional[float]) -> None:
-        """Pace at another rate from now on [byte/s]; None: unlimited.
+    def set_rate(self, rate: Optional[float], now: float) -> None:
+        """Pace at another rate from now on [byte/s]; None: unlimited. What was sent in advance stays the same in bytes.
 
         :raises ValueError: where it is not positive and finite
         """
-        if rate is not None and not 0 < rate < math.inf:
-            raise ValueError('rate is %r, must be positive and finite' % rate)
-        self.rate = rate
+        before, self.rate = self.rate, _checked(rate)
+        owed = self._full_at - now
+        if before is not None and rate is not None and owed > 0:
+            self._full_at = now + min(owed * before / rate, max(owed, MAX_DEBT))
 
     def set_share(self, stream: str, share: float) -> None:
         """Set a stream's share of the link beside others that have something to send [byte/s]."""
@@ -242,3 +242,9 @@ class PacketScheduler:
 
     def _flow(self, stream: str) -> _Flow:
         return self._flows.setdefault(stream, _Flow())
+
+
+def _checked(rate: Optional[float]) -> Optional[float]:
+    if rate is not None and not 0 < rate < math.inf:
+        raise ValueError('rate is %r, must be positive and finite' % rate)
+    return rate

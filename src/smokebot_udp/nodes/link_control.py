@@ -151,7 +151,7 @@ class LinkControl:
         """Set the present rate, under the outbox's lock: a report may have changed it since the plan was made."""
         with self._controller as controller:
             rate = controller.rate(now)
-        scheduler.set_rate(None if rate is not None and rate > UNPACED else rate)
+        scheduler.set_rate(None if rate is not None and rate > UNPACED else rate, now)
 
     def _hosts(self) -> List[str]:
         """The hosts of the operators that report."""
