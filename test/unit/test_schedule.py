@@ -109,7 +109,7 @@ def test_one_late_item_delays_no_later_ones() -> None:
     waits(schedule, [0.1 * k for k in range(20)])
     schedule.set_rate(10.0)
     found = waits(schedule, [2.0 + 0.1 * k for k in range(50)])
-    assert len(found) >= 48 and max(found) < 0.011
+    assert len(found) >= 48 and max(found) < 0.0031
 
 
 def test_a_source_with_jitter_keeps_its_rate_and_waits_little() -> None:
@@ -120,7 +120,7 @@ def test_a_source_with_jitter_keeps_its_rate_and_waits_little() -> None:
 
 def test_a_faster_source_is_held_to_the_rate_by_fresh_items() -> None:
     found = waits(Schedule(8.0, steady=True), [0.1 * k for k in range(1000)])
-    assert 790 <= len(found) <= 802 and max(found) < 0.011
+    assert 790 <= len(found) <= 802 and max(found) < 0.0031
 
 
 def test_the_last_item_of_a_source_that_ends_is_taken() -> None:

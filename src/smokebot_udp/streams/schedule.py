@@ -10,7 +10,7 @@ from .rate import RateLimiter
 
 Item = TypeVar('Item')
 
-MAX_AGE = 0.1
+MAX_AGE = 0.03
 """Where an item of a steady source has waited for its turn for longer than this part of the time between its items, the
 next one, which is fresh, is awaited instead,"""
 
