@@ -52,6 +52,19 @@ def test_messages_are_cut_and_numbered() -> None:
     assert sender.due() == INTERVAL and sender.waiting == 3
 
 
+def test_a_message_is_cut_by_the_room_that_there_was_when_it_came() -> None:
+    sender = made_sender()
+    sender.send(b'a' * 150, 0.0)
+    sender.room = 60
+    sender.send(b'b' * 120, 0.0)
+    first = [data(1, part=0, parts=2, content=b'a' * 100), data(2, part=1, parts=2, content=b'a' * 50),
+             data(3, part=0, parts=2, content=b'b' * 60), data(4, part=1, parts=2, content=b'b' * 60)]
+    assert drained(sender, 0.0) == first
+    assert drained(sender, INTERVAL) == first
+    sender.acknowledge(5, b'')
+    assert sender.acknowledged == 2 and sender.flying == 0
+
+
 def test_what_is_not_acknowledged_is_sent_again() -> None:
     sender = made_sender()
     for _ in range(3):
@@ -292,6 +305,17 @@ def test_the_pace_is_that_of_a_token_bucket() -> None:
         sent += 1000
         now = max(now, pace.free_at)
     assert sent == pytest.approx(100000 + MIN_BURST, rel=0.02)
+
+
+def test_on_a_slow_link_segments_do_not_leave_together() -> None:
+    pace, now, left = Pace(10000.0), 10.0, []
+    pace.most_burst = 300.0
+    for _ in range(5):
+        assert pace.free(now)
+        pace.charge(500, now)
+        left.append(now)
+        now = max(now, pace.free_at)
+    assert [after - before for before, after in zip(left, left[1:])] == pytest.approx([0.02, 0.05, 0.05, 0.05], abs=1e-3)
 
 
 def test_the_pace_yields_to_a_queue_but_not_to_a_busy_machine() -> None:

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Runs the reliable channels of a node over its transport: what reliable/peers.py decides, on one pair of topics."""
+import math
 import random
 import threading
 import time
@@ -10,6 +11,7 @@ from typing import Any, Callable, Counter, Dict, List, Optional, Set, Tuple
 import numpy as np
 import rospy
 
+from ..congestion.allocation import datagram_size
 from ..monitoring.stats import ConnectionStats
 from ..msg import ReliableSegment
 from ..reliable.bounds import USUAL, Bounds
@@ -37,7 +39,16 @@ CHECK_PERIOD = 0.5
 """How often the transport is asked for its connections [s]."""
 
 LINK_SHARE, MIN_LIMIT = 0.25, 48e3
-"""Of the link's rate, for all that is reliable, 0..1; but at least this, since an idle link's rate is low [byte/s]."""
+"""Of the link's rate, for all that is reliable, 0..1; but at least this, since an idle link's rate is low [byte/s],"""
+
+MOST_SHARE = 0.5
+"""up to this part of it."""
+
+STATES_SHARE = 0.03
+"""Of the link's rate, for states that are reported again and again, to each peer."""
+
+BURST_DURATION = 0.012
+"""What leaves at once occupies the link for this long, as a datagram does, unless it is one [s]."""
 
 OPERATOR_RATE = 48e3
 """An operator does not know the link's rate [byte/s]."""
@@ -211,6 +222,17 @@ class ReliableLink(rospy.SubscribeListener):
         with self._worker.changing():
             return self._peers.agreed
 
+    @property
+    def states_rate(self) -> float:
+        """What the states of one channel may take, which are reported again and again, to each peer [byte/s]."""
+        return STATES_SHARE * self._rate
+
+    @property
+    def _rate(self) -> float:
+        """Of the link [byte/s]; infinite: unlimited, or unknown."""
+        rate = None if self._outbox is None else self._outbox.rate
+        return math.inf if rate is None else rate
+
     def stats(self) -> Counter[str]:
         """{reason: segments that were dropped} until now."""
         with self._worker.changing():
@@ -263,8 +285,15 @@ class ReliableLink(rospy.SubscribeListener):
         names = {connection['peer'] for connection in self._publisher.connections()}
         with self._worker.changing():
             self._peers.connect(names, time.monotonic())
-            if self._outbox is not None and self._outbox.rate is not None:
-                self._peers.pace.limit = min(MAX_RATE, max(MIN_LIMIT, LINK_SHARE * self._outbox.rate))
+            if self._outbox is not None:
+                self._follow(self._rate)
+
+    def _follow(self, rate: float) -> None:
+        """Adapt to the link's rate [byte/s]: short datagrams, and few at once, for the sake of those that wait behind."""
+        pace, longest = self._peers.pace, self._transport.max_datagram_size
+        pace.limit = min(MAX_RATE, max(LINK_SHARE * rate, min(MIN_LIMIT, MOST_SHARE * rate)))
+        pace.most_burst = BURST_DURATION * rate
+        self._peers.set_room(room(ReliableSegment, datagram_size(rate, longest)))
 
     def _work(self, work: Work) -> None:
         for peer, segment in work.segments:

@@ -217,7 +217,8 @@ class Source(ReliableRelay):
 
 
 class NewestSource(Source):
-    """With `newest`: the newest message of each publisher, once the one before has arrived.
+    """With `newest`: the newest message of each publisher, once the one before has arrived and a small part of the link
+    has room for it.
 
     Where both sides share a master, an operator's own messages are not sent back to it.
     """
@@ -254,8 +255,9 @@ class NewestSource(Source):
         """Send the next message to each peer that has got the one before."""
         channel = self._channel
         assert channel is not None
+        rate, now = self._link.states_rate, time.monotonic()
         with self._lock:
-            due = [(peer, states.take()) for peer, states in self._states.items() if not channel.waiting(peer)]
+            due = [(peer, states.take(rate, now)) for peer, states in self._states.items() if not channel.waiting(peer)]
         for peer, data in due:
             if data is not None:
                 channel.send(data, peer)

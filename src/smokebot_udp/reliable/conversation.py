@@ -77,6 +77,12 @@ class Conversation:
         if self.greeting.remote:
             self.events.append(Joined(self.peer, definition.number))
 
+    def set_room(self, room: int) -> None:
+        """Change the room for data in a segment of later messages [byte]."""
+        self._room = room
+        for sender in self.senders.values():
+            sender.room = room
+
     def remove(self, channel: int) -> None:
         """End a channel."""
         self._definitions.pop(channel, None)

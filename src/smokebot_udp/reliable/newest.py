@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """States that several sources report again and again: only the newest of each is worth sending."""
 import collections
+import math
 from typing import Optional, OrderedDict
 
 MAX_SOURCES = 256
@@ -12,6 +13,7 @@ class Newest:
 
     def __init__(self) -> None:
         self._waiting: OrderedDict[str, bytes] = collections.OrderedDict()     # the longest waiting source first
+        self._next = -math.inf      # when the next one may be sent [s]
 
     def put(self, source: str, data: bytes) -> None:
         """A source's message replaces the one of it that waits; its turn stays."""
@@ -19,6 +21,14 @@ class Newest:
         while len(self._waiting) > MAX_SOURCES:
             self._waiting.popitem(last=False)
 
-    def take(self) -> Optional[bytes]:
-        """The message to send next; None: nothing waits."""
-        return self._waiting.popitem(last=False)[1] if self._waiting else None
+    def take(self, rate: float, now: float) -> Optional[bytes]:
+        """The message to send now; None: nothing waits, or it is too soon after the last one.
+
+        :param rate: what all may take, on average [byte/s]
+        :param now: by a steady clock [s]
+        """
+        if not self._waiting or now < self._next:
+            return None
+        _, data = self._waiting.popitem(last=False)
+        self._next = now + len(data) / rate
+        return data

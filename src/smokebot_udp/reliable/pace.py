@@ -10,10 +10,10 @@ MAX_RATE = 128e3
 """However fast the link is [byte/s]."""
 
 BURST_DURATION = 0.1
-"""What a pause lets through at once [s]."""
+"""What a pause lets through at once [s],"""
 
 MIN_BURST, EXPEDITED_BURST = 3000.0, 12800.0
-"""[byte]"""
+"""or this, if that is more [byte]."""
 
 UNKNOWN_ROUND_TRIP = 0.2
 """At most, and before it is measured [s]."""
@@ -46,6 +46,8 @@ class Pace:
 
     def __init__(self, limit: float = MAX_RATE, burst: float = MIN_BURST) -> None:
         self.limit, self._least_burst = limit, burst
+        self.most_burst = math.inf
+        """What a pause lets through at once, at most; but always a segment. May be set at any time [byte]."""
         self._factor, self._floor, self._next_change = 1.0, MIN_RATE, 0.0
         self._samples, self._excess = 0, math.inf   # since the last change
         self._level, self._at = self._burst, 0.0    # the level may be negative [byte]
@@ -57,7 +59,7 @@ class Pace:
 
     @property
     def _burst(self) -> float:
-        return max(self._least_burst, BURST_DURATION * self.rate)
+        return min(max(self._least_burst, BURST_DURATION * self.rate), self.most_burst)
 
     def observe(self, round_trip: float, least: float, loss: float, now: float) -> None:
         """Take a measured round trip.
@@ -85,7 +87,7 @@ class Pace:
     def charge(self, size: int, now: float) -> None:
         """Count what was sent [byte]."""
         self._fill(now)
-        self._level = max(self._level - size, -self._burst)
+        self._level = max(self._level - size, -max(self._burst, size))
 
     def free(self, now: float) -> bool:
         """Whether more may be sent."""

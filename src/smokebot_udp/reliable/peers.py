@@ -52,6 +52,12 @@ class Peers:
         """The peers that are connected, with agreed sessions."""
         return tuple(name for name, one in self._conversations.items() if one.sends)
 
+    def set_room(self, room: int) -> None:
+        """Change the room for data in a segment of later messages [byte]."""
+        self._room = room
+        for conversation in self._conversations.values():
+            conversation.set_room(room)
+
     def add(self, definition: Definition) -> None:
         """Begin a channel.
 

@@ -21,21 +21,25 @@ REFUSED_PERIOD = 1.0
 
 class _Message:
     """One that was not acknowledged yet."""
-    __slots__ = ('data', 'made', 'start', 'parts', 'taken', 'left')
+    __slots__ = ('data', 'made', 'room', 'start', 'parts', 'taken', 'left')
 
-    def __init__(self, data: bytes, made: float) -> None:
-        self.data, self.made = data, made
-        self.start = self.parts = 0     # number of its first segment, 0: none was sent; number of segments
-        self.taken = self.left = 0      # segments that were sent; that were not acknowledged
+    def __init__(self, data: bytes, made: float, room: int) -> None:
+        self.data, self.made, self.room = data, made, room
+        self.start = 0                  # number of its first segment, 0: none was sent
+        self.parts = self.left = max(1, -(-len(data) // room))      # segments: all; that were not acknowledged
+        self.taken = 0                  # segments that were sent
+
+    def part(self, number: int) -> bytes:
+        return self.data[number * self.room:(number + 1) * self.room]
 
 
 class _Flight:
     """A segment that was sent, and not acknowledged."""
     __slots__ = ('message', 'part', 'size', 'tries', 'begun', 'due')
 
-    def __init__(self, message: _Message, part: int, room: int) -> None:
+    def __init__(self, message: _Message, part: int) -> None:
         self.message, self.part = message, part
-        self.size = min(room, len(message.data))
+        self.size = min(message.room, len(message.data))
         self.tries, self.begun, self.due = 0, 0.0, 0.0      # begun: when the first of the present copies was sent
 
 
@@ -43,16 +47,16 @@ class ReliableSender:
     """Sends messages, each until it is acknowledged or given up. Times are by a steady clock [s].
 
     :param channel: its number
-    :param room: for data in a segment [byte]
+    :param room: for data in a segment of later messages; may be set at any time [byte]
     """
 
     def __init__(self, channel: int, bounds: Bounds, room: int) -> None:
-        self.bounds = bounds
+        self.bounds, self.room = bounds, room
         self.given_up: Counter[str] = collections.Counter()
         """{reason: messages that may not have arrived}: age, count, bytes, restart."""
         self.acknowledged = 0
         """Messages."""
-        self._channel, self._room = channel, room
+        self._channel = channel
         self._pause = -math.inf     # nothing is sent before this time
         self._messages: Deque[_Message] = collections.deque()       # the oldest first; those sent before those not
         self._unsent: Deque[_Message] = collections.deque()         # of which segments were not sent
@@ -89,8 +93,7 @@ class ReliableSender:
         """
         if len(data) > self.bounds.bytes:
             raise ValueError('it has %d bytes, must be at most %d' % (len(data), self.bounds.bytes))
-        message = _Message(data, now)
-        message.parts = message.left = max(1, -(-len(data) // self._room))
+        message = _Message(data, now, self.room)
         self._messages.append(message)
         self._unsent.append(message)
         self._count += 1
@@ -229,7 +232,7 @@ class ReliableSender:
         message, number = self._unsent[0], self._frontier
         if not message.start:
             message.start = number
-        self._flights[number] = _Flight(message, message.taken, self._room)
+        self._flights[number] = _Flight(message, message.taken)
         self.flying += self._flights[number].size
         message.taken += 1
         self._frontier += 1
@@ -248,6 +251,6 @@ class ReliableSender:
         flight.tries += 1
         flight.due = now + COPY_SPACING if flight.tries % copies else max(flight.begun + interval, now + COPY_SPACING)
         heapq.heappush(self._dues, (flight.due, number))
-        message, at = flight.message, flight.part * self._room
+        message = flight.message
         return Segment(Kind.DATA, self._channel, number, self.first, flight.part, message.parts,
-                       data=message.data[at:at + self._room])
+                       data=message.part(flight.part))
