@@ -14,7 +14,7 @@ from layered_operator import pixels_of
 from layered_sender import BAD, CASES, NO_LOSS, photograph
 from predicted_link import PredictedLink, everything, nothing
 
-from smokebot_udp.codecs.layered.image import decode
+from smokebot_udp.codecs.layered.image import read
 from smokebot_udp.codecs.layered.motion import compensate, from_bytes
 from smokebot_udp.codecs.layered.pieces import Layer, Restorer
 from smokebot_udp.codecs.layered.quality import from_byte
@@ -76,8 +76,8 @@ def layers_restored(records: Any, layers: int, reference: Any) -> Optional[Any]:
     if reference is not None:
         length = data[0]
         predicted, data = compensate(reference, from_bytes(data[1:1 + length])), data[1 + length:]
-    decoded = decode(data, int(record['height']), int(record['width']), 1, 2, predicted)
-    return None if decoded is None else decoded.pixels
+    found = read(data, int(record['height']), int(record['width']), 1, 2, predicted)
+    return None if found is None else found.prefixes.pixels(len(data))
 
 
 @settings_of_property(max_examples=15)

@@ -17,6 +17,8 @@ FULL = 1 << 48
 """The first interval."""
 LEAST = 1 << 32
 """A narrower interval is shifted by two bytes."""
+AHEAD = 6
+"""The decoder has read so many bytes more than the encoder has written."""
 FAST, SLOW = 4, 7
 """Each symbol moves the estimates by 2^-FAST and 2^-SLOW of what is left to certainty."""
 END = -1
@@ -29,9 +31,9 @@ def begin(encoding: bool, data: Array, at: int) -> State:
     if encoding:
         return 0, FULL, at
     low = 0
-    for i in range(at, at + 6):
+    for i in range(at, at + AHEAD):
         low = low << 8 | (int64(data[i]) if i < len(data) else 0)
-    return low, FULL, at + 6
+    return low, FULL, at + AHEAD
 
 
 @compiled

@@ -150,11 +150,11 @@ class LayeredImages(CompressedImages):
         ends, errors = ends[:fresh] + len(_beginning(prediction)), errors[:fresh]
         plan = best_plan(ends, worth(errors, stream.cells, floor), budget, outlook.air.losses, outlook.air.burst, head,
                          free)
-        data, layer_errors = stream.cut(fresh).data, _layer_errors(plan, ends, errors, stream.cells)
-        frame = _frame(message, source, plan, protect(_beginning(prediction) + data, plan), texts, layer_errors)
+        stream, layer_errors = stream.cut(fresh), _layer_errors(plan, ends, errors, stream.cells)
+        frame = _frame(message, source, plan, protect(_beginning(prediction) + stream.data, plan), texts, layer_errors)
         self.base = plan.layers[0].threshold
         self._predictor.describe(frame.records, prediction)
-        self._predictor.sent(_coded(source, prediction, data, plan), layer_errors, prediction, stamp, *recipients)
+        self._predictor.sent(_coded(source, prediction, stream, plan), layer_errors, prediction, stamp, *recipients)
         return [frame]
 
     def measure(self, message: Any, settings: Settings, outlook: Outlook) -> None:
@@ -230,14 +230,11 @@ def _beginning(prediction: Optional[Prediction]) -> bytes:
     return with_motion(prediction.motion, b'') if prediction else b''
 
 
-def _coded(source: Layerable, prediction: Optional[Prediction], data: bytes, plan: Plan) -> CodedImage:
-    """An image as its receivers get it.
-
-    :param data: the codec's stream
-    """
+def _coded(source: Layerable, prediction: Optional[Prediction], stream: image.LayeredStream, plan: Plan) -> CodedImage:
+    """An image as its receivers get it."""
     before = len(_beginning(prediction))
-    return CodedImage(shape_of(source.pixels), data, [end - before for end in ends_of(plan.layers, plan.count)],
-                      prediction and prediction.pixels)
+    return CodedImage(shape_of(source.pixels), stream.prefixes,
+                      [end - before for end in ends_of(plan.layers, plan.count)])
 
 
 def _complete(stream: image.LayeredStream, useful: int, exact: Optional[float]) -> float:
