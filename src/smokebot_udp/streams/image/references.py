@@ -16,7 +16,7 @@ from ...codecs.layered.pieces import Layer
 from .coded_shape import CodedShape
 
 if TYPE_CHECKING:
-    from ...codecs.layered.prefixes import Prefixes     # compiled
+    from ...codecs.layered.prefixes import Prefixes  # compiled
 
 MAX_PICTURES = 16
 """That are kept of a stream: at 30 Hz a report may come half a second after the image."""
