@@ -211,7 +211,7 @@ class Fuzzer:
         found = read(bytes(data[:random.choice((len(data), random.randrange(len(data))))]), *image.shape,
                      reference.astype('u%d' % item) if random.random() < 0.5 else None)
         if found is not None:
-            found.prefixes.pixels()
+            found.prefixes.all_pixels()
             found.prefixes.pixels(random.randrange(len(data) + 9))
         self.worst = max(self.worst, time.process_time() - begun)
         self.inputs += 1

@@ -82,11 +82,11 @@ def _new_work(plan: layout.Layout, data: UInt8Array) -> passes.Work:
     counts = np.zeros((len(plan.bands), 9), np.int64)
     counts[:, passes.BLOCKS] = np.diff(plan.firsts)
     lists = [np.empty(counted, np.int32) for _ in range(3)]
+    log, marks = np.empty((len(plan.steps) // 3 * 5 + 1, 5), np.int32), np.full(len(data) // 2 + 16, -1, np.int32)
     return passes.Work(np.zeros(plan.cells, np.int32), np.zeros(plan.cells, np.uint8), np.zeros(plan.cells, np.int8),
                        lists[0], lists[1], lists[2], plan.blocks.copy(), plan.firsts, np.zeros(plan.places, np.uint8),
                        counts, contexts.initial_odds(len(plan.bands)), np.zeros(1),
-                       coefficients.guesses_of(plan.lossless), data,
-                       np.empty((len(plan.steps) // 3 * 5 + 1, 5), np.int32), np.full(len(data) // 2 + 16, -1, np.int32))
+                       coefficients.guesses_of(plan.lossless), data, log, marks)
 
 
 def _rounded(variance: float) -> float:
@@ -274,8 +274,7 @@ def decode(data: bytes, height: int, width: int, channels: int, itemsize: int, r
         stream needs it, there is no image; a stream that needs none ignores it
     """
     found = read(data, height, width, channels, itemsize, reference)
-    pixels = None if found is None else found.prefixes.pixels()
-    return None if found is None or pixels is None else Decoded(pixels, found.classes)
+    return None if found is None else Decoded(found.prefixes.all_pixels(), found.classes)
 
 
 def read(data: bytes, height: int, width: int, channels: int, itemsize: int, reference: Optional[Array] = None

@@ -52,18 +52,20 @@ class Prefixes(NamedTuple):
     predicted: Optional[Predicted]
     """None: it has no reference"""
 
-    def pixels(self, end: Optional[int] = None) -> Optional[Array]:
-        """The image of the first `end` bytes; None: it takes more of them.
+    def pixels(self, end: int) -> Optional[Array]:
+        """The image of the first `end` bytes; None: it takes more of them."""
+        end = min(end, self.length)
+        if end < self.begun:
+            return None
+        counts = np.zeros_like(self.counts)
+        _count(self.log, self.marks, end, counts)
+        return self._shown(counts)
 
-        :param end: None: of all that is known
-        """
-        counts = self.counts
-        if end is not None:
-            end = min(end, self.length)
-            if end < self.begun:
-                return None
-            counts = np.zeros_like(self.counts)
-            _count(self.log, self.marks, end, counts)
+    def all_pixels(self) -> Array:
+        """The image of all symbols that are known."""
+        return self._shown(self.counts)
+
+    def _shown(self, counts: Array) -> Array:
         canvas = coefficients.estimated(self.plan, self.firsts, self.places, self.values, counts)
         if self.predicted is not None:
             reference = self.predicted.canvas
@@ -112,5 +114,7 @@ def prefixes_of(plan: Layout, work: Work, logged: int, offset: int, itemsize: in
     _gather(np.ascontiguousarray(plan.bands[:, START]), firsts, work.found, work.values, places, values)
     if predicted is not None and plan.cells > KEPT:
         predicted = predicted._replace(canvas=None)
-    return Prefixes(plan, offset, itemsize, begun, length, work.log[:logged].copy(), work.marks, work.counts, firsts,
-                    places, values, predicted)
+    # the encoder's marks are for all the bytes that it may write
+    marks = work.marks[:length // 2 + 2].copy()
+    return Prefixes(plan, offset, itemsize, begun, length, work.log[:logged].copy(), marks, work.counts, firsts, places,
+                    values, predicted)

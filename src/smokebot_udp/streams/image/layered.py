@@ -120,7 +120,7 @@ class LayeredImage:
         ends = [end - before for end in self._ends[:self._restorer.restorable]]
         coded = CodedImage(self.shape, read.prefixes, ends)
         reference = coded.reference(len(ends)) if min(len(data), read.prefixes.length) <= ends[-1] else None
-        pixels = read.prefixes.pixels() if reference is None else reference.pixels
+        pixels = read.prefixes.all_pixels() if reference is None else reference.pixels
         return image.Decoded(pixels, read.classes), coded
 
     @property
