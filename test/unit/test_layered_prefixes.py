@@ -86,6 +86,17 @@ def test_a_prefix_shows_all_but_what_its_last_bytes_say(lossless: bool) -> None:
         assert 0.99 * both[0] <= error(stream.prefixes.pixels(end)) <= 1.01 * both[1] + 2
 
 
+@pytest.mark.parametrize('lossless', [False, True], ids=['9/7', '5/3'])
+def test_what_a_prefix_shows_does_not_depend_on_what_follows(lossless: bool) -> None:
+    pixels, _ = images(60, 80, (np.uint8, 1), 1, 9)
+    stream = encode(pixels, lossless, 3000)
+    for end in range(20, len(stream.data), 7):
+        for following in (b'\0', b'\xff'):
+            data = stream.data[:end] + following * (len(stream.data) - end)
+            other = of_operator(data, pixels, None, end)
+            assert other is not None and np.array_equal(other, stream.prefixes.pixels(end)), (end, following)
+
+
 def test_large_images_compute_the_canvas_of_their_reference_again(monkeypatch: pytest.MonkeyPatch) -> None:
     pixels, other = images(50, 40, (np.uint8, 1), 3, 3)
     kept = encode(pixels, False, 900, None, other)
