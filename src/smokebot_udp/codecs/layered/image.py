@@ -117,11 +117,6 @@ def _part(height: int, width: int) -> int:
     return max(height * width // PARTS, 256)
 
 
-def _end_of(interval: int, at: int) -> int:
-    """Where what comes before the passes is known nearly always."""
-    return range_coder.determined(interval, at) + 2
-
-
 class _CodedMap(NamedTuple):
     """A map of classes, coded behind the head."""
     state: range_coder.State
@@ -131,7 +126,7 @@ class _CodedMap(NamedTuple):
     missing: int
     """As LayeredStream.missing."""
     end: int
-    """Where it is known nearly always: without its last class there is no image [byte]."""
+    """A decoder has read so far when it knows the last class, without which there is no image [byte]."""
 
 
 def _code_map(classes: UInt8Array, data: UInt8Array, most: int) -> Optional[_CodedMap]:
@@ -142,7 +137,7 @@ def _code_map(classes: UInt8Array, data: UInt8Array, most: int) -> Optional[_Cod
     for exponent, blocks in enumerate(itertools.chain([classes], class_map.reductions(classes))):
         low, interval, at = range_coder.begin(True, room, _HEAD.size)
         complete, low, interval, at = class_map.code_classes(True, blocks, room, low, interval, at)
-        end = _end_of(interval, at)
+        end = at + range_coder.AHEAD
         exact_end = exact_end or end
         if complete and end <= most:
             data[:at] = room[:at]
@@ -164,9 +159,9 @@ def _code_prediction(canvas: Array, reference: Optional[Array], plan: layout.Lay
     chosen, saved = prediction.choose(canvas, other, plan, 8.0 * len(data))
     room = data.copy()
     complete, low, interval, at = prediction.code_prediction(True, chosen, plan, room, *beginning.state)
-    end = _end_of(interval, at)
+    end = at + range_coder.AHEAD
     size = end - beginning.end
-    if not complete or size > PREDICTION_PART * budget or 8 * size * WORTH > saved:
+    if not complete or end > budget or size > PREDICTION_PART * budget or 8 * size * WORTH > saved:
         return beginning, None
     data[:at] = room[:at]
     prediction.add(-1, canvas, other, plan, chosen)
@@ -305,7 +300,7 @@ def read(data: bytes, height: int, width: int, channels: int, itemsize: int, ref
         if not complete:
             return None
         predicted = Predicted(used, chosen, coefficients.analyse(used, plan, offset))
-    begun = _end_of(interval, at - range_coder.AHEAD) if flags & (_CLASSES | _REFERENCE) else _HEAD.size
+    begun = at if flags & (_CLASSES | _REFERENCE) else _HEAD.size
     work = _new_work(plan, stream)
     nothing: List[Array] = [np.zeros(1, np.int64), np.zeros(1)]
     _, _, logged, _, _, _ = passes.code_planes(

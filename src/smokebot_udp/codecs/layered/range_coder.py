@@ -144,15 +144,6 @@ def code(encoding: bool, data: Array, odds: Array, context: int, symbol: int, lo
 
 
 @compiled
-def determined(width: int, at: int) -> int:
-    """How many bytes determine all symbols until here, but for one time in 16 the last ones."""
-    missing = 0
-    while missing < 6 and (FULL >> 8 * missing) << 4 > width:
-        missing += 1
-    return at + missing
-
-
-@compiled
 def finish(data: Array, low: int, width: int, at: int) -> int:
     """Write the fewest bytes that determine all symbols; the end of the stream."""
     for missing in range(7):
