@@ -69,5 +69,4 @@ class HeldImages:
             self._references.clear()
             self._mistrusted_until = now + MISTRUST
             return None
-        self._references.forget_before(key)     # the robot never goes back
         return reference.pixels
