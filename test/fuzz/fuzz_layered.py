@@ -23,7 +23,7 @@ from fuzzing import run  # noqa: E402
 
 from evaluation.offline_link import operator_side  # noqa: E402
 from smokebot_udp.codecs.layered import motion  # noqa: E402
-from smokebot_udp.codecs.layered.image import decode, encode  # noqa: E402
+from smokebot_udp.codecs.layered.image import encode, read  # noqa: E402
 from smokebot_udp.codecs.layered.pieces import GROUP, Layer, Plan, protect  # noqa: E402
 from smokebot_udp.codecs.layered.plan import best_plan, worth  # noqa: E402
 from smokebot_udp.msg import LayeredSegment  # noqa: E402
@@ -89,7 +89,9 @@ def pair_of(shape: Any, item: int, lossless: bool, session: int) -> List[Image]:
     first = image_of(shape, item, lossless, session)
     count = len(first.records)
     layers = [Layer(*layer) for layer in zip(*(first.records[name][0].tolist() for name in ('thresholds', 'sizes')))]
-    coded = CodedImage(CodedShape(*first.shape), first.data, ends_of(layers, count), None)
+    found = read(first.data, *first.shape)
+    assert found is not None
+    coded = CodedImage(CodedShape(*first.shape), found.prefixes, ends_of(layers, count))
     reference = coded.reference(len(layers))
     assert reference is not None
     pixels = np.ascontiguousarray(np.roll(reference.pixels, 2, axis=1))
@@ -206,8 +208,11 @@ class Fuzzer:
         begun = time.process_time()
         height, width, channels, item = image.shape
         reference = self._numpy.randint(0, 256 ** item, (height, width, channels)[:2 + (channels > 1)])
-        decode(bytes(data[:random.choice((len(data), random.randrange(len(data))))]), *image.shape,
-               reference.astype('u%d' % item) if random.random() < 0.5 else None)
+        found = read(bytes(data[:random.choice((len(data), random.randrange(len(data))))]), *image.shape,
+                     reference.astype('u%d' % item) if random.random() < 0.5 else None)
+        if found is not None:
+            found.prefixes.all_pixels()
+            found.prefixes.pixels(random.randrange(len(data) + 9))
         self.worst = max(self.worst, time.process_time() - begun)
         self.inputs += 1
 

@@ -4,7 +4,7 @@ from typing import Any, Callable
 import numpy as np
 import pytest
 
-from smokebot_udp.streams.image.freshness import MAX_GAP, MotionMeter, contrast_of, worth_sending
+from smokebot_udp.streams.image.freshness import MAX_GAP, MotionMeter, Repeats, contrast_of, worth_sending
 
 NOISE = np.random.RandomState(1)
 
@@ -94,3 +94,15 @@ def test_a_fire_is_no_contrast() -> None:
     assert contrast_of(room) == pytest.approx(10, rel=0.05)
     room[:40, :60] = 5000
     assert contrast_of(room) == pytest.approx(10, rel=0.15)
+
+
+def test_repeats_are_counted_until_anything_changes() -> None:
+    repeats, pixels, classes = Repeats(), np.full((5, 7), 9, np.uint16), np.zeros((5, 7), np.uint8)
+    other, others = pixels.copy(), classes.copy()
+    other[4, 6], others[4, 6] = 8, 1
+    found = []
+    for image in ((pixels,), (pixels.copy(),), (pixels,), (other,), (other,), (other[1:],), (other, classes),
+                  (other, classes.copy()), (other, others), (other, others), (other,)):
+        repeats.add(*image)
+        found.append(repeats.count)
+    assert found == [0, 1, 2, 0, 1, 0, 0, 1, 0, 1, 0]

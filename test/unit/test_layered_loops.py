@@ -123,11 +123,12 @@ def test_real_images_compile_nothing_more() -> None:
     program = """
 import numpy as np
 from smokebot_udp.codecs.layered import alignment, class_map, coefficients, colour, compile, depth
-from smokebot_udp.codecs.layered import image, motion, passes, prediction, range_coder, warp, wavelet
+from smokebot_udp.codecs.layered import image, motion, passes, prediction, prefixes, range_coder, warp
+from smokebot_udp.codecs.layered import wavelet
 compile.compile_all()
 def compiled():
-    modules = alignment, class_map, coefficients, colour, depth, passes, prediction, range_coder, warp, wavelet
-    return {(name, str(signature)) for module in modules
+    return {(name, str(signature)) for module in (alignment, class_map, coefficients, colour, depth, passes, prediction,
+                                                  prefixes, range_coder, warp, wavelet)
             for name, loop in vars(module).items() for signature in getattr(loop, 'signatures', ())}
 before = compiled()
 for kind, channels, offset in (('uint8', 1, 1), ('uint16', 1, 1), ('uint8', 3, 0)):
@@ -141,6 +142,7 @@ for kind, channels, offset in (('uint8', 1, 1), ('uint16', 1, 1), ('uint8', 3, 0
             for reference in (None, pixels):
                 stream = image.encode(pixels, lossless, 9999, classes, reference)
                 image.decode(memoryview(stream.data), 60, 90, channels, pixels.itemsize, reference)
+                stream.prefixes.pixels(999)
 metres = np.frombuffer(np.array([[1.0, np.nan]], np.float32).tobytes(), np.float32).reshape(1, 2)
 depth.to_counts(metres, 0.1)
 print(len(before), compiled() - before)

@@ -14,7 +14,7 @@ from layered_operator import pixels_of
 from layered_sender import BAD, CASES, NO_LOSS, photograph
 from predicted_link import PredictedLink, everything, nothing
 
-from smokebot_udp.codecs.layered.image import decode
+from smokebot_udp.codecs.layered.image import read
 from smokebot_udp.codecs.layered.motion import compensate, from_bytes
 from smokebot_udp.codecs.layered.pieces import Layer, Restorer
 from smokebot_udp.codecs.layered.quality import from_byte
@@ -63,6 +63,66 @@ def test_a_scene_that_stands_still_becomes_exact_and_stays_so(encoding: str, los
     assert sum(records['data'].nbytes for records in link.sent[-5:]) < pixels.nbytes / 5
 
 
+def on_its_way(link: PredictedLink, delay: int) -> Any:
+    """Of each image, whether its reference is one of which no report can have come."""
+    return [step - 1 - delay < int(records['reference'][0]) < step for step, records in enumerate(link.sent)]
+
+
+def test_a_scene_that_stands_still_is_refined_before_reports_come() -> None:
+    """As many images make it exact, or nearly, as where each report comes before the next image."""
+    pixels, needed = CASES['mono16'], []
+    for delay in (0, 2, 4):
+        link, exact = PredictedLink(delay=delay, granted={'max_bytes': pixels.nbytes // 12}), False
+        while not exact:
+            shown = link.send(pixels, 'mono16')['/operator']
+            assert shown is not None
+            exact = bool((pixels_of(shown) == pixels).all())
+        needed.append(len(link.sent))
+        assert any(on_its_way(link, delay)) == (delay > 0)
+        for _ in range(delay + 1):      # what is exact is never risked
+            link.send(pixels, 'mono16')
+        for _ in range(4):
+            link.send(pixels, 'mono16')
+            assert not on_its_way(link, delay)[-1]
+    assert max(needed) <= needed[0] + 4 + 1
+
+
+@pytest.mark.parametrize('scene', [moving, noisy])
+def test_what_moves_or_has_noise_is_predicted_from_what_is_held_only(scene: Any) -> None:
+    link = PredictedLink(delay=2, granted={'max_bytes': 3000})
+    for step in range(12):
+        assert link.send(scene(step), 'mono16')['/operator'] is not None
+    assert any(link.predicted) and not any(on_its_way(link, 2))
+
+
+def test_what_moves_after_a_standstill_is_predicted_from_what_is_held_only() -> None:
+    link = PredictedLink(delay=2, granted={'max_bytes': 1500})
+    for _ in range(9):
+        link.send(moving(0), 'mono16')
+    assert on_its_way(link, 2)[-1]
+    for step in range(1, 4):
+        assert link.send(moving(step), 'mono16')['/operator'] is not None
+        assert link.predicted[-1] and not on_its_way(link, 2)[-1]
+
+
+def test_an_image_that_is_lost_while_nothing_moves_costs_those_that_are_on_their_way() -> None:
+    delay = 2
+    link, shown = PredictedLink(delay=delay, granted={'max_bytes': 1500}), []
+    for step in range(24):
+        loss = nothing if step == 10 else everything
+        shown.append(link.send(moving(0), 'mono16', loss)['/operator'] is not None)
+    lost = [step for step, seen in enumerate(shown) if not seen]
+    assert lost == [10, 11, 12] and link.operators['/operator'].dropped == {'reference': delay}
+    assert any(on_its_way(link, delay)[14:])
+
+
+def test_a_report_that_is_lost_while_nothing_moves_costs_no_image() -> None:
+    link = PredictedLink(delay=1, granted={'max_bytes': 1500})
+    for step in range(16):
+        reports = ['/operator'] if step in (6, 7, 10) else []
+        assert link.send(moving(0), 'mono16', everything, reports)['/operator'] is not None
+
+
 # whatever is lost
 
 def layers_restored(records: Any, layers: int, reference: Any) -> Optional[Any]:
@@ -76,14 +136,15 @@ def layers_restored(records: Any, layers: int, reference: Any) -> Optional[Any]:
     if reference is not None:
         length = data[0]
         predicted, data = compensate(reference, from_bytes(data[1:1 + length])), data[1 + length:]
-    decoded = decode(data, int(record['height']), int(record['width']), 1, 2, predicted)
-    return None if decoded is None else decoded.pixels
+    found = read(data, int(record['height']), int(record['width']), 1, 2, predicted)
+    return None if found is None else found.prefixes.pixels(len(data))
 
 
 @settings_of_property(max_examples=15)
 @given(st.integers(0, 2 ** 32 - 1), st.sampled_from([0.1, 0.4, 0.7]), st.integers(0, 2), st.integers(0, 2))
 def test_whatever_is_lost_both_sides_agree(seed: int, ratio: float, delay: int, pixels_an_image: int) -> None:
-    """Every reference that the robot names is what the operators hold: nothing is ever counted as without one."""
+    """Every reference that the robot names is what the operators hold: nothing is ever counted as without one, unless
+    nothing moves."""
     random = Random(seed)
     # all within TIMEOUT: nobody is left out as silent
     link = PredictedLink(('/one', '/two'), delay, BAD, 0.05, granted={'max_bytes': 6000})
@@ -102,7 +163,7 @@ def test_whatever_is_lost_both_sides_agree(seed: int, ratio: float, delay: int, 
         for name, assembled in shown.items():
             if assembled is not None and assembled.error.rms == from_byte(int(record['errors'][-1])):
                 assert (pixels_of(assembled) == models[step, len(record['sizes'])]).all()
-            assert not link.operators[name].dropped.get('reference')
+            assert not link.operators[name].dropped.get('reference') or not pixels_an_image
 
 
 def test_an_operator_that_has_forgotten_all_sees_an_image_as_soon_as_it_has_reported() -> None:

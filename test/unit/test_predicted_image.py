@@ -214,8 +214,8 @@ def test_the_format_is_stable() -> None:
     reference = pixels.copy()
     reference[20:, 30:] = 5
     data = encode(pixels, True, ENOUGH, None, reference).data
-    assert data[:28].hex() == '812d003a007b000802040000fffea8403ef08af130b4f02925848a66'
-    assert hashlib.sha256(data).hexdigest()[:16] == '5b55442f7e35bb9e'
+    assert data[:28].hex() == '812d003a007b000806040000fffea8403ef08af130b4f02925848a66'
+    assert hashlib.sha256(data).hexdigest()[:16] == '0643eed8fe58817b'
 
 
 def mutated(data: bytes, random: np.random.RandomState) -> bytes:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from layered_operator import scene
 
-from smokebot_udp.codecs.layered.image import decode, encode
+from smokebot_udp.codecs.layered.image import encode
 from smokebot_udp.codecs.layered.pieces import GROUP, Layer
 from smokebot_udp.streams.image.coded_shape import CodedShape, shape_of
 from smokebot_udp.streams.image.references import (
@@ -25,11 +25,12 @@ from smokebot_udp.streams.image.references import (
 
 SHAPE = CodedShape(48, 64, 1, 2)
 PIXELS = scene()
-DATA = encode(PIXELS, True, 1 << 20).data
+STREAM = encode(PIXELS, True, 1 << 20)
+DATA = STREAM.data
 
 
 def coded(shape: CodedShape = SHAPE) -> CodedImage:
-    return CodedImage(shape, DATA, (60, 360, len(DATA)), None)
+    return CodedImage(shape, STREAM.prefixes, (60, 360, len(DATA)))
 
 
 @pytest.mark.parametrize('layers, end', [(1, 60), (2, 360), (3, len(DATA))])
@@ -37,15 +38,15 @@ def test_a_reference_is_what_exactly_its_layers_restore(layers: int, end: int) -
     image = coded()
     for again in (1, layers, 2, layers):
         reference = image.reference(again)
-    expected: Any = decode(DATA[:end], *SHAPE)
-    assert reference is not None and (reference.pixels == expected.pixels).all()
-    assert reference.checksum == zlib.crc32(expected.pixels.astype('<u2').tobytes())
+    expected: Any = STREAM.prefixes.pixels(end)
+    assert reference is not None and (reference.pixels == expected).all()
+    assert reference.checksum == zlib.crc32(expected.astype('<u2').tobytes())
     assert (reference.pixels == PIXELS).all() == (layers == 3)
 
 
 def test_layers_that_are_not_known_or_restore_nothing_are_no_reference() -> None:
     assert coded().reference(0) is None and coded().reference(4) is None
-    motion_only = CodedImage(SHAPE, DATA, (-5, 0, 7, 60), None)
+    motion_only = CodedImage(SHAPE, STREAM.prefixes, (-5, 0, 7, 60))
     assert [motion_only.reference(layers) is None for layers in (1, 2, 3, 4)] == [True, True, True, False]
 
 

@@ -3,14 +3,18 @@
 
 Coefficients on a canvas are integers in the unit of the channels, 2^-fraction counts.
 """
+from typing import Tuple
+
 import numpy as np
 
-from ...arrays import Array
+from ...arrays import Array, IntArray
 from . import colour, wavelet
-from .layout import COLUMNS, HH, HL, LH, LL, ORIGIN, RATE, RATE_BITS, ROWS, START, STEP, STEP_BITS, Layout
+from .layout import COLUMNS, HH, HL, LH, LL, MAX_PLANES, ORIGIN, RATE, RATE_BITS, ROWS, STEP, STEP_BITS, Layout
 from .loops import compiled, int32, int64
-from .passes import ALIVE, FOUND, GUESS_BITS, OLD, PLANE, REFINED, TOP, Work
+from .passes import FOUND, GUESS_BITS, OLD, PLANE, REFINED, TOP, Work
 
+CENTRE = round(0.45 * 2 ** GUESS_BITS)
+"""Where in its interval a coefficient is thought to be [2^-GUESS_BITS]: smaller ones are likelier."""
 STEPS = {True: wavelet.STEPS_5_3, False: wavelet.STEPS_9_7}
 """By `lossless`."""
 
@@ -66,20 +70,31 @@ def analyse(pixels: Array, plan: Layout, offset: int) -> Array:
 
 
 @compiled
+def _quantise_row(canvas: Array, rate: int, half: int, values: Array) -> Tuple[int, int]:
+    """All bits of the magnitudes of a row, and the sum of their squares."""
+    bits, energy = int64(0), int64(0)
+    for i in range(len(canvas)):
+        value = canvas[i]
+        magnitude = (int64(abs(value)) * rate + half) >> RATE_BITS
+        values[i] = magnitude * 2 + (1 if value < 0 else 0)
+        bits |= magnitude
+        energy += magnitude * magnitude
+    return bits, energy
+
+
+@compiled
 def _quantise(canvas: Array, band: Array, stride: int, half: int, values: Array, counts: Array) -> float:
     """Quantise a band; note its planes and return the sum of squares.
 
     :param half: what is added before magnitudes are rounded down [2^-RATE_BITS]
     """
-    bits, energy, rate = int64(0), int64(0), int32(band[RATE])
+    bits, energy = int64(0), int64(0)
     for y in range(band[ROWS]):
         first = band[ORIGIN] + y * stride
-        for i in range(first, first + band[COLUMNS]):
-            value = canvas[i]
-            magnitude = (int64(abs(value)) * rate + half) >> RATE_BITS
-            values[i] = magnitude * 2 + (1 if value < 0 else 0)
-            bits |= magnitude
-            energy += magnitude * magnitude
+        last = first + band[COLUMNS]
+        some, squares = _quantise_row(canvas[first:last], int32(band[RATE]), half, values[first:last])
+        bits |= some
+        energy += squares
     planes = 0
     while bits >> planes:
         planes += 1
@@ -97,22 +112,22 @@ def quantise(canvas: Array, plan: Layout, work: Work) -> int:
 
 
 @compiled
-def _estimate(values: Array, found: Array, guesses: Array, counts: Array, band: Array, canvas: Array) -> None:
-    """Write what is thought of a band's significant coefficients into a canvas of zeros.
+def _estimate(bands: Array, counts: Array, firsts: Array, places: Array, values: Array, guesses: Array, canvas: Array
+              ) -> None:
+    """Write what is thought of significant coefficients into a canvas of zeros.
 
-    The first REFINED of those found before the last plane are known down to it, the other old ones to the one above.
+    Of a band the first REFINED of those found before the last plane are known down to it, the other old ones to the one
+    above.
     """
-    start, step = band[START], band[STEP]
-    plane, shift = counts[PLANE], GUESS_BITS + STEP_BITS
+    shift = GUESS_BITS + STEP_BITS
     half = int64(1) << (shift - 1)
-    if not counts[ALIVE]:
-        return
-    for i in range(counts[FOUND]):
-        place = found[start + i]
-        value = int64(values[place])
-        low = plane + 1 if counts[REFINED] <= i < counts[OLD] else plane
-        magnitude = (((value >> 1 << GUESS_BITS) + guesses[low]) * step + half) >> shift
-        canvas[place] = -magnitude if value & 1 else magnitude
+    for number in range(len(bands)):
+        step, own, first = bands[number, STEP], counts[number], firsts[number]
+        for i in range(own[FOUND]):
+            value = int64(values[first + i])
+            low = own[PLANE] + (1 if own[REFINED] <= i < own[OLD] else 0)
+            magnitude = (((value >> (low + 1) << (low + GUESS_BITS)) + guesses[low]) * step + half) >> shift
+            canvas[places[first + i]] = -magnitude if value & 1 else magnitude
 
 
 @compiled
@@ -136,11 +151,19 @@ def _enlarged(low: Array, canvas: Array, bands: Array, stride: int) -> Array:
     return x
 
 
-def estimated(plan: Layout, work: Work) -> Array:
-    """(cells,) int32: the canvas of what is known of the coefficients."""
+def guesses_of(lossless: bool) -> IntArray:
+    """(planes,) int64: where in its interval of 2^plane a coefficient is thought to be [2^-GUESS_BITS]."""
+    guesses: IntArray = CENTRE << np.arange(MAX_PLANES + 1)
+    return guesses >> GUESS_BITS << GUESS_BITS if lossless else guesses - CENTRE
+
+
+def estimated(plan: Layout, firsts: IntArray, places: Array, values: Array, counts: Array) -> Array:
+    """(cells,) int32: the canvas of what is known of significant coefficients; see prefixes.Prefixes.
+
+    :param counts: (bands, 9) int64, see passes.Work: how many are known, and down to which plane
+    """
     canvas = np.zeros(plan.cells, np.int32)
-    for number, band in enumerate(plan.bands):
-        _estimate(work.values, work.found, work.guesses, work.counts[number], band, canvas)
+    _estimate(plan.bands, counts, firsts, places, values, guesses_of(plan.lossless), canvas)
     return canvas
 
 

@@ -24,6 +24,7 @@ def compile_all() -> None:
             stream = image.encode(pixels, lossless, 1 << 20, np.zeros((40, 40), np.uint8))
             stream = image.encode(pixels, lossless, 1 << 20, np.zeros((40, 40), np.uint8), pixels[::-1])
             image.decode(stream.data, 40, 40, 3 if pixels.ndim == 3 else 1, pixels.itemsize, pixels[::-1])
+            stream.prefixes.pixels(len(stream.data))
         _compile_motion(pixels)
     plan.best_plan(stream.ends, plan.worth(stream.errors, stream.cells, None), 4000, {0.1: 1.0}, None, 100, 1300)
     depth.to_counts(np.full((2, 2), np.nan, np.float32), 1.0)

@@ -10,9 +10,8 @@ import numpy as np
 from ...arrays import Array, DType, FloatArray, IntArray, UInt8Array
 from ..wire.interleave import MAX_SIDE
 from . import class_map, coefficients, contexts, layout, passes, prediction, range_coder
+from .prefixes import Predicted, Prefixes, prefixes_of
 
-CENTRE = round(0.45 * 2 ** passes.GUESS_BITS)
-"""Where in its interval a coefficient is thought to be [2^-GUESS_BITS]: smaller ones are likelier."""
 SMALLEST = 0.1
 """Sums of squared errors of an exact stream below this are those of adding; one coefficient's is 0.36."""
 PARTS = 24
@@ -45,6 +44,8 @@ class LayeredStream(NamedTuple):
     """(s,) about the squared error, summed over all cells, of data[:ends[i]]"""
     cells: int
     """height * width * channels"""
+    prefixes: Prefixes
+    """What its prefixes show."""
     missing: int = 0
     """What the exact map of classes takes more than the one that was coded [byte]; 0: that is exact."""
 
@@ -57,7 +58,8 @@ class LayeredStream(NamedTuple):
         """The stream up to its `points`-th truncation point, from 1 on, as a whole: zeros may follow it."""
         end = int(self.ends[points - 1])
         data = self.data[:_HEAD.size - _LENGTH.size] + _LENGTH.pack(end) + self.data[_HEAD.size:end]
-        return self._replace(data=data, ends=self.ends[:points], errors=self.errors[:points])
+        return self._replace(data=data, ends=self.ends[:points], errors=self.errors[:points],
+                             prefixes=self.prefixes._replace(length=end))
 
 
 class Decoded(NamedTuple):
@@ -68,17 +70,23 @@ class Decoded(NamedTuple):
     """(height, width) 0 finite, 1 NaN, 2 +Inf, 3 -Inf; None: all finite"""
 
 
+class Read(NamedTuple):
+    """A stream whose symbols were decoded."""
+    prefixes: Prefixes
+    classes: Optional[UInt8Array]
+    """As of Decoded."""
+
+
 def _new_work(plan: layout.Layout, data: UInt8Array) -> passes.Work:
-    coefficients_count = int((plan.bands[:, layout.ROWS] * plan.bands[:, layout.COLUMNS]).sum())
-    guesses = CENTRE << np.arange(layout.MAX_PLANES + 1)
-    guesses = guesses >> passes.GUESS_BITS << passes.GUESS_BITS if plan.lossless else guesses - CENTRE
+    counted = int((plan.bands[:, layout.ROWS] * plan.bands[:, layout.COLUMNS]).sum())
     counts = np.zeros((len(plan.bands), 9), np.int64)
     counts[:, passes.BLOCKS] = np.diff(plan.firsts)
-    lists = [np.empty(coefficients_count, np.int32) for _ in range(3)]
+    lists = [np.empty(counted, np.int32) for _ in range(3)]
+    log, marks = np.empty((len(plan.steps) // 3 * 5 + 1, 5), np.int32), np.full(len(data) // 2 + 16, -1, np.int32)
     return passes.Work(np.zeros(plan.cells, np.int32), np.zeros(plan.cells, np.uint8), np.zeros(plan.cells, np.int8),
                        lists[0], lists[1], lists[2], plan.blocks.copy(), plan.firsts, np.zeros(plan.places, np.uint8),
                        counts, contexts.initial_odds(len(plan.bands)), np.zeros(1),
-                       guesses, data)
+                       coefficients.guesses_of(plan.lossless), data, log, marks)
 
 
 def _rounded(variance: float) -> float:
@@ -118,7 +126,7 @@ class _CodedMap(NamedTuple):
     missing: int
     """As LayeredStream.missing."""
     end: int
-    """Where it is known nearly always: without its last class there is no image [byte]."""
+    """A decoder has read so far when it knows the last class, without which there is no image [byte]."""
 
 
 def _code_map(classes: UInt8Array, data: UInt8Array, most: int) -> Optional[_CodedMap]:
@@ -129,7 +137,7 @@ def _code_map(classes: UInt8Array, data: UInt8Array, most: int) -> Optional[_Cod
     for exponent, blocks in enumerate(itertools.chain([classes], class_map.reductions(classes))):
         low, interval, at = range_coder.begin(True, room, _HEAD.size)
         complete, low, interval, at = class_map.code_classes(True, blocks, room, low, interval, at)
-        end = range_coder.determined(interval, at) + 2
+        end = at + range_coder.AHEAD
         exact_end = exact_end or end
         if complete and end <= most:
             data[:at] = room[:at]
@@ -138,25 +146,26 @@ def _code_map(classes: UInt8Array, data: UInt8Array, most: int) -> Optional[_Cod
     return None
 
 
-def _code_prediction(canvas: Array, reference: Optional[Array], plan: layout.Layout, data: UInt8Array,
-                     beginning: _CodedMap, budget: int) -> Optional[_CodedMap]:
+def _code_prediction(canvas: Array, reference: Optional[Array], plan: layout.Layout, offset: int, data: UInt8Array,
+                     beginning: _CodedMap, budget: int) -> Tuple[_CodedMap, Optional[Predicted]]:
     """Code how a reference predicts the image, behind the map of classes, and subtract that from the canvas; None: it
     does not pay.
 
-    :param reference: (cells,) int32: its canvas
+    :param reference: its pixels
     """
     if reference is None:
-        return None
-    chosen, saved = prediction.choose(canvas, reference, plan, 8.0 * len(data))
+        return beginning, None
+    other = coefficients.analyse(reference, plan, offset)
+    chosen, saved = prediction.choose(canvas, other, plan, 8.0 * len(data))
     room = data.copy()
     complete, low, interval, at = prediction.code_prediction(True, chosen, plan, room, *beginning.state)
-    end = range_coder.determined(interval, at) + 2
+    end = at + range_coder.AHEAD
     size = end - beginning.end
-    if not complete or size > PREDICTION_PART * budget or 8 * size * WORTH > saved:
-        return None
+    if not complete or end > budget or size > PREDICTION_PART * budget or 8 * size * WORTH > saved:
+        return beginning, None
     data[:at] = room[:at]
-    prediction.add(-1, canvas, reference, plan, chosen)
-    return beginning._replace(state=(low, interval, at), end=end)
+    prediction.add(-1, canvas, other, plan, chosen)
+    return beginning._replace(state=(low, interval, at), end=end), Predicted(reference, chosen, other)
 
 
 def encode(pixels: Array, lossless: bool, budget: int, classes: Optional[UInt8Array] = None,
@@ -202,21 +211,22 @@ def _encode(pixels: Array, lossless: bool, budget: int, classes: Optional[UInt8A
     data = np.zeros(room + 64, np.uint8)
     offset = int(pixels[::4, ::4].mean())
     canvas = coefficients.analyse(pixels, plan, offset)
-    other = None if reference is None else coefficients.analyse(reference, plan, offset)
     beginning, flags = _begun(classes, data, most)
     flags |= lossless * _LOSSLESS | (channels == 3) * _COLOUR | (pixels.itemsize == 2) * _WIDE
-    predicted = _code_prediction(canvas, other, plan, data, beginning, budget)
-    if predicted is not None:
-        flags, beginning = flags | _REFERENCE, predicted
+    beginning, predicted = _code_prediction(canvas, reference, plan, offset, data, beginning, budget)
+    flags |= 0 if predicted is None else _REFERENCE
     work = _new_work(plan, data[:room + 4])
     planes = coefficients.quantise(canvas, plan, work)
     low, interval, at = beginning.state
     ends, errors = np.zeros(2000, np.int64), np.zeros(2000)
     ends[0], errors[0] = beginning.end, work.error[0]
-    points, low, interval, at = passes.code_planes(
+    points, complete, logged, low, interval, at = passes.code_planes(
         True, work, plan.bands, plan.weights, plan.steps, plan.stride, planes, _part(height, width), ends, errors,
         low, interval, at)
-    end = max(min(range_coder.finish(data, low, interval, at), budget), int(ends[0]))
+    end = range_coder.finish(data, low, interval, at)
+    if complete:    # as a truncation point
+        end = at + range_coder.AHEAD
+    end = max(min(end, budget), int(ends[0]))
     points = min(points, int(np.searchsorted(ends[:points], end)))
     ends[points], errors[points] = end, max(work.error[0], 0.0)
     head = _HEAD.pack(flags, height, width, offset, planes, end)
@@ -224,6 +234,7 @@ def _encode(pixels: Array, lossless: bool, budget: int, classes: Optional[UInt8A
     cells = height * width * channels
     return LayeredStream(data[:end].tobytes(), ends[:points + 1].copy(),
                          _after_rounding(errors[:points + 1], cells, lossless) + WRONG_CLASS * beginning.wrong, cells,
+                         prefixes_of(plan, work, logged, offset, pixels.itemsize, beginning.end, end, predicted),
                          beginning.missing)
 
 
@@ -257,6 +268,13 @@ def decode(data: bytes, height: int, width: int, channels: int, itemsize: int, r
     :param reference: what the stream was encoded with. Where it is missing or of another shape or dtype although the
         stream needs it, there is no image; a stream that needs none ignores it
     """
+    found = read(data, height, width, channels, itemsize, reference)
+    return None if found is None else Decoded(found.prefixes.all_pixels(), found.classes)
+
+
+def read(data: bytes, height: int, width: int, channels: int, itemsize: int, reference: Optional[Array] = None
+         ) -> Optional[Read]:
+    """As decode, but for the pixels."""
     head = _checked_head(data, height, width, channels, itemsize)
     if head is None:
         return None
@@ -268,7 +286,7 @@ def decode(data: bytes, height: int, width: int, channels: int, itemsize: int, r
     plan = layout.layout_of(height, width, channels, bool(flags & _LOSSLESS))
     stream = np.frombuffer(data, np.uint8)[:length].copy()
     low, interval, at = range_coder.begin(False, stream, _HEAD.size)
-    classes, chosen = None, prediction.nothing(plan)
+    classes, predicted = None, None
     if flags & _CLASSES:
         exponent = flags >> _EXPONENT & 7
         blocks = np.zeros(class_map.reduced_size(height, width, exponent), np.uint8)
@@ -277,14 +295,15 @@ def decode(data: bytes, height: int, width: int, channels: int, itemsize: int, r
             return None
         classes = class_map.enlarged(blocks, exponent, height, width)
     if used is not None:
+        chosen = prediction.nothing(plan)
         complete, low, interval, at = prediction.code_prediction(False, chosen, plan, stream, low, interval, at)
         if not complete:
             return None
+        predicted = Predicted(used, chosen, coefficients.analyse(used, plan, offset))
+    begun = at if flags & (_CLASSES | _REFERENCE) else _HEAD.size
     work = _new_work(plan, stream)
     nothing: List[Array] = [np.zeros(1, np.int64), np.zeros(1)]
-    passes.code_planes(False, work, plan.bands, plan.weights, plan.steps, plan.stride, planes, _part(height, width),
-                       nothing[0], nothing[1], low, interval, at)
-    canvas = coefficients.estimated(plan, work)
-    if used is not None:
-        prediction.add(1, canvas, coefficients.analyse(used, plan, offset), plan, chosen)
-    return Decoded(coefficients.synthesise(canvas, plan, offset, itemsize), classes)
+    _, _, logged, _, _, _ = passes.code_planes(
+        False, work, plan.bands, plan.weights, plan.steps, plan.stride, planes, _part(height, width), nothing[0],
+        nothing[1], low, interval, at)
+    return Read(prefixes_of(plan, work, logged, offset, itemsize, begun, length, predicted), classes)

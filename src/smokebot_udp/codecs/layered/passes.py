@@ -39,7 +39,7 @@ from .layout import (
     START,
 )
 from .loops import compiled, int64, specialised, uint64
-from .range_coder import END, LEAST, code, decide, decide_at, determined, refill, unknown_of
+from .range_coder import AHEAD, END, LEAST, code, decide, decide_at, refill, unknown_of
 
 BLOCKS_PASS = 3
 GUESS_BITS = 10
@@ -47,6 +47,8 @@ GUESS_UNIT = 2.0 ** -GUESS_BITS
 ONE, TWO, THREE = uint64(1), uint64(2), uint64(3)
 # columns of the counts of a band
 TOP, ALIVE, LIVE, QUIET, FOUND, OLD, REFINED, BLOCKS, PLANE = range(9)
+# columns of the log: bytes that a decoder has read before the pass, band, plane, kind, coefficients found until its end
+LOG_AT, LOG_BAND, LOG_PLANE, LOG_KIND, LOG_FOUND = range(5)
 
 
 class Work(NamedTuple):
@@ -80,6 +82,11 @@ class Work(NamedTuple):
     """(planes,) int64: where in its interval of 2^plane a coefficient is thought to be [2^-GUESS_BITS]"""
     data: UInt8Array
     """The stream"""
+    log: Array
+    """(passes, 5) int32: LOG_AT, ...: of each pass that codes coefficients"""
+    marks: Array
+    """(m,) int32: where the bytes up to 2 i are read by a pass, how many coefficients it has found or refined until
+    then; -1: no pass of the log reads them"""
 
 
 class Band(NamedTuple):
@@ -128,12 +135,19 @@ def _sign_context(signs: Array, place: int, stride: int) -> int:
     return int(3 * ((beside > 0) - (beside < 0)) + (above > 0) - (above < 0))
 
 
+@compiled
+def _mark(marks: Array, at: int, progress: int) -> None:
+    """The next two bytes are needed, when a decoder has read `at` of them."""
+    marks[min((at >> 1) + 1, len(marks) - 1)] = progress
+
+
 @specialised
 def _significance(encoding: bool, near: bool, work: Work, band: Band, first: int, last: int, low: int, width: int,
                   at: int) -> Tuple[int, int, int, int]:
     """The near pass over a part of the live list, or the far pass over a part of the quiet ones."""
     values, activity, signs, odds, data = work.values, work.activity, work.signs, work.odds, work.data
-    live, quiet, found, counts = work.live, work.quiet, work.found, work.counts[band.number]
+    live, quiet, found, counts, marks = work.live, work.quiet, work.found, work.counts[band.number], work.marks
+    ahead = AHEAD if encoding else 0
     plane, stride, child, beside, above = band.plane, band.stride, band.child, band.beside, band.above
     context = band.odds + (NEAR_CONTEXT if near else FAR_CONTEXT)
     sign_context = band.odds + SIGN_CONTEXT
@@ -155,6 +169,7 @@ def _significance(encoding: bool, near: bool, work: Work, band: Band, first: int
                                          unknown)
         odds[at_odds] = odd
         if width < LEAST:
+            _mark(marks, at + ahead, end - band.start)
             low, width, at, unknown = refill(encoding, data, low, width, at)
         if symbol == 0:
             live[uint64(kept)] = place
@@ -170,6 +185,7 @@ def _significance(encoding: bool, near: bool, work: Work, band: Band, first: int
         sign, odd, low, width = decide(encoding, (value & 1) ^ flip, int64(odds[at_odds]), low, width, unknown)
         odds[at_odds] = odd
         if width < LEAST:
+            _mark(marks, at + ahead, end - band.start)
             low, width, at, unknown = refill(encoding, data, low, width, at)
         if sign < 0 or unknown == 0:
             symbol = END
@@ -195,6 +211,7 @@ def _refine(encoding: bool, work: Work, band: Band, first: int, last: int, low: 
             ) -> Tuple[int, int, int, int]:
     """One more bit of a part of the significant coefficients."""
     values, activity, odds, data, found = work.values, work.activity, work.odds, work.data, work.found
+    marks, ahead = work.marks, AHEAD if encoding else 0
     plane, stride, child, beside, above = band.plane, band.stride, band.child, band.beside, band.above
     context = band.odds + REFINEMENT_CONTEXT
     before, after = work.guesses[plane + 1] * GUESS_UNIT, work.guesses[plane] * GUESS_UNIT
@@ -215,6 +232,7 @@ def _refine(encoding: bool, work: Work, band: Band, first: int, last: int, low: 
         else:
             symbol, low, width = decide_at(encoding, bit, width >> 1, low, width, unknown)
         if width < LEAST:
+            _mark(marks, at + ahead, i - band.start)
             low, width, at, unknown = refill(encoding, data, low, width, at)
         if symbol < 0 or unknown == 0:
             symbol, last = END, i
@@ -333,9 +351,14 @@ def _band(bands: Array, weights: Array, number: int, plane: int, stride: int) ->
 
 
 @compiled
-def _record(work: Work, ends: Array, errors: Array, count: int, width: int, at: int) -> int:
+def _begin_pass(entry: Array, at: int, band: Band, kind: int) -> None:
+    entry[LOG_AT], entry[LOG_BAND], entry[LOG_PLANE], entry[LOG_KIND] = at, band.number, band.plane, kind
+
+
+@compiled
+def _record(work: Work, ends: Array, errors: Array, count: int, at: int) -> int:
     """Note a truncation point, unless the last one is near; how many there are."""
-    end = determined(width, at)
+    end = at + AHEAD
     if end >= ends[count - 1] + 16 and count < len(ends) - 1:
         ends[count] = end
         errors[count] = max(work.error[0], 0.0)
@@ -369,15 +392,17 @@ def _pass(encoding: bool, work: Work, band: Band, kind: int, along: int, part: i
         if symbol < 0:
             break
         if encoding:
-            points = _record(work, ends, errors, points, width, at)
+            points = _record(work, ends, errors, points, at)
     return symbol, points, low, width, at
 
 
 def code_planes(encoding: bool, work: Work, bands: Array, weights: Array, steps: Array, stride: int, planes: int,
-                part: int, ends: Array, errors: Array, low: int, width: int, at: int) -> Tuple[int, int, int, int]:
+                part: int, ends: Array, errors: Array, low: int, width: int, at: int
+                ) -> Tuple[int, int, int, int, int, int]:
     """All passes of an image, until the stream or the encoder's room ends.
 
-    :returns: the number of truncation points, and the coder's state
+    :returns: the number of truncation points, whether all passes are complete, the length of the log, and the coder's
+        state
     """
     return _code_planes(encoding, bands, weights, steps, stride, planes, part, ends, errors, low, width, at, *work)
 
@@ -386,14 +411,16 @@ def code_planes(encoding: bool, work: Work, bands: Array, weights: Array, steps:
 def _code_planes(encoding: bool, bands: Array, weights: Array, steps: Array, stride: int, planes: int, part: int,
                  ends: Array, errors: Array, low: int, width: int, at: int, values: Array, activity: Array,
                  signs: Array, live: Array, quiet: Array, found: Array, blocks: Array, firsts: Array, alive: Array,
-                 counts: Array, odds: Array, error: Array, guesses: Array, data: Array) -> Tuple[int, int, int, int]:
+                 counts: Array, odds: Array, error: Array, guesses: Array, data: Array, log: Array, marks: Array
+                 ) -> Tuple[int, int, int, int, int, int]:
     """As code_planes, with the arrays of Work one by one.
 
     numba 0.56 caches the types of arguments by a fingerprint, and that of a tuple is wrong where it is longer than 40
     bytes: each call would add an entry to the cache.
     """
-    work = Work(values, activity, signs, live, quiet, found, blocks, firsts, alive, counts, odds, error, guesses, data)
-    points, symbol = 1, 0
+    work = Work(values, activity, signs, live, quiet, found, blocks, firsts, alive, counts, odds, error, guesses, data,
+                log, marks)
+    points, symbol, logged = 1, 0, 0
     for step in range(len(steps)):
         number, plane, kind = steps[step, 0], steps[step, 1], steps[step, 2]
         own = counts[number]
@@ -408,14 +435,20 @@ def _code_planes(encoding: bool, bands: Array, weights: Array, steps: Array, str
                 continue
             own[ALIVE] = 1
         band = _band(bands, weights, number, plane, stride)
+        _begin_pass(log[logged], at + (AHEAD if encoding else 0), band, kind)
         symbol, points, low, width, at = _pass(encoding, work, band, kind, bands[number, ALIVE_STRIDE], part, ends,
                                                errors, points, low, width, at)
+        log[logged, LOG_FOUND] = own[FOUND]
+        logged += 1
         if kind == FAR and symbol >= 0:
             for more in (BLOCKS_PASS, FAR):
+                _begin_pass(log[logged], at + (AHEAD if encoding else 0), band, more)
                 symbol, points, low, width, at = _pass(encoding, work, band, more, bands[number, ALIVE_STRIDE], part,
                                                        ends, errors, points, low, width, at)
+                log[logged, LOG_FOUND] = own[FOUND]
+                logged += 1
                 if symbol < 0:
                     break
         if symbol < 0:
             break
-    return points, low, width, at
+    return points, 0 if symbol < 0 else 1, logged, low, width, at

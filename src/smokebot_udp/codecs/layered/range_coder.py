@@ -17,6 +17,8 @@ FULL = 1 << 48
 """The first interval."""
 LEAST = 1 << 32
 """A narrower interval is shifted by two bytes."""
+AHEAD = 6
+"""The decoder has read so many bytes more than the encoder has written."""
 FAST, SLOW = 4, 7
 """Each symbol moves the estimates by 2^-FAST and 2^-SLOW of what is left to certainty."""
 END = -1
@@ -29,9 +31,9 @@ def begin(encoding: bool, data: Array, at: int) -> State:
     if encoding:
         return 0, FULL, at
     low = 0
-    for i in range(at, at + 6):
+    for i in range(at, at + AHEAD):
         low = low << 8 | (int64(data[i]) if i < len(data) else 0)
-    return low, FULL, at + 6
+    return low, FULL, at + AHEAD
 
 
 @compiled
@@ -139,15 +141,6 @@ def code(encoding: bool, data: Array, odds: Array, context: int, symbol: int, lo
     symbol, odd, low, width = decide(encoding, symbol, int64(odds[context]), low, width, unknown_of(data, at))
     odds[context] = odd
     return refilled(encoding, data, symbol, low, width, at)
-
-
-@compiled
-def determined(width: int, at: int) -> int:
-    """How many bytes determine all symbols until here, but for one time in 16 the last ones."""
-    missing = 0
-    while missing < 6 and (FULL >> 8 * missing) << 4 > width:
-        missing += 1
-    return at + missing
 
 
 @compiled

@@ -70,6 +70,23 @@ class MotionMeter:
         self._last.append((stamp, image))
 
 
+class Repeats:
+    """Counts how many images in a row show exactly what the one before does: nothing moves, and there is no noise."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._last: Tuple[Optional[Array], Optional[UInt8Array]] = None, None
+
+    def add(self, pixels: Array, classes: Optional[UInt8Array] = None) -> None:
+        """Take the next image; parameters as of MotionMeter.add. It must not be changed later."""
+        repeated = _same(pixels, self._last[0]) and _same(classes, self._last[1])
+        self.count, self._last = self.count + 1 if repeated else 0, (pixels, classes)
+
+
+def _same(one: Optional[Array], other: Optional[Array]) -> bool:
+    return one is other if one is None or other is None else bool(np.array_equal(one, other))
+
+
 def contrast_of(pixels: Array) -> float:
     """The standard deviation of an image's usual values [count].
 

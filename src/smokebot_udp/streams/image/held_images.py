@@ -50,12 +50,13 @@ class HeldImages:
                 self._dropped['reference'] += 1
                 return None
             prediction = image.displaced(reference)
-        decoded = None if image.is_predicted and prediction is None else image.decoded(prediction)
-        if decoded is None:
+        found = None if image.is_predicted and prediction is None else image.decoded(prediction)
+        if found is None:
             self._dropped['image'] += 1
             return None
+        decoded, coded = found
         if now >= self._mistrusted_until:
-            self._references.add((image.session, image.picture), image.coded(decoded, prediction))
+            self._references.add((image.session, image.picture), coded)
         return image.published(decoded)
 
     def _reference(self, image: LayeredImage, now: float) -> Optional[Array]:
@@ -68,5 +69,4 @@ class HeldImages:
             self._references.clear()
             self._mistrusted_until = now + MISTRUST
             return None
-        self._references.forget_before(key)     # the robot never goes back
         return reference.pixels

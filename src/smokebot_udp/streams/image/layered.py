@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """An image that is received in layers, see msg/LayeredSegment.msg: any of its datagrams show all of it."""
 from types import SimpleNamespace
-from typing import Any, Optional
+from typing import Any, Optional, Tuple
 
 import numpy as np
 
@@ -101,29 +101,27 @@ class LayeredImage:
         except ValueError:
             return None
 
-    def decoded(self, prediction: Optional[Array]) -> Optional[Any]:
-        """The best image that can be restored now, and what was received of its stream right after.
+    def decoded(self, prediction: Optional[Array]) -> Optional[Tuple[Any, CodedImage]]:
+        """The best image that can be restored now, and what later images may be predicted from.
+
+        What was received of the stream right after the restorable layers is shown, too.
 
         :param prediction: the displaced reference, if it is predicted
-        :return: codecs.layered.image.Decoded; None: there is none
+        :return: the first as codecs.layered.image.Decoded; None: there is none
         :raises ImportError: the codec cannot be loaded
         """
         if self.error_byte is None:
             return None
-        from ...codecs.layered.image import decode  # compiled: it takes 1 s and 100 MB to import
-        return decode(self._stream, *self.shape, prediction)
-
-    def coded(self, decoded: Any, prediction: Optional[Array]) -> CodedImage:
-        """What can be restored now, for images that are predicted from it.
-
-        :param decoded: what `decoded` returned for this prediction
-        """
+        from ...codecs.layered import image  # compiled: it takes 1 s and 100 MB to import
         data, before = self._stream, len(self._restorer.restored()) - len(self._stream)
+        read = image.read(data, *self.shape, prediction)
+        if read is None:
+            return None
         ends = [end - before for end in self._ends[:self._restorer.restorable]]
-        coded = CodedImage(self.shape, data[:max(ends[-1], 0)], ends, prediction)
-        if len(data) == ends[-1]:   # nothing beyond was decoded
-            coded.shows(len(ends), decoded.pixels)
-        return coded
+        coded = CodedImage(self.shape, read.prefixes, ends)
+        reference = coded.reference(len(ends)) if min(len(data), read.prefixes.length) <= ends[-1] else None
+        pixels = read.prefixes.all_pixels() if reference is None else reference.pixels
+        return image.Decoded(pixels, read.classes), coded
 
     @property
     def _stream(self) -> bytes:

@@ -12,6 +12,7 @@ from ...arrays import FloatArray, IntArray, UInt8Array
 from ...codecs.layered import image, quality
 from ...codecs.layered.pieces import MAX_LAYERS, Plan, protect
 from ...codecs.layered.plan import LAYER_BYTES, best_plan, worth
+from ...codecs.layered.survival import survival
 from ...mission.settings import Settings
 from ...msg import LayeredSegment
 from ...udpros.datagram import IP_UDP_HEADERS
@@ -21,7 +22,7 @@ from ..segments import as_bytes, room, write_header
 from .coded_shape import shape_of
 from .coding_time import CodingTime, Foreseen
 from .compressed_images import LEAST_BYTES, CompressedImages
-from .freshness import MotionMeter, contrast_of, worth_sending
+from .freshness import MotionMeter, Repeats, contrast_of, worth_sending
 from .held_by_all import HeldByAll
 from .pixel_layers import Layerable, layerable
 from .prediction import Prediction, Predictor
@@ -73,10 +74,9 @@ LUCKY, MORE = 0.1, 1.1
 """No more is coded than this many times what arrives of the budget at losses that are exceeded unless with that
 probability."""
 
-
-FINISHING = 1.0
-"""A prediction whose mean squared error is at most this is refined by the exact transform, in however many images: the
-coefficients that one image leaves are what the next one codes [count^2]."""
+OFTEN = 0.8
+"""Layers that are restored with this probability may be predicted from before anybody reports them, while nothing
+moves."""
 
 
 class LayeredImages(CompressedImages):
@@ -102,7 +102,7 @@ class LayeredImages(CompressedImages):
         self._shape: Tuple[Any, ...] = ()           # what it depends on
         self.good_size: Optional[float] = None
         """Of an image of GOOD quality on the air, if it has 8 bits; None: unknown [byte]."""
-        self._motion = MotionMeter()
+        self._motion, self._repeats = MotionMeter(), Repeats()
         self._shortened = False                     # whether the scene moves too fast for a complete image
 
     def encode(self, message: Any, settings: Settings, max_datagram_size: int, outlook: Outlook,
@@ -115,6 +115,7 @@ class LayeredImages(CompressedImages):
         """
         source, stamp = layerable(message, settings['scale'], settings['depth_unit']), message.header.stamp.to_sec()
         self._forget_others(source, settings)
+        self._repeats.add(source.pixels, source.classes)
         prediction = self._predicted(source, stamp, recipients)
         texts = message.header.frame_id.encode(), source.encoding.encode()
         free = room(LayeredSegment, max_datagram_size, *texts)
@@ -150,11 +151,13 @@ class LayeredImages(CompressedImages):
         ends, errors = ends[:fresh] + len(_beginning(prediction)), errors[:fresh]
         plan = best_plan(ends, worth(errors, stream.cells, floor), budget, outlook.air.losses, outlook.air.burst, head,
                          free)
-        data, layer_errors = stream.cut(fresh).data, _layer_errors(plan, ends, errors, stream.cells)
-        frame = _frame(message, source, plan, protect(_beginning(prediction) + data, plan), texts, layer_errors)
+        stream, layer_errors = stream.cut(fresh), _layer_errors(plan, ends, errors, stream.cells)
+        frame = _frame(message, source, plan, protect(_beginning(prediction) + stream.data, plan), texts, layer_errors)
         self.base = plan.layers[0].threshold
         self._predictor.describe(frame.records, prediction)
-        self._predictor.sent(_coded(source, prediction, data, plan), layer_errors, prediction, stamp, *recipients)
+        known = _in_proportion(layer_errors, float(errors[0]) / stream.cells, prediction)
+        self._predictor.sent(_coded(source, prediction, stream, plan), known, _likely(plan, outlook), prediction, stamp,
+                             *recipients)
         return [frame]
 
     def measure(self, message: Any, settings: Settings, outlook: Outlook) -> None:
@@ -170,7 +173,8 @@ class LayeredImages(CompressedImages):
         if self._motion.growth * self._time.prediction > self._error:
             return None
         self._time.begin()
-        prediction = self._predictor.predict(source.pixels, stamp, self._motion.growth, *recipients)
+        prediction = self._predictor.predict(source.pixels, stamp, self._motion.growth, *recipients,
+                                             self._repeats.count)
         self._time.predicted()
         return prediction
 
@@ -207,8 +211,10 @@ class LayeredImages(CompressedImages):
         else:
             size = None if self._was_predicted else self._stream_size
         fits = size is not None and size <= CERTAIN_FIT * budget * (1 - outlook.loss(LIKELY))
-        finishing = prediction is not None and prediction.error <= FINISHING
-        lossless = not settings['max_quality'] and not self._shortened and (fits or finishing)
+        # while images are repeated the exact transform refines them: the coefficients that one image leaves are what
+        # the next one codes, as its analysis undoes its synthesis exactly
+        refining = prediction is not None and self._repeats.count > 0
+        lossless = not settings['max_quality'] and not self._shortened and (fits or refining)
         self._time.begin()
         stream = image.encode(source.pixels, lossless, coded, source.classes, prediction and prediction.pixels)
         self._time.coded(stream.cells, len(stream.data))
@@ -230,14 +236,27 @@ def _beginning(prediction: Optional[Prediction]) -> bytes:
     return with_motion(prediction.motion, b'') if prediction else b''
 
 
-def _coded(source: Layerable, prediction: Optional[Prediction], data: bytes, plan: Plan) -> CodedImage:
-    """An image as its receivers get it.
+def _in_proportion(errors: List[float], first: float, prediction: Optional[Prediction]) -> List[float]:
+    """The estimated mean squared errors of layers, changed as that of the prediction alone differs from its true one.
 
-    :param data: the codec's stream
+    :param first: that of the prediction alone, as estimated
     """
+    if prediction is None or first <= prediction.error:
+        return errors
+    return [error * prediction.error / first for error in errors]
+
+
+def _likely(plan: Plan, outlook: Outlook) -> int:
+    """How many layers of an image are restored with the probability OFTEN, at least."""
+    restored = survival(plan.count, outlook.air.losses, outlook.air.burst)
+    return sum(bool(restored[layer.threshold - 1] >= OFTEN) for layer in plan.layers)
+
+
+def _coded(source: Layerable, prediction: Optional[Prediction], stream: image.LayeredStream, plan: Plan) -> CodedImage:
+    """An image as its receivers get it."""
     before = len(_beginning(prediction))
-    return CodedImage(shape_of(source.pixels), data, [end - before for end in ends_of(plan.layers, plan.count)],
-                      prediction and prediction.pixels)
+    return CodedImage(shape_of(source.pixels), stream.prefixes,
+                      [end - before for end in ends_of(plan.layers, plan.count)])
 
 
 def _complete(stream: image.LayeredStream, useful: int, exact: Optional[float]) -> float:

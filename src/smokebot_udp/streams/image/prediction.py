@@ -4,8 +4,9 @@
 Importing this module loads the compiled codec.
 """
 import math
+from collections import deque
 from dataclasses import dataclass
-from typing import Callable, Collection, Dict, NamedTuple, Optional, Sequence
+from typing import Callable, Collection, Deque, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -23,6 +24,12 @@ MOVED = 1.2
 
 SKIPPED = 4
 """or after this number of images."""
+
+LAGS = 16
+"""Of so many images, the one that came soonest says how long reports take."""
+
+WORTH_RISK = 0.95
+"""An image that may be lost is a reference where its error is at most this part of that of those which are held."""
 
 PAYS = 2.0
 """A prediction is used where what it leaves has this part of the energy, at most, that neighbours differ by."""
@@ -52,8 +59,12 @@ class _Sent:
     """An image that may serve as a reference."""
     stamp: float
     """[s]"""
-    errors: Sequence[float]
+    errors: List[float]
     """Mean squared errors of its layers [count^2]."""
+    likely: int
+    """How many of its layers are restored nearly always."""
+    reference: Optional[Tuple[int, int]]
+    """Number and layers of its reference."""
 
 
 class _MotionFinder:
@@ -93,10 +104,11 @@ class Predictor:
         """Of the next image."""
         self._references.clear()
         self._sent: Dict[int, _Sent] = {}
+        self._lags: Deque[int] = deque(maxlen=LAGS)     # from images to the newest one that is held
         self._motion = _MotionFinder()
 
-    def predict(self, pixels: Array, stamp: float, growth: float, names: Collection[str],
-                now: float) -> Optional[Prediction]:
+    def predict(self, pixels: Array, stamp: float, growth: float, names: Collection[str], now: float,
+                repeated: int = 0) -> Optional[Prediction]:
         """What the next image is to be coded against; None: nothing that all operators hold is like it.
 
         :param pixels: of the next image, as the codec takes them
@@ -104,19 +116,53 @@ class Predictor:
         :param growth: of the mean squared difference between images with time, see freshness.MotionMeter [count^2/s]
         :param names: of the operators that it is sent to
         :param now: by a steady clock [s]
+        :param repeated: how many images in a row, up to the next one, show what the one before did
         """
         held = self._held.layers(names, self.session, self._references.layers(self.session), now)
         if not held:
             return None
-        number = min(held, key=lambda number: self._distance(number, held[number], stamp, growth))
-        key = self.session, number
-        reference = self._references.get(key, held[number], shape_of(pixels))
+        number, layers = self._best(held, repeated, stamp, growth)
+        reference = self._references.get((self.session, number), layers, shape_of(pixels))
         if reference is None:
             return None
-        self._references.forget_before(key)     # those are never used again: operators forget them, too
-        moved = self._motion.find(reference.pixels, pixels)
+        if number in held:
+            self._references.forget_before((self.session, number))      # those are never used again
+        same = self.number - number <= repeated
+        moved = motion.NONE if same else self._motion.find(reference.pixels, pixels)
         displaced = motion.compensate(reference.pixels, moved)
-        return _prediction(number, held[number], reference.checksum, motion.to_bytes(moved), displaced, pixels)
+        found = _prediction(number, layers, reference.checksum, motion.to_bytes(moved), displaced, pixels)
+        if found is not None and same:      # better known than before: else it might seem best for ever
+            self._sent[number].errors[layers - 1] = found.error
+        return found
+
+    def _best(self, held: Mapping[int, int], repeated: int, stamp: float, growth: float) -> Tuple[int, int]:
+        """Number and layers of the image that is most like the next one."""
+        def error(image: Tuple[int, int]) -> float:
+            return self._distance(*image, stamp, growth)
+        best, coming = _least(held, error), self._coming(held, repeated)
+        if coming:
+            other = _least(coming, error)
+            if error(other) < WORTH_RISK * error(best):
+                return other
+        return best
+
+    def _coming(self, held: Mapping[int, int], repeated: int) -> Dict[int, int]:
+        """Images that no report can have told of yet, and how many of their layers are likely to be held.
+
+        Only where they and all since the newest one that is held show the same: an operator who loses one of them, so
+        that it does not see the next ones either, misses nothing.
+        """
+        self._lags.append(self.number - max(held))
+        lag, found = min(self._lags), {}        # type: int, Dict[int, int]
+        if repeated >= self.number - max(held):
+            for number in range(self.number - lag + 1, self.number):
+                sent = self._sent.get(number)
+                if sent is None or number in held or not sent.likely:
+                    continue
+                before, layers = sent.reference or (number, 0)
+                if max(held.get(before, 0), found.get(before, 0)) >= layers:
+                    found[number] = sent.likely
+        return found
 
     def describe(self, records: Records, prediction: Optional[Prediction]) -> None:
         """Write into the segments of the next image which one it is, and its reference."""
@@ -127,18 +173,20 @@ class Predictor:
             records['reference'], records['reference_layers'] = prediction.number, prediction.layers
             records['checksum'] = prediction.checksum
 
-    def sent(self, image: CodedImage, errors: Sequence[float], prediction: Optional[Prediction], stamp: float,
-             names: Collection[str], now: float) -> None:
+    def sent(self, image: CodedImage, errors: Sequence[float], likely: int, prediction: Optional[Prediction],
+             stamp: float, names: Collection[str], now: float) -> None:
         """The next image leaves.
 
         :param errors: mean squared errors once each of its layers is restored, about [count^2]
+        :param likely: how many of its layers are restored nearly always
         """
         # no layer makes an image worse than its prediction is, whose error is known better
         most = math.inf if prediction is None else prediction.error
         self._references.add((self.session, self.number), image)
         kept = self._references.layers(self.session)
         self._sent = {number: sent for number, sent in self._sent.items() if number in kept}
-        self._sent[self.number] = _Sent(stamp, [min(error, most) for error in errors])
+        self._sent[self.number] = _Sent(stamp, [min(error, most) for error in errors], likely,
+                                        prediction and (prediction.number, prediction.layers))
         self.number += 1
         self._held.sent(names, prediction is not None, now)
 
@@ -146,7 +194,12 @@ class Predictor:
         """The mean squared difference of a reference from the scene, about [count^2]."""
         sent = self._sent[number]
         layers = min(layers, len(sent.errors))
-        return sent.errors[layers - 1] + growth * abs(stamp - sent.stamp) - 1e-9 * number
+        return sent.errors[layers - 1] + growth * abs(stamp - sent.stamp)
+
+
+def _least(layers: Mapping[int, int], error: Callable[[Tuple[int, int]], float]) -> Tuple[int, int]:
+    """Number and layers of the image with the least error, the newest of several."""
+    return min(sorted(layers.items(), reverse=True), key=error)
 
 
 def _prediction(number: int, layers: int, checksum: int, moved: bytes, displaced: Array,
