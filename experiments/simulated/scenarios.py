@@ -7,7 +7,7 @@ from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Tu
 import numpy as np
 
 from evaluation.simulated_air import Events, Greedy, Load, Robot
-from evaluation.simulated_paths import AggregatingAir, Path, Policer
+from evaluation.simulated_paths import AggregatingAir, Path
 from evaluation.simulated_tcp import Bbr, CongestionControl, Cubic, Tcp
 from smokebot_udp.congestion.controller import Demand
 from smokebot_udp.congestion.operating_points import OperatingPoint
@@ -93,11 +93,6 @@ def link(rate: float, since: float = 5.0, **conditions: float) -> Callable[[int]
     """A link_lab Channel of `rate` Mbit/s."""
     chosen = LinkConditions(**{'rate': rate * 1e6, 'delay': DELAY, 'queue': 0.2, **conditions})
     return lambda seed: over(Channel(chosen, seed), rate, seed, since)
-
-
-def policed(rate: float, burst: float) -> Callable[[int], Values]:
-    """A policer of `rate` Mbit/s whose bucket holds `burst` bytes."""
-    return lambda seed: over(Policer(rate * 1e6, burst, DELAY), rate, seed)
 
 
 def aggregated(rate: float) -> Callable[[int], Values]:
@@ -263,8 +258,8 @@ SCENARIOS: List[Scenario] = [
     *[Scenario('jitter of 10 ms, %g Mbit/s' % rate, link(rate, jitter=0.01), [used(85), lost(1), queue(60)])
       for rate in (1, 5, 20)],
     *[Scenario('queue of 10 ms, %g Mbit/s' % rate, link(rate, queue=0.01), [used(85), lost(1)]) for rate in (5, 20)],
-    *[Scenario('policer, %g Mbit/s, %g kB' % (rate, burst / 1e3), policed(rate, burst), [used(85), lost(1)])
-      for rate, burst in ((5, 15e3), (5, 60e3), (20, 30e3))],
+    *[Scenario('policer, %g Mbit/s, %g kB' % (rate, bucket / 1e3), link(rate, bucket=bucket), [used(85), lost(1)])
+      for rate, bucket in ((5, 15e3), (5, 60e3), (20, 30e3))],
     *[Scenario('bursts of loss, %g %%, 5 Mbit/s' % (100 * loss), link(5, loss=loss, burst=burst),
                [used(85), lost(1), queue(60)])
       for loss, burst in ((0.1, 5.0), (0.2, 10.0))],

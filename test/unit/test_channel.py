@@ -86,6 +86,36 @@ def test_directions_that_share_an_air_wait_for_each_other() -> None:
     assert back.fate(1.0, 1000) == pytest.approx((1.058,))
 
 
+def test_a_policer_passes_a_bucket_at_once_and_then_its_rate() -> None:
+    # 1000 bytes a millisecond at 1 Mbit/s: a bucket of 3 passes, then 125 bytes come each ms, 1000 in 8 ms
+    results, channel = fates(LinkConditions(rate=1e6, bucket=3000, delay=0.02), count=32)
+    passed = [round(1e3 * when) for when, out in results if out]
+    assert passed == [0, 1, 2, 8, 16, 24]       # at 3 ms the bucket has 375 bytes; at 8 ms, 1000
+    assert all(out == (when + 0.02,) for when, out in results if out)
+    assert (channel.counts.carried, channel.counts.dropped) == (6000, 26) and not channel.waited
+    assert channel.waits(0.031) == 0
+    # after a second the bucket is full again, and not fuller
+    assert [len(channel.fate(1.0, 1000)) for _ in range(5)] == [1, 1, 1, 0, 0]
+
+
+def test_a_bucket_of_one_packet_passes_it_at_any_time() -> None:
+    channel = Channel(LinkConditions(rate=3e6, bucket=1500))
+    assert all(channel.fate(1e6 + 0.37 * k, 1500) for k in range(1000)) and not channel.fate(1e6 + 369.63, 1500)
+
+
+@given(st.lists(st.tuples(st.floats(0, 0.1), st.integers(20, 1500)), min_size=1, max_size=60),
+       st.floats(1e5, 1e7), st.integers(1500, 20000))
+def test_a_policer_drops_what_a_token_bucket_drops(packets: List[Tuple[float, int]], rate: float, bucket: int) -> None:
+    """The bucket as RFC 2697 has it, but for packets that differ from its content by less than a bit."""
+    channel, tokens, now = Channel(LinkConditions(rate=rate, bucket=bucket)), float(bucket), 0.0
+    for pause, size in packets:
+        now += pause
+        tokens = min(bucket, tokens + rate / 8 * pause)
+        passed = channel.fate(now, size) == (now,)
+        assert passed == (size <= tokens) or abs(size - tokens) < 1 / 8
+        tokens -= size * passed
+
+
 def test_lost_packets_take_air_time() -> None:
     results, _ = fates(LinkConditions(rate=1e6, queue=1e9, loss=0.5), count=1000)
     last = max(out[0] for _, out in results if out)
@@ -109,7 +139,8 @@ def test_effects_are_independent_of_each_other() -> None:
 @pytest.mark.parametrize('values, words', [
     ({'loss': 1.5}, 'loss is 1.5'), ({'delay': -0.1}, 'delay is -0.1'), ({'rate': float('nan')}, 'rate is nan'),
     ({'queue': 'long'}, "queue is 'long'"), ({'loss': 0.5, 'burst': 1}, 'burst is 1'),
-    ({'reorder': 2}, 'reorder is 2')])
+    ({'reorder': 2}, 'reorder is 2'), ({'rate': 1e6, 'bucket': -1}, 'bucket is -1'),
+    ({'bucket': 3000}, 'bucket is 3000, needs a rate')])
 def test_impossible_values_are_refused(values: Dict[str, Any], words: str) -> None:
     with pytest.raises(ValueError, match=words):
         LinkConditions(**values)
