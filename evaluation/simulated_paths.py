@@ -19,7 +19,10 @@ MAX_OTHERS_TURN = 0.03
 
 class Path(Protocol):
     """What a simulated robot sends over."""
-    counts: Counts
+
+    @property
+    def counts(self) -> Counts:
+        """What became of the datagrams until now."""
 
     def fate(self, now: float, size: int) -> Tuple[float, ...]:
         """When a datagram of this size [byte] that enters now is delivered: no, one or more times [s]."""

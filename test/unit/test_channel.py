@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
+import socket
 from typing import Any, Dict, List, Tuple
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smokebot_udp.link_lab.channel import Air, Channel, LinkConditions
+from smokebot_udp.link_lab.carrier import flow_of
+from smokebot_udp.link_lab.channel import Air, Channel, Counts, LinkConditions
 
 Fates = List[Tuple[float, Tuple[float, ...]]]
 
@@ -65,6 +67,24 @@ def test_queueing_times_and_carried_bytes_are_counted() -> None:
     _, channel = fates(LinkConditions(rate=1e6, queue=0.02, loss=1.0), count=4, every=0.0)
     assert channel.waited == {0: 1, 8: 1, 16: 1}
     assert (channel.counts.carried, channel.counts.dropped, channel.counts.lost) == (3000, 1, 3)
+
+
+def test_flows_wait_for_each_other_and_are_counted_apart() -> None:
+    # 8 ms each at 1 Mbit/s: the fourth finds more than 20 ms before it, whoever sent these
+    channel = Channel(LinkConditions(rate=1e6, queue=0.02))
+    assert channel.counts == Counts()
+    times = [channel.fate(0.0, 1000, flow) for flow in ('udp', 'tcp', 'udp', 'udp')]
+    assert times == [pytest.approx((0.008 * k,)) for k in (1, 2, 3)] + [()]
+    assert channel.flows == {'udp': Counts(offered=3, dropped=1, delivered=2, carried=2000),
+                             'tcp': Counts(offered=1, delivered=1, carried=1000)}
+    assert channel.counts == Counts(offered=4, dropped=1, delivered=3, carried=3000)
+
+
+def test_packets_are_counted_by_their_protocol() -> None:
+    def packet(protocol: int) -> bytes:     # 28 bytes, TTL 64, from 10.77.0.1 to 10.77.0.2
+        return bytes.fromhex('4500001c00004000 40 %02x 0000 0a4d0001 0a4d0002' % protocol) + bytes(8)
+    assert [flow_of(packet(number)) for number in (socket.IPPROTO_UDP, socket.IPPROTO_TCP, socket.IPPROTO_ICMP)] == [
+        'udp', 'tcp', 'other']
 
 
 def test_the_rate_is_kept_and_a_full_queue_drops_its_tail() -> None:

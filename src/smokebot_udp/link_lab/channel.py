@@ -8,8 +8,8 @@ lost (a two-state Markov chain: E. N. Gilbert, "Capacity of a Burst-Noise Channe
 import collections
 import math
 import random
-from dataclasses import dataclass, fields
-from typing import Counter, Optional, Tuple
+from dataclasses import astuple, dataclass, fields
+from typing import Counter, DefaultDict, Optional, Tuple
 
 ROUNDING = 1e-3
 """A packet may exceed the tokens by this: times are rounded, and a bucket of one packet has to pass it [bit]."""
@@ -97,7 +97,8 @@ class Channel:
     def __init__(self, conditions: Optional[LinkConditions] = None, seed: object = 0,
                  air: Optional[Air] = None) -> None:
         self.conditions = conditions or LinkConditions()
-        self.counts = Counts()
+        self.flows: DefaultDict[str, Counts] = collections.defaultdict(Counts)
+        """{flow: what became of its packets}"""
         self.waited: Counter[int] = collections.Counter()
         """{time in the queue [ms], rounded down: packets}"""
         self._draws = [random.Random('%s %s' % (seed, effect)).random
@@ -106,16 +107,22 @@ class Channel:
         self._air = air or Air()
         self._latest = -math.inf        # delivery of the last packet that is in order [s]
 
+    @property
+    def counts(self) -> Counts:
+        """What became of the packets of all flows until now."""
+        return Counts(*map(sum, zip(*map(astuple, self.flows.values()))))
+
     def waits(self, now: float) -> float:
         """How long a packet that enters now waits in the queue [s]."""
         return 0.0 if self.conditions.bucket else max(0.0, self._air.idle_from - now)
 
-    def fate(self, now: float, size: int) -> Tuple[float, ...]:
+    def fate(self, now: float, size: int, flow: str = '') -> Tuple[float, ...]:
         """When a packet that enters now is delivered: no, one or two times [s].
 
         :param size: of the whole packet [byte]
+        :param flow: as part of which it is counted; to the link all flows are one
         """
-        conditions, counts = self.conditions, self.counts
+        conditions, counts = self.conditions, self.flows[flow]
         loss, jitter, reorder, duplicate = (draw() for draw in self._draws)
         counts.offered += 1
         sent = self._transmit(now, size)
