@@ -14,22 +14,13 @@ from smokebot_udp.congestion.operating_points import OperatingPoint
 from smokebot_udp.link_lab.channel import Channel, LinkConditions
 from smokebot_udp.units import MBIT
 
+from ..goals import Goal, lost, queue, share, used
+
 DELAY = 0.02
 """One way [s]."""
 
 Values = Dict[str, float]
 """{quantity: value}: of a scenario with one seed"""
-
-
-class Goal(NamedTuple):
-    """A bound of one quantity."""
-    quantity: str
-    bound: float
-    at_least: bool = False
-
-    def met(self, value: float) -> bool:
-        """Whether a value keeps it."""
-        return value >= self.bound if self.at_least else value <= self.bound
 
 
 class Scenario(NamedTuple):
@@ -40,21 +31,6 @@ class Scenario(NamedTuple):
     goals: Sequence[Goal]
 
 
-def used(at_least: float) -> Goal:
-    """Part of the link that is used."""
-    return Goal('used [%]', at_least, True)
-
-
-def lost(at_most: float) -> Goal:
-    """Part of what was sent that a full queue or a policer dropped."""
-    return Goal('own loss [%]', at_most)
-
-
-def queue(at_most: float) -> Goal:
-    """Of the time in the queue, p95 [ms]."""
-    return Goal('queue p95 [ms]', at_most)
-
-
 def settled(at_most: float) -> Goal:
     """How long less than 80 % of the link is used, or known, in all [s]."""
     return Goal('below 80 % [s]', at_most)
@@ -63,11 +39,6 @@ def settled(at_most: float) -> Goal:
 def fairness(at_least: float) -> Goal:
     """Jain's index of what each robot got."""
     return Goal("Jain's index", at_least, True)
-
-
-def share(at_least: float, at_most: float) -> Tuple[Goal, Goal]:
-    """Our part of what all got [%]."""
-    return Goal('share [%]', at_least, True), Goal('share [%]', at_most)
 
 
 def reports(seed: int, loss: float = 0.0, delay: float = DELAY) -> Channel:
