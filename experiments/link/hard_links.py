@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Links on which congestion control is hard: jitter, short queues, a policer, TCP downloads beside us."""
 import contextlib
-import os
 import pathlib
 import time
 from typing import Any, ContextManager, List, Mapping, NamedTuple, Optional, Sequence, Union
@@ -29,7 +28,7 @@ later on.
 *Used* is the part of the link that our datagrams took, *by all* with everything else that the robot's side sent. *Own
 loss* is which part of our datagrams a full queue or the policer dropped. *Share* is our part of what the link carried
 of both, *TCP* what it carried of the download. *Late* is how late the emulated link was itself (p99 of each quarter of
-a second, their median), *load* the machine's.
+a second, their median): packets that it takes late find a short queue, or a small bucket, together.
 """
 
 SETTLE = 1.0
@@ -107,13 +106,13 @@ def row(link: RateStepRun, hard: HardLink, step: Step, display: DisplayHistory) 
     return {'link': hard.name, **ours, 'by all [%]': all_['used [%]'],
             **{key: all_[key] for key in ('queue p50 [ms]', 'queue p95 [ms]', 'late p99 [ms]')},
             **{key: shown[key] for key in ('pictures [Hz]', 'age p50 [ms]', 'age p99 [ms]', 'PSNR [dB]')},
-            **{'odom ' + key: value for key, value in odom.items()}, 'load': round(os.getloadavg()[0], 1)}
+            **{'odom ' + key: value for key, value in odom.items()}}
 
 
 COLUMNS = {'used [%]': 'used [%]', 'by all [%]': 'by all [%]', 'own loss [%]': 'own loss [%]',
            'queue p50 [ms]': 'queue p50 [ms]', 'p95 [ms]': 'queue p95 [ms]', 'images [Hz]': 'pictures [Hz]',
            'image age p50 [ms]': 'age p50 [ms]', 'odom age p99 [ms]': 'odom age p99 [ms]', 'share [%]': 'share [%]',
-           'TCP [Mbit/s]': 'TCP [Mbit/s]', 'late [ms]': 'late p99 [ms]', 'load': 'load'}
+           'TCP [Mbit/s]': 'TCP [Mbit/s]', 'late [ms]': 'late p99 [ms]'}
 """{column of the table: column of links.csv}"""
 
 
