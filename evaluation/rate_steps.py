@@ -5,11 +5,12 @@ import pathlib
 import sys
 import time
 from dataclasses import dataclass
-from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple
+from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
 from smokebot_udp.arrays import Array
+from smokebot_udp.link_lab.channel import LinkConditions
 
 from . import TOP, recorder
 from .link_run import LOAD_CODEC, LabWatch, repeated
@@ -167,7 +168,7 @@ class RateStepRun:
         if self.method.robot is None:
             self.stack.start('robot', sys.executable, '-m', 'evaluation.baseline', cwd=str(TOP))
         else:
-            self.stack.start_node('robot', 'robot_sender', *self.method.robot)
+            self._sender = self.stack.start_node('robot', 'robot_sender', *self.method.robot)
             self.stack.start_node('operator', 'operator_receiver')
         self.robot, self.operator = (
             Listener(self.stack, side, ('evaluation.recorder', str(file))) for side, file in self._files.items())
@@ -190,15 +191,29 @@ class RateStepRun:
             raise RuntimeError('the simulated robot sends no images: see nodes.log')
         return next(one.stamp for one in self.robot.heard[heard:] if one.topic == CAMERA and one.stamp)
 
-    def set_link(self, rate: float, loss: float) -> None:
-        """Change the link; rate [bit/s], loss 0..1."""
-        self.stack.lab.set({'rate': rate, 'loss': loss, 'delay': DELAY, 'queue': QUEUE})
+    def restart_sender(self) -> None:
+        """Start robot_sender again over a good link, so that it knows nothing of the link before, and wait for an
+        image. Of our own methods only.
+        """
+        self.stack.end(self._sender)
+        self.set_link(RATES[0], 0.0)
+        begun = time.time()
+        self._sender = self.stack.start_node('robot', 'robot_sender', *(self.method.robot or ()))
+        if not self.operator.first([self.method.image_topic], START_TIMEOUT,
+                                   lambda heard: heard.stamp is not None and heard.stamp > begun):
+            raise RuntimeError('no image arrives of a new robot_sender: see nodes.log')
 
-    def measure(self, loss: float, seconds: float, rates: Sequence[float] = RATES) -> List[Step]:
-        """Go through steps of the rate [bit/s]."""
+    def set_link(self, rate: float, loss: float, **conditions: float) -> None:
+        """Change the link; rate [bit/s], loss 0..1, and other values of LinkConditions."""
+        self.stack.lab.set(vars(LinkConditions(**{
+            'rate': rate, 'loss': loss, 'delay': DELAY, 'queue': QUEUE, **conditions})))
+
+    def measure(self, loss: float, seconds: float, rates: Sequence[float] = RATES,
+                **conditions: float) -> List[Step]:
+        """Go through steps of the rate [bit/s]; other parameters: see set_link."""
         steps = []
         for rate in rates:
-            self.set_link(rate, loss)
+            self.set_link(rate, loss, **conditions)
             begun = time.time()
             counts = [(begun, self.stack.lab.counts())]
             started = time.time()
@@ -209,18 +224,24 @@ class RateStepRun:
         return steps
 
     def measure_in_time(self, loss: float, seconds: float) -> List[Step]:
-        """`measure` over new connections, from a place of the robot's course on; repeated where the emulated link
-        itself was late, or lost packets.
-
-        :raises LabBusy: where it lost some in the last attempt, too
-        """
-        def once() -> Tuple[List[Step], Dict[str, float]]:
+        """`measure` over new connections, from a place of the robot's course on; see on_time."""
+        def prepare() -> None:
             self.set_link(RATES[0], 0.0)
             began = self.restart_robot()
             self.connect()
             time.sleep(max(0.0, began + COURSE - time.time()))
+        return self.on_time(prepare, lambda: self.measure(loss, seconds))
+
+    def on_time(self, prepare: Callable[[], None], measure: Callable[[], List[Step]]) -> List[Step]:
+        """What is measured after some preparation; both are repeated where the emulated link itself was late, or lost
+        packets.
+
+        :raises LabBusy: where it lost some in the last attempt, too
+        """
+        def once() -> Tuple[List[Step], Dict[str, float]]:
+            prepare()
             self._watch.forget()
-            steps = self.measure(loss, seconds)
+            steps = measure()
             return steps, {**self._watch.state(), 'late p99 [ms]': 1e3 * max(step.lateness for step in steps)}
         return repeated(once, ATTEMPTS)[0]
 
@@ -258,6 +279,19 @@ def link_row(step: Step) -> Row:
             'dropped': b['dropped'] - settled['robot']['dropped'],
             'air lost [%]': round(100 * (b['lost'] - a['lost']) / max(1, entered), 2),
             'late p99 [ms]': round(1e3 * step.lateness, 1)}
+
+
+def flow_row(step: Step) -> Row:
+    """How the robot's datagrams (UDP) and its TCP connections shared the link, for a row of a CSV file."""
+    (first, before), (last, after) = step.sample(STEADY), step.counts[-1]
+
+    def growth(flow: str, key: str) -> int:
+        a, b = (counts['flows']['robot'].get(flow, {}).get(key, 0) for counts in (before, after))
+        return int(b - a)
+    ours, theirs = (8 * growth(flow, 'carried') / (last - first) for flow in ('udp', 'tcp'))
+    return {'used [%]': round(100 * ours / step.rate, 1), 'share [%]': round(100 * ours / max(1.0, ours + theirs), 1),
+            'TCP [Mbit/s]': round(theirs / 1e6, 2),
+            'own loss [%]': round(100 * growth('udp', 'dropped') / max(1, growth('udp', 'offered')), 2)}
 
 
 def message_row(sent: Sequence[Heard], arrived: Sequence[Heard], step: Step, topics: Tuple[str, str]) -> Row:

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Paths that link_lab's Channel is not: a policer without a queue, and a Wi-Fi that sends in aggregates.
-
-Both have a Channel's `fate`, `waits` and `counts`. Time is an argument; what is random is seeded.
+"""A path that link_lab's Channel is not: a Wi-Fi that sends in aggregates. It has a Channel's `fate`, `waits` and
+`counts`. Time is an argument; what is random is seeded.
 """
 import random
 from typing import Iterator, Protocol, Tuple
@@ -20,44 +19,16 @@ MAX_OTHERS_TURN = 0.03
 
 class Path(Protocol):
     """What a simulated robot sends over."""
-    counts: Counts
+
+    @property
+    def counts(self) -> Counts:
+        """What became of the datagrams until now."""
 
     def fate(self, now: float, size: int) -> Tuple[float, ...]:
         """When a datagram of this size [byte] that enters now is delivered: no, one or more times [s]."""
 
     def waits(self, now: float) -> float:
         """How long a datagram that enters now waits for its transmission [s]."""
-
-
-class Policer:
-    """Drops at once what exceeds a token bucket (RFC 2697); nothing ever waits.
-
-    :param rate: [bit/s]
-    :param burst: depth of the bucket [byte]
-    :param delay: one way [s]
-    """
-
-    def __init__(self, rate: float, burst: float, delay: float) -> None:
-        self.counts = Counts()
-        self._rate, self._burst, self._delay = rate / 8, burst, delay
-        self._tokens, self._updated = burst, 0.0
-
-    def waits(self, now: float) -> float:
-        """Nothing waits."""
-        return 0.0
-
-    def fate(self, now: float, size: int) -> Tuple[float, ...]:
-        """When a datagram that enters now is delivered."""
-        self._tokens = min(self._burst, self._tokens + self._rate * (now - self._updated))
-        self._updated = now
-        self.counts.offered += 1
-        if size > self._tokens:
-            self.counts.dropped += 1
-            return ()
-        self._tokens -= size
-        self.counts.carried += size
-        self.counts.delivered += 1
-        return (now + self._delay,)
 
 
 class AggregatingAir:

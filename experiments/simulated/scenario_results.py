@@ -6,8 +6,9 @@ from typing import Dict, Iterator, List, Tuple
 import numpy as np
 
 from .. import table
+from ..goals import Goal
 from ..runner import Run, Table
-from .scenarios import SCENARIOS, Goal, Scenario
+from .scenarios import SCENARIOS, Scenario
 
 SEEDS, QUICK_SEEDS = 5, 2
 FILE = 'scenarios.csv'
@@ -30,7 +31,7 @@ def results(folder: pathlib.Path) -> Table:
     rows = []
     for scenario, quantity, values in _quantities(measured):
         goals = [goal for goal in scenario.goals if goal.quantity == quantity]
-        rows.append([scenario.name, quantity, ' '.join(map(_text, goals)), '%.3g' % np.median(values),
+        rows.append([scenario.name, quantity, ' '.join(map(str, goals)), '%.3g' % np.median(values),
                      '%.3g' % min(values), '%.3g' % max(values),
                      ('yes' if _met(goals, values) else '**no**') if goals else ''])
     seeds = max(len(values) for values in measured.values())
@@ -52,7 +53,7 @@ def doc_results(folder: pathlib.Path) -> Table:
             text = '%.3g (%.3g to %.3g)' % (np.median(values), min(values), max(values))
             text = text if _met(goals, values) else '**%s**' % text
             if quantity not in MAIN:
-                text = '%s: %s, %s' % (quantity, text, ' '.join(map(_text, goals)))
+                text = '%s: %s, %s' % (quantity, text, ' '.join(map(str, goals)))
             cells.setdefault(scenario.name, {})[quantity] = text
     rows = [[name, *(found.get(quantity) for quantity in MAIN),
              '; '.join(text for quantity, text in found.items() if quantity not in MAIN)]
@@ -68,7 +69,7 @@ def doc_results(folder: pathlib.Path) -> Table:
 def missed(folder: pathlib.Path) -> List[str]:
     """The goals that were missed."""
     return ['%s: %s %.3g to %.3g, goal %s' % (scenario.name, quantity, min(values), max(values),
-                                              ' '.join(_text(goal) for goal in scenario.goals
+                                              ' '.join(str(goal) for goal in scenario.goals
                                                        if goal.quantity == quantity))
             for scenario, quantity, values in _quantities(_values(folder))
             if not _met([goal for goal in scenario.goals if goal.quantity == quantity], values)]
@@ -91,7 +92,3 @@ def _quantities(measured: Dict[Tuple[str, str], List[float]]) -> Iterator[Tuple[
 
 def _met(goals: List[Goal], values: List[float]) -> bool:
     return all(goal.met(value) for goal in goals for value in values)
-
-
-def _text(goal: Goal) -> str:
-    return '%s %g' % ('≥' if goal.at_least else '≤', goal.bound)

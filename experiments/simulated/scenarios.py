@@ -7,29 +7,20 @@ from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Tu
 import numpy as np
 
 from evaluation.simulated_air import Events, Greedy, Load, Robot
-from evaluation.simulated_paths import AggregatingAir, Path, Policer
+from evaluation.simulated_paths import AggregatingAir, Path
 from evaluation.simulated_tcp import Bbr, CongestionControl, Cubic, Tcp
 from smokebot_udp.congestion.controller import Demand
 from smokebot_udp.congestion.operating_points import OperatingPoint
 from smokebot_udp.link_lab.channel import Channel, LinkConditions
 from smokebot_udp.units import MBIT
 
+from ..goals import Goal, lost, queue, share, used
+
 DELAY = 0.02
 """One way [s]."""
 
 Values = Dict[str, float]
 """{quantity: value}: of a scenario with one seed"""
-
-
-class Goal(NamedTuple):
-    """A bound of one quantity."""
-    quantity: str
-    bound: float
-    at_least: bool = False
-
-    def met(self, value: float) -> bool:
-        """Whether a value keeps it."""
-        return value >= self.bound if self.at_least else value <= self.bound
 
 
 class Scenario(NamedTuple):
@@ -40,21 +31,6 @@ class Scenario(NamedTuple):
     goals: Sequence[Goal]
 
 
-def used(at_least: float) -> Goal:
-    """Part of the link that is used."""
-    return Goal('used [%]', at_least, True)
-
-
-def lost(at_most: float) -> Goal:
-    """Part of what was sent that a full queue or a policer dropped."""
-    return Goal('own loss [%]', at_most)
-
-
-def queue(at_most: float) -> Goal:
-    """Of the time in the queue, p95 [ms]."""
-    return Goal('queue p95 [ms]', at_most)
-
-
 def settled(at_most: float) -> Goal:
     """How long less than 80 % of the link is used, or known, in all [s]."""
     return Goal('below 80 % [s]', at_most)
@@ -63,11 +39,6 @@ def settled(at_most: float) -> Goal:
 def fairness(at_least: float) -> Goal:
     """Jain's index of what each robot got."""
     return Goal("Jain's index", at_least, True)
-
-
-def share(at_least: float, at_most: float) -> Tuple[Goal, Goal]:
-    """Our part of what all got [%]."""
-    return Goal('share [%]', at_least, True), Goal('share [%]', at_most)
 
 
 def reports(seed: int, loss: float = 0.0, delay: float = DELAY) -> Channel:
@@ -93,11 +64,6 @@ def link(rate: float, since: float = 5.0, **conditions: float) -> Callable[[int]
     """A link_lab Channel of `rate` Mbit/s."""
     chosen = LinkConditions(**{'rate': rate * 1e6, 'delay': DELAY, 'queue': 0.2, **conditions})
     return lambda seed: over(Channel(chosen, seed), rate, seed, since)
-
-
-def policed(rate: float, burst: float) -> Callable[[int], Values]:
-    """A policer of `rate` Mbit/s whose bucket holds `burst` bytes."""
-    return lambda seed: over(Policer(rate * 1e6, burst, DELAY), rate, seed)
 
 
 def aggregated(rate: float) -> Callable[[int], Values]:
@@ -263,8 +229,8 @@ SCENARIOS: List[Scenario] = [
     *[Scenario('jitter of 10 ms, %g Mbit/s' % rate, link(rate, jitter=0.01), [used(85), lost(1), queue(60)])
       for rate in (1, 5, 20)],
     *[Scenario('queue of 10 ms, %g Mbit/s' % rate, link(rate, queue=0.01), [used(85), lost(1)]) for rate in (5, 20)],
-    *[Scenario('policer, %g Mbit/s, %g kB' % (rate, burst / 1e3), policed(rate, burst), [used(85), lost(1)])
-      for rate, burst in ((5, 15e3), (5, 60e3), (20, 30e3))],
+    *[Scenario('policer, %g Mbit/s, %g kB' % (rate, bucket / 1e3), link(rate, bucket=bucket), [used(85), lost(1)])
+      for rate, bucket in ((5, 15e3), (5, 60e3), (20, 30e3))],
     *[Scenario('bursts of loss, %g %%, 5 Mbit/s' % (100 * loss), link(5, loss=loss, burst=burst),
                [used(85), lost(1), queue(60)])
       for loss, burst in ((0.1, 5.0), (0.2, 10.0))],

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
+import socket
 from typing import Any, Dict, List, Tuple
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smokebot_udp.link_lab.channel import Air, Channel, LinkConditions
+from smokebot_udp.link_lab.carrier import flow_of
+from smokebot_udp.link_lab.channel import Air, Channel, Counts, LinkConditions
 
 Fates = List[Tuple[float, Tuple[float, ...]]]
 
@@ -67,6 +69,24 @@ def test_queueing_times_and_carried_bytes_are_counted() -> None:
     assert (channel.counts.carried, channel.counts.dropped, channel.counts.lost) == (3000, 1, 3)
 
 
+def test_flows_wait_for_each_other_and_are_counted_apart() -> None:
+    # 8 ms each at 1 Mbit/s: the fourth finds more than 20 ms before it, whoever sent these
+    channel = Channel(LinkConditions(rate=1e6, queue=0.02))
+    assert channel.counts == Counts()
+    times = [channel.fate(0.0, 1000, flow) for flow in ('udp', 'tcp', 'udp', 'udp')]
+    assert times == [pytest.approx((0.008 * k,)) for k in (1, 2, 3)] + [()]
+    assert channel.flows == {'udp': Counts(offered=3, dropped=1, delivered=2, carried=2000),
+                             'tcp': Counts(offered=1, delivered=1, carried=1000)}
+    assert channel.counts == Counts(offered=4, dropped=1, delivered=3, carried=3000)
+
+
+def test_packets_are_counted_by_their_protocol() -> None:
+    def packet(protocol: int) -> bytes:     # 28 bytes, TTL 64, from 10.77.0.1 to 10.77.0.2
+        return bytes.fromhex('4500001c00004000 40 %02x 0000 0a4d0001 0a4d0002' % protocol) + bytes(8)
+    assert [flow_of(packet(number)) for number in (socket.IPPROTO_UDP, socket.IPPROTO_TCP, socket.IPPROTO_ICMP)] == [
+        'udp', 'tcp', 'other']
+
+
 def test_the_rate_is_kept_and_a_full_queue_drops_its_tail() -> None:
     # 1000 bytes at 1 Mbit/s take 8 ms; one a millisecond is eight times too many
     results, channel = fates(LinkConditions(rate=1e6, queue=0.1), count=2000)
@@ -84,6 +104,36 @@ def test_directions_that_share_an_air_wait_for_each_other() -> None:
     assert times == [pytest.approx((0.058 + 0.008 * k,)) for k in range(4)]
     assert back.waits(0.004) == pytest.approx(0.028) and there.waits(0.032) == 0
     assert back.fate(1.0, 1000) == pytest.approx((1.058,))
+
+
+def test_a_policer_passes_a_bucket_at_once_and_then_its_rate() -> None:
+    # 1000 bytes a millisecond at 1 Mbit/s: a bucket of 3 passes, then 125 bytes come each ms, 1000 in 8 ms
+    results, channel = fates(LinkConditions(rate=1e6, bucket=3000, delay=0.02), count=32)
+    passed = [round(1e3 * when) for when, out in results if out]
+    assert passed == [0, 1, 2, 8, 16, 24]       # at 3 ms the bucket has 375 bytes; at 8 ms, 1000
+    assert all(out == (when + 0.02,) for when, out in results if out)
+    assert (channel.counts.carried, channel.counts.dropped) == (6000, 26) and not channel.waited
+    assert channel.waits(0.031) == 0
+    # after a second the bucket is full again, and not fuller
+    assert [len(channel.fate(1.0, 1000)) for _ in range(5)] == [1, 1, 1, 0, 0]
+
+
+def test_a_bucket_of_one_packet_passes_it_at_any_time() -> None:
+    channel = Channel(LinkConditions(rate=3e6, bucket=1500))
+    assert all(channel.fate(1e6 + 0.37 * k, 1500) for k in range(1000)) and not channel.fate(1e6 + 369.63, 1500)
+
+
+@given(st.lists(st.tuples(st.floats(0, 0.1), st.integers(20, 1500)), min_size=1, max_size=60),
+       st.floats(1e5, 1e7), st.integers(1500, 20000))
+def test_a_policer_drops_what_a_token_bucket_drops(packets: List[Tuple[float, int]], rate: float, bucket: int) -> None:
+    """The bucket as RFC 2697 has it, but for packets that differ from its content by less than a bit."""
+    channel, tokens, now = Channel(LinkConditions(rate=rate, bucket=bucket)), float(bucket), 0.0
+    for pause, size in packets:
+        now += pause
+        tokens = min(bucket, tokens + rate / 8 * pause)
+        passed = channel.fate(now, size) == (now,)
+        assert passed == (size <= tokens) or abs(size - tokens) < 1 / 8
+        tokens -= size * passed
 
 
 def test_lost_packets_take_air_time() -> None:
@@ -109,7 +159,8 @@ def test_effects_are_independent_of_each_other() -> None:
 @pytest.mark.parametrize('values, words', [
     ({'loss': 1.5}, 'loss is 1.5'), ({'delay': -0.1}, 'delay is -0.1'), ({'rate': float('nan')}, 'rate is nan'),
     ({'queue': 'long'}, "queue is 'long'"), ({'loss': 0.5, 'burst': 1}, 'burst is 1'),
-    ({'reorder': 2}, 'reorder is 2')])
+    ({'reorder': 2}, 'reorder is 2'), ({'rate': 1e6, 'bucket': -1}, 'bucket is -1'),
+    ({'bucket': 3000}, 'bucket is 3000, needs a rate')])
 def test_impossible_values_are_refused(values: Dict[str, Any], words: str) -> None:
     with pytest.raises(ValueError, match=words):
         LinkConditions(**values)

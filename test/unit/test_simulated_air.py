@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from evaluation.simulated_air import FULL, Events, Greedy, Load, Operator, Robot
-from evaluation.simulated_paths import Policer
 from evaluation.simulated_streams import Streams, cloud, grid, image, long_relay, navigation, scan
 from smokebot_udp.congestion.controller import Controller, Demand
 from smokebot_udp.congestion.estimator import LIMITS, Limits
@@ -184,7 +183,8 @@ def alone(path: Any, rate: float, seed: int) -> Tuple[float, float]:
 @pytest.mark.parametrize('seed', [1, 2, 3, 83, 84])      # the last two: trains passed it at 20 times its rate at first
 @pytest.mark.parametrize('burst', [15e3, 60e3])
 def test_a_policer_is_used_and_not_overrun(burst: float, seed: int) -> None:
-    utilisation, dropped = alone(Policer(5e6, burst, 0.02), 5, seed)
+    path = Channel(LinkConditions(rate=5e6, delay=0.02, bucket=burst), seed)
+    utilisation, dropped = alone(path, 5, seed)
     assert utilisation >= 0.85 and dropped <= 0.01
 
 

@@ -5,21 +5,12 @@ from typing import Callable, List, Tuple
 import pytest
 
 from evaluation.simulated_air import FULL, Events
-from evaluation.simulated_paths import TURN, AggregatingAir, Policer
+from evaluation.simulated_paths import TURN, AggregatingAir
 from evaluation.simulated_tcp import Bbr, CongestionControl, Cubic, Tcp
 from smokebot_udp.link_lab.channel import Channel, LinkConditions
 
 RATE = 10e6
 """[bit/s]"""
-
-
-def test_a_policer_lets_a_bucket_pass_at_once_and_then_its_rate() -> None:
-    path = Policer(RATE, 10 * FULL, 0.02)
-    assert sum(bool(path.fate(1.0, FULL)) for _ in range(30)) == 10
-    passed = sum(bool(path.fate(1 + 0.001 * k, FULL)) for k in range(1, 1001))     # 12 Mbit/s
-    assert passed == pytest.approx(RATE / 8 / FULL, abs=1)
-    assert path.fate(3.0, FULL) == (3.02,) and path.waits(3.0) == 0
-    assert path.counts.dropped + path.counts.delivered == path.counts.offered
 
 
 @pytest.mark.parametrize('seed', [1, 2, 3])

@@ -32,6 +32,9 @@ MAX_READS = 32
 QUEUE_LENGTH = 10000
 """Packets that the kernel holds until this process takes them; more than ever accumulate."""
 
+PROTOCOLS = {6: 'tcp', 17: 'udp'}
+"""{protocol of an IPv4 packet: the flow that it is counted as}; others are 'other'"""
+
 NICENESS = -15
 """A packet that waits for the processor would look like one that waits in the link's queue."""
 
@@ -54,6 +57,11 @@ def make_side(side: str, congestion_control: str) -> Tuple[int, int]:
                      ADDRESSES[other], DEVICE, ADDRESSES[side], congestion_control)):
         subprocess.run(['ip', *line.split()], check=True)
     return os.open('/proc/self/ns/net', os.O_RDONLY), device
+
+
+def flow_of(packet: bytes) -> str:
+    """The flow that an IPv4 packet is counted as, by its header's tenth byte (RFC 791)."""
+    return PROTOCOLS.get(packet[9], 'other')
 
 
 class Carrier:
@@ -92,7 +100,7 @@ class Carrier:
                 packet = os.read(device, 65536)
             except BlockingIOError:
                 return
-            for due in channel.fate(time.monotonic(), len(packet)):
+            for due in channel.fate(time.monotonic(), len(packet), flow_of(packet)):
                 self._count += 1
                 heapq.heappush(self._heap, (due, self._count, out, packet))
 
@@ -117,6 +125,8 @@ def answer(carrier: Carrier, changes: Mapping[str, Mapping[str, Any]]) -> Dict[s
     late = sorted(carrier.late)
     carrier.late.clear()
     return {**{side: dataclasses.asdict(channel.counts) for side, channel in carrier.channels.items()},
+            'flows': {side: {flow: dataclasses.asdict(counts) for flow, counts in channel.flows.items()}
+                      for side, channel in carrier.channels.items()},
             'waited': {side: channel.waited for side, channel in carrier.channels.items()},
             'late': {'p50': late[len(late) // 2], 'p99': late[len(late) * 99 // 100]} if late else {}}
 

@@ -1,15 +1,18 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """One direction of an emulated link, packet by packet: seeded, without I/O; time is an argument.
 
-A packet first waits for transmission (a rate, and a drop-tail queue), then it may be lost (a two-state Markov chain:
-E. N. Gilbert, "Capacity of a Burst-Noise Channel", 1960), and then it propagates (delay, jitter, reordering,
-duplication). Loss comes after the rate because lost packets take air time, too.
+A packet first waits for transmission (a rate, and a drop-tail queue, or a policer, where nothing waits), then it may be
+lost (a two-state Markov chain: E. N. Gilbert, "Capacity of a Burst-Noise Channel", 1960), and then it propagates
+(delay, jitter, reordering, duplication). Loss comes after the rate because lost packets take air time, too.
 """
 import collections
 import math
 import random
-from dataclasses import dataclass, fields
-from typing import Counter, Optional, Tuple
+from dataclasses import astuple, dataclass, fields
+from typing import Counter, DefaultDict, Optional, Tuple
+
+ROUNDING = 1e-3
+"""A packet may exceed the tokens by this: times are rounded, and a bucket of one packet has to pass it [bit]."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +33,9 @@ class LinkConditions:
     """Transmission rate [bit/s]; 0: unlimited."""
     queue: float = 0.1
     """Length of the queue before the transmission, as its transmission time; a full queue drops new packets [s]."""
+    bucket: float = 0.0
+    """Depth of the token bucket of a policer (RFC 2697), which replaces the queue: what exceeds the rate by more than
+    this is dropped at once, and nothing waits; 0: no policer [byte]."""
     reorder: float = 0.0
     """Ratio of packets that skip the delay and overtake others, 0..1."""
     duplicate: float = 0.0
@@ -46,6 +52,8 @@ class LinkConditions:
         if self.burst and self.loss < 1 and self.burst < 1 / (1 - self.loss):
             raise ValueError('burst is %g, must be at least %g with a loss of %g' % (
                 self.burst, 1 / (1 - self.loss), self.loss))
+        if self.bucket and not self.rate:
+            raise ValueError('bucket is %g, needs a rate' % self.bucket)
 
     @property
     def chain(self) -> Tuple[float, float]:
@@ -63,7 +71,7 @@ class Counts:
     lost: int = 0
     """During transmission."""
     dropped: int = 0
-    """By the full queue."""
+    """By the full queue, or by the policer."""
     delivered: int = 0
     """Including duplicates."""
     carried: int = 0
@@ -74,7 +82,7 @@ class Counts:
 class Air:
     """What transmits packets one after the other, first come, first served: of one direction, or of several."""
     idle_from: float = -math.inf
-    """End of the transmission of all queued packets [s]."""
+    """End of the transmission of all queued packets; of a policer, when its bucket is full again [s]."""
 
 
 class Channel:
@@ -89,7 +97,8 @@ class Channel:
     def __init__(self, conditions: Optional[LinkConditions] = None, seed: object = 0,
                  air: Optional[Air] = None) -> None:
         self.conditions = conditions or LinkConditions()
-        self.counts = Counts()
+        self.flows: DefaultDict[str, Counts] = collections.defaultdict(Counts)
+        """{flow: what became of its packets}"""
         self.waited: Counter[int] = collections.Counter()
         """{time in the queue [ms], rounded down: packets}"""
         self._draws = [random.Random('%s %s' % (seed, effect)).random
@@ -98,16 +107,22 @@ class Channel:
         self._air = air or Air()
         self._latest = -math.inf        # delivery of the last packet that is in order [s]
 
+    @property
+    def counts(self) -> Counts:
+        """What became of the packets of all flows until now."""
+        return Counts(*map(sum, zip(*map(astuple, self.flows.values()))))
+
     def waits(self, now: float) -> float:
         """How long a packet that enters now waits in the queue [s]."""
-        return max(0.0, self._air.idle_from - now)
+        return 0.0 if self.conditions.bucket else max(0.0, self._air.idle_from - now)
 
-    def fate(self, now: float, size: int) -> Tuple[float, ...]:
+    def fate(self, now: float, size: int, flow: str = '') -> Tuple[float, ...]:
         """When a packet that enters now is delivered: no, one or two times [s].
 
         :param size: of the whole packet [byte]
+        :param flow: as part of which it is counted; to the link all flows are one
         """
-        conditions, counts = self.conditions, self.counts
+        conditions, counts = self.conditions, self.flows[flow]
         loss, jitter, reorder, duplicate = (draw() for draw in self._draws)
         counts.offered += 1
         sent = self._transmit(now, size)
@@ -129,12 +144,19 @@ class Channel:
         return (out,) * times
 
     def _transmit(self, now: float, size: int) -> Optional[float]:
-        """When a packet's transmission ends; None: the queue is full [s]."""
-        if not self.conditions.rate:
+        """When a packet's transmission ends; None: the queue is full, or the bucket has too few tokens [s]."""
+        conditions = self.conditions
+        if not conditions.rate:
             return now
         begins = max(now, self._air.idle_from)
-        if begins - now > self.conditions.queue:
+        ends = begins + size * 8 / conditions.rate
+        if conditions.bucket:       # the tokens that it lacks are a queue in which nobody waits
+            if (ends - now) * conditions.rate > conditions.bucket * 8 + ROUNDING:
+                return None
+            self._air.idle_from = ends
+            return now
+        if begins - now > conditions.queue:
             return None
         self.waited[int(1e3 * (begins - now))] += 1
-        self._air.idle_from = begins + size * 8 / self.conditions.rate
-        return self._air.idle_from
+        self._air.idle_from = ends
+        return ends

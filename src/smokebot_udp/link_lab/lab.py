@@ -70,7 +70,7 @@ class Lab:
         """The channels' counters.
 
         :return: {side: its Counts as a dict}, `late`: {p50, p99} of the packets since the last call [s], `waited`:
-            {side: {time in the queue [ms]: packets}}
+            {side: {time in the queue [ms]: packets}}, `flows`: {side: {'udp', 'tcp' or 'other': Counts as a dict}}
         """
         answer = self._request({})
         answer['waited'] = {side: {int(ms): count for ms, count in waited.items()}
