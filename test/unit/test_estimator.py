@@ -121,6 +121,13 @@ def test_loss_within_chance_is_no_excess() -> None:
     assert loss.excess == 0
 
 
+def test_loss_of_one_report_beyond_the_airs() -> None:
+    loss = Loss()
+    loss.set_air(100, 20)
+    assert loss.beyond_air(counts(100, 20)) == pytest.approx(0.75)      # of the 80 that the air lets through
+    assert loss.beyond_air(counts(100, 90)) == 0 and loss.beyond_air(counts(0, 0)) == 0
+
+
 def test_trains_get_faster_after_success_and_wait_after_failure() -> None:
     probes, capacity = ProbeController(), 1e6
     newest = PacketSample(0.0, 0.0, 1000, 50000)

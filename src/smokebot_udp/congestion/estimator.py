@@ -74,7 +74,8 @@ MAX_GAIN = 1.1
 """and at most."""
 
 ENOUGH = 16
-"""As many datagrams say for sure what the air carries: between fewer, a single one of others takes much of the time."""
+"""As many datagrams say for sure what the air carries: between fewer, a single one of others takes much of the time.
+Beside a long queue all do: a single one of others makes none."""
 
 BUSY_DELAY = 0.002
 """A datagram delayed longer was queued: the air was busy [s]."""
@@ -241,7 +242,7 @@ class Estimator:
             lost = 1 - feedback.received / feedback.expected if feedback.expected else 0.0
             explained = math.pow(lost, silence / REPORT_INTERVAL) > REPORT_LOSS_PROBABILITY
             link.capacity = max(link.capacity, self._before_timeout / (1.0 if explained else RECOVERY_FACTOR))
-        self._update_capacity(chain, queue)
+        self._update_capacity(feedback, chain, queue)
         self._update_probe_rtt(middle, queue, now)
         self._find_ceiling(feedback, chain[0].sent, offered, queue, now)
         in_flight = feedback.unreported / link.capacity
@@ -272,9 +273,10 @@ class Estimator:
         self._loss.update(feedback, uncongested)
         self.link.loss = self._loss.recent
 
-    def _update_capacity(self, chain: List[PacketSample], queue: float) -> None:
+    def _update_capacity(self, feedback: Feedback, chain: List[PacketSample], queue: float) -> None:
         """Correct the capacity by how datagrams arrived.
 
+        :param feedback: counts what was lost between these datagrams
         :param chain: the new samples after the newest known before
         :param queue: queueing delay of the report [s]
         """
@@ -283,8 +285,9 @@ class Estimator:
         carried, busy = self._busy_period(chain, waits)
         duration = chain[-1].arrived - chain[0].arrived
         if busy > duration / 4 and busy > 0.01:
-            dropped = self._loss.excess if queue > LONG_QUEUE else 0.0
-            weight = min(1.0, 2 * busy / HORIZON, (len(chain) - 1) / ENOUGH)
+            dropped = self._loss.beyond_air(feedback) if queue > LONG_QUEUE else 0.0
+            certainty = 1.0 if queue > LONG_QUEUE else (len(chain) - 1) / ENOUGH
+            weight = min(1.0, 2 * busy / HORIZON, certainty)
             step = weight * (carried * (1 - dropped) / busy - link.capacity)
             if step > 0 or queue > self._target() / 2:      # without a queue less was offered, not carried
                 link.capacity += step
