@@ -94,7 +94,7 @@ def test_one_interval_gives_no_peak_rate() -> None:
 
 def test_the_target_delay_falls_with_the_rate() -> None:
     assert target_delay(20 * MBIT) == 0.005
-    assert target_delay(20 * MBIT / 16) == pytest.approx(0.01)
+    assert target_delay(20 * MBIT / 8) == pytest.approx(0.01)
     assert target_delay(0.1) == 0.04
     assert all(target_delay(rate) < LONG_QUEUE for rate in (1e3, 1e5, 1e8))
 

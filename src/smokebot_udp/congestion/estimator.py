@@ -52,7 +52,7 @@ REFERENCE_TARGET = 0.005
 REFERENCE_RATE = 20 * MBIT
 """[byte/s]"""
 
-TARGET_EXPONENT = 0.25
+TARGET_EXPONENT = 1 / 3
 """it scales with this power of REFERENCE_RATE / rate,"""
 
 MIN_TARGET = 0.005
@@ -120,7 +120,7 @@ STANDING_FACTOR = 1.5
 STANDING_TIME = 1.0
 """for this long: less is sent all the time, so it is the path rather than a queue [s]."""
 
-MAX_PUSH_FACTOR = 1.25
+MAX_PUSH_FACTOR = 1.1
 """A train that was faster while the air was busy may only have displaced other traffic: it counts up to this factor."""
 
 MAX_TRAIN_LOSS = 0.5
@@ -128,7 +128,7 @@ MAX_TRAIN_LOSS = 0.5
 leaves."""
 
 PROBE_HOLDOFF = 0.6
-"""No train leaves this soon after a pause: others have only paused, too [s]."""
+"""No train leaves this soon after a pause, nor after the queue has become empty: others have only paused [s]."""
 
 GROWTH_FACTOR = 1.05
 """Where the queue is empty because little is sent, the capacity is assumed to be this much higher with each report, as
@@ -199,6 +199,7 @@ class Estimator:
         self._was_short = True          # whether the last report showed a short queue
         self._last_short = now          # when the queue was last near its target
         self._last_long = -math.inf     # when it was long
+        self._occupied = -math.inf      # when it was last seen occupied
         self._back = -math.inf          # when reports came again after a timeout
 
     def on_feedback(self, feedback: Feedback, now: float, wanted: float = math.inf,
@@ -359,9 +360,12 @@ class Estimator:
     def _next_probe(self, samples: List[PacketSample], wanted: float, wished: float, unreported: int,
                     now: float) -> Optional[ProbeTrain]:
         bounded = self._ceiling.rate < math.inf or self._loss.excess > MAX_TRAIN_LOSS
-        if self._probe_rtt.active(now - PROBE_HOLDOFF) or bounded:
-            return None
         empty = statistics.median(self._delay.of(sample) for sample in samples) < self._target() / 2
+        if not empty:
+            self._occupied = now
+        emptied = empty and now - self._occupied < PROBE_HOLDOFF
+        if self._probe_rtt.active(now - PROBE_HOLDOFF) or emptied or bounded:
+            return None
         wished = min(wished, self.limits.max_rate)
         return self._probes.next(self.link.capacity, empty, wanted > self.rate, samples[-1], unreported, now,
                                  wished > self.rate)
