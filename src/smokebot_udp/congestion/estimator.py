@@ -290,7 +290,7 @@ class Estimator:
             certainty = 1.0 if queue > LONG_QUEUE else (len(chain) - 1) / ENOUGH
             weight = min(1.0, 2 * busy / HORIZON, certainty)
             step = weight * (carried * (1 - dropped) / busy - link.capacity)
-            if step > 0 or queue > self._target() / 2:      # without a queue less was offered, not carried
+            if step > 0 or queue > self._target():  # below the target less was offered, or jitter is taken for a queue
                 link.capacity += step
                 self._before_timeout = min(self._before_timeout, math.inf if step > 0 else link.capacity)
         if queue < LONG_QUEUE and not self._loss.excess:
