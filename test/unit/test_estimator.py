@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from smokebot_udp.congestion.estimator import (
+    HORIZON,
     LONG_QUEUE,
     MBIT,
     REPORT_TIMEOUT,
@@ -171,6 +172,20 @@ def test_each_report_timeout_halves_the_rate() -> None:
     assert rates[int(10 * REPORT_TIMEOUT)] == 100000
     assert sorted(set(rates), reverse=True) == [100000, 50000, 25000, 12500, 10000]
     assert estimator.timeouts == 4
+
+
+def test_without_reports_a_queue_seen_before_does_not_lower_the_rate_for_long() -> None:
+    estimator = Estimator(0.0)
+    for k in range(20):     # ever later
+        now = 0.1 * (k + 1)
+        chain = [PacketSample(now - 0.1 + 0.01 * at, 5.0 + now - 0.1 + 0.01 * at + 0.002 * k, 1000, 10000 * k + 1000 * at)
+                 for at in range(10)]
+        estimator.on_feedback(Feedback(chain, 0.02, 10, 10, 0, False), now)
+    assert estimator.rate < estimator.link.capacity
+    estimator.poll(now + HORIZON / 2)
+    assert estimator.rate < estimator.link.capacity
+    estimator.poll(now + 1.5 * HORIZON)
+    assert estimator.rate == estimator.link.capacity
 
 
 @given(st.lists(st.tuples(

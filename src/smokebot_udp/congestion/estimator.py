@@ -354,7 +354,9 @@ class Estimator:
 
     def _set_rate(self, now: float) -> None:
         link = self.link
-        gain = min(max(1 + (self._target() - link.queue_delay) / HORIZON, MIN_GAIN), MAX_GAIN)
+        known = now - self._reported <= HORIZON        # the queue; it has changed since an older report
+        lacking = self._target() - link.queue_delay if known else 0.0
+        gain = min(max(1 + lacking / HORIZON, MIN_GAIN), MAX_GAIN)
         self.rate = self.limits.clamp(min(link.capacity * min(gain, self._probe_rtt.gain(now)), self._ceiling.rate))
 
     def _next_probe(self, samples: List[PacketSample], wanted: float, wished: float, unreported: int,
