@@ -176,10 +176,11 @@ def test_each_report_timeout_halves_the_rate() -> None:
 
 def test_without_reports_a_queue_seen_before_does_not_lower_the_rate_for_long() -> None:
     estimator = Estimator(0.0)
-    for k in range(20):     # ever later
+    for k in range(20):
         now = 0.1 * (k + 1)
-        chain = [PacketSample(now - 0.1 + 0.01 * at, 5.0 + now - 0.1 + 0.01 * at + 0.002 * k, 1000, 10000 * k + 1000 * at)
-                 for at in range(10)]
+        times = [now - 0.1 + 0.01 * at for at in range(10)]
+        chain = [PacketSample(sent, sent + 5 + 0.002 * k, 1000, 10000 * k + 1000 * at)      # later with each report
+                 for at, sent in enumerate(times)]
         estimator.on_feedback(Feedback(chain, 0.02, 10, 10, 0, False), now)
     assert estimator.rate < estimator.link.capacity
     estimator.poll(now + HORIZON / 2)

@@ -65,7 +65,7 @@ MAX_NOISE = 0.01
 """Delay noise adds to the target, up to this [s]."""
 
 HORIZON = 0.2
-"""The difference between queue and target is corrected over this time [s]."""
+"""The difference between queue and target is corrected over this time, and no longer without a report [s]."""
 
 MIN_GAIN = 0.5
 """Rate in capacities, at least,"""
@@ -354,8 +354,7 @@ class Estimator:
 
     def _set_rate(self, now: float) -> None:
         link = self.link
-        known = now - self._reported <= HORIZON        # the queue; it has changed since an older report
-        lacking = self._target() - link.queue_delay if known else 0.0
+        lacking = self._target() - link.queue_delay if now - self._reported <= HORIZON else 0.0
         gain = min(max(1 + lacking / HORIZON, MIN_GAIN), MAX_GAIN)
         self.rate = self.limits.clamp(min(link.capacity * min(gain, self._probe_rtt.gain(now)), self._ceiling.rate))
 
