@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from smokebot_udp.congestion.estimator import (
+    HORIZON,
     LONG_QUEUE,
     MBIT,
     REPORT_TIMEOUT,
@@ -94,7 +95,7 @@ def test_one_interval_gives_no_peak_rate() -> None:
 
 def test_the_target_delay_falls_with_the_rate() -> None:
     assert target_delay(20 * MBIT) == 0.005
-    assert target_delay(20 * MBIT / 16) == pytest.approx(0.01)
+    assert target_delay(20 * MBIT / 8) == pytest.approx(0.01)
     assert target_delay(0.1) == 0.04
     assert all(target_delay(rate) < LONG_QUEUE for rate in (1e3, 1e5, 1e8))
 
@@ -119,6 +120,13 @@ def test_loss_within_chance_is_no_excess() -> None:
     loss.update(counts(100, 100), True)
     loss.update(counts(20, 14), False)
     assert loss.excess == 0
+
+
+def test_loss_of_one_report_beyond_the_airs() -> None:
+    loss = Loss()
+    loss.set_air(100, 20)
+    assert loss.beyond_air(counts(100, 20)) == pytest.approx(0.75)      # of the 80 that the air lets through
+    assert loss.beyond_air(counts(100, 90)) == 0 and loss.beyond_air(counts(0, 0)) == 0
 
 
 def test_trains_get_faster_after_success_and_wait_after_failure() -> None:
@@ -164,6 +172,21 @@ def test_each_report_timeout_halves_the_rate() -> None:
     assert rates[int(10 * REPORT_TIMEOUT)] == 100000
     assert sorted(set(rates), reverse=True) == [100000, 50000, 25000, 12500, 10000]
     assert estimator.timeouts == 4
+
+
+def test_without_reports_a_queue_seen_before_does_not_lower_the_rate_for_long() -> None:
+    estimator = Estimator(0.0)
+    for k in range(20):
+        now = 0.1 * (k + 1)
+        times = [now - 0.1 + 0.01 * at for at in range(10)]
+        chain = [PacketSample(sent, sent + 5 + 0.002 * k, 1000, 10000 * k + 1000 * at)      # later with each report
+                 for at, sent in enumerate(times)]
+        estimator.on_feedback(Feedback(chain, 0.02, 10, 10, 0, False), now)
+    assert estimator.rate < estimator.link.capacity
+    estimator.poll(now + HORIZON / 2)
+    assert estimator.rate < estimator.link.capacity
+    estimator.poll(now + 1.5 * HORIZON)
+    assert estimator.rate == estimator.link.capacity
 
 
 @given(st.lists(st.tuples(

@@ -52,7 +52,7 @@ REFERENCE_TARGET = 0.005
 REFERENCE_RATE = 20 * MBIT
 """[byte/s]"""
 
-TARGET_EXPONENT = 0.25
+TARGET_EXPONENT = 1 / 3
 """it scales with this power of REFERENCE_RATE / rate,"""
 
 MIN_TARGET = 0.005
@@ -65,7 +65,7 @@ MAX_NOISE = 0.01
 """Delay noise adds to the target, up to this [s]."""
 
 HORIZON = 0.2
-"""The difference between queue and target is corrected over this time [s]."""
+"""The difference between queue and target is corrected over this time, and no longer without a report [s]."""
 
 MIN_GAIN = 0.5
 """Rate in capacities, at least,"""
@@ -74,7 +74,8 @@ MAX_GAIN = 1.1
 """and at most."""
 
 ENOUGH = 16
-"""As many datagrams say for sure what the air carries: between fewer, a single one of others takes much of the time."""
+"""As many datagrams say for sure what the air carries: between fewer, a single one of others takes much of the time.
+Beside a long queue all do: a single one of others makes none."""
 
 BUSY_DELAY = 0.002
 """A datagram delayed longer was queued: the air was busy [s]."""
@@ -119,7 +120,7 @@ STANDING_FACTOR = 1.5
 STANDING_TIME = 1.0
 """for this long: less is sent all the time, so it is the path rather than a queue [s]."""
 
-MAX_PUSH_FACTOR = 1.25
+MAX_PUSH_FACTOR = 1.1
 """A train that was faster while the air was busy may only have displaced other traffic: it counts up to this factor."""
 
 MAX_TRAIN_LOSS = 0.5
@@ -127,7 +128,7 @@ MAX_TRAIN_LOSS = 0.5
 leaves."""
 
 PROBE_HOLDOFF = 0.6
-"""No train leaves this soon after a pause: others have only paused, too [s]."""
+"""No train leaves this soon after a pause, nor after the queue has become empty: others have only paused [s]."""
 
 GROWTH_FACTOR = 1.05
 """Where the queue is empty because little is sent, the capacity is assumed to be this much higher with each report, as
@@ -198,6 +199,7 @@ class Estimator:
         self._was_short = True          # whether the last report showed a short queue
         self._last_short = now          # when the queue was last near its target
         self._last_long = -math.inf     # when it was long
+        self._occupied = -math.inf      # when it was last seen occupied
         self._back = -math.inf          # when reports came again after a timeout
 
     def on_feedback(self, feedback: Feedback, now: float, wanted: float = math.inf,
@@ -241,7 +243,7 @@ class Estimator:
             lost = 1 - feedback.received / feedback.expected if feedback.expected else 0.0
             explained = math.pow(lost, silence / REPORT_INTERVAL) > REPORT_LOSS_PROBABILITY
             link.capacity = max(link.capacity, self._before_timeout / (1.0 if explained else RECOVERY_FACTOR))
-        self._update_capacity(chain, queue)
+        self._update_capacity(feedback, chain, queue)
         self._update_probe_rtt(middle, queue, now)
         self._find_ceiling(feedback, chain[0].sent, offered, queue, now)
         in_flight = feedback.unreported / link.capacity
@@ -272,9 +274,10 @@ class Estimator:
         self._loss.update(feedback, uncongested)
         self.link.loss = self._loss.recent
 
-    def _update_capacity(self, chain: List[PacketSample], queue: float) -> None:
+    def _update_capacity(self, feedback: Feedback, chain: List[PacketSample], queue: float) -> None:
         """Correct the capacity by how datagrams arrived.
 
+        :param feedback: counts what was lost between these datagrams
         :param chain: the new samples after the newest known before
         :param queue: queueing delay of the report [s]
         """
@@ -283,10 +286,11 @@ class Estimator:
         carried, busy = self._busy_period(chain, waits)
         duration = chain[-1].arrived - chain[0].arrived
         if busy > duration / 4 and busy > 0.01:
-            dropped = self._loss.excess if queue > LONG_QUEUE else 0.0
-            weight = min(1.0, 2 * busy / HORIZON, (len(chain) - 1) / ENOUGH)
+            dropped = self._loss.beyond_air(feedback) if queue > LONG_QUEUE else 0.0
+            certainty = 1.0 if queue > LONG_QUEUE else (len(chain) - 1) / ENOUGH
+            weight = min(1.0, 2 * busy / HORIZON, certainty)
             step = weight * (carried * (1 - dropped) / busy - link.capacity)
-            if step > 0 or queue > self._target() / 2:      # without a queue less was offered, not carried
+            if step > 0 or queue > self._target():  # below the target less was offered, or jitter is taken for a queue
                 link.capacity += step
                 self._before_timeout = min(self._before_timeout, math.inf if step > 0 else link.capacity)
         if queue < LONG_QUEUE and not self._loss.excess:
@@ -350,15 +354,19 @@ class Estimator:
 
     def _set_rate(self, now: float) -> None:
         link = self.link
-        gain = min(max(1 + (self._target() - link.queue_delay) / HORIZON, MIN_GAIN), MAX_GAIN)
+        lacking = self._target() - link.queue_delay if now - self._reported <= HORIZON else 0.0
+        gain = min(max(1 + lacking / HORIZON, MIN_GAIN), MAX_GAIN)
         self.rate = self.limits.clamp(min(link.capacity * min(gain, self._probe_rtt.gain(now)), self._ceiling.rate))
 
     def _next_probe(self, samples: List[PacketSample], wanted: float, wished: float, unreported: int,
                     now: float) -> Optional[ProbeTrain]:
         bounded = self._ceiling.rate < math.inf or self._loss.excess > MAX_TRAIN_LOSS
-        if self._probe_rtt.active(now - PROBE_HOLDOFF) or bounded:
-            return None
         empty = statistics.median(self._delay.of(sample) for sample in samples) < self._target() / 2
+        if not empty:
+            self._occupied = now
+        emptied = empty and now - self._occupied < PROBE_HOLDOFF
+        if self._probe_rtt.active(now - PROBE_HOLDOFF) or emptied or bounded:
+            return None
         wished = min(wished, self.limits.max_rate)
         return self._probes.next(self.link.capacity, empty, wanted > self.rate, samples[-1], unreported, now,
                                  wished > self.rate)

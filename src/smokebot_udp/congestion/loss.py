@@ -65,6 +65,11 @@ class Loss:
         """It is known what the air loses: of `count` datagrams `lost`."""
         self._uncongested, self._uncongested_lost = float(count), float(lost)
 
+    def beyond_air(self, feedback: Feedback) -> float:
+        """Of the datagrams of a report that the air let through, the ratio lost all the same."""
+        lost = (feedback.expected - feedback.received) / max(feedback.expected, 1)
+        return max(0.0, (lost - self.air) / (1 - self.air))
+
     def answered(self) -> None:
         """The rate was lowered for the excess so far: only new loss counts from now on."""
         self.unanswered = min(self.unanswered, self.air)
