@@ -84,7 +84,7 @@ def test_counts_are_those_when_the_first_pair_beyond_the_end_is_needed() -> None
 
     def counted(end: int) -> Any:
         counts = np.zeros((2, 9), np.int64)
-        prefixes._count(log, marks, end, counts)
+        prefixes.count_until(log, marks, end, counts)
         assert not counts[0].any()
         return counts[1, [OLD, REFINED, FOUND, PLANE]].tolist()
 

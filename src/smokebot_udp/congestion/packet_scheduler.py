@@ -118,14 +118,15 @@ class PacketScheduler:
         self._virtual = 0.0
 
     def set_rate(self, rate: Optional[float], now: float) -> None:
-        """Pace at another rate from now on [byte/s]; None: unlimited. What was sent in advance stays the same in bytes.
+        """Pace at another rate from now on [byte/s]; None: unlimited. What was sent in advance stays the same in bytes,
+        but for what takes no longer than MAX_CATCH_UP.
 
         :raises ValueError: where it is not positive and finite
         """
         before, self.rate = self.rate, _checked(rate)
         owed = self._full_at - now
-        if before is not None and rate is not None and owed > 0:
-            self._full_at = now + min(owed * before / rate, max(owed, MAX_DEBT))
+        if before is not None and rate is not None and owed > MAX_CATCH_UP:
+            self._full_at = now + min(MAX_CATCH_UP + (owed - MAX_CATCH_UP) * before / rate, max(owed, MAX_DEBT))
 
     def set_share(self, stream: str, share: float) -> None:
         """Set a stream's share of the link beside others that have something to send [byte/s]."""

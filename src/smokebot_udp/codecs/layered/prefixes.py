@@ -58,7 +58,7 @@ class Prefixes(NamedTuple):
         if end < self.begun:
             return None
         counts = np.zeros_like(self.counts)
-        _count(self.log, self.marks, end, counts)
+        count_until(self.log, self.marks, end, counts)
         return self._shown(counts)
 
     def all_pixels(self) -> Array:
@@ -76,7 +76,7 @@ class Prefixes(NamedTuple):
 
 
 @compiled
-def _count(log: Array, marks: Array, end: int, counts: Array) -> None:
+def count_until(log: Array, marks: Array, end: int, counts: Array) -> None:
     """The counts of all bands when the first pair of bytes is needed that reaches beyond `end`."""
     passes = 0
     while passes < len(log) and log[passes, LOG_AT] <= end:
