@@ -315,7 +315,8 @@ def test_on_a_slow_link_segments_do_not_leave_together() -> None:
         pace.charge(500, now)
         left.append(now)
         now = max(now, pace.free_at)
-    assert [after - before for before, after in zip(left, left[1:])] == pytest.approx([0.02, 0.05, 0.05, 0.05], abs=1e-3)
+    gaps = [after - before for before, after in zip(left, left[1:])]
+    assert gaps == pytest.approx([0.02, 0.05, 0.05, 0.05], abs=1e-3)
 
 
 def test_the_pace_yields_to_a_queue_but_not_to_a_busy_machine() -> None:

@@ -289,7 +289,7 @@ class ReliableLink(rospy.SubscribeListener):
                 self._follow(self._rate)
 
     def _follow(self, rate: float) -> None:
-        """Adapt to the link's rate [byte/s]: short datagrams, and few at once, for the sake of those that wait behind."""
+        """Adapt to the link's rate [byte/s]: short datagrams, and few at once, for those that wait behind."""
         pace, longest = self._peers.pace, self._transport.max_datagram_size
         pace.limit = min(MAX_RATE, max(LINK_SHARE * rate, min(MIN_LIMIT, MOST_SHARE * rate)))
         pace.most_burst = BURST_DURATION * rate
