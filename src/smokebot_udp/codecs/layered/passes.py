@@ -435,20 +435,15 @@ def _code_planes(encoding: bool, bands: Array, weights: Array, steps: Array, str
                 continue
             own[ALIVE] = 1
         band = _band(bands, weights, number, plane, stride)
-        _begin_pass(log[logged], at + (AHEAD if encoding else 0), band, kind)
-        symbol, points, low, width, at = _pass(encoding, work, band, kind, bands[number, ALIVE_STRIDE], part, ends,
-                                               errors, points, low, width, at)
-        log[logged, LOG_FOUND] = own[FOUND]
-        logged += 1
-        if kind == FAR and symbol >= 0:
-            for more in (BLOCKS_PASS, FAR):
-                _begin_pass(log[logged], at + (AHEAD if encoding else 0), band, more)
-                symbol, points, low, width, at = _pass(encoding, work, band, more, bands[number, ALIVE_STRIDE], part,
-                                                       ends, errors, points, low, width, at)
-                log[logged, LOG_FOUND] = own[FOUND]
-                logged += 1
-                if symbol < 0:
-                    break
+        for turn in range(3 if kind == FAR else 1):     # the blocks between two far passes
+            one = BLOCKS_PASS if turn == 1 else kind
+            _begin_pass(log[logged], at + (AHEAD if encoding else 0), band, one)
+            symbol, points, low, width, at = _pass(encoding, work, band, one, bands[number, ALIVE_STRIDE], part, ends,
+                                                   errors, points, low, width, at)
+            log[logged, LOG_FOUND] = own[FOUND]
+            logged += 1
+            if symbol < 0:
+                break
         if symbol < 0:
             break
     return points, 0 if symbol < 0 else 1, logged, low, width, at
