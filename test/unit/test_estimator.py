@@ -125,8 +125,8 @@ def test_loss_within_chance_is_no_excess() -> None:
 def test_loss_of_one_report_beyond_the_airs() -> None:
     loss = Loss()
     loss.set_air(100, 20)
-    assert loss.beyond_air(counts(100, 20)) == pytest.approx(0.75)      # of the 80 that the air lets through
-    assert loss.beyond_air(counts(100, 90)) == 0 and loss.beyond_air(counts(0, 0)) == 0
+    assert loss.beyond_air(counts(100, 20).loss) == pytest.approx(0.75)      # of the 80 that the air lets through
+    assert loss.beyond_air(counts(100, 90).loss) == 0 and loss.beyond_air(counts(0, 0).loss) == 0
 
 
 def test_trains_get_faster_after_success_and_wait_after_failure() -> None:

@@ -232,7 +232,7 @@ class Estimator:
 
         short = queue < self._target()
         paused = queue < LONG_QUEUE and self._probe_rtt.covers(chain[0].sent)
-        offered = (chain[-1].total - chain[0].total) / max(chain[-1].sent - chain[0].sent, 1e-3)
+        offered = offered_rate(chain)
         relaxed = (short and self._was_short and not self._ceiling.checking and offered < max(
             min(RELAXED * link.capacity, PROVEN * self._carried), MAX_GAIN * self.limits.start_rate))
         if feedback.expected:
@@ -240,8 +240,7 @@ class Estimator:
         self._update_loss(feedback, relaxed or paused)
         self._was_short = short
         if after_timeout and short:     # reports were lost like other datagrams
-            lost = 1 - feedback.received / feedback.expected if feedback.expected else 0.0
-            explained = math.pow(lost, silence / REPORT_INTERVAL) > REPORT_LOSS_PROBABILITY
+            explained = math.pow(feedback.loss, silence / REPORT_INTERVAL) > REPORT_LOSS_PROBABILITY
             link.capacity = max(link.capacity, self._before_timeout / (1.0 if explained else RECOVERY_FACTOR))
         self._update_capacity(feedback, chain, queue)
         self._update_probe_rtt(middle, queue, now)
@@ -286,7 +285,7 @@ class Estimator:
         carried, busy = self._busy_period(chain, waits)
         duration = chain[-1].arrived - chain[0].arrived
         if busy > duration / 4 and busy > 0.01:
-            dropped = self._loss.beyond_air(feedback) if queue > LONG_QUEUE else 0.0
+            dropped = self._loss.beyond_air(feedback.loss) if queue > LONG_QUEUE else 0.0
             certainty = 1.0 if queue > LONG_QUEUE else (len(chain) - 1) / ENOUGH
             weight = min(1.0, 2 * busy / HORIZON, certainty)
             step = weight * (carried * (1 - dropped) / busy - link.capacity)
@@ -323,8 +322,7 @@ class Estimator:
     def _grow(self, chain: List[PacketSample]) -> None:
         """Assume somewhat more capacity than is used."""
         link = self.link
-        offered = (chain[-1].total - chain[0].total) / max(chain[-1].sent - chain[0].sent, 1e-3)
-        ceiling = max(MAX_MIN_RATE_FACTOR * self.limits.min_rate, MAX_OFFERED_FACTOR * offered)
+        ceiling = max(MAX_MIN_RATE_FACTOR * self.limits.min_rate, MAX_OFFERED_FACTOR * offered_rate(chain))
         link.capacity = max(link.capacity, min(ceiling, link.capacity * GROWTH_FACTOR),
                             min(self._before_timeout, link.capacity * RECOVERY_GROWTH_FACTOR))
 
@@ -370,6 +368,11 @@ class Estimator:
         wished = min(wished, self.limits.max_rate)
         return self._probes.next(self.link.capacity, empty, wanted > self.rate, samples[-1], unreported, now,
                                  wished > self.rate)
+
+
+def offered_rate(chain: List[PacketSample]) -> float:
+    """At what rate samples were sent, in sending order [byte/s]."""
+    return (chain[-1].total - chain[0].total) / max(chain[-1].sent - chain[0].sent, 1e-3)
 
 
 def peak_rate(chain: List[PacketSample], waits: List[float], noise: float) -> float:

@@ -197,6 +197,11 @@ class Feedback(NamedTuple):
     arrivals: Sequence[Arrivals] = ()
     """Of each stream in the report."""
 
+    @property
+    def loss(self) -> float:
+        """Ratio of the expected datagrams that did not arrive; 0: none was expected."""
+        return (self.expected - self.received) / max(self.expected, 1)
+
 
 class _InvalidReport(Exception):
     """Why a report is not believed."""

@@ -65,9 +65,8 @@ class Loss:
         """It is known what the air loses: of `count` datagrams `lost`."""
         self._uncongested, self._uncongested_lost = float(count), float(lost)
 
-    def beyond_air(self, feedback: Feedback) -> float:
-        """Of the datagrams of a report that the air let through, the ratio lost all the same."""
-        lost = (feedback.expected - feedback.received) / max(feedback.expected, 1)
+    def beyond_air(self, lost: float) -> float:
+        """Where this ratio is lost: of the datagrams that the air let through, the ratio lost all the same."""
         return max(0.0, (lost - self.air) / (1 - self.air))
 
     def answered(self) -> None:
@@ -84,5 +83,5 @@ class Loss:
         """Of the datagrams that the air let through, the ratio lost all the same; 0: within chance."""
         deviation = math.sqrt(self.unanswered * (1 - self.unanswered)
                               * (2 / EVIDENCE_WINDOW + 1 / (self._uncongested + PRIOR_COUNT)))
-        beyond = self.unanswered - self.air
-        return beyond / (1 - self.air) if beyond > EXCESS_MARGIN + 2 * deviation else 0.0
+        significant = self.unanswered - self.air > EXCESS_MARGIN + 2 * deviation
+        return self.beyond_air(self.unanswered) if significant else 0.0

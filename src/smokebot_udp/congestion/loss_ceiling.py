@@ -147,7 +147,7 @@ class LossCeiling:
     def _begin_check(self, offered: float, loss: Loss, now: float) -> None:
         self._before_count, self._before_lost = self._count, self._lost
         self._before = self._lost / self._count
-        excess = (self._before - loss.air) / (1 - loss.air)
+        excess = loss.beyond_air(self._before)
         if not MIN_EXCESS <= excess < 1:        # nothing arrives: that is no matter of the rate
             self._settle(self._held, now)
             return
