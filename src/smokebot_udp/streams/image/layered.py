@@ -113,7 +113,10 @@ class LayeredImage:
         if self.error_byte is None:
             return None
         from ...codecs.layered import image  # compiled: it takes 1 s and 100 MB to import
-        data, before = self._stream, len(self._restorer.restored()) - len(self._stream)
+        known = self._restorer.restored()
+        split = split_motion(known) if self.is_predicted else (b'', known)
+        data = b'' if split is None else split[1]
+        before = len(known) - len(data)
         read = image.read(data, *self.shape, prediction)
         if read is None:
             return None
@@ -122,13 +125,6 @@ class LayeredImage:
         reference = coded.reference(len(ends)) if min(len(data), read.prefixes.length) <= ends[-1] else None
         pixels = read.prefixes.all_pixels() if reference is None else reference.pixels
         return image.Decoded(pixels, read.classes), coded
-
-    @property
-    def _stream(self) -> bytes:
-        """What can be restored of the codec's stream."""
-        restored = self._restorer.restored()
-        found = split_motion(restored) if self.is_predicted else (b'', restored)
-        return b'' if found is None else found[1]
 
     def published(self, decoded: Any) -> Array:
         """What a sensor_msgs/Image of this encoding and byte order shows of a decoded image.
