@@ -32,7 +32,7 @@ a second, their median): packets that it takes late find a short queue, or a sma
 """
 
 SETTLE = 1.0
-"""From a change of the link to the step that is measured, of which rate_steps.STEADY does not count either [s]."""
+"""From a change of the link to the measured step, whose first part, rate_steps.STEADY, does not count either [s]."""
 
 SECONDS, QUICK_SECONDS = 10.0, 3.0
 """How long a link is measured [s]."""

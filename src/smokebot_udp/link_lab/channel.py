@@ -120,7 +120,7 @@ class Channel:
         """When a packet that enters now is delivered: no, one or two times [s].
 
         :param size: of the whole packet [byte]
-        :param flow: as part of which it is counted; to the link all flows are one
+        :param flow: what it is counted with; the link treats all flows alike
         """
         conditions, counts = self.conditions, self.flows[flow]
         loss, jitter, reorder, duplicate = (draw() for draw in self._draws)

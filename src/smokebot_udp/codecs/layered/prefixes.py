@@ -16,7 +16,7 @@ from .loops import compiled
 from .passes import FOUND, LOG_AT, LOG_BAND, LOG_FOUND, LOG_KIND, LOG_PLANE, OLD, PLANE, REFINED, Work
 
 KEPT = 1 << 20
-"""The canvases of references of up to so many cells are kept; those of larger images are computed again."""
+"""The canvas of a reference is kept if it has at most this number of cells; that of a larger one is computed again."""
 
 
 class Predicted(NamedTuple):

@@ -18,7 +18,7 @@ FULL = 1 << 48
 LEAST = 1 << 32
 """A narrower interval is shifted by two bytes."""
 AHEAD = 6
-"""The decoder has read so many bytes more than the encoder has written."""
+"""The decoder has read this number of bytes more than the encoder has written [byte]."""
 FAST, SLOW = 4, 7
 """Each symbol moves the estimates by 2^-FAST and 2^-SLOW of what is left to certainty."""
 END = -1

@@ -26,7 +26,7 @@ SKIPPED = 4
 """or after this number of images."""
 
 LAGS = 16
-"""Of so many images, the one that came soonest says how long reports take."""
+"""How long a report takes is known from the fastest one of this number of images."""
 
 WORTH_RISK = 0.95
 """An image that may be lost is a reference where its error is at most this part of that of those which are held."""
@@ -147,7 +147,7 @@ class Predictor:
         return best
 
     def _coming(self, held: Mapping[int, int], repeated: int) -> Dict[int, int]:
-        """Images that no report can have told of yet, and how many of their layers are likely to be held.
+        """Images whose reports cannot have come yet, and how many of their layers the operators probably hold.
 
         Only where they and all since the newest one that is held show the same: an operator who loses one of them, so
         that it does not see the next ones either, misses nothing.
