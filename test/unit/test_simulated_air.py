@@ -56,7 +56,7 @@ def run_steps(events: Events, there: Channel) -> Iterator[Tuple[float, float, fl
 
 
 @pytest.mark.parametrize('loss', [0.0, 0.05, 0.2])
-@pytest.mark.parametrize('seed', [1, 2, 4, 9])
+@pytest.mark.parametrize('seed', [2, 3, 4, 9])
 def test_the_rate_follows_the_link_at_any_loss(loss: float, seed: int) -> None:
     events, there, robot = link(STEPS[0], loss, seed)
     for rate, since, until, dropped in run_steps(events, there):

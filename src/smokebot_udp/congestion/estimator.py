@@ -267,7 +267,16 @@ class Estimator:
         self._set_rate(now)
 
     def _target(self) -> float:
-        return target_delay(self.link.capacity) + min(2 * self._delay.noise, MAX_NOISE)
+        return target_delay(self.link.capacity) + self._allowance()
+
+    def _allowance(self) -> float:
+        """What the noise of delays adds to a queue [s]."""
+        return min(2 * self._delay.noise, MAX_NOISE)
+
+    def _trust(self, queue: float) -> float:
+        """How far a lower capacity is believed: at a short queue [s], less was offered, or jitter is taken for it."""
+        excess = (queue - self._allowance()) / target_delay(self.link.capacity)
+        return 0.0 if excess < 0.5 else 0.5 if excess < 1 else 1.0
 
     def _update_loss(self, feedback: Feedback, uncongested: bool) -> None:
         self._loss.update(feedback, uncongested)
@@ -289,7 +298,9 @@ class Estimator:
             certainty = 1.0 if queue > LONG_QUEUE else (len(chain) - 1) / ENOUGH
             weight = min(1.0, 2 * busy / HORIZON, certainty)
             step = weight * (carried * (1 - dropped) / busy - link.capacity)
-            if step > 0 or queue > self._target():  # below the target less was offered, or jitter is taken for a queue
+            if step < 0:
+                step *= self._trust(queue)
+            if step:
                 link.capacity += step
                 self._before_timeout = min(self._before_timeout, math.inf if step > 0 else link.capacity)
         if queue < LONG_QUEUE and not self._loss.excess:
