@@ -5,6 +5,7 @@ from typing import Any, Dict
 import pytest
 from reliable_sides import DOWN, UP, Link
 
+from smokebot_udp.reliable.greeting import LONG_INTERVAL
 from smokebot_udp.reliable.segment import Kind, Segment
 
 
@@ -79,6 +80,36 @@ def test_a_restart_is_noticed_by_who_waits_for_an_answer(link: Link, loss: float
     link.restart('robot')
     link.run(10.0)
     assert link.desk.told == ['joined'] * 2 + ['left: restart'] * 2 + ['joined'] * 2
+
+
+@pytest.mark.parametrize('silence', [1.0, 5.0, 60.0])
+def test_a_restart_is_noticed_where_its_answer_was_lost(link: Link, silence: float) -> None:
+    """The new robot knows the operator and is content; all that it answers is lost for a while."""
+    link.restart('robot')
+    link.run(0.09)
+    link.loss = 1.0
+    link.run(silence)
+    link.loss = 0.0
+    link.run(2.5)
+    assert link.desk.told == ['joined'] * 2 + ['left: restart'] * 2 + ['joined'] * 2
+    link.send(UP, b'after')
+    link.run(1.0)
+    assert link.robot.got[UP] == [b'after']
+
+
+def test_who_greets_without_answering_is_asked_rarely_and_not_for_ever(link: Link) -> None:
+    link.deliver('robot', Segment(Kind.GREETING, session=77, number=5))     # of a robot that is no more
+    link.run(20.0)
+    asked = link.sent
+    link.run(600.0)
+    assert link.sent == asked
+    still_runs(link)
+    link.loss = 1.0
+    link.deliver('robot', Segment(Kind.GREETING, session=78, number=5))
+    link.run(20.0)
+    asked = link.sent
+    link.run(600.0)
+    assert link.sent - asked <= 600 / LONG_INTERVAL + 1
 
 
 def test_messages_wait_while_there_is_no_session() -> None:

@@ -8,7 +8,8 @@ random number of its own: a greeting that was delayed, repeated or forged cannot
                                   <-   B: session b, peer a, echo x, number y
     A: session a, peer b, echo y  ->
 
-Each side repeats its greeting until it is answered. Sessions that were replaced are not taken again.
+Each side repeats its greeting until it is answered; a session beside a running one is asked until one of the two
+answers. Sessions that were replaced are not taken again.
 """
 import collections
 import math
@@ -23,8 +24,8 @@ MIN_INTERVAL, MAX_INTERVAL = 0.1, 0.2
 ANSWERS, ANSWER_PERIOD = 10, 0.1
 """Greetings are answered so often at once, and then once in this time [1, s]."""
 
-MAX_TRIES = 10
-"""How often a session that appears beside a running one is asked for its answer."""
+MAX_TRIES, LONG_INTERVAL = 10, 2.0
+"""A session that appears beside a running one is asked so often at these intervals, then at this one [1, s]."""
 
 MAX_RETIRED = 64
 """Replaced sessions that are remembered."""
@@ -70,10 +71,12 @@ class Greeting:
             raise ValueError('no session')
         if segment.session in self._retired:
             raise ValueError('old session')
-        changed = (segment.peer == self.local and segment.echo == self._challenge
-                   and segment.session != self.remote)
+        answers = segment.peer == self.local and segment.echo == self._challenge
+        changed = answers and segment.session != self.remote
         if changed:
             self._adopt(segment.session, now)
+        elif answers and self._tries > MAX_TRIES:   # by now, answers to earlier questions have come
+            self._candidate = 0
         if segment.number or segment.session != self.remote:
             self.stranger(segment.session, segment.number, now)
         return changed
@@ -120,9 +123,9 @@ class Greeting:
     def _ask(self, now: float) -> None:
         self._tries += 1
         self._asked = now
+        if self.remote and self._tries > MAX_TRIES:
+            self._interval = LONG_INTERVAL
         self._due, self._interval = now + self._interval, min(2 * self._interval, MAX_INTERVAL)
-        if self._candidate and self._tries >= MAX_TRIES:
-            self._candidate = 0
 
     def deadline(self) -> float:
         """When `poll` has a greeting next [s]; infinite: never."""
