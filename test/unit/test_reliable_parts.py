@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from smokebot_udp.packed import pack, unpack
 from smokebot_udp.reliable.bounds import Bounds
 from smokebot_udp.reliable.loss import EXPEDITED, ORDINARY, LossMeter
 from smokebot_udp.reliable.pace import MIN_BURST, MIN_RATE, Pace
-from smokebot_udp.reliable.packed import pack, unpack
 from smokebot_udp.reliable.receiver import ReliableReceiver
 from smokebot_udp.reliable.round_trip import INITIAL_TIMEOUT, MAX_TIMEOUT, MIN_TIMEOUT, RoundTrip
 from smokebot_udp.reliable.segment import WINDOW, Kind, Segment

@@ -12,9 +12,9 @@ import rospy
 
 from ..mission.settings import SettingsStore
 from ..monitoring.stats import StreamStats
+from ..packed import pack, unpack
 from ..reliable.bounds import Bounds
 from ..reliable.newest import Newest
-from ..reliable.packed import pack, unpack
 from ..serialised import serialised
 from ..streams import live_tables
 from ..streams.frame_prefix import add_prefix, strip_prefix

@@ -11,6 +11,7 @@ from ...congestion.operating_points import OperatingPoint, rate_points
 from ...mission.parameters import Parameter
 from ...mission.settings import Settings
 from ...msg import RelaySegment
+from ...packed import UNPACKED
 from ...udpros.frame import Frame
 from ..encoder import Encoder
 from ..message_types import message_class
@@ -88,7 +89,8 @@ class RelayEncoder(Encoder[Any]):
 
     def _frames(self, content: Any, max_datagram_size: int) -> List[Frame]:
         """One frame for each message."""
-        messages = content.messages(self.MESSAGE, room(RelaySegment, max_datagram_size)) if self._merges else [content]
+        longest = room(RelaySegment, max_datagram_size) - UNPACKED
+        messages = content.messages(self.MESSAGE, longest) if self._merges else [content]
         return [relay_frame(message, max_datagram_size) for message in messages]
 
     def _protect(self, datagrams: int, settings: Settings) -> None:

@@ -7,12 +7,16 @@ import numpy as np
 
 from ...checksum import typed_checksum
 from ...msg import RelaySegment
+from ...packed import UNPACKED, pack, unpack
 from ...serialised import serialised
 from ...udpros.frame import Frame
 from ..segments import room
 
 MAX_MESSAGE_SIZE = 16 << 20
 """A longer message is neither sent nor collected [byte]."""
+
+MAX_PACKED_SIZE = MAX_MESSAGE_SIZE + UNPACKED
+"""Of a message that was not worth compressing [byte]."""
 
 MAX_PARTS = 1 << 16
 """Segments of a message, as their numbers have 16 bits."""
@@ -35,16 +39,18 @@ def relay_frame(message: Any, max_datagram_size: int) -> Frame:
     :raises ValueError: where it is longer than MAX_MESSAGE_SIZE, or than MAX_PARTS segments
     """
     data = serialised(message)
-    size = len(data)
+    length = len(data)
+    packed = pack(data)
+    size = len(packed)
     parts = max(1, -(-size // room(RelaySegment, max_datagram_size)))
-    if size > MAX_MESSAGE_SIZE or parts > MAX_PARTS:
+    if length > MAX_MESSAGE_SIZE or parts > MAX_PARTS:
         raise ValueError('it has %d bytes, which take %d datagrams; must be %d bytes and %d datagrams at most' % (
-            size, parts, MAX_MESSAGE_SIZE, MAX_PARTS))
-    length = -(-size // parts)
-    frame = Frame(RelaySegment, parts, {'data': length})
-    frame.records['checksum'], frame.records['size'] = typed_checksum(message._md5sum, data), size
+            length, parts, MAX_MESSAGE_SIZE, MAX_PARTS))
+    each = -(-size // parts)
+    frame = Frame(RelaySegment, parts, {'data': each})
+    frame.records['checksum'], frame.records['size'] = typed_checksum(message._md5sum, packed), size
     frame.records['part'] = np.arange(parts)
-    frame.records['data'] = np.frombuffer(data.ljust(parts * length, b'\0'), np.uint8).reshape(parts, length)
+    frame.records['data'] = np.frombuffer(packed.ljust(parts * each, b'\0'), np.uint8).reshape(parts, each)
     return frame
 
 
@@ -59,7 +65,7 @@ class PartJoiner:
     def __init__(self, message_class: Any) -> None:
         self.dropped: Counter[str] = collections.Counter()
         """Segments that did not become part of a message, by reason: part (impossible number or size), checksum,
-        incomplete."""
+        packing, incomplete."""
         self._message_class = message_class
         # {what the segments of a message have in common: {part: its data}}, oldest first
         self._partials: OrderedDict[Tuple[int, ...], Dict[int, bytes]] = collections.OrderedDict()
@@ -68,7 +74,7 @@ class PartJoiner:
         """Take a segment; returns the serialised message that it completes, else None."""
         size, length, part = segment.size, len(segment.data), segment.part
         parts = -(-size // length) if length else 1
-        if part >= parts or size > MAX_MESSAGE_SIZE or (size and not length) or (parts == 1 and size != length):
+        if part >= parts or size > MAX_PACKED_SIZE or (size and not length) or (parts == 1 and size != length):
             self.dropped['part'] += 1
             return None
         key = (segment.header.seq - part) % SEQ_MODULUS, segment.checksum, size, length
@@ -79,8 +85,12 @@ class PartJoiner:
                 self.dropped['incomplete'] += len(self._partials.popitem(last=False)[1])
             return None
         del self._partials[key]
-        data = b''.join(partial[index] for index in range(parts))[:size]
-        if typed_checksum(self._message_class._md5sum, data) != segment.checksum:
+        packed = b''.join(partial[index] for index in range(parts))[:size]
+        if typed_checksum(self._message_class._md5sum, packed) != segment.checksum:
             self.dropped['checksum'] += parts
             return None
-        return data
+        try:
+            return unpack(packed, MAX_MESSAGE_SIZE)
+        except ValueError:
+            self.dropped['packing'] += parts
+            return None

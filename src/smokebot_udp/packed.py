@@ -1,19 +1,25 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Messages in as few bytes as they take: diagnostics and logs are text, and shrink to a fraction."""
+"""Messages in as few bytes as they take: text and the zeros of covariances shrink to a fraction."""
 import zlib
 
 PLAIN, DEFLATED = b'\0', b'\1'
 """The first byte: what follows is the message, or compressed (RFC 1950)."""
 
+UNPACKED = 1
+"""What a message that is not worth compressing takes more [byte]."""
+
 MIN_SIZE = 256
 """Shorter messages stay as they are: they leave in one datagram anyway [byte]."""
+
+MAX_DEFLATED = 64 << 10
+"""Longer messages are images and the like, which are compressed already or would take long [byte]."""
 
 LEVEL = 6
 
 
 def pack(data: bytes) -> bytes:
     """A message to be sent."""
-    if len(data) >= MIN_SIZE:
+    if MIN_SIZE <= len(data) <= MAX_DEFLATED:
         deflated = zlib.compress(data, LEVEL)
         if len(deflated) < len(data):
             return DEFLATED + deflated
