@@ -73,11 +73,12 @@ def _between(nodes: Array, y: int, height: int, result: Array) -> None:
 
 
 @compiled
-def _down(source: Array, start: int, row: int, weights: Array, sums: Array, first: int) -> None:
+def _down(source: Array, start: int, row: int, filters: Array, phase: int, sums: Array, first: int) -> None:
     """The weighted sums of LANES columns of four values: sums[first:first + LANES]."""
-    # unsigned: numba counts negative indexes from the end, which takes twice the time
+    # unsigned: numba counts negative indexes from the end, which takes twice the time; and a phase, as it counts the
+    # references to a row of its own
     at, to, apart = uint64(start), uint64(first), uint64(row)
-    a, b, c, d = int32(weights[0]), int32(weights[1]), int32(weights[2]), int32(weights[3])
+    a, b, c, d = filters[phase, 0], filters[phase, 1], filters[phase, 2], filters[phase, 3]
     for k in range(LANES):
         i = at + uint64(k)
         sums[to + uint64(k)] = int32(int32(int32(a * int32(source[i])) + int32(b * int32(source[i + apart]))) + int32(
@@ -85,10 +86,10 @@ def _down(source: Array, start: int, row: int, weights: Array, sums: Array, firs
 
 
 @compiled
-def _right(sums: Array, start: int, pixel: int, weights: Array, result: Array, first: int) -> None:
+def _right(sums: Array, start: int, pixel: int, filters: Array, phase: int, result: Array, first: int) -> None:
     """The weighted sums of four of these sums, a pixel apart: result[first:first + RUN]."""
     at, to, apart = uint64(start), uint64(first), uint64(pixel)
-    a, b, c, d = int32(weights[0]), int32(weights[1]), int32(weights[2]), int32(weights[3])
+    a, b, c, d = filters[phase, 0], filters[phase, 1], filters[phase, 2], filters[phase, 3]
     for k in range(RUN):
         i = at + uint64(k)
         result[to + uint64(k)] = int32(int32(int32(a * sums[i]) + int32(b * sums[i + apart])) + int32(
@@ -142,17 +143,17 @@ def warp_row(source: Array, size: Tuple[int, int, int], nodes: Array, filters: A
         cell, behind = runs[number, 0], runs[number, 1]
         down = (work[0, cell] * (WEIGHT - behind) + work[0, cell + 1] * behind + ROUND) >> SHIFT
         right = (work[1, cell] * (WEIGHT - behind) + work[1, cell + 1] * behind + ROUND) >> SHIFT
-        vertical, horizontal = filters[down & 63], filters[right & 63]
+        vertical, horizontal = uint64(down & 63), uint64(right & 63)
         top, left = y + (down >> 6) - 1, x + (right >> 6) - 1
         at, row = (top * width + left) * channels, width * channels
         if (top >= 0 and left >= 0 and top + 4 <= height and x + RUN <= width and left + RUN + 3 <= width
                 and at + 3 * row + LANES * channels <= len(source)):
             for part in range(channels):
-                _down(source, at + part * LANES, row, vertical, sums, part * LANES)
+                _down(source, at + part * LANES, row, filters, vertical, sums, part * LANES)
             for part in range(channels):
-                _right(sums, part * RUN, channels, horizontal, result, x * channels + part * RUN)
+                _right(sums, part * RUN, channels, filters, horizontal, result, x * channels + part * RUN)
         else:
-            _across(source, top, left, size, vertical, horizontal, result, x * channels,
+            _across(source, top, left, size, filters[vertical], filters[horizontal], result, x * channels,
                     min(RUN, width - x) * channels)
 
 
