@@ -12,6 +12,8 @@ import numpy as np
 
 from ...arrays import Array, Records
 from ...codecs.layered import motion
+from ...codecs.layered.motion import flat
+from ...codecs.layered.prediction import tally
 from .coded_shape import shape_of
 from .held_by_all import HeldByAll
 from .references import CodedImage, References
@@ -205,12 +207,14 @@ def _least(layers: Mapping[int, int], error: Callable[[Tuple[int, int]], float])
 def _prediction(number: int, layers: int, checksum: int, moved: bytes, displaced: Array,
                 pixels: Array) -> Optional[Prediction]:
     """None where the prediction leaves more than neighbours differ by."""
-    residual = pixels.astype(np.int32) - displaced
-    error = float(np.square(residual, dtype=np.float32).mean())
+    most = 256 ** pixels.itemsize - 1
+    counts = np.zeros(2 * most + 1, np.int64)
+    tally(flat(pixels), flat(displaced), counts)
+    differences = np.flatnonzero(counts)
+    counts = counts[differences]
+    error = float((counts * np.square(differences - float(most))).sum()) / pixels.size
     steps = np.square(np.diff(pixels[::SAMPLED].astype(np.float32), axis=1))
     if error * steps.size > PAYS * float(steps.sum()):
         return None
-    counts = np.bincount((residual - residual.min()).ravel())
-    counts = counts[counts > 0]
-    size = float((counts * np.log2(residual.size / counts)).sum()) / 8
+    size = float((counts * np.log2(pixels.size / counts)).sum()) / 8
     return Prediction(number, layers, checksum, moved, displaced, error, size)
