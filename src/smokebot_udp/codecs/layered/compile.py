@@ -45,6 +45,8 @@ def _compile_motion(pixels: Any) -> None:
     from . import motion
     coarse = np.random.RandomState(1).randint(0, 200, (12, 16, *pixels.shape[2:])).astype(pixels.dtype)
     scene = coarse.repeat(8, axis=0).repeat(8, axis=1)
+    large = scene.repeat(4, axis=0).repeat(4, axis=1)
+    motion.estimate(large, large)
     motion.estimate(scene, np.ascontiguousarray(np.roll(scene, 3, axis=1)))
     for smooth in (False, True):
         motion.compensate(scene, motion.Motion(np.full((2, 2, 2), 40, np.int16), smooth))
