@@ -44,6 +44,18 @@ def noisy(step: int, encoding: str = 'mono16') -> Any:
     return np.clip(CASES[encoding].astype(int) + noise, 0, np.iinfo(TYPES[encoding]).max).astype(TYPES[encoding])
 
 
+# what pays
+
+def test_while_predictions_save_little_four_of_five_images_have_none() -> None:
+    scene, link = photograph(96, 128, 1, 2000).astype(int), PredictedLink(granted={'max_bytes': 20000})
+    for step in range(24):
+        link.send((scene + np.random.RandomState(step).randint(0, 400, scene.shape)).astype(np.uint16), 'mono16')
+    assert sum(link.predicted[4:]) <= 4
+    for _ in range(12):
+        link.send(scene.astype(np.uint16), 'mono16')
+    assert all(link.predicted[-6:])
+
+
 # a scene that stands still
 
 @pytest.mark.parametrize('encoding', CASES)

@@ -2,7 +2,7 @@
 """The mesh that displaces a reference onto an image with the least squared error.
 
 Both are halved repeatedly. A shift is sought among all small ones of the coarsest pair (Gauss-Newton would find the
-nearest minimum only). Finer pairs and meshes refine it by Gauss-Newton steps on all nodes at once (Lucas and Kanade
+nearest minimum only). Each finer pair and mesh refines it by a Gauss-Newton step on all nodes at once (Lucas and Kanade
 1981, Baker and Matthews 2004), whose normal equations are banded. Where a mesh bends otherwise than the coarser one it
 pays a price, so that nodes without texture follow the others.
 
@@ -25,10 +25,8 @@ REACH = 4
 """Shifts of up to this part of the coarsest image's sides are tried: a quarter,"""
 MOST_SHIFT = 24
 """but not more: long narrow images, such as those of lidars, are hardly halved [pixel]."""
-STEPS = 2
-"""Gauss-Newton steps of each pair but the finest."""
-LAST_STEPS = 1
-"""And of the finest one."""
+LARGE = 1 << 17
+"""Images of more pixels are halved first: that takes half the time, and less than a thousandth more is left to code."""
 SAMPLES = 10000
 """About this number of pixels of a pair is used, of whole rows."""
 STIFFNESS = 0.5
@@ -42,37 +40,43 @@ RUN = 4
 
 
 @compiled
-def _grey(pixels: Array, result: Array) -> None:
-    """(height, width, channels) to (height, width) float32: of colours a luma."""
+def _luma(pixels: Array, result: Array) -> None:
+    """(height, width, 3) to (height, width) float32."""
     for y in range(pixels.shape[0]):
         for x in range(pixels.shape[1]):
-            if pixels.shape[2] == 1:
-                result[y, x] = float32(pixels[y, x, 0])
-            else:
-                result[y, x] = (float32(pixels[y, x, 0]) + float32(pixels[y, x, 2])) * float32(0.25) + float32(
-                    pixels[y, x, 1]) * float32(0.5)
+            result[y, x] = (float32(pixels[y, x, 0]) + float32(pixels[y, x, 2])) * float32(0.25) + float32(
+                pixels[y, x, 1]) * float32(0.5)
 
 
 @compiled
 def _halve(image: Array, result: Array) -> None:
-    """Means of 2 x 2 pixels; an odd last row or column is left out."""
+    """Means of 2 x 2 pixels, float32; an odd last row or column is left out."""
     for y in range(result.shape[0]):
         above, below = image[2 * y], image[2 * y + 1]
         for x in range(result.shape[1]):
-            result[y, x] = (above[2 * x] + above[2 * x + 1] + below[2 * x] + below[2 * x + 1]) * float32(0.25)
+            result[y, x] = (float32(above[2 * x]) + float32(above[2 * x + 1]) + float32(below[2 * x]) + float32(
+                below[2 * x + 1])) * float32(0.25)
 
 
-def _pyramid(pixels: Array) -> List[Float32Array]:
-    """The image in grey, less its mean; half of it, and so on."""
-    pixels = np.require(pixels, requirements=['C', 'A', 'W'])
-    height, width = pixels.shape[:2]
-    images = [np.empty((height, width), np.float32)]
-    _grey(pixels.reshape(height, width, -1), images[0])
+def _half(image: Array) -> Float32Array:
+    result = np.empty((image.shape[0] // 2, image.shape[1] // 2), np.float32)
+    _halve(image, result)
+    return result
+
+
+def _pyramid(pixels: Array, large: bool) -> List[Float32Array]:
+    """The image in grey, less its mean; half of it, and so on.
+
+    :param large: half of it comes first
+    """
+    grey = np.require(pixels, requirements=['C', 'A', 'W'])
+    if pixels.ndim == 3:
+        grey = np.empty(pixels.shape[:2], np.float32)
+        _luma(np.require(pixels, requirements=['C', 'A', 'W']), grey)
+    images = [_half(grey) if large else grey.astype(np.float32)]
     images[0] -= images[0].mean()
     while min(images[-1].shape) >= 2 * COARSEST:
-        half = np.empty((images[-1].shape[0] // 2, images[-1].shape[1] // 2), np.float32)
-        _halve(images[-1], half)
-        images.append(half)
+        images.append(_half(images[-1]))
     return images
 
 
@@ -206,33 +210,18 @@ def _bind(matrix: Array, i: int, j: int, price: float) -> None:
     matrix[top + i - j, j] -= price
 
 
-def _bending(displacements: FloatArray) -> FloatArray:
-    """Of each node, the sum of the differences to its neighbours: (n, n, 2)."""
-    result = np.zeros_like(displacements)
-    for axis in range(2):
-        ahead = np.diff(displacements, axis=axis)
-        before: List[slice] = [slice(None), slice(None)]
-        after = before.copy()
-        before[axis], after[axis] = slice(None, -1), slice(1, None)
-        result[tuple(before)] -= ahead
-        result[tuple(after)] += ahead
-    return result
-
-
-def _refined(image: Float32Array, reference: Float32Array, nodes: FloatArray, steps: int) -> FloatArray:
-    """The mesh after some Gauss-Newton steps."""
-    first, size, rows = nodes, len(nodes), max(image.size // SAMPLES, 1)
+def _refined(image: Float32Array, reference: Float32Array, nodes: FloatArray) -> FloatArray:
+    """The mesh after a Gauss-Newton step."""
+    size, rows = len(nodes), max(image.size // SAMPLES, 1)
     _, usual = _observe(image, reference, nodes, COARSE * rows, np.inf, *_nothing(size))
-    for _ in range(steps):
-        products, pulls = _nothing(size)
-        error, usual = _observe(image, reference, nodes, rows, OUTLIER * usual + 1e-6, products, pulls)
-        price = STIFFNESS * error / size ** 2
-        matrix = np.zeros((2 * (size + 2), nodes.size))
-        _assemble(products, price, matrix)
-        matrix[-1] += 1e-3 * price + 1e-6 * matrix[-1].mean() + 1e-6
-        pulls -= price * _bending(nodes - first)
-        nodes = nodes + solveh_banded(matrix, pulls.reshape(-1)).reshape(nodes.shape)
-    return nodes
+    products, pulls = _nothing(size)
+    error, _ = _observe(image, reference, nodes, rows, OUTLIER * usual + 1e-6, products, pulls)
+    price = STIFFNESS * error / size ** 2
+    matrix = np.zeros((2 * (size + 2), nodes.size))
+    _assemble(products, price, matrix)
+    matrix[-1] += 1e-3 * price + 1e-6 * matrix[-1].mean() + 1e-6
+    moved: FloatArray = nodes + solveh_banded(matrix, pulls.reshape(-1)).reshape(nodes.shape)
+    return moved
 
 
 def _nothing(size: int) -> Tuple[FloatArray, FloatArray]:
@@ -255,14 +244,16 @@ def aligned(reference: Array, image: Array, level: int) -> FloatArray:
     :param reference: (height, width) uint8 or uint16, or (height, width, 3) uint8; no side is below LEAST_SIDE
     :param image: of the same shape and type
     """
-    images, references = _pyramid(image), _pyramid(reference)
+    large = image.shape[0] * image.shape[1] > LARGE
+    images, references = _pyramid(image, large), _pyramid(reference, large)
     height, width = images[-1].shape
     down, right = min(height // REACH, MOST_SHIFT), min(width // REACH, MOST_SHIFT)
     nodes = np.zeros((2, 2, 2)) + _best_shift(images[-1], references[-1], down, right)
     for number in reversed(range(1, len(images))):
-        nodes = 2 * _refined(images[number], references[number], nodes, STEPS)
+        nodes = 2 * _refined(images[number], references[number], nodes)
         if len(nodes) < 1 + (1 << level) // 2:
             nodes = _prolonged(nodes)
     while len(nodes) < 1 + (1 << level):
         nodes = _prolonged(nodes)
-    return _refined(images[0], references[0], nodes, LAST_STEPS)
+    nodes = _refined(images[0], references[0], nodes)
+    return 2 * nodes if large else nodes

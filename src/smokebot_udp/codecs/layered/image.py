@@ -48,6 +48,8 @@ class LayeredStream(NamedTuple):
     """What its prefixes show."""
     missing: int = 0
     """What the exact map of classes takes more than the one that was coded [byte]; 0: that is exact."""
+    saved: float = 0.0
+    """The part of the bits, about, that the reference saves; 0: it was not used."""
 
     @property
     def predicted(self) -> bool:
@@ -147,14 +149,14 @@ def _code_map(classes: UInt8Array, data: UInt8Array, most: int) -> Optional[_Cod
 
 
 def _code_prediction(canvas: Array, reference: Optional[Array], plan: layout.Layout, offset: int, data: UInt8Array,
-                     beginning: _CodedMap, budget: int) -> Tuple[_CodedMap, Optional[Predicted]]:
+                     beginning: _CodedMap, budget: int) -> Tuple[_CodedMap, Optional[Predicted], float]:
     """Code how a reference predicts the image, behind the map of classes, and subtract that from the canvas; None: it
-    does not pay.
+    does not pay. And about what it saves [bit].
 
     :param reference: its pixels
     """
     if reference is None:
-        return beginning, None
+        return beginning, None, 0.0
     other = coefficients.analyse(reference, plan, offset)
     chosen, saved = prediction.choose(canvas, other, plan, 8.0 * len(data))
     room = data.copy()
@@ -162,10 +164,10 @@ def _code_prediction(canvas: Array, reference: Optional[Array], plan: layout.Lay
     end = at + range_coder.AHEAD
     size = end - beginning.end
     if not complete or end > budget or size > PREDICTION_PART * budget or 8 * size * WORTH > saved:
-        return beginning, None
+        return beginning, None, 0.0
     data[:at] = room[:at]
     prediction.add(-1, canvas, other, plan, chosen)
-    return beginning._replace(state=(low, interval, at), end=end), Predicted(reference, chosen, other)
+    return beginning._replace(state=(low, interval, at), end=end), Predicted(reference, chosen, other), saved
 
 
 def encode(pixels: Array, lossless: bool, budget: int, classes: Optional[UInt8Array] = None,
@@ -213,7 +215,7 @@ def _encode(pixels: Array, lossless: bool, budget: int, classes: Optional[UInt8A
     canvas = coefficients.analyse(pixels, plan, offset)
     beginning, flags = _begun(classes, data, most)
     flags |= lossless * _LOSSLESS | (channels == 3) * _COLOUR | (pixels.itemsize == 2) * _WIDE
-    beginning, predicted = _code_prediction(canvas, reference, plan, offset, data, beginning, budget)
+    beginning, predicted, saved = _code_prediction(canvas, reference, plan, offset, data, beginning, budget)
     flags |= 0 if predicted is None else _REFERENCE
     work = _new_work(plan, data[:room + 4])
     planes = coefficients.quantise(canvas, plan, work)
@@ -235,7 +237,7 @@ def _encode(pixels: Array, lossless: bool, budget: int, classes: Optional[UInt8A
     return LayeredStream(data[:end].tobytes(), ends[:points + 1].copy(),
                          _after_rounding(errors[:points + 1], cells, lossless) + WRONG_CLASS * beginning.wrong, cells,
                          prefixes_of(plan, work, logged, offset, pixels.itemsize, beginning.end, end, predicted),
-                         beginning.missing)
+                         beginning.missing, saved / (saved + 8 * end))
 
 
 def _checked_head(data: bytes, height: int, width: int, channels: int, itemsize: int

@@ -69,7 +69,7 @@ def compensate(reference: Array, motion: Motion) -> Array:
     """
     if not motion:
         return reference
-    source = _flat(reference)
+    source = flat(reference)
     result = np.empty_like(source)
     warp.warp(source, _size(reference), motion.nodes, _filters(motion.smooth), _most(reference), result)
     return result.reshape(reference.shape)
@@ -103,11 +103,11 @@ def _rest(reference: Array, motion: Motion, image: Array) -> float:
         rows = slice(step // 2, None, step)
         difference = image[rows].astype(np.float32) - reference[rows]
         return float(np.sqrt(np.abs(difference[:, warp.APART:] - difference[:, :-warp.APART])).sum())
-    return float(warp.roughness(_flat(reference), _size(reference), motion.nodes, _filters(motion.smooth),
-                                _most(reference), _flat(image), step))
+    return float(warp.roughness(flat(reference), _size(reference), motion.nodes, _filters(motion.smooth),
+                                _most(reference), flat(image), step))
 
 
-def _flat(pixels: Array) -> Array:
+def flat(pixels: Array) -> Array:
     """All values; writable, as numba would compile all again for others."""
     return np.require(pixels, requirements=['C', 'A', 'W']).reshape(-1)
 

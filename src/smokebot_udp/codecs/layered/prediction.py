@@ -16,7 +16,7 @@ import numpy as np
 
 from ...arrays import Array, FloatArray, IntArray, UInt8Array
 from .layout import COLUMNS, ORIGIN, ROWS, STEP, STEP_BITS, Layout
-from .loops import compiled, int32, int64
+from .loops import compiled, int32, int64, uint64
 from .range_coder import code
 
 SIDE = 8
@@ -59,9 +59,9 @@ def _sums(canvas: Array, reference: Array, bands: Array, firsts: Array, stride: 
             for i in range(wide):
                 at = band[ORIGIN] + y * stride + i * SIDE
                 length = min(SIDE, band[COLUMNS] - i * SIDE)
-                own, both, other = 0.0, 0.0, 0.0
+                own, both, other = int64(0), int64(0), int64(0)     # of 30 bits at most: see layout.FRACTION
                 for x in range(at, at + length):
-                    a, b = float(canvas[x]), float(reference[x])
+                    a, b = int64(canvas[x]), int64(reference[x])
                     own += a * a
                     both += a * b
                     other += b * b
@@ -95,6 +95,18 @@ def add(sign: int, canvas: Array, reference: Array, plan: Layout, prediction: Pr
     :param sign: -1: subtract it
     """
     _add(sign, canvas, reference, plan.bands, firsts_of(plan), plan.stride, prediction.weights, prediction.flags)
+
+
+@compiled
+def tally(pixels: Array, predicted: Array, counts: Array) -> None:
+    """Count how often pixels differ from predicted ones by each number.
+
+    :param pixels: (n,) uint8 or uint16; `predicted`: likewise
+    :param counts: (2 m + 1,) int64, is added to: of differences from -m to m, the largest possible ones
+    """
+    middle = len(counts) // 2
+    for i in range(len(pixels)):
+        counts[uint64(middle + int64(pixels[i]) - int64(predicted[i]))] += 1
 
 
 @compiled

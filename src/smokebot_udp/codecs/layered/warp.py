@@ -7,7 +7,7 @@ A pixel of the result is interpolated from 4 x 4 pixels of the source around whe
 the border are the border's.
 """
 import math
-from typing import Tuple
+from typing import Any, Tuple
 
 import numpy as np
 
@@ -73,26 +73,33 @@ def _between(nodes: Array, y: int, height: int, result: Array) -> None:
 
 
 @compiled
-def _down(source: Array, start: int, row: int, weights: Array, sums: Array, first: int) -> None:
-    """The weighted sums of LANES columns of four values: sums[first:first + LANES]."""
-    # unsigned: numba counts negative indexes from the end, which takes twice the time
-    at, to, apart = uint64(start), uint64(first), uint64(row)
-    a, b, c, d = int32(weights[0]), int32(weights[1]), int32(weights[2]), int32(weights[3])
-    for k in range(LANES):
-        i = at + uint64(k)
-        sums[to + uint64(k)] = int32(int32(int32(a * int32(source[i])) + int32(b * int32(source[i + apart]))) + int32(
-            int32(c * int32(source[i + apart + apart])) + int32(d * int32(source[i + apart + apart + apart]))))
+def _sum(values: Array, at: Any, apart: Any, a: int, b: int, c: int, d: int) -> Any:
+    """The weighted sum of four values. Indexes are unsigned: numba counts negative ones from the end, which takes twice
+    the time."""
+    return int32(int32(int32(a * int32(values[at])) + int32(b * int32(values[at + apart]))) + int32(
+        int32(c * int32(values[at + apart + apart])) + int32(d * int32(values[at + apart + apart + apart]))))
 
 
 @compiled
-def _right(sums: Array, start: int, pixel: int, weights: Array, result: Array, first: int) -> None:
-    """The weighted sums of four of these sums, a pixel apart: result[first:first + RUN]."""
-    at, to, apart = uint64(start), uint64(first), uint64(pixel)
-    a, b, c, d = int32(weights[0]), int32(weights[1]), int32(weights[2]), int32(weights[3])
-    for k in range(RUN):
-        i = at + uint64(k)
-        result[to + uint64(k)] = int32(int32(int32(a * sums[i]) + int32(b * sums[i + apart])) + int32(
-            int32(c * sums[i + apart + apart]) + int32(d * sums[i + apart + apart + apart])))
+def _sums(values: Array, start: int, distance: int, filters: Array, phase: int, result: Array, first: int) -> None:
+    """LANES weighted sums of four values, `distance` apart: result[first:first + LANES].
+
+    All are known before the first one is stored: else the compiler makes no vectors of them, as the arrays might be
+    the same one. And a phase is passed, as numba counts the references to a row of the filters.
+    """
+    at, to, apart = uint64(start), uint64(first), uint64(distance)
+    a, b, c, d = filters[phase, 0], filters[phase, 1], filters[phase, 2], filters[phase, 3]
+    one = _sum(values, at, apart, a, b, c, d)
+    two = _sum(values, at + uint64(1), apart, a, b, c, d)
+    three = _sum(values, at + uint64(2), apart, a, b, c, d)
+    four = _sum(values, at + uint64(3), apart, a, b, c, d)
+    five = _sum(values, at + uint64(4), apart, a, b, c, d)
+    six = _sum(values, at + uint64(5), apart, a, b, c, d)
+    seven = _sum(values, at + uint64(6), apart, a, b, c, d)
+    eight = _sum(values, at + uint64(7), apart, a, b, c, d)
+    result[to], result[to + uint64(1)], result[to + uint64(2)], result[to + uint64(3)] = one, two, three, four
+    result[to + uint64(4)], result[to + uint64(5)] = five, six
+    result[to + uint64(6)], result[to + uint64(7)] = seven, eight
 
 
 @compiled
@@ -132,8 +139,8 @@ def warp_row(source: Array, size: Tuple[int, int, int], nodes: Array, filters: A
     :param nodes: (n, n, 2) int16, n from 2 on: down and right [1/NODE_UNITS pixel]
     :param filters: (PHASES, 4) int32: SHARP or SMOOTH
     :param runs: see runs_of
-    :param work: (2, n) int64, and sums: (3 * LANES,) int32: are overwritten
-    :param result: (width * channels,) int32: is overwritten
+    :param work: (2, n) int64, and sums: (4 * LANES,) int32: are overwritten
+    :param result: (width * channels + LANES,) int32: is overwritten; the last LANES are of no meaning
     """
     height, width, channels = size
     _between(nodes, y, height, work)
@@ -142,24 +149,30 @@ def warp_row(source: Array, size: Tuple[int, int, int], nodes: Array, filters: A
         cell, behind = runs[number, 0], runs[number, 1]
         down = (work[0, cell] * (WEIGHT - behind) + work[0, cell + 1] * behind + ROUND) >> SHIFT
         right = (work[1, cell] * (WEIGHT - behind) + work[1, cell + 1] * behind + ROUND) >> SHIFT
-        vertical, horizontal = filters[down & 63], filters[right & 63]
+        vertical, horizontal = uint64(down & 63), uint64(right & 63)
         top, left = y + (down >> 6) - 1, x + (right >> 6) - 1
         at, row = (top * width + left) * channels, width * channels
         if (top >= 0 and left >= 0 and top + 4 <= height and x + RUN <= width and left + RUN + 3 <= width
                 and at + 3 * row + LANES * channels <= len(source)):
             for part in range(channels):
-                _down(source, at + part * LANES, row, vertical, sums, part * LANES)
-            for part in range(channels):
-                _right(sums, part * RUN, channels, horizontal, result, x * channels + part * RUN)
+                _sums(source, at + part * LANES, row, filters, vertical, sums, part * LANES)
+            for part in range(channels):    # LANES instead of RUN: the next ones overwrite the others
+                _sums(sums, part * RUN, channels, filters, horizontal, result, x * channels + part * RUN)
         else:
-            _across(source, top, left, size, vertical, horizontal, result, x * channels,
+            _across(source, top, left, size, filters[vertical], filters[horizontal], result, x * channels,
                     min(RUN, width - x) * channels)
 
 
 @compiled
+def _buffers(nodes: int, values: int) -> Tuple[Array, Array, Array]:
+    """What warp_row overwrites: work, result and sums."""
+    return np.zeros((2, nodes), np.int64), np.zeros(values + LANES, np.int32), np.zeros(4 * LANES, np.int32)
+
+
+@compiled
 def _clip(row: Array, most: int, result: Array) -> None:
-    """Round the sums, and clip them to what pixels can hold."""
-    for x in range(len(row)):
+    """Round the sums, as many as there are results, and clip them to what pixels can hold."""
+    for x in range(len(result)):
         result[x] = min(max((row[x] + int32(ONE * ONE // 2)) >> 14, int32(0)), int32(most))
 
 
@@ -171,16 +184,11 @@ def warp(source: Array, size: Tuple[int, int, int], nodes: Array, filters: Array
     :param result: as the source: is overwritten
     """
     height, width, channels = size
-    work, row, sums = np.zeros((2, len(nodes)), np.int64), np.zeros(width * channels, np.int32), _no_sums()
+    work, row, sums = _buffers(len(nodes), width * channels)
     runs = runs_of(width, nodes.shape[0] - 1)
     for y in range(height):
         warp_row(source, size, nodes, filters, y, runs, work, sums, row)
         _clip(row, most, result[y * width * channels:(y + 1) * width * channels])
-
-
-@compiled
-def _no_sums() -> Array:
-    return np.zeros(3 * LANES, np.int32)
 
 
 @compiled
@@ -192,7 +200,7 @@ def roughness(source: Array, size: Tuple[int, int, int], nodes: Array, filters: 
     :param image: as the source
     """
     height, width, channels = size
-    work, row, sums = np.zeros((2, len(nodes)), np.int64), np.zeros(width * channels, np.int32), _no_sums()
+    work, row, sums = _buffers(len(nodes), width * channels)
     runs = runs_of(width, nodes.shape[0] - 1)
     total = 0.0
     for y in range(step // 2, height, step):

@@ -25,7 +25,7 @@ from .compressed_images import LEAST_BYTES, CompressedImages
 from .freshness import MotionMeter, Repeats, contrast_of, worth_sending
 from .held_by_all import HeldByAll
 from .pixel_layers import Layerable, layerable
-from .prediction import Prediction, Predictor
+from .prediction import SAVES, Prediction, Predictor
 from .references import CodedImage, ends_of, with_motion
 
 FLOOR = 255.0 ** 2 / 1e6
@@ -98,7 +98,7 @@ class LayeredImages(CompressedImages):
         self._error = math.inf                      # mean squared error of the last image as sent [count^2]
         self._predictor = Predictor(session, held)
         self._stream_size: Optional[float] = None   # of a complete stream of an image like the last one [byte]
-        self._was_predicted = False                 # whether the last one was
+        self._was_predicted = False                 # whether the last one was, and that saved much
         self._shape: Tuple[Any, ...] = ()           # what it depends on
         self.good_size: Optional[float] = None
         """Of an image of GOOD quality on the air, if it has 8 bits; None: unknown [byte]."""
@@ -128,6 +128,8 @@ class LayeredImages(CompressedImages):
         large = large or settings['air_time'] > 0
         coded = int(max(min(useful, math.inf if large else self._foreseen.size), LEAST_BYTES))
         stream = self._compress(source, prediction, settings, carried, coded, outlook)
+        if prediction is not None:
+            self._predictor.saved(stream.saved)
         prediction = prediction if stream.predicted else None
         ends, errors = _useful(stream, settings['max_quality'], source.pixels.itemsize)
         floor = None if source.pixels.itemsize > 1 else max(FLOOR, _bound(settings['max_quality'], 1))
@@ -224,7 +226,8 @@ class LayeredImages(CompressedImages):
                   overhead: float, outlook: Outlook) -> None:
         """Estimate the size of a complete image."""
         size = _complete(stream, useful, prediction and prediction.exact_size)
-        self._stream_size, self._was_predicted = size, prediction is not None
+        # one that saves little is like none: the images after it are coded without
+        self._stream_size, self._was_predicted = size / (1 - stream.saved), stream.saved >= SAVES
         protected = _protected(overhead, outlook.loss(RESERVE))
         self._fair_size = FAIR_BITS / 8 * stream.cells * protected
         on_air = min(size / CERTAIN_FIT * protected, source.pixels.nbytes * (1 + overhead))

@@ -12,6 +12,8 @@ import numpy as np
 
 from ...arrays import Array, Records
 from ...codecs.layered import motion
+from ...codecs.layered.motion import flat
+from ...codecs.layered.prediction import tally
 from .coded_shape import shape_of
 from .held_by_all import HeldByAll
 from .references import CodedImage, References
@@ -24,6 +26,10 @@ MOVED = 1.2
 
 SKIPPED = 4
 """or after this number of images."""
+
+SAVES = 0.25
+"""A prediction that saves less than this part of the bits is not worth the time of the processors: it takes longer than
+coding does. After two such in a row the next SKIPPED images have none."""
 
 LAGS = 16
 """How long a report takes is known from the fastest one of this number of images."""
@@ -86,6 +92,25 @@ class _MotionFinder:
         return found
 
 
+class _Gain:
+    """Whether the next image is worth predicting, after what the last predictions saved."""
+
+    def __init__(self) -> None:
+        self._poor = 0      # predictions in a row that saved little
+        self._skipped = 0
+
+    def add(self, saved: float) -> None:
+        """A prediction saved this part of the bits."""
+        self._poor, self._skipped = self._poor + 1 if saved < SAVES else 0, 0
+
+    def expected(self) -> bool:
+        """Whether the next image is predicted; to be asked once an image."""
+        if self._poor >= 2 and self._skipped < SKIPPED:
+            self._skipped += 1
+            return False
+        return True
+
+
 class Predictor:
     """Predicts the images of one stream, all of one size and encoding between two calls of `begin`.
 
@@ -105,11 +130,12 @@ class Predictor:
         self._references.clear()
         self._sent: Dict[int, _Sent] = {}
         self._lags: Deque[int] = deque(maxlen=LAGS)     # from images to the newest one that is held
-        self._motion = _MotionFinder()
+        self._motion, self._gain = _MotionFinder(), _Gain()
 
     def predict(self, pixels: Array, stamp: float, growth: float, names: Collection[str], now: float,
                 repeated: int = 0) -> Optional[Prediction]:
-        """What the next image is to be coded against; None: nothing that all operators hold is like it.
+        """What the next image is to be coded against; None: nothing that all operators hold is like it, or the last
+        predictions saved little.
 
         :param pixels: of the next image, as the codec takes them
         :param stamp: its time [s]
@@ -119,7 +145,7 @@ class Predictor:
         :param repeated: how many images in a row, up to the next one, show what the one before did
         """
         held = self._held.layers(names, self.session, self._references.layers(self.session), now)
-        if not held:
+        if not held or not (repeated or self._gain.expected()):
             return None
         number, layers = self._best(held, repeated, stamp, growth)
         reference = self._references.get((self.session, number), layers, shape_of(pixels))
@@ -131,7 +157,9 @@ class Predictor:
         moved = motion.NONE if same else self._motion.find(reference.pixels, pixels)
         displaced = motion.compensate(reference.pixels, moved)
         found = _prediction(number, layers, reference.checksum, motion.to_bytes(moved), displaced, pixels)
-        if found is not None and same:      # better known than before: else it might seem best for ever
+        if found is None:
+            self._gain.add(0.0)
+        elif same:      # better known than before: else it might seem best for ever
             self._sent[number].errors[layers - 1] = found.error
         return found
 
@@ -163,6 +191,10 @@ class Predictor:
                 if max(held.get(before, 0), found.get(before, 0)) >= layers:
                     found[number] = sent.likely
         return found
+
+    def saved(self, part: float) -> None:
+        """The prediction of the next image saves this part of its bits."""
+        self._gain.add(part)
 
     def describe(self, records: Records, prediction: Optional[Prediction]) -> None:
         """Write into the segments of the next image which one it is, and its reference."""
@@ -205,12 +237,14 @@ def _least(layers: Mapping[int, int], error: Callable[[Tuple[int, int]], float])
 def _prediction(number: int, layers: int, checksum: int, moved: bytes, displaced: Array,
                 pixels: Array) -> Optional[Prediction]:
     """None where the prediction leaves more than neighbours differ by."""
-    residual = pixels.astype(np.int32) - displaced
-    error = float(np.square(residual, dtype=np.float32).mean())
+    most = 256 ** pixels.itemsize - 1
+    counts = np.zeros(2 * most + 1, np.int64)
+    tally(flat(pixels), flat(displaced), counts)
+    differences = np.flatnonzero(counts)
+    counts = counts[differences]
+    error = float((counts * np.square(differences - float(most))).sum()) / pixels.size
     steps = np.square(np.diff(pixels[::SAMPLED].astype(np.float32), axis=1))
     if error * steps.size > PAYS * float(steps.sum()):
         return None
-    counts = np.bincount((residual - residual.min()).ravel())
-    counts = counts[counts > 0]
-    size = float((counts * np.log2(residual.size / counts)).sum()) / 8
+    size = float((counts * np.log2(pixels.size / counts)).sum()) / 8
     return Prediction(number, layers, checksum, moved, displaced, error, size)
