@@ -122,6 +122,23 @@ def test_loss_within_chance_is_no_excess() -> None:
     assert loss.excess == 0
 
 
+def test_a_step_of_the_loss_is_no_dispersion_bursts_are() -> None:
+    step, bursts = Loss(), Loss()
+    for number in range(60):
+        step.update(counts(100, 100 if number < 30 else 60), False)
+        bursts.update(counts(100, 100 if number % 2 else 60), False)
+    assert step.dispersion < 2 and bursts.dispersion > 5
+
+
+def test_a_loss_that_may_be_the_airs_is_suspicious_before_it_is_excess() -> None:
+    loss = Loss()
+    for _ in range(10):
+        loss.update(counts(100, 80), False)
+    assert loss.suspicious and not loss.excess
+    loss.set_air(600, 120)
+    assert not loss.suspicious
+
+
 def test_loss_of_one_report_beyond_the_airs() -> None:
     loss = Loss()
     loss.set_air(100, 20)

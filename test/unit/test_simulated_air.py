@@ -196,6 +196,22 @@ def test_a_queue_too_short_to_be_seen_is_not_overrun(rate: float, seed: int) -> 
     assert utilisation >= 0.85 and dropped <= 0.01
 
 
+@pytest.mark.parametrize('size, points, since', [(40000, 60000, 5.0), (25000, 30000, 0.5)])
+def test_images_do_not_overrun_a_queue_too_short_to_be_seen(size: int, points: int, since: float) -> None:
+    """On average the air carries them; what leaves at once for each does not fit the queue."""
+    for seed in range(5):
+        streams = Streams({'thermal': image(size), 'lidar': cloud(points, rate=5.0, leaf_size=0.2)},
+                          {'tf': (20.0, 330), 'odom': (10.0, 800)})
+        events, there, _ = link(20, seed=seed, load=streams)
+        events.run(since)
+        there.conditions = replace(there.conditions, rate=5e6, queue=0.01)
+        events.run(8)
+        before = replace(there.counts)
+        events.run(18)
+        dropped, offered = there.counts.dropped - before.dropped, there.counts.offered - before.offered
+        assert dropped <= 0.02 * offered, seed
+
+
 @pytest.mark.parametrize('seed', [1, 2, 3, 5])
 @pytest.mark.parametrize('loss, burst', [(0.1, 5), (0.2, 10)])
 def test_bursts_of_loss_are_no_policer(loss: float, burst: float, seed: int) -> None:
@@ -321,7 +337,7 @@ def test_operators_that_share_the_air_share_it_and_who_stays_has_all_of_it(loss:
     events.run(24)
     assert min(received(first, since, since + 1) for since in range(8, 24)) >= 0.25 * 10
     assert received(first, 10, 24) >= 0.45 * 10
-    assert received(second, 16, 24) >= 0.3 * (1 - loss) * 10
+    assert received(second, 16, 24) >= (0.2 if loss else 0.3) * (1 - loss) * 10
     robot.leave('second')
     events.run(26)
     assert received(first, 24.8, 25) >= 0.9 * 10

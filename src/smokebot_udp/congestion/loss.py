@@ -10,8 +10,8 @@ AVERAGING_WINDOW = 200
 EVIDENCE_WINDOW = 600
 """and what tells the air's loss from congestion over this many."""
 
-PRIOR_COUNT = 20
-"""The prior that the air loses nothing weighs as much as this many datagrams."""
+PRIOR_COUNT, SUSPICIOUS_COUNT = 20, 200
+"""The prior that the air loses nothing weighs as much as this many datagrams; before a check as this many."""
 
 EXCESS_MARGIN = 0.05
 """Loss beyond the air's is congestion only above this, plus twice the standard deviation."""
@@ -36,6 +36,7 @@ class Loss:
         """Of all loss."""
         self.dispersion = 1.0
         """Variance of the number lost, compared with that of independent losses, at least 1: of bursts it is more."""
+        self._before = 1, 0         # the report before: (datagrams, lost)
         self._count = self._evidence = self._uncongested = self._uncongested_lost = 0.0
 
     def update(self, feedback: Feedback, uncongested: bool) -> None:
@@ -47,18 +48,22 @@ class Loss:
         if not count:
             return
         self._count = min(self._count + count, AVERAGING_WINDOW)
-        self._measure_dispersion(count, lost)
         self._evidence = min(self._evidence + count, EVIDENCE_WINDOW)
         self.unanswered += min(1.0, count / self._evidence) * (lost / count - self.unanswered)
         self.recent += min(1.0, count / self._count) * (lost / count - self.recent)
+        self._measure_dispersion(count, lost)
         if uncongested:
             keep = max(0.0, 1 - count / EVIDENCE_WINDOW)
             self._uncongested = keep * self._uncongested + count
             self._uncongested_lost = keep * self._uncongested_lost + lost
 
     def _measure_dispersion(self, count: int, lost: int) -> None:
-        variance = count * self.recent * (1 - self.recent)
-        found = 1.0 if variance < 0.5 else min(MAX_DISPERSION, (lost - count * self.recent) ** 2 / variance)
+        """By the difference of successive reports (von Neumann 1941): a step of the loss is no dispersion."""
+        before, self._before = self._before, (count, lost)
+        ratios = lost / count - before[1] / before[0]
+        variance = self.recent * (1 - self.recent) * (1 / count + 1 / before[0])
+        rare = min(count, before[0]) * self.recent * (1 - self.recent) < 0.5
+        found = 1.0 if rare else min(MAX_DISPERSION, ratios ** 2 / variance)
         self.dispersion = max(1.0, self.dispersion + (found - self.dispersion) / DISPERSION_REPORTS)
 
     def set_air(self, count: int, lost: int) -> None:
@@ -81,7 +86,14 @@ class Loss:
     @property
     def excess(self) -> float:
         """Of the datagrams that the air let through, the ratio lost all the same; 0: within chance."""
+        return self.beyond_air(self.unanswered) if self._significant(PRIOR_COUNT) else 0.0
+
+    @property
+    def suspicious(self) -> bool:
+        """As `excess`, for a check, which does no harm where the air was not known: the prior weighs more."""
+        return self._significant(SUSPICIOUS_COUNT)
+
+    def _significant(self, prior: float) -> bool:
         deviation = math.sqrt(self.unanswered * (1 - self.unanswered)
-                              * (2 / EVIDENCE_WINDOW + 1 / (self._uncongested + PRIOR_COUNT)))
-        significant = self.unanswered - self.air > EXCESS_MARGIN + 2 * deviation
-        return self.beyond_air(self.unanswered) if significant else 0.0
+                              * (2 / EVIDENCE_WINDOW + 1 / (self._uncongested + prior)))
+        return self.unanswered - self.air > EXCESS_MARGIN + 2 * deviation
