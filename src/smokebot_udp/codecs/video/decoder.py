@@ -2,9 +2,10 @@
 """Decodes H.264 of which slices and whole images are missing, by libavcodec. It parses bytes from the air: nodes run it
 in a process of its own (decoder_process.py).
 
-What is missing of an image is taken from the one before, at the same place (`ec=deblock`): libavcodec's default guesses
-motion, which costs up to 6 dB. Images that are wholly lost show in a gap of frame_num: in their place it decodes slices
-of our own, see slice_header.lost_slice.
+What is missing of an image is taken from the one before, at the same place (`ec=deblock+favor_inter`): libavcodec's
+default guesses motion, which costs up to 6 dB, and without favor_inter it smears the border of what arrived over all
+that is missing, where most of what arrived is coded without prediction. Images that are wholly lost show in a gap of
+frame_num: in their place it decodes slices of our own, see slice_header.lost_slice.
 """
 from typing import Any, List, NamedTuple, Optional, Sequence, Tuple
 
@@ -16,7 +17,7 @@ from .decoder_request import Request
 from .parameter_sets import ParameterSets, parse
 
 OPTIONS = {
-    'ec': 'deblock', 'err_detect': 'ignore_err',
+    'ec': 'deblock+favor_inter', 'err_detect': 'ignore_err',
     'flags': '+low_delay+output_corrupt', 'flags2': '+showall',     # an image for each access unit, at once
 }
 """Of libavcodec."""
