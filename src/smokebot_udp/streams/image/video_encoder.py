@@ -85,15 +85,19 @@ class _Session:
         self.control = video_rate.SizeControl()
         self.opening: Optional[video_rate.Opening] = None
         self._age = 0       # images since the encoder was opened
+        self._missed = 0.0  # sum of what another refresh cycle would have gained
 
     def prepare(self, plan: video_rate.Plan) -> None:
-        """Open the encoder anew where that is necessary for the next image."""
-        opening = video_rate.reopening(self.opening, self._age, max(plan.size, LEAST_SIZE), plan.refresh)
+        """Open the encoder anew where that is necessary for the next image, or another refresh cycle repays it."""
+        self._missed = max(self._missed + plan.gain, 0.0)
+        wanted = plan.refresh if plan.unlike or self._missed > video_rate.REPAID else self.refresh
+        opening = video_rate.reopening(self.opening, self._age, max(plan.size, LEAST_SIZE), wanted)
         if opening is None:
             return
+        opening = opening._replace(refresh=plan.refresh)
         encoding = 'bgr8' if len(self.shape) > 2 else 'mono8'
         self._encoder = VideoEncoder(self.shape[0], self.shape[1], encoding, opening.size, self.room, opening.refresh)
-        self.opening, self._age, self.control = opening, 0, video_rate.SizeControl()
+        self.opening, self._age, self._missed, self.control = opening, 0, 0.0, video_rate.SizeControl()
 
     @property
     def refresh(self) -> int:
