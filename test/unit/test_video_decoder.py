@@ -55,18 +55,40 @@ def test_a_lost_slice_is_taken_from_the_image_before_at_the_same_place() -> None
     assert not from_before.all() and not as_sent.all()
 
 
-def test_so_it_is_where_most_of_what_arrived_is_not_predicted() -> None:
-    # libavcodec then thinks of another scene, and smears the border of what arrived over all that is missing
-    height, width, top = 240, 320, 128
+def bottom_of_another_view(refresh: int, top: int) -> List[Any]:
+    """What is shown of an image, and of the next one where only its bottom arrives, which is not predicted.
+
+    :param top: from this line on it is a ramp: that is best predicted from its own image
+    """
+    height, width = 240, 320
     after = image(1, height, width)
-    after[top:] = np.linspace(20, 230, width)       # a ramp is best predicted from its own image
-    encoder = VideoEncoder(height, width, 'mono8', 8000, ROOM, 10)
+    after[top:] = np.linspace(20, 230, width)
+    encoder = VideoEncoder(height, width, 'mono8', 8000, ROOM, refresh)
     first, second = requests([encoder.encode(pixels, 8000) for pixels in (image(0, height, width), after)],
                              height, width)
     decoder = Decoder()
-    before = luma(decoder.decode(first), height, width)
-    shown = luma(decoder.decode(second._replace(slices=second.slices[-1:])), height, width)
-    assert np.array_equal(shown[:top // 2], before[:top // 2])
+    return [luma(decoder.decode(asked), height, width)
+            for asked in (first, second._replace(slices=second.slices[-1:]))]
+
+
+def test_so_it_is_where_most_of_what_arrived_is_not_predicted() -> None:
+    # libavcodec then thinks of another scene, and smears the border of what arrived over all that is missing
+    before, shown = bottom_of_another_view(10, 128)
+    assert np.array_equal(shown[:64], before[:64])
+
+
+def test_that_is_right_where_no_image_is_predicted() -> None:
+    before, shown = bottom_of_another_view(1, 128)
+    assert not np.array_equal(shown[:64], before[:64])
+
+
+def test_a_lost_beginning_of_predicted_images_keeps_the_one_before() -> None:
+    encoders = [VideoEncoder(HEIGHT, WIDTH, 'mono8', 6000, ROOM, refresh) for refresh in (1, 10)]
+    each, predicted = (requests([encoder.encode(image(number, HEIGHT, WIDTH), 6000) for number in range(20)],
+                                HEIGHT, WIDTH) for encoder in encoders)
+    shown = decode([*each[:2], *predicted[1:]])
+    assert psnr(shown[2], shown[1]) > 20
+    assert psnr(shown[-1], image(19, HEIGHT, WIDTH)) > 38
 
 
 @pytest.mark.parametrize('number', range(12, 30))
