@@ -1,42 +1,53 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""When the robot's video changes its refresh cycle."""
-import pytest
+"""When video changes its refresh cycle."""
+from smokebot_udp.codecs.video import rate
+from smokebot_udp.codecs.video.redundancy import Division
 
-pytest.importorskip('av', reason='video needs PyAV: sudo apt install python3-av')
-
-from smokebot_udp.codecs.video import rate  # noqa: E402
-from smokebot_udp.codecs.video.redundancy import Division  # noqa: E402
-from smokebot_udp.streams.image.video_encoder import _Session  # noqa: E402
+SIZE = 3000
 
 
-def plan(refresh: int, gain: float, unlike: bool = False) -> rate.Plan:
-    return rate.Plan(Division(3000, 0, 0.0), 3000, refresh, gain, unlike)
+def plan(refresh: int, gain: float, unlike: bool = False, size: int = SIZE) -> rate.Plan:
+    return rate.Plan(Division(SIZE, 0, 0.0), size, refresh, gain, unlike)
 
 
-def session() -> _Session:
-    """One whose encoder is old enough to be replaced."""
-    made = _Session((48, 64), 1300, 1)
-    made.prepare(plan(rate.LONG, -0.5))
-    made._age = rate.LEAST_AGE
-    return made
+def grown_up() -> rate.Openings:
+    """Those of a session whose encoder is old enough to be replaced."""
+    openings = rate.Openings()
+    opened = [openings.renew(plan(rate.LONG, -0.5)) for _ in range(rate.LEAST_AGE)]
+    assert opened == [True] + [False] * (rate.LEAST_AGE - 1)
+    return openings
 
 
 def test_a_burst_of_losses_changes_nothing() -> None:
-    video = session()
+    openings = grown_up()
     for gain in 20 * [1.0, 1.0, 1.0, -1.0, -1.0, -1.0]:
-        video.prepare(plan(rate.SHORT if gain > 0 else rate.LONG, gain))
-    assert video.refresh == rate.LONG
+        assert not openings.renew(plan(rate.SHORT if gain > 0 else rate.LONG, gain))
+    assert openings.refresh == rate.LONG
 
 
 def test_losses_that_remain_do() -> None:
-    video, images = session(), 0
-    while video.refresh == rate.LONG:
-        video.prepare(plan(rate.SHORT, 0.5))
+    openings, images = grown_up(), 1
+    while not openings.renew(plan(rate.SHORT, 0.5)):
         images += 1
     assert images == int(rate.REPAID / 0.5) + 1
+    assert openings.refresh == rate.SHORT and openings.age == 0
+
+
+def test_what_was_missed_is_repaid_once() -> None:
+    openings = grown_up()
+    for cycle in (rate.SHORT, rate.LONG):
+        images = 1
+        while not openings.renew(plan(cycle, 0.5)):
+            images += 1
+        assert openings.refresh == cycle and images == int(rate.REPAID / 0.5) + 1
 
 
 def test_another_view_in_each_image_does_at_once() -> None:
-    video = session()
-    video.prepare(plan(rate.EACH, 0.5, unlike=True))
-    assert video.refresh == rate.EACH
+    openings = grown_up()
+    assert openings.renew(plan(rate.EACH, 0.5, unlike=True)) and openings.refresh == rate.EACH
+
+
+def test_an_encoder_that_is_opened_for_its_size_has_the_best_cycle() -> None:
+    openings = grown_up()
+    assert openings.renew(plan(rate.SHORT, 0.5, size=2 * SIZE))
+    assert openings.opening == rate.Opening(int(rate.HEADROOM * 2 * SIZE), rate.SHORT)

@@ -126,6 +126,36 @@ def reopening(opened: Optional[Opening], age: int, size: int, refresh: int) -> O
     return wanted if outgrown and age >= LEAST_AGE else None
 
 
+class Openings:
+    """What the encoder of a session is open for, and when another one takes its place.
+
+    That is where the size needs it, or where another refresh cycle repays the intra image (REPAID).
+    """
+
+    def __init__(self) -> None:
+        self.opening: Optional[Opening] = None
+        """Of the encoder in use; None: there is none yet."""
+        self.age = 0
+        """Images that it has coded."""
+        self._missed = 0.0      # what the best other cycle would have gained, since another one was last worse in sum
+
+    @property
+    def refresh(self) -> int:
+        """Images of a refresh cycle."""
+        return self.opening.refresh if self.opening else LONG
+
+    def renew(self, plan: Plan) -> bool:
+        """Take the plan of the next image; whether a new encoder codes it."""
+        self.age += 1
+        self._missed = max(self._missed + plan.gain, 0.0)
+        wanted = plan.refresh if plan.unlike or self._missed > REPAID else self.refresh
+        opening = reopening(self.opening, self.age, plan.size, wanted)
+        if opening is None:
+            return False
+        self.opening, self.age, self._missed = opening._replace(refresh=plan.refresh), 0, 0.0
+        return True
+
+
 class SizeControl:
     """Asks for as much as makes images as large as wanted, on average; one for each encoder that is opened.
 
