@@ -6,8 +6,8 @@ from smokebot_udp.codecs.video.redundancy import Division
 SIZE = 3000
 
 
-def plan(refresh: int, gain: float, unlike: bool = False, size: int = SIZE) -> rate.Plan:
-    return rate.Plan(Division(SIZE, 0, 0.0), size, refresh, gain, unlike)
+def plan(refresh: int, gain: float, at_once: bool = False, size: int = SIZE) -> rate.Plan:
+    return rate.Plan(Division(SIZE, 0, 0.0), size, refresh, gain, at_once)
 
 
 def grown_up() -> rate.Openings:
@@ -37,14 +37,14 @@ def test_what_was_missed_is_repaid_once() -> None:
     openings = grown_up()
     for cycle in (rate.SHORT, rate.LONG):
         images = 1
-        while not openings.renew(plan(cycle, 0.5)):
+        while not openings.renew(plan(cycle, 0.25)):
             images += 1
-        assert openings.refresh == cycle and images == int(rate.REPAID / 0.5) + 1
+        assert openings.refresh == cycle and images == int(rate.REPAID / 0.25) + 1
 
 
-def test_another_view_in_each_image_does_at_once() -> None:
+def test_what_needs_no_proof_changes_it_at_once() -> None:
     openings = grown_up()
-    assert openings.renew(plan(rate.EACH, 0.5, unlike=True)) and openings.refresh == rate.EACH
+    assert openings.renew(plan(rate.EACH, 0.5, at_once=True)) and openings.refresh == rate.EACH
 
 
 def test_an_encoder_that_is_opened_for_its_size_has_the_best_cycle() -> None:
