@@ -69,6 +69,8 @@ class Coding(NamedTuple):
     parameters: str
     whole: bool = False
     """Whether an image is sent in packets of any size, and lost with any of them."""
+    predicted: bool = True
+    """Whether any image is predicted from another one."""
 
 
 def sliced(refresh: int) -> Coding:
@@ -76,7 +78,7 @@ def sliced(refresh: int) -> Coding:
     """
     return Coding('refresh %d' % refresh, 'veryfast', 'psnr,zerolatency',
                   '%skeyint=%d:ref=1:bframes=0:threads=1:slice-max-size=%d:constrained-intra=1:aq-mode=0'
-                  % ('intra-refresh=1:' if refresh > 1 else '', refresh, SLICE_SIZE))
+                  % ('intra-refresh=1:' if refresh > 1 else '', refresh, SLICE_SIZE), predicted=refresh > 1)
 
 
 NIMBRO_NETWORK = Coding('nimbro_network', 'ultrafast', 'zerolatency',
@@ -124,17 +126,18 @@ def to_planes(image: UInt8Array) -> UInt8Array:
 
 
 class Decoder:
-    """libavcodec, set up for losses.
+    """libavcodec, set up for losses as this package's decoder is.
 
     :param shape: of the images
+    :param predicted: see Coding
     """
 
-    def __init__(self, parameter_sets: bytes, shape: Tuple[int, ...]) -> None:
+    def __init__(self, parameter_sets: bytes, shape: Tuple[int, ...], predicted: bool = True) -> None:
         self._av = _pyav()
         self._context = self._av.CodecContext.create('h264', 'r')
         self._context.thread_count = 1
-        self._context.options = {'err_detect': 'ignore_err', 'ec': 'deblock', 'flags': '+low_delay+output_corrupt',
-                                 'flags2': '+showall'}
+        self._context.options = {'err_detect': 'ignore_err', 'ec': 'deblock+favor_inter' if predicted else 'deblock',
+                                 'flags': '+low_delay+output_corrupt', 'flags2': '+showall'}
         self._shape, self._parameter_sets = shape, parameter_sets
 
     def decode(self, slices: Sequence[bytes]) -> Optional[Array]:
@@ -164,7 +167,7 @@ class Video(Way):
                  parities: Callable[[int], int] = lambda count: 0, mended: bool = True) -> None:
         self._encoded, self._coding, self._parities, self._mended = encoded, coding, parities, mended
         self.beforehand = encoded.cpu
-        self._decoder = Decoder(encoded.parameter_sets, shape)
+        self._decoder = Decoder(encoded.parameter_sets, shape, coding.predicted)
         self._slices: List[bytes] = []
 
     def send(self, image: Array, number: int, air: Air) -> Sequence[int]:

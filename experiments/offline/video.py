@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Video over loss, at equal bytes on the wire: this package's codings, and H.264 and JPEG as robot teams send them."""
+import functools
 import importlib.util
 import pathlib
 from typing import Dict, Iterator, List, NamedTuple, Sequence, Union
@@ -17,6 +18,7 @@ from .. import table
 from ..runner import Figure, Run, Skipped, Table
 from . import video_prediction, video_results
 from .video_results import LINKS, STEP_TIMES, STRIP_PERIOD, STRIPS
+from .workers import Workers
 
 TITLE = 'Video over loss, at equal bytes on the wire'
 
@@ -39,6 +41,7 @@ All ways may use the same rate, headers and redundancy included.
 The peers' H.264 has the highest bit rate that keeps to the rate on average. The screen is compared with what the camera
 sees at the same instant, whatever is shown: PSNR, at most 60 dB. It is grey at first; the first second does not count.
 An image from 30 dB on is good enough to drive by. A freeze is a time in which nothing new is shown.
+Encoding and decoding times are CPU time of all threads; two such measurements run at once.
 """
 
 RATES, QUICK_RATES = (0.3, 1.0, 3.0, 10.0), (0.3, 1.0)
@@ -65,38 +68,75 @@ class Cell(NamedTuple):
     """One of LINKS."""
 
 
+class Measured(NamedTuple):
+    """Of a cell."""
+    rows: List[table.Row]
+    """For video.csv."""
+    strips: Dict[str, Array]
+    """{key: image to look at}"""
+    strip_rows: List[table.Row]
+    """For strips.csv: what these are."""
+
+
+class Curve(NamedTuple):
+    """What is measured at a time of the link whose loss changes."""
+    clip: str
+    way: str
+    link: str
+    """One of STEP_LINKS."""
+
+
 def run(run: Run) -> None:
     """Send each clip in each way: video.csv, steps.csv; images to look at: strips.npz and strips.csv."""
     if importlib.util.find_spec('av') is None:
         raise Skipped('PyAV is not installed')
-    found = clips(QUICK_IMAGES if run.quick else IMAGES)
     rows: List[table.Row] = []
     strips: Dict[str, Array] = {}
     strip_rows: List[table.Row] = []
-    for name in ['sway'] if run.quick else found:
-        ways = Ways(found[name], run.quick)
-        cells = [Cell(name, rate, link) for rate in (QUICK_RATES if run.quick else RATES) for link in LINKS]
-        for cell in run.steps(cells, lambda cell: '%s, %g Mbit/s, %s' % cell):
-            for way in video_results.COLOURS:
-                watched = watched_each(ways, cell, way, run)
-                rows += [row_of(cell, way, one) for one in watched]
-                if (cell.rate, cell.link) == STRIPS.get(cell.clip):
-                    strip_rows += strip(strips, cell, way, watched[0])
+    cells = [Cell(name, rate, link) for name in (['sway'] if run.quick else clips(1))
+             for rate in (QUICK_RATES if run.quick else RATES) for link in LINKS]
+    with Workers(run) as workers:
+        for measured in workers.each(functools.partial(measure, quick=run.quick, seed=run.seed), cells,
+                                     lambda cell: '%s, %g Mbit/s, %s' % cell):
+            rows += measured.rows
+            strips.update(measured.strips)
+            strip_rows += measured.strip_rows
             table.write(run.folder / 'video.csv', rows)
-    table.write(run.folder / 'strips.csv', strip_rows)
-    np.savez_compressed(str(run.folder / 'strips.npz'), **strips)
-    if not run.quick:
-        table.write(run.folder / 'steps.csv', list(steps(run)))
-    video_prediction.measure(run)
+        table.write(run.folder / 'strips.csv', strip_rows)
+        np.savez_compressed(str(run.folder / 'strips.npz'), **strips)
+        if not run.quick:
+            table.write(run.folder / 'steps.csv', list(steps(run, workers)))
+            video_prediction.measure(run, workers)
 
 
-def watched_each(ways: Ways, cell: Cell, way: str, run: Run) -> List[Watched]:
+@functools.lru_cache(maxsize=1)
+def ways_of(clip: str, images: int, quick: bool = False) -> Ways:
+    """All ways of sending a clip; those of the last one are kept."""
+    return Ways(clips(images)[clip], quick)
+
+
+def measure(cell: Cell, quick: bool, seed: int) -> Measured:
+    """All ways in a cell.
+
+    :param seed: of the run
+    """
+    ways = ways_of(cell.clip, QUICK_IMAGES if quick else IMAGES, quick)
+    measured = Measured([], {}, [])
+    for way in video_results.COLOURS:
+        watched = watched_each(ways, cell, way, quick, seed)
+        measured.rows.extend(row_of(cell, way, one) for one in watched)
+        if (cell.rate, cell.link) == STRIPS.get(cell.clip):
+            measured.strip_rows.extend(strip(measured.strips, cell, way, watched[0]))
+    return measured
+
+
+def watched_each(ways: Ways, cell: Cell, way: str, quick: bool, seed: int) -> List[Watched]:
     """One way in one cell, once for each seed."""
     conditions = LINKS[cell.link]
     clip = ways.clip[:SLOW_IMAGES] if way in (LAYERED, PREDICTED) else ways.clip
-    seeds = ['%s %s' % (run.seed, number) for number in range(SEEDS if conditions.loss and not run.quick else 1)]
-    return [watch(clip, ways.make(way, 1e6 * cell.rate, conditions, seed), constant(conditions), seed, 1e6 * cell.rate)
-            for seed in seeds]
+    seeds = ['%s %s' % (seed, number) for number in range(SEEDS if conditions.loss and not quick else 1)]
+    return [watch(clip, ways.make(way, 1e6 * cell.rate, conditions, each), constant(conditions), each, 1e6 * cell.rate)
+            for each in seeds]
 
 
 def row_of(cell: Cell, way: str, watched: Watched) -> table.Row:
@@ -123,24 +163,32 @@ def changing(now: float) -> LinkConditions:
     return LinkConditions(loss=[loss for since, loss in STEPS if since <= now][-1])
 
 
-def steps(run: Run) -> Iterator[table.Row]:
-    """PSNR over time on that link, beside links whose loss is that of each step all the time; means over seeds."""
-    links: Dict[str, Conditions] = {'steps': changing}
-    links.update({'%g %%' % (100 * loss): constant(LinkConditions(loss=loss)) for _, loss in STEPS})
-    found = clips(int(RATE * (2 * STEP_TIMES[1] - STEP_TIMES[0])))
-    for name in [name for name in STEPS_CLIPS if name in found]:
-        ways = Ways(found[name])
-        for way, link in run.steps([(way, link) for way in video_results.STEP_WAYS for link in links], ', '.join):
-            for number, value in enumerate(curve(ways, way, links[link], run.seed)):
-                yield {'clip': name, 'way': way, 'link': link, 'time [s]': number / RATE,
-                       'PSNR [dB]': round(value, 3)}
+STEP_LINKS: Dict[str, Conditions] = {
+    'steps': changing, **{'%g %%' % (100 * loss): constant(LinkConditions(loss=loss)) for _, loss in STEPS}}
+"""That link, and links whose loss is that of each step all the time."""
 
 
-def curve(ways: Ways, way: str, conditions: Conditions, seed: int) -> List[float]:
-    """PSNR of each image, mean over STEPS_SEEDS runs [dB]."""
+def steps(run: Run, workers: Workers) -> Iterator[table.Row]:
+    """PSNR over time on each of STEP_LINKS; means over seeds."""
+    found = clips(1)
+    curves = [Curve(name, way, link) for name in STEPS_CLIPS if name in found
+              for way in video_results.STEP_WAYS for link in STEP_LINKS]
+    measured = workers.each(functools.partial(over_time, seed=run.seed), curves, ', '.join)
+    for curve, values in zip(curves, measured):
+        for number, value in enumerate(values):
+            yield {**curve._asdict(), 'time [s]': number / RATE, 'PSNR [dB]': round(value, 3)}
+
+
+def over_time(curve: Curve, seed: int) -> List[float]:
+    """PSNR of each image, mean over STEPS_SEEDS runs [dB].
+
+    :param seed: of the run
+    """
+    ways = ways_of(curve.clip, int(RATE * (2 * STEP_TIMES[1] - STEP_TIMES[0])))
     rate = 1e6 * STEPS_RATE
     seeds = ['steps %d %d' % (seed, number) for number in range(STEPS_SEEDS)]
-    runs = [watch(ways.clip, ways.make(way, rate, LinkConditions(), each), conditions, each, rate) for each in seeds]
+    runs = [watch(ways.clip, ways.make(curve.way, rate, LinkConditions(), each), STEP_LINKS[curve.link], each, rate)
+            for each in seeds]
     means: List[float] = np.mean([watched.psnr for watched in runs], axis=0).tolist()
     return means
 

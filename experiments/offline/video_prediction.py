@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Layered images with and without prediction, at equal bytes: a part of the experiment `video`."""
+import functools
 import pathlib
 from typing import Iterator, List, NamedTuple, Optional, Tuple
 
@@ -12,6 +13,7 @@ from smokebot_udp.link_lab.channel import LinkConditions
 
 from .. import table
 from ..runner import Run, Table
+from .workers import Workers
 
 FILE = 'prediction.csv'
 IMAGES = 70
@@ -36,20 +38,23 @@ EXACT_WITHIN = 5.0
 """The standing image must be exact from then on [s]."""
 
 
-def measure(run: Run) -> None:
+def measure(run: Run, workers: Workers) -> None:
     """Send the clips whose recordings are there: prediction.csv, if any is."""
-    if run.quick:
-        return
-    found = small_clips(IMAGES)
-    rows = [row for case in run.steps([case for case in CASES if case.clip in found], lambda case: case.clip)
-            for row in compared(case, found[case.clip], run.seed)]
+    found = small_clips(1)
+    cases = [case for case in CASES if case.clip in found]
+    measured = workers.each(functools.partial(compared, seed=run.seed), cases, lambda case: case.clip)
+    rows = [row for of_case in measured for row in of_case]
     if rows:
         table.write(run.folder / FILE, rows)
 
 
-def compared(case: Case, clip: Clip, seed: int) -> List[table.Row]:
-    """A case with and without prediction."""
+def compared(case: Case, seed: int) -> List[table.Row]:
+    """A case with and without prediction.
+
+    :param seed: of the run
+    """
     conditions, rate, rows = LinkConditions(loss=case.loss), 8e3 * case.size * RATE, []
+    clip = small_clips(IMAGES)[case.clip]
     for way in (PREDICTED, LAYERED):
         watched = watch(clip, Ways(clip).make(way, rate, conditions, seed), constant(conditions), seed, rate)
         rows.append({'clip': case.clip, 'kB': case.size, 'loss': case.loss, 'way': way,

@@ -4,11 +4,12 @@ from typing import Any, List, Optional
 
 import numpy as np
 import pytest
-from video_scene import image, psnr, requests, video
+from video_scene import ROOM, image, psnr, requests, video
 
 from smokebot_udp.codecs.video import nal
 from smokebot_udp.codecs.video.decoder import Decoder, Picture
 from smokebot_udp.codecs.video.decoder_request import Request
+from smokebot_udp.codecs.video.encoder import VideoEncoder
 
 HEIGHT, WIDTH = 96, 176
 STREAM = requests(video(60, HEIGHT, WIDTH), HEIGHT, WIDTH)
@@ -52,6 +53,42 @@ def test_a_lost_slice_is_taken_from_the_image_before_at_the_same_place() -> None
     from_before, as_sent = ((shown == other)[:, 32:].all(axis=1) for other in (before, whole))
     assert from_before[:8].all() and as_sent[-8:].all()
     assert not from_before.all() and not as_sent.all()
+
+
+def bottom_of_another_view(refresh: int, top: int) -> List[Any]:
+    """What is shown of an image, and of the next one where only its bottom arrives, which is not predicted.
+
+    :param top: from this line on it is a ramp: that is best predicted from its own image
+    """
+    height, width = 240, 320
+    after = image(1, height, width)
+    after[top:] = np.linspace(20, 230, width)
+    encoder = VideoEncoder(height, width, 'mono8', 8000, ROOM, refresh)
+    first, second = requests([encoder.encode(pixels, 8000) for pixels in (image(0, height, width), after)],
+                             height, width)
+    decoder = Decoder()
+    return [luma(decoder.decode(asked), height, width)
+            for asked in (first, second._replace(slices=second.slices[-1:]))]
+
+
+def test_so_it_is_where_most_of_what_arrived_is_not_predicted() -> None:
+    # libavcodec then thinks of another scene, and smears the border of what arrived over all that is missing
+    before, shown = bottom_of_another_view(10, 128)
+    assert np.array_equal(shown[:64], before[:64])
+
+
+def test_that_is_right_where_no_image_is_predicted() -> None:
+    before, shown = bottom_of_another_view(1, 128)
+    assert not np.array_equal(shown[:64], before[:64])
+
+
+def test_a_lost_beginning_of_predicted_images_keeps_the_one_before() -> None:
+    encoders = [VideoEncoder(HEIGHT, WIDTH, 'mono8', 6000, ROOM, refresh) for refresh in (1, 10)]
+    each, predicted = (requests([encoder.encode(image(number, HEIGHT, WIDTH), 6000) for number in range(20)],
+                                HEIGHT, WIDTH) for encoder in encoders)
+    shown = decode([*each[:2], *predicted[1:]])
+    assert psnr(shown[2], shown[1]) > 20
+    assert psnr(shown[-1], image(19, HEIGHT, WIDTH)) > 38
 
 
 @pytest.mark.parametrize('number', range(12, 30))

@@ -125,6 +125,20 @@ def test_slices_are_decoded_and_their_code_restores_them(pyav: Any) -> None:
     assert ways[0].receive(np.zeros(counts[0], bool)) is None
 
 
+@pytest.mark.parametrize('refresh', (10, 1))
+def test_what_is_missing_is_the_image_before_where_images_are_predicted(pyav: Any, refresh: int) -> None:
+    clip = [image.repeat(4, 0).repeat(4, 1) for image in moving(2)]
+    clip[1] = clip[1].copy()
+    clip[1][128:] = np.linspace(20, 230, 384)       # a ramp is best predicted from its own image
+    coding = video_peers.sliced(refresh)
+    way = video_peers.Video(video_peers.encode(clip, coding, 2e6), coding, clip[0].shape)
+    before = way.receive(np.ones(len(way.send(clip[0], 0, UNKNOWN)), bool))
+    count = len(way.send(clip[1], 1, UNKNOWN))
+    after = way.receive(np.arange(count) == count - 1)
+    assert before is not None and after is not None
+    assert np.array_equal(before[:64], after[:64]) == (refresh > 1)
+
+
 def test_what_is_lost_with_any_packet(pyav: Any) -> None:
     clip = moving(2, (256, 384))
     coding = video_peers.NIMBRO_NETWORK

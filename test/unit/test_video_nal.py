@@ -12,9 +12,12 @@ GREY = bytes.fromhex('0000000167640016f2d01787b42000000300200000030291e2c5d4' '0
 COLOUR = bytes.fromhex('0000000167640016acb405e1ed08000003000800000300a478b175' '0000000168ef3eb0')
 """Parameter sets of libx264, 752 x 480: high profile, CABAC, weighted prediction, one reference."""
 
+INTRA = bytes.fromhex('0000000167641033f2e05e1ed080000003008000000a42' '0000000168ee3eb0')
+"""Likewise, grey, with intra images only."""
+
 GREY_SETS = ParameterSets(height=480, width=752, macroblocks=1410, is_grey=True, frame_num_bits=4, picture_id=0,
                           arithmetic=True, references=1, weighted=True, qp=26, deblocking_control=True,
-                          redundant=False)
+                          redundant=False, predicted=True)
 
 
 def sequence_of(profile: int = 66, poc_type: int = 2, columns: int = 2, rows: int = 2, progressive: bool = True,
@@ -105,13 +108,14 @@ def test_exp_golomb_codes_that_are_not(payload, message) -> None:
 def test_parameter_sets_of_libx264() -> None:
     assert parameter_sets.parse(GREY) == GREY_SETS
     assert parameter_sets.parse(COLOUR) == GREY_SETS._replace(is_grey=False)
+    assert parameter_sets.parse(INTRA) == GREY_SETS._replace(weighted=False, predicted=False)
 
 
 def test_parameter_sets_of_the_baseline_profile() -> None:
     stream = nal.byte_stream([picture_of(references=2), sequence_of(right=3)])
     assert parameter_sets.parse(stream) == ParameterSets(
         height=32, width=26, macroblocks=4, is_grey=False, frame_num_bits=4, picture_id=0, arithmetic=False,
-        references=2, weighted=False, qp=26, deblocking_control=False, redundant=False)
+        references=2, weighted=False, qp=26, deblocking_control=False, redundant=False, predicted=True)
 
 
 @pytest.mark.parametrize('units, message', [

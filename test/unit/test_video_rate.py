@@ -130,6 +130,19 @@ def test_a_short_refresh_cycle_where_losses_remain() -> None:
     assert plan(3750, SIZES, Scene(5.0, 100.0, LONG), lossy).refresh == SHORT
 
 
+def test_what_another_refresh_cycle_gains() -> None:
+    mild, lossy = Link({0.0: 1.0}), Link({0.3: 1.0}, 8.0)
+    scene = Scene(5.0, 100.0, LONG)
+    assert plan(3750, SIZES, scene, mild).gain < 0 < plan(3750, SIZES, scene, lossy).gain
+
+
+def test_another_refresh_cycle_must_prove_itself_only_in_bursts_where_images_are_predicted() -> None:
+    scene, bursts = Scene(5.0, 100.0, LONG), Link({0.3: 1.0}, 8.0)
+    assert not plan(3750, SIZES, scene._replace(intra_cost=1.2), bursts).at_once
+    assert plan(3750, SIZES, scene._replace(intra_cost=0.9), bursts).at_once
+    assert plan(3750, SIZES, scene, Link({0.3: 1.0})).at_once
+
+
 def test_nothing_is_predicted_where_each_image_shows_another_view() -> None:
     clean, lossy = Link({0.0: 1.0}), Link({0.2: 1.0})
     for link in (clean, lossy):

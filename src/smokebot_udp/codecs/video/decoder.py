@@ -2,9 +2,11 @@
 """Decodes H.264 of which slices and whole images are missing, by libavcodec. It parses bytes from the air: nodes run it
 in a process of its own (decoder_process.py).
 
-What is missing of an image is taken from the one before, at the same place (`ec=deblock`): libavcodec's default guesses
-motion, which costs up to 6 dB. Images that are wholly lost show in a gap of frame_num: in their place it decodes slices
-of our own, see slice_header.lost_slice.
+What is missing of an image is taken from the one before, at the same place (`ec=deblock+favor_inter`): libavcodec's
+default guesses motion, which costs up to 6 dB, and without favor_inter it smears the border of what arrived over all
+that is missing, where most of what arrived is coded without prediction. That is better only where no image is
+predicted: there the one before shows another view. Images that are wholly lost show in a gap of frame_num: in their
+place it decodes slices of our own, see slice_header.lost_slice.
 """
 from typing import Any, List, NamedTuple, Optional, Sequence, Tuple
 
@@ -16,10 +18,13 @@ from .decoder_request import Request
 from .parameter_sets import ParameterSets, parse
 
 OPTIONS = {
-    'ec': 'deblock', 'err_detect': 'ignore_err',
+    'err_detect': 'ignore_err',
     'flags': '+low_delay+output_corrupt', 'flags2': '+showall',     # an image for each access unit, at once
 }
 """Of libavcodec."""
+
+CONCEALMENT = {True: 'deblock+favor_inter', False: 'deblock'}
+"""{whether images are predicted: its option `ec`}"""
 
 GREY, COLOUR = 'gray', 'yuv420p'
 """Formats of its images: grey ones may have both, as libavcodec is built with support of 4:0:0 or without."""
@@ -59,6 +64,7 @@ class Decoder:
         av.logging.set_level(av.logging.PANIC)      # faults of what comes from the air are no news
         self._context: Any = None
         self._stream: Any = None    # session, height and width that the context is for
+        self._predicted = True      # whether the context is for images that are predicted
         self._time = 0              # stamp of the image decoded last
         self._parameter_sets = b''
         self._parsed: Optional[ParameterSets] = None
@@ -97,8 +103,8 @@ class Decoder:
     def _decoded(self, request: Request) -> Optional[Picture]:
         stream = request.session, request.height, request.width, request.colour
         if stream != self._stream:
-            self._begin(request)
-            self._stream = stream
+            self._context, self._stream = None, stream
+            self._parameter_sets, self._parsed, self._frame_num = b'', None, None
         self._learn(request)
         if self._parsed is None:
             return None
@@ -106,17 +112,20 @@ class Decoder:
         first = next(filter(None, headers), None)
         if first is None:
             return None
+        # an image that is predicted needs those before it
+        if self._context is None or first.is_idr and self._parsed.predicted != self._predicted:
+            self._open(request, self._parsed)
         self._fill_gap(first, self._parsed)
         self._time += 1
         slices = [unit for unit, header in zip(request.slices, headers) if header is not None]
         frames = self._feed(self._parameter_sets + nal.byte_stream(slices), self._time)
         return self._picture(frames[-1], request) if frames else None
 
-    def _begin(self, request: Request) -> None:
-        self._context = av.CodecContext.create('h264', 'r')
+    def _open(self, request: Request, sets: ParameterSets) -> None:
+        self._context, self._predicted = av.CodecContext.create('h264', 'r'), sets.predicted
         self._context.thread_count = 1
-        self._context.options = {**OPTIONS, 'max_pixels': str((request.height + ALIGNED) * (request.width + ALIGNED))}
-        self._parameter_sets, self._parsed, self._frame_num = b'', None, None
+        self._context.options = {**OPTIONS, 'ec': CONCEALMENT[sets.predicted],
+                                 'max_pixels': str((request.height + ALIGNED) * (request.width + ALIGNED))}
 
     def _learn(self, request: Request) -> None:
         """Parse new parameter sets.

@@ -48,6 +48,8 @@ class ParameterSets(NamedTuple):
     deblocking_control: bool
     redundant: bool
     """redundant_pic_cnt_present_flag"""
+    predicted: bool
+    """Whether any image may be predicted from another one: max_num_ref_frames"""
 
 
 class _Sequence(NamedTuple):
@@ -57,6 +59,7 @@ class _Sequence(NamedTuple):
     macroblocks: int
     chroma_format: int
     frame_num_bits: int
+    predicted: bool
 
 
 def parse(stream: bytes) -> ParameterSets:
@@ -87,7 +90,7 @@ def _sequence(reader: BitReader) -> _Sequence:
     frame_num_bits = reader.unsigned(12) + 4
     if reader.unsigned(2) != DECODING_ORDER:
         raise ValueError('images are not in the order of decoding')
-    reader.unsigned(16)                     # max_num_ref_frames
+    predicted = reader.unsigned(16) > 0     # max_num_ref_frames
     reader.flag()                           # gaps_in_frame_num_value_allowed_flag
     columns, rows = reader.unsigned(MAX_SIDE - 1) + 1, reader.unsigned(MAX_SIDE - 1) + 1
     if rows * columns > MAX_MACROBLOCKS:
@@ -96,7 +99,7 @@ def _sequence(reader: BitReader) -> _Sequence:
         raise ValueError('images are interlaced')
     reader.flag()                           # direct_8x8_inference_flag
     height, width = _cropped(reader, 16 * rows, 16 * columns, chroma_format)
-    return _Sequence(number, height, width, rows * columns, chroma_format, frame_num_bits)
+    return _Sequence(number, height, width, rows * columns, chroma_format, frame_num_bits, predicted)
 
 
 def _format(reader: BitReader) -> int:
@@ -143,4 +146,5 @@ def _picture(reader: BitReader, sequence: _Sequence) -> ParameterSets:
     reader.flag()                           # constrained_intra_pred_flag
     return ParameterSets(
         sequence.height, sequence.width, sequence.macroblocks, not sequence.chroma_format, sequence.frame_num_bits,
-        number, arithmetic, references, weighted, qp, deblocking_control, reader.flag())
+        number, arithmetic, references, weighted, qp, deblocking_control, reader.flag(),
+        sequence.predicted)

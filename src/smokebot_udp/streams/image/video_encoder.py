@@ -83,32 +83,33 @@ class _Session:
         self.pictures = 0
         """Coded until now."""
         self.control = video_rate.SizeControl()
-        self.opening: Optional[video_rate.Opening] = None
-        self._age = 0       # images since the encoder was opened
+        self._openings = video_rate.Openings()
 
     def prepare(self, plan: video_rate.Plan) -> None:
-        """Open the encoder anew where that is necessary for the next image."""
-        opening = video_rate.reopening(self.opening, self._age, max(plan.size, LEAST_SIZE), plan.refresh)
-        if opening is None:
+        """Open the encoder anew where that is necessary for the next image, or another refresh cycle repays it."""
+        if not self._openings.renew(plan._replace(size=max(plan.size, LEAST_SIZE))):
             return
+        opening = self._openings.opening
+        assert opening is not None
         encoding = 'bgr8' if len(self.shape) > 2 else 'mono8'
         self._encoder = VideoEncoder(self.shape[0], self.shape[1], encoding, opening.size, self.room, opening.refresh)
-        self.opening, self._age, self.control = opening, 0, video_rate.SizeControl()
+        self.control = video_rate.SizeControl()
 
     @property
     def refresh(self) -> int:
         """Images of a refresh cycle."""
-        return self.opening.refresh if self.opening else video_rate.LONG
+        return self._openings.refresh
 
     def encode(self, source: Layerable, size: int, intra: bool) -> EncodedImage:
-        """Code the next image.
+        """Code the next image, once it is prepared for.
 
         :param size: that it is to have on average [byte]
         """
-        assert self.opening is not None
+        opening = self._openings.opening
+        assert opening is not None
         # libx264 follows later only where it began with the size that it was opened for
-        asked = min(max(self.control.asked(size), LEAST_SIZE), self.opening.size) if self._age else self.opening.size
-        self.pictures, self._age = self.pictures + 1, self._age + 1
+        asked = min(max(self.control.asked(size), LEAST_SIZE), opening.size) if self._openings.age else opening.size
+        self.pictures += 1
         return self._encoder.encode(source.pixels, asked, intra)
 
 
