@@ -226,7 +226,7 @@ class OperatorStream:
 
     def _receive(self, part: str, records: Records, mask: BoolArray) -> None:
         """Take a batch of segments, in the transport's thread."""
-        with self._worker.changing():
+        with self._worker.adding():
             self.assembler.receive(records, mask, time.monotonic(), part)
         if part in self.assembler.HELD:
             self._report_held()

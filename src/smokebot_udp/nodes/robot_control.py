@@ -147,7 +147,7 @@ class RobotControl:
     @contextlib.contextmanager
     def _changing(self) -> Iterator[None]:
         """Hold the lock to change who drives; listeners are called at the end, without it."""
-        with self._worker.changing():
+        with self._worker.adding():
             yield
             changed = self._follow()
         if changed:
