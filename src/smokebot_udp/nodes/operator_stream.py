@@ -237,11 +237,11 @@ class OperatorStream:
         self._link.received(self.name, self._holding, self.assembler.REPORT_INTERVAL)
 
     def _holding(self) -> Optional[Holding]:
-        with self._worker.changing():
+        with self._worker.lock:
             return self.assembler.holding()
 
     def _ages(self) -> Optional[Any]:
-        with self._worker.changing():
+        with self._worker.lock:
             ages = self.assembler.ages(time.monotonic())
         return None if ages is None else self._prefixed(ages)
 

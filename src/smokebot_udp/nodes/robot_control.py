@@ -139,7 +139,7 @@ class RobotControl:
     def status(self, now: float) -> Status:
         """For diagnostics."""
         standing = self._standing
-        with self._worker.changing():
+        with self._worker.lock:
             dropped = dict(self._server.dropped)
         return robot_control_status(standing.driver, standing.estop_by if standing.estop else None,
                                     standing.operators, dropped)

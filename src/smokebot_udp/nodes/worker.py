@@ -4,7 +4,7 @@ import contextlib
 import math
 import threading
 import time
-from typing import Callable, Generic, Iterator, Optional, TypeVar
+from typing import Any, Callable, ContextManager, Generic, Iterator, Optional, TypeVar
 
 Item = TypeVar('Item')
 
@@ -29,6 +29,11 @@ class DeadlineWorker(Generic[Item]):
 
     def start(self) -> None:
         self._thread.start()
+
+    @property
+    def lock(self) -> ContextManager[Any]:
+        """To be held to read what others change."""
+        return self._changed
 
     @contextlib.contextmanager
     def changing(self) -> Iterator[None]:
