@@ -94,7 +94,8 @@ def fan(xyz: Array, plane: Plane, tolerance: float = 0.1, slope: float = 0.0, ra
     column = np.floor((np.arctan2(y, x) - ANGLE_MIN) / INCREMENT + (0.5 + SNAP)).astype(np.int16) % COLUMNS
     seen = np.bincount(column, minlength=COLUMNS) > 0
     chosen = np.flatnonzero((height > tolerance + np.float32(slope) * distance) & (distance <= range_max))
-    chosen = chosen[np.argsort(_key(column[chosen], distance[chosen]))]
+    # stable: faster where a scanner's points come column by column
+    chosen = chosen[np.argsort(_key(column[chosen], distance[chosen]), kind='stable')]
     return Fan(column[chosen], distance[chosen], height[chosen], range_min, seen)
 
 
