@@ -66,6 +66,20 @@ def test_an_earlier_deadline_wakes_it(source: Source) -> None:
     assert source.done.get(timeout=WAIT)[0] == 'now' and source.errors.empty()
 
 
+def test_what_is_added_wakes_it_only_for_an_earlier_deadline(source: Source) -> None:
+    due = time.monotonic() + 0.3
+    source.add(due, 'first')
+    wait_for(lambda: source.deadlines[-1] == due)
+    with source.worker.adding():
+        source.items.append((math.inf, 'never'))
+    assert source.done.get(timeout=WAIT)[0] == 'first'
+    wait_for(lambda: source.deadlines[-1] == math.inf)
+    assert source.deadlines.count(due) == 2     # before it waited, and as the second was added
+    with source.worker.adding():
+        source.items.insert(0, (0.0, 'now'))
+    assert source.done.get(timeout=WAIT)[0] == 'now' and source.errors.empty()
+
+
 def test_after_an_error_it_goes_on(source: Source) -> None:
     source.add(0.0, ValueError('broken'))
     source.add(0.0, 'good')

@@ -39,7 +39,9 @@ def test_continued_by_hand() -> None:
        23  .  .  .  24  .  .  .
     """
     subimages = np.array([[[1, 2], [3, 4]], [[11, 12], [13, 14]], [[21, 22], [23, 24]]])
-    first, second, third = continued(subimages, 1, border_of(np.array([[1, 1], [2, 2], [3, 0]]), 4))
+    first, second, third = continued(subimages, 1, border_of(np.array([[1, 1], [2, 2], [3, 0]]), 4), np.arange(3))
+    alone, = continued(subimages, 1, border_of(np.array([[1, 1], [2, 2], [3, 0]]), 4), np.array([2]))
+    assert (alone == third).all()
     # above and to the left of the second row is the first pixel, to the right the second
     assert first.tolist() == [[1, 1, 2, 2], [1, 1, 2, 12], [3, 3, 4, 14], [23, 23, 24, 14]]
     # nearest to where its column meets the top is the first; left of its row the third; else itself
@@ -73,7 +75,7 @@ def test_the_ring_has_pixels_from_near_the_border_only() -> None:
     at = np.moveaxis(np.indices((rows * p, columns * p)), 0, -1)
     place = np.random.RandomState(0).permutation(np.argwhere(np.ones((p, p))))[:20]
     subimages = np.array([at[row::p, column::p] for row, column in place])
-    ringed = continued(subimages, 2, border_of(place, p))
+    ringed = continued(subimages, 2, border_of(place, p), np.arange(20))
     height, width = rows * p, columns * p
     assert ringed.shape == (20, rows + 4, columns + 4, 2)
     assert ringed[:, :2, ..., 0].max() < 4 and ringed[:, -2:, ..., 0].min() >= height - 4

@@ -5,7 +5,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from smokebot_udp.udpros.sequence import JUMP, WINDOW, SequenceTracker
+from smokebot_udp.udpros.sequence import JUMP, MAX_GAP, WINDOW, SequenceTracker
 
 WRAP = 1 << 32
 
@@ -100,7 +100,7 @@ def test_the_next_number_alone() -> None:
         fresh = bool(batch.add([number])[0])
         assert (tracker.add_next(number) or bool(tracker.add([number])[0])) == fresh
         duplicates += not fresh
-    assert not tracker.add_next(14)
+    assert not tracker.add_next(12) and not tracker.add_next(14 + MAX_GAP)
     assert (tracker.received, tracker.lost, duplicates) == (batch.received, batch.lost, duplicates) == (6, 0, 1)
     assert tracker.add_next(13) and not tracker.add([13])[0]
     near_the_end = tracker_after([WRAP - 1])
@@ -116,6 +116,15 @@ def arrivals(draw) -> Any:
     numbers = [begin + 100 + int(at) + shift for at, (_, shift) in zip(steps, offsets)]
     cuts = sorted(draw(st.lists(st.integers(0, len(numbers)), max_size=8)))
     return [numbers[a:b] for a, b in zip([0] + cuts, cuts + [len(numbers)])]
+
+
+@given(arrivals())
+def test_one_by_one_as_in_batches(batches) -> None:
+    tracker, batch = SequenceTracker(), SequenceTracker()
+    for number in sum(batches, []):
+        number %= WRAP
+        assert (tracker.add_next(number) or bool(tracker.add([number])[0])) == bool(batch.add([number])[0])
+        assert (tracker.received, tracker.lost) == (batch.received, batch.lost)
 
 
 @given(arrivals())

@@ -33,7 +33,7 @@ class HeldReporter:
         :param holding: f(), called in a thread of its own, soon; None: there is nothing to report
         :param interval: between reports of the stream, at least [s]
         """
-        with self._worker.changing():
+        with self._worker.adding():
             self._streams[name] = holding
             self._schedule.received(name, time.monotonic(), interval)
 

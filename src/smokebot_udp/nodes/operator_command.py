@@ -83,7 +83,7 @@ class OperatorCommand:
     def stats(self) -> StreamStats:
         """What the stream does and did, for diagnostics."""
         found = [] if self._publisher is None else self._publisher.connections()
-        with self._worker.changing():
+        with self._worker.lock:
             dropped = dict(self._dropped)
         return StreamStats(self._received, self._sent, steady=False, dropped=dropped,
                            connections=[ConnectionStats(**one) for one in found], to_robot=True, problem=self._problem)
@@ -99,7 +99,7 @@ class OperatorCommand:
     def _lock(self, now: float) -> Optional[str]:
         """Why no command would leave now, see OperatorControl.add_lock."""
         known, refusal, age = self._way.control.robot_time(now), self._way.control.refusal(now), self._view_age(now)
-        with self._worker.changing():
+        with self._worker.adding():
             return self._follow(self._interlock.look(age, self._sender.accepts(known), refusal))
 
     def _follow(self, reason: Optional[str]) -> Optional[str]:

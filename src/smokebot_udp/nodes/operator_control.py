@@ -102,7 +102,7 @@ class OperatorControl:
     def situation(self) -> Tuple[bool, str, bool]:
         """Whether the emergency stop is engaged, who drives (empty: nobody), and whether that is this operator, as far
         as it is known."""
-        with self._worker.changing():
+        with self._worker.lock:
             status = self._client.status
             return (self._client.estop, status.driver if status else '',
                     status is not None and status.driver_session == self.session)
@@ -112,7 +112,7 @@ class OperatorControl:
 
         :param now: by time.monotonic() [s]
         """
-        with self._worker.changing():
+        with self._worker.lock:
             return self._clock.robot_time(now)
 
     def refusal(self, now: float) -> str:
@@ -120,7 +120,7 @@ class OperatorControl:
 
         To be called for each command, by the time at which it came, and ten times a second besides.
         """
-        with self._worker.changing():
+        with self._worker.lock:
             return self._stall.look(now) or self._client.refusal(now)
 
     def add_lock(self, name: str, lock: Lock) -> None:
@@ -215,7 +215,7 @@ class OperatorControl:
         return request
 
     def _outcome(self, request: int) -> Optional[str]:
-        with self._worker.changing():
+        with self._worker.lock:
             return self._client.outcome(request)
 
     # -- the state in words ---------------------------------------------------------------------------
@@ -231,7 +231,7 @@ class OperatorControl:
 
     def _notice_text(self, now: float) -> str:
         """What the views show; empty: nothing, commands leave, or there are none."""
-        with self._worker.changing():
+        with self._worker.lock:
             estop, driving, status = self._client.estop, self._client.in_control(now), self._client.status
             heard = self._client.heard(now)
         reasons = {name: lock(now) for name, lock in self._locks.items()}

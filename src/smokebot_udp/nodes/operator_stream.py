@@ -226,7 +226,7 @@ class OperatorStream:
 
     def _receive(self, part: str, records: Records, mask: BoolArray) -> None:
         """Take a batch of segments, in the transport's thread."""
-        with self._worker.changing():
+        with self._worker.adding():
             self.assembler.receive(records, mask, time.monotonic(), part)
         if part in self.assembler.HELD:
             self._report_held()
@@ -237,11 +237,11 @@ class OperatorStream:
         self._link.received(self.name, self._holding, self.assembler.REPORT_INTERVAL)
 
     def _holding(self) -> Optional[Holding]:
-        with self._worker.changing():
+        with self._worker.lock:
             return self.assembler.holding()
 
     def _ages(self) -> Optional[Any]:
-        with self._worker.changing():
+        with self._worker.lock:
             ages = self.assembler.ages(time.monotonic())
         return None if ages is None else self._prefixed(ages)
 

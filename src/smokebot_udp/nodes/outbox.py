@@ -140,7 +140,8 @@ class Outbox:
         """Call change(scheduler)."""
         with self._changed:
             change(self._scheduler)
-            self._changed.notify()
+            if self._scheduler.wait(time.monotonic()) < math.inf:
+                self._changed.notify()
 
     def _run(self) -> None:
         while True:

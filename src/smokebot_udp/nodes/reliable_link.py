@@ -219,7 +219,7 @@ class ReliableLink(rospy.SubscribeListener):
 
     def peers(self) -> Tuple[str, ...]:
         """The names of the nodes of the other side with which messages are exchanged now."""
-        with self._worker.changing():
+        with self._worker.lock:
             return self._peers.agreed
 
     @property
@@ -235,7 +235,7 @@ class ReliableLink(rospy.SubscribeListener):
 
     def stats(self) -> Counter[str]:
         """{reason: segments that were dropped} until now."""
-        with self._worker.changing():
+        with self._worker.lock:
             return self._peers.counts()
 
     def connections(self, sending: bool) -> List[ConnectionStats]:
@@ -256,7 +256,7 @@ class ReliableLink(rospy.SubscribeListener):
 
         :param peer: that they are for; None: all
         """
-        with self._worker.changing():
+        with self._worker.lock:
             return self._peers.waiting(channel.definition.number, peer)
 
     def remove(self, channel: Channel) -> None:

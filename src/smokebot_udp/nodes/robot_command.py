@@ -130,7 +130,7 @@ class RobotCommand:
         """Take a copy of a command; the transport's thread."""
         operator = message._connection_header['callerid']
         refusal = self._way.control.command(operator, message.session, self._wire_topic, message.header.seq)
-        with self._worker.changing():
+        with self._worker.adding():
             self._received += 1
             if not self.settings.current['enabled']:
                 refusal = 'off'

@@ -139,7 +139,7 @@ class RobotControl:
     def status(self, now: float) -> Status:
         """For diagnostics."""
         standing = self._standing
-        with self._worker.changing():
+        with self._worker.lock:
             dropped = dict(self._server.dropped)
         return robot_control_status(standing.driver, standing.estop_by if standing.estop else None,
                                     standing.operators, dropped)
@@ -147,7 +147,7 @@ class RobotControl:
     @contextlib.contextmanager
     def _changing(self) -> Iterator[None]:
         """Hold the lock to change who drives; listeners are called at the end, without it."""
-        with self._worker.changing():
+        with self._worker.adding():
             yield
             changed = self._follow()
         if changed:

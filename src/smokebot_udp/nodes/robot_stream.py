@@ -242,7 +242,7 @@ class RobotStream(rospy.SubscribeListener):
 
     def _put(self, message: Any) -> None:
         """:raises ValueError: saying what is wrong with the message"""
-        with self._worker.changing():
+        with self._worker.adding():
             merged = self.encoder.merge(self._schedule.waiting, message)
             if merged is None:
                 return
@@ -323,7 +323,7 @@ class RobotStream(rospy.SubscribeListener):
             return
         if not (encoder.WHOLE or encoder.PROTECTED or encoder.DERIVED):     # the rest has left while this was encoded
             self.link.outbox.await_rest(self.name, False, encoder.backlog or MAX_BACKLOG)
-        with self._worker.changing():
+        with self._worker.adding():
             self._schedule.sent(time.monotonic())
         if self.wanted:
             self._send_at_once(beside)

@@ -4,7 +4,7 @@ import contextlib
 import math
 import threading
 import time
-from typing import Callable, Generic, Iterator, Optional, TypeVar
+from typing import Any, Callable, ContextManager, Generic, Iterator, Optional, TypeVar
 
 Item = TypeVar('Item')
 
@@ -24,10 +24,16 @@ class DeadlineWorker(Generic[Item]):
         self._poll, self._deadline, self._work, self._on_error = poll, deadline, work, on_error
         self._changed = threading.Condition()
         self._closed = False
+        self._awaited = -math.inf       # until when the thread waits; -inf: it does not
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
 
     def start(self) -> None:
         self._thread.start()
+
+    @property
+    def lock(self) -> ContextManager[Any]:
+        """To be held to read what others change."""
+        return self._changed
 
     @contextlib.contextmanager
     def changing(self) -> Iterator[None]:
@@ -35,6 +41,17 @@ class DeadlineWorker(Generic[Item]):
         with self._changed:
             yield
             self._changed.notify()
+
+    @contextlib.contextmanager
+    def adding(self) -> Iterator[None]:
+        """As `changing`, but the thread wakes only if `deadline` has come earlier: for what happens often. `poll` has
+        nothing to do before the deadline then."""
+        with self._changed:
+            yield
+            deadline = self._deadline()
+            if deadline is not None and deadline < self._awaited:
+                self._awaited = -math.inf
+                self._changed.notify()
 
     def close(self) -> None:
         """End the thread, after the item that it works on; without effect where it was not started."""
@@ -61,8 +78,10 @@ class DeadlineWorker(Generic[Item]):
                 if item is not None:
                     return item
                 deadline = self._deadline()
+                self._awaited = math.inf if deadline is None else deadline
                 self._changed.wait(
-                    None if deadline is None or deadline == math.inf else max(0.0, deadline - time.monotonic()))
+                    None if self._awaited == math.inf else max(0.0, self._awaited - time.monotonic()))
+                self._awaited = -math.inf
             return None
 
 

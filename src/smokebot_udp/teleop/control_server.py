@@ -127,17 +127,21 @@ class ControlServer:
     def poll(self, now: float) -> Optional[Status]:
         """Let leases end; returns the status if it is to be sent now."""
         self.control.poll(now)
-        driver = self.control.driver
-        news = driver and (driver.name, driver.session), self.estop.engaged, self.estop.by, self._present()
-        self._prompted = self._prompted or news != self._told
         if now < self._due():
             return None
-        self._sent, self._prompted, self._told = now, False, news
+        driver = self.control.driver
+        self._sent, self._prompted, self._told = now, False, self._news()
         return Status(self.session, now, driver.name if driver else '', driver.session if driver else 0,
                       self.estop.engaged, self.estop.by, tuple(self.operators(now)))
 
     def _due(self) -> float:
-        return self._sent + (MIN_INTERVAL if self._prompted else PERIOD)
+        prompted = self._prompted or self._news() != self._told
+        return self._sent + (MIN_INTERVAL if prompted else PERIOD)
+
+    def _news(self) -> Any:
+        """What operators are told at once where it changes."""
+        driver = self.control.driver
+        return driver and (driver.name, driver.session), self.estop.engaged, self.estop.by, self._present()
 
     def _heard(self, name: str, session: int, topic: str, seq: int, now: float) -> Optional[_Peer]:
         """The operator that a datagram came from; None: none, which is counted."""

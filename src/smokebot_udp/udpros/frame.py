@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Messages of one type and size as datagrams that are ready to be sent, one row each."""
-import copy
 from typing import Any, Iterator, Mapping, Optional, Sequence
 
 import numpy as np
@@ -51,7 +50,8 @@ class Frame:
 
     def part(self, start: int, stop: int) -> 'Frame':
         """The messages [start, stop) as a Frame on the same memory."""
-        part = copy.copy(self)
+        part = Frame.__new__(Frame)     # copy.copy takes several times as long
+        part.message_class = self.message_class
         part.rows, part.records, part.header = self.rows[start:stop], self.records[start:stop], self.header[start:stop]
         return part
 

@@ -60,9 +60,12 @@ class LossyReceiver(DatagramReceiver):
     def receive(self) -> int:
         """As DatagramReceiver; the datagrams not lost are in the first rows."""
         count = super().receive()
+        if not count:
+            return 0
         self._kept = kept = np.flatnonzero(self._random.random_sample(count) >= self._loss)
-        for array in (self.datagrams, self.lengths, self.sources):
-            array[:len(kept)] = array[kept]
+        if len(kept) < count:
+            for array in (self.datagrams, self.lengths, self.sources):
+                array[:len(kept)] = array[kept]
         return len(kept)
 
     def arrival(self, row: int) -> float:

@@ -17,6 +17,9 @@ JUMP = 1 << 20
 """A number further ahead than this, or WINDOW behind, is a stray: it is neither counted nor held back. Two consecutive
 strays (as in RFC 3550, A.1) mean that the publisher restarted its numbering."""
 
+MAX_GAP = 32
+"""Up to this many lost messages one number is noted without numpy."""
+
 _STEPS = np.arange(1, WINDOW, dtype=np.int32)
 
 
@@ -55,12 +58,17 @@ class SequenceTracker:
         return self._add_stray(int(seqs[0]))
 
     def add_next(self, seq: int) -> bool:
-        """Note one number if it follows the highest, as `add` would; returns whether it does."""
-        if not self._begun or seq != (self._highest + 1) & 0xffffffff:
+        """Note one number if it follows the highest, with up to MAX_GAP missing between them, as `add` would; returns
+        whether it does."""
+        gap = (seq - self._highest - 1) & 0xffffffff
+        if not self._begun or gap > MAX_GAP:
             return False
+        for missing in range(self._highest + 1, self._highest + 1 + gap):
+            self._seen[missing % WINDOW] = False
         self._seen[seq % WINDOW] = True
-        self._raise_highest(1)
+        self._raise_highest(gap + 1)
         self.received += 1
+        self.lost += gap
         return True
 
     def _begin(self, first: int) -> None:
@@ -84,7 +92,9 @@ class SequenceTracker:
         self._raise_highest(above)
         self._span += below
         place = seqs % WINDOW
-        fresh: BoolArray = ~self._seen[place] & _first_of_each(place)
+        fresh: BoolArray = ~self._seen[place]
+        if (seqs[1:] - seqs[:-1]).view(np.int32).min(initial=1) <= 0:   # not ascending: there may be duplicates
+            fresh &= _first_of_each(place)
         self._seen[place] = True
         count = int(np.count_nonzero(fresh))
         self.received += count

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The subscriber's side of one connection: its socket, whom it trusts, and its thread."""
+import math
 import threading
 import time
 from typing import Any, Iterable, Optional
@@ -95,14 +96,17 @@ class Subscription:
 
     def run(self) -> None:
         """Receive and deliver until `stop`; then free the socket."""
-        flowing = False
+        end = -math.inf     # of a batch that begins before it: one that follows another closely [s]
         try:
             while not self._ended.is_set():
-                if not flowing and not self.receiver.wait(POLL_PERIOD):
+                if not self.receiver.wait(POLL_PERIOD):
                     continue
                 if self._coalesce:
-                    time.sleep(self._coalesce if flowing and not self._many else SHORT * self._coalesce)
-                flowing = self.poll() and self._coalesce > 0   # more will have arrived after the next sleep
+                    now = time.monotonic()
+                    time.sleep(end - now if now < end else SHORT * self._coalesce)
+                end = -math.inf
+                if self.poll():
+                    end = time.monotonic() + (SHORT if self._many else 1) * self._coalesce
         finally:
             self.receiver.close()
 

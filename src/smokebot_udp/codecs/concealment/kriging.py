@@ -143,8 +143,11 @@ def _plan(cut: Interleave, have_bytes: bytes, smooth: float) -> _Plan:
     key = (subimage * side + block[..., 0] + REACH) * side + block[..., 1] + REACH
     used = np.zeros(len(cut) * side * side, bool)
     used[key] = True
-    source = (np.cumsum(used, dtype=np.int32) - 1)[key]         # (missing, k)
-    subimage, block = np.divmod(np.flatnonzero(used), side * side)
+    used_keys = np.flatnonzero(used)
+    rank = np.empty(len(used), np.int32)
+    rank[used_keys] = np.arange(len(used_keys))
+    source = rank[key]                                          # (missing, k)
+    subimage, block = np.divmod(used_keys, side * side)
     offsets = nearest - place[~have][:, np.newaxis]
     weights = weigh(offsets, smooth)
     rows = np.arange(len(source) + 1, dtype=np.int32) * source.shape[1]
@@ -217,8 +220,12 @@ def _variogram(down: Float32Array, right: Float32Array, smooth: float) -> Float3
 def _sources(subimages: Array, have: BoolArray, plan: _Plan) -> Array:
     """The plan's sources: (s, numbers of a subimage) array in native byte order."""
     native = subimages[have].astype(subimages.dtype.newbyteorder('='), copy=False)
-    down, right = (plan.block + REACH).T
-    sources: Array = moved(continued(native, REACH, plan.border), REACH)[plan.rank, down, right]
+    sources: Array = native[plan.rank]
+    # most of them are not moved
+    elsewhere = np.flatnonzero(plan.block.any(axis=1))
+    chosen, row = np.unique(plan.rank[elsewhere], return_inverse=True)
+    down, right = (plan.block[elsewhere] + REACH).T
+    sources[elsewhere] = moved(continued(native, REACH, plan.border, chosen), REACH)[row, down, right]
     return sources.reshape(len(plan.rank), -1)
 
 

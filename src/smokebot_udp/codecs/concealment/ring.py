@@ -57,20 +57,21 @@ def border_of(place: IntArray, p: int) -> Border:
                   np.array([[side[0], side[-1]] for side in (top, bottom)]))
 
 
-def continued(subimages: Array, reach: int, border: Border) -> Array:
+def continued(subimages: Array, reach: int, border: Border, chosen: IntArray) -> Array:
     """Pad by continuing the image: each pixel outside is one of the received ones nearest to the image's border there.
 
     :param subimages: (n, rows, columns, ...) array, those received
     :param border: of these
-    :return: (n, rows + 2 * reach, columns + 2 * reach, ...) array
+    :param chosen: (m,) int, the numbers of those to pad
+    :return: (m, rows + 2 * reach, columns + 2 * reach, ...) array
     """
-    n, rows, columns, *more = subimages.shape
-    ringed = np.empty((n, rows + 2 * reach, columns + 2 * reach, *more), subimages.dtype)
+    _, rows, columns, *more = subimages.shape
+    ringed = np.empty((len(chosen), rows + 2 * reach, columns + 2 * reach, *more), subimages.dtype)
     inside, outside = np.s_[reach:-reach], (np.s_[:reach], np.s_[-reach:])
-    ringed[:, inside, inside] = subimages
+    ringed[:, inside, inside] = subimages[chosen]
     for k, end in enumerate((0, -1)):
-        ringed[:, outside[k], inside] = subimages[border.across[k], end][:, np.newaxis]
-        ringed[:, inside, outside[k]] = subimages[border.along[k], :, end][:, :, np.newaxis]
+        ringed[:, outside[k], inside] = subimages[border.across[k, chosen], end][:, np.newaxis]
+        ringed[:, inside, outside[k]] = subimages[border.along[k, chosen], :, end][:, :, np.newaxis]
         for j, corner in enumerate((0, -1)):
             ringed[:, outside[k], outside[j]] = subimages[border.corners[k, j], end, corner]
     return ringed

@@ -86,15 +86,15 @@ class TemporalFilter:
             self._items = items
             self._seen.fill(time)
             return FilteredImage(items, received, ratio)
-        if not use or (ratio is not None and ratio > MOVED):
-            self._seen.fill(0)
-            known = np.zeros_like(received)
-        else:
-            unchanged = _with_neighbours(changed) == 0
-            supported = unchanged & (_with_neighbours(pairs) >= MIN_PAIRS)
-            if not unchanged.all():
-                self._seen *= _pixels_of(unchanged, cell, received.shape)
-            known &= _pixels_of(supported, cell, received.shape)
+        if not use or (ratio is not None and ratio > MOVED):    # nor is any pixel of before kept
+            self._items = items
+            np.multiply(received, time, out=self._seen)
+            return FilteredImage(items, received, ratio)
+        unchanged = _with_neighbours(changed) == 0
+        supported = unchanged & (_with_neighbours(pairs) >= MIN_PAIRS)
+        if not unchanged.all():
+            self._seen *= _pixels_of(unchanged, cell, received.shape)
+        known &= _pixels_of(supported, cell, received.shape)
         shown = _select(known & ~received, self._items, items)
         self._items = _select(received, items, self._items)
         np.maximum(self._seen, received * time, out=self._seen)
@@ -106,6 +106,7 @@ class TemporalFilter:
         self._items = np.zeros((cut.height, cut.width), dtype)
         self._seen = np.zeros((cut.height, cut.width), np.float32)
         self._cells = CellComparison()
+
 
 def _cell_side(completeness: float) -> int:
     """Side of a cell in which PAIRS_EXPECTED pairs are expected [pixel]."""

@@ -146,10 +146,11 @@ class AutomaticRange:
         """(4,) float64 for this image alone; None if it has no value at all."""
         every = max(1, int(math.sqrt(pixels.size / SAMPLES)))
         sample = pixels[::every, ::every]
-        sample = sample[np.isfinite(sample) if pixels.dtype.kind == 'f' else sample > 0].astype(float)
+        sample = sample[np.isfinite(sample) if pixels.dtype.kind == 'f' else sample > 0]
         if not sample.size:
             return None
-        low, middle, *levels = np.percentile(sample, LEVELS)
+        sample.sort(kind='stable')      # of 16 bits by radix: np.percentile takes four times as long
+        low, middle, *levels = np.interp(np.multiply(LEVELS, (sample.size - 1) / 100), np.arange(sample.size), sample)
         # of all pixels: the smallest fire matters
         top = float(pixels.max(initial=low, where=np.isfinite(pixels)) if pixels.dtype.kind == 'f' else pixels.max())
         least = _least_span(middle)

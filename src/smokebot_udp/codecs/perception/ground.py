@@ -14,7 +14,7 @@ from typing import Callable, Optional, Tuple
 
 import numpy as np
 
-from ...arrays import Array, Float32Array, FloatArray
+from ...arrays import Array, Float32Array, FloatArray, IntArray
 
 try:
     import pcl
@@ -125,10 +125,11 @@ class GroundFinder:
 
         :param xyz: (n, 3) float [m], z up within max_tilt; points that are not finite are ignored
         """
-        points = self.candidates(np.asarray(xyz, np.float32))
+        xyz = np.asarray(xyz, np.float32)
+        rows = self._candidates(xyz)
         self.found = False
-        for _ in range(ATTEMPTS if len(points) >= self.min_points else 0):
-            voters = points[self._random.permutation(len(points))[:VOTERS]]
+        for _ in range(ATTEMPTS if len(rows) >= self.min_points else 0):
+            voters = xyz[rows[self._random.permutation(len(rows))[:VOTERS]]]
             fitted = self._fit(voters, self.threshold, self._random)
             if fitted is not None and self._is_ground(voters, Plane(*fitted)):
                 self.found, self._plane = True, Plane(*fitted)
@@ -137,6 +138,10 @@ class GroundFinder:
 
     def candidates(self, xyz: Float32Array) -> Float32Array:
         """The points of flat places that may be ground, within the tilt allowed: (n, 3) -> (m, 3) float32 [m]."""
+        return xyz[self._candidates(xyz)]
+
+    def _candidates(self, xyz: Float32Array) -> IntArray:
+        """(m,) int: the rows of these points."""
         x, y, z = np.ascontiguousarray(xyz.T)
         with np.errstate(invalid='ignore', over='ignore'):
             height, distance = z + np.float32(self.mount_height), np.hypot(x, y)
@@ -148,7 +153,7 @@ class GroundFinder:
         count = np.maximum(np.bincount(cell), 1)
         mean = np.bincount(cell, height) / count
         variance = np.bincount(cell, (height - mean[cell]) ** 2) / count
-        candidates: Float32Array = xyz[near[(variance < self.threshold ** 2)[cell] & (height < rise)]]
+        candidates: IntArray = near[(variance < self.threshold ** 2)[cell] & (height < rise)]
         return candidates
 
     def _is_ground(self, points: Float32Array, plane: Plane) -> bool:

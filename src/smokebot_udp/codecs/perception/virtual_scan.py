@@ -94,7 +94,8 @@ def fan(xyz: Array, plane: Plane, tolerance: float = 0.1, slope: float = 0.0, ra
     column = np.floor((np.arctan2(y, x) - ANGLE_MIN) / INCREMENT + (0.5 + SNAP)).astype(np.int16) % COLUMNS
     seen = np.bincount(column, minlength=COLUMNS) > 0
     chosen = np.flatnonzero((height > tolerance + np.float32(slope) * distance) & (distance <= range_max))
-    chosen = chosen[np.argsort(_key(column[chosen], distance[chosen]))]
+    # stable: faster where a scanner's points come column by column
+    chosen = chosen[np.argsort(_key(column[chosen], distance[chosen]), kind='stable')]
     return Fan(column[chosen], distance[chosen], height[chosen], range_min, seen)
 
 
@@ -164,7 +165,7 @@ def _in_line(columns: Array, ranges: FloatArray, width: float, flatness: float) 
     moments = np.zeros((6, COLUMNS))
     moments[:, columns] = np.ones_like(x), x, y, x * x, x * y, y * y
     # three turns, so that no window ends at a border
-    total = np.apply_along_axis(_cumulative, 1, np.tile(moments, 3))
+    total = _cumulative(np.tile(moments, 3))
     side = np.clip(np.ceil(width / (ranges * INCREMENT)), MIN_NEIGHBOURS, COLUMNS // 8).astype(int)
     flat = np.zeros(len(columns), bool)
     none = np.zeros_like(side)
@@ -187,5 +188,7 @@ def _key(column: Array, distance: Array) -> FloatArray:
 
 
 def _cumulative(values: Array) -> FloatArray:
-    """(n,) -> (n + 1,) float64: sums of the first 0, 1, ... n values; differences are the sums of intervals."""
-    return np.concatenate([[0.0], np.cumsum(values, dtype=np.float64)])
+    """(..., n) -> (..., n + 1) float64: sums of the first 0, 1, ... n values; differences are the sums of intervals."""
+    sums = np.zeros(values.shape[:-1] + (values.shape[-1] + 1,))
+    np.cumsum(values, axis=-1, out=sums[..., 1:])
+    return sums

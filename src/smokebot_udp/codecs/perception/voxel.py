@@ -18,6 +18,7 @@ from typing import Optional, Tuple
 import numpy as np
 
 from ...arrays import Array, Float32Array, IntArray
+from ..bounding_box import bounding_box
 
 try:
     import pcl
@@ -124,6 +125,6 @@ def _within_pcl(points: Float32Array, leaf: float) -> bool:
 
     For the latter each side is one longer than it is: PCL rounds a side's length, possibly up by one.
     """
-    ends = voxels_of(np.stack([points.min(axis=0), points.max(axis=0)]), leaf)
+    ends = voxels_of(bounding_box(points), leaf)
     wide, deep, high = (int(side) + 2 for side in ends[1] - ends[0])
     return int(np.abs(ends).max()) <= PCL_INDEXES and wide * deep * high <= PCL_INDEXES

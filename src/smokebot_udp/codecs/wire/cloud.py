@@ -11,6 +11,7 @@ from typing import NamedTuple, Optional, Tuple
 import numpy as np
 
 from ...arrays import Array, BoolArray, Float32Array, IntArray, UInt8Array
+from ..bounding_box import bounding_box
 from .parts import ReceivedParts
 
 MAX_POINTS = 1 << 21
@@ -158,7 +159,7 @@ def packed(points: Float32Array, bound: float, intensity: Optional[Float32Array]
     step = float(np.float32(2 * bound))
     if not step:
         return plain(intensity is not None)
-    ends = np.rint(np.stack([points.min(axis=0), points.max(axis=0)]).astype(np.float64) / step)
+    ends = np.rint(bounding_box(points).astype(np.float64) / step)
     x, y, z = (int(side).bit_length() for side in ends[1] - ends[0])
     too_long = x + y + z + INTENSITY_BITS * (intensity is not None) > WORD
     if max(x, y, z) > MAX_BITS or too_long or np.abs(ends).max() >= 2 ** 31:

@@ -68,8 +68,9 @@ def read_cloud(data: Buffer, fields: Iterable[Any], height: int, width: int, poi
             points[:, axis] = grid[name].reshape(-1)
         intensity = grid['intensity'].reshape(-1).astype(np.float32) if with_intensity else None
     extra = _raw(data, [by_name[name] for name in further], (height, width), (row_step, point_step), is_bigendian)
-    finite = np.isfinite(points).all(axis=1)
+    finite = np.isfinite(points)
     if not finite.all():
+        finite = finite.all(axis=1)
         points = points[finite]
         intensity = None if intensity is None else intensity[finite]
         extra = extra[finite]

@@ -132,8 +132,9 @@ def follow(code: PrefixCode, rows: UInt8Array, counts: IntArray) -> Tuple[UInt8A
                & ((1 << MAX_LENGTH) - 1)).reshape(-1)
     # one byte more than the row: jumps end in its last bit
     width = 8 * (size + 1)
-    ends = np.repeat(np.arange(1, count + 1, dtype=np.int32) * width - 1, width)
-    jump = np.minimum(np.arange(count * width, dtype=np.int32) + lengths[windows], ends)
+    ends = np.arange(1, count + 1, dtype=np.int32)[:, np.newaxis] * width - 1
+    jump = np.arange(count * width, dtype=np.int32) + lengths[windows]
+    jump = np.minimum(jump.reshape(count, width), ends).reshape(-1)
     first = jump
     visited = np.arange(count, dtype=np.int32)[:, np.newaxis] * width
     while visited.shape[1] < STRIDE:

@@ -39,6 +39,8 @@ BESIDE = 7.0
 """About what a point takes beside the lower bits of its gap [bit]."""
 INTENSITY = 6.0
 """About what its intensity takes [bit]."""
+SPARE = 0.7
+"""Added to the estimated number of chunks: one chunk too few takes another try."""
 
 LEAST_POINTS = 64
 """In a chunk, where more chunks are made than needed."""
@@ -149,7 +151,7 @@ def _first_guess(keys: Array, has_intensity: bool, room: int) -> int:
     bits = BESIDE + INTENSITY * has_intensity
     if chunks:
         bits += max(float(bit_lengths((keys[chunks:] - keys[:-chunks]) >> np.uint64(HASHED)).mean()) - 1, 0.0)
-    return max(1, int(np.ceil(len(keys) * bits / 8 / room)))
+    return max(1, int(np.ceil(len(keys) * bits / 8 / room + SPARE)))
 
 
 def dealing_order(hashes: IntArray, chunks: int) -> IntArray:

@@ -69,7 +69,8 @@ class FanCache:
                               message.row_step, message.is_bigendian)
         if not len(points):
             raise ValueError('none of its %d points is finite' % (message.height * message.width))
-        points = points[points.any(axis=1)]     # drivers write missing returns as (0, 0, 0)
+        if not points[:, 0].all():      # drivers write missing returns as (0, 0, 0)
+            points = points[points.any(axis=1)]
         place = message.header.frame_id, mount_height
         known = self._lookup(base_frame, message.header) if base_frame else None
         if known is not None:
