@@ -276,8 +276,10 @@ class Estimator:
 
     def _trust(self, queue: float) -> float:
         """How far a lower capacity is believed: at a short queue [s], less was offered, or jitter is taken for it."""
-        excess = (queue - self._allowance()) / target_delay(self.link.capacity)
-        return 0.0 if excess < 0.5 else 0.5 if excess < 1 else 1.0
+        target, allowance = target_delay(self.link.capacity), self._allowance()
+        if queue > target + allowance:
+            return 1.0
+        return 0.5 if queue > target / 2 + allowance and allowance < target / 4 else 0.0
 
     def _update_loss(self, feedback: Feedback, uncongested: bool) -> None:
         self._loss.update(feedback, uncongested)
