@@ -99,7 +99,7 @@ LIFETIME = 0.0, 8.0, 16.0
 
 MAX_EVIDENCE = 2
 
-HOLDOFF, LOSS_HOLDOFF = 4.0, 20.0
+HOLDOFF, LOSS_HOLDOFF = 2.5, 20.0
 """After a test that took the evidence back, and after too much loss, the mode does not begin for this long [s]."""
 
 
@@ -308,7 +308,7 @@ class Competition:
         usual, fast = _rate(before[0], during[0]), _rate(during[0], during[-1])
         stretch, stretched = _stretch(before[0], during[0]), _stretch(during[0], during[-1])
         spread = (stretched - stretch) * (during[-1].sent - during[0].sent)
-        if spread < MIN_SPREAD + 2 * noise or fast <= usual:
+        if spread < MIN_SPREAD + noise or fast <= usual:
             return _Seen(math.inf, 0.0)
         bottleneck = (fast - usual) / (stretched - stretch)
         return _Seen(bottleneck, stretch - usual / bottleneck)
