@@ -5,13 +5,15 @@ import collections
 import itertools
 import random
 from dataclasses import replace
-from typing import Any, Dict, Iterator, List, Optional, Set, Tuple
+from typing import Any, Callable, Dict, Iterator, List, Optional, Set, Tuple
 
 import numpy as np
 import pytest
 
 from evaluation.simulated_air import FULL, Events, Greedy, Load, Operator, Robot
 from evaluation.simulated_streams import Streams, cloud, grid, image, long_relay, navigation, scan
+from evaluation.simulated_tcp import Bbr, CongestionControl, Cubic
+from experiments.simulated.scenarios import beside_tcp
 from smokebot_udp.congestion.controller import Controller, Demand
 from smokebot_udp.congestion.estimator import LIMITS, Limits
 from smokebot_udp.congestion.feedback import CLOCK_CONFIRMATIONS
@@ -431,3 +433,22 @@ def test_a_receiver_that_reads_late_does_not_make_the_link_seem_faster(seed: int
 def test_the_simulator_has_the_nodes_controller() -> None:
     _, _, robot = link(5)
     assert type(robot.controller) is Controller
+
+
+@pytest.mark.parametrize('control', [Cubic, Bbr])
+def test_beside_a_tcp_download_both_get_a_part(control: Callable[[], CongestionControl]) -> None:
+    got = beside_tcp(control, 10, 0.2)(1)
+    assert 30 < got['share [%]'] < 70
+    assert got['least theirs [%]'] > 30
+
+
+def test_a_path_that_becomes_longer_is_not_taken_for_a_download() -> None:
+    events, there = Events(), Channel(LinkConditions(rate=20e6, delay=0.02, queue=0.2), 2)
+    robot = Robot(events, there, Channel(LinkConditions(delay=0.02), 1002), Greedy(), 2)
+    events.run(10)
+    there.conditions = replace(there.conditions, delay=0.06)
+    events.run(15)
+    before = there.counts.carried
+    events.run(25)
+    assert (there.counts.carried - before) * 8 / 10 > 0.8 * 20e6
+    assert max(wait for when, _, wait in robot.sent if when > 15) < 0.1

@@ -7,7 +7,7 @@ Nothing here reads a clock, a socket or a topic; times are arguments, from ``tim
   each report against its ``sent_history`` (FeedbackReader).
 * ``estimator``: feedback to capacity and rate, with ``delay`` (queueing delay), ``loss`` (wireless or congestion loss),
   ``loss_ceiling`` (paths that drop without a queue), ``probe_rtt`` (pauses that measure the base
-  delay) and ``probing`` (packet trains that look for more capacity).
+  delay), ``probing`` (packet trains that look for more capacity) and ``competition`` (TCP downloads beside us).
 * ``operator_share``: what one of several operators gets, where its link carries less than the best one.
 * ``operating_points`` and ``allocation``: cheaper settings of each stream, and the division of the capacity.
 * ``controller``: all of the above behind one class, Controller. The robot_sender node (nodes/link_control.py) and the

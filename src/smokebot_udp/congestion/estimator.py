@@ -27,9 +27,11 @@ Its parts:
   about the rate, because lost datagrams use air time, too. More loss than before is a reason to check: as much less is
   sent for a moment as was lost. What is lost then the air loses (loss.py); otherwise a policer or a queue too short to
   be seen drops datagrams, and the rate stays below what it lets pass (loss_ceiling.py).
+* **Beside a flow that fills the queue regardless of others**, as a TCP download does, a delay-based control would yield
+  until nothing is left. There a part of what the bottleneck carries is sent (competition.py).
 
-Limits: where the air begins to lose nearly everything at once, including reports, the rate falls for some seconds; much
-jitter looks like a queue; and as all delay-based control it yields to a flow that fills the queue regardless of others.
+Limits: where the air begins to lose nearly everything at once, including reports, the rate falls for some seconds; and
+much jitter looks like a queue.
 """
 import math
 import statistics
@@ -39,6 +41,7 @@ from typing import List, NamedTuple, Optional, Tuple
 import numpy as np
 
 from ..units import MBIT
+from .competition import Competition
 from .delay import QueueDelay, typical
 from .feedback import Feedback, PacketSample
 from .loss import MAX_AIR_LOSS, Loss
@@ -191,7 +194,7 @@ class Estimator:
         self.timeouts = 0
         """How often the rate was halved since the last report."""
         self._delay, self._loss, self._probes, self._probe_rtt = QueueDelay(), Loss(), ProbeController(), ProbeRtt()
-        self._ceiling = LossCeiling()
+        self._ceiling, self._competition = LossCeiling(), Competition()
         self._newest: Optional[PacketSample] = None
         self._reported = now            # when the last report came
         self._before_timeout = 0.0      # capacity; less once it was measured to be less [byte/s]
@@ -217,6 +220,8 @@ class Estimator:
         if after_timeout:
             self._back = now
             self._ceiling.interrupt(now)
+        if after_timeout or feedback.restarted:
+            self._competition.end()
         if feedback.restarted:
             self._delay.base = self._newest = None
         if not feedback.samples:
@@ -229,6 +234,8 @@ class Estimator:
         self._delay.update(samples, link.capacity, now)
         middle = typical(samples)
         queue = self._delay.of(middle)
+        if self._compete(feedback, chain, queue, now):
+            return self._competition.train(queue, self._target(), samples[-1].size, feedback.unreported, now)
 
         short = queue < self._target()
         paused = queue < LONG_QUEUE and self._probe_rtt.covers(chain[0].sent)
@@ -250,7 +257,8 @@ class Estimator:
         since_newest = now - samples[-1].sent - queue       # since the newest datagram was on the air
         link.queue_delay = max(0.0, in_flight - since_newest)
         self._set_rate(now)
-        return self._next_probe(samples, wanted, wished, feedback.unreported, now)
+        return (self._competition.train(queue, self._target(), samples[-1].size, feedback.unreported, now)
+                or self._next_probe(samples, wanted, wished, feedback.unreported, now))
 
     def expect_more(self) -> None:
         """The link may carry more from now on: probe with the next report."""
@@ -266,6 +274,28 @@ class Estimator:
             self.timeouts += 1
             self.link.capacity = max(self.link.capacity / 2, self.limits.min_rate)
         self._set_rate(now)
+
+    def _compete(self, feedback: Feedback, chain: List[PacketSample], queue: float, now: float) -> bool:
+        """Whether a competitor fills the queue: then nothing else decides the rate."""
+        link, competition = self.link, self._competition
+        was, bottleneck = competition.active, competition.bottleneck
+        usual = self._loss.air * feedback.expected
+        lost = max(0.0, feedback.expected - feedback.received - usual - math.sqrt(usual))
+        proof = competition.update(chain, queue, self._target(), self._delay.noise, self._delay.base,
+                                   self._probe_rtt.draining_since(now), lost, self._loss, now)
+        if proof and competition.floor is not None:     # what a drain left is a queue, not the path
+            self._delay.set_base(competition.floor, now)
+        if competition.active:
+            if not was:
+                self._ceiling.interrupt(now)
+                self._probe_rtt.cancel()
+            self._update_loss(feedback, False)
+            link.capacity, link.queue_delay = self.limits.clamp(competition.rate), queue
+            self._set_rate(now)
+        elif was:
+            self._before_timeout = self.limits.clamp(bottleneck)
+            self._last_short = now
+        return competition.active
 
     def _target(self) -> float:
         return target_delay(self.link.capacity) + self._allowance()
@@ -366,6 +396,9 @@ class Estimator:
 
     def _set_rate(self, now: float) -> None:
         link = self.link
+        if self._competition.active:
+            self.rate = self.limits.clamp(link.capacity * self._competition.gain)
+            return
         lacking = self._target() - link.queue_delay if now - self._reported <= HORIZON else 0.0
         gain = min(max(1 + lacking / HORIZON, MIN_GAIN), MAX_GAIN)
         self.rate = self.limits.clamp(min(link.capacity * min(gain, self._probe_rtt.gain(now)), self._ceiling.rate))

@@ -50,6 +50,14 @@ class ProbeRtt:
         """Whether less is to be sent now."""
         return now < self._ends
 
+    def draining_since(self, now: float) -> Optional[float]:
+        """When the drain in progress began [s]; None: there is none."""
+        return self._began if self._draining and self.active(now) else None
+
+    def cancel(self) -> None:
+        """End a pause; what it measured does not count."""
+        self._ends, self._least = -math.inf, None
+
     def gain(self, now: float) -> float:
         """Part of the capacity that may be sent now; infinite outside a pause."""
         if not self.active(now):

@@ -1,0 +1,346 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""A share of the link beside flows that keep its queue full, as TCP downloads do.
+
+A delay-based control yields to them until nothing is left. So where one is there, the rate is a part of what the
+bottleneck carries, whatever the delay; a download is elastic and takes the rest (two modes: Copa, Arun and
+Balakrishnan, NSDI 2018; cross traffic measured by pulses: Nimbus, Goyal et al., SIGCOMM 2022).
+
+* **Evidence**: in a drain (probe_rtt.py) all who react to the delay send little, and the queue gets shorter. Where it
+  does not, a *test* is sent: a packet train, slower than the path has carried lately. A path that has only become
+  longer carries it as it was sent. Where others share the bottleneck it arrives spread. That begins the mode.
+* **What the bottleneck carries**: while it carries C and others send X, what is sent at a rate r within a time T
+  arrives within T' = T (r + X) / C. A train and what was sent before it are two rates, which show both C and X. A link
+  that has only become slower has X = 0. C is no more than the path has carried.
+* **The end**: in the mode, too, less is sent from time to time, and a test renews the evidence or takes it back. Where
+  the queue is empty, or much more is lost than the air loses, as beside too many others, the mode ends at once.
+
+Limits: where more than 30 s pass before there is evidence, or the download was there first, C is not known.
+"""
+import collections
+import math
+import statistics
+from typing import Deque, List, NamedTuple, Optional
+
+from .feedback import PacketSample
+from .loss import Loss
+from .probing import ProbeTrain
+
+SHARE = 0.43
+"""Part of what the bottleneck carries that is sent."""
+
+MIN_SHARE = 0.28
+"""Where loss reduces it to less the mode ends."""
+
+SHARE_GROWTH = 0.05
+"""After a reduction it rises so much each second."""
+
+REDUCTION_INTERVAL = 1.0
+"""It is reduced once in this time [s]."""
+
+AIR_COUNT = 300
+"""What the air lost before the competitor came weighs as much as this many datagrams."""
+
+MIN_QUEUE = 0.012
+"""A shorter queue is no competitor's [s]."""
+
+MIN_STRETCH, STRETCH_TIME = 0.8, 0.08
+"""A queue stays where what was sent in this time [s] takes at least this part of it to arrive."""
+
+TEST_DURATION, MIN_PACKETS = 0.04, 5
+"""A test takes this long [s], and has so many datagrams, at least."""
+
+TEST_PART, MAX_TEST_GAIN = 0.75, 4.0
+"""It has this part of the most that was carried, but no more than so many times what is carried now."""
+
+MAX_TESTS = 2
+"""In one drain."""
+
+TRAIN_DURATION, TRAIN_INTERVAL = 0.02, 0.5
+"""In the mode other trains are as fast as the bottleneck for this long, at this interval [s]."""
+
+TRAIN_TIMEOUT = 1.0
+"""A train that was not reported after this long is lost [s]."""
+
+WINDOW = 0.3
+"""A train is compared with what was sent in this time before it [s]; and over so long what is carried is measured."""
+
+PEAK_LIFETIME = 30.0
+"""The most that was carried is remembered for this long [s]."""
+
+MIN_SPREAD = 0.002
+"""A train that spreads by less may have met nobody [s]."""
+
+MIN_OTHERS = 0.3
+"""Part of the bottleneck that others use, at least, where there is a competitor."""
+
+MAX_BOTTLENECK = 1.6
+"""A train that shows a bottleneck of more than so many times the most that was carried shows nothing."""
+
+MEASURED = 5
+"""The median of what so many trains show counts."""
+
+EMPTY_TIME = 0.8
+"""The queue is empty for this long: the competitor has ended. BBR's pause to measure the path is shorter [s]."""
+
+CHECK_GAIN, CHECK_DURATION = 0.6, 0.6
+"""In a drain of the mode, this part of the rate is sent for so long, at most [s];"""
+
+SETTLING = 0.2
+"""its test leaves after this long [s];"""
+
+CHECK_INTERVAL = 0.0, 1.0, 6.0
+"""it is this long since there was evidence, once or several times [s],"""
+
+RETRY_INTERVAL = 1.0
+"""and since a drain that showed nothing [s]."""
+
+LIFETIME = 0.0, 8.0, 16.0
+"""The mode ends this long after there was evidence, once or several times [s]."""
+
+MAX_EVIDENCE = 2
+
+HOLDOFF, LOSS_HOLDOFF = 2.5, 20.0
+"""After a test that took the evidence back, and after too much loss, the mode does not begin for this long [s]."""
+
+
+class _Seen(NamedTuple):
+    """What a train shows."""
+    bottleneck: float
+    """What it carries for all [byte/s]; infinite: the train did not spread."""
+    others: float
+    """Part of it that others use."""
+
+
+class _Train(NamedTuple):
+    """A train that was not reported yet."""
+    begins: float
+    """Bytes of all streams sent before it,"""
+    ends: float
+    """and with it."""
+    left: float
+    """[s]"""
+    tests: bool
+
+
+class _Carried(NamedTuple):
+    """Of one report."""
+    now: float
+    rate: float
+    """What the path carried [byte/s]."""
+    air: float
+    """What the air was taken to lose."""
+
+
+class Competition:
+    """Whether a flow beside us fills the queue, and what is sent then."""
+
+    def __init__(self) -> None:
+        self.rate = math.inf
+        """What is sent beside a competitor [byte/s]; infinite: there is none."""
+        self.floor: Optional[PacketSample] = None
+        """The sample of least delay when the drain that found the competitor began."""
+        self._samples: Deque[PacketSample] = collections.deque()
+        self._carried: Deque[_Carried] = collections.deque()
+        self._evidence, self._proven = 0, -math.inf     # how often there was, at most MAX_EVIDENCE; when last [s]
+        self._drain: Optional[float] = None     # since when less is sent [s]
+        self._drained = -math.inf               # when the last drain of the mode ended [s]
+        self._test_rate, self._tests = 0.0, 0   # of this drain
+        self._train: Optional[_Train] = None
+        self._next_train = -math.inf
+        self._bottlenecks: Deque[float] = collections.deque(maxlen=MEASURED)
+        self._limit = math.inf                  # of the bottleneck [byte/s]
+        self._share, self._updated, self._reduced = SHARE, -math.inf, -math.inf
+        self._occupied = -math.inf              # when the queue was last not empty [s]
+        self._not_before = -math.inf            # the mode [s]
+
+    @property
+    def active(self) -> bool:
+        """Whether there is a competitor."""
+        return self.rate < math.inf
+
+    @property
+    def gain(self) -> float:
+        """Part of the rate that is sent now."""
+        return 1.0 if self._drain is None else CHECK_GAIN
+
+    @property
+    def bottleneck(self) -> float:
+        """What the bottleneck carries for all [byte/s]; 0: unknown."""
+        return min(self._limit, statistics.median(self._bottlenecks)) if self._bottlenecks else 0.0
+
+    def end(self) -> None:
+        """There is no competitor, or it is not known."""
+        self.rate, self._evidence, self._train, self._drain = math.inf, 0, None, None
+        self._bottlenecks.clear()
+        self._samples.clear()
+
+    def update(self, chain: List[PacketSample], queue: float, short: float, noise: float, base: Optional[PacketSample],
+               drain: Optional[float], lost: float, loss: Loss, now: float) -> bool:
+        """Take a report.
+
+        :param chain: its samples in sending order, after the newest known before
+        :param queue: its queueing delay [s]
+        :param short: where it is shorter the queue is empty [s]
+        :param noise: of delays [s]
+        :param base: the sample of least delay
+        :param drain: since when a drain is in progress [s]; None: there is none
+        :param lost: datagrams that the report counts as lost, beyond what the air loses: a train may have been cut off
+        :param loss: lately
+        :param now: by a steady clock [s]
+        :return: whether it is evidence of a competitor
+        """
+        self._remember(chain, loss.air, now)
+        self._follow_drain(drain, base, now)
+        if queue > short:
+            self._occupied = now
+        proof = self._take_train(noise, lost, now)
+        if proof and not self.active:
+            self._begin(loss, now)
+        elif self.active and not self._evidence:
+            self._not_before = now + HOLDOFF
+            self.end()
+        elif self.active and (now - self._occupied > EMPTY_TIME or now - self._proven > LIFETIME[self._evidence]):
+            self.end()
+        if self.active or proof:
+            self._set_rate(loss, now)
+        return proof
+
+    def train(self, queue: float, short: float, size: int, unreported: int, now: float) -> Optional[ProbeTrain]:
+        """The train that leaves now, if any.
+
+        :param queue: queueing delay [s]
+        :param short: where it is shorter the queue is empty [s]
+        :param size: of a datagram [byte]
+        :param unreported: bytes sent after the newest sample
+        :param now: by a steady clock [s]
+        """
+        if self._train is not None:
+            return None
+        if self._drain is not None:
+            if (self._tests == MAX_TESTS or now < self._not_before or queue < max(MIN_QUEUE, short)
+                    or not self._has_stayed()):
+                return None
+            self._tests += 1
+            rate, duration = self._test_rate, TEST_DURATION
+        elif self.active and now >= self._next_train:
+            self._next_train = now + TRAIN_INTERVAL
+            rate, duration = self.bottleneck, TRAIN_DURATION
+        else:
+            return None
+        begins = self._samples[-1].total + unreported
+        train = ProbeTrain(rate, max(MIN_PACKETS * size, rate * duration))
+        self._train = _Train(begins, begins + train.size, now, self._drain is not None)
+        return train
+
+    def _remember(self, chain: List[PacketSample], air: float, now: float) -> None:
+        self._samples.extend(one for one in chain if not self._samples or one.total > self._samples[-1].total)
+        newest = self._samples[-1]
+        while self._samples[0].sent < newest.sent - 2 * TRAIN_TIMEOUT:
+            self._samples.popleft()
+        first = next(one for one in self._samples if newest.sent - one.sent < WINDOW)
+        duration = max(newest.sent - first.sent, newest.arrived - first.arrived, 1e-3)
+        self._carried.append(_Carried(now, (newest.total - first.total) / duration, air))
+        while self._carried[0].now < now - PEAK_LIFETIME:
+            self._carried.popleft()
+
+    def _peak(self) -> float:
+        """The most that was carried [byte/s]."""
+        return max(one.rate for one in self._carried)
+
+    def _follow_drain(self, drain: Optional[float], base: Optional[PacketSample], now: float) -> None:
+        """Notice a drain; in the mode, begin and end one."""
+        if self.active:
+            drain = self._drain
+            if drain is not None and (now - drain > CHECK_DURATION or self._tests and self._train is None):
+                drain, self._drained = None, now
+            elif drain is None and now > max(self._drained + RETRY_INTERVAL,
+                                             self._proven + CHECK_INTERVAL[self._evidence]):
+                drain = now
+        if drain is not None and drain != self._drain:
+            gain = 1.0 if self.active else MAX_TEST_GAIN
+            self._test_rate, self._tests = min(TEST_PART * self._peak(), gain * self._carried[-1].rate), 0
+            if not self.active:
+                self.floor = base
+        self._drain = drain
+
+    def _has_stayed(self) -> bool:
+        """Whether the queue does not get shorter in this drain."""
+        assert self._drain is not None
+        within = [sample for sample in self._samples if sample.sent >= self._drain]
+        if not within or self.active:
+            return bool(within) and within[-1].sent > self._drain + SETTLING
+        return within[-1].sent - within[0].sent > STRETCH_TIME and _stretch(within[0], within[-1]) > MIN_STRETCH
+
+    def _take_train(self, noise: float, lost: float, now: float) -> bool:
+        """Judge a train that was reported; return whether it is evidence."""
+        train = self._train
+        if train is None:
+            return False
+        if lost > 0 or now - train.left > TRAIN_TIMEOUT:
+            self._train = None
+        if self._train is None or self._samples[-1].total < train.ends:
+            return False
+        self._train = None
+        seen = self._judge(train, noise)
+        if seen is None:
+            return False
+        most = MAX_BOTTLENECK * (self._limit if self.active else self._peak())
+        competes = seen.others > MIN_OTHERS and seen.bottleneck < most
+        if competes or self.active and seen.bottleneck < math.inf:
+            self._bottlenecks.append(seen.bottleneck)
+        if train.tests and competes:
+            self._evidence, self._proven = min(MAX_EVIDENCE, self._evidence + 1), now
+        elif train.tests:
+            self._evidence = max(0, self._evidence - 1)
+        return train.tests and competes
+
+    def _judge(self, train: _Train, noise: float) -> Optional[_Seen]:
+        """What a train shows; None: too little of it arrived."""
+        during = [sample for sample in self._samples if train.begins < sample.total <= train.ends]
+        if len(during) < 2:
+            return None
+        since = during[0].sent - WINDOW
+        if train.tests and self._drain is not None:
+            since = max(since, self._drain + (SETTLING / 2 if self.active else 0.0))
+        before = [sample for sample in self._samples if sample.total <= train.begins and sample.sent > since]
+        if len(before) < 2:
+            return None
+        usual, fast = _rate(before[0], during[0]), _rate(during[0], during[-1])
+        stretch, stretched = _stretch(before[0], during[0]), _stretch(during[0], during[-1])
+        spread = (stretched - stretch) * (during[-1].sent - during[0].sent)
+        if spread < MIN_SPREAD + noise or fast <= usual:
+            return _Seen(math.inf, 0.0)
+        bottleneck = (fast - usual) / (stretched - stretch)
+        return _Seen(bottleneck, stretch - usual / bottleneck)
+
+    def _begin(self, loss: Loss, now: float) -> None:
+        self._share, self._reduced, self._updated, self._next_train = SHARE, now, now, now
+        self._limit = self._peak()
+        # what was lost beside the competitor the air did not lose
+        loss.set_air(AIR_COUNT, round(AIR_COUNT * min(one.air for one in self._carried)))
+        loss.answered()
+
+    def _set_rate(self, loss: Loss, now: float) -> None:
+        """Set the rate; end the mode where too much is lost."""
+        excess = loss.excess
+        if excess and now - self._reduced > REDUCTION_INTERVAL:
+            self._share, self._reduced = self._share * (1 - excess), now
+            loss.answered()
+            if self._share < MIN_SHARE:
+                self._not_before = now + LOSS_HOLDOFF
+                self.end()
+                return
+        elif not excess:
+            self._share = min(SHARE, self._share + SHARE_GROWTH * (now - self._updated))
+        self._updated = now
+        self.rate = self._share * self.bottleneck
+
+
+def _rate(first: PacketSample, last: PacketSample) -> float:
+    """At what rate was sent what is between them [byte/s]."""
+    return (last.total - first.total) / max(last.sent - first.sent, 1e-4)
+
+
+def _stretch(first: PacketSample, last: PacketSample) -> float:
+    """How much longer it took to arrive than to send."""
+    return (last.arrived - first.arrived) / max(last.sent - first.sent, 1e-4)
