@@ -9,10 +9,11 @@ UNPACKED = 1
 """What a message that is not worth compressing takes more [byte]."""
 
 MIN_SIZE = 256
-"""Shorter messages stay as they are: they leave in one datagram anyway [byte]."""
+"""Shorter messages stay as they are: there is little to gain [byte]."""
 
 MAX_DEFLATED = 64 << 10
-"""Longer messages are images and the like, which are compressed already or would take long [byte]."""
+"""Longer messages stay as they are: they are images and the like, which are compressed already or would take long. So a
+few forged datagrams cannot become a message that takes long to read [byte]."""
 
 LEVEL = 6
 
@@ -34,13 +35,14 @@ def unpack(packed: bytes, most: int) -> bytes:
     """
     kind, data = packed[:1], packed[1:]
     if kind == DEFLATED:
+        most = min(most, MAX_DEFLATED)
         inflater = zlib.decompressobj()
         try:
             data = inflater.decompress(data, most + 1)
         except zlib.error as error:
             raise ValueError('it is not compressed: %s' % error) from None
-        if len(data) <= most and not inflater.eof:
-            raise ValueError('its end is missing')
+        if len(data) <= most and (not inflater.eof or inflater.unused_data):
+            raise ValueError('its end is missing, or more follows')
     elif kind != PLAIN:
         raise ValueError('it begins with %r' % kind)
     if len(data) > most:

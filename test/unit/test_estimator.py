@@ -122,14 +122,6 @@ def test_loss_within_chance_is_no_excess() -> None:
     assert loss.excess == 0
 
 
-def test_a_step_of_the_loss_is_no_dispersion_bursts_are() -> None:
-    step, bursts = Loss(), Loss()
-    for number in range(60):
-        step.update(counts(100, 100 if number < 30 else 60), False)
-        bursts.update(counts(100, 100 if number % 2 else 60), False)
-    assert step.dispersion < 2 and bursts.dispersion > 5
-
-
 def test_a_loss_that_may_be_the_airs_is_suspicious_before_it_is_excess() -> None:
     loss = Loss()
     for _ in range(10):

@@ -299,7 +299,7 @@ def test_segments_that_are_no_message_are_dropped() -> None:
     assert assembler.join(other) is None and assembler.dropped == {'checksum': 1}
     assert assembler.warnings == ['a message is not a std_msgs/String as it is installed here']
     forged, = segments_of(relay_frame(String('x'), 1472))
-    forged.size, forged.data = 3, b'\0\1\0'     # no whole string
+    forged.packed_size, forged.data = 3, b'\0\1\0'     # no whole string
     forged.checksum = zlib.crc32(forged.data, zlib.crc32(String._md5sum.encode()))
     assert assembler.join(forged) is None and assembler.dropped['message'] == 1
 

@@ -14,6 +14,7 @@ from std_msgs.msg import Empty, String
 from texts import noise
 
 from smokebot_udp.msg import RelaySegment
+from smokebot_udp.packed import MAX_DEFLATED
 from smokebot_udp.streams.relay.parts import MAX_MESSAGE_SIZE, MAX_PARTIALS, PartJoiner, relay_frame
 from smokebot_udp.udpros.datagram import OVERHEAD
 
@@ -58,10 +59,11 @@ def test_what_zlib_shortens_is_sent_shortened() -> None:
 
 
 @pytest.mark.parametrize('packed', [b'', b'\2abc', b'\1abc', b'\1' + zlib.compress(bytes(900))[:-5],
-                                    b'\1' + zlib.compress(bytes(MAX_MESSAGE_SIZE + 1))])
+                                    b'\1' + zlib.compress(bytes(MAX_DEFLATED + 1)),
+                                    b'\1' + zlib.compress(bytes(900)) + b'more'])
 def test_what_was_not_packed_is_dropped(packed: bytes) -> None:
     checksum = zlib.crc32(packed, zlib.crc32(String._md5sum.encode()))
-    forged = RelaySegment(size=len(packed), data=packed, checksum=checksum)
+    forged = RelaySegment(packed_size=len(packed), data=packed, checksum=checksum)
     joiner = PartJoiner(String)
     assert joiner.add(forged) is None and joiner.dropped == {'packing': 1}
 
@@ -78,7 +80,7 @@ def test_any_message_in_any_order(length: int, datagram: int, first: int, order:
 
 def test_an_empty_message_takes_a_segment() -> None:
     segment, = segments(Empty())
-    assert (segment.size, segment.data) == (1, b'\0') and joined(PartJoiner(Empty), [segment]) == [b'']
+    assert (segment.packed_size, segment.data) == (1, b'\0') and joined(PartJoiner(Empty), [segment]) == [b'']
 
 
 def test_a_lost_segment_costs_its_message_only() -> None:
@@ -104,7 +106,8 @@ def test_memory_is_bounded() -> None:
     assert joiner.dropped['incomplete'] == 100 - MAX_PARTIALS
 
 
-@pytest.mark.parametrize('change', [{'part': 9}, {'size': MAX_MESSAGE_SIZE + 2}, {'data': b''}, {'size': 0}])
+@pytest.mark.parametrize('change', [{'part': 9}, {'packed_size': MAX_MESSAGE_SIZE + 2}, {'data': b''},
+                                    {'packed_size': 0}])
 def test_impossible_segments_are_dropped(change: Any) -> None:
     joiner, forged = PartJoiner(String), segments(String(noise(500)))[1]
     for name, value in change.items():

@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The two ends of a reliable channel, and what measures the link, one by one."""
 import math
+import zlib
 from typing import Any, List, Optional
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smokebot_udp.packed import pack, unpack
+from smokebot_udp.packed import DEFLATED, pack, unpack
 from smokebot_udp.reliable.bounds import Bounds
 from smokebot_udp.reliable.loss import EXPEDITED, ORDINARY, LossMeter
 from smokebot_udp.reliable.pace import MIN_BURST, MIN_RATE, Pace
@@ -347,7 +348,8 @@ def test_what_is_packed_is_unpacked(content: bytes, repeated: int) -> None:
 
 
 @pytest.mark.parametrize('packed', [b'', b'\2abc', b'\1abc', pack(bytes(10000))[:-6], b'\0' + bytes(5001),
-                                    pack(bytes(5001)), pack(bytes(10 ** 7))])
+                                    pack(bytes(5001)), DEFLATED + zlib.compress(bytes(10 ** 7)),
+                                    pack(bytes(900)) + b'x'])
 def test_nothing_else_is_unpacked(packed: bytes) -> None:
     with pytest.raises(ValueError):
         unpack(packed, 5000)

@@ -1,13 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-from smokebot_udp.congestion.sent_history import (
-    BURST_TIME,
-    MAX_AGE,
-    MAX_BURSTS,
-    MAX_TIMES,
-    MIN_BURSTS,
-    SentHistory,
-    stream_of,
-)
+from smokebot_udp.congestion.sent_history import MAX_AGE, MAX_BURSTS, MIN_BURSTS, SentHistory, stream_of
 
 
 def test_a_datagram_is_found_with_the_total_sent_by_then() -> None:
@@ -86,16 +78,3 @@ def test_old_bursts_are_forgotten_but_for_the_last_ones() -> None:
     assert history.find('map', 3 * MIN_BURSTS + 1) is not None
     assert history.find('map', 2 * MIN_BURSTS) is None
     assert history.totals('thermal') == (2000, 20000)
-
-
-def test_the_highest_rate_of_any_ten_milliseconds() -> None:
-    history = SentHistory()
-    for first, (now, count) in zip((1, 11, 41, 61, 71), ((1.0, 10), (1.05, 30), (1.054, 20), (1.061, 10), (2.0, 1))):
-        history.add('thermal' if count > 10 else 'map', first, count, 100, now)
-    assert history.burst_rate(0.0, 3.0) == history.burst_rate(1.05, 1.06) == 5000 / BURST_TIME
-    assert history.burst_rate(1.054, 1.07) == 3000 / BURST_TIME and history.burst_rate(1.06, 1.07) == 1000 / BURST_TIME
-    assert history.burst_rate(1.5, 3.0) == 100 / BURST_TIME and history.burst_rate(1.2, 1.8) == 0
-    for k in range(3 * MAX_TIMES):
-        history.add('map', 100 + k, 1, 100, 3.0 + 0.1 * k)
-    assert history.burst_rate(0.0, 2.5) == 0.0      # forgotten
-    assert history.burst_rate(0.0, 1e9) == 100 / BURST_TIME

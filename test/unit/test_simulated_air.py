@@ -339,7 +339,7 @@ def test_operators_that_share_the_air_share_it_and_who_stays_has_all_of_it(loss:
     events.run(24)
     assert min(received(first, since, since + 1) for since in range(8, 24)) >= 0.25 * 10
     assert received(first, 10, 24) >= 0.45 * 10
-    assert received(second, 16, 24) >= (0.2 if loss else 0.3) * (1 - loss) * 10
+    assert received(second, 16, 24) >= 0.3 * (1 - loss) * 10
     robot.leave('second')
     events.run(26)
     assert received(first, 24.8, 25) >= 0.9 * 10

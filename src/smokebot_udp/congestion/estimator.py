@@ -240,12 +240,12 @@ class Estimator:
         short = queue < self._target()
         paused = queue < LONG_QUEUE and self._probe_rtt.covers(chain[0].sent)
         offered = offered_rate(chain)
-        relaxed = (short and self._was_short or paused) and not self._ceiling.checking and max(
-            offered, feedback.burst_rate) < max(min(RELAXED * link.capacity, PROVEN * self._carried),
-                                                MAX_GAIN * self.limits.start_rate)
+        relaxed = (short and self._was_short and not self._ceiling.checking and offered < max(
+            min(RELAXED * link.capacity, PROVEN * self._carried), MAX_GAIN * self.limits.start_rate)
+                   and not self._loss.exceeds_air(feedback.expected, feedback.expected - feedback.received))
         if feedback.expected:
             self._carried = max(CARRIED_MEMORY * self._carried, offered * feedback.received / feedback.expected)
-        self._update_loss(feedback, relaxed)
+        self._update_loss(feedback, relaxed or paused)
         self._was_short = short
         if after_timeout and short:     # reports were lost like other datagrams
             explained = math.pow(feedback.loss, silence / REPORT_INTERVAL) > REPORT_LOSS_PROBABILITY

@@ -196,8 +196,6 @@ class Feedback(NamedTuple):
     """Whether the receiver or its clock restarted: delays before and after are not comparable."""
     arrivals: Sequence[Arrivals] = ()
     """Of each stream in the report."""
-    burst_rate: float = 0.0
-    """The highest rate at which was sent since the last report, for some milliseconds [byte/s]."""
 
     @property
     def loss(self) -> float:
@@ -223,8 +221,7 @@ class FeedbackReader:
         self._last: Optional[Any] = None    # the last valid report
         self._counters: Dict[str, Any] = {}     # {stream: its last possible counters of this session}
         self._last_read = -math.inf         # when it came, by our clock [s]
-        self._newest = 0                    # total of the newest sample,
-        self._newest_sent = -math.inf       # and when it was sent [s]
+        self._newest = 0                    # total of the newest sample
         self._jumps: List[Tuple[int, float]] = []   # (report's clock [us], when it came [s]) that contradict _last
 
     def read(self, report: Any, now: float) -> Optional[Feedback]:
@@ -253,12 +250,10 @@ class FeedbackReader:
         # a datagram is news once: even after a restart of the receiver, older ones can no longer arrive
         news = {sample.total: sample for sample, _ in samples if sample.total > self._newest}
         fresh = [news[total] for total in sorted(news)]
-        burst_rate = self.sent.burst_rate(self._newest_sent, fresh[-1].sent) if fresh else 0.0
-        if fresh:
-            self._newest, self._newest_sent = fresh[-1].total, fresh[-1].sent
+        self._newest = fresh[-1].total if fresh else self._newest
         round_trip = min((now - sample.sent - age for sample, age in samples), default=math.nan)
         return Feedback(fresh, round_trip, expected, received, self.sent.total - self._newest, restarted,
-                        arrivals, burst_rate)
+                        arrivals)
 
     def _samples(self, report: Any, now: float, impossible: Set[str]) -> List[Tuple[PacketSample, float]]:
         """[(possible sample, its age at the time of the report [s]), ...]

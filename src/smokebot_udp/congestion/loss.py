@@ -36,7 +36,6 @@ class Loss:
         """Of all loss."""
         self.dispersion = 1.0
         """Variance of the number lost, compared with that of independent losses, at least 1: of bursts it is more."""
-        self._before = 1, 0         # the report before: (datagrams, lost)
         self._count = self._evidence = self._uncongested = self._uncongested_lost = 0.0
 
     def update(self, feedback: Feedback, uncongested: bool) -> None:
@@ -48,22 +47,18 @@ class Loss:
         if not count:
             return
         self._count = min(self._count + count, AVERAGING_WINDOW)
+        self._measure_dispersion(count, lost)
         self._evidence = min(self._evidence + count, EVIDENCE_WINDOW)
         self.unanswered += min(1.0, count / self._evidence) * (lost / count - self.unanswered)
         self.recent += min(1.0, count / self._count) * (lost / count - self.recent)
-        self._measure_dispersion(count, lost)
         if uncongested:
             keep = max(0.0, 1 - count / EVIDENCE_WINDOW)
             self._uncongested = keep * self._uncongested + count
             self._uncongested_lost = keep * self._uncongested_lost + lost
 
     def _measure_dispersion(self, count: int, lost: int) -> None:
-        """By the difference of successive reports (von Neumann 1941): a step of the loss is no dispersion."""
-        before, self._before = self._before, (count, lost)
-        ratios = lost / count - before[1] / before[0]
-        variance = self.recent * (1 - self.recent) * (1 / count + 1 / before[0])
-        rare = min(count, before[0]) * self.recent * (1 - self.recent) < 0.5
-        found = 1.0 if rare else min(MAX_DISPERSION, ratios ** 2 / variance)
+        variance = count * self.recent * (1 - self.recent)
+        found = 1.0 if variance < 0.5 else min(MAX_DISPERSION, (lost - count * self.recent) ** 2 / variance)
         self.dispersion = max(1.0, self.dispersion + (found - self.dispersion) / DISPERSION_REPORTS)
 
     def set_air(self, count: int, lost: int) -> None:
@@ -73,6 +68,11 @@ class Loss:
     def beyond_air(self, lost: float) -> float:
         """Where this ratio is lost: of the datagrams that the air let through, the ratio lost all the same."""
         return max(0.0, (lost - self.air) / (1 - self.air))
+
+    def exceeds_air(self, count: int, lost: int) -> bool:
+        """Whether so many lost of `count` are more than what the air loses, and than chance."""
+        deviation = math.sqrt(self.dispersion * count * self.air * (1 - self.air))
+        return lost > self.air * count + 2 * deviation + max(2.0, 0.01 * count)
 
     def answered(self) -> None:
         """The rate was lowered for the excess so far: only new loss counts from now on."""

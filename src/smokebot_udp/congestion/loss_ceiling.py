@@ -177,9 +177,7 @@ class LossCeiling:
 
     def _failed(self, loss: Loss) -> bool:
         """Whether more is lost in this state than the air loses."""
-        chance = loss.air * self._count
-        deviation = math.sqrt(loss.dispersion * chance * (1 - loss.air))
-        return self._lost > chance + 2 * deviation + max(2.0, 0.01 * self._count)
+        return loss.exceeds_air(self._count, self._lost)
 
     def _try_more(self, now: float) -> None:
         """Begin a trial, or end one without loss."""

@@ -192,10 +192,6 @@ class OperatorHistory:
         """Number of datagrams of a stream after one sequence number, up to and with another one, modulo 2^32."""
         return (last - first) % SEQ_MODULUS - self._missing(stream, last) + self._missing(stream, first)
 
-    def burst_rate(self, since: float, until: float) -> float:
-        """As SentHistory.burst_rate, at most: what was left out counts, too."""
-        return self._history.burst_rate(since, until)
-
     def totals(self, stream: str) -> Tuple[int, int]:
         """(datagrams, bytes) of a stream sent so far."""
         count, size = self._history.totals(stream)

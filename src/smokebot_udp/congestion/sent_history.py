@@ -6,19 +6,11 @@ A stream whose messages are numbered on several topics is in here, and in report
 import bisect
 from typing import Dict, List, NamedTuple, Optional, Tuple
 
-import numpy as np
-
 MAX_BURSTS = 4096
 """Of each stream more bursts are not needed: some seconds at full speed;"""
 
 MAX_AGE, MIN_BURSTS = 20.0, 64
 """nor are older ones [s], but for this number: feedback.py does not believe arrivals half as old."""
-
-MAX_TIMES = 4096
-"""When so many bursts of any stream were sent is known: some seconds."""
-
-BURST_TIME = 0.01
-"""A short queue overflows by what is sent within this time [s]."""
 
 SEQ_MODULUS = 1 << 32
 """std_msgs/Header.seq wraps here."""
@@ -81,8 +73,6 @@ class SentHistory:
         self.total = 0
         """Bytes of all streams sent so far."""
         self._streams: Dict[str, _Stream] = {}
-        self._times: List[float] = []       # when bursts were sent [s],
-        self._sizes: List[int] = []         # and of how many bytes
 
     def add(self, stream: str, first: int, count: int, size: int, now: float) -> None:
         """Record datagrams that were sent together.
@@ -95,18 +85,6 @@ class SentHistory:
         """
         self._streams.setdefault(stream, _Stream()).add(first, _Burst(count, size, now, self.total))
         self.total += count * size
-        self._times.append(now)
-        self._sizes.append(count * size)
-        if len(self._times) > 2 * MAX_TIMES:
-            del self._times[:MAX_TIMES], self._sizes[:MAX_TIMES]
-
-    def burst_rate(self, since: float, until: float) -> float:
-        """The highest rate at which was sent for BURST_TIME, between two times [byte/s]."""
-        first, last = bisect.bisect_left(self._times, since), bisect.bisect_right(self._times, until)
-        if first == last:
-            return 0.0
-        times, total = np.array(self._times[first:last]), np.cumsum([0, *self._sizes[first:last]])
-        return float(np.max(total[np.searchsorted(times, times + BURST_TIME)] - total[:-1])) / BURST_TIME
 
     def find(self, stream: str, seq: int) -> Optional[SentPacket]:
         """Look a datagram up; None: it was never sent, or too long ago.

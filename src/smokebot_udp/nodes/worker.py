@@ -32,7 +32,7 @@ class DeadlineWorker(Generic[Item]):
 
     @property
     def lock(self) -> ContextManager[Any]:
-        """To be held to read what others change."""
+        """To be held to read what others change, or to change what `poll` and `deadline` do not depend on."""
         return self._changed
 
     @contextlib.contextmanager

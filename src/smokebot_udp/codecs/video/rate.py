@@ -44,9 +44,8 @@ CLEARLY = 0.15
 
 REPAID = 4.0
 """Where losses come in bursts, an encoder is opened anew for another cycle where the logarithm of the expected error
-would have been lower by this, summed over images: reports of bursts vary too much for less. Measured: the intra image
-of a new encoder costs 7 dB, and nothing any more after 15 images, which is 12; but then gains are larger than expected.
-"""
+would have been lower by this, summed over images: reports of bursts vary too much for less. Measured on several clips;
+the intra image of a new encoder costs 7 dB at first, and nothing any more after 15 images."""
 
 LESS, MORE = 0.7, 1.4
 """It is asked for this many times the size that is wanted, at least and at most."""

@@ -171,8 +171,9 @@ class LayeredImages(CompressedImages):
     def _predicted(self, source: Layerable, stamp: float,
                    recipients: Tuple[Collection[str], float]) -> Optional[Prediction]:
         """What the image is to be coded against; None: nothing, or to predict it takes so long that the scene has moved
-        by more than that could save."""
-        if self._motion.growth * self._time.prediction > self._error:
+        by more than that could save, or the last predictions saved little."""
+        if (self._motion.growth * self._time.prediction > self._error
+                or not self._predictor.worth_trying(self._repeats.count)):
             return None
         self._time.begin()
         prediction = self._predictor.predict(source.pixels, stamp, self._motion.growth, *recipients,

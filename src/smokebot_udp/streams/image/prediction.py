@@ -132,10 +132,16 @@ class Predictor:
         self._lags: Deque[int] = deque(maxlen=LAGS)     # from images to the newest one that is held
         self._motion, self._gain = _MotionFinder(), _Gain()
 
+    def worth_trying(self, repeated: int) -> bool:
+        """Whether to predict the next image; to be asked once an image.
+
+        :param repeated: as in `predict`
+        """
+        return repeated > 0 or self._gain.expected()
+
     def predict(self, pixels: Array, stamp: float, growth: float, names: Collection[str], now: float,
                 repeated: int = 0) -> Optional[Prediction]:
-        """What the next image is to be coded against; None: nothing that all operators hold is like it, or the last
-        predictions saved little.
+        """What the next image is to be coded against; None: nothing that all operators hold is like it.
 
         :param pixels: of the next image, as the codec takes them
         :param stamp: its time [s]
@@ -145,7 +151,7 @@ class Predictor:
         :param repeated: how many images in a row, up to the next one, show what the one before did
         """
         held = self._held.layers(names, self.session, self._references.layers(self.session), now)
-        if not held or not (repeated or self._gain.expected()):
+        if not held:
             return None
         number, layers = self._best(held, repeated, stamp, growth)
         reference = self._references.get((self.session, number), layers, shape_of(pixels))

@@ -48,7 +48,7 @@ def relay_frame(message: Any, max_datagram_size: int) -> Frame:
             length, parts, MAX_MESSAGE_SIZE, MAX_PARTS))
     each = -(-size // parts)
     frame = Frame(RelaySegment, parts, {'data': each})
-    frame.records['checksum'], frame.records['size'] = typed_checksum(message._md5sum, packed), size
+    frame.records['checksum'], frame.records['packed_size'] = typed_checksum(message._md5sum, packed), size
     frame.records['part'] = np.arange(parts)
     frame.records['data'] = np.frombuffer(packed.ljust(parts * each, b'\0'), np.uint8).reshape(parts, each)
     return frame
@@ -72,7 +72,7 @@ class PartJoiner:
 
     def add(self, segment: RelaySegment) -> Optional[bytes]:
         """Take a segment; returns the serialised message that it completes, else None."""
-        size, length, part = segment.size, len(segment.data), segment.part
+        size, length, part = segment.packed_size, len(segment.data), segment.part
         parts = -(-size // length) if length else 1
         if part >= parts or size > MAX_PACKED_SIZE or (size and not length) or (parts == 1 and size != length):
             self.dropped['part'] += 1
