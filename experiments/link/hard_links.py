@@ -22,8 +22,8 @@ which congestion control is hard, without random loss and with 20 ms of delay ea
 a queue of 10 ms only, which is full before it is seen; a policer, which has no queue, but drops at once what exceeds
 its rate and a token bucket; and a TCP download from the robot's side to the operator's, over the same link and its
 queue of 200 ms. For each link robot_sender starts again over a good one of 20 Mbit/s, so that it knows nothing of the
-link before. As soon as an image arrives, the link begins, and a download with it. It is measured for 10 s, from 3 s
-later on.
+link before. As soon as an image arrives, the link begins. A download begins 5 s later, or, where it is *first*, with
+the link. It is measured for 10 s, from 3 s after that.
 
 *Used* is the part of the link that our datagrams took, *by all* with everything else that the robot's side sent. *Own
 loss* is which part of our datagrams a full queue or the policer dropped. *Share* is our part of what the link carried
@@ -43,6 +43,9 @@ RATES = 5e6, 20e6
 SHORT_QUEUE, JITTER = 0.01, 0.01
 """[s]"""
 
+ALONE_FIRST = 5.0
+"""From the beginning of the link to that of a download, if that is not first [s]."""
+
 BUCKET = 15e3
 """Of the policer: 24 ms at its rate [byte]."""
 
@@ -61,6 +64,8 @@ class HardLink(NamedTuple):
     """{name: value} of LinkConditions, besides those of RateStepRun.set_link"""
     tcp: Optional[str] = None
     """The congestion control of a download beside us; None: there is none."""
+    tcp_after: float = ALONE_FIRST
+    """When it begins [s]."""
 
 
 def _name(words: str, rate: float) -> str:
@@ -72,7 +77,9 @@ LINKS = [
     *[HardLink(_name('queue of 10 ms', rate), rate, ALONE, {'queue': SHORT_QUEUE}) for rate in RATES],
     HardLink(_name('policer', RATES[0]) + ', 15 kB', RATES[0], ALONE, {'bucket': BUCKET}),
     *[HardLink(_name('beside TCP %s' % tcp, rate), rate, BESIDE_TCP, tcp=tcp)
-      for tcp in ('cubic', 'bbr') for rate in RATES]]
+      for tcp in ('cubic', 'bbr') for rate in RATES],
+    *[HardLink(_name('TCP %s first' % tcp, RATES[0]), RATES[0], BESIDE_TCP, tcp=tcp, tcp_after=0.0)
+      for tcp in ('cubic', 'bbr')]]
 
 
 def run(run: Run) -> None:
@@ -85,9 +92,11 @@ def run(run: Run) -> None:
 
 
 def measure(link: RateStepRun, hard: HardLink, seconds: float) -> Step:
-    """One link, with a new sender; the download begins with the link."""
+    """One link, with a new sender."""
     link.restart_sender()
     link.set_link(hard.rate, 0.0, **hard.conditions)
+    if hard.tcp:
+        time.sleep(hard.tcp_after)
     beside: ContextManager[Any] = download(link.stack, hard.tcp) if hard.tcp else contextlib.nullcontext()
     with beside:
         step, = link.on_time(lambda: time.sleep(SETTLE), lambda: link.measure(

@@ -70,8 +70,9 @@ def test_links_have_names_conditions_and_goals_of_their_own() -> None:
         LinkConditions(rate=hard.rate, **hard.conditions)
         assert {goal.quantity for goal in hard.goals} <= set(COLUMNS.values())
         assert '%g Mbit/s' % (hard.rate / 1e6) in hard.name
-    assert [(hard.tcp, hard.rate) for hard in LINKS if hard.tcp] == [
-        (tcp, rate) for tcp in ('cubic', 'bbr') for rate in (5e6, 20e6)]
+    assert [(hard.tcp, hard.rate, hard.tcp_after > 0) for hard in LINKS if hard.tcp] == [
+        *[(tcp, rate, True) for tcp in ('cubic', 'bbr') for rate in (5e6, 20e6)],
+        ('cubic', 5e6, False), ('bbr', 5e6, False)]
 
 
 def test_a_download_lasts_until_its_receiver_leaves() -> None:

@@ -27,9 +27,9 @@ MOVED = 1.2
 SKIPPED = 4
 """or after this number of images."""
 
-SAVES = 0.25
+SAVES, PAUSE = 0.25, 5
 """A prediction that saves less than this part of the bits is not worth the time of the processors: it takes longer than
-coding does. After two such in a row the next SKIPPED images have none."""
+coding does. After two such in a row so many images have none."""
 
 LAGS = 16
 """How long a report takes is known from the fastest one of this number of images."""
@@ -105,7 +105,7 @@ class _Gain:
 
     def expected(self) -> bool:
         """Whether the next image is predicted; to be asked once an image."""
-        if self._poor >= 2 and self._skipped < SKIPPED:
+        if self._poor >= 2 and self._skipped < PAUSE:
             self._skipped += 1
             return False
         return True
