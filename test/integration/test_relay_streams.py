@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Small messages as they are through robot_sender and operator_receiver: real nodes, sockets and master."""
 import pathlib
+import random
+import string
 import sys
 import threading
 import time
@@ -124,7 +126,8 @@ class RelayStreams(StreamsCase):
             self.assertEqual(late.got['base_link', 'laser'][-1][1].transform.translation.x, 2.0)
 
     def test_a_message_of_several_datagrams_is_warned_of(self) -> None:
-        message = Odometry(child_frame_id='x' * 3000)
+        text = ''.join(random.Random(1).choices(string.ascii_letters + string.digits, k=4500))    # 3.4 kB compressed
+        message = Odometry(child_frame_id=text)
         message.header.stamp = rospy.Time.now()
         self.odometry.publish(message)
         wait_for(lambda: any("stream 'odom'" in text and '3 datagrams' in text for text in self.warnings), 5,
