@@ -23,7 +23,7 @@ from fuzzing import run  # noqa: E402
 
 from smokebot_udp.codecs.video import nal  # noqa: E402
 from smokebot_udp.codecs.video.decoder_request import Request  # noqa: E402
-from smokebot_udp.codecs.video.encoder import VideoEncoder  # noqa: E402
+from smokebot_udp.codecs.video.encoder import LEAST_ROOM, VideoEncoder  # noqa: E402
 from smokebot_udp.nodes.video_decoder import VideoDecoder  # noqa: E402
 
 MAX_TIME = 0.2
@@ -44,7 +44,7 @@ GOOD_TIME = 60.0
 def stream(shape: Sequence[int], session: int) -> List[Request]:
     """A good stream: noise that moves over a gradient."""
     random = np.random.RandomState(session)
-    encoder = VideoEncoder(shape[0], shape[1], 'bgr8' if len(shape) == 3 else 'mono8', 4000, 450, 10)
+    encoder = VideoEncoder(shape[0], shape[1], 'bgr8' if len(shape) == 3 else 'mono8', 4000, LEAST_ROOM, 10)
     scene = np.add.outer(np.arange(shape[0]), np.arange(2 * shape[1])) % 200
     scene = scene.reshape(*scene.shape, *(1,) * (len(shape) - 2)) + random.randint(0, 50, (*scene.shape, *shape[2:]))
     found = []
