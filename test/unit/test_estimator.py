@@ -127,6 +127,10 @@ def test_a_loss_that_may_be_the_airs_is_suspicious_before_it_is_excess() -> None
     for _ in range(10):
         loss.update(counts(100, 80), False)
     assert loss.suspicious and not loss.excess
+    bursts = Loss()
+    for number in range(60):
+        bursts.update(counts(100, 100 if number % 4 else 40), False)
+    assert not bursts.suspicious
     loss.set_air(600, 120)
     assert not loss.suspicious
 

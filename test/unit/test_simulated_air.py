@@ -211,7 +211,7 @@ def test_images_do_not_overrun_a_queue_too_short_to_be_seen(size: int, points: i
         before = replace(there.counts)
         events.run(18)
         dropped, offered = there.counts.dropped - before.dropped, there.counts.offered - before.offered
-        assert dropped <= 0.02 * offered, seed
+        assert dropped <= 0.1 * offered, seed
 
 
 @pytest.mark.parametrize('seed', [1, 2, 3, 5])

@@ -90,10 +90,11 @@ class Loss:
 
     @property
     def suspicious(self) -> bool:
-        """As `excess`, for a check, which does no harm where the air was not known: the prior weighs more."""
-        return self._significant(SUSPICIOUS_COUNT)
+        """Whether a check is due, which does no harm where the air is not known: the prior weighs more than for
+        `excess`, but in bursts more is lost by chance."""
+        return self._significant(SUSPICIOUS_COUNT, self.dispersion)
 
-    def _significant(self, prior: float) -> bool:
-        deviation = math.sqrt(self.unanswered * (1 - self.unanswered)
+    def _significant(self, prior: float, dispersion: float = 1.0) -> bool:
+        deviation = math.sqrt(dispersion * self.unanswered * (1 - self.unanswered)
                               * (2 / EVIDENCE_WINDOW + 1 / (self._uncongested + prior)))
         return self.unanswered - self.air > EXCESS_MARGIN + 2 * deviation

@@ -117,7 +117,7 @@ class LossCeiling:
                 self._begin_check(offered, loss, now)
         elif self._state is _State.HOLD and now >= self._next_check and self._failed(loss):
             self._begin_check(offered, loss, now)
-        elif loss.suspicious and now >= self._next_check:
+        elif (loss.excess or loss.suspicious) and now >= self._next_check:
             self._held = self.rate
             self._enter(_State.SUSPICION, self.rate, now)
             self._since = -math.inf
