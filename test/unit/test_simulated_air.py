@@ -58,7 +58,7 @@ def run_steps(events: Events, there: Channel) -> Iterator[Tuple[float, float, fl
 
 
 @pytest.mark.parametrize('loss', [0.0, 0.05, 0.2])
-@pytest.mark.parametrize('seed', [2, 3, 4, 9])
+@pytest.mark.parametrize('seed', [1, 2, 3, 4, 9])
 def test_the_rate_follows_the_link_at_any_loss(loss: float, seed: int) -> None:
     events, there, robot = link(STEPS[0], loss, seed)
     for rate, since, until, dropped in run_steps(events, there):
@@ -198,8 +198,9 @@ def test_a_queue_too_short_to_be_seen_is_not_overrun(rate: float, seed: int) -> 
     assert utilisation >= 0.85 and dropped <= 0.01
 
 
-@pytest.mark.parametrize('size, points, since', [(40000, 60000, 5.0), (25000, 30000, 0.5)])
-def test_images_do_not_overrun_a_queue_too_short_to_be_seen(size: int, points: int, since: float) -> None:
+@pytest.mark.parametrize('size, points, since, most', [(40000, 60000, 5.0, 0.02), (25000, 30000, 0.5, 0.1)])
+def test_images_do_not_overrun_a_queue_too_short_to_be_seen(size: int, points: int, since: float,
+                                                                 most: float) -> None:
     """On average the air carries them; what leaves at once for each does not fit the queue."""
     for seed in range(5):
         streams = Streams({'thermal': image(size), 'lidar': cloud(points, rate=5.0, leaf_size=0.2)},
@@ -211,7 +212,7 @@ def test_images_do_not_overrun_a_queue_too_short_to_be_seen(size: int, points: i
         before = replace(there.counts)
         events.run(18)
         dropped, offered = there.counts.dropped - before.dropped, there.counts.offered - before.offered
-        assert dropped <= 0.1 * offered, seed
+        assert dropped <= most * offered, seed
 
 
 @pytest.mark.parametrize('seed', [1, 2, 3, 5])
