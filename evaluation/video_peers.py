@@ -136,8 +136,8 @@ class Decoder:
         self._av = _pyav()
         self._context = self._av.CodecContext.create('h264', 'r')
         self._context.thread_count = 1
-        self._context.options = {'err_detect': 'ignore_err', 'ec': 'deblock+favor_inter' if predicted else 'deblock',
-                                 'flags': '+low_delay+output_corrupt', 'flags2': '+showall'}
+        from smokebot_udp.codecs.video import decoder  # it needs PyAV
+        self._context.options = {**decoder.OPTIONS, 'ec': decoder.CONCEALMENT[predicted]}
         self._shape, self._parameter_sets = shape, parameter_sets
 
     def decode(self, slices: Sequence[bytes]) -> Optional[Array]:
