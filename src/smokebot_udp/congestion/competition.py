@@ -21,7 +21,7 @@ import math
 import statistics
 from typing import Deque, List, NamedTuple, Optional
 
-from .feedback import PacketSample
+from .feedback import PacketSample, sending_rate
 from .loss import Loss
 from .probing import ProbeTrain
 
@@ -32,7 +32,7 @@ MIN_SHARE = 0.28
 """Where loss reduces it to less the mode ends."""
 
 SHARE_GROWTH = 0.05
-"""After a reduction it rises so much each second."""
+"""After a reduction the share grows by this each second [1/s]."""
 
 REDUCTION_INTERVAL = 1.0
 """It is reduced once in this time [s]."""
@@ -47,10 +47,10 @@ MIN_STRETCH, STRETCH_TIME = 0.8, 0.08
 """A queue stays where what was sent in this time [s] takes at least this part of it to arrive."""
 
 TEST_DURATION, MIN_PACKETS = 0.04, 5
-"""A test takes this long [s], and has so many datagrams, at least."""
+"""A test takes at least this long [s], and has at least this number of datagrams."""
 
 TEST_PART, MAX_TEST_GAIN = 0.75, 4.0
-"""It has this part of the most that was carried, but no more than so many times what is carried now."""
+"""Its rate is this part of the highest rate that was carried, but at most this multiple of the present one."""
 
 MAX_TESTS = 2
 """In one drain."""
@@ -62,7 +62,7 @@ TRAIN_TIMEOUT = 1.0
 """A train that was not reported after this long is lost [s]."""
 
 WINDOW = 0.3
-"""A train is compared with what was sent in this time before it [s]; and over so long what is carried is measured."""
+"""A train is compared with what was sent in this time before it; the carried rate is measured over this time [s]."""
 
 PEAK_LIFETIME = 30.0
 """The most that was carried is remembered for this long [s]."""
@@ -175,7 +175,7 @@ class Competition:
         self._samples.clear()
 
     def update(self, chain: List[PacketSample], queue: float, short: float, noise: float, base: Optional[PacketSample],
-               drain: Optional[float], lost: float, loss: Loss, now: float) -> bool:
+               drain: Optional[float], cut: bool, loss: Loss, now: float) -> bool:
         """Take a report.
 
         :param chain: its samples in sending order, after the newest known before
@@ -184,7 +184,7 @@ class Competition:
         :param noise: of delays [s]
         :param base: the sample of least delay
         :param drain: since when a drain is in progress [s]; None: there is none
-        :param lost: datagrams that the report counts as lost, beyond what the air loses: a train may have been cut off
+        :param cut: whether the report counts more lost datagrams than the air loses: a train may have been cut off
         :param loss: lately
         :param now: by a steady clock [s]
         :return: whether it is evidence of a competitor
@@ -193,7 +193,7 @@ class Competition:
         self._follow_drain(drain, base, now)
         if queue > short:
             self._occupied = now
-        proof = self._take_train(noise, lost, now)
+        proof = self._take_train(noise, cut, now)
         if proof and not self.active:
             self._begin(loss, now)
         elif self.active and not self._evidence:
@@ -271,12 +271,12 @@ class Competition:
             return bool(within) and within[-1].sent > self._drain + SETTLING
         return within[-1].sent - within[0].sent > STRETCH_TIME and _stretch(within[0], within[-1]) > MIN_STRETCH
 
-    def _take_train(self, noise: float, lost: float, now: float) -> bool:
+    def _take_train(self, noise: float, cut: bool, now: float) -> bool:
         """Judge a train that was reported; return whether it is evidence."""
         train = self._train
         if train is None:
             return False
-        if lost > 0 or now - train.left > TRAIN_TIMEOUT:
+        if cut or now - train.left > TRAIN_TIMEOUT:
             self._train = None
         if self._train is None or self._samples[-1].total < train.ends:
             return False
@@ -305,7 +305,7 @@ class Competition:
         before = [sample for sample in self._samples if sample.total <= train.begins and sample.sent > since]
         if len(before) < 2:
             return None
-        usual, fast = _rate(before[0], during[0]), _rate(during[0], during[-1])
+        usual, fast = sending_rate(before[0], during[0]), sending_rate(during[0], during[-1])
         stretch, stretched = _stretch(before[0], during[0]), _stretch(during[0], during[-1])
         spread = (stretched - stretch) * (during[-1].sent - during[0].sent)
         if spread < MIN_SPREAD + noise or fast <= usual:
@@ -334,11 +334,6 @@ class Competition:
             self._share = min(SHARE, self._share + SHARE_GROWTH * (now - self._updated))
         self._updated = now
         self.rate = self._share * self.bottleneck
-
-
-def _rate(first: PacketSample, last: PacketSample) -> float:
-    """At what rate was sent what is between them [byte/s]."""
-    return (last.total - first.total) / max(last.sent - first.sent, 1e-4)
 
 
 def _stretch(first: PacketSample, last: PacketSample) -> float:

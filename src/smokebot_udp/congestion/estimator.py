@@ -43,7 +43,7 @@ import numpy as np
 from ..units import MBIT
 from .competition import Competition
 from .delay import QueueDelay, typical
-from .feedback import Feedback, PacketSample
+from .feedback import Feedback, PacketSample, sending_rate
 from .loss import MAX_AIR_LOSS, Loss
 from .loss_ceiling import LossCeiling
 from .probe_rtt import ProbeRtt
@@ -239,10 +239,10 @@ class Estimator:
 
         short = queue < self._target()
         paused = queue < LONG_QUEUE and self._probe_rtt.covers(chain[0].sent)
-        offered = offered_rate(chain)
+        offered = sending_rate(chain[0], chain[-1])
         relaxed = (short and self._was_short and not self._ceiling.checking and offered < max(
             min(RELAXED * link.capacity, PROVEN * self._carried), MAX_GAIN * self.limits.start_rate)
-                   and not self._loss.exceeds_air(feedback.expected, feedback.expected - feedback.received))
+                   and not self._loss.exceeds_air(feedback.expected, feedback.lost))
         if feedback.expected:
             self._carried = max(CARRIED_MEMORY * self._carried, offered * feedback.received / feedback.expected)
         self._update_loss(feedback, relaxed or paused)
@@ -280,9 +280,9 @@ class Estimator:
         link, competition = self.link, self._competition
         was, bottleneck = competition.active, competition.bottleneck
         usual = self._loss.air * feedback.expected
-        lost = max(0.0, feedback.expected - feedback.received - usual - math.sqrt(usual))
+        cut = feedback.lost > usual + math.sqrt(usual)
         proof = competition.update(chain, queue, self._target(), self._delay.noise, self._delay.base,
-                                   self._probe_rtt.draining_since(now), lost, self._loss, now)
+                                   self._probe_rtt.draining_since(now), cut, self._loss, now)
         if proof and competition.floor is not None:     # what a drain left is a queue, not the path
             self._delay.set_base(competition.floor, now)
         if competition.active:
@@ -366,7 +366,8 @@ class Estimator:
     def _grow(self, chain: List[PacketSample]) -> None:
         """Assume somewhat more capacity than is used."""
         link = self.link
-        ceiling = max(MAX_MIN_RATE_FACTOR * self.limits.min_rate, MAX_OFFERED_FACTOR * offered_rate(chain))
+        offered = sending_rate(chain[0], chain[-1])
+        ceiling = max(MAX_MIN_RATE_FACTOR * self.limits.min_rate, MAX_OFFERED_FACTOR * offered)
         link.capacity = max(link.capacity, min(ceiling, link.capacity * GROWTH_FACTOR),
                             min(self._before_timeout, link.capacity * RECOVERY_GROWTH_FACTOR))
 
@@ -415,11 +416,6 @@ class Estimator:
         wished = min(wished, self.limits.max_rate)
         return self._probes.next(self.link.capacity, empty, wanted > self.rate, samples[-1], unreported, now,
                                  wished > self.rate)
-
-
-def offered_rate(chain: List[PacketSample]) -> float:
-    """At what rate samples were sent, in sending order [byte/s]."""
-    return (chain[-1].total - chain[0].total) / max(chain[-1].sent - chain[0].sent, 1e-3)
 
 
 def peak_rate(chain: List[PacketSample], waits: List[float], noise: float) -> float:

@@ -171,6 +171,11 @@ class PacketSample(NamedTuple):
         return self.arrived - self.sent
 
 
+def sending_rate(first: PacketSample, last: PacketSample) -> float:
+    """At what rate was sent what is between two samples [byte/s]."""
+    return (last.total - first.total) / max(last.sent - first.sent, 1e-3)
+
+
 class Arrivals(NamedTuple):
     """Datagrams of one stream between two reports."""
     stream: str
@@ -198,9 +203,14 @@ class Feedback(NamedTuple):
     """Of each stream in the report."""
 
     @property
+    def lost(self) -> int:
+        """The expected datagrams that did not arrive."""
+        return self.expected - self.received
+
+    @property
     def loss(self) -> float:
-        """Ratio of the expected datagrams that did not arrive; 0: none was expected."""
-        return (self.expected - self.received) / max(self.expected, 1)
+        """Their ratio; 0: none was expected."""
+        return self.lost / max(self.expected, 1)
 
 
 class _InvalidReport(Exception):

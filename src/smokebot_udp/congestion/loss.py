@@ -43,7 +43,7 @@ class Loss:
 
         :param uncongested: whether its datagrams were sent so slowly that no queue can have been full
         """
-        count, lost = feedback.expected, feedback.expected - feedback.received
+        count, lost = feedback.expected, feedback.lost
         if not count:
             return
         self._count = min(self._count + count, AVERAGING_WINDOW)
@@ -92,7 +92,7 @@ class Loss:
     def suspicious(self) -> bool:
         """Whether a check is due, which does no harm where the air is not known: the prior weighs more than for
         `excess`, but in bursts more is lost by chance."""
-        return self._significant(SUSPICIOUS_COUNT, self.dispersion)
+        return self.excess > 0 or self._significant(SUSPICIOUS_COUNT, self.dispersion)
 
     def _significant(self, prior: float, dispersion: float = 1.0) -> bool:
         deviation = math.sqrt(dispersion * self.unanswered * (1 - self.unanswered)

@@ -103,10 +103,10 @@ class LossCeiling:
         """
         if since >= self._since:
             self._count += feedback.expected
-            self._lost += feedback.expected - feedback.received
+            self._lost += feedback.lost
         if self._state is _State.CHECK:
             self._judge_check(loss, now)
-        elif self._state is _State.TRIAL and self._failed(loss):
+        elif self._state is _State.TRIAL and loss.exceeds_air(self._count, self._lost):
             self._hold = min(2 * self._hold, MAX_HOLD)
             self._settle(self._held * (MARGIN if self._step > FIRST_STEP else 1.0), now)
             self._next_check = now + TRIAL_DURATION
@@ -115,9 +115,9 @@ class LossCeiling:
             enough = MIN_CHECK_COUNT if now - self._began > SUSPICION_TIME else SUSPICION_COUNT
             if self._count >= enough:
                 self._begin_check(offered, loss, now)
-        elif self._state is _State.HOLD and now >= self._next_check and self._failed(loss):
+        elif self._state is _State.HOLD and now >= self._next_check and loss.exceeds_air(self._count, self._lost):
             self._begin_check(offered, loss, now)
-        elif (loss.excess or loss.suspicious) and now >= self._next_check:
+        elif loss.suspicious and now >= self._next_check:
             self._held = self.rate
             self._enter(_State.SUSPICION, self.rate, now)
             self._since = -math.inf
@@ -174,10 +174,6 @@ class LossCeiling:
             self._next_check = now
             loss.set_air(AIR_COUNT, round(AIR_COUNT * (loss.air if overrun else ratio)))
         loss.answered()
-
-    def _failed(self, loss: Loss) -> bool:
-        """Whether more is lost in this state than the air loses."""
-        return loss.exceeds_air(self._count, self._lost)
 
     def _try_more(self, now: float) -> None:
         """Begin a trial, or end one without loss."""
