@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
+from typing import List
+
+import numpy as np
 import pytest
 
-from smokebot_udp.congestion.delay import BASE_LIFETIME, QueueDelay, typical
+from smokebot_udp.congestion.delay import BASE_LIFETIME, QueueDelay, own_waits, typical
 from smokebot_udp.congestion.feedback import PacketSample
 
 CAPACITY = 1e6
@@ -52,11 +55,39 @@ def test_a_base_is_raised_by_a_limited_step() -> None:
     assert delay.of(sample(3.1, 0.03)) == pytest.approx(0.004)
 
 
+def chain(*delays: float, interval: float = 0.01, size: int = 1000) -> List[PacketSample]:
+    """Samples in even intervals."""
+    return [sample(interval * k, delay, size)._replace(total=size * (k + 1)) for k, delay in enumerate(delays)]
+
+
 def test_jitter_is_noise_and_a_growing_queue_is_not() -> None:
     delay = QueueDelay()
     for _ in range(50):
-        delay.update_noise([sample(0.01 * k, 0.02 + 0.001 * k) for k in range(20)])
+        delay.update_noise(chain(*(0.02 + 0.001 * k for k in range(20))), CAPACITY)
     assert delay.noise == pytest.approx(0, abs=1e-6)
     for _ in range(50):
-        delay.update_noise([sample(0.01 * k, 0.02 + 0.004 * (k % 2)) for k in range(20)])
+        delay.update_noise(chain(*(0.02 + 0.004 * (k % 2) for k in range(20))), CAPACITY)
     assert delay.noise == pytest.approx(0.002, rel=0.1)
+
+
+def test_datagrams_wait_for_those_before_them() -> None:
+    """1000 byte take 20 ms, and the third datagram leaves 30 ms after the second. Before the last one another was
+    lost."""
+    samples = [PacketSample(0.0, 0.5, 1000, 1000), PacketSample(0.0, 0.5, 500, 1500),
+               PacketSample(0.03, 0.5, 1000, 2500), PacketSample(0.09, 0.5, 500, 3000),
+               PacketSample(0.10, 0.5, 500, 4500)]
+    np.testing.assert_allclose(own_waits(samples, 50000.0), [0.02, 0.03, 0.02, 0.01, 0.03])
+
+
+def test_what_ones_own_datagrams_wait_for_each_other_is_no_noise() -> None:
+    """Images of four datagrams leave faster than a slow link carries them."""
+    delay, link, free = QueueDelay(), 37500.0, 0.0
+    samples, total = [], 0
+    for image in range(5):
+        for number in range(4):
+            sent, total = 0.1 * image + 0.001 * number, total + 700
+            free = max(free, sent) + 700 / link
+            samples.append(PacketSample(sent, free + 0.02, 700, total))
+    for _ in range(20):
+        delay.update_noise(samples, link)
+    assert delay.noise == pytest.approx(0, abs=1e-6)

@@ -68,6 +68,18 @@ def test_the_rate_follows_the_link_at_any_loss(loss: float, seed: int) -> None:
 
 
 @pytest.mark.parametrize('loss', [0.0, 0.05, 0.2])
+@pytest.mark.parametrize('rate', [0.3, 1.0])
+def test_streams_that_send_less_on_average_build_no_queue(rate: float, loss: float) -> None:
+    """The link was measured in their bursts, and is not taken for wider between them."""
+    events, there, robot = link(20, loss, 5, navigation())
+    events.run(3)
+    there.conditions = replace(there.conditions, rate=rate * 1e6)
+    events.run(20)
+    assert np.percentile(sent(robot, 6)[:, 2], 95) <= 0.031
+    assert used(robot, rate, 6, 20) > 0.78
+
+
+@pytest.mark.parametrize('loss', [0.0, 0.05, 0.2])
 def test_protected_streams_arrive_on_every_link(loss: float) -> None:
     streams = navigation()
     events, there, robot = link(STEPS[0], loss, 3, streams)

@@ -28,7 +28,7 @@ from .sent_history import SentHistory, stream_of
 
 __all__ = ['Controller', 'Demand', 'Plan']
 
-PLANNING_SHARE = 0.92
+PLANNING_SHARE = 0.96
 """Part of the capacity that is allocated. An image that needs the whole frame period to leave is cut off by the next
 one; and the estimate fluctuates."""
 

@@ -5,6 +5,7 @@ from typing import List, Optional
 
 import numpy as np
 
+from ..arrays import FloatArray
 from .feedback import PacketSample
 
 BASE_LIFETIME = 5.0
@@ -56,13 +57,16 @@ class QueueDelay:
         if beyond < CONFIRMATION_MARGIN + self.noise:
             self._confirmed = now
 
-    def update_noise(self, samples: List[PacketSample]) -> None:
-        """Measure noise as the mean deviation from a straight line: between these the queue changed evenly, if at all.
+    def update_noise(self, samples: List[PacketSample], capacity: float) -> None:
+        """Measure noise as the mean deviation from a straight line of what one's own datagrams do not explain: between
+        these the queue of others changed evenly, if at all.
 
         :param samples: in sending order
+        :param capacity: as known [byte/s]
         """
         if len(samples) > 4:
-            sent, delay = (np.array([getattr(sample, name) for sample in samples]) for name in ('sent', 'delay'))
+            sent = np.array([sample.sent for sample in samples])
+            delay = np.array([sample.delay for sample in samples]) - own_waits(samples, capacity)
             sent, delay = sent - sent.mean(), delay - delay.mean()
             residual = delay - sent * (sent @ delay) / max(sent @ sent, 1e-9)
             self.noise += (float(np.abs(residual).mean()) - self.noise) / NOISE_REPORTS
@@ -88,6 +92,20 @@ class QueueDelay:
     def _beyond(self, sample: PacketSample, base: PacketSample) -> float:
         # the air's rate may be far off: a datagram shorter than the base's must not seem queued for that
         return sample.delay - base.delay - max(0, sample.size - base.size) / self._air_rate
+
+
+def own_waits(samples: List[PacketSample], capacity: float) -> FloatArray:
+    """How long datagrams wait for those before them and are on the air, where nothing else is sent (Lindley's
+    recursion) [s].
+
+    :param samples: in sending order
+    :param capacity: [byte/s]
+    """
+    waits = [samples[0].size / capacity]
+    for before, after in zip(samples, samples[1:]):
+        between = (after.total - before.total - after.size) / capacity      # lost ones, sent at unknown times
+        waits.append(max(0.0, waits[-1] - (after.sent - before.sent) + between) + after.size / capacity)
+    return np.array(waits)
 
 
 def typical(samples: List[PacketSample]) -> PacketSample:

@@ -47,7 +47,7 @@ from .feedback import Feedback, PacketSample, sending_rate
 from .loss import MAX_AIR_LOSS, Loss
 from .loss_ceiling import LossCeiling
 from .probe_rtt import ProbeRtt
-from .probing import ProbeController, ProbeTrain
+from .probing import SUCCESS_FACTOR, ProbeController, ProbeTrain
 
 REFERENCE_TARGET = 0.005
 """Queueing delay to keep at REFERENCE_RATE [s];"""
@@ -133,6 +133,9 @@ leaves."""
 PROBE_HOLDOFF = 0.6
 """No train leaves this soon after a pause, nor after the queue has become empty: others have only paused [s]."""
 
+MEASURED_MEMORY = 2.0
+"""A capacity that was measured while the air was busy is believed for this long: it is not taken for more [s]."""
+
 GROWTH_FACTOR = 1.05
 """Where the queue is empty because little is sent, the capacity is assumed to be this much higher with each report, as
 otherwise an idle sender could never ramp up;"""
@@ -204,6 +207,7 @@ class Estimator:
         self._last_long = -math.inf     # when it was long
         self._occupied = -math.inf      # when it was last seen occupied
         self._back = -math.inf          # when reports came again after a timeout
+        self._measured = -math.inf      # when the air was last busy for long enough
 
     def on_feedback(self, feedback: Feedback, now: float, wanted: float = math.inf,
                     wished: float = 0.0) -> Optional[ProbeTrain]:
@@ -247,7 +251,7 @@ class Estimator:
             self._carried = max(CARRIED_MEMORY * self._carried, offered * feedback.received / feedback.expected)
         self._update_loss(feedback, relaxed or paused)
         self._was_short = short
-        if after_timeout and short:     # reports were lost like other datagrams
+        if after_timeout and queue < STANDING_FACTOR * self._target():      # reports were lost like other datagrams
             explained = math.pow(feedback.loss, silence / REPORT_INTERVAL) > REPORT_LOSS_PROBABILITY
             link.capacity = max(link.capacity, self._before_timeout / (1.0 if explained else RECOVERY_FACTOR))
         self._update_capacity(feedback, chain, queue)
@@ -272,6 +276,7 @@ class Estimator:
             if not self.timeouts:
                 self._before_timeout = max(self._before_timeout, self.link.capacity)
             self.timeouts += 1
+            self._measured = -math.inf
             self.link.capacity = max(self.link.capacity / 2, self.limits.min_rate)
         self._set_rate(now)
 
@@ -333,6 +338,8 @@ class Estimator:
             step = weight * (carried * (1 - dropped) / busy - link.capacity)
             if step < 0:
                 step *= self._trust(queue)
+            if self._allowance() < target_delay(link.capacity) / 4:
+                self._measured = chain[-1].sent
             if step:
                 link.capacity += step
                 self._before_timeout = min(self._before_timeout, math.inf if step > 0 else link.capacity)
@@ -341,9 +348,12 @@ class Estimator:
             since = max((at + 1 for at, wait in enumerate(waits) if wait > LONG_QUEUE), default=0)
             cleared = chain[since:]
             ceiling = math.inf if busy < duration * 3 / 4 else MAX_PUSH_FACTOR * link.capacity
-            link.capacity = max(link.capacity, min(ceiling, peak_rate(cleared, waits[since:], 2 * self._delay.noise)))
-            self._delay.update_noise(cleared)
-            if queue < self._target() / 2:
+            peak = min(ceiling, peak_rate(cleared, waits[since:], 2 * self._delay.noise))
+            if peak > SUCCESS_FACTOR * link.capacity:       # the link has become wider: it was measured before that
+                self._measured = -math.inf
+            link.capacity = max(link.capacity, peak)
+            self._delay.update_noise(cleared, link.capacity)
+            if queue < self._target() / 2 and chain[-1].sent - self._measured > MEASURED_MEMORY:
                 self._grow(chain)
         link.capacity = self.limits.clamp(link.capacity)
 
