@@ -14,8 +14,9 @@ LINK, TARGET, SIZE, REPORT = 2.5e6, 0.005, 1000, 0.1
 class Bottleneck:
     """A fluid queue that we share with others, and a report each REPORT; trains leave when they are due."""
 
-    def __init__(self, others: float = 0.0, queue: float = 0.0, path: float = 0.02) -> None:
+    def __init__(self, others: float = 0.0, queue: float = 0.0, path: float = 0.02, noise: float = 0.0) -> None:
         self.competition, self.loss = Competition(), Loss()
+        self.noise = noise
         self.others, self.queue, self.path = others, queue, path
         self.now, self.total = 0.0, 0
         self.drain: Optional[float] = None
@@ -28,6 +29,12 @@ class Bottleneck:
         ends = self.now + seconds
         while self.now < ends - 1e-9:
             self._report(rate, lost)
+
+    def follow(self, seconds: float) -> None:
+        """Send as it says, while it takes others for a competitor."""
+        ends = self.now + seconds
+        while self.competition.active and self.now < ends - 1e-9:
+            self._report(self.competition.rate * self.competition.gain, 0.0)
 
     def begin_drain(self) -> None:
         """Little is sent from now on."""
@@ -45,16 +52,16 @@ class Bottleneck:
             samples.append(PacketSample(self.now, self.now + self.path + self.queue, SIZE, self.total))
         chain, self._newest = self._newest + samples, samples[-1:]
         queue = self.queue + self.path - 0.02
-        self.evidence += self.competition.update(chain, queue, TARGET, 0.0, chain[0], self.drain, lost, self.loss,
-                                                 self.now)
+        self.evidence += self.competition.update(chain, queue, TARGET, self.noise, chain[0], self.drain, lost,
+                                                 self.loss, self.now)
         train = self.competition.train(queue, TARGET, SIZE, 0, self.now)
         if train is not None:
             self._train = train
 
 
-def after_a_drain(others: float, queue: float = 0.05, path: float = 0.02) -> Bottleneck:
+def after_a_drain(others: float, queue: float = 0.05, path: float = 0.02, noise: float = 0.0) -> Bottleneck:
     """The link was ours, then others came, or the path became longer; a drain follows."""
-    link = Bottleneck()
+    link = Bottleneck(noise=noise)
     link.run(2, LINK)
     link.others, link.queue, link.path = others, queue, path
     link.run(1, LINK - others)
@@ -118,6 +125,12 @@ def test_evidence_has_to_be_renewed() -> None:
     link = after_a_drain(0.6 * LINK)
     link.run(LIFETIME[-1] + 1, 0.4 * LINK, lost=1.0)     # all trains are cut off
     assert not link.competition.active
+
+
+def test_a_download_is_seen_again_and_again_although_delays_are_noisy() -> None:
+    link = after_a_drain(0.57 * LINK, noise=0.006)
+    link.follow(60)
+    assert link.competition.active
 
 
 def test_much_loss_beyond_the_air_ends_the_mode() -> None:

@@ -50,7 +50,8 @@ TEST_DURATION, MIN_PACKETS = 0.04, 5
 """A test takes at least this long [s], and has at least this number of datagrams."""
 
 TEST_PART, MAX_TEST_GAIN = 0.75, 4.0
-"""Its rate is this part of the highest rate that was carried, but at most this multiple of the present one."""
+"""Its rate is this part of the highest rate that was carried, but at most this multiple of the present one; in the
+mode, this part of what the bottleneck carries: much more than the share, as others' single datagrams spread it, too."""
 
 MAX_TESTS = 2
 """In one drain."""
@@ -257,9 +258,11 @@ class Competition:
                                              self._proven + CHECK_INTERVAL[self._evidence]):
                 drain = now
         if drain is not None and drain != self._drain:
-            gain = 1.0 if self.active else MAX_TEST_GAIN
-            self._test_rate, self._tests = min(TEST_PART * self._peak(), gain * self._carried[-1].rate), 0
-            if not self.active:
+            self._tests = 0
+            if self.active:
+                self._test_rate = TEST_PART * self.bottleneck
+            else:
+                self._test_rate = min(TEST_PART * self._peak(), MAX_TEST_GAIN * self._carried[-1].rate)
                 self.floor = base
         self._drain = drain
 
