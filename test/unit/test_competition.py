@@ -133,6 +133,20 @@ def test_a_download_is_seen_again_and_again_although_delays_are_noisy() -> None:
     assert link.competition.active
 
 
+def test_the_drain_ends_where_the_mode_begins_as_another_test_would_only_show_what_the_first_one_left() -> None:
+    link = Bottleneck()
+    link.run(2, LINK)
+    link.others, link.queue = 0.6 * LINK, 0.15
+    link.run(1, LINK - link.others)
+    link.begin_drain()
+    link.others = 0.9 * LINK
+    while not link.competition.active and link.now < 4:
+        link.run(REPORT, 0.1 * LINK)
+    link.others = 0.0       # for a moment, as beside a queue that was too long
+    link.run(0.4, 0.1 * LINK)
+    assert link.competition.active
+
+
 def test_much_loss_beyond_the_air_ends_the_mode() -> None:
     link = after_a_drain(0.6 * LINK)
 
