@@ -20,28 +20,32 @@ class Path:
 
     :param policed: what passes [byte/s]
     :param air: loss ratio
+    :param pace: at what rate datagrams leave, in bursts where less is wanted [byte/s]
     """
 
-    def __init__(self, policed: float, air: float, wanted: float, seed: int = 0) -> None:
-        self.policed, self.air, self.wanted = policed, air, wanted
+    def __init__(self, policed: float, air: float, wanted: float, seed: int = 0, pace: float = 0.0) -> None:
+        self.policed, self.air, self.wanted, self.pace = policed, air, wanted, 0.0
         self.ceiling, self.loss, self.now = LossCeiling(), Loss(), 0.0
         self.offered: List[float] = []
+        self.dropped = 0
         self._draw = random.Random(seed)
         wanted, self.wanted = self.wanted, RELAXED
         self.run(1)
-        self.wanted = wanted
+        self.wanted, self.pace = wanted, pace
 
     def run(self, seconds: float) -> None:
         for _ in range(round(seconds / INTERVAL)):
             since, self.now = self.now, self.now + INTERVAL
             offered = min(self.wanted, self.ceiling.rate)
+            pace = max(offered, min(self.pace, self.ceiling.rate))
             count = round(offered * INTERVAL / SIZE)
-            passed = min(count, round(self.policed * INTERVAL / SIZE))
+            passed = round(count * min(1.0, self.policed / pace))
             received = sum(self._draw.random() >= self.air for _ in range(passed))
             feedback = Feedback([], math.nan, count, received, 0, False)
             self.loss.update(feedback, offered == RELAXED)
-            self.ceiling.update(feedback, since, offered, self.loss, self.now)
+            self.ceiling.update(feedback, since, offered, pace, self.loss, self.now)
             self.offered.append(offered)
+            self.dropped += count - passed
 
 
 @pytest.mark.parametrize('wanted', [0.8e6, 1.5e6, 8e6])
@@ -65,6 +69,18 @@ def test_what_the_air_loses_is_no_ceiling(air: float, seed: int) -> None:
     path.run(6)
     assert path.ceiling.rate == math.inf
     assert sum(path.offered[-30:]) >= 0.9 * 30 * 1e6
+
+
+@pytest.mark.parametrize('pace', [0.8e6, 1.5e6, 6e6])
+def test_a_path_is_used_by_streams_that_overran_it_in_bursts(pace: float) -> None:
+    path = Path(0.6e6, 0.0, 0.55e6, pace=pace)
+    path.run(6)
+    assert 0.85 * 0.55e6 <= path.ceiling.rate <= 1.2 * 0.6e6
+    path.run(2)
+    assert 0.85 * 0.55e6 <= path.ceiling.rate <= 1.02 * 0.6e6
+    path.dropped = 0
+    path.run(30)
+    assert path.dropped <= 0.01 * sum(path.offered[-300:]) * INTERVAL / SIZE
 
 
 def test_trials_find_a_path_that_has_become_wider() -> None:

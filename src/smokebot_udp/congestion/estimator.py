@@ -401,7 +401,7 @@ class Estimator:
         elif now - self._last_long < QUEUE_MEMORY or now - self._back < OUTAGE_MEMORY:
             self._loss.answered()
         elif not self._probe_rtt.active(now):
-            self._ceiling.update(feedback, since, offered, self._loss, now)
+            self._ceiling.update(feedback, since, offered, self.rate, self._loss, now)
             self.link.capacity = self.limits.clamp(min(self.link.capacity, self._ceiling.known))
             self._before_timeout = min(self._before_timeout, self._ceiling.known)
 

@@ -5,6 +5,10 @@ Where more is lost than the air is known to lose, either the air or such a path 
 is sent as was lost, and what the air loses is lost all the same. If it is not, that rate is the ceiling, as BBR's bw_hi
 is (draft-cardwell-iccrg-bbr-congestion-control-02). From time to time a *trial* sends more: a little at first, and
 twice as much more with each trial that loses nothing.
+
+Streams that send in bursts offer less on average than the path carries, and so does their check. There the ceiling lies
+between the rate of the check and that at which datagrams arrived within the bursts, which a queue took some of. Trials
+*search* it there at once, each at the geometric mean.
 """
 import enum
 import math
@@ -58,6 +62,15 @@ TRIAL_DURATION = 1.0
 MIN_TRIAL_COUNT = 50
 """Datagrams in a trial, at least."""
 
+SEARCH_INTERVAL = 0.5
+"""Time of a trial in a search, and before one [s]."""
+
+MAX_SEARCH_STEP = 0.4
+"""It sends this much more, at most."""
+
+SEARCHED = 1.2
+"""A search ends where what may carry more than the ceiling is less than this many ceilings."""
+
 MIN_USE = 0.93
 """A trial needs streams that use this part of what they may."""
 
@@ -82,6 +95,7 @@ class LossCeiling:
         self._before_count = 0                  # datagrams, and how many of them were lost
         self._before_lost = 0
         self._found = 0.0                   # loss beyond the air's when the ceiling was found
+        self._most = 0.0                    # the path carries less than this [byte/s]
         self._step, self._hold = FIRST_STEP, MIN_HOLD
 
     @property
@@ -94,11 +108,12 @@ class LossCeiling:
         """Whether less is sent to learn what loses datagrams."""
         return self._state is _State.CHECK
 
-    def update(self, feedback: Feedback, since: float, offered: float, loss: Loss, now: float) -> None:
+    def update(self, feedback: Feedback, since: float, offered: float, pace: float, loss: Loss, now: float) -> None:
         """Take the counts of a report beside a short queue.
 
         :param since: when the first datagrams that the report counts were sent [s]
         :param offered: what was sent [byte/s]
+        :param pace: at what rate datagrams left that were due [byte/s]
         :param loss: has the report's counts already
         """
         if since >= self._since:
@@ -107,22 +122,19 @@ class LossCeiling:
         if self._state is _State.CHECK:
             self._judge_check(loss, now)
         elif self._state is _State.TRIAL and loss.exceeds_air(self._count, self._lost):
-            self._hold = min(2 * self._hold, MAX_HOLD)
-            self._settle(self._held * (MARGIN if self._step > FIRST_STEP else 1.0), now)
-            self._next_check = now + TRIAL_DURATION
-            loss.answered()
+            self._end_lossy_trial(loss, now)
         elif self._state is _State.SUSPICION:
             enough = MIN_CHECK_COUNT if now - self._began > SUSPICION_TIME else SUSPICION_COUNT
             if self._count >= enough:
-                self._begin_check(offered, loss, now)
+                self._begin_check(offered, pace, loss, now)
         elif self._state is _State.HOLD and now >= self._next_check and loss.exceeds_air(self._count, self._lost):
-            self._begin_check(offered, loss, now)
+            self._begin_check(offered, pace, loss, now)
         elif loss.suspicious and now >= self._next_check:
             self._held = self.rate
             self._enter(_State.SUSPICION, self.rate, now)
             self._since = -math.inf
         elif offered >= MIN_USE * self.rate:
-            self._try_more(now)
+            self._try_more(pace, loss, now)
 
     def interrupt(self, now: float) -> None:
         """The link was away: what was lost meanwhile is no matter of the rate."""
@@ -144,7 +156,7 @@ class LossCeiling:
             self._enter(_State.HOLD, rate, now)
         self._held = self.rate
 
-    def _begin_check(self, offered: float, loss: Loss, now: float) -> None:
+    def _begin_check(self, offered: float, pace: float, loss: Loss, now: float) -> None:
         self._before_count, self._before_lost = self._count, self._lost
         self._before = self._lost / self._count
         excess = loss.beyond_air(self._before)
@@ -153,6 +165,7 @@ class LossCeiling:
             return
         gain = max(MIN_CHECK_GAIN, MARGIN * (1 - excess))
         self._expected = 1 - (1 - loss.air) * min(1.0, (1 - excess) / gain)
+        self._most = pace * (1 - excess)
         self._enter(_State.CHECK, gain * min(offered, self.rate), now)
 
     def _judge_check(self, loss: Loss, now: float) -> None:
@@ -170,21 +183,54 @@ class LossCeiling:
             self._found = max(self._found, self._before - loss.air)
             carried = (1 - ratio) / (1 - loss.air)
             overrun = ratio > loss.air + (1 - MARGIN)
+            if overrun:
+                self._most = 0.0
             self._settle(self.rate * (MARGIN * carried if overrun else 1.0), now)
             self._next_check = now
             loss.set_air(AIR_COUNT, round(AIR_COUNT * (loss.air if overrun else ratio)))
         loss.answered()
 
-    def _try_more(self, now: float) -> None:
+    @property
+    def _searching(self) -> bool:
+        """Whether much more than the ceiling that is held may be carried, too."""
+        return self._most > SEARCHED * self._held
+
+    def _end_lossy_trial(self, loss: Loss, now: float) -> None:
+        if self._searching:
+            self._most = self.rate
+            self._settle(MARGIN * self._held, now)
+        else:
+            self._hold = min(2 * self._hold, MAX_HOLD)
+            self._settle(self._held * (MARGIN if self._step > FIRST_STEP else 1.0), now)
+        self._next_check = now + TRIAL_DURATION
+        loss.answered()
+
+    def _try_more(self, pace: float, loss: Loss, now: float) -> None:
         """Begin a trial, or end one without loss."""
-        if self._state is _State.HOLD and now - self._began >= self._hold:
+        elapsed, searching = now - self._began, self._searching
+        if self._state is _State.HOLD and elapsed >= (SEARCH_INTERVAL if searching else self._hold):
             self._held = self.rate
-            self._enter(_State.TRIAL, self.rate * (1 + self._step), now)
-        elif (self._state is _State.TRIAL and now - self._began >= TRIAL_DURATION
+            step = min(math.sqrt(self._most / self.rate) - 1, MAX_SEARCH_STEP) if searching else self._step
+            self._enter(_State.TRIAL, self.rate * (1 + step), now)
+        elif (self._state is _State.TRIAL and elapsed >= (SEARCH_INTERVAL if searching else TRIAL_DURATION)
               and self._count >= MIN_TRIAL_COUNT):
+            if searching:
+                self._end_search_trial(pace, loss, now)
+                return
             self._hold, step = MIN_HOLD, 2 * self._step
             if step > MAX_STEP:
                 self._settle(None, now)
             else:
                 self._held, self._step = self.rate, step
                 self._enter(_State.TRIAL, self.rate * (1 + step), now)
+
+    def _end_search_trial(self, pace: float, loss: Loss, now: float) -> None:
+        """Take what it carried. Losses before were in bursts, so less is put down to chance than elsewhere."""
+        usual = loss.air * self._count
+        if self._lost > usual + math.sqrt(usual) + MIN_EXCESS * self._count:
+            self._end_lossy_trial(loss, now)
+            return
+        carried = max(self._held, min(self.rate, pace))
+        if carried < MIN_USE * self.rate:       # a queue that is seen bounds the rate already
+            self._most = 0.0
+        self._settle(max(self._held, MARGIN * carried), now)
