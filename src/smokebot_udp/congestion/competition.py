@@ -47,11 +47,14 @@ MIN_STRETCH, STRETCH_TIME = 0.8, 0.08
 """A queue stays where what was sent in this time [s] takes at least this part of it to arrive."""
 
 TEST_DURATION, MIN_PACKETS = 0.04, 5
-"""A test takes at least this long [s], and has at least this number of datagrams."""
+"""A test takes this long [s]; a train has at least this number of datagrams."""
 
 TEST_PART, MAX_TEST_GAIN = 0.75, 4.0
 """Its rate is this part of the highest rate that was carried, but at most this multiple of the present one; in the
 mode, this part of what the bottleneck carries: much more than the share, as others' single datagrams spread it, too."""
+
+DUE_TIME = 0.1
+"""A test is no longer than what was carried in this time: streams do not have more to send at once [s]."""
 
 MAX_TESTS = 2
 """In one drain."""
@@ -145,7 +148,8 @@ class Competition:
         self._evidence, self._proven = 0, -math.inf     # how often there was, at most MAX_EVIDENCE; when last [s]
         self._drain: Optional[float] = None     # since when less is sent [s]
         self._drained = -math.inf               # when the last drain of the mode ended [s]
-        self._test_rate, self._tests = 0.0, 0   # of this drain
+        self._test_rate = self._test_size = 0.0     # of this drain [byte/s], [byte]
+        self._tests = 0                             # sent in it
         self._train: Optional[_Train] = None
         self._next_train = -math.inf
         self._bottlenecks: Deque[float] = collections.deque(maxlen=MEASURED)
@@ -222,14 +226,14 @@ class Competition:
                     or not self._has_stayed()):
                 return None
             self._tests += 1
-            rate, duration = self._test_rate, TEST_DURATION
+            rate, least = self._test_rate, self._test_size
         elif self.active and now >= self._next_train:
             self._next_train = now + TRAIN_INTERVAL
-            rate, duration = self.bottleneck, TRAIN_DURATION
+            rate, least = self.bottleneck, self.bottleneck * TRAIN_DURATION
         else:
             return None
         begins = self._samples[-1].total + unreported
-        train = ProbeTrain(rate, max(MIN_PACKETS * size, rate * duration))
+        train = ProbeTrain(rate, max(MIN_PACKETS * size, least))
         self._train = _Train(begins, begins + train.size, now, self._drain is not None)
         return train
 
@@ -258,12 +262,13 @@ class Competition:
                                              self._proven + CHECK_INTERVAL[self._evidence]):
                 drain = now
         if drain is not None and drain != self._drain:
-            self._tests = 0
+            self._tests, carried = 0, self._carried[-1].rate
             if self.active:
                 self._test_rate = TEST_PART * self.bottleneck
             else:
-                self._test_rate = min(TEST_PART * self._peak(), MAX_TEST_GAIN * self._carried[-1].rate)
+                self._test_rate = min(TEST_PART * self._peak(), MAX_TEST_GAIN * carried)
                 self.floor = base
+            self._test_size = min(TEST_DURATION * self._test_rate, DUE_TIME * carried)
         self._drain = drain
 
     def _has_stayed(self) -> bool:
