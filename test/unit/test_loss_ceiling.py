@@ -21,13 +21,16 @@ class Path:
     :param policed: what passes [byte/s]
     :param air: loss ratio
     :param pace: at what rate datagrams leave, in bursts where less is wanted [byte/s]
+    :param late: whether a rate takes effect a report later
     """
 
-    def __init__(self, policed: float, air: float, wanted: float, seed: int = 0, pace: float = 0.0) -> None:
-        self.policed, self.air, self.wanted, self.pace = policed, air, wanted, 0.0
+    def __init__(self, policed: float, air: float, wanted: float, seed: int = 0, pace: float = 0.0,
+                 late: bool = False) -> None:
+        self.policed, self.air, self.wanted, self.pace, self.late = policed, air, wanted, 0.0, late
         self.ceiling, self.loss, self.now = LossCeiling(), Loss(), 0.0
         self.offered: List[float] = []
         self.dropped = 0
+        self._most = math.inf
         self._draw = random.Random(seed)
         wanted, self.wanted = self.wanted, RELAXED
         self.run(1)
@@ -36,8 +39,9 @@ class Path:
     def run(self, seconds: float) -> None:
         for _ in range(round(seconds / INTERVAL)):
             since, self.now = self.now, self.now + INTERVAL
-            offered = min(self.wanted, self.ceiling.rate)
-            pace = max(offered, min(self.pace, self.ceiling.rate))
+            most, self._most = self._most if self.late else self.ceiling.rate, self.ceiling.rate
+            offered = min(self.wanted, most)
+            pace = max(offered, min(self.pace, most))
             count = round(offered * INTERVAL / SIZE)
             passed = round(count * min(1.0, self.policed / pace))
             received = sum(self._draw.random() >= self.air for _ in range(passed))
@@ -81,6 +85,12 @@ def test_a_path_is_used_by_streams_that_overran_it_in_bursts(pace: float) -> Non
     path.dropped = 0
     path.run(30)
     assert path.dropped <= 0.01 * sum(path.offered[-300:]) * INTERVAL / SIZE
+
+
+def test_what_leaves_before_a_check_takes_effect_does_not_count() -> None:
+    path = Path(0.6e6, 0.0, 0.5e6, pace=6e6, late=True)
+    path.run(9)
+    assert sum(path.offered[-30:]) >= 0.85 * 30 * 0.5e6
 
 
 def test_trials_find_a_path_that_has_become_wider() -> None:

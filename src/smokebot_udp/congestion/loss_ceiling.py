@@ -44,6 +44,9 @@ SUSPICION_COUNT, SUSPICION_TIME = 100, 0.3
 MAX_CHECK_DURATION = 1.0
 """unless it has taken this long [s]."""
 
+CHECK_SETTLING = 0.1
+"""What is sent so soon after its beginning may have left at the rate before, or met a full queue [s]."""
+
 CHECK_INTERVAL = 3.0
 """Time from a check to the next one [s]."""
 
@@ -167,6 +170,7 @@ class LossCeiling:
         self._expected = 1 - (1 - loss.air) * min(1.0, (1 - excess) / gain)
         self._most = pace * (1 - excess)
         self._enter(_State.CHECK, gain * min(offered, self.rate), now)
+        self._since = now + CHECK_SETTLING
 
     def _judge_check(self, loss: Loss, now: float) -> None:
         variance = loss.dispersion * self._before * (1 - self._before)      # of one datagram
