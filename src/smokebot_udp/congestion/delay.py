@@ -20,6 +20,9 @@ AIR_RATE_LIFETIME = 5.0
 NOISE_REPORTS = 8
 """Noise is averaged over this many reports."""
 
+MAX_NOISE = 0.01
+"""It is taken for a queue, or hides one, by this at most [s]."""
+
 TYPICAL_WINDOW = 0.05
 """The median of the samples of this long speaks for a report: links jitter, and datagrams overtake each other [s]."""
 
@@ -40,6 +43,11 @@ class QueueDelay:
         self._air_rate = 0.0        # [byte/s]
         self._updated = -math.inf
         self._confirmed = math.inf
+
+    @property
+    def allowance(self) -> float:
+        """What the noise of delays adds to a queue [s]."""
+        return min(2 * self.noise, MAX_NOISE)
 
     def update(self, samples: List[PacketSample], capacity: float, now: float) -> None:
         """Take new samples.
@@ -80,9 +88,9 @@ class QueueDelay:
         self.base, self._confirmed = sample, now
 
     def raise_base(self, sample: PacketSample, max_step: float, now: float) -> None:
-        """Raise the base to this sample's delay, by ``max_step`` [s] at most."""
+        """Raise the base to this sample's delay, by ``max_step`` [s] and the allowance for noise at most."""
         excess = self._beyond(sample, self.base) if self.base else 0.0
-        self.set_base(sample._replace(arrived=sample.arrived - max(0.0, excess - max_step)), now)
+        self.set_base(sample._replace(arrived=sample.arrived - max(0.0, excess - max_step - self.allowance)), now)
 
     def of(self, sample: PacketSample) -> float:
         """How long a datagram was queued [s]; a base must be known."""

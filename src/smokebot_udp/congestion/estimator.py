@@ -64,9 +64,6 @@ MIN_TARGET = 0.005
 MAX_TARGET = 0.04
 """and this [s]."""
 
-MAX_NOISE = 0.01
-"""Delay noise adds to the target, up to this [s]."""
-
 HORIZON = 0.2
 """The difference between queue and target is corrected over this time, and no longer without a report [s]."""
 
@@ -303,18 +300,22 @@ class Estimator:
         return competition.active
 
     def _target(self) -> float:
-        return target_delay(self.link.capacity) + self._allowance()
+        return target_delay(self.link.capacity) + self._delay.allowance
 
-    def _allowance(self) -> float:
-        """What the noise of delays adds to a queue [s]."""
-        return min(2 * self._delay.noise, MAX_NOISE)
+    def _empty(self, queue: float) -> bool:
+        """Whether less than half of what the target wants is in the queue [s]; noise is not in it."""
+        return queue < target_delay(self.link.capacity) / 2 + self._delay.allowance
 
     def _trust(self, queue: float) -> float:
         """How far a lower capacity is believed: at a short queue [s], less was offered, or jitter is taken for it."""
-        target, allowance = target_delay(self.link.capacity), self._allowance()
-        if queue > target + allowance:
+        if queue > self._target():
             return 1.0
-        return 0.5 if queue > target / 2 + allowance and allowance < target / 4 else 0.0
+        return 0.5 if not self._empty(queue) and self._steady else 0.0
+
+    @property
+    def _steady(self) -> bool:
+        """Whether delays have so little noise that a short queue shows."""
+        return self._delay.allowance < target_delay(self.link.capacity) / 2
 
     def _update_loss(self, feedback: Feedback, uncongested: bool) -> None:
         self._loss.update(feedback, uncongested)
@@ -338,7 +339,7 @@ class Estimator:
             step = weight * (carried * (1 - dropped) / busy - link.capacity)
             if step < 0:
                 step *= self._trust(queue)
-            if self._allowance() < target_delay(link.capacity) / 4:
+            if self._steady:
                 self._measured = chain[-1].sent
             if step:
                 link.capacity += step
@@ -353,7 +354,9 @@ class Estimator:
                 self._measured = -math.inf
             link.capacity = max(link.capacity, peak)
             self._delay.update_noise(cleared, link.capacity)
-            if queue < self._target() / 2 and chain[-1].sent - self._measured > MEASURED_MEMORY:
+            lossless = feedback.loss <= self._loss.air
+            short = queue < self._target() / 2 or lossless and self._empty(queue)
+            if short and chain[-1].sent - self._measured > MEASURED_MEMORY:
                 self._grow(chain)
         link.capacity = self.limits.clamp(link.capacity)
 
@@ -417,7 +420,7 @@ class Estimator:
     def _next_probe(self, samples: List[PacketSample], wanted: float, wished: float, unreported: int,
                     now: float) -> Optional[ProbeTrain]:
         bounded = self._ceiling.rate < math.inf or self._loss.excess > MAX_TRAIN_LOSS
-        empty = statistics.median(self._delay.of(sample) for sample in samples) < self._target() / 2
+        empty = self._empty(statistics.median(self._delay.of(sample) for sample in samples))
         if not empty:
             self._occupied = now
         emptied = empty and now - self._occupied < PROBE_HOLDOFF
