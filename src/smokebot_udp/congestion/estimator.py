@@ -310,12 +310,7 @@ class Estimator:
         """How far a lower capacity is believed: at a short queue [s], less was offered, or jitter is taken for it."""
         if queue > self._target():
             return 1.0
-        return 0.5 if not self._empty(queue) and self._steady else 0.0
-
-    @property
-    def _steady(self) -> bool:
-        """Whether delays have so little noise that a short queue shows."""
-        return self._delay.allowance < target_delay(self.link.capacity) / 2
+        return 0.5 if not self._empty(queue) and self._delay.allowance < target_delay(self.link.capacity) / 2 else 0.0
 
     def _update_loss(self, feedback: Feedback, uncongested: bool) -> None:
         self._loss.update(feedback, uncongested)
@@ -339,7 +334,7 @@ class Estimator:
             step = weight * (carried * (1 - dropped) / busy - link.capacity)
             if step < 0:
                 step *= self._trust(queue)
-            if self._steady:
+            if self._delay.allowance < target_delay(link.capacity) / 4:
                 self._measured = chain[-1].sent
             if step:
                 link.capacity += step

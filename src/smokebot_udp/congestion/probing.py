@@ -51,6 +51,8 @@ class _Pending(NamedTuple):
     """Bytes of all streams sent, the train included."""
     capacity: float
     """Known when it left [byte/s]."""
+    empty: bool
+    """Whether the queue was, then. Otherwise others may have paused when it arrived."""
     sent: float
 
 
@@ -85,7 +87,7 @@ class ProbeController:
             complete = newest.total >= self._pending.end
             if not complete and now - self._pending.sent < TIMEOUT:
                 return None
-            self._succeeded = capacity > SUCCESS_FACTOR * self._pending.capacity
+            self._succeeded = self._pending.empty and capacity > SUCCESS_FACTOR * self._pending.capacity
             self._pending = None
             if not self._succeeded:
                 self._next, self._wished = now + RETRY_INTERVAL, now + self._interval
@@ -99,5 +101,5 @@ class ProbeController:
         if not empty and (usual < least or now < self._next + QUEUED_RETRY_INTERVAL):
             return None
         train = ProbeTrain(capacity * (NEXT_GAIN if self._succeeded else FIRST_GAIN), max(least, usual))
-        self._pending = _Pending(newest.total + unreported + train.size, capacity, now)
+        self._pending = _Pending(newest.total + unreported + train.size, capacity, empty, now)
         return train
