@@ -4,9 +4,10 @@ from typing import List, Optional
 
 import pytest
 
-from smokebot_udp.congestion.competition import EMPTY_TIME, HOLDOFF, LIFETIME, SHARE, Competition
+from smokebot_udp.congestion.competition import DUE_TIME, EMPTY_TIME, HOLDOFF, LIFETIME, SHARE, Competition
 from smokebot_udp.congestion.feedback import PacketSample
 from smokebot_udp.congestion.loss import Loss
+from smokebot_udp.congestion.probing import ProbeTrain
 
 LINK, TARGET, SIZE, REPORT = 2.5e6, 0.005, 1000, 0.1
 
@@ -21,6 +22,7 @@ class Bottleneck:
         self.now, self.total = 0.0, 0
         self.drain: Optional[float] = None
         self.evidence = 0
+        self.trains: List[ProbeTrain] = []
         self._train = (0.0, 0.0)        # (rate, bytes left)
         self._newest: List[PacketSample] = []
 
@@ -56,6 +58,7 @@ class Bottleneck:
                                                  self.loss, self.now)
         train = self.competition.train(queue, TARGET, SIZE, 0, self.now)
         if train is not None:
+            self.trains.append(train)
             self._train = train
 
 
@@ -76,6 +79,17 @@ def test_a_download_that_keeps_the_queue_is_noticed_and_the_rate_is_a_part_of_th
     link = after_a_drain(0.6 * LINK)
     assert link.competition.active
     assert link.competition.rate == pytest.approx(SHARE * LINK, rel=0.15)
+
+
+def test_a_test_is_no_longer_than_what_streams_have_to_send() -> None:
+    link = Bottleneck()
+    link.run(2, LINK)
+    link.others, link.queue = 0.85 * LINK, 0.05
+    link.run(1, 0.15 * LINK)
+    link.begin_drain()
+    link.others = 0.9 * LINK
+    link.run(0.4, 0.1 * LINK)
+    assert 0.8 * DUE_TIME * 0.15 * LINK <= link.trains[0].size <= DUE_TIME * 0.15 * LINK
 
 
 def test_a_path_that_became_longer_is_no_competitor() -> None:

@@ -48,9 +48,10 @@ def test_datagrams_are_short_on_a_slow_link() -> None:
 
 
 def test_a_stream_that_cannot_even_have_its_cheapest_point_pauses() -> None:
-    controller, first = Controller(Limits(max_rate=958.0), False, 1472), {'lidar': Demand(rate_points(10.0, 2000))}
+    rate = 920 / PLANNING_SHARE
+    controller, first = Controller(Limits(max_rate=rate), False, 1472), {'lidar': Demand(rate_points(10.0, 2000))}
     assert controller.tick(0.0, first, 0).grants == {'lidar': None}
-    plan = settled(958.0, {'lidar': Demand(rate_points(10.0, 500), rate=10.0)}, controller)
+    plan = settled(rate, {'lidar': Demand(rate_points(10.0, 500), rate=10.0)}, controller)
     assert plan.grants['lidar'] is not None and plan.grants['lidar']['rate'] == pytest.approx(1.49, abs=0.01)
 
 

@@ -102,3 +102,5 @@ def test_a_noisy_base_is_raised_further() -> None:
     assert delay.allowance == pytest.approx(0.009, rel=0.1)
     delay.raise_base(sample(2.0, 0.05), 0.004, 2.0)
     assert delay.of(sample(2.1, 0.05)) == pytest.approx(0.017, abs=0.0005)
+    delay.raise_base(sample(3.0, 0.05), 0.004, 3.0)     # that was no least delay
+    assert delay.of(sample(3.1, 0.05)) == pytest.approx(0.013, abs=0.0005)

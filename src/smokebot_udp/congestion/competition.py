@@ -47,7 +47,7 @@ MIN_STRETCH, STRETCH_TIME = 0.8, 0.08
 """A queue stays where what was sent in this time [s] takes at least this part of it to arrive."""
 
 TEST_DURATION, MIN_PACKETS = 0.04, 5
-"""A test takes this long [s]; a train has at least this number of datagrams."""
+"""A test takes this long [s], or less (DUE_TIME); a train has at least this number of datagrams."""
 
 TEST_PART, MAX_TEST_GAIN = 0.75, 4.0
 """Its rate is this part of the highest rate that was carried, but at most this multiple of the present one; in the

@@ -41,6 +41,7 @@ class QueueDelay:
         self.base: Optional[PacketSample] = None
         """The sample with the least delay; None: unknown, at the start and after the receiver's clock restarted."""
         self._air_rate = 0.0        # [byte/s]
+        self._least = False         # whether the base is the least delay so far, which jitter may have made short
         self._updated = -math.inf
         self._confirmed = math.inf
 
@@ -61,7 +62,7 @@ class QueueDelay:
         sample = typical(samples)
         beyond = self._beyond(sample, self.base) if self.base else -1.0
         if beyond < 0:
-            self.base = sample
+            self.base, self._least = sample, True
         if beyond < CONFIRMATION_MARGIN + self.noise:
             self._confirmed = now
 
@@ -85,12 +86,14 @@ class QueueDelay:
 
     def set_base(self, sample: PacketSample, now: float) -> None:
         """Take this sample's delay as the base."""
-        self.base, self._confirmed = sample, now
+        self.base, self._confirmed, self._least = sample, now, False
 
     def raise_base(self, sample: PacketSample, max_step: float, now: float) -> None:
-        """Raise the base to this sample's delay, by ``max_step`` [s] and the allowance for noise at most."""
+        """Raise the base to this sample's delay, by ``max_step`` [s] at most; the first time since a least delay was
+        found, by the allowance for noise, too."""
         excess = self._beyond(sample, self.base) if self.base else 0.0
-        self.set_base(sample._replace(arrived=sample.arrived - max(0.0, excess - max_step - self.allowance)), now)
+        step = max_step + (self.allowance if self._least else 0.0)
+        self.set_base(sample._replace(arrived=sample.arrived - max(0.0, excess - step)), now)
 
     def of(self, sample: PacketSample) -> float:
         """How long a datagram was queued [s]; a base must be known."""
@@ -106,12 +109,13 @@ def own_waits(samples: List[PacketSample], capacity: float) -> FloatArray:
     """How long datagrams wait for those before them and are on the air, where nothing else is sent (Lindley's
     recursion) [s].
 
-    :param samples: in sending order
+    :param samples: in sending order, at least one
     :param capacity: [byte/s]
+    :return: (n,) float64
     """
     waits = [samples[0].size / capacity]
     for before, after in zip(samples, samples[1:]):
-        between = (after.total - before.total - after.size) / capacity      # lost ones, sent at unknown times
+        between = (after.total - before.total - after.size) / capacity      # sent at unknown times
         waits.append(max(0.0, waits[-1] - (after.sent - before.sent) + between) + after.size / capacity)
     return np.array(waits)
 

@@ -23,6 +23,9 @@ Its parts:
 * **Packet trains** (probing.py): where the queue is empty and more is wanted, some datagrams that are due anyway leave
   2 to 4 times faster. They find a link that has become 60 times wider within a second, at the cost of a few ms of
   queue when it has not.
+* **Assumed growth**: where the queue is empty and the capacity was not measured for 2 s, it is taken for 5 % more with
+  each report, as otherwise an idle sender could never ramp up. Noise of delays counts neither as a queue nor against an
+  empty one, up to 10 ms; what one's own datagrams wait for each other is no noise.
 * **No reaction to loss as such** (unlike GCC's loss-based half, and TCP): on a lossy air the loss ratio says nothing
   about the rate, because lost datagrams use air time, too. More loss than before is a reason to check: as much less is
   sent for a moment as was lost. What is lost then the air loses (loss.py); otherwise a policer or a queue too short to
@@ -77,6 +80,10 @@ ENOUGH = 16
 """As many datagrams say for sure what the air carries: between fewer, a single one of others takes much of the time.
 Beside a long queue all do: a single one of others makes none."""
 
+MAX_MEASURED_NOISE, MAX_TRUSTED_NOISE = 0.25, 0.5
+"""Where noise is less than this part of the queue that is wanted, the capacity is measured for sure; and a lower one is
+believed by half at a short queue."""
+
 BUSY_DELAY = 0.002
 """A datagram delayed longer was queued: the air was busy [s]."""
 
@@ -105,11 +112,11 @@ REPORT_LOSS_PROBABILITY = 0.01
 """Reports are lost like datagrams: the timeout is longer where losing all of them is more probable than this."""
 
 RECOVERY_FACTOR = 2.0
-"""When reports return and show no queue, the capacity is what it was before the timeout; over this where the loss of
-datagrams does not explain that of the reports,"""
+"""When reports return and show no long queue, the capacity is what it was before the timeout; over this where the loss
+of datagrams does not explain that of the reports,"""
 
 RECOVERY_GROWTH_FACTOR = 1.2
-"""and this much more with each report that shows no queue, until it is what it was."""
+"""and this much more with each report that shows no queue, until it is what it was, or was measured."""
 
 LONG_QUEUE = 0.06
 """A longer queue is drained; and datagrams lost beside it may never have been on the air [s]."""
@@ -131,7 +138,7 @@ PROBE_HOLDOFF = 0.6
 """No train leaves this soon after a pause, nor after the queue has become empty: others have only paused [s]."""
 
 MEASURED_MEMORY = 2.0
-"""A capacity that was measured while the air was busy is believed for this long: it is not taken for more [s]."""
+"""The capacity is not assumed to be higher for this long after it was measured while the air was busy [s]."""
 
 GROWTH_FACTOR = 1.05
 """Where the queue is empty because little is sent, the capacity is assumed to be this much higher with each report, as
@@ -204,7 +211,7 @@ class Estimator:
         self._last_long = -math.inf     # when it was long
         self._occupied = -math.inf      # when it was last seen occupied
         self._back = -math.inf          # when reports came again after a timeout
-        self._measured = -math.inf      # when the air was last busy for long enough
+        self._measured = -math.inf      # when it was last measured, by sending time; -inf: no longer believed
 
     def on_feedback(self, feedback: Feedback, now: float, wanted: float = math.inf,
                     wished: float = 0.0) -> Optional[ProbeTrain]:
@@ -281,8 +288,7 @@ class Estimator:
         """Whether a competitor fills the queue: then nothing else decides the rate."""
         link, competition = self.link, self._competition
         was, bottleneck = competition.active, competition.bottleneck
-        usual = self._loss.air * feedback.expected
-        cut = feedback.lost > usual + math.sqrt(usual)
+        cut = feedback.lost > self._loss.usual(feedback.expected)
         proof = competition.update(chain, queue, self._target(), self._delay.noise, self._delay.base,
                                    self._probe_rtt.draining_since(now), cut, self._loss, now)
         if proof and competition.floor is not None:     # what a drain left is a queue, not the path
@@ -296,21 +302,25 @@ class Estimator:
             self._set_rate(now)
         elif was:
             self._before_timeout = self.limits.clamp(bottleneck)
-            self._last_short = now
+            self._last_short, self._measured = now, -math.inf
         return competition.active
 
     def _target(self) -> float:
         return target_delay(self.link.capacity) + self._delay.allowance
 
     def _empty(self, queue: float) -> bool:
-        """Whether less than half of what the target wants is in the queue [s]; noise is not in it."""
+        """Whether a queue [s] is shorter than half of what is wanted, apart from noise."""
         return queue < target_delay(self.link.capacity) / 2 + self._delay.allowance
+
+    def _noisy(self, part: float) -> bool:
+        """Whether noise hides this part of the queue that is wanted."""
+        return self._delay.allowance >= part * target_delay(self.link.capacity)
 
     def _trust(self, queue: float) -> float:
         """How far a lower capacity is believed: at a short queue [s], less was offered, or jitter is taken for it."""
         if queue > self._target():
             return 1.0
-        return 0.5 if not self._empty(queue) and self._delay.allowance < target_delay(self.link.capacity) / 2 else 0.0
+        return 0.0 if self._empty(queue) or self._noisy(MAX_TRUSTED_NOISE) else 0.5
 
     def _update_loss(self, feedback: Feedback, uncongested: bool) -> None:
         self._loss.update(feedback, uncongested)
@@ -334,7 +344,7 @@ class Estimator:
             step = weight * (carried * (1 - dropped) / busy - link.capacity)
             if step < 0:
                 step *= self._trust(queue)
-            if self._delay.allowance < target_delay(link.capacity) / 4:
+            if not self._noisy(MAX_MEASURED_NOISE):
                 self._measured = chain[-1].sent
             if step:
                 link.capacity += step
@@ -344,14 +354,15 @@ class Estimator:
             since = max((at + 1 for at, wait in enumerate(waits) if wait > LONG_QUEUE), default=0)
             cleared = chain[since:]
             ceiling = math.inf if busy < duration * 3 / 4 else MAX_PUSH_FACTOR * link.capacity
-            peak = min(ceiling, peak_rate(cleared, waits[since:], 2 * self._delay.noise))
+            peak = min(ceiling, peak_rate(cleared, waits[since:], self._delay.allowance))
             if peak > SUCCESS_FACTOR * link.capacity:       # the link has become wider: it was measured before that
                 self._measured = -math.inf
             link.capacity = max(link.capacity, peak)
             self._delay.update_noise(cleared, link.capacity)
             lossless = feedback.loss <= self._loss.air
-            short = queue < self._target() / 2 or lossless and self._empty(queue)
-            if short and chain[-1].sent - self._measured > MEASURED_MEMORY:
+            # a queue of a few ms drops before it is seen
+            empty = queue < self._target() / 2 or lossless and self._empty(queue)
+            if empty and chain[-1].sent - self._measured > MEASURED_MEMORY:
                 self._grow(chain)
         link.capacity = self.limits.clamp(link.capacity)
 
@@ -361,7 +372,7 @@ class Estimator:
         It was busy between two datagrams if the later one was queued, and the earlier one still was when the later
         one was sent, or none was sent between them.
         """
-        threshold = BUSY_DELAY + 2 * self._delay.noise
+        threshold = BUSY_DELAY + self._delay.allowance
         carried, busy = 0, 0.0
         for before, after, wait_before, wait_after in zip(chain, chain[1:], waits, waits[1:]):
             overlap = after.sent - before.sent < wait_before

@@ -74,6 +74,11 @@ class Loss:
         deviation = math.sqrt(self.dispersion * count * self.air * (1 - self.air))
         return lost > self.air * count + 2 * deviation + max(2.0, 0.01 * count)
 
+    def usual(self, count: int) -> float:
+        """So many of `count` the air loses, and a standard deviation more."""
+        mean = self.air * count
+        return mean + math.sqrt(mean)
+
     def answered(self) -> None:
         """The rate was lowered for the excess so far: only new loss counts from now on."""
         self.unanswered = min(self.unanswered, self.air)

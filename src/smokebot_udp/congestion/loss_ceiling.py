@@ -8,7 +8,7 @@ twice as much more with each trial that loses nothing.
 
 Streams that send in bursts offer less on average than the path carries, and so does their check. There the ceiling lies
 between the rate of the check and that at which datagrams arrived within the bursts, which a queue took some of. Trials
-*search* it there at once, each at the geometric mean.
+*search* it there at once, each at the geometric mean, but 40 % higher at most.
 """
 import enum
 import math
@@ -98,7 +98,7 @@ class LossCeiling:
         self._before_count = 0                  # datagrams, and how many of them were lost
         self._before_lost = 0
         self._found = 0.0                   # loss beyond the air's when the ceiling was found
-        self._most = 0.0                    # the path carries less than this [byte/s]
+        self._most = 0.0                    # the path carries less than this [byte/s]; 0: nothing is searched
         self._step, self._hold = FIRST_STEP, MIN_HOLD
 
     @property
@@ -141,7 +141,7 @@ class LossCeiling:
 
     def interrupt(self, now: float) -> None:
         """The link was away: what was lost meanwhile is no matter of the rate."""
-        if self._state not in (_State.FREE, _State.HOLD):
+        if self._state is not _State.FREE:
             self._settle(self._held, now)
 
     def _enter(self, state: _State, rate: float, now: float) -> None:
@@ -175,10 +175,11 @@ class LossCeiling:
     def _judge_check(self, loss: Loss, now: float) -> None:
         variance = loss.dispersion * self._before * (1 - self._before)      # of one datagram
         needed = variance * CERTAINTY ** 2 / (self._before - self._expected) ** 2
-        if self._count < max(MIN_CHECK_COUNT, needed) and now - self._began < MAX_CHECK_DURATION:
+        waited = now - self._since >= MAX_CHECK_DURATION
+        if not self._count or self._count < max(MIN_CHECK_COUNT, needed) and not waited:
             return
-        ratio = self._lost / max(self._count, 1)
-        deviation = math.sqrt(variance * (1 / self._before_count + 1 / max(self._count, 1)))
+        ratio = self._lost / self._count
+        deviation = math.sqrt(variance * (1 / self._before_count + 1 / self._count))
         if ratio >= min((self._before + self._expected) / 2, self._before - SIGNIFICANCE * deviation):
             again = self._before - loss.air >= self._found / 2      # as much loss at the ceiling as there was above it
             loss.set_air(self._count + self._before_count, self._lost + self._before_lost)
@@ -230,8 +231,7 @@ class LossCeiling:
 
     def _end_search_trial(self, pace: float, loss: Loss, now: float) -> None:
         """Take what it carried. Losses before were in bursts, so less is put down to chance than elsewhere."""
-        usual = loss.air * self._count
-        if self._lost > usual + math.sqrt(usual) + MIN_EXCESS * self._count:
+        if self._lost > loss.usual(self._count) + MIN_EXCESS * self._count:
             self._end_lossy_trial(loss, now)
             return
         carried = max(self._held, min(self.rate, pace))

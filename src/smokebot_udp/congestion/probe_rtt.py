@@ -17,7 +17,8 @@ DIP_GAIN = 0.5
 """Part of the capacity that may be sent in a dip."""
 
 MAX_BASE_STEP = 0.004
-"""A dip raises the base delay by this at most: clocks drift, and datagrams take longer on slower air [s]."""
+"""A dip raises the base delay by this at most, and by what jitter may have made it short: clocks drift, and datagrams
+take longer on slower air [s]."""
 
 DRAIN_DURATION = 0.6
 """A drain ends after this long, or when the queue is gone [s],"""

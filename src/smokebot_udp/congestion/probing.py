@@ -21,7 +21,8 @@ NEXT_GAIN = 4.0
 """that of a train after a successful one."""
 
 SUCCESS_FACTOR = 1.3
-"""A train was successful where the known capacity has grown by this factor since it left."""
+"""A train was successful where the queue was empty when it left, and the known capacity has grown by this factor since
+then."""
 
 RETRY_INTERVAL = 1.0
 """After an unsuccessful train the next one waits this long [s],"""
