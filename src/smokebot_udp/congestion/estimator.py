@@ -144,8 +144,8 @@ GROWTH_FACTOR = 1.05
 """Where the queue is empty because little is sent, the capacity is assumed to be this much higher with each report, as
 otherwise an idle sender could never ramp up;"""
 
-MAX_OFFERED_FACTOR = 1.5
-"""up to this much above what was sent,"""
+MAX_OFFERED_FACTOR, MAX_NOISY_FACTOR = 1.5, 1.3
+"""up to this many times what was sent, and where noise may hide a short queue, up to this many,"""
 
 MAX_MIN_RATE_FACTOR = 3.0
 """or this many times min_rate."""
@@ -359,11 +359,11 @@ class Estimator:
                 self._measured = -math.inf
             link.capacity = max(link.capacity, peak)
             self._delay.update_noise(cleared, link.capacity)
-            lossless = feedback.loss <= self._loss.air
-            # a queue of a few ms drops before it is seen
-            empty = queue < self._target() / 2 or lossless and self._empty(queue)
-            if empty and chain[-1].sent - self._measured > MEASURED_MEMORY:
-                self._grow(chain)
+            if chain[-1].sent - self._measured > MEASURED_MEMORY:
+                if queue < self._target() / 2:
+                    self._grow(chain, MAX_OFFERED_FACTOR)
+                elif feedback.loss <= self._loss.air and self._empty(queue):    # a queue of a few ms would drop
+                    self._grow(chain, MAX_NOISY_FACTOR)
         link.capacity = self.limits.clamp(link.capacity)
 
     def _busy_period(self, chain: List[PacketSample], waits: List[float]) -> Tuple[int, float]:
@@ -382,11 +382,11 @@ class Estimator:
                 busy += after.arrived - before.arrived
         return carried, busy
 
-    def _grow(self, chain: List[PacketSample]) -> None:
-        """Assume somewhat more capacity than is used."""
+    def _grow(self, chain: List[PacketSample], most: float) -> None:
+        """Assume somewhat more capacity than is used, up to this many times what was sent."""
         link = self.link
         offered = sending_rate(chain[0], chain[-1])
-        ceiling = max(MAX_MIN_RATE_FACTOR * self.limits.min_rate, MAX_OFFERED_FACTOR * offered)
+        ceiling = max(MAX_MIN_RATE_FACTOR * self.limits.min_rate, most * offered)
         link.capacity = max(link.capacity, min(ceiling, link.capacity * GROWTH_FACTOR),
                             min(self._before_timeout, link.capacity * RECOVERY_GROWTH_FACTOR))
 
