@@ -141,7 +141,7 @@ class LossCeiling:
 
     def interrupt(self, now: float) -> None:
         """The link was away: what was lost meanwhile is no matter of the rate."""
-        if self._state is not _State.FREE:
+        if self._state not in (_State.FREE, _State.HOLD):
             self._settle(self._held, now)
 
     def _enter(self, state: _State, rate: float, now: float) -> None:
