@@ -62,13 +62,19 @@ class Bottleneck:
             self._train = train
 
 
-def after_a_drain(others: float, queue: float = 0.05, path: float = 0.02, noise: float = 0.0) -> Bottleneck:
-    """The link was ours, then others came, or the path became longer; a drain follows."""
+def at_a_drain(others: float, queue: float = 0.05, path: float = 0.02, noise: float = 0.0) -> Bottleneck:
+    """The link was ours, then others came, or the path became longer; a drain begins."""
     link = Bottleneck(noise=noise)
     link.run(2, LINK)
     link.others, link.queue, link.path = others, queue, path
     link.run(1, LINK - others)
     link.begin_drain()
+    return link
+
+
+def after_a_drain(others: float, queue: float = 0.05, path: float = 0.02, noise: float = 0.0) -> Bottleneck:
+    """As `at_a_drain`, and the drain has ended."""
+    link = at_a_drain(others, queue, path, noise)
     link.others = 0.9 * LINK if others else 0.0     # a download takes what it gets
     link.run(0.6, 0.1 * LINK)
     link.drain, link.others = None, others
@@ -82,11 +88,7 @@ def test_a_download_that_keeps_the_queue_is_noticed_and_the_rate_is_a_part_of_th
 
 
 def test_a_test_is_no_longer_than_what_streams_have_to_send() -> None:
-    link = Bottleneck()
-    link.run(2, LINK)
-    link.others, link.queue = 0.85 * LINK, 0.05
-    link.run(1, 0.15 * LINK)
-    link.begin_drain()
+    link = at_a_drain(0.85 * LINK)
     link.others = 0.9 * LINK
     link.run(0.4, 0.1 * LINK)
     assert 0.8 * DUE_TIME * 0.15 * LINK <= link.trains[0].size <= DUE_TIME * 0.15 * LINK
@@ -104,11 +106,7 @@ def test_a_queue_that_gets_shorter_in_the_drain_is_no_competitor() -> None:
 
 
 def test_others_that_send_less_in_the_drain_too_are_no_competitor() -> None:
-    link = Bottleneck()
-    link.run(2, LINK)
-    link.others, link.queue = 0.75 * LINK, 0.05
-    link.run(1, LINK - link.others)
-    link.begin_drain()
+    link = at_a_drain(0.75 * LINK)
     link.others = 0.2 * LINK
     link.run(0.6, 0.1 * LINK)
     assert not link.competition.active
@@ -148,11 +146,7 @@ def test_a_download_is_seen_again_and_again_although_delays_are_noisy() -> None:
 
 
 def test_the_drain_ends_where_the_mode_begins_as_another_test_would_only_show_what_the_first_one_left() -> None:
-    link = Bottleneck()
-    link.run(2, LINK)
-    link.others, link.queue = 0.6 * LINK, 0.15
-    link.run(1, LINK - link.others)
-    link.begin_drain()
+    link = at_a_drain(0.6 * LINK, 0.15)
     link.others = 0.9 * LINK
     while not link.competition.active and link.now < 4:
         link.run(REPORT, 0.1 * LINK)

@@ -323,7 +323,7 @@ class Competition:
 
     def _begin(self, loss: Loss, now: float) -> None:
         self._share, self._reduced, self._updated, self._next_train = SHARE, now, now, now
-        self._drain, self._drained = None, now      # beside a test just sent another one shows little
+        self._drain = None      # another test so soon after this one would show little
         self._limit = self._peak()
         # what was lost beside the competitor the air did not lose
         loss.set_air(AIR_COUNT, round(AIR_COUNT * min(one.air for one in self._carried)))

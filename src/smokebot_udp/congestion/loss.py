@@ -75,7 +75,7 @@ class Loss:
         return lost > self.air * count + 2 * deviation + max(2.0, 0.01 * count)
 
     def usual(self, count: int) -> float:
-        """So many of `count` the air loses, and a standard deviation more."""
+        """How many of `count` datagrams the air is expected to lose, plus a standard deviation."""
         mean = self.air * count
         return mean + math.sqrt(mean)
 
