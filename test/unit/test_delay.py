@@ -4,7 +4,7 @@ from typing import List
 import numpy as np
 import pytest
 
-from smokebot_udp.congestion.delay import BASE_LIFETIME, QueueDelay, own_waits, typical
+from smokebot_udp.congestion.delay import BASE_LIFETIME, NOISY_LIFETIME, QueueDelay, own_waits, typical
 from smokebot_udp.congestion.feedback import PacketSample
 
 CAPACITY = 1e6
@@ -104,3 +104,14 @@ def test_a_noisy_base_is_raised_further() -> None:
     assert delay.of(sample(2.1, 0.05)) == pytest.approx(0.017, abs=0.0005)
     delay.raise_base(sample(3.0, 0.05), 0.004, 3.0)     # that was no least delay
     assert delay.of(sample(3.1, 0.05)) == pytest.approx(0.013, abs=0.0005)
+
+
+def test_a_base_that_jitter_may_have_made_short_expires_sooner() -> None:
+    delay = QueueDelay()
+    delay.update([sample(0.0, 0.01)], CAPACITY, 0.0)
+    assert not delay.expired(NOISY_LIFETIME + 0.1)
+    for _ in range(20):
+        delay.update_noise(chain(*(0.03 if k % 2 else 0.01 for k in range(20))), CAPACITY)
+    assert delay.expired(NOISY_LIFETIME + 0.1)
+    delay.set_base(sample(3.0, 0.02), 3.0)      # measured in a pause
+    assert not delay.expired(3.0 + BASE_LIFETIME) and delay.expired(3.1 + BASE_LIFETIME)

@@ -11,6 +11,9 @@ from .feedback import PacketSample
 BASE_LIFETIME = 5.0
 """A base delay that was not approached for this long has to be measured again [s]."""
 
+NOISY_LIFETIME = 2.0
+"""So has one that noise beyond CONFIRMATION_MARGIN may have made short, after this long [s]."""
+
 CONFIRMATION_MARGIN = 0.0015
 """A delay this near to the base confirms it [s]."""
 
@@ -82,7 +85,8 @@ class QueueDelay:
 
     def expired(self, now: float) -> bool:
         """Whether nothing confirmed the base for long."""
-        return now - self._confirmed > BASE_LIFETIME
+        short = self._least and self.noise > CONFIRMATION_MARGIN
+        return now - self._confirmed > (NOISY_LIFETIME if short else BASE_LIFETIME)
 
     def set_base(self, sample: PacketSample, now: float) -> None:
         """Take this sample's delay as the base."""
