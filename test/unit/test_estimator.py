@@ -137,11 +137,45 @@ def test_each_report_timeout_halves_the_rate() -> None:
     limits = Limits(min_rate=10000.0, start_rate=100000.0, max_rate=1e6)
     estimator, rates = Estimator(0.0, limits), []
     for k in range(40):
-        estimator.poll(0.1 * k)
+        estimator.poll(0.1 * k, 20000.0)
         rates.append(estimator.link.capacity)
     assert rates[int(10 * REPORT_TIMEOUT)] == 100000
     assert sorted(set(rates), reverse=True) == [100000, 50000, 25000, 12500, 10000]
-    assert estimator.timeouts == 4
+    assert estimator.timeouts == 7
+
+
+def test_silence_says_nothing_where_little_is_sent() -> None:
+    limits = Limits(min_rate=10000.0, start_rate=100000.0)
+    estimator = Estimator(0.0, limits)
+    estimator.poll(10.0, limits.min_rate)
+    assert estimator.link.capacity == estimator.rate == 100000 and estimator.timeouts > 0
+
+
+def single(number: int, late: float = 0.0) -> Feedback:
+    """Of one short datagram each half second."""
+    sent = 0.5 * number
+    sample = PacketSample(sent, sent + 5.02 + late, 200, 200 * (number + 1))
+    return Feedback([sample], 0.04, 1, 1, 0, False)
+
+
+def test_datagrams_that_come_late_one_by_one_do_not_tell_what_the_link_carries() -> None:
+    """As where the path jitters: the air was not busy between them."""
+    estimator = Estimator(0.0)
+    for number in range(60):
+        estimator.on_feedback(single(number, (0.0, 0.066, 0.018)[number % 3]), 0.5 * number + 0.1)
+    assert estimator.link.capacity >= Limits().start_rate
+
+
+def test_what_the_link_carried_before_a_timeout_is_known_until_a_short_queue_shows() -> None:
+    before = 1e6
+    estimator = Estimator(0.0, Limits(start_rate=before))
+    estimator.on_feedback(single(0), 0.1)
+    estimator.poll(3.0, math.inf)
+    assert estimator.link.capacity < before / 4
+    estimator.on_feedback(single(6, 0.2), 3.1)
+    assert estimator.link.capacity < before / 4
+    estimator.on_feedback(single(7), 3.6)
+    assert before / 2 <= estimator.link.capacity < before      # it was no loss of datagrams that took the reports
 
 
 def test_without_reports_a_queue_seen_before_does_not_lower_the_rate_for_long() -> None:
@@ -153,9 +187,9 @@ def test_without_reports_a_queue_seen_before_does_not_lower_the_rate_for_long() 
                  for at, sent in enumerate(times)]
         estimator.on_feedback(Feedback(chain, 0.02, 10, 10, 0, False), now)
     assert estimator.rate < estimator.link.capacity
-    estimator.poll(now + HORIZON / 2)
+    estimator.poll(now + HORIZON / 2, 1e5)
     assert estimator.rate < estimator.link.capacity
-    estimator.poll(now + 1.5 * HORIZON)
+    estimator.poll(now + 1.5 * HORIZON, 1e5)
     assert estimator.rate == estimator.link.capacity
 
 
@@ -174,7 +208,7 @@ def test_no_report_moves_the_rate_beyond_its_limits(
         feedback = reader.read(Report(session, clock, [StreamArrivals('a', 2 * k + 2, received, size)], marks), now)
         if feedback is not None:
             estimator.on_feedback(feedback, now)
-        estimator.poll(now)
+        estimator.poll(now, estimator.rate)
         assert limits.min_rate <= estimator.rate <= limits.max_rate
         assert limits.min_rate <= estimator.link.capacity <= limits.max_rate
 

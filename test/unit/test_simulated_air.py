@@ -265,6 +265,33 @@ def test_sudden_loss_while_streams_send_little_does_not_lower_the_capacity_for_l
     assert sum(capacity < 0.8 for capacity in known) <= 50
 
 
+class Status(Load):
+    """A short message each second: what a robot sends whose streams are idle."""
+
+    def start(self, robot: Robot) -> None:
+        self._publish(robot)
+
+    def demands(self) -> Dict[str, Demand]:
+        return {}
+
+    def _publish(self, robot: Robot) -> None:
+        robot.publish('status', None, 219)
+        robot.events.at(robot.events.now + 1.0, self._publish, robot)
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_neither_cuts_nor_a_bad_path_lower_the_rate_where_streams_are_idle(seed: int) -> None:
+    events, there, robot = link(54, seed=seed, load=Status())
+    good = there.conditions
+    events.run(5)
+    for number in range(30):
+        loss, jitter, reorder, duration = ((1.0, 0.0, 0.0, 1), (0.5, 0.02, 0.1, 5), (0.5, 0.0, 0.0, 5))[number % 3]
+        for channel in (there, robot.back):
+            channel.conditions = replace(good, loss=loss, jitter=jitter, reorder=reorder)
+        events.run(events.now + duration)
+        assert robot.controller.stats(robot.robot_time).capacity >= LIMITS.start_rate
+
+
 def test_a_little_of_others_traffic_does_not_halve_the_capacity_of_a_slow_link() -> None:
     """Master calls and TCP acknowledgements on 0.3 Mbit/s: for a moment their datagrams take most of the air."""
     known = []

@@ -213,10 +213,10 @@ class Controller:
         """
         self._sent.read(self._history.total, now)
         self._protected.read(protected_bytes, now)
-        for operator in self._operators.values():
-            operator.estimator.poll(now)
-        self._find_near()
         protected = self._protected.per_second or 0.0
+        for operator in self._operators.values():
+            operator.estimator.poll(now, max(self._sent.per_second or 0.0, protected))
+        self._find_near()
         self._wanted = protected + math.fsum(demand.points[-1].cost for demand in demands.values())
         self._wished = max((demand.wished for demand in demands.values()), default=0.0)
         # a dip in the rate soon passes: streams are allocated the capacity

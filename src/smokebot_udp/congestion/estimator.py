@@ -49,7 +49,7 @@ from .delay import QueueDelay, typical
 from .feedback import Feedback, PacketSample, sending_rate
 from .loss import MAX_AIR_LOSS, Loss
 from .loss_ceiling import LossCeiling
-from .probe_rtt import ProbeRtt
+from .probe_rtt import DRAIN_GAIN, ProbeRtt
 from .probing import SUCCESS_FACTOR, ProbeController, ProbeTrain
 
 REFERENCE_TARGET = 0.005
@@ -106,7 +106,7 @@ REPORT_INTERVAL = 0.1
 """Reports are sent, and the estimator is polled, this often [s]."""
 
 REPORT_TIMEOUT = 0.5
-"""The rate is halved each time no report came for this long [s]."""
+"""The rate is halved each time no report came for this long, where more than min_rate is sent [s]."""
 
 REPORT_LOSS_PROBABILITY = 0.01
 """Reports are lost like datagrams: the timeout is longer where losing all of them is more probable than this."""
@@ -199,7 +199,7 @@ class Estimator:
         self.rate = self.link.capacity
         """What may be sent now, of all streams together [byte/s]."""
         self.timeouts = 0
-        """How often the rate was halved since the last report."""
+        """How often no report came in time since the last one."""
         self._delay, self._loss, self._probes, self._probe_rtt = QueueDelay(), Loss(), ProbeController(), ProbeRtt()
         self._ceiling, self._competition = LossCeiling(), Competition()
         self._newest: Optional[PacketSample] = None
@@ -211,6 +211,7 @@ class Estimator:
         self._last_long = -math.inf     # when it was long
         self._occupied = -math.inf      # when it was last seen occupied
         self._back = -math.inf          # when reports came again after a timeout
+        self._silence = 0.0             # that ended in a timeout, until a queue was seen to be short after it [s]
         self._measured = -math.inf      # when it was last measured, by sending time; -inf: no longer believed
 
     def on_feedback(self, feedback: Feedback, now: float, wanted: float = math.inf,
@@ -223,10 +224,11 @@ class Estimator:
         :param wished: what the link should have so that what they send is as fresh as it can be [byte/s]
         :return: a train for the packet scheduler, if one is due
         """
-        after_timeout, silence = self.timeouts > 0, now - self._reported
+        after_timeout = self.timeouts > 0
+        if after_timeout:
+            self._back, self._silence = now, now - self._reported
         self._reported, self.timeouts = now, 0
         if after_timeout:
-            self._back = now
             self._ceiling.interrupt(now)
         if after_timeout or feedback.restarted:
             self._competition.end()
@@ -255,11 +257,12 @@ class Estimator:
             self._carried = max(CARRIED_MEMORY * self._carried, offered * feedback.received / feedback.expected)
         self._update_loss(feedback, relaxed or paused)
         self._was_short = short
-        if after_timeout and queue < STANDING_FACTOR * self._target():      # reports were lost like other datagrams
-            explained = math.pow(feedback.loss, silence / REPORT_INTERVAL) > REPORT_LOSS_PROBABILITY
+        if self._silence and queue < STANDING_FACTOR * self._target():      # reports were lost like other datagrams
+            explained = math.pow(feedback.loss, self._silence / REPORT_INTERVAL) > REPORT_LOSS_PROBABILITY
             link.capacity = max(link.capacity, self._before_timeout / (1.0 if explained else RECOVERY_FACTOR))
+            self._silence = 0.0
         self._update_capacity(feedback, chain, queue)
-        self._update_probe_rtt(middle, queue, now)
+        self._update_probe_rtt(middle, offered, queue, now)
         self._find_ceiling(feedback, chain[0].sent, offered, queue, now)
         in_flight = feedback.unreported / link.capacity
         since_newest = now - samples[-1].sent - queue       # since the newest datagram was on the air
@@ -272,16 +275,20 @@ class Estimator:
         """The link may carry more from now on: probe with the next report."""
         self._probes.retry()
 
-    def poll(self, now: float) -> None:
-        """Lower the rate where reports fail to come: to be called each REPORT_INTERVAL."""
+    def poll(self, now: float, sent: float) -> None:
+        """Lower the rate where reports fail to come: to be called each REPORT_INTERVAL.
+
+        :param sent: lately, at least [byte/s]; where that is a safe rate, silence is no sign of congestion
+        """
         loss = min(max(self.link.loss, REPORT_LOSS_PROBABILITY), MAX_AIR_LOSS)
         timeout = max(REPORT_TIMEOUT, REPORT_INTERVAL * math.log(REPORT_LOSS_PROBABILITY) / math.log(loss))
-        while now - self._reported > timeout * (1 + self.timeouts) and self.link.capacity > self.limits.min_rate:
+        while now - self._reported > timeout * (1 + self.timeouts):
             if not self.timeouts:
                 self._before_timeout = max(self._before_timeout, self.link.capacity)
             self.timeouts += 1
-            self._measured = -math.inf
-            self.link.capacity = max(self.link.capacity / 2, self.limits.min_rate)
+            if sent > self.limits.min_rate:
+                self._measured = -math.inf
+                self.link.capacity = max(self.link.capacity / 2, self.limits.min_rate)
         self._set_rate(now)
 
     def _compete(self, feedback: Feedback, chain: List[PacketSample], queue: float, now: float) -> bool:
@@ -370,14 +377,14 @@ class Estimator:
         """What the air carried while it was busy: (bytes, seconds).
 
         It was busy between two datagrams if the later one was queued, and the earlier one still was when the later
-        one was sent, or none was sent between them.
+        one was sent, or was on the air where none was sent between them.
         """
         threshold = BUSY_DELAY + self._delay.allowance
         carried, busy = 0, 0.0
         for before, after, wait_before, wait_after in zip(chain, chain[1:], waits, waits[1:]):
-            overlap = after.sent - before.sent < wait_before
+            idle = after.sent - before.sent - wait_before       # at most, or the earlier one was still on the air
             adjacent = after.total - before.total == after.size
-            if wait_after > threshold and (overlap or adjacent):
+            if wait_after > threshold and idle < (before.size / self.link.capacity if adjacent else 0.0):
                 carried += after.total - before.total
                 busy += after.arrived - before.arrived
         return carried, busy
@@ -390,9 +397,10 @@ class Estimator:
         link.capacity = max(link.capacity, min(ceiling, link.capacity * GROWTH_FACTOR),
                             min(self._before_timeout, link.capacity * RECOVERY_GROWTH_FACTOR))
 
-    def _update_probe_rtt(self, sample: PacketSample, queue: float, now: float) -> None:
+    def _update_probe_rtt(self, sample: PacketSample, offered: float, queue: float, now: float) -> None:
         """End a pause and use what it measured; begin one where there is a reason."""
-        self._probe_rtt.on_sample(sample, queue, self._target(), self._delay, now)
+        idle = offered <= DRAIN_GAIN * self.link.capacity
+        self._probe_rtt.on_sample(sample, idle, queue, self._target(), self._delay, now)
         if queue < STANDING_FACTOR * self._target():
             self._last_short = now
         queue_long = queue > LONG_QUEUE or now - self._last_short > STANDING_TIME
