@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The link controller as robot_sender uses it: several operators and their reports."""
 import math
+from typing import List
 
 import pytest
 from controlled_robot import LIMITS, SIZE, Receiver, Robot, image
 
-from smokebot_udp.congestion.controller import NEAR, PLANNING_SHARE, Controller, Plan
+from smokebot_udp.congestion.controller import NEAR, OPERATOR_TIMEOUT, PLANNING_SHARE, Controller, Plan
 from smokebot_udp.congestion.estimator import Limits
 from smokebot_udp.congestion.probe_rtt import DIP_GAIN
 from smokebot_udp.units import MBIT
@@ -127,6 +128,37 @@ def test_a_silent_operator_slows_no_other_one() -> None:
         robot.drive([near], 0.1)
         least = min(least, robot.state.capacity)
     assert least > 0.9 * 5 * MBIT and robot.state.operator == '/near'
+
+
+def idle(robot: Robot, receivers: List[Receiver], seconds: float) -> None:
+    """Nothing is sent, and they report."""
+    for _ in range(round(10 * seconds)):
+        robot.now += 0.1
+        for receiver in receivers:
+            robot.controller.on_report(receiver.name, receiver.report(robot.now), robot.now, 1)
+        robot.tick()
+
+
+def test_a_silent_operator_no_longer_counts_though_nothing_is_sent() -> None:
+    robot, slow, gone = Robot(), Receiver('/slow', 1 * MBIT), Receiver('/gone', 5 * MBIT)
+    robot.controller.on_operators({'/slow': 1, '/gone': 1}, robot.now)
+    robot.drive([gone], 6.0)
+    robot.drive([slow, gone], 2.0)
+    assert robot.state.operator == '/gone'
+    idle(robot, [slow], OPERATOR_TIMEOUT + 0.1)
+    assert robot.state.operator == '/slow' and not robot.state.timeout
+    idle(robot, [], OPERATOR_TIMEOUT + 0.1)
+    assert robot.state.timeout
+
+
+def test_what_begins_in_a_silence_is_sent_slowly() -> None:
+    robot, receiver = Robot(), Receiver('/op', 5 * MBIT)
+    robot.drive([receiver], 6.0)
+    idle(robot, [receiver], 1.5)
+    idle(robot, [], 30.0)
+    assert robot.rate > 4 * MBIT
+    robot.drive([], 0.3)
+    assert robot.rate < 1.2 * LIMITS.min_rate
 
 
 def test_a_new_operator_begins_slowly_beside_others() -> None:

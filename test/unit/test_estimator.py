@@ -144,11 +144,16 @@ def test_each_report_timeout_halves_the_rate() -> None:
     assert estimator.timeouts == 7
 
 
-def test_silence_says_nothing_where_little_is_sent() -> None:
+def test_silence_says_nothing_where_little_is_sent_and_is_answered_at_once_where_more_is() -> None:
     limits = Limits(min_rate=10000.0, start_rate=100000.0)
     estimator = Estimator(0.0, limits)
-    estimator.poll(10.0, limits.min_rate)
-    assert estimator.link.capacity == estimator.rate == 100000 and estimator.timeouts > 0
+    for now in (1.1 * REPORT_TIMEOUT, 3.3 * REPORT_TIMEOUT):
+        estimator.poll(now, limits.min_rate)
+        assert estimator.link.capacity == estimator.rate == 100000 and estimator.timeouts == int(now / REPORT_TIMEOUT)
+    estimator.poll(3.4 * REPORT_TIMEOUT, 1.1 * limits.min_rate)
+    assert estimator.link.capacity == 12500
+    estimator.poll(1e6, 2e5)
+    assert estimator.link.capacity == limits.min_rate
 
 
 def single(number: int, late: float = 0.0) -> Feedback:
@@ -164,6 +169,13 @@ def test_datagrams_that_come_late_one_by_one_do_not_tell_what_the_link_carries()
     for number in range(60):
         estimator.on_feedback(single(number, (0.0, 0.066, 0.018)[number % 3]), 0.5 * number + 0.1)
     assert estimator.link.capacity >= Limits().start_rate
+
+
+def test_an_idle_sender_makes_no_pauses_where_the_path_becomes_longer() -> None:
+    estimator = Estimator(0.0)
+    for number in range(60):
+        estimator.on_feedback(single(number, 0.0 if number < 4 else 0.1), 0.5 * number + 0.1)
+        assert estimator.rate >= estimator.link.capacity
 
 
 def test_what_the_link_carried_before_a_timeout_is_known_until_a_short_queue_shows() -> None:

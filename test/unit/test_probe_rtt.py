@@ -29,8 +29,8 @@ def test_a_dip_measures_the_base_delay_again() -> None:
     pause.begin(True, False, 10.0)
     assert pause.gain(10.0 + DIP_DURATION / 2) == DIP_GAIN and not pause.active(10.0 + DIP_DURATION)
     assert pause.covers(10.1) and not pause.covers(9.9)
-    assert not pause.on_sample(sample(10.05, 0.05), False, 0.03, 0.01, delay, 10.1)
-    assert pause.on_sample(sample(10.15, 0.04), False, 0.02, 0.01, delay, 10.0 + DIP_DURATION)
+    assert not pause.on_sample(sample(10.05, 0.05), 0.03, 0.01, delay, 10.1)
+    assert pause.on_sample(sample(10.15, 0.04), 0.02, 0.01, delay, 10.0 + DIP_DURATION)
     assert delay.of(sample(10.3, 0.04)) == pytest.approx(0.02 - MAX_BASE_STEP)
 
 
@@ -38,15 +38,15 @@ def test_a_drain_ends_when_the_queue_is_gone() -> None:
     delay, pause = settled(), ProbeRtt()
     pause.begin(False, True, 10.0)
     assert pause.gain(10.0 + DRAIN_DURATION / 2) == DRAIN_GAIN
-    assert not pause.on_sample(sample(10.02, 0.1), False, 0.08, 0.01, delay, 10.1)
-    assert pause.on_sample(sample(10.1, 0.021), False, 0.001, 0.01, delay, 10.05 + MIN_DRAIN_DURATION)
+    assert not pause.on_sample(sample(10.02, 0.1), 0.08, 0.01, delay, 10.1)
+    assert pause.on_sample(sample(10.1, 0.021), 0.001, 0.01, delay, 10.05 + MIN_DRAIN_DURATION)
     assert delay.of(sample(10.3, 0.031)) == pytest.approx(0.01)
 
 
 def test_what_a_drain_leaves_is_the_path() -> None:
     delay, pause, now = settled(), ProbeRtt(), 10.0
     pause.begin(False, True, now)
-    while not pause.on_sample(sample(now - 0.05, 0.07), False, 0.05, 0.01, delay, now):
+    while not pause.on_sample(sample(now - 0.05, 0.07), 0.05, 0.01, delay, now):
         now += 0.1
     assert now == pytest.approx(10.0 + DRAIN_DURATION, abs=0.11)
     assert delay.of(sample(now, 0.07)) == 0
@@ -55,17 +55,6 @@ def test_what_a_drain_leaves_is_the_path() -> None:
 def test_a_drain_is_extended_while_the_delay_falls() -> None:
     delay, pause, now, way = settled(), ProbeRtt(), 10.0, 0.2
     pause.begin(False, True, now)
-    while not pause.on_sample(sample(now - 0.05, way), False, way - 0.02, 0.01, delay, now):
+    while not pause.on_sample(sample(now - 0.05, way), way - 0.02, 0.01, delay, now):
         now, way = now + 0.1, max(0.02, way - 0.01)
     assert now > 10.0 + 2 * DRAIN_DURATION and way < 0.035
-
-
-def test_where_nothing_left_in_a_pause_the_first_datagram_after_it_counts() -> None:
-    delay, pause = settled(), ProbeRtt()
-    pause.begin(False, True, 10.0)
-    assert not pause.on_sample(sample(9.9, 0.05), True, 0.03, 0.01, delay, 11.0)        # it left before
-    assert not pause.on_sample(sample(11.0, 0.05), False, 0.03, 0.01, delay, 11.1)      # there may be a queue
-    assert pause.on_sample(sample(12.0, 0.05), True, 0.03, 0.01, delay, 12.1)
-    assert delay.of(sample(12.0, 0.05)) == 0
-    assert not pause.on_sample(sample(13.0, 0.09), True, 0.04, 0.01, delay, 13.1)
-    assert delay.of(sample(13.0, 0.09)) == pytest.approx(0.04)

@@ -215,12 +215,12 @@ class Controller:
         self._protected.read(protected_bytes, now)
         protected = self._protected.per_second or 0.0
         for operator in self._operators.values():
-            operator.estimator.poll(now, max(self._sent.per_second or 0.0, protected))
-        self._find_near()
+            operator.estimator.poll(now, (self._sent.per_second or 0.0) + protected)
+        self._find_near(now)
         self._wanted = protected + math.fsum(demand.points[-1].cost for demand in demands.values())
         self._wished = max((demand.wished for demand in demands.values()), default=0.0)
         # a dip in the rate soon passes: streams are allocated the capacity
-        capacity = self._capacity()
+        capacity = self._capacity(now)
         shares, rooms, self._grants = self._divide(capacity, demands, protected, now)
         self._divide_slower_links(demands, protected, now)
         unlimited = math.inf if capacity is None else capacity
@@ -234,7 +234,7 @@ class Controller:
 
     def rate(self, now: float) -> Optional[float]:
         """What may be sent now, of all streams together [byte/s]; None: unlimited."""
-        counting = self._counting() if self._adapt else []
+        counting = self._counting(now) if self._adapt else []
         if not counting:
             return self._initial_rate()
         rates = [state.estimator.rate for _, state in counting]
@@ -247,7 +247,7 @@ class Controller:
             refused.update(operator.reader.dropped)
         stats = LinkStats(self._adapt, self.rate(now), self._sent.per_second or 0.0, self._wanted,
                           refused_reports=dict(refused))
-        counting = self._counting()
+        counting = self._counting(now)
         if not counting:
             return stats
         name, state = self._planned(counting)
@@ -286,15 +286,17 @@ class Controller:
                 self._operators[name] = _Operator(self._history, self._limits, now)
         return self._operators.get(name)
 
-    def _counting(self) -> List[Tuple[str, _Operator]]:
-        """The operators that have reported a datagram that was sent; only those that are there, if any is."""
+    def _counting(self, now: float) -> List[Tuple[str, _Operator]]:
+        """The operators that have reported a datagram that was sent; only those that are there, and that report, if
+        any does."""
         counting = [item for item in self._operators.items()
                     if item[1].confirmed and (not self._connections or item[0] in self._connections)]
-        return [item for item in counting if item[1].heard > item[1].doubted] or counting
+        trusted = [item for item in counting if item[1].heard > item[1].doubted] or counting
+        return [item for item in trusted if now - item[1].heard <= OPERATOR_TIMEOUT] or trusted
 
-    def _find_near(self) -> None:
+    def _find_near(self, now: float) -> None:
         """Find out which links carry nearly as much as the best one."""
-        counting = self._counting()
+        counting = self._counting(now)
         best = max((state.estimator.link.capacity for _, state in counting), default=0.0)
         for _, state in counting:
             state.near = state.estimator.link.capacity >= (STILL_NEAR if state.near else NEAR) * best
@@ -312,9 +314,9 @@ class Controller:
         rate = min(limits.start_rate, limits.max_rate) if self._adapt else limits.max_rate
         return rate if rate < math.inf else None
 
-    def _capacity(self) -> Optional[float]:
+    def _capacity(self, now: float) -> Optional[float]:
         """[byte/s]; None: unlimited."""
-        counting = self._counting() if self._adapt else []
+        counting = self._counting(now) if self._adapt else []
         return self._planned(counting)[1].estimator.link.capacity if counting else self._initial_rate()
 
     def _divide(self, capacity: Optional[float], demands: Mapping[str, Demand], protected: float,

@@ -17,9 +17,9 @@ Its parts:
 * **The queue predicted for when the rate takes effect**: bytes sent since the newest report, less what the air has
   carried since (SCReAM's bytes in flight, as seconds).
 * **The base delay, measured again** (BBR's ProbeRTT; LEDBAT++'s slowdowns; probe_rtt.py): where nothing confirmed it
-  for 5 s the rate dips shortly. A queue that has become long is drained by all who share the air at the same time, as
-  all see it, and all learn the true base delay then; that corrects a late starter who took the queue for the path. What
-  a drain leaves of the delay is the path itself, which has become longer.
+  for 5 s, or for 2 s where noise may have made it short, the rate dips shortly. A queue that has become long is drained
+  by all who share the air at the same time, as all see it, and all learn the true base delay then; that corrects a late
+  starter who took the queue for the path. What a drain leaves of the delay is the path itself, which has become longer.
 * **Packet trains** (probing.py): where the queue is empty and more is wanted, some datagrams that are due anyway leave
   2 to 4 times faster. They find a link that has become 60 times wider within a second, at the cost of a few ms of
   queue when it has not.
@@ -49,7 +49,7 @@ from .delay import QueueDelay, typical
 from .feedback import Feedback, PacketSample, sending_rate
 from .loss import MAX_AIR_LOSS, Loss
 from .loss_ceiling import LossCeiling
-from .probe_rtt import DRAIN_GAIN, ProbeRtt
+from .probe_rtt import DRAIN_GAIN, MAX_BASE_STEP, ProbeRtt
 from .probing import SUCCESS_FACTOR, ProbeController, ProbeTrain
 
 REFERENCE_TARGET = 0.005
@@ -204,6 +204,7 @@ class Estimator:
         self._ceiling, self._competition = LossCeiling(), Competition()
         self._newest: Optional[PacketSample] = None
         self._reported = now            # when the last report came
+        self._at_timeout = 0.0          # capacity at the first timeout since the last report [byte/s]
         self._before_timeout = 0.0      # capacity; less once it was measured to be less [byte/s]
         self._carried = 0.0             # lately, at most, over a report [byte/s]
         self._was_short = True          # whether the last report showed a short queue
@@ -211,7 +212,7 @@ class Estimator:
         self._last_long = -math.inf     # when it was long
         self._occupied = -math.inf      # when it was last seen occupied
         self._back = -math.inf          # when reports came again after a timeout
-        self._silence = 0.0             # that ended in a timeout, until a queue was seen to be short after it [s]
+        self._silence = 0.0             # of a timeout; 0 once a short queue, or the capacity, was seen after it [s]
         self._measured = -math.inf      # when it was last measured, by sending time; -inf: no longer believed
 
     def on_feedback(self, feedback: Feedback, now: float, wanted: float = math.inf,
@@ -262,7 +263,7 @@ class Estimator:
             link.capacity = max(link.capacity, self._before_timeout / (1.0 if explained else RECOVERY_FACTOR))
             self._silence = 0.0
         self._update_capacity(feedback, chain, queue)
-        self._update_probe_rtt(middle, offered, queue, now)
+        self._update_probe_rtt(samples, offered, queue, now)
         self._find_ceiling(feedback, chain[0].sent, offered, queue, now)
         in_flight = feedback.unreported / link.capacity
         since_newest = now - samples[-1].sent - queue       # since the newest datagram was on the air
@@ -278,17 +279,19 @@ class Estimator:
     def poll(self, now: float, sent: float) -> None:
         """Lower the rate where reports fail to come: to be called each REPORT_INTERVAL.
 
-        :param sent: lately, at least [byte/s]; where that is a safe rate, silence is no sign of congestion
+        :param sent: lately, at most [byte/s]; where that is a safe rate, silence is no sign of congestion
         """
         loss = min(max(self.link.loss, REPORT_LOSS_PROBABILITY), MAX_AIR_LOSS)
         timeout = max(REPORT_TIMEOUT, REPORT_INTERVAL * math.log(REPORT_LOSS_PROBABILITY) / math.log(loss))
-        while now - self._reported > timeout * (1 + self.timeouts):
-            if not self.timeouts:
-                self._before_timeout = max(self._before_timeout, self.link.capacity)
-            self.timeouts += 1
-            if sent > self.limits.min_rate:
-                self._measured = -math.inf
-                self.link.capacity = max(self.link.capacity / 2, self.limits.min_rate)
+        missed = max(self.timeouts, math.ceil((now - self._reported) / timeout) - 1)
+        if missed and not self.timeouts:
+            self._at_timeout = self.link.capacity
+            self._before_timeout = max(self._before_timeout, self._at_timeout)
+        self.timeouts = missed
+        if missed and sent > self.limits.min_rate:
+            self._measured = -math.inf
+            halved = max(math.ldexp(self._at_timeout, -missed), self.limits.min_rate)
+            self.link.capacity = min(self.link.capacity, halved)
         self._set_rate(now)
 
     def _compete(self, feedback: Feedback, chain: List[PacketSample], queue: float, now: float) -> bool:
@@ -304,6 +307,7 @@ class Estimator:
             if not was:
                 self._ceiling.interrupt(now)
                 self._probe_rtt.cancel()
+                self._silence = 0.0
             self._update_loss(feedback, False)
             link.capacity, link.queue_delay = self.limits.clamp(competition.rate), queue
             self._set_rate(now)
@@ -352,7 +356,7 @@ class Estimator:
             if step < 0:
                 step *= self._trust(queue)
             if not self._noisy(MAX_MEASURED_NOISE):
-                self._measured = chain[-1].sent
+                self._measured, self._silence = chain[-1].sent, 0.0
             if step:
                 link.capacity += step
                 self._before_timeout = min(self._before_timeout, math.inf if step > 0 else link.capacity)
@@ -397,14 +401,17 @@ class Estimator:
         link.capacity = max(link.capacity, min(ceiling, link.capacity * GROWTH_FACTOR),
                             min(self._before_timeout, link.capacity * RECOVERY_GROWTH_FACTOR))
 
-    def _update_probe_rtt(self, sample: PacketSample, offered: float, queue: float, now: float) -> None:
-        """End a pause and use what it measured; begin one where there is a reason."""
-        idle = offered <= DRAIN_GAIN * self.link.capacity
-        self._probe_rtt.on_sample(sample, idle, queue, self._target(), self._delay, now)
+    def _update_probe_rtt(self, samples: List[PacketSample], offered: float, queue: float, now: float) -> None:
+        """End a pause and use what it measured; begin one where there is a reason. An idle sender needs none."""
+        self._probe_rtt.on_sample(typical(samples), queue, self._target(), self._delay, now)
         if queue < STANDING_FACTOR * self._target():
             self._last_short = now
         queue_long = queue > LONG_QUEUE or now - self._last_short > STANDING_TIME
-        self._probe_rtt.begin(self._delay.expired(now) and not self._ceiling.checking, queue_long, now)
+        expired = self._delay.expired(now)
+        if offered > min(self.limits.min_rate, DRAIN_GAIN * self.link.capacity):
+            self._probe_rtt.begin(expired and not self._ceiling.checking, queue_long, now)
+        elif expired:
+            self._delay.raise_base(min(samples, key=lambda sample: sample.delay), MAX_BASE_STEP, now)
 
     def _find_ceiling(self, feedback: Feedback, since: float, offered: float, queue: float, now: float) -> None:
         """Find the rate above which datagrams are lost without a queue to be seen; what a long queue dropped is known

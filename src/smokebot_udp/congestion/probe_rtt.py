@@ -45,7 +45,6 @@ class ProbeRtt:
     def __init__(self) -> None:
         self._began = self._ends = -math.inf
         self._draining = False
-        self._awaited = False       # whether nothing was measured since it began
         self._least: Optional[PacketSample] = None      # of least delay among those sent in this pause
 
     def active(self, now: float) -> bool:
@@ -58,7 +57,7 @@ class ProbeRtt:
 
     def cancel(self) -> None:
         """End a pause; what it measured does not count."""
-        self._ends, self._least, self._awaited = -math.inf, None, False
+        self._ends, self._least = -math.inf, None
 
     def gain(self, now: float) -> float:
         """Part of the capacity that may be sent now; infinite outside a pause."""
@@ -80,23 +79,20 @@ class ProbeRtt:
         if self.active(now) or self._least is not None:
             return
         if base_expired or queue_long:
-            self._began, self._draining, self._awaited = now, queue_long, True
+            self._began, self._draining = now, queue_long
             self._ends = now + (DRAIN_DURATION if queue_long else DIP_DURATION)
 
-    def on_sample(self, sample: PacketSample, idle: bool, queue: float, target: float, delay: QueueDelay,
-                  now: float) -> bool:
-        """Take what a report shows during a pause, or just after it; where no datagram left in the pause, what the
-        first one after it shows.
+    def on_sample(self, sample: PacketSample, queue: float, target: float, delay: QueueDelay, now: float) -> bool:
+        """Take what a report shows during a pause, or just after it.
 
         :param sample: speaks for the report
-        :param idle: whether no more was sent since the report before than may be in a drain
         :param queue: its queueing delay [s]
         :param target: queueing delay to keep; below it a drain is done [s]
         :param delay: its base is corrected at the end of the pause
         :param now: by a steady clock [s]
         :return: whether the pause ended, with a measurement
         """
-        if sample.sent >= self._began and (self.active(now) or self._least is not None or self._awaited and idle):
+        if sample.sent >= self._began and (self.active(now) or self._least is not None):
             if self._draining:
                 self._schedule_end(sample, queue, target, now)
             if self._least is None or sample.delay < self._least.delay:
@@ -107,7 +103,7 @@ class ProbeRtt:
             delay.set_base(self._least, now)        # what is left is the path
         else:
             delay.raise_base(self._least, MAX_BASE_STEP, now)
-        self._least, self._awaited = None, False
+        self._least = None
         return True
 
     def _schedule_end(self, sample: PacketSample, queue: float, target: float, now: float) -> None:

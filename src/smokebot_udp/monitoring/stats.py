@@ -107,7 +107,7 @@ class LinkStats:
     silence: float = math.nan
     """Time since its last report [s]."""
     timeout: bool = False
-    """Whether the rate falls because reports are missing."""
+    """Whether reports are missing, so that the rate falls where it is used."""
     slower: Dict[str, float] = field(default_factory=dict)
     """{operator with a slower link: its part of the rate [byte/s]}; it gets a part of the datagrams."""
     refused_reports: Dict[str, int] = field(default_factory=dict)
