@@ -112,8 +112,8 @@ REPORT_LOSS_PROBABILITY = 0.01
 """Reports are lost like datagrams: the timeout is longer where losing all of them is more probable than this."""
 
 RECOVERY_FACTOR = 2.0
-"""When reports return and show no long queue, the capacity is what it was before the timeout; over this where the loss
-of datagrams does not explain that of the reports,"""
+"""When reports return and show no long queue, or hardly anything was sent, the capacity is what it was before the
+timeout; over this where streams send, and the loss of datagrams does not explain that of the reports,"""
 
 RECOVERY_GROWTH_FACTOR = 1.2
 """and this much more with each report that shows no queue, until it is what it was, or was measured."""
@@ -258,12 +258,14 @@ class Estimator:
             self._carried = max(CARRIED_MEMORY * self._carried, offered * feedback.received / feedback.expected)
         self._update_loss(feedback, relaxed or paused)
         self._was_short = short
-        if self._silence and queue < STANDING_FACTOR * self._target():      # reports were lost like other datagrams
-            explained = math.pow(feedback.loss, self._silence / REPORT_INTERVAL) > REPORT_LOSS_PROBABILITY
+        idle = (offered <= DRAIN_GAIN * link.capacity
+                and samples[-1].total - chain[0].total <= REPORT_INTERVAL * self.limits.min_rate)
+        if self._silence and (idle or queue < STANDING_FACTOR * self._target()):    # reports were lost like datagrams
+            explained = idle or math.pow(feedback.loss, self._silence / REPORT_INTERVAL) > REPORT_LOSS_PROBABILITY
             link.capacity = max(link.capacity, self._before_timeout / (1.0 if explained else RECOVERY_FACTOR))
             self._silence = 0.0
         self._update_capacity(feedback, chain, queue)
-        self._update_probe_rtt(samples, offered, queue, now)
+        self._update_probe_rtt(samples, idle, queue, now)
         self._find_ceiling(feedback, chain[0].sent, offered, queue, now)
         in_flight = feedback.unreported / link.capacity
         since_newest = now - samples[-1].sent - queue       # since the newest datagram was on the air
@@ -401,14 +403,14 @@ class Estimator:
         link.capacity = max(link.capacity, min(ceiling, link.capacity * GROWTH_FACTOR),
                             min(self._before_timeout, link.capacity * RECOVERY_GROWTH_FACTOR))
 
-    def _update_probe_rtt(self, samples: List[PacketSample], offered: float, queue: float, now: float) -> None:
+    def _update_probe_rtt(self, samples: List[PacketSample], idle: bool, queue: float, now: float) -> None:
         """End a pause and use what it measured; begin one where there is a reason. An idle sender needs none."""
         self._probe_rtt.on_sample(typical(samples), queue, self._target(), self._delay, now)
         if queue < STANDING_FACTOR * self._target():
             self._last_short = now
         queue_long = queue > LONG_QUEUE or now - self._last_short > STANDING_TIME
         expired = self._delay.expired(now)
-        if offered > min(self.limits.min_rate, DRAIN_GAIN * self.link.capacity):
+        if not idle:
             self._probe_rtt.begin(expired and not self._ceiling.checking, queue_long, now)
         elif expired:
             self._delay.raise_base(min(samples, key=lambda sample: sample.delay), MAX_BASE_STEP, now)
