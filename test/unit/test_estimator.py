@@ -1,6 +1,4 @@
 # SPDX-License-Identifier: BSD-3-Clause
-import bisect
-import itertools
 import math
 from typing import List, Tuple
 
@@ -15,11 +13,9 @@ from smokebot_udp.congestion.estimator import (
     REPORT_TIMEOUT,
     Estimator,
     Limits,
-    peak_rate,
     target_delay,
 )
 from smokebot_udp.congestion.feedback import (
-    SAMPLE_INTERVAL,
     ArrivalSample,
     Feedback,
     FeedbackReader,
@@ -29,59 +25,6 @@ from smokebot_udp.congestion.feedback import (
 )
 from smokebot_udp.congestion.loss import Loss
 from smokebot_udp.congestion.sent_history import SentHistory
-
-
-def samples(*times: Tuple[float, float], size: int = 1000) -> List[PacketSample]:
-    """Samples of (sent, arrived), one after the other."""
-    return [PacketSample(sent, arrived, size, size * (k + 1)) for k, (sent, arrived) in enumerate(times)]
-
-
-def test_the_peak_rate_is_the_offered_rate_where_intervals_are_kept() -> None:
-    assert peak_rate(samples((0, 5), (0.01, 5.01), (0.02, 5.02)), [0, 0, 0], 0.0) == pytest.approx(100000)
-
-
-def test_the_peak_rate_is_the_carried_rate_where_intervals_grow() -> None:
-    assert peak_rate(samples((0, 5), (0.01, 5.02), (0.02, 5.04)), [0, 0.01, 0.02], 0.0) == pytest.approx(50000)
-
-
-def test_clumped_arrivals_do_not_inflate_the_peak_rate() -> None:
-    """All came until 5.03 s, and the first one by 5.0 s."""
-    chain = samples((0, 5.03), (0.01, 5.0301), (0.02, 5.0302))
-    assert peak_rate(chain, [0.03, 0.0201, 0.0102], 0.0) == pytest.approx(2000 / 0.0302)
-
-
-def test_a_late_reader_does_not_inflate_the_rate_of_a_train() -> None:
-    """At 100 kB/s they came at 5.00, 5.01, 5.02 and 5.03 s; nothing was read from 5.005 to 5.025 s."""
-    chain = [PacketSample(*times, 1000, total) for *times, total in (
-        (0.0, 5.0, 1000), (0.001, 5.025, 2000), (0.003, 5.03, 4000), (0.004, 5.04, 5000))]
-    assert peak_rate(chain, [0, 0.024, 0.027, 0.036], 0.0) == pytest.approx(100000)
-
-
-@given(st.lists(st.tuples(st.integers(0, 30), st.integers(1, 5)), min_size=2, max_size=60),
-       st.lists(st.tuples(st.integers(1, 100), st.integers(1, 60)), max_size=20))
-def test_no_late_reader_shows_a_faster_link(bursts: List[Tuple[int, int]], stalls: List[Tuple[int, int]]) -> None:
-    """Of 1 MB/s, that carries datagrams of 1 kB.
-
-    :param bursts: pause before each [ms], and its number of datagrams
-    :param stalls: pause before each, and its duration, in which nothing is read [ms]
-    """
-    ends = list(itertools.accumulate(itertools.chain(*stalls)))
-    chain: List[PacketSample] = []
-    sent = idle_from = total = 0
-    for pause, count in bursts:
-        sent += pause
-        for _ in range(count):
-            idle_from, total = max(sent, idle_from) + 1, total + 1000
-            at = bisect.bisect_right(ends, idle_from)
-            read = ends[at] if at % 2 else idle_from       # ends of pauses and stalls alternate
-            if not chain or read - 1e3 * chain[-1].arrived >= 1e3 * SAMPLE_INTERVAL:
-                chain.append(PacketSample(1e-3 * sent, 1e-3 * read, 1000, total))
-    waits = [sample.delay - 0.001 for sample in chain]
-    assert peak_rate(chain, waits, 0.0) <= 1e6 * (1 + 1e-9)
-
-
-def test_one_interval_gives_no_peak_rate() -> None:
-    assert peak_rate(samples((0, 5), (0.01, 5.01)), [0, 0], 0.0) == 0.0
 
 
 def test_the_target_delay_falls_with_the_rate() -> None:

@@ -3,7 +3,8 @@
 
 Its parts:
 
-* **Delivery rate** (BBR, draft-cardwell-iccrg-bbr-congestion-control; draft-cheng-iccrg-delivery-rate-estimation):
+* **Delivery rate** (delivery_rate.py; BBR, draft-cardwell-iccrg-bbr-congestion-control;
+  draft-cheng-iccrg-delivery-rate-estimation):
   between two datagrams that arrived, the bytes sent over the longer of the sending and the arrival interval are a rate
   that the link carries at least. It never exceeds what was offered. Nor do clumped arrivals inflate it: a datagram that
   the receiver read late counts from when it can have come off the air. Where the later datagram was queued the air was
@@ -39,13 +40,12 @@ much jitter looks like a queue.
 import math
 import statistics
 from dataclasses import dataclass
-from typing import List, NamedTuple, Optional, Tuple
-
-import numpy as np
+from typing import List, NamedTuple, Optional
 
 from ..units import MBIT
 from .competition import Competition
 from .delay import QueueDelay, typical
+from .delivery_rate import busy_period, peak_rate
 from .feedback import Feedback, PacketSample, sending_rate
 from .loss import MAX_AIR_LOSS, Loss
 from .loss_ceiling import LossCeiling
@@ -83,9 +83,6 @@ Beside a long queue all do: a single one of others makes none."""
 MAX_MEASURED_NOISE, MAX_TRUSTED_NOISE = 0.25, 0.5
 """Where noise is less than this part of the queue that is wanted, the capacity is measured for sure; and a lower one is
 believed by half at a short queue."""
-
-BUSY_DELAY = 0.002
-"""A datagram delayed longer was queued: the air was busy [s]."""
 
 RELAXED, PROVEN = 0.7, 1.1
 """Where less than this part of the capacity is sent, and no more than was carried lately, by this factor, or not more
@@ -228,9 +225,8 @@ class Estimator:
         after_timeout = self.timeouts > 0
         if after_timeout:
             self._back, self._silence = now, now - self._reported
-        self._reported, self.timeouts = now, 0
-        if after_timeout:
             self._ceiling.interrupt(now)
+        self._reported, self.timeouts = now, 0
         if after_timeout or feedback.restarted:
             self._competition.end()
         if feedback.restarted:
@@ -265,7 +261,7 @@ class Estimator:
             link.capacity = max(link.capacity, self._before_timeout / (1.0 if explained else RECOVERY_FACTOR))
             self._silence = 0.0
         self._update_capacity(feedback, chain, queue)
-        self._update_probe_rtt(samples, idle, queue, now)
+        self._update_probe_rtt(samples, middle, idle, queue, now)
         self._find_ceiling(feedback, chain[0].sent, offered, queue, now)
         in_flight = feedback.unreported / link.capacity
         since_newest = now - samples[-1].sent - queue       # since the newest datagram was on the air
@@ -348,7 +344,7 @@ class Estimator:
         """
         link = self.link
         waits = [self._delay.of(sample) for sample in chain]
-        carried, busy = self._busy_period(chain, waits)
+        carried, busy = busy_period(chain, waits, self._delay.allowance, link.capacity)
         duration = chain[-1].arrived - chain[0].arrived
         if busy > duration / 4 and busy > 0.01:
             dropped = self._loss.beyond_air(feedback.loss) if queue > LONG_QUEUE else 0.0
@@ -379,22 +375,6 @@ class Estimator:
                     self._grow(chain, MAX_NOISY_FACTOR)
         link.capacity = self.limits.clamp(link.capacity)
 
-    def _busy_period(self, chain: List[PacketSample], waits: List[float]) -> Tuple[int, float]:
-        """What the air carried while it was busy: (bytes, seconds).
-
-        It was busy between two datagrams if the later one was queued, and the earlier one still was when the later
-        one was sent, or was on the air where none was sent between them.
-        """
-        threshold = BUSY_DELAY + self._delay.allowance
-        carried, busy = 0, 0.0
-        for before, after, wait_before, wait_after in zip(chain, chain[1:], waits, waits[1:]):
-            idle = after.sent - before.sent - wait_before       # at most, or the earlier one was still on the air
-            adjacent = after.total - before.total == after.size
-            if wait_after > threshold and idle < (before.size / self.link.capacity if adjacent else 0.0):
-                carried += after.total - before.total
-                busy += after.arrived - before.arrived
-        return carried, busy
-
     def _grow(self, chain: List[PacketSample], most: float) -> None:
         """Assume somewhat more capacity than is used, up to this many times what was sent."""
         link = self.link
@@ -403,9 +383,10 @@ class Estimator:
         link.capacity = max(link.capacity, min(ceiling, link.capacity * GROWTH_FACTOR),
                             min(self._before_timeout, link.capacity * RECOVERY_GROWTH_FACTOR))
 
-    def _update_probe_rtt(self, samples: List[PacketSample], idle: bool, queue: float, now: float) -> None:
+    def _update_probe_rtt(self, samples: List[PacketSample], middle: PacketSample, idle: bool, queue: float,
+                          now: float) -> None:
         """End a pause and use what it measured; begin one where there is a reason. An idle sender needs none."""
-        self._probe_rtt.on_sample(typical(samples), queue, self._target(), self._delay, now)
+        self._probe_rtt.on_sample(middle, queue, self._target(), self._delay, now)
         if queue < STANDING_FACTOR * self._target():
             self._last_short = now
         queue_long = queue > LONG_QUEUE or now - self._last_short > STANDING_TIME
@@ -452,25 +433,3 @@ class Estimator:
         wished = min(wished, self.limits.max_rate)
         return self._probes.next(self.link.capacity, empty, wanted > self.rate, samples[-1], unreported, now,
                                  wished > self.rate)
-
-
-def peak_rate(chain: List[PacketSample], waits: List[float], noise: float) -> float:
-    """The highest delivery rate between any two samples [byte/s]; 0: none is certain.
-
-    The receiver may have read the first of the two late, with others, rather than that it was queued. It came off the
-    air no earlier than it could have without a queue, and than the sample before it was read, as both were read apart.
-    The interval begins there. So on a link that keeps the order the rate is never beyond the link's.
-
-    :param chain: in sending order
-    :param waits: queueing delay of each [s]
-    :param noise: uncertainty of intervals, for reasons other than the rate [s]
-    """
-    sent, arrived, total = (np.array([getattr(sample, name) for sample in chain])
-                            for name in ('sent', 'arrived', 'total'))
-    size = max((sample.size for sample in chain), default=0)
-    first, last = np.triu_indices(len(chain), 1)
-    carried = total[last] - total[first]
-    held = np.minimum(np.array(waits) - noise, np.diff(arrived, prepend=-np.inf)).clip(0)
-    interval = np.maximum(sent[last] - sent[first], arrived[last] - (arrived - held)[first]) + noise
-    certain = (carried >= 2 * size) & (interval > 1e-4)
-    return float(np.max(carried[certain] / interval[certain], initial=0.0))
