@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 
 from smokebot_udp.congestion.estimator import (
     HORIZON,
-    LONG_QUEUE,
     MBIT,
     REPORT_TIMEOUT,
     Estimator,
@@ -24,6 +23,7 @@ from smokebot_udp.congestion.feedback import (
     StreamArrivals,
 )
 from smokebot_udp.congestion.loss import Loss
+from smokebot_udp.congestion.path import LONG_QUEUE
 from smokebot_udp.congestion.sent_history import SentHistory
 
 
@@ -201,4 +201,4 @@ def test_a_receiver_that_claims_instant_arrival_gets_max_rate_at_most() -> None:
         estimator.on_feedback(feedback, now)
         assert max(estimator.rate, estimator.link.capacity) <= limits.max_rate
         rates.append(estimator.link.capacity)
-    assert max(rates) == limits.max_rate        # it does believe it
+    assert max(rates) == pytest.approx(limits.max_rate)     # it does believe it

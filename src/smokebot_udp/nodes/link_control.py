@@ -150,8 +150,9 @@ class LinkControl:
     def _set_rate(self, scheduler: PacketScheduler, now: float) -> None:
         """Set the present rate, under the outbox's lock: a report may have changed it since the plan was made."""
         with self._controller as controller:
-            rate = controller.rate(now)
+            rate, tokens = controller.rate(now), controller.tokens(now)
         scheduler.set_rate(None if rate is not None and rate > UNPACED else rate, now)
+        scheduler.set_tokens(*tokens, now)
 
     def _hosts(self) -> List[str]:
         """The hosts of the operators that report."""
