@@ -55,7 +55,7 @@ def test_without_a_bucket_the_depth_is_a_datagram_at_most() -> None:
 
 def test_a_rate_that_has_fallen_is_no_bucket() -> None:
     sent = Sent(SIZE)
-    sent.path.rate = 10 * RATE
+    sent.path.rate = 20 * RATE
     for _ in range(50):
         sent.report((0.1, 100))
     sent.path.rate = RATE
