@@ -133,7 +133,8 @@ def choose(ends: IntArray, errors: FloatArray, growth: float, costs: Costs) -> T
     """
     best = int(np.argmin(errors + age_cost(growth, costs.duration) * ends))
     better_later = bool((errors[best + 1:] < CLEARLY * errors[best]).any())
-    return best + 1 if better_later else len(ends), float(errors[best])
+    points = best + 1 if better_later else len(ends)
+    return points, float(errors[points - 1])
 
 
 def age_cost(growth: float, duration: float) -> float:

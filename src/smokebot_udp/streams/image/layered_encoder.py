@@ -56,7 +56,7 @@ CERTAIN_FIT, LIKELY = 0.97, 0.7
 budget at losses that are not exceeded with that probability."""
 
 PROTECTION_TIME = 0.002
-"""An image that is shorter than its grant may take this time more on the air, for its protection [s]."""
+"""An image that is short for the sake of its age may take this time more on the air, for its protection [s]."""
 
 LUCKY, LUCKIER = 0.1, 1.1
 """No more is coded than this many times what arrives of the budget at losses that are exceeded unless with that
@@ -122,7 +122,8 @@ class LayeredImages(CompressedImages):
         budget = granted.size
         if self.bound is not granted.bound:
             protected = needed / CERTAIN_FIT * datagrams.protected(outlook.loss(RESERVE))
-            budget = max(min(budget, protected + PROTECTION_TIME * outlook.room), datagrams.least)
+            more = PROTECTION_TIME * outlook.room if self.bound in (Bound.FRESHNESS, Bound.CODING) else 0.0
+            budget = max(min(budget, protected + more), datagrams.least)
         ends, errors = ends[:points] + len(_beginning(prediction)), errors[:points]
         floor = None if source.pixels.itemsize > 1 else max(FLOOR, _error_of(settings['max_quality'], 1))
         plan = best_plan(ends, worth(errors, stream.cells, floor), int(budget), outlook.air.losses, outlook.air.burst,
