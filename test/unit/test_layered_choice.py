@@ -56,7 +56,7 @@ def test_the_coding_changes_while_it_runs_and_so_do_the_operating_points() -> No
         used = kind(made, of, second)
         assert used is (LayeredSegment if coding == 'layered' else ImageSegment)
         point = made.operating_points(10.0, of)[0]
-        assert set(point.settings) == {'max_bytes' if coding == 'layered' else 'max_subimages', 'rate'}
+        assert set(point.settings) == {'rate'} if coding == 'layered' else {'max_subimages', 'rate'}
         assert made.refine(point.settings, 1e9) == {'rate': point.settings['rate']}
 
 

@@ -341,14 +341,14 @@ class Controller:
         spare = max(0.0, budget - protected - math.fsum(grant.cost for grant in allocated.values()))
         weights = math.fsum(demands[name].weight for name in limited)
         grants: Dict[str, Optional[Dict[str, Any]]] = {}
+        rooms = {name: spare + grant.cost for name, grant in allocated.items()}
         for name, grant in allocated.items():
             if name in limited:
                 part = spare * demands[name].weight / weights if weights else 0.0
-                grants[name] = self._limiting_settings(name, grant, demands[name], part)
+                grants[name], rooms[name] = self._limiting_settings(name, grant, demands[name], part), grant.cost + part
             else:
                 grants[name] = None if grant.point is None else {}
-        return ({name: grant.share for name, grant in allocated.items()},
-                {name: spare + max(grant.share, grant.cost) for name, grant in allocated.items()}, grants)
+        return {name: grant.share for name, grant in allocated.items()}, rooms, grants
 
     def _divide_slower_links(self, demands: Mapping[str, Demand], protected: float, now: float) -> None:
         """Decide which part of each stream operators with slower links get, by weights and min_bitrates alike."""

@@ -17,7 +17,7 @@ from ..congestion.packet_scheduler import PacketScheduler
 from ..monitoring.stats import LinkStats
 from ..monitoring.wifi import WifiState
 from ..msg import LinkReport, LinkStatus, WifiStatus
-from ..streams.outlook import Outlook, StreamLosses
+from ..streams.outlook import Outlook, Rooms, StreamLosses
 from ..units import MBIT
 from .link_reporter import TOPIC
 from .logging import log_error
@@ -74,7 +74,7 @@ class LinkControl:
                  further: Callable[[float], Mapping[str, Demand]] = lambda capacity: {}) -> None:
         self._controller, self._link, self._streams, self._reported = controller, link, streams, reported
         self._further, self._capacity = further, 0.0
-        self._losses = StreamLosses()
+        self._losses, self._rooms = StreamLosses(), Rooms()
         with controller as unshared:
             unshared.on_arrivals = self._losses.add
         self.shares: Dict[str, float] = {}
@@ -136,10 +136,11 @@ class LinkControl:
 
     def _give_outlooks(self, plan: Plan, now: float) -> None:
         """Pass on to the encoders what to expect of the link, under the controller's lock: reports change it."""
+        rooms = self._rooms.update(plan.rooms)
         for name, stream in self._streams.items():
             if stream.encoder.FORESEES:
                 stream.encoder.outlook = Outlook(self._losses.air(name, stream.subscribers, now),
-                                                 plan.rooms.get(name, math.inf) / self._link.expansion)
+                                                 rooms.get(name, math.inf) / self._link.expansion)
 
     def _count_operators(self) -> None:
         """Pass on who subscribes to the streams now; any thread."""

@@ -101,6 +101,11 @@ class Outbox:
         with self._changed:
             return self._scheduler.sending(stream) is not None
 
+    def takes(self, stream: str) -> float:
+        """How long it takes until what is left of a stream's message has left [s]."""
+        with self._changed:
+            return self._scheduler.takes(stream)
+
     def publish(self, stream: str, publisher: Publisher, frame: Frame) -> None:
         """Send a frame at once, before everything that waits."""
         now = time.monotonic()      # before it leaves: it may arrive at once

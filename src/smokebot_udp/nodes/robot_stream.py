@@ -312,11 +312,7 @@ class RobotStream(rospy.SubscribeListener):
             self._sending_limiter.take(now)
         elif encoder.WHOLE and not encoder.PROTECTED:
             self.link.outbox.await_rest(self.name, True)
-        began = time.monotonic()
-        frames = encoder.encode(message, settings, self._datagram_size)
-        if TRACE.on and encoder.STAMPED:
-            TRACE.mark(self.name, self._stamp.to_nsec(), stages.STARTED, began)
-            TRACE.mark(self.name, self._stamp.to_nsec(), stages.ENCODED)
+        frames = self._frames(message, settings)
         beside, encoder.beside = encoder.beside, []
         self._follow_repeats()
         if not frames:
@@ -329,6 +325,22 @@ class RobotStream(rospy.SubscribeListener):
             self._send_at_once(beside)
             self._send(frames)
             self.sent += not encoder.PROTECTED
+
+    def _frames(self, message: Any, settings: Settings) -> List[Frame]:
+        """The frames of a message; their making is traced."""
+        encoder = self.encoder
+        if encoder.FORESEES:
+            encoder.waiting = self.link.outbox.takes(self.name)
+        began = time.monotonic()
+        frames = encoder.encode(message, settings, self._datagram_size)
+        if TRACE.on and encoder.STAMPED:
+            TRACE.mark(self.name, self._stamp.to_nsec(), stages.STARTED, began)
+            TRACE.mark(self.name, self._stamp.to_nsec(), stages.ENCODED)
+        if encoder.sizing is not None and frames:
+            rospy.logdebug("stream '%s': %s, %.0f bytes granted, %d used, bound: %s, rms error %.2f", self.name,
+                           *encoder.sizing)
+            TRACE.write(stages.Sized(self.name, self._stamp.to_nsec(), time.monotonic(), *encoder.sizing))
+        return frames
 
     def _repeat(self) -> None:
         if self.encoder.backlog is not None:

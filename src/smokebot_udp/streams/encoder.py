@@ -5,7 +5,21 @@ To add a kind, derive from Encoder. The runner (nodes/robot_stream.py) owns the 
 thread and the settings; it passes settings in and sends the frames that come out.
 """
 import collections
-from typing import Any, Callable, ClassVar, Collection, Deque, Dict, Generic, List, Mapping, Optional, Sequence, TypeVar
+from typing import (
+    Any,
+    Callable,
+    ClassVar,
+    Collection,
+    Deque,
+    Dict,
+    Generic,
+    List,
+    Mapping,
+    NamedTuple,
+    Optional,
+    Sequence,
+    TypeVar,
+)
 
 from ..congestion.operating_points import OperatingPoint, rate_points
 from ..mission.parameters import Parameter
@@ -18,6 +32,19 @@ from .segments import MAIN_PART
 
 Message = TypeVar('Message')
 """What `merge` returns and `encode` takes: mostly a ROS message."""
+
+class Sizing(NamedTuple):
+    """What decided the size of a message, for the log and the trace."""
+    coding: str
+    granted: float
+    """What it might have taken on the air; inf: there was no limit [byte]."""
+    used: int
+    """What it takes on the air [byte]."""
+    bound: str
+    """What decided, for images a value of image_size.Bound."""
+    error: float
+    """Its rms error once all of it has come, as the encoder estimates it [count]; NaN: it does not."""
+
 
 class Encoder(Generic[Message]):
     """Makes frames of the messages of one stream.
@@ -74,6 +101,11 @@ class Encoder(Generic[Message]):
         self.backlog: Optional[float] = None
         """A newer message waits for the rest of the last one if that leaves within this time; None: as the outbox
         decides [s]."""
+        self.waiting = 0.0
+        """How long what is left of the last message takes to leave, as the outbox knows. Where the outlook is used, the
+        runner replaces it before it calls `encode` [s]."""
+        self.sizing: Optional[Sizing] = None
+        """Of the last message; None: its kind says nothing."""
         self.base = 1
         """Datagrams of the last message that show something of it, at least: they leave before the rest of others."""
         self.outlook = Outlook()

@@ -21,7 +21,8 @@ from ..frame_assembler import MAX_WAIT
 from ..held import Holding
 from ..outlook import Outlook
 from ..segments import as_bytes, room, size_on_air, write_header
-from .compressed_images import LEAST_BYTES, CompressedImages
+from .compressed_images import CompressedImages
+from .image_size import LEAST_BYTES, Bound, Grant
 from .pixel_layers import Layerable, layerable
 from .refresh_requests import RefreshRequests
 from .similarity import Similarity
@@ -65,6 +66,10 @@ LOST_BEGINNING = 2000.0
 BEGINNING_PARITY, BEGINNING_MORE = 0.6, 1.25
 """A beginning may have so many parity pieces for each slice, or so many times those of other images if that is more,
 beyond its budget: where it is incomplete, the next images are, too."""
+
+LEAST_BITS, ENOUGH_BITS = 0.01, 0.015
+"""Of an image at the coarsest quantiser, which is refreshed; without room for it images are not sent. Room for so much
+brings them back [bit per pixel]."""
 
 SMOOTHING = 0.3
 """Weight of the error of the newest image."""
@@ -128,8 +133,7 @@ class VideoImages(CompressedImages):
     :param new_session: makes random numbers, uint32
     :raises ValueError: there is no libx264
     """
-    AIR_PART = 0.9  # images come with jitter
-    BACKLOG = 0.1
+    CODING, BACKLOG = 'h264', 0.1
     """The rest of an image is waited for this long: without it, the next ones are worse, too [s]."""
 
     def __init__(self, new_session: Callable[[], int]) -> None:
@@ -140,6 +144,7 @@ class VideoImages(CompressedImages):
         self._coding_error = UNKNOWN_ERROR  # [count^2]
         self._parities: Optional[int] = None    # of the last plan
         self._similarity = Similarity()
+        self._has_room = True
         self._lock = threading.Lock()
         self._requests = RefreshRequests()
 
@@ -160,7 +165,16 @@ class VideoImages(CompressedImages):
             return False
         return True
 
-    def encode(self, message: Any, settings: Settings, max_datagram_size: int, outlook: Outlook,
+    def has_room(self, room: float, area: int) -> bool:
+        """Whether the link has room for the next image.
+
+        :param room: for it [byte on the air]
+        :param area: of it [pixel]
+        """
+        self._has_room = room >= (LEAST_BITS if self._has_room else ENOUGH_BITS) / 8 * area
+        return self._has_room
+
+    def encode(self, message: Any, settings: Settings, max_datagram_size: int, outlook: Outlook, granted: Grant,
                operators: Collection[str], now: float) -> List[Frame]:
         """As Encoder.encode. Empty where an image is too large to arrive in time: the refresh repairs it.
 
@@ -172,7 +186,9 @@ class VideoImages(CompressedImages):
         sizes, link = sizes_of(max_datagram_size, *texts), Link(outlook.air.losses, outlook.air.burst)
         self._similarity.add(source.pixels)
         # the parameter sets are in one datagram
-        budget = self._budget(source, settings, outlook, sizes) - PARAMETER_SETS
+        whole = self._whole(source, outlook, sizes)
+        self.bound = granted.bound if granted.size < whole else Bound.MAX_QUALITY
+        budget = min(granted.size, whole) - PARAMETER_SETS
         plan = video_rate.plan(budget, sizes, self._scene(), link, self._parities)
         session, self._parities = self._prepared(source, sizes, plan), plan.division.parities
         with self._lock:
@@ -199,15 +215,15 @@ class VideoImages(CompressedImages):
             self._requests.sent(session.number, picture, coded.intra, now)
         return frames
 
-    def _budget(self, source: Layerable, settings: Settings, outlook: Outlook, sizes: Sizes) -> float:
-        """What the image may take on the air [byte]. Notes what a complete one takes."""
+    def _whole(self, source: Layerable, outlook: Outlook, sizes: Sizes) -> float:
+        """What a complete image takes on the air [byte]; notes it."""
         area = source.pixels.shape[0] * source.pixels.shape[1]
         protected = (1 + sizes.head / sizes.room) / (1 - min(outlook.loss(LIKELY), MOST_LOSS))
         self._fair_size = FAIR_BITS / 8 * area * protected
         whole = max(min(FULL_BITS / 8 * area * protected, MAX_SLICES * (sizes.room + sizes.head), MOST_BYTES),
                     LEAST_BYTES)
         self._note_size(whole)
-        return max(min(whole, self.budget(settings, outlook)), LEAST_BYTES)
+        return whole
 
     def _prepared(self, source: Layerable, sizes: Sizes, plan: video_rate.Plan) -> _Session:
         """The session of an image."""
