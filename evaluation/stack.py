@@ -8,7 +8,7 @@ import subprocess
 import time
 from typing import Any, Dict, List, Optional, Sequence, TypeVar
 
-from smokebot_udp.link_lab.lab import ADDRESSES, DEVICE, Lab, environment
+from smokebot_udp.link_lab.lab import ADDRESSES, DEVICE, Lab, TwoSides, environment
 
 from . import processes
 
@@ -27,19 +27,20 @@ class Stack:
     :cvar MASTER_SIDES: those that have a master
     :param seed, congestion_control, shared_air: see Lab
     :param log: file for the output of the nodes; None: it is lost
+    :param sides: another link, in place of a link lab; it is removed with the stack
     :raises LabError: as Lab
     """
 
     MASTER_SIDES: Sequence[str] = ('robot',)
 
     def __init__(self, seed: int = 0, congestion_control: str = 'cubic', log: Optional[pathlib.Path] = None,
-                 shared_air: bool = False) -> None:
+                 shared_air: bool = False, sides: Optional[TwoSides] = None) -> None:
         self._processes: List[subprocess.Popen[Any]] = []
         self._resources = contextlib.ExitStack()
         self.operator_address = OPERATOR_ADDRESSES[0]
         self._log = self._resources.enter_context(open(str(log or os.devnull), 'ab'))    # noqa: SIM115
         try:
-            self.lab = self._resources.enter_context(Lab(seed, congestion_control, shared_air))
+            self.lab: Any = self._resources.enter_context(sides or Lab(seed, congestion_control, shared_air))
             self.masters = {side: self.start_master(side) for side in self.MASTER_SIDES}
             for side in self.masters:
                 self._wait_for_master(side)
