@@ -4,11 +4,16 @@
 An image is compared with the camera's image that it shows; the screen with what the camera sees at that moment.
 """
 import bisect
+import math
 import statistics
 from dataclasses import dataclass
-from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
+
+from smokebot_udp.monitoring import stages
+
+from .quality import MAX_PSNR
 
 SAMPLED = 1 / 60
 """The screen is judged this often, as a display draws it: no part of the time between two images, so that each part of it
@@ -20,8 +25,12 @@ SETTLED = 5.0
 TOLERANCE = 0.1
 """Of the estimated capacity, in terms of the true rate."""
 
-SHARP = 42.0
-"""Where images are below, the link is to be used [dB]."""
+STEADY, STEADY_IMAGES = 1.5, 5
+"""After a step the quality is steady again from the image on with which so many in a row are no more than this below the
+mean of the second half of the time until the next step [dB]."""
+
+Row = Dict[str, Any]
+"""Of a table."""
 
 Quality = Callable[[int, int], float]
 """f(number of the camera's image, index of the image shown) -> PSNR [dB]"""
@@ -104,12 +113,12 @@ def longest_gap(times: Sequence[float], begun: float, ended: float) -> float:
     return max(after - before for before, after in zip(inside, inside[1:]))
 
 
-def judged(screen: Screen, told: Sequence[Told], begun: float, ended: float) -> Dict[str, Any]:
+def judged(screen: Screen, told: Sequence[Told], begun: float, ended: float) -> Row:
     """A row of the table: of what was seen between two moments."""
     shown = [one for one in screen.shown if begun <= one.arrival < ended]
     images = [psnr for psnr in map(screen.image_psnr, shown) if psnr is not None]
     ages = [age for age in map(screen.age, shown) if age is not None]
-    row: Dict[str, Any] = {}
+    row: Row = {}
     for name, values in (('image', images), ('screen', [psnr for _, psnr in screen.course(begun, ended)])):
         row.update(zip(('%s mean [dB]' % name, '%s 5 %% [dB]' % name, '%s worst [dB]' % name), spread(values)))
     for share in (50, 95):
@@ -119,9 +128,68 @@ def judged(screen: Screen, told: Sequence[Told], begun: float, ended: float) -> 
     return {**row, **link_use([one for one in told if begun <= one.time < ended])}
 
 
-def link_use(told: Sequence[Told]) -> Dict[str, Any]:
+def link_use(told: Sequence[Told]) -> Row:
     """How much of the link was used, and how often its capacity was known; None: nothing is known."""
     capacities = [abs(one.status['capacity'] / one.rate - 1) <= TOLERANCE for one in told if one.status]
     return {'used': statistics.fmean(one.carried / one.rate for one in told) if told else None,
             'capacity known': statistics.fmean(capacities) if capacities else None,
             'dropped': sum(one.dropped for one in told)}
+
+
+def judged_step(screen: Screen, told: Sequence[Told], begun: float, ended: float) -> Row:
+    """A row of the table of steps: of what was seen from one change of the rate to the next."""
+    shown = [one for one in screen.shown if begun <= one.arrival < ended]
+    ages = [age for age in map(screen.age, shown) if age is not None]
+    images = [(one.arrival, psnr) for one in shown for psnr in [screen.image_psnr(one)] if psnr is not None]
+    steady = [psnr for when, psnr in images if when > (begun + ended) / 2]
+    return {'oldest [s]': max(ages, default=None), 'steady after [s]': settled_after(images, steady, begun),
+            'steady mean [dB]': spread(steady)[0], 'worst [dB]': spread([psnr for _, psnr in images])[2],
+            **link_use([one for one in told if begun <= one.time < ended])}
+
+
+def settled_after(images: Sequence[Tuple[float, float]], steady: Sequence[float], begun: float) -> Optional[float]:
+    """How long after a step its steady quality is reached [s]; None: never.
+
+    :param images: [(arrival, PSNR)]
+    :param steady: PSNR of the later ones of them
+    """
+    good = [psnr >= statistics.fmean(steady) - STEADY for _, psnr in images] if steady else []
+    for at in range(len(good) - STEADY_IMAGES + 1):
+        if all(good[at:at + STEADY_IMAGES]):
+            return images[at][0] - begun
+    return None
+
+
+def aged_as(screen: Screen, quality: Quality) -> Screen:
+    """The same screen, if its images had been other ones of the same moments.
+
+    :param quality: of these, whose index is the number of the camera's image
+    """
+    return Screen(screen.taken, [one._replace(index=one.number) for one in screen.shown if one.number is not None],
+                  quality)
+
+
+def image_rows(screen: Screen, notes: Mapping[int, Mapping[str, str]]) -> List[Row]:
+    """A line for each image shown: when it appeared, what it is like, and what both sides say of it, where they do."""
+    rows = []
+    for one in screen.shown:
+        said = notes.get(-1 if one.number is None else one.number, {})
+        error = said.get(stages.ERROR)
+        rows.append({'time [s]': one.arrival - screen.shown[0].arrival, 'number': one.number, 'age [s]': screen.age(one),
+                     'coding': said.get(stages.CODING), 'used [byte]': said.get(stages.USED),
+                     'granted [byte]': said.get(stages.GRANTED), 'bound': said.get(stages.BOUND),
+                     'estimated PSNR [dB]': None if error is None else of_rms(float(error)),
+                     'PSNR [dB]': screen.image_psnr(one)})
+    return rows
+
+
+def of_rms(error: float) -> float:
+    """The PSNR of an image of 8 bits with this rms error, at most MAX_PSNR [dB]."""
+    return min(MAX_PSNR, 20 * math.log10(255 / error)) if error > 0 else MAX_PSNR
+
+
+def link_rows(told: Sequence[Told], begun: float) -> List[Row]:
+    """A line for each sample of the link; rates in Mbit/s, times in s."""
+    fields = sorted({name for one in told for name in one.status})
+    return [{'time': one.time - begun, 'true rate': one.rate, 'carried': one.carried, 'dropped': one.dropped,
+             **{name: one.status.get(name) for name in fields}} for one in told]

@@ -21,6 +21,9 @@ OPERATOR_ADDRESSES = ADDRESSES['operator'], '10.77.0.3'
 """Which the operator may have, see Stack.change_address."""
 
 
+SENDER, RECEIVER = 'robot_sender', 'operator_receiver'
+
+
 class Stack:
     """A link lab with a ROS master; a context manager.
 
@@ -37,6 +40,8 @@ class Stack:
                  shared_air: bool = False, sides: Optional[TwoSides] = None) -> None:
         self._processes: List[subprocess.Popen[Any]] = []
         self._resources = contextlib.ExitStack()
+        self.variables: Dict[str, str] = {}
+        """Of the environment of processes that are started from now on."""
         self.operator_address = OPERATOR_ADDRESSES[0]
         self._log = self._resources.enter_context(open(str(log or os.devnull), 'ab'))    # noqa: SIM115
         try:
@@ -58,7 +63,7 @@ class Stack:
         :param options: of subprocess.Popen
         """
         process = processes.start(self.lab.command(side, command), death_signal='KILL', **{
-            'env': self.environment(side), 'stdout': self._log, 'stderr': self._log, 'start_new_session': True,
+            'env': {**self.environment(side), **self.variables}, 'stdout': self._log, 'stderr': self._log, 'start_new_session': True,
             **options})
         self._processes.append(process)
         return process
@@ -70,6 +75,14 @@ class Stack:
     def start_node(self, side: str, name: str, *arguments: str) -> 'subprocess.Popen[Any]':
         """Start one of this package's nodes."""
         return self.start(side, 'rosrun', 'smokebot_udp', name, '__name:=' + name, *arguments)
+
+    def start_sender(self, *arguments: str) -> 'subprocess.Popen[Any]':
+        """Start robot_sender."""
+        return self.start_node('robot', SENDER, *arguments)
+
+    def start_receiver(self, *arguments: str) -> 'subprocess.Popen[Any]':
+        """Start operator_receiver, which joins the robot."""
+        return self.start_node('operator', RECEIVER, *arguments)
 
     def end(self, process: 'subprocess.Popen[Any]') -> None:
         """Kill a process of this stack. It cannot say goodbye to anybody, as in a power failure."""
@@ -101,10 +114,14 @@ class Stack:
                 raise RuntimeError('the ROS master does not answer')
             time.sleep(0.1)
 
-    def close(self) -> None:
-        """Kill all processes and remove the link."""
+    def end_all(self) -> None:
+        """Kill all processes."""
         for process in self._processes[::-1]:
             self.end(process)
+
+    def close(self) -> None:
+        """Kill all processes and remove the link."""
+        self.end_all()
         self._resources.close()
 
     def __enter__(self: Own) -> Own:

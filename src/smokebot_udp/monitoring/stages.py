@@ -39,6 +39,24 @@ class Mark(NamedTuple):
         return '%s\t%d\t%s\t%.6f\n' % self
 
 
+CODING, USED, GRANTED, BOUND, ERROR = 'coding', 'used', 'granted', 'bound', 'error'
+"""What notes say of an image: the part that carries it, as streams.segments names it, which says how it was coded; what
+it takes on the air and may take [byte]; what limited its size; the estimated rms error of what is shown, in values of its pixels."""
+
+
+class Note(NamedTuple):
+    """What is known of a message, beside its marks in one file."""
+    stream: str
+    stamp: int
+    """Of the message [ns]."""
+    name: str
+    value: str
+
+    def line(self) -> str:
+        """As it is written into a file: no mark's, whose last field is a number."""
+        return '%s\t%d\t%s\t=%s\n' % self
+
+
 def read_marks(lines: Iterable[str]) -> Iterator[Mark]:
     """The marks of a file's lines; those that are none, as where a process was killed, are left out."""
     for line in lines:
@@ -49,6 +67,14 @@ def read_marks(lines: Iterable[str]) -> Iterator[Mark]:
             continue
         if len(fields) == 4 and math.isfinite(mark.time):
             yield mark
+
+
+def read_notes(lines: Iterable[str]) -> Iterator[Note]:
+    """The notes of a file's lines; all others are left out."""
+    for line in lines:
+        fields = line.rstrip('\n').split('\t')
+        if len(fields) == 4 and fields[1].isdigit() and fields[3].startswith('=') and line.endswith('\n'):
+            yield Note(fields[0], int(fields[1]), fields[2], fields[3][1:])
 
 
 class Stages:

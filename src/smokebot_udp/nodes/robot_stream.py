@@ -26,7 +26,7 @@ from ..streams.encoder import Encoder
 from ..streams.held import Holding
 from ..streams.rate import RateLimiter
 from ..streams.schedule import Schedule
-from ..streams.segments import reported_name, wire_topic
+from ..streams.segments import reported_name, size_on_air, wire_topic
 from ..transport import Publisher, Transport
 from ..udpros.datagram import IP_UDP_HEADERS
 from ..udpros.frame import Frame
@@ -317,6 +317,7 @@ class RobotStream(rospy.SubscribeListener):
         if TRACE.on and encoder.STAMPED:
             TRACE.mark(self.name, self._stamp.to_nsec(), stages.STARTED, began)
             TRACE.mark(self.name, self._stamp.to_nsec(), stages.ENCODED)
+            self._note_size(frames)
         beside, encoder.beside = encoder.beside, []
         self._follow_repeats()
         if not frames:
@@ -329,6 +330,14 @@ class RobotStream(rospy.SubscribeListener):
             self._send_at_once(beside)
             self._send(frames)
             self.sent += not encoder.PROTECTED
+
+    def _note_size(self, frames: Sequence[Frame]) -> None:
+        """Trace how a message was encoded."""
+        notes = {stages.CODING: self._part_of[frames[0].message_class] if frames else '', stages.USED: size_on_air(frames)}
+        if self.encoder.sizing is not None:
+            notes.update({stages.GRANTED: self.encoder.sizing.granted, stages.BOUND: self.encoder.sizing.bound.value})
+        for name, value in notes.items():
+            TRACE.note(self.name, self._stamp.to_nsec(), name, value)
 
     def _repeat(self) -> None:
         if self.encoder.backlog is not None:

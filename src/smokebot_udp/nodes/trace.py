@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Writes when messages pass the stages of their way, see monitoring/stages.py, for ./smokebot bench stages.
+"""Writes when messages pass the stages of their way, and what they are like, see monitoring/stages.py, for ./smokebot
+bench stages and live.
 
 Off unless the environment names a file; then each mark is one short write, which other processes' do not mix with.
 """
 import os
 import time
-from typing import Optional
+from typing import Any, Optional, Union
 
 import rospy
 
-from ..monitoring.stages import Mark
+from ..monitoring.stages import Mark, Note
 
 VARIABLE = 'SMOKEBOT_TRACE'
 """Environment variable: the file that marks are appended to."""
@@ -37,10 +38,20 @@ class Trace:
         :param stamp: of the message [ns]
         :param when: by time.monotonic(); None: now [s]
         """
+        self._write(Mark(stream, stamp, point, time.monotonic() if when is None else when))
+
+    def note(self, stream: str, stamp: int, name: str, value: Any) -> None:
+        """Something is known of a message; any thread.
+
+        :param stamp: of the message [ns]
+        :param value: its text has neither tabs nor line ends
+        """
+        self._write(Note(stream, stamp, name, str(value)))
+
+    def _write(self, entry: Union[Mark, Note]) -> None:
         if self.on:
             try:
-                line = Mark(stream, stamp, point, time.monotonic() if when is None else when).line()
-                os.write(self._file, line.encode())
+                os.write(self._file, entry.line().encode())
             except OSError as error:
                 self._fail(error)
 
