@@ -10,6 +10,8 @@ from typing import Any, Dict
 from evaluation.machine import describe
 
 NAMES = ('codecs', 'clouds', 'fill', 'layered', 'video', 'maps', 'udpros', 'link', 'end_to_end', 'stages')
+ALONE = ('live',)
+"""Run only where they are named: they need root, or take long. Each takes options of its own."""
 
 
 def log(text: str) -> None:
@@ -20,13 +22,16 @@ def log(text: str) -> None:
 def main() -> None:
     """Run the command line."""
     parser = argparse.ArgumentParser(prog='./smokebot bench', description='Measure, side by side, on this machine.')
-    parser.add_argument('names', nargs='*', metavar='NAME', help='one of ' + ', '.join(NAMES))
+    parser.add_argument('names', nargs='*', metavar='NAME', help='one of ' + ', '.join((*NAMES, *ALONE)))
     parser.add_argument('--json', action='store_true', help='print the numbers as JSON instead of tables')
     parser.add_argument('--quick', action='store_true', help='fewer rounds, in a few minutes, with less certainty')
-    arguments = parser.parse_args()
-    unknown = set(arguments.names) - set(NAMES)
+    arguments, further = parser.parse_known_args()
+    unknown = set(arguments.names) - {*NAMES, *ALONE}
     if unknown:
-        parser.error('no benchmark is named %s; there are %s' % (', '.join(sorted(unknown)), ', '.join(NAMES)))
+        parser.error('no benchmark is named %s; there are %s' % (
+            ', '.join(sorted(unknown)), ', '.join((*NAMES, *ALONE))))
+    if further and not set(arguments.names) <= set(ALONE):
+        parser.error('unknown options: ' + ' '.join(further))
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda number, _: sys.exit(128 + number))     # ends what was started on the way
     results: Dict[str, Any] = {'machine': describe()}
@@ -34,7 +39,7 @@ def main() -> None:
         print(results['machine'])
     for name in arguments.names or NAMES:
         module: Any = importlib.import_module('.' + name, __package__)
-        results[name] = module.run(log=log, quick=arguments.quick)
+        results[name] = module.run(log=log, quick=arguments.quick, **({'arguments': further} if name in ALONE else {}))
         if not arguments.json:
             print('\n' + module.table(results[name]))
     if arguments.json:

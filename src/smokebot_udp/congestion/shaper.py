@@ -21,11 +21,10 @@ MAX_DEPTH = 65536.0
 """More that was sent beyond the rate shows that the rate has changed: Linux and routers are set to less [byte]."""
 
 USUAL_DEPTH = 6000.0
-"""It is thought to be this before it is learnt [byte]."""
+"""Before a queue is seen the depth is thought to be this [byte]."""
 
-LEARNT, CONFIRMED = 3, 2
-"""The depth is the median of what this number of queues show, from this number on: other traffic makes a bucket appear
-now and then."""
+LEARNT = 3
+"""The depth is the median of what this number of queues show: other traffic makes a bucket appear now and then."""
 
 
 class Passed(NamedTuple):
@@ -79,6 +78,8 @@ class Shaper:
             self._full |= self.level == 0
             self.level += sample.total - before.total
         if wait > noise:
+            if not self._depths:
+                self.depth = 0.0
             self.level = self.depth + wait * rate
             if self._onset is None and self._clear:
                 self._onset = Passed(sample, wait, 0.0)
@@ -119,5 +120,4 @@ class Shaper:
             if self._learnt is not onset:
                 self._depths.append(0.0)
             self._learnt, self._depths[-1] = onset, max(0.0, excess)
-            if len(self._depths) >= CONFIRMED:
-                self.depth = statistics.median_low(self._depths)
+            self.depth = statistics.median_low(self._depths)
