@@ -6,7 +6,7 @@ import pytest
 
 from evaluation.simulated_paths import TokenBucket
 from smokebot_udp.congestion.feedback import PacketSample
-from smokebot_udp.congestion.shaper import CONFIRMED, MAX_DEPTH, USUAL_DEPTH, Shaper
+from smokebot_udp.congestion.shaper import LEARNT, MAX_DEPTH, USUAL_DEPTH, Shaper
 
 RATE, SIZE = 125000.0, 1000
 
@@ -41,15 +41,15 @@ class Sent:
 def test_the_depth_is_what_passed_before_a_queue(depth: float) -> None:
     sent = Sent(depth)
     assert sent.shaper.depth == USUAL_DEPTH
-    for _ in range(CONFIRMED):
-        sent.report((1.0, int(depth / SIZE) + 20))
+    for _ in range(LEARNT):
+        sent.report((0.8, int(depth / SIZE) + 20))
     assert sent.shaper.depth == pytest.approx(depth, abs=SIZE)
 
 
 def test_without_a_bucket_the_depth_is_a_datagram_at_most() -> None:
     sent = Sent(SIZE)
-    for _ in range(CONFIRMED):
-        sent.report((1.0, 20))
+    for _ in range(LEARNT):
+        sent.report((0.5, 20))
     assert sent.shaper.depth <= SIZE
 
 
@@ -66,13 +66,24 @@ def test_a_rate_that_has_fallen_is_no_bucket() -> None:
 
 def test_tokens_come_back_with_time() -> None:
     sent = Sent(6000.0)
-    for _ in range(CONFIRMED):
+    for _ in range(LEARNT):
         sent.report((1.0, 30))
+    assert sent.shaper.tokens(RATE, sent.total, sent.now) == (0.0, 0.0)     # nearly all datagrams were queued
     sent.report((1.0, 4))
-    now = sent.now
-    assert sent.shaper.missing(RATE, sent.total, now) == pytest.approx(4 * SIZE - 3 * 0.0005 * RATE, abs=SIZE)
-    assert sent.shaper.missing(RATE, sent.total + 1000, now) == pytest.approx(
-        sent.shaper.missing(RATE, sent.total, now) + 1000)
-    assert sent.shaper.missing(RATE, sent.total, now + 0.1) == 0
+    now, (depth, missing) = sent.now, sent.shaper.tokens(RATE, sent.total, sent.now)
+    assert depth == pytest.approx(6000.0, abs=SIZE)
+    assert missing == pytest.approx(4 * SIZE - 3 * 0.0005 * RATE, abs=SIZE)
+    assert sent.shaper.tokens(RATE, sent.total + 1000, now)[1] == pytest.approx(missing + 1000)
+    assert sent.shaper.tokens(RATE, sent.total, now + 0.1)[1] == 0
     sent.shaper.restart()
-    assert sent.shaper.missing(RATE, sent.total, now) == 0
+    assert sent.shaper.tokens(RATE, sent.total, now) == (0.0, 0.0)
+
+
+def test_after_a_calm_the_bucket_is_thought_to_be_of_usual_depth() -> None:
+    sent = Sent(1000.0)
+    for _ in range(LEARNT):
+        sent.report((0.5, 20))
+    assert sent.shaper.depth <= SIZE
+    for _ in range(30):
+        sent.report((0.1, 1))
+    assert sent.shaper.depth == USUAL_DEPTH

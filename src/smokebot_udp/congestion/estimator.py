@@ -237,7 +237,7 @@ class Estimator:
 
         :param total: bytes sent so far
         """
-        return self._path.shaper.depth, self._path.shaper.missing(self.link.capacity, total, now)
+        return self._path.shaper.tokens(self.link.capacity, total, now)
 
     def poll(self, now: float, sent: float) -> None:
         """Lower the rate where reports fail to come: to be called each REPORT_INTERVAL.

@@ -6,8 +6,9 @@ Springer 2001). A short train passes at the line's speed, and shows nothing abou
 depth is learnt where a queue begins: it is what was sent until then beyond r T, less the queue.
 """
 import collections
+import math
 import statistics
-from typing import Deque, List, NamedTuple, Optional
+from typing import Deque, List, NamedTuple, Optional, Tuple
 
 from .feedback import PacketSample
 
@@ -20,11 +21,14 @@ THINNED = 0.02
 MAX_DEPTH = 65536.0
 """More that was sent beyond the rate shows that the rate has changed: Linux and routers are set to less [byte]."""
 
-USUAL_DEPTH = 6000.0
-"""Before a queue is seen the depth is thought to be this [byte]."""
+USUAL_DEPTH, CALM = 6000.0, 1.0
+"""Where no queue was seen for this long, or ever, the depth is thought to be this at least [byte, s]."""
 
 LEARNT = 3
 """The depth is the median of what this number of queues show: other traffic makes a bucket appear now and then."""
+
+SPENDS = 0.25
+"""Where this part of the datagrams of a report met no queue, they spent tokens, or nothing else fills the queue."""
 
 
 class Passed(NamedTuple):
@@ -48,6 +52,8 @@ class Shaper:
         self._clear: Deque[Passed] = collections.deque()    # since a queue was seen last
         self._onset: Optional[Passed] = None                # where the present queue began,
         self._before: List[Passed] = []                     # what passed since the queue before it,
+        self._queued = -math.inf                            # when a queue was seen last [s]
+        self._spends = False                                # whether datagrams of the last report spent tokens
         self._depths: Deque[float] = collections.deque(maxlen=LEARNT)
         self._learnt: Optional[PacketSample] = None         # beginning of the queue that the last one is of
         self._full = self._was_full = False                 # whether the bucket was full since a queue, and then
@@ -68,6 +74,8 @@ class Shaper:
         """
         known = [] if waits[0] > noise else [one for one in self._clear if one.sample.sent < chain[0].sent]
         self._newest = chain[-1]
+        clear = sum(wait <= noise for wait in waits)
+        self._spends = clear >= SPENDS * len(waits)
         passed = [self._pass(before, sample, wait, rate, noise)
                   for before, sample, wait in zip([chain[0], *chain], chain, waits)]
         return known + passed
@@ -78,8 +86,7 @@ class Shaper:
             self._full |= self.level == 0
             self.level += sample.total - before.total
         if wait > noise:
-            if not self._depths:
-                self.depth = 0.0
+            self._queued = sample.sent
             self.level = self.depth + wait * rate
             if self._onset is None and self._clear:
                 self._onset = Passed(sample, wait, 0.0)
@@ -87,6 +94,8 @@ class Shaper:
             self._clear.clear()
             self._full = False
         else:
+            if sample.sent > self._queued + CALM:
+                self.depth = max(self.depth, USUAL_DEPTH)
             self.level, self._onset = min(self.level, self.depth), None
         passed = Passed(sample, wait, max(0.0, self.depth - self.level))
         if wait <= noise and (not self._clear or sample.sent >= self._clear[-1].sample.sent + THINNED):
@@ -95,15 +104,17 @@ class Shaper:
                 self._clear.popleft()
         return passed
 
-    def missing(self, rate: float, total: float, now: float) -> float:
-        """Tokens that are missing now [byte].
+    def tokens(self, rate: float, total: float, now: float) -> Tuple[float, float]:
+        """(depth, tokens that are missing now) of a bucket that may be spent at once [byte]: beside a queue that stays,
+        a burst would take the place of others.
 
         :param rate: of the path, as known [byte/s]
         :param total: bytes sent so far
         """
-        if self._newest is None:
-            return 0.0
-        return max(0.0, self.level + total - self._newest.total - rate * (now - self._newest.sent))
+        if self._newest is None or not self._spends:
+            return 0.0, 0.0
+        sent = total - self._newest.total
+        return self.depth, max(0.0, self.level + sent - rate * (now - self._newest.sent))
 
     def learn(self, rate: float, error: float) -> None:
         """The rate was measured beside the present queue.
