@@ -2,11 +2,12 @@
 """The tables, files and plots of benchmarks/live.py."""
 import pathlib
 import re
-from typing import Any, Dict, List, Mapping, Sequence, Tuple
+from typing import Any, List, Mapping, Sequence, Tuple
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from evaluation.live_idle import COMPLETE
 from evaluation.live_run import Outcome
 from evaluation.live_score import SETTLED, Row, image_rows, link_rows
 from experiments import table as csv_table
@@ -24,8 +25,9 @@ STEP_COLUMNS: Columns = [
     *METHOD, ('rate', '%g'), ('oldest [s]', '%.2f'), ('steady after [s]', '%.2f'), ('steady mean [dB]', '%.1f'),
     ('worst [dB]', '%.1f'), ('used', '%.2f'), ('capacity known', '%.2f'), ('dropped', '%d')]
 IDLE_COLUMNS: Columns = [
-    ('streams', '%s'), ('to operator first 10 s [kbit/s]', '%.1f'), ('to operator then [kbit/s]', '%.1f'),
-    ('to robot then [kbit/s]', '%.1f')]
+    ('streams', '%s'), ('to operator at first [kB]', '%.1f'), ('to operator then [kbit/s]', '%.1f'),
+    ('to robot at first [kB]', '%.1f'), ('to robot then [kbit/s]', '%.1f')]
+IDLE = 'idle: what crosses beside the images of a camera, or without one; until %g s after the start, then' % COMPLETE
 
 
 
@@ -45,7 +47,7 @@ def line(row: Row, columns: Columns = COLUMNS) -> str:
 def head(columns: Columns) -> List[str]:
     """Lines above a table: each name in several of them, its unit in the last one."""
     cells = [re.match(r'(.*?)(?: (\[.*\]))?$', name).groups('') for name, _ in columns]     # type: ignore[union-attr]
-    stacks = []
+    stacks: List[List[str]] = []
     for words, unit in cells:
         stack: List[str] = []
         for word in words.split():
@@ -63,7 +65,7 @@ def text(results: Mapping[str, Any]) -> str:
     """All tables."""
     lines = ['camera: %s, 752 x 480 grey, 10 Hz; from %g s after the first image on' % (results['clip'], SETTLED)]
     for key, title, columns in (('rows', 'live', COLUMNS), ('steps', 'steps of the rate [Mbit/s]', STEP_COLUMNS),
-                                ('idle', 'idle: what is not the image stream', IDLE_COLUMNS)):
+                                ('idle', IDLE, IDLE_COLUMNS)):
         if results[key]:
             lines += ['', title, *head(columns)]
             for before, row in zip([None, *results[key]], results[key]):
@@ -111,6 +113,3 @@ def plot(title: str, found: Mapping[str, Outcome], folder: pathlib.Path) -> None
     panels[-1, 0].set_xlabel('time since the first image [s]')
     figure.tight_layout()
     figure.savefig(str(folder / (slug(title) + '.png')), dpi=90)
-
-
-Results = Dict[str, Any]

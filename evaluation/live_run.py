@@ -2,17 +2,17 @@
 """One method on one link of `bench live`: starts both sides, watches the screen and the link, and ends them."""
 import pathlib
 import time
-from typing import Any, Dict, List, NamedTuple, Sequence, Tuple, Type
+from typing import Any, Callable, Dict, List, NamedTuple, Sequence, Tuple, Type
 
 import numpy as np
 
 from smokebot_udp.arrays import Array
+from smokebot_udp.link_lab.lab import TwoSides
 
 from .gst_pipelines import WAYS, bit_rate
 from .live_clip import HEIGHT, WIDTH, Clip
 from .live_methods import GStreamer, Method, Nodes
 from .live_score import Quality, Screen, Told
-from .own_masters import OwnMasters
 from .quality import psnr
 from .shaped_link import ShapedLink
 from .shapers import Shaper
@@ -64,12 +64,14 @@ class LiveRun:
     :param log: file for the output of both sides
     :param masters: of our nodes: Stack for a shared one, or OwnMasters
     :param camera: see Nodes
+    :param prepare: f(both sides of the link), called before anything is started there
     :raises LabError: where the link cannot be made
     :raises RuntimeError: where a side does not start
     """
 
     def __init__(self, cell: Cell, method: str, folder: pathlib.Path, log: pathlib.Path,
-                 masters: Type[Stack] = Stack, camera: bool = True) -> None:
+                 masters: Type[Stack] = Stack, camera: bool = True,
+                 prepare: Callable[[TwoSides], Any] = lambda sides: None) -> None:
         self._cell, self._name = cell, method
         self._images = folder / 'screen'
         self._images.write_bytes(b'')
@@ -78,6 +80,7 @@ class LiveRun:
         made = masters if method in OURS else Stack
         self.stack = made(log=log, sides=self.link.sides)
         try:
+            prepare(self.link.sides)
             self.method = self._started(method, camera)
         except BaseException:
             self.stack.close()
@@ -127,8 +130,8 @@ class LiveRun:
         while time.time() < until:
             time.sleep(max(0.0, min(SAMPLE_PERIOD, until - time.time())))
             now = self.link.sample()
-            carried = 8e-6 * (now.count.sent - last.count.sent) / (now.time - last.time)
-            told.append(Told(now.time, rate / 1e6, carried, now.count.dropped - last.count.dropped,
+            carried = 8e-6 * (now.counted.sent - last.counted.sent) / (now.time - last.time)
+            told.append(Told(now.time, rate / 1e6, carried, now.counted.dropped - last.counted.dropped,
                              self.method.status()))
             last = now
         return told
@@ -137,7 +140,7 @@ class LiveRun:
         clip = Clip()
         images: Array = np.fromfile(str(self._images), np.uint8)
         images = images[:len(images) // (HEIGHT * WIDTH) * HEIGHT * WIDTH].reshape(-1, HEIGHT, WIDTH)
-        return remembered(lambda number, index: psnr(clip.image(number), images[index]))
+        return remembered(lambda number, place: psnr(clip.image(number), images[place]))
 
     def close(self) -> None:
         """End both sides and the link, and delete the recorded images."""
@@ -155,8 +158,8 @@ def remembered(quality: Quality) -> Quality:
     """The same function, which computes each value once."""
     known: Dict[Tuple[int, int], float] = {}
 
-    def found(number: int, index: int) -> float:
-        if (number, index) not in known:
-            known[number, index] = quality(number, index)
-        return known[number, index]
+    def found(number: int, place: int) -> float:
+        if (number, place) not in known:
+            known[number, place] = quality(number, place)
+        return known[number, place]
     return found

@@ -15,9 +15,8 @@ from smokebot_udp.monitoring import stages
 
 from .quality import MAX_PSNR
 
-SAMPLED = 1 / 60
-"""The screen is judged this often, as a display draws it: no part of the time between two images, so that each part of it
-counts [s]."""
+SAMPLED = 0.017
+"""The screen is judged this often: no part of the time between two images, so that each part of it counts [s]."""
 
 SETTLED = 5.0
 """What comes within this time after the first image does not count [s]."""
@@ -26,14 +25,14 @@ TOLERANCE = 0.1
 """Of the estimated capacity, in terms of the true rate."""
 
 STEADY, STEADY_IMAGES = 1.5, 5
-"""After a step the quality is steady again from the image on with which so many in a row are no more than this below the
-mean of the second half of the time until the next step [dB]."""
+"""After a step the quality is steady again from the image on with which so many in a row are no more than this below
+the mean of the second half of the time until the next step [dB]."""
 
 Row = Dict[str, Any]
 """Of a table."""
 
 Quality = Callable[[int, int], float]
-"""f(number of the camera's image, index of the image shown) -> PSNR [dB]"""
+"""f(number of the camera's image, place of the image shown) -> PSNR [dB]"""
 
 
 class Taken(NamedTuple):
@@ -49,7 +48,8 @@ class Shown(NamedTuple):
     """Which of the camera's; None: unknown."""
     arrival: float
     """By time.time() [s]."""
-    index: int
+    place: int
+    """Among the images recorded."""
 
 
 class Told(NamedTuple):
@@ -85,14 +85,14 @@ class Screen:
 
     def image_psnr(self, one: Shown) -> Optional[float]:
         """Of an image, beside the camera's that it shows [dB]; None: unknown which."""
-        return None if one.number is None else self.quality(one.number, one.index)
+        return None if one.number is None else self.quality(one.number, one.place)
 
     def psnr(self, when: float) -> Optional[float]:
         """Of the screen at a time, beside what the camera sees [dB]; None before the first image."""
         seen, shown = (bisect.bisect(times, when) - 1 for times in (self._taken_at, self._shown_at))
         if seen < 0 or shown < 0:
             return None
-        return self.quality(self.taken[seen].number, self.shown[shown].index)
+        return self.quality(self.taken[seen].number, self.shown[shown].place)
 
     def course(self, begun: float, ended: float) -> List[Tuple[float, float]]:
         """[(time, PSNR of the screen [dB])], each SAMPLED."""
@@ -163,9 +163,9 @@ def settled_after(images: Sequence[Tuple[float, float]], steady: Sequence[float]
 def aged_as(screen: Screen, quality: Quality) -> Screen:
     """The same screen, if its images had been other ones of the same moments.
 
-    :param quality: of these, whose index is the number of the camera's image
+    :param quality: of these, whose place is the number of the camera's image
     """
-    return Screen(screen.taken, [one._replace(index=one.number) for one in screen.shown if one.number is not None],
+    return Screen(screen.taken, [one._replace(place=one.number) for one in screen.shown if one.number is not None],
                   quality)
 
 
@@ -175,11 +175,12 @@ def image_rows(screen: Screen, notes: Mapping[int, Mapping[str, str]]) -> List[R
     for one in screen.shown:
         said = notes.get(-1 if one.number is None else one.number, {})
         error = said.get(stages.ERROR)
-        rows.append({'time [s]': one.arrival - screen.shown[0].arrival, 'number': one.number, 'age [s]': screen.age(one),
-                     'coding': said.get(stages.CODING), 'used [byte]': said.get(stages.USED),
-                     'granted [byte]': said.get(stages.GRANTED), 'bound': said.get(stages.BOUND),
-                     'estimated PSNR [dB]': None if error is None else of_rms(float(error)),
-                     'PSNR [dB]': screen.image_psnr(one)})
+        rows.append({
+            'time [s]': one.arrival - screen.shown[0].arrival, 'number': one.number, 'age [s]': screen.age(one),
+            'coding': said.get(stages.CODING), 'used [byte]': said.get(stages.USED),
+            'granted [byte]': said.get(stages.GRANTED), 'bound': said.get(stages.BOUND),
+            'estimated PSNR [dB]': None if error is None else of_rms(float(error)),
+            'PSNR [dB]': screen.image_psnr(one)})
     return rows
 
 

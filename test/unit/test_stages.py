@@ -7,6 +7,7 @@ import pytest
 from benchmarks import stages as bench
 from smokebot_udp.monitoring.stages import (
     ARRIVED,
+    BOUND,
     BUDGET,
     ENCODED,
     PUBLISHED,
@@ -14,9 +15,12 @@ from smokebot_udp.monitoring.stages import (
     SEEN,
     STAMPED,
     STARTED,
+    USED,
     Mark,
+    Note,
     Stages,
     read_marks,
+    read_notes,
 )
 from smokebot_udp.nodes.trace import Trace
 
@@ -74,6 +78,17 @@ def test_a_trace_is_appended_and_costs_nothing_without_a_file(tmp_path: pathlib.
     trace.mark('thermal', 2, PUBLISHED)
     found = list(read_marks(path.read_text().splitlines(True)))
     assert found[:2] == [Mark('thermal', 0, RECEIVED, 1.5), Mark('thermal', 1, RECEIVED, 1.5)] and found[2].time > 0
+
+
+def test_notes_are_read_beside_the_marks_of_the_same_file(tmp_path: pathlib.Path) -> None:
+    trace = Trace(str(tmp_path / 'marks'))
+    trace.mark('thermal', 7, RECEIVED, 1.5)
+    trace.note('thermal', 7, USED, 3700)
+    trace.note('thermal', 7, BOUND, '')
+    lines = (tmp_path / 'marks').read_text().splitlines(True)
+    assert list(read_marks(lines)) == [Mark('thermal', 7, RECEIVED, 1.5)]
+    torn = ['thermal\t7\tused\t=1', 'thermal\tx\tused\t=1\n', 'thermal\t7\tused\n', '\n']
+    assert list(read_notes([*torn, *lines])) == [Note('thermal', 7, USED, '3700'), Note('thermal', 7, BOUND, '')]
 
 
 def test_a_file_that_cannot_be_written_is_one_error(tmp_path: pathlib.Path, monkeypatch: Any) -> None:

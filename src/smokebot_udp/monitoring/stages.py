@@ -41,7 +41,8 @@ class Mark(NamedTuple):
 
 CODING, USED, GRANTED, BOUND, ERROR = 'coding', 'used', 'granted', 'bound', 'error'
 """What notes say of an image: the part that carries it, as streams.segments names it, which says how it was coded; what
-it takes on the air and may take [byte]; what limited its size; the estimated rms error of what is shown, in values of its pixels."""
+it takes on the air and may take [byte]; what limited its size; the estimated rms error of what is shown, in values of
+its pixels."""
 
 
 class Note(NamedTuple):

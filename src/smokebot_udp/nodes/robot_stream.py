@@ -333,7 +333,8 @@ class RobotStream(rospy.SubscribeListener):
 
     def _note_size(self, frames: Sequence[Frame]) -> None:
         """Trace how a message was encoded."""
-        notes = {stages.CODING: self._part_of[frames[0].message_class] if frames else '', stages.USED: size_on_air(frames)}
+        notes = {stages.CODING: self._part_of[frames[0].message_class] if frames else '',
+                 stages.USED: size_on_air(frames)}
         if self.encoder.sizing is not None:
             notes.update({stages.GRANTED: self.encoder.sizing.granted, stages.BOUND: self.encoder.sizing.bound.value})
         for name, value in notes.items():

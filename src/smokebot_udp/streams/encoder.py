@@ -66,8 +66,8 @@ class Encoder(Generic[Message]):
         self.message_size: Optional[float] = None
         """Size of the last message on the air; None: nothing was encoded yet [byte]."""
         self.sizing: Any = None
-        """What the trace says of the size of the last message: `granted` [byte on the air] and `bound`, what decided; None:
-        nothing."""
+        """What the trace says of the size of the last message: `granted` [byte on the air] and `bound`, an Enum of what
+        decided; None: nothing."""
         self.wished = 0.0
         """As Demand.wished, of the last message [byte/s]."""
         self.warnings: Deque[str] = collections.deque(maxlen=16)
