@@ -7,10 +7,10 @@ from typing import Any, List, Mapping, Sequence, Tuple
 import numpy as np
 from matplotlib.figure import Figure
 
+from evaluation import csv_rows
 from evaluation.live_idle import COMPLETE
 from evaluation.live_run import Outcome
 from evaluation.live_score import SETTLED, Row, image_rows, link_rows
-from experiments import table as csv_table
 
 Columns = Sequence[Tuple[str, str]]
 """(name, format)"""
@@ -80,7 +80,7 @@ def write(results: Mapping[str, Any], folder: pathlib.Path) -> None:
     (folder / 'table.txt').write_text(text(results) + '\n')
     for key in ('rows', 'steps', 'idle'):
         if results[key]:
-            csv_table.write(folder / (key + '.csv'), results[key])
+            csv_rows.write(folder / (key + '.csv'), results[key])
 
 
 def write_files(outcome: Outcome, folder: pathlib.Path) -> None:
@@ -88,7 +88,7 @@ def write_files(outcome: Outcome, folder: pathlib.Path) -> None:
     for name, rows in (('images.csv', image_rows(outcome.screen, outcome.notes)),
                        ('link.csv', link_rows(outcome.told, outcome.moments[0]))):
         if rows:
-            csv_table.write(folder / name, rows)
+            csv_rows.write(folder / name, rows)
 
 
 def plot(title: str, found: Mapping[str, Outcome], folder: pathlib.Path) -> None:
