@@ -116,7 +116,7 @@ def compared(cell: Cell, wanted: Sequence[str], masters: Type[Stack], log: Log) 
         outcome = referred(cell, found) if method == IDEAL else measured(cell, method, masters, log)
         if outcome is not None:
             found[method] = outcome
-            row = {'cell': cell.name, 'method': method,
+            row = {'cell': cell.name, 'method': method, 'loss [%]': 100 * cell.loss,
                    **judged(outcome.screen, outcome.told, outcome.moments[0] + SETTLED, outcome.moments[-1])}
             log(live_report.line(row))
             yield row

@@ -7,7 +7,7 @@ from typing import Any, List, Mapping, Sequence, Tuple
 import numpy as np
 from matplotlib.figure import Figure
 
-from evaluation import csv_rows
+from evaluation import csv_rows, live_goals
 from evaluation.live_idle import COMPLETE
 from evaluation.live_run import Outcome
 from evaluation.live_score import SETTLED, Row, image_rows, link_rows
@@ -62,7 +62,7 @@ def head(columns: Columns) -> List[str]:
 
 
 def text(results: Mapping[str, Any]) -> str:
-    """All tables."""
+    """All tables, and the goals that were missed."""
     lines = ['camera: %s, 752 x 480 grey, 10 Hz; from %g s after the first image on' % (results['clip'], SETTLED)]
     for key, title, columns in (('rows', 'live', COLUMNS), ('steps', 'steps of the rate [Mbit/s]', STEP_COLUMNS),
                                 ('idle', IDLE, IDLE_COLUMNS)):
@@ -72,7 +72,8 @@ def text(results: Mapping[str, Any]) -> str:
                 if before and before['cell'] != row['cell']:
                     lines.append('')
                 lines.append(line(row, columns))
-    return '\n'.join(lines)
+    misses = live_goals.missed(results)
+    return '\n'.join([*lines, *(['', 'goals missed', *misses] if misses else [])])
 
 
 def write(results: Mapping[str, Any], folder: pathlib.Path) -> None:

@@ -19,9 +19,9 @@
 * The way back over the emulated link: way_back (what is measured), way_back_nodes (with what), way_back_results (how it
   is judged; pure), teleoperator (sends from a side), teleoperated (reports what came).
 * A camera over a narrow link, live: shapers and shaped_link (a kernel's shaper, or the emulated link), live_clip and
-  live_camera (what is sent), live_methods (our nodes; or GStreamer: gst_pipelines, gst_peer), live_recorder (our screen),
-  live_run (one method on one link), live_score (how it is judged; pure), live_ideal (with the whole rate, offline),
-  live_idle (what crosses beside the images).
+  live_camera (what is sent), live_methods (our nodes; or GStreamer: gst_pipelines, gst_peer), live_recorder (our
+  screen), live_run (one method on one link), live_score and live_goals (how it is judged; pure), live_ideal (with the
+  whole rate, offline), live_idle (what crosses beside the images).
 * processes: child processes that end with their parent.
 """
 import pathlib

@@ -79,7 +79,7 @@ def idle(cell: Cell, masters: Type[Stack]) -> Iterator[Row]:
                     time.sleep(seconds)
                     moments.append(counted(live.stack.lab))
         started, complete, ended = moments
-        yield {'cell': cell.name, 'streams': 'camera' if camera else 'none',
+        yield {'cell': cell.name, 'link [Mbit/s]': cell.rates[0] / 1e6, 'streams': 'camera' if camera else 'none',
                'to operator at first [kB]': COMPLETE / 8 * complete.since(started, 'incoming', not camera),
                'to operator then [kbit/s]': ended.since(complete, 'incoming', not camera),
                'to robot at first [kB]': COMPLETE / 8 * complete.since(started, 'outgoing'),

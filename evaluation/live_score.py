@@ -24,6 +24,9 @@ SETTLED = 5.0
 TOLERANCE = 0.1
 """Of the estimated capacity, in terms of the true rate."""
 
+SHARP = 42.0
+"""As long as images are below, the link is to be used [dB]."""
+
 STEADY, STEADY_IMAGES = 1.5, 5
 """After a step the quality is steady again from the image on with which so many in a row are no more than this below
 the mean of the second half of the time until the next step [dB]."""
@@ -125,7 +128,19 @@ def judged(screen: Screen, told: Sequence[Told], begun: float, ended: float) -> 
         row['age p%d [s]' % share] = float(np.percentile(ages, share)) if ages else None
     row['freeze [s]'] = longest_gap([one.arrival for one in screen.shown], begun, ended)
     row['rate [Hz]'] = len(shown) / (ended - begun)
-    return {**row, **link_use([one for one in told if begun <= one.time < ended])}
+    said = [one for one in told if begun <= one.time < ended]
+    return {**row, **link_use(said), 'used while blurred': link_use(blurred(screen, said))['used']}
+
+
+def blurred(screen: Screen, told: Sequence[Told]) -> List[Told]:
+    """The samples of the times in which images were not SHARP, on average, or there were none."""
+    found = []
+    for before, one in zip(told, told[1:]):
+        images = [psnr for psnr in (screen.image_psnr(image) for image in screen.shown
+                                    if before.time <= image.arrival < one.time) if psnr is not None]
+        if not images or statistics.fmean(images) < SHARP:
+            found.append(one)
+    return found
 
 
 def link_use(told: Sequence[Told]) -> Row:

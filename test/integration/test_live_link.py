@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""A camera over a kernel's token bucket of 1 Mbit/s, with all settings as shipped: a short cell of ./smokebot bench live.
+"""A camera over a kernel's token bucket of 1 Mbit/s, all settings as shipped: a short cell of ./smokebot bench live.
 
 Bounds are wide: the benchmark measures how sharp and how steady the screen is, beside others.
 """

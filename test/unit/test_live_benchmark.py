@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 import pathlib
+from typing import Any
 
 import pytest
 from test_live_score import a_screen, told
@@ -50,14 +51,17 @@ def test_a_cell_is_named_by_its_link() -> None:
 def test_tables_show_each_value_beneath_its_name_and_files_have_a_line_for_each_image(tmp_path: pathlib.Path) -> None:
     screen = a_screen(list(range(20)))
     samples = [told(101.0, 0.9, 0.95)]
-    row = {'cell': 'tbf6, 1 Mbit/s, 0 %', 'method': 'ours', **judged(screen, samples, 100.5, 101.5)}
+    row = {'cell': 'tbf6, 1 Mbit/s, 0 %', 'method': 'ours', 'loss [%]': 0.0, **judged(screen, samples, 100.5, 101.5)}
     step = {**row, 'rate': 1.0, **judged_step(screen, samples, 100.5, 101.5)}
     results = {'clip': 'euroc', 'rows': [row, {**row, 'method': 'gst', 'capacity known': None}], 'steps': [step],
-               'idle': []}
+               'idle': []}     # type: Any
     lines = live_report.text(results).splitlines()
     first = next(line for line in lines if line.startswith('tbf6')).split()
     assert first == 'tbf6, 1 Mbit/s, 0 % ours 40.0 40.0 40.0 35.9 35.0 35.0 0.080 0.080 0.10 10.0 0.90 1.00 2'.split()
     live_report.write(results, tmp_path)
+    behind = {**row, 'method': 'gst', 'screen mean [dB]': 39.0}
+    assert live_report.text({**results, 'rows': [row, behind]}).splitlines()[-2:] == [
+        'goals missed', 'tbf6, 1 Mbit/s, 0 %: the screen, beside gst [dB] is 35.9, should be at least 39']
     assert (tmp_path / 'table.txt').read_text().splitlines() == lines and not (tmp_path / 'idle.csv').exists()
     outcome = Outcome(screen, samples, {}, [100.08, 101.5])
     live_report.write_files(outcome, tmp_path)

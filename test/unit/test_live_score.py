@@ -14,6 +14,7 @@ from evaluation.live_score import (
     Taken,
     Told,
     aged_as,
+    blurred,
     image_rows,
     judged,
     judged_step,
@@ -71,6 +72,14 @@ def test_the_capacity_is_known_within_a_tenth_and_not_where_it_is_nan() -> None:
     row = link_use([told(1.0, 0.9, 0.91), told(2.0, 0.7, 1.09), told(3.0, 0.8, 1.2), told(4.0, 0.8, math.nan)])
     assert row == {'used': pytest.approx(0.8), 'capacity known': 0.5, 'dropped': 8}
     assert link_use([Told(1.0, 1.0, 0.5, 0, {})])['capacity known'] is None
+
+
+def test_the_link_is_to_be_used_while_images_are_blurred_or_missing() -> None:
+    samples = [told(100.0 + second, 0.5 + 0.1 * second, 1.0) for second in range(4)]
+    sharp = a_screen(list(range(20)))
+    sharp.quality = lambda number, place: 45.0 if number < 10 else 38.0
+    assert [one.time for one in blurred(sharp, samples)] == [102.0, 103.0]      # and nothing after 102 s
+    assert judged(sharp, samples, 99.0, 104.0)['used while blurred'] == pytest.approx(0.75)
 
 
 def test_gaps_are_counted_from_the_beginning_and_to_the_end() -> None:
