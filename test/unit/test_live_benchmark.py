@@ -53,8 +53,8 @@ def test_tables_show_each_value_beneath_its_name_and_files_have_a_line_for_each_
     samples = [told(101.0, 0.9, 0.95)]
     row = {'cell': 'tbf6, 1 Mbit/s, 0 %', 'method': 'ours', 'loss [%]': 0.0, **judged(screen, samples, 100.5, 101.5)}
     step = {**row, 'rate': 1.0, **judged_step(screen, samples, 100.5, 101.5)}
-    results = {'clip': 'euroc', 'rows': [row, {**row, 'method': 'gst', 'capacity known': None}], 'steps': [step],
-               'idle': []}     # type: Any
+    results: Any = {'clip': 'euroc', 'rows': [row, {**row, 'method': 'gst', 'capacity known': None}], 'steps': [step],
+               'idle': []}
     lines = live_report.text(results).splitlines()
     first = next(line for line in lines if line.startswith('tbf6')).split()
     assert first == 'tbf6, 1 Mbit/s, 0 % ours 40.0 40.0 40.0 35.9 35.0 35.0 0.080 0.080 0.10 10.0 0.90 1.00 2'.split()
