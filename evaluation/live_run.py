@@ -61,7 +61,7 @@ class LiveRun:
 
     :param method: one of OURS or of WAYS
     :param folder: where images are recorded while it lasts
-    :param log: file for the output of both sides
+    :param log: file for the output of both sides; beside it, our nodes' trace is written
     :param masters: of our nodes: Stack for a shared one, or OwnMasters
     :param camera: see Nodes
     :param prepare: f(both sides of the link), called before anything is started there
@@ -81,14 +81,14 @@ class LiveRun:
         self.stack = made(log=log, sides=self.link.sides)
         try:
             prepare(self.link.sides)
-            self.method = self._started(method, camera)
+            self.method = self._started(method, log, camera)
         except BaseException:
             self.stack.close()
             raise
 
-    def _started(self, method: str, camera: bool) -> Method:
+    def _started(self, method: str, log: pathlib.Path, camera: bool) -> Method:
         if method in OURS:
-            return Nodes(self.stack, self._images, OURS[method], camera)
+            return Nodes(self.stack, self._images, log.with_name('trace'), OURS[method], camera)
         way = WAYS[method]
         return GStreamer(self.stack, self._images, way, bit_rate(way, min(self._cell.rates), self._cell.loss))
 
