@@ -88,7 +88,7 @@ def run(log: Log, quick: bool = False, arguments: Sequence[str] = ()) -> Dict[st
         results['steps'] += stepped(cell, [method for method in chosen.methods if method != IDEAL], masters, log)
     for shaper in chosen.shapers if chosen.idle else ():
         log('idle over %s' % shaper.name)
-        results['idle'].append(idle(Cell(shaper, (1e6 * chosen.idle,), 0.0, chosen.seconds), masters))
+        results['idle'] += idle(Cell(shaper, (1e6 * chosen.idle,), 0.0, chosen.seconds), masters)
     live_report.write(results, RESULTS)
     return results
 
@@ -99,7 +99,7 @@ def install(wanted: Iterable[str], log: Log) -> None:
     :raises subprocess.CalledProcessError: where they cannot be had
     """
     listed = subprocess.run(['dpkg-query', '-W', '-f', '${db:Status-Status} ${Package}\n'], stdout=subprocess.PIPE,
-                            universal_newlines=True).stdout.splitlines()
+                            text=True).stdout.splitlines()
     missing = [name for name in PACKAGES if 'installed ' + name not in listed] if set(wanted) & set(WAYS) else []
     if missing:
         log('installing ' + ' '.join(missing))
@@ -116,7 +116,7 @@ def compared(cell: Cell, wanted: Sequence[str], masters: Type[Stack], log: Log) 
         outcome = referred(cell, found) if method == IDEAL else measured(cell, method, masters, log)
         if outcome is not None:
             found[method] = outcome
-            row = {'cell': cell.name, 'method': method,
+            row = {'cell': cell.name, 'method': method, 'loss [%]': 100 * cell.loss,
                    **judged(outcome.screen, outcome.told, outcome.moments[0] + SETTLED, outcome.moments[-1])}
             log(live_report.line(row))
             yield row

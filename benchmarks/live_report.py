@@ -2,14 +2,15 @@
 """The tables, files and plots of benchmarks/live.py."""
 import pathlib
 import re
-from typing import Any, Dict, List, Mapping, Sequence, Tuple
+from typing import Any, List, Mapping, Sequence, Tuple
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from evaluation import csv_rows, live_goals
+from evaluation.live_idle import COMPLETE
 from evaluation.live_run import Outcome
 from evaluation.live_score import SETTLED, Row, image_rows, link_rows
-from experiments import table as csv_table
 
 Columns = Sequence[Tuple[str, str]]
 """(name, format)"""
@@ -24,8 +25,9 @@ STEP_COLUMNS: Columns = [
     *METHOD, ('rate', '%g'), ('oldest [s]', '%.2f'), ('steady after [s]', '%.2f'), ('steady mean [dB]', '%.1f'),
     ('worst [dB]', '%.1f'), ('used', '%.2f'), ('capacity known', '%.2f'), ('dropped', '%d')]
 IDLE_COLUMNS: Columns = [
-    ('streams', '%s'), ('to operator first 10 s [kbit/s]', '%.1f'), ('to operator then [kbit/s]', '%.1f'),
-    ('to robot then [kbit/s]', '%.1f')]
+    ('streams', '%s'), ('to operator at first [kB]', '%.1f'), ('to operator then [kbit/s]', '%.1f'),
+    ('to robot at first [kB]', '%.1f'), ('to robot then [kbit/s]', '%.1f')]
+IDLE = 'idle: what crosses beside the images of a camera, or without one; until %g s after the start, then' % COMPLETE
 
 
 
@@ -45,7 +47,7 @@ def line(row: Row, columns: Columns = COLUMNS) -> str:
 def head(columns: Columns) -> List[str]:
     """Lines above a table: each name in several of them, its unit in the last one."""
     cells = [re.match(r'(.*?)(?: (\[.*\]))?$', name).groups('') for name, _ in columns]     # type: ignore[union-attr]
-    stacks = []
+    stacks: List[List[str]] = []
     for words, unit in cells:
         stack: List[str] = []
         for word in words.split():
@@ -60,17 +62,18 @@ def head(columns: Columns) -> List[str]:
 
 
 def text(results: Mapping[str, Any]) -> str:
-    """All tables."""
+    """All tables, and the goals that were missed."""
     lines = ['camera: %s, 752 x 480 grey, 10 Hz; from %g s after the first image on' % (results['clip'], SETTLED)]
     for key, title, columns in (('rows', 'live', COLUMNS), ('steps', 'steps of the rate [Mbit/s]', STEP_COLUMNS),
-                                ('idle', 'idle: what is not the image stream', IDLE_COLUMNS)):
+                                ('idle', IDLE, IDLE_COLUMNS)):
         if results[key]:
             lines += ['', title, *head(columns)]
             for before, row in zip([None, *results[key]], results[key]):
                 if before and before['cell'] != row['cell']:
                     lines.append('')
                 lines.append(line(row, columns))
-    return '\n'.join(lines)
+    misses = live_goals.missed(results)
+    return '\n'.join([*lines, *(['', 'goals missed', *misses] if misses else [])])
 
 
 def write(results: Mapping[str, Any], folder: pathlib.Path) -> None:
@@ -78,7 +81,7 @@ def write(results: Mapping[str, Any], folder: pathlib.Path) -> None:
     (folder / 'table.txt').write_text(text(results) + '\n')
     for key in ('rows', 'steps', 'idle'):
         if results[key]:
-            csv_table.write(folder / (key + '.csv'), results[key])
+            csv_rows.write(folder / (key + '.csv'), results[key])
 
 
 def write_files(outcome: Outcome, folder: pathlib.Path) -> None:
@@ -86,7 +89,7 @@ def write_files(outcome: Outcome, folder: pathlib.Path) -> None:
     for name, rows in (('images.csv', image_rows(outcome.screen, outcome.notes)),
                        ('link.csv', link_rows(outcome.told, outcome.moments[0]))):
         if rows:
-            csv_table.write(folder / name, rows)
+            csv_rows.write(folder / name, rows)
 
 
 def plot(title: str, found: Mapping[str, Outcome], folder: pathlib.Path) -> None:
@@ -111,6 +114,3 @@ def plot(title: str, found: Mapping[str, Outcome], folder: pathlib.Path) -> None
     panels[-1, 0].set_xlabel('time since the first image [s]')
     figure.tight_layout()
     figure.savefig(str(folder / (slug(title) + '.png')), dpi=90)
-
-
-Results = Dict[str, Any]

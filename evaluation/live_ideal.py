@@ -23,4 +23,4 @@ def _whole_rate(rate: float, loss: float, count: int) -> Quality:
     images: video_clips.Clip = [clip.image(number) for number in range(count)]
     way = PackageVideo('layered', rate, images[0], loss)
     screens = watch(images, way, constant(conditions), 1, rate).screens
-    return remembered(lambda number, index: psnr(clip.image(number), screens[index]))
+    return remembered(lambda number, place: psnr(clip.image(number), screens[place]))

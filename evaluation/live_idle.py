@@ -1,20 +1,22 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What crosses a link of `bench live` beside the image stream, with the nodes as shipped and nothing else to send.
 
-Datagrams and TCP are counted by port at the operator's end. With a shared master each stream has a port of its own, so
-the largest flow is the image stream's; with own masters there is one port, and only a run without a camera tells.
+Datagrams and TCP are counted by their ports at the operator's end. With a shared master each part of a stream has
+ports of its own, so the largest flow is the images'; with own masters all is one flow, and only a run without a camera
+tells.
 """
 import json
 import pathlib
 import subprocess
 import tempfile
 import time
-from typing import Any, Dict, List, Tuple, Type
+from typing import Any, Dict, Iterator, NamedTuple, Tuple, Type
 
-from smokebot_udp.link_lab.lab import DEVICE
+from smokebot_udp.link_lab.lab import DEVICE, TwoSides
 
 from .live_run import Cell, LiveRun
 from .live_score import Row
+from .own_masters import OwnMasters
 from .stack import Stack
 
 TABLE = 'flows'
@@ -34,7 +36,7 @@ table ip %(table)s {
 """ % {'table': TABLE, 'device': DEVICE}
 
 COMPLETE = 10.0
-"""What the streams announce of themselves has crossed by then, after the start [s]."""
+"""What the streams announce of themselves has crossed this long after both sides are there [s]."""
 
 Flow = Tuple[Any, ...]
 """(protocol, source port, destination port)"""
@@ -47,35 +49,50 @@ def flows(text: str) -> Dict[str, Dict[Flow, int]]:
             for entry in json.loads(text)['nftables'] if 'set' in entry}
 
 
-def total(counted: Dict[Flow, int], before: Dict[Flow, int]) -> int:
-    """Bytes since an earlier count."""
-    return sum(counted.values()) - sum(before.values())
+class Moment(NamedTuple):
+    """What has crossed until a time, see `flows`."""
+    time: float
+    """By time.monotonic() [s]."""
+    flows: Dict[str, Dict[Flow, int]]
+
+    def since(self, before: 'Moment', way: str, largest: bool = True) -> float:
+        """What has crossed since then, a second [kbit/s].
+
+        :param way: incoming or outgoing, as the operator sees it
+        :param largest: whether the flow counts that took most
+        """
+        grown = [count - before.flows[way].get(flow, 0) for flow, count in self.flows[way].items()]
+        return 8e-3 * (sum(grown) - (0 if largest else max(grown, default=0))) / (self.time - before.time)
 
 
-def idle(cell: Cell, masters: Type[Stack]) -> Row:
-    """A row of the table: what crosses without a camera.
+def idle(cell: Cell, masters: Type[Stack]) -> Iterator[Row]:
+    """Rows of the table: what crosses without a camera, and beside the images of one.
 
-    :param cell: its rate and its seconds, which begin when the nodes have been there for COMPLETE
+    At first: until COMPLETE; then: in the cell's seconds after that.
     """
-    with tempfile.TemporaryDirectory() as folder, LiveRun(
-            cell, 'ours', pathlib.Path(folder), pathlib.Path(folder) / 'nodes.log', masters, camera=False) as live:
-        sides = live.stack.lab
-        sides.run('operator', ['nft', '-f', '-'], input=RULES.encode(), check=True)
-
-        def counted() -> Dict[str, Dict[Flow, int]]:
-            return flows(sides.run('operator', ['nft', '--json', 'list', 'table', 'ip', TABLE], check=True,
-                                   stdout=subprocess.PIPE).stdout.decode())
-        started = counted()
-        time.sleep(COMPLETE)
-        settled = counted()
-        time.sleep(cell.seconds)
-        ended = counted()
-    if settings_debug:
-        print(ended)
-    return {'cell': cell.name, 'streams': 'no camera',
-            'to operator first 10 s [kbit/s]': 8e-3 * total(settled['incoming'], started['incoming']) / COMPLETE,
-            'to operator then [kbit/s]': 8e-3 * total(ended['incoming'], settled['incoming']) / cell.seconds,
-            'to robot then [kbit/s]': 8e-3 * total(ended['outgoing'], settled['outgoing']) / cell.seconds}
+    for camera in (False, True)[:1 if masters is OwnMasters else 2]:
+        with tempfile.TemporaryDirectory() as name:
+            folder = pathlib.Path(name)
+            with LiveRun(cell, 'layered', folder, folder / 'nodes.log', masters, camera, begin) as live:
+                moments = [Moment(time.monotonic(), {'incoming': {}, 'outgoing': {}})]
+                for seconds in (COMPLETE, cell.seconds):
+                    time.sleep(seconds)
+                    moments.append(counted(live.stack.lab))
+        started, complete, ended = moments
+        yield {'cell': cell.name, 'link [Mbit/s]': cell.rates[0] / 1e6, 'streams': 'camera' if camera else 'none',
+               'to operator at first [kB]': COMPLETE / 8 * complete.since(started, 'incoming', not camera),
+               'to operator then [kbit/s]': ended.since(complete, 'incoming', not camera),
+               'to robot at first [kB]': COMPLETE / 8 * complete.since(started, 'outgoing'),
+               'to robot then [kbit/s]': ended.since(complete, 'outgoing')}
 
 
-settings_debug = True
+def begin(sides: TwoSides) -> None:
+    """Count from now on."""
+    sides.run('operator', ['nft', '-f', '-'], input=RULES.encode(), check=True)
+
+
+def counted(sides: TwoSides) -> Moment:
+    """What has crossed until now."""
+    answer = sides.run('operator', ['nft', '--json', 'list', 'table', 'ip', TABLE], check=True,
+                                stdout=subprocess.PIPE)
+    return Moment(time.monotonic(), flows(answer.stdout.decode()))

@@ -63,13 +63,16 @@ class Method:
 class Nodes(Method):
     """The package's nodes, with their default settings.
 
+    :param trace: file that both sides' notes and marks are written to
     :param arguments: of robot_sender, beside them
     :param camera: whether there is a camera; without it the streams are idle
     """
 
-    def __init__(self, stack: Stack, images: pathlib.Path, arguments: Sequence[str] = (), camera: bool = True) -> None:
+    def __init__(self, stack: Stack, images: pathlib.Path, trace: pathlib.Path, arguments: Sequence[str] = (),
+                 camera: bool = True) -> None:
         super().__init__(stack, images)
-        self._trace = images.with_suffix('.trace')
+        self._trace = trace
+        trace.write_bytes(b'')
         stack.variables[VARIABLE] = str(self._trace)
         stack.start_sender(*arguments)
         stack.start_receiver()

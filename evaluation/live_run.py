@@ -2,17 +2,18 @@
 """One method on one link of `bench live`: starts both sides, watches the screen and the link, and ends them."""
 import pathlib
 import time
-from typing import Any, Dict, List, NamedTuple, Sequence, Tuple, Type
+from typing import Any, Callable, Dict, List, NamedTuple, Sequence, Tuple, Type
 
 import numpy as np
 
 from smokebot_udp.arrays import Array
+from smokebot_udp.link_lab.lab import TwoSides
+from smokebot_udp.monitoring.stages import Sized
 
 from .gst_pipelines import WAYS, bit_rate
 from .live_clip import HEIGHT, WIDTH, Clip
 from .live_methods import GStreamer, Method, Nodes
 from .live_score import Quality, Screen, Told
-from .own_masters import OwnMasters
 from .quality import psnr
 from .shaped_link import ShapedLink
 from .shapers import Shaper
@@ -50,7 +51,7 @@ class Outcome(NamedTuple):
     """What was seen; times by time.time() [s]."""
     screen: Screen
     told: Sequence[Told]
-    notes: Dict[int, Dict[str, str]]
+    notes: Dict[int, Sized]
     """See Method.notes."""
     moments: List[float]
     """When the first image appeared, when each further rate was set, and the end."""
@@ -61,15 +62,17 @@ class LiveRun:
 
     :param method: one of OURS or of WAYS
     :param folder: where images are recorded while it lasts
-    :param log: file for the output of both sides
+    :param log: file for the output of both sides; beside it, our nodes' trace is written
     :param masters: of our nodes: Stack for a shared one, or OwnMasters
     :param camera: see Nodes
+    :param prepare: f(both sides of the link), called before anything is started there
     :raises LabError: where the link cannot be made
     :raises RuntimeError: where a side does not start
     """
 
     def __init__(self, cell: Cell, method: str, folder: pathlib.Path, log: pathlib.Path,
-                 masters: Type[Stack] = Stack, camera: bool = True) -> None:
+                 masters: Type[Stack] = Stack, camera: bool = True,
+                 prepare: Callable[[TwoSides], Any] = lambda sides: None) -> None:
         self._cell, self._name = cell, method
         self._images = folder / 'screen'
         self._images.write_bytes(b'')
@@ -78,14 +81,15 @@ class LiveRun:
         made = masters if method in OURS else Stack
         self.stack = made(log=log, sides=self.link.sides)
         try:
-            self.method = self._started(method, camera)
+            prepare(self.link.sides)
+            self.method = self._started(method, log, camera)
         except BaseException:
             self.stack.close()
             raise
 
-    def _started(self, method: str, camera: bool) -> Method:
+    def _started(self, method: str, log: pathlib.Path, camera: bool) -> Method:
         if method in OURS:
-            return Nodes(self.stack, self._images, OURS[method], camera)
+            return Nodes(self.stack, self._images, log.with_name('trace'), OURS[method], camera)
         way = WAYS[method]
         return GStreamer(self.stack, self._images, way, bit_rate(way, min(self._cell.rates), self._cell.loss))
 
@@ -127,8 +131,8 @@ class LiveRun:
         while time.time() < until:
             time.sleep(max(0.0, min(SAMPLE_PERIOD, until - time.time())))
             now = self.link.sample()
-            carried = 8e-6 * (now.count.sent - last.count.sent) / (now.time - last.time)
-            told.append(Told(now.time, rate / 1e6, carried, now.count.dropped - last.count.dropped,
+            carried = 8e-6 * (now.counted.sent - last.counted.sent) / (now.time - last.time)
+            told.append(Told(now.time, rate / 1e6, carried, now.counted.dropped - last.counted.dropped,
                              self.method.status()))
             last = now
         return told
@@ -137,7 +141,7 @@ class LiveRun:
         clip = Clip()
         images: Array = np.fromfile(str(self._images), np.uint8)
         images = images[:len(images) // (HEIGHT * WIDTH) * HEIGHT * WIDTH].reshape(-1, HEIGHT, WIDTH)
-        return remembered(lambda number, index: psnr(clip.image(number), images[index]))
+        return remembered(lambda number, place: psnr(clip.image(number), images[place]))
 
     def close(self) -> None:
         """End both sides and the link, and delete the recorded images."""
@@ -155,8 +159,8 @@ def remembered(quality: Quality) -> Quality:
     """The same function, which computes each value once."""
     known: Dict[Tuple[int, int], float] = {}
 
-    def found(number: int, index: int) -> float:
-        if (number, index) not in known:
-            known[number, index] = quality(number, index)
-        return known[number, index]
+    def found(number: int, place: int) -> float:
+        if (number, place) not in known:
+            known[number, place] = quality(number, place)
+        return known[number, place]
     return found

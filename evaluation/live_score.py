@@ -15,9 +15,8 @@ from smokebot_udp.monitoring.stages import Sized
 
 from .quality import MAX_PSNR
 
-SAMPLED = 1 / 60
-"""The screen is judged this often, as a display draws it: no part of the time between two images, so that each part of it
-counts [s]."""
+SAMPLED = 0.017
+"""The screen is judged this often: no part of the time between two images, so that each part of it counts [s]."""
 
 SETTLED = 5.0
 """What comes within this time after the first image does not count [s]."""
@@ -25,15 +24,18 @@ SETTLED = 5.0
 TOLERANCE = 0.1
 """Of the estimated capacity, in terms of the true rate."""
 
+SHARP = 42.0
+"""As long as images are below, the link is to be used [dB]."""
+
 STEADY, STEADY_IMAGES = 1.5, 5
-"""After a step the quality is steady again from the image on with which so many in a row are no more than this below the
-mean of the second half of the time until the next step [dB]."""
+"""After a step the quality is steady again from the image on with which so many in a row are no more than this below
+the mean of the second half of the time until the next step [dB]."""
 
 Row = Dict[str, Any]
 """Of a table."""
 
 Quality = Callable[[int, int], float]
-"""f(number of the camera's image, index of the image shown) -> PSNR [dB]"""
+"""f(number of the camera's image, place of the image shown) -> PSNR [dB]"""
 
 
 class Taken(NamedTuple):
@@ -49,7 +51,8 @@ class Shown(NamedTuple):
     """Which of the camera's; None: unknown."""
     arrival: float
     """By time.time() [s]."""
-    index: int
+    place: int
+    """Among the images recorded."""
 
 
 class Told(NamedTuple):
@@ -85,14 +88,14 @@ class Screen:
 
     def image_psnr(self, one: Shown) -> Optional[float]:
         """Of an image, beside the camera's that it shows [dB]; None: unknown which."""
-        return None if one.number is None else self.quality(one.number, one.index)
+        return None if one.number is None else self.quality(one.number, one.place)
 
     def psnr(self, when: float) -> Optional[float]:
         """Of the screen at a time, beside what the camera sees [dB]; None before the first image."""
         seen, shown = (bisect.bisect(times, when) - 1 for times in (self._taken_at, self._shown_at))
         if seen < 0 or shown < 0:
             return None
-        return self.quality(self.taken[seen].number, self.shown[shown].index)
+        return self.quality(self.taken[seen].number, self.shown[shown].place)
 
     def course(self, begun: float, ended: float) -> List[Tuple[float, float]]:
         """[(time, PSNR of the screen [dB])], each SAMPLED."""
@@ -125,7 +128,19 @@ def judged(screen: Screen, told: Sequence[Told], begun: float, ended: float) -> 
         row['age p%d [s]' % share] = float(np.percentile(ages, share)) if ages else None
     row['freeze [s]'] = longest_gap([one.arrival for one in screen.shown], begun, ended)
     row['rate [Hz]'] = len(shown) / (ended - begun)
-    return {**row, **link_use([one for one in told if begun <= one.time < ended])}
+    said = [one for one in told if begun <= one.time < ended]
+    return {**row, **link_use(said), 'used while blurred': link_use(blurred(screen, said))['used']}
+
+
+def blurred(screen: Screen, told: Sequence[Told]) -> List[Told]:
+    """The samples of the times in which images were not SHARP, on average, or there were none."""
+    found = []
+    for before, one in zip(told, told[1:]):
+        images = [psnr for psnr in (screen.image_psnr(image) for image in screen.shown
+                                    if before.time <= image.arrival < one.time) if psnr is not None]
+        if not images or statistics.fmean(images) < SHARP:
+            found.append(one)
+    return found
 
 
 def link_use(told: Sequence[Told]) -> Row:
@@ -163,9 +178,9 @@ def settled_after(images: Sequence[Tuple[float, float]], steady: Sequence[float]
 def aged_as(screen: Screen, quality: Quality) -> Screen:
     """The same screen, if its images had been other ones of the same moments.
 
-    :param quality: of these, whose index is the number of the camera's image
+    :param quality: of these, whose place is the number of the camera's image
     """
-    return Screen(screen.taken, [one._replace(index=one.number) for one in screen.shown if one.number is not None],
+    return Screen(screen.taken, [one._replace(place=one.number) for one in screen.shown if one.number is not None],
                   quality)
 
 

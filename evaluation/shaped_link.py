@@ -77,7 +77,7 @@ class Sample(NamedTuple):
     """The counters at a time."""
     time: float
     """By time.time() [s]."""
-    count: Count
+    counted: Count
 
 
 class ShapedLink:
@@ -104,7 +104,8 @@ class ShapedLink:
 
     def _limit(self, rate: float, verb: str) -> None:
         if isinstance(self.sides, Lab):
-            self.sides.set({'rate': rate, 'delay': LAB_DELAY, 'queue': self._shaper.queue})
+            self.sides.set({'rate': rate, 'delay': LAB_DELAY, 'queue': self._shaper.queue,
+                            'aggregate': self._shaper.aggregate})
         else:
             for command in commands(self._shaper, rate, verb):
                 self._checked('robot', command)

@@ -6,15 +6,21 @@ token bucket with the burst that tc chooses, `lab` the link lab with a delay of 
 datagrams arrive in aggregates, as over Wi-Fi. A number after a slash is the queue in ms: `tbf6/1000`; without it, 200.
 """
 import json
+import re
 from typing import Any, Dict, List, NamedTuple
 
 from smokebot_udp.link_lab.lab import DEVICE
+
+NAME = re.compile(r'(tbf(?P<burst>\d+(\.\d+)?)|(?P<kind>htb|lab|wifi))(/(?P<queue>\d+(\.\d+)?))?')
 
 DEFAULT_QUEUE = 0.2
 """[s]"""
 
 LAB_DELAY = 0.02
 """Of the link lab, each way [s]."""
+
+AGGREGATE = 0.006
+"""Of `wifi`: mean time between aggregates, 4 to 8 ms, as in traces of access points [s]."""
 
 LEAST_BURST = 1540
 """The burst of `tbf1.5`: a bucket of 1500 bytes drops each full datagram, as the shaper counts its Ethernet header, too
@@ -35,6 +41,11 @@ class Shaper(NamedTuple):
     """The longest time that a datagram waits [s]."""
 
     @property
+    def aggregate(self) -> float:
+        """Of the link lab [s]."""
+        return AGGREGATE if self.kind == 'wifi' else 0.0
+
+    @property
     def in_kernel(self) -> bool:
         """Whether the kernel shapes; otherwise the link lab does."""
         return self.kind in ('tbf', 'htb')
@@ -45,18 +56,12 @@ def parse(name: str) -> Shaper:
 
     :raises ValueError: naming what is wrong
     """
-    text, _, queue_text = name.partition('/')
-    kind = text.rstrip('0123456789.')
-    size = text[len(kind):]
-    try:
-        queue = float(queue_text) / 1e3 if queue_text else DEFAULT_QUEUE
-        burst = max(LEAST_BURST, round(1000 * float(size))) if kind == 'tbf' else 0
-    except ValueError:
-        raise ValueError('%r is no shaper; there are tbf1.5, tbf6, tbf32, htb, lab, wifi, each with /QUEUE [ms]'
-                         % name) from None
-    if kind not in ('tbf', 'htb', 'lab', 'wifi') or (size and kind != 'tbf') or queue <= 0:
+    found = NAME.fullmatch(name)
+    queue = 1e-3 * float(found.group('queue')) if found and found.group('queue') else DEFAULT_QUEUE
+    if not found or not queue:
         raise ValueError('%r is no shaper; there are tbf1.5, tbf6, tbf32, htb, lab, wifi, each with /QUEUE [ms]' % name)
-    return Shaper(name, kind, burst, queue)
+    burst = max(LEAST_BURST, round(1000 * float(found.group('burst')))) if found.group('burst') else 0
+    return Shaper(name, found.group('kind') or 'tbf', burst, queue)
 
 
 def commands(shaper: Shaper, rate: float, verb: str = 'add') -> List[List[str]]:

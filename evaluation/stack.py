@@ -63,8 +63,8 @@ class Stack:
         :param options: of subprocess.Popen
         """
         process = processes.start(self.lab.command(side, command), death_signal='KILL', **{
-            'env': {**self.environment(side), **self.variables}, 'stdout': self._log, 'stderr': self._log, 'start_new_session': True,
-            **options})
+            'env': {**self.environment(side), **self.variables}, 'stdout': self._log, 'stderr': self._log,
+            'start_new_session': True, **options})
         self._processes.append(process)
         return process
 

@@ -274,7 +274,7 @@ class OperatorStream:
             done = time.monotonic()
             self._publish(assembled)    # the outputs, too, show the frames that are published
             if TRACE.on and isinstance(finished, Frame):
-                self._trace(finished, assembled, taken, done)
+                self._trace(finished, taken, done)
             for output in self._outputs:
                 output.show(assembled)
             self.assembler.settle(finished, assembled, settings, time.monotonic())
@@ -282,10 +282,8 @@ class OperatorStream:
         finally:
             self._log_warnings()
 
-    def _trace(self, frame: Frame[Any], assembled: Assembled, taken: float, done: float) -> None:
+    def _trace(self, frame: Frame[Any], taken: float, done: float) -> None:
         """Trace a message that was published just now; times by time.monotonic() [s]."""
-        if assembled.error is not None:
-            TRACE.note(self.name, frame.head.stamp, stages.ERROR, assembled.error.rms)
         for point, when in ((stages.ARRIVED, frame.latest), (stages.TAKEN, taken), (stages.ASSEMBLED, done),
                             (stages.PUBLISHED, None)):
             TRACE.mark(self.name, frame.head.stamp, point, when)
