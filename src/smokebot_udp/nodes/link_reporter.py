@@ -19,7 +19,7 @@ TOPIC = '/smokebot_udp/link/report'
 def as_message(report: Report) -> LinkReport:
     """The LinkReport message of a report."""
     return LinkReport(
-        session=report.session, clock=report.clock,
+        session=report.session, clock=report.clock, marked=report.marked,
         streams=[StreamArrivals(one.name, one.highest, one.received, one.bytes) for one in report.streams],
         marks=[ArrivalMark(mark.stream, mark.seq, mark.age) for mark in report.marks])
 
