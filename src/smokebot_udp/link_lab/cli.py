@@ -15,6 +15,9 @@ A direction is named by the side that sends. NAME is one of
     rate       transmission rate [bit/s]; 0: unlimited
     queue      length of the queue at this rate [s]
     bucket     instead of a queue, a policer drops what exceeds this rate and a token bucket of this depth [byte]
+    ecn_threshold
+               packets that would wait longer than this in the queue are marked (ECN), if their senders see marks [s];
+               0: none are
     reorder    ratio of packets that overtake others, 0..1
     duplicate  ratio of packets that are delivered twice, 0..1
 FILE is a link trace: how these values change over time (see link_lab/link_trace.py).
