@@ -13,6 +13,7 @@ from std_msgs.msg import Float64
 from ..monitoring.clock_client import EchoClient
 from ..monitoring.clock_offset import ClockEstimate
 from ..msg import ClockEcho
+from ..traffic import EXPEDITED
 from ..transport import Transport
 from .logging import log_error
 from .worker import PeriodicWorker
@@ -29,7 +30,7 @@ class ClockServer:
     """The robot's side: publishes answers; each operator picks its own."""
 
     def __init__(self, transport: Transport) -> None:
-        self._answers = transport.publisher(ANSWER, ClockEcho, queue_size=1)
+        self._answers = transport.publisher(ANSWER, ClockEcho, queue_size=1, tos=EXPEDITED)
         self._questions = transport.subscriber(ASK, ClockEcho, self._answer, queue_size=1)
 
     def _answer(self, question: Any) -> None:
@@ -48,7 +49,7 @@ class ClockClient:
     def __init__(self, transport: Transport) -> None:
         self._echoes, self._lock = EchoClient(), threading.Lock()
         self._answers = transport.subscriber(ANSWER, ClockEcho, self._answered, queue_size=1)
-        self._questions = transport.publisher(ASK, ClockEcho, queue_size=1)
+        self._questions = transport.publisher(ASK, ClockEcho, queue_size=1, tos=EXPEDITED)
         self._offsets = rospy.Publisher('~clock_offset', Float64, queue_size=1)
         self._worker = PeriodicWorker('clock', self._ask, log_error("asking for the robot's clock"), PERIOD)
         self._worker.start()

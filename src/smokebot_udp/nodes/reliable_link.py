@@ -21,6 +21,7 @@ from ..reliable.pace import MAX_RATE
 from ..reliable.peers import Peers, Work
 from ..reliable.segment import Segment
 from ..streams.segments import room
+from ..traffic import EXPEDITED, SENSORS
 from ..transport import Transport
 from ..udpros.datagram import IP_UDP_HEADERS
 from ..udpros.frame import Frame
@@ -174,7 +175,9 @@ class ReliableLink(rospy.SubscribeListener):
     def start(self) -> None:
         """Begin to exchange messages. Channels that are made later are refused by the other side for a moment."""
         self._worker.start()
-        self._publisher = self._transport.publisher(TOPIC + self._direction, ReliableSegment, subscriber_listener=self)
+        self._publisher = self._transport.publisher(
+            TOPIC + self._direction, ReliableSegment, subscriber_listener=self,
+            tos=EXPEDITED if self._direction == TO_ROBOT else SENSORS)      # goals and calls, or logs
         self._subscriber = self._transport.subscriber(TOPIC + self._other, ReliableSegment, self._receive)
         self._checks.start()
 

@@ -20,6 +20,7 @@ from ..msg import ControlPeer, ControlRequest, ControlStatus
 from ..streams.relay.transforms import size_of
 from ..teleop import records
 from ..teleop.control_server import ControlServer
+from ..traffic import EXPEDITED
 from ..transport import Transport
 from ..udpros import rpc
 from ..udpros.datagram import OVERHEAD
@@ -91,7 +92,7 @@ class RobotControl:
         self._estop = rospy.Publisher('~estop', Bool, queue_size=1, latch=True)
         self._show = PeriodicWorker('estop', self._show_estop, log, None)   # not in the transport's thread
         self._watch = PeriodicWorker('operators', self._watch_peers, log, PEERS_PERIOD)
-        self._statuses = transport.publisher(STATUS, ControlStatus, queue_size=1)
+        self._statuses = transport.publisher(STATUS, ControlStatus, queue_size=1, tos=EXPEDITED)
         self._keep = PeriodicWorker('kept estop', self._keep_estop, log, KEEP_PERIOD)
         self._kept = str(rpc.repeated(lambda: rospy.get_param(KEPT, '')))
         if self._kept:

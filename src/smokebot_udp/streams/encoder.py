@@ -7,6 +7,7 @@ thread and the settings; it passes settings in and sends the frames that come ou
 import collections
 from typing import Any, Callable, ClassVar, Collection, Deque, Dict, Generic, List, Mapping, Optional, Sequence, TypeVar
 
+from .. import traffic
 from ..congestion.operating_points import OperatingPoint, rate_points
 from ..mission.parameters import Parameter
 from ..mission.settings import Settings
@@ -40,6 +41,8 @@ class Encoder(Generic[Message]):
     PROTECTED: bool = False
     """Whether messages are sent at once, before everything that waits in the outbox; each has a frame of its own then.
     `encode` may change it from True to False."""
+    TRAFFIC: ClassVar[int] = traffic.SENSORS
+    """How networks are asked to serve its datagrams, while it is not PROTECTED, see traffic.py."""
     WHOLE: ClassVar[bool] = False
     """Whether a message is useless without all its datagrams, so that a newer one must not replace what is left of it.
     """
