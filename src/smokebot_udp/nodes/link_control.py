@@ -66,7 +66,8 @@ class LinkControl:
     :param streams: {name: RobotStream}, started
     :param reported: f(operator), called with whose report came
     :param wifi_interface: the parameter ~wifi_interface
-    :param further: f(capacity [byte/s]) -> {name: Demand}, of what is sent beside the streams
+    :param further: f(capacity) -> {name: Demand}, of what is sent beside the streams. The capacity is that of the link,
+        or while that is unknown the rate; 0: unknown and unlimited [byte/s]
     """
 
     def __init__(self, controller: SharedController, link: RobotLink, streams: Mapping[str, RobotStream],
@@ -120,7 +121,7 @@ class LinkControl:
             plan = controller.tick(now, {name: demand for name, demand in demands.items() if demand is not None},
                                    self._link.outbox.protected)
             stats = controller.stats(now)
-            self._capacity = stats.capacity or plan.rate or 0.0
+            self._capacity = stats.capacity if math.isfinite(stats.capacity) else plan.rate or 0.0
             self._give_outlooks(plan, now)
         self._link.datagram_size, self.shares = plan.datagram_size, plan.shares
         grant(plan, self._streams)

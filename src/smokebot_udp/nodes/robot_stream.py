@@ -323,7 +323,7 @@ class RobotStream(rospy.SubscribeListener):
         if not frames:
             return
         if not (encoder.WHOLE or encoder.PROTECTED or encoder.DERIVED):     # the rest has left while this was encoded
-            self.link.outbox.await_rest(self.name, False, encoder.backlog or MAX_BACKLOG)
+            self.link.outbox.await_rest(self.name, False, MAX_BACKLOG if encoder.backlog is None else encoder.backlog)
         with self._worker.adding():
             self._schedule.sent(time.monotonic())
         if self.wanted:
