@@ -7,7 +7,7 @@ switch. mission.control decides; this is its ROS side.
 """
 import functools
 import threading
-from typing import Any, Callable, Mapping, Tuple
+from typing import Any, Callable, FrozenSet, Mapping, Tuple
 
 import rospy
 from dynamic_reconfigure.encoding import encode_config
@@ -59,6 +59,7 @@ class FocusControl:
         self._modified_topic = rospy.Publisher('~focus/modified', Bool, queue_size=1, latch=True)
         self._publishing = threading.Lock()     # otherwise an older status might be latched after a newer one
         self._published: Any = None     # what may change without a request, as it was published last
+        self._present: FrozenSet[str] = frozenset()     # operators
         self._show = PeriodicWorker('settings', self._show_all, log_error('settings'), None)
         self.control = MissionControl(stores, profiles, report, self._switched, self._show.wake)
         self._host = SettingsHost(self.control, transport, report) if transport.own_masters else None
@@ -103,7 +104,10 @@ class FocusControl:
         self._publish()
 
     def standing_changed(self) -> None:
-        """Publish the status soon, with who drives now; any thread."""
+        """Publish the status soon, with who drives now; any thread. Who comes back from a cut has missed changes."""
+        before, self._present = self._present, frozenset(self._standing().operators)
+        if self._host is not None and self._present - before:
+            self._host.joined()
         self._changes.wake()
 
     def _publish_changes(self) -> None:

@@ -51,6 +51,10 @@ class SettingsHost(rospy.SubscribeListener):
 
     def peer_subscribe(self, topic_name: str, topic_publish: Any, peer_publish: Any) -> None:
         """There is a new operator."""
+        self.joined()
+
+    def joined(self) -> None:
+        """An operator may lack what was sent before; any thread."""
         with self._worker.changing():
             self._server.joined()
 
