@@ -64,14 +64,14 @@ class LinkControl:
     :param controller: that the outbox reports to
     :param link: of the streams; its datagram_size follows the plan
     :param streams: {name: RobotStream}, started
-    :param reported: f(operator), called with whose report came
+    :param reported: f(operator, seq), called with whose report came, and its sequence number
     :param wifi_interface: the parameter ~wifi_interface
     :param further: f(capacity) -> {name: Demand}, of what is sent beside the streams. The capacity is that of the link,
         or while that is unknown the rate; 0: unknown and unlimited [byte/s]
     """
 
     def __init__(self, controller: SharedController, link: RobotLink, streams: Mapping[str, RobotStream],
-                 reported: Callable[[str], None] = lambda operator: None, wifi_interface: str = '',
+                 reported: Callable[[str, int], None] = lambda operator, seq: None, wifi_interface: str = '',
                  further: Callable[[float], Mapping[str, Demand]] = lambda capacity: {}) -> None:
         self._controller, self._link, self._streams, self._reported = controller, link, streams, reported
         self._further, self._capacity = further, 0.0
@@ -104,7 +104,7 @@ class LinkControl:
         with self._controller as controller:
             header = report._connection_header      # one object for each connection
             train = controller.on_report(header['callerid'], report, now, id(header))
-        self._reported(header['callerid'])
+        self._reported(header['callerid'], report.header.seq)
 
         def follow(scheduler: PacketScheduler) -> None:
             self._set_rate(scheduler, now)

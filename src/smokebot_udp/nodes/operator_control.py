@@ -90,6 +90,13 @@ class OperatorControl:
         self._requests.unregister()
         self._states.unregister()
 
+    def alive(self, when: float) -> None:
+        """A datagram of the robot's streams came; any thread.
+
+        :param when: by time.monotonic() [s]
+        """
+        self._client.alive = when
+
     @property
     def loss(self) -> Optional[float]:
         """Ratio of this node's datagrams that do not reach the robot, 0..1; None: unknown."""

@@ -132,10 +132,10 @@ class RobotControl:
         with self._changing():
             return self._server.command(name, session, topic, seq, time.monotonic())
 
-    def reported(self, name: str) -> None:
+    def reported(self, name: str, seq: int) -> None:
         """A link report of an operator came: it is present."""
         with self._changing():
-            self._server.reported(name, time.monotonic())
+            self._server.reported(name, seq, time.monotonic())
 
     def status(self, now: float) -> Status:
         """For diagnostics."""
