@@ -131,6 +131,24 @@ def test_a_plan_reaches_the_streams() -> None:
     assert not any(one.settings.current.paused for one in streams.values())
 
 
+def test_a_relay_takes_no_more_than_its_share_of_the_link() -> None:
+    link = RobotLink(StubTransport(), Outbox())
+    streams = {'link': stream('relay', link, rate=2.0, message_type='nav_msgs/Odometry', max_share=0.01),
+               'odom': stream('relay', link, rate=2.0, message_type='nav_msgs/Odometry')}
+    plan, fast = Plan(1e5, 736, {}, {}, 1.0), Plan(1e5, 736, {}, {}, 0.25)
+    grant(plan, streams, 1e4)
+    assert effective(streams, 'rate') == {'link': [2.0], 'odom': [2.0]}     # how long its messages are is not known
+    for one in streams.values():
+        one.encoder.message_size = 100.0
+    grant(plan, streams, 1e4)
+    assert effective(streams, 'rate') == {'link': [1.0], 'odom': [2.0]}
+    for capacity, rate in ((1e5, 2.0), (0.0, 2.0), (1.0, 0.2)):
+        grant(plan, streams, capacity)
+        assert effective(streams, 'rate') == {'link': [rate], 'odom': [2.0]}
+    grant(fast, streams, 5e3)
+    assert effective(streams, 'rate') == {'link': [0.5], 'odom': [1.0]}
+
+
 def test_ticks_and_reports_set_the_rate_of_the_outbox(ros: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     clock, published = SimpleNamespace(now=1000.0), ros.published
     monkeypatch.setattr(link_control, 'time', SimpleNamespace(monotonic=lambda: clock.now))
@@ -246,6 +264,6 @@ def test_a_tick_does_not_undo_what_a_report_changes_meanwhile(ros: Any, monkeypa
     monkeypatch.setattr(controller, 'rate', lambda now: rates[-1])
     LinkControl(shared, RobotLink(ros.transport, Outbox(scheduler, shared.on_sent)), {})
     # while the plan's grants are made, a report halves the rate
-    monkeypatch.setattr(link_control, 'grant', lambda plan, streams: rates.append(plan.rate / 2))
+    monkeypatch.setattr(link_control, 'grant', lambda plan, streams, capacity: rates.append(plan.rate / 2))
     ros.tick()
     assert scheduler.rate == 2500.0

@@ -28,8 +28,8 @@ from .robot_control import Standing
 from .settings_host import SettingsHost
 from .worker import PeriodicWorker
 
-CHANGES_PERIOD = 1.0
-"""Period at which the status is published where grants have changed [s]."""
+CHANGES_PERIOD = 5.0
+"""Period at which the status is published where grants have changed: it takes 400 bytes of the link [s]."""
 
 REQUESTS = '/smokebot_udp/focus/request'
 """Topic of the operator's requests."""
@@ -143,8 +143,11 @@ class FocusControl:
 
 
 def _changing(state: State, standing: Standing) -> Tuple[Any, ...]:
-    """What of the status may change without a request."""
-    return [settings.granted for settings in state.streams.values()], standing
+    """What of the status may change without a request. Grants follow the link: their first digit counts."""
+    granted = [None if settings.granted is None else {
+        name: '%.1g' % value if isinstance(value, float) else value for name, value in settings.granted.items()}
+        for settings in state.streams.values()]
+    return granted, standing
 
 
 def stream_status(name: str, settings: Settings, configured: Mapping[str, Any], modified: bool, share: float) -> Any:

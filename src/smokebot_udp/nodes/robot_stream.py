@@ -265,6 +265,7 @@ class RobotStream(rospy.SubscribeListener):
     def peer_subscribe(self, topic_name: str, topic_publish: Any, peer_publish: Any) -> None:
         """A new subscriber gets at once what is repeated."""
         self.link.subscribed()
+        self.encoder.joined()
         with self._worker.changing():
             self._schedule.wake()
 

@@ -156,6 +156,9 @@ class Encoder(Generic[Message]):
         sends little by little. Not called while frames of the last message are still leaving."""
         return ()
 
+    def joined(self) -> None:
+        """There is a new subscriber; any thread. `repeat` follows at once where there is something to repeat."""
+
     def held(self, operator: str, holding: Holding) -> None:
         """Take an operator's report of what it holds. Unless a kind overrides this, it says nothing.
 

@@ -34,7 +34,7 @@ RELAY = {
 }
 """Parameters of both sides."""
 
-UNUSED_IF_RELIABLE = frozenset({'rate', 'weight', 'min_bitrate', 'repeat_rate'})
+UNUSED_IF_RELIABLE = frozenset({'rate', 'weight', 'min_bitrate', 'repeat_rate', 'max_share'})
 """Settings of relays that reliable ones do not have."""
 
 
