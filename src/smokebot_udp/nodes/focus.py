@@ -28,7 +28,7 @@ from .robot_control import Standing
 from .settings_host import SettingsHost
 from .worker import PeriodicWorker
 
-CHANGES_PERIOD = 5.0
+CHANGES_PERIOD = 10.0
 """Period at which the status is published where grants have changed: it takes 400 bytes of the link [s]."""
 
 REQUESTS = '/smokebot_udp/focus/request'

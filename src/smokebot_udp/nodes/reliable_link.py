@@ -45,7 +45,7 @@ LINK_SHARE, MIN_LIMIT = 0.25, 48e3
 MOST_SHARE = 0.5
 """up to this part of it."""
 
-STATES_SHARE = 0.03
+STATES_SHARE = 0.008
 """Of the link's rate, for states that are reported again and again, to each peer."""
 
 BURST_DURATION = 0.012
@@ -224,6 +224,11 @@ class ReliableLink(rospy.SubscribeListener):
         """The names of the nodes of the other side with which messages are exchanged now."""
         with self._worker.lock:
             return self._peers.agreed
+
+    @property
+    def room(self) -> int:
+        """For data in a datagram now [byte]."""
+        return self._peers.room
 
     @property
     def states_rate(self) -> float:
