@@ -10,6 +10,7 @@ from typing import Any, Callable, Dict, Mapping, Optional
 
 import rospy
 
+from .. import udpros
 from ..mission.settings import SettingsStore
 from ..monitoring.stats import StreamStats
 from ..packed import pack, unpack
@@ -138,8 +139,13 @@ class Source(ReliableRelay):
         if message._type != self.source_type:
             self._report('it is %s, must be %s' % (message._type, self.source_type))
             return
-        source = message.name if self._is_log else message._connection_header['callerid']
-        if self._off or (self._level and message.level < self._level) or not self._wanted(source):
+        publisher = message._connection_header['callerid']
+        source = message.name if self._is_log else publisher
+        if not self._wanted(source):
+            if source == publisher:     # what it publishes crosses the link by TCP for nothing
+                udpros.drop_publisher(self.topic, publisher)
+            return
+        if self._off or (self._level and message.level < self._level):
             return
         self._received += 1
         try:
