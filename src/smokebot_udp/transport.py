@@ -45,6 +45,9 @@ class TransportStats:
 class Publisher(Protocol):
     """Sends the messages of one topic to all peers that want them."""
 
+    tos: int
+    """Second byte of the datagrams' IP headers from now on, see traffic.py; within the transport's tos_mask."""
+
     @property
     def resolved_name(self) -> str:
         """The topic."""
@@ -102,6 +105,10 @@ class Transport(Protocol):
         """What the transport adds to each datagram, besides the headers of IP and UDP [byte]."""
 
     @property
+    def tos_mask(self) -> int:
+        """The bits of the second byte of IP headers that are set where publishers ask for it, see traffic.mask."""
+
+    @property
     def own_masters(self) -> bool:
         """Whether each side has a ROS master of its own: then the other side's parameters cannot be reached."""
 
@@ -110,13 +117,14 @@ class Transport(Protocol):
         """Whether all datagrams are encrypted and authenticated."""
 
     def publisher(self, topic: str, message_class: Any, *, queue_size: int = 10, subscriber_listener: Any = None,
-                  carries: str = '') -> Publisher:
+                  carries: str = '', tos: int = 0) -> Publisher:
         """Publish a topic.
 
         :param queue_size: of messages that wait for one peer, where the transport has a queue
         :param subscriber_listener: as rospy.Publisher's: its peer_subscribe is called for each new peer
         :param carries: type and md5 sum of the messages within the messages, as 'tf2_msgs/TFMessage 94810ed...';
             empty: the messages carry none
+        :param tos: second byte of the datagrams' IP headers, of which tos_mask is set
         """
 
     def subscriber(self, topic: str, message_class: Any, callback: Optional[Callable[[Any], None]] = None, *,

@@ -10,7 +10,7 @@ import sys
 import threading
 import time
 import unittest.mock
-from typing import Any
+from typing import Any, List
 
 import rosgraph
 import rospy
@@ -141,6 +141,27 @@ class Life(UdprosCase):
         wait_for(lambda: got, what='the talker')
         rosgraph.Master('/ended_talker').unregisterPublisher('/ended', rosgraph_uri('/ended_talker'))
         wait_for(lambda: not subscriber.connections(), 5, 'the end of the connection')
+
+    def test_a_publisher_that_is_not_wanted_is_not_connected_again(self) -> None:
+        """By a plain rospy.Subscriber; the others are."""
+        self.run_script('udpros_talker.py', '/partly', 'unwanted')
+        self.run_script('udpros_talker.py', '/partly', 'wanted')
+        heard: List[Any] = []
+
+        def hear(message) -> None:
+            heard.append(message._connection_header['callerid'])
+            if heard[-1] == '/unwanted':
+                udpros.drop_publisher('/partly', '/unwanted')
+        subscriber = rospy.Subscriber('/partly', Header, hear)
+        self.addCleanup(subscriber.unregister)
+        wait_for(lambda: {'/wanted', '/unwanted'} <= set(heard), 20, 'both talkers')
+        wait_for(lambda: subscriber.get_num_connections() == 1, what='the end of the connection')
+        self.run_script('udpros_talker.py', '/partly', 'late')      # the master notifies of all three
+        wait_for(lambda: '/late' in heard, 20, 'another talker')
+        heard.clear()
+        wait_for(lambda: heard.count('/late') > 5 and heard.count('/wanted') > 5, 20, 'the others')
+        self.assertNotIn('/unwanted', heard)
+        self.assertEqual(subscriber.get_num_connections(), 2)
 
     def test_a_publisher_that_forgot_us_is_asked_again(self) -> None:
         """Its side of the connection is closed, ours is open: only the silence reveals it."""

@@ -65,7 +65,7 @@ class Inbox:
     def __init__(self) -> None:
         self.messages: List[Any] = []
         self.records: List[bytes] = []
-        self.arrivals: List[Tuple[int, int, int, int, float]] = []
+        self.arrivals: List[Tuple[int, int, int, int, float, int]] = []
         self._new = threading.Condition()
 
     def message(self, message: Any) -> None:

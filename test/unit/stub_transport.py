@@ -9,7 +9,7 @@ class StubTransport:
     :param publisher: makes the publishers, as Transport.publisher
     :param subscriber: likewise
     """
-    name, max_datagram_size, overhead = '/desk', 1472, 0
+    name, max_datagram_size, overhead, tos_mask = '/desk', 1472, 0, 0xff
 
     def __init__(self, publisher: Callable[..., Any] = lambda *_, **__: None,
                  subscriber: Callable[..., Any] = lambda *_, **__: None) -> None:

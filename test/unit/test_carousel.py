@@ -1,147 +1,153 @@
 # SPDX-License-Identifier: BSD-3-Clause
-from types import SimpleNamespace
-from typing import Any
+"""Which states are sent when, and what the other side makes of them."""
+import math
+from typing import Any, Dict, List, Sequence, Tuple
 
-import numpy as np
 import pytest
 
-from smokebot_udp.codecs.concealment.fill import nearest
-from smokebot_udp.codecs.wire.grid import fit
-from smokebot_udp.codecs.wire.partial_image import PartialImage
-from smokebot_udp.streams.carousel import QUIET, Carousel
-from smokebot_udp.streams.frame_assembler import RESTART
+from smokebot_udp.reliable.carousel import (
+    ALIVE,
+    ENDED_AFTER,
+    INTERVAL,
+    KEPT_FOR,
+    LIFE_SIGN,
+    MAX_DEBT,
+    MAX_STATES,
+    OVERHEAD,
+    REFRESH,
+    Carousel,
+    Kept,
+)
 
-CELL = np.dtype('u1')
-S = 10 ** 9
-
-
-def begin(head: SimpleNamespace) -> PartialImage:
-    """A 4 by 4 map in 16 subimages of one cell; ValueError for a head that says `impossible`."""
-    if head.impossible:
-        raise ValueError('no such map')
-    return PartialImage(4, 4, 2, CELL)
-
-
-class Sender:
-    def __init__(self, carousel: Any) -> None:
-        self.carousel = carousel
-
-    def send(self, stamp: int, value: int, indexes: Any, now: float, place: str = 'here',
-             impossible: bool = False) -> None:
-        indexes = np.array(indexes)
-        payload = np.full((len(indexes), 1), value, np.uint8)
-        self.carousel.add(SimpleNamespace(stamp=stamp, impossible=impossible), place,
-                          (indexes, np.ones(len(indexes), int), payload), now)
+ROOM = 300
 
 
-@pytest.fixture
-def carousel() -> Any:
-    return Carousel(begin, max_wait=0.5)
+def size(states: Sequence[bytes]) -> int:
+    return sum(map(len, states))
 
 
-def test_the_map_is_shown_when_a_cycle_pauses(carousel: Any) -> None:
-    Sender(carousel).send(1 * S, 7, range(8), now=10.0)
-    assert carousel.deadline() == 10.0 + QUIET and carousel.poll(10.0) is None
-    head, grid = carousel.poll(10.0 + QUIET)
-    assert head.stamp == 1 * S and grid.completeness == 0.5
-    assert carousel.deadline() is None and carousel.poll(99.0) is None
+def carousel() -> Carousel:
+    return Carousel(lambda name: b'end of ' + name.encode())
 
 
-def test_it_is_shown_after_max_wait_at_the_latest(carousel: Any) -> None:
-    for k in range(10):
-        Sender(carousel).send(1 * S, 7, [k], now=10.0 + 0.09 * k)
-    assert carousel.deadline() == 10.5
+class Link:
+    """Sources that report once a second, and what is sent of it."""
+
+    def __init__(self, rate: float, *names: str, changing: bool = True) -> None:
+        self.carousel, self.rate, self.names, self.changing = carousel(), rate, list(names), changing
+        self.now, self.number = 100.0, 0
+        self.levels: Dict[str, int] = {}
+        self.batches: List[Tuple[float, List[bytes]]] = []
+
+    def run(self, seconds: float) -> List[Tuple[float, List[bytes]]]:
+        """(when, states) of each batch that is sent meanwhile."""
+        first, end = len(self.batches), self.now + seconds
+        while self.now < end:
+            if self.number % 20 == 0:
+                for name in self.names:
+                    value = self.number if self.changing else 0
+                    self.carousel.put(name, self.levels.get(name, 0), b'%-8s%052d' % (name.encode(), value), self.now)
+            self.number += 1
+            states = self.carousel.take(self.rate, size, ROOM, self.now)
+            if states:
+                self.batches.append((self.now, states))
+            self.now += 0.05
+        return self.batches[first:]
 
 
-def test_cycles_complete_each_other_and_newer_cells_count(carousel: Any) -> None:
-    Sender(carousel).send(1 * S, 7, range(8), now=10.0)
-    Sender(carousel).send(2 * S, 9, range(4, 16), now=11.0)
-    head, grid = carousel.poll(12.0)
-    assert grid.complete and head.stamp == 2 * S
-    assert sorted(grid.items(nearest).ravel()) == [7] * 4 + [9] * 12
+NAMES = ['s%d' % number for number in range(40)]
 
 
-def test_a_map_elsewhere_begins_anew(carousel: Any) -> None:
-    Sender(carousel).send(1 * S, 7, range(16), now=10.0)
-    Sender(carousel).send(2 * S, 9, [3], now=11.0, place='there')
-    assert carousel.poll(12.0)[1].completeness == 1 / 16
+def gaps(batches: List[Tuple[float, List[bytes]]]) -> List[float]:
+    return [later - earlier for (earlier, _), (later, _) in zip(batches, batches[1:])]
 
 
-def test_late_segments_change_nothing_but_an_older_clock_does(carousel: Any) -> None:
-    Sender(carousel).send(10 * S, 7, range(16), now=10.0)
-    Sender(carousel).send(9 * S, 9, range(16), now=10.1)
-    assert carousel.dropped['late'] == 16
-    Sender(carousel).send(1 * S, 5, range(16), now=10.2)
-    assert (carousel.poll(11.0)[1].items(nearest) == 5).all()
+def test_on_a_fast_link_all_are_sent_each_second() -> None:
+    link = Link(math.inf, *NAMES)
+    assert [len(states) for _, states in link.run(10.0)] == [40] * 10
 
 
-def test_what_contradicts_is_counted(carousel: Any) -> None:
-    Sender(carousel).send(1 * S, 7, [16, 99], now=10.0)
-    assert carousel.dropped['contradiction'] == 2 and carousel.deadline() is None
-    Sender(carousel).send(1, 7, range(3), now=10.0, place='there', impossible=True)
-    assert carousel.dropped['impossible head'] == 3
+@pytest.mark.parametrize('changing', [True, False])
+def test_on_a_slow_link_they_take_turns(changing: bool) -> None:
+    """40 states of 60 bytes, with the overhead 3.2 kB, at 300 bytes a second."""
+    link = Link(300.0, *NAMES, changing=changing)
+    first = link.run(1.0)
+    assert size([state for _, states in first for state in states]) == 2400      # a new peer gets all at once
+    link.run(20.0)
+    batches = link.run(60.0)
+    assert sum(size(states) + OVERHEAD for _, states in batches) <= 60 * 300.0 + ROOM + OVERHEAD
+    assert max(gaps(link.batches)) <= LIFE_SIGN + 0.06 < ALIVE
+    for name in NAMES:
+        times = [now for now, states in batches if any(state.startswith(b'%-8s' % name.encode()) for state in states)]
+        assert max(later - earlier for earlier, later in zip(times, times[1:])) < 13.0
+    assert {len(states) for _, states in batches} == {5} or not changing
 
 
-def test_ten_cycles_at_half_loss_bring_nearly_all(carousel: Any) -> None:
-    random = np.random.RandomState(1)
-    for k in range(10):
-        Sender(carousel).send(1 * S, 7, np.flatnonzero(random.rand(16) < 0.5), now=10.0 + k)
-    assert carousel.poll(99.0)[1].complete
+def test_a_level_that_changes_is_sent_at_once() -> None:
+    link = Link(100.0, *NAMES)
+    link.run(30.0)
+    for level in (2, 0, 1):
+        link.levels['s17'] = level
+        link.number = 0     # sources report
+        when, states = link.run(0.06)[0]
+        assert states[0].startswith(b's17 ')
 
 
-def test_each_cycle_is_shown_in_time(carousel: Any) -> None:
-    Sender(carousel).send(1 * S, 7, range(16), now=10.0)
-    carousel.poll(20.0)
-    Sender(carousel).send(2 * S, 7, [3], now=30.0)    # what it repeats counts as well
-    assert carousel.deadline() == 30.0 + QUIET and carousel.poll(30.05) is None
-    assert carousel.poll(30.0 + QUIET)[0].stamp == 2 * S
+def test_levels_that_change_all_the_time_are_bounded() -> None:
+    link, sent = Link(100.0, *NAMES), 0
+    for number in range(60):
+        link.levels = dict.fromkeys(NAMES, number)
+        sent += sum(size(states) + OVERHEAD for _, states in link.run(1.0))
+    assert sent < 100.0 * (60 + MAX_DEBT) + ROOM + OVERHEAD + 30 * (60 + OVERHEAD)      # signs of life, too
 
 
-def test_a_map_whose_stamp_stays_is_not_late_for_ever(carousel: Any) -> None:
-    """A latched map keeps its stamp; where the robot's clock was set back a little, that is older for good."""
-    Sender(carousel).send(10 * S, 7, range(16), now=10.0)
-    Sender(carousel).send(9 * S, 9, range(16), now=10.0 + RESTART - 0.1)
-    assert carousel.dropped['late'] == 16
-    Sender(carousel).send(9 * S, 9, range(16), now=10.0 + RESTART)
-    head, grid = carousel.poll(20.0)
-    assert head.stamp == 9 * S and (grid.items(nearest) == 9).all()
+def test_what_stays_the_same_is_refreshed_slowly() -> None:
+    link = Link(1e5, 'a', 'b', changing=False)
+    link.run(INTERVAL)
+    batches = link.run(60.0)
+    assert len([state for _, states in batches for state in states if state.startswith(b'a ')]) == pytest.approx(
+        60.0 / (2 * LIFE_SIGN), abs=1) and 2 * LIFE_SIGN < REFRESH
+    assert max(gaps(batches)) <= LIFE_SIGN + 0.06
 
 
-def test_late_segments_of_a_map_elsewhere_change_nothing(carousel: Any) -> None:
-    Sender(carousel).send(10 * S, 7, range(16), now=10.0)
-    Sender(carousel).send(9 * S, 9, range(16), now=10.1, place='there')
-    assert carousel.dropped['late'] == 16 and (carousel.poll(11.0)[1].items(nearest) == 7).all()
+def test_what_is_reported_no_more_ends_once() -> None:
+    link = Link(1e5, 'a', 'b')
+    link.run(3.0)
+    link.names = ['b']
+    sent = [state for _, states in link.run(2 * ENDED_AFTER) for state in states]
+    assert sent.count(b'end of a') == 1 and sent[-1].startswith(b'b')
+    link.names = ['a', 'b']
+    assert any(state.startswith(b'a ') for _, states in link.run(1.0) for state in states)
 
 
-def test_what_contradicts_neither_ends_a_map_nor_costs_its_batch(carousel: Any) -> None:
-    Sender(carousel).send(1 * S, 7, range(16), now=10.0)
-    Sender(carousel).send(3 * S, 9, [16, 99], now=10.1, place='there')
-    Sender(carousel).send(3 * S, 9, range(3), now=10.1, place='nowhere', impossible=True)
-    Sender(carousel).send(2 * S, 8, [5, 99], now=10.2)
-    assert carousel.dropped == {'contradiction': 3, 'impossible head': 3}
-    head, grid = carousel.poll(11.0)
-    assert head.stamp == 2 * S and sorted(grid.items(nearest).ravel()) == [7] * 15 + [8]
+def test_what_may_not_have_arrived_is_sent_again() -> None:
+    link = Link(1e5, 'a', 'b', changing=False)
+    link.run(INTERVAL)
+    link.carousel.renew()
+    assert [len(states) for _, states in link.run(0.06)] == [2]
 
 
-@pytest.mark.parametrize('seed', range(5))
-def test_of_a_map_in_real_segments_half_lost_every_cell_comes(seed: int) -> None:
-    """Ten cycles leave a segment out once in a thousand; 25 do not leave out one of these 52."""
-    random = np.random.RandomState(seed)
-    cells = random.randint(-1, 101, (230, 270)).astype(np.int8)
-    _, cut, per_segment = fit(230, 270, 1390, 1300, 256)
-    carousel = Carousel(lambda head: PartialImage(230, 270, cut.depth, CELL), max_wait=0.5)
-    payloads = cut.split(cells).reshape(len(cut), -1).view(np.uint8)
-    whole = len(cut) // per_segment * per_segment
-    segments = payloads[:whole].reshape(whole // per_segment, -1)
-    shares = []
-    for k in range(25):
-        came = np.flatnonzero(random.rand(len(segments)) < 0.5)
-        last = (np.array([cut.order[whole]]), np.array([len(cut) - whole]), payloads[whole:].reshape(1, -1)
-                ) if whole < len(cut) and random.rand() < 0.5 else None
-        for batch in (cut.order[came * per_segment], np.full(len(came), per_segment), segments[came]), last:
-            if batch is not None:
-                carousel.add(SimpleNamespace(stamp=k * S), 'here', batch, float(k))
-        _, grid = carousel.poll(k + 0.5)
-        shares.append(grid.completeness)
-    assert 0.3 < shares[0] < 0.7 and shares == sorted(shares) and shares[-1] == 1.0
-    assert (grid.items(nearest).view(np.int8) == cells).all()
+def test_states_without_end_take_no_memory() -> None:
+    one = carousel()
+    for number in range(2 * MAX_STATES):
+        one.put(str(number), 0, b'x', 0.0)
+    assert len(one.take(math.inf, size, ROOM, 0.0)) == MAX_STATES
+    kept: Kept[int] = Kept()
+    for number in range(2 * MAX_STATES):
+        kept.put(str(number), number, 0.0)
+    assert kept.states(0.0) == list(range(MAX_STATES))
+
+
+def test_the_other_side_keeps_what_came_while_anything_comes() -> None:
+    kept: Kept[Any] = Kept()
+    assert kept.states(0.0) == []
+    kept.put('a', 'a1', 1.0)
+    kept.put('b', 'b1', 1.0)
+    kept.put('a', 'a2', 3.0)
+    assert kept.states(3.0 + ALIVE) == ['a2', 'b1'] and kept.states(3.1 + ALIVE) == []
+    kept.end('b', 20.0)
+    assert kept.states(20.0) == ['a2']
+    kept.put('c', 'c1', 3.0 + KEPT_FOR + 1)
+    assert kept.states(3.0 + KEPT_FOR + 1) == ['c1']
+    kept.clear()
+    assert kept.states(3.0 + KEPT_FOR + 1) == []

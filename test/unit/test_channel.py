@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from smokebot_udp.link_lab.carrier import flow_of
 from smokebot_udp.link_lab.channel import Air, Channel, Counts, LinkConditions
+from smokebot_udp.link_lab.ecn import is_capable, marked
 
 Fates = List[Tuple[float, Tuple[float, ...]]]
 
@@ -120,6 +121,46 @@ def test_the_rate_is_kept_and_a_full_queue_drops_its_tail() -> None:
     assert channel.counts.dropped == 2000 - len(times) and channel.counts.lost == 0
 
 
+def test_packets_that_wait_for_long_are_marked() -> None:
+    # 8 ms each at 1 Mbit/s, all at once: the third waits for 16 ms, which is the threshold, and the fourth for longer
+    channel, marked = Channel(LinkConditions(rate=1e6, ecn_threshold=0.016, queue=0.03)), []
+    for _ in range(5):
+        marked.append(channel.marks(0.0, 'udp'))
+        channel.fate(0.0, 1000, 'udp')
+    assert marked == [False, False, False, True, True]
+    assert channel.counts == Counts(offered=5, dropped=1, delivered=4, carried=4000, marked=2)
+    assert not channel.marks(0.05) and not Channel(LinkConditions(rate=1e6)).marks(0.0)
+    policed = Channel(LinkConditions(rate=1e6, ecn_threshold=0.001, bucket=3000))
+    assert [bool(policed.fate(0.0, 1000)) for _ in range(3)] == [True] * 3 and not policed.marks(0.0)
+
+
+def test_a_mark_keeps_the_header_valid() -> None:
+    def total(header: bytes) -> int:
+        """RFC 1071's sum: 0xffff where the checksum is right."""
+        value = sum(int.from_bytes(header[k:k + 2], 'big') for k in range(0, 20, 2))
+        while value > 0xffff:
+            value = (value & 0xffff) + (value >> 16)
+        return value
+
+    # from 10.77.0.1 to 10.77.0.2, worked by hand: 4502 + 001c + 4000 + 4011 + 0a4d + 0001 + 0a4d + 0002 = d9cc
+    ect = bytes.fromhex('4502001c00004000401126330a4d00010a4d0002') + bytes(8)
+    assert total(ect) == 0xffff and is_capable(ect) and not is_capable(b'\x45\x88' + ect[2:])
+    assert marked(ect) == bytes.fromhex('4503001c00004000401126320a4d00010a4d0002') + bytes(8)
+    assert marked(marked(ect)) == marked(ect)
+    assert not is_capable(b'\x62' + ect[1:])        # IPv6
+
+
+@given(st.binary(min_size=20, max_size=40), st.sampled_from([1, 2]))
+def test_any_header_stays_as_valid_as_it_was(packet: bytes, ecn: int) -> None:
+    def total(header: bytes) -> int:
+        return sum(int.from_bytes(header[k:k + 2], 'big') for k in range(0, 20, 2)) % 0xffff
+
+    packet = b'\x45' + bytes([packet[1] & 0xfc | ecn]) + packet[2:]
+    after = marked(packet)
+    assert total(after) == total(packet) and after[1] == packet[1] | 3
+    assert after[2:10] == packet[2:10] and after[12:] == packet[12:]
+
+
 def test_directions_that_share_an_air_wait_for_each_other() -> None:
     # 8 ms each at 1 Mbit/s: a packet back, between two there, is the third; without packets there it does not wait
     air, conditions = Air(), LinkConditions(rate=1e6, delay=0.05)
@@ -184,7 +225,7 @@ def test_effects_are_independent_of_each_other() -> None:
     ({'loss': 1.5}, 'loss is 1.5'), ({'delay': -0.1}, 'delay is -0.1'), ({'rate': float('nan')}, 'rate is nan'),
     ({'queue': 'long'}, "queue is 'long'"), ({'loss': 0.5, 'burst': 1}, 'burst is 1'),
     ({'reorder': 2}, 'reorder is 2'), ({'rate': 1e6, 'bucket': -1}, 'bucket is -1'),
-    ({'bucket': 3000}, 'bucket is 3000, needs a rate')])
+    ({'bucket': 3000}, 'bucket is 3000, needs a rate'), ({'ecn_threshold': -1}, 'ecn_threshold is -1')])
 def test_impossible_values_are_refused(values: Dict[str, Any], words: str) -> None:
     with pytest.raises(ValueError, match=words):
         LinkConditions(**values)

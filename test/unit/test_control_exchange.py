@@ -5,21 +5,23 @@ from typing import Dict, List
 import pytest
 from control_world import World
 
-from smokebot_udp.teleop.control_client import PERIOD, ControlClient
+from smokebot_udp.teleop.control_client import STATUS_LEASE, ControlClient
 from smokebot_udp.teleop.control_server import (
     EMERGENCY_STOP,
+    IDLE_PERIOD,
     MAX_SESSIONS,
     MIN_INTERVAL,
     NO_OPERATOR,
     NOT_IN_CONTROL,
+    PERIOD,
     ControlServer,
 )
 from smokebot_udp.teleop.records import MAX_OPERATORS, PeerStatus, Request, Status, Wish
 from smokebot_udp.teleop.requests import SUPERSEDED, TIMEOUT, UNANSWERED
 from smokebot_udp.teleop.sessions import LEASE
 
-SETTLE = 0.5
-"""Until all know everything without loss: two periods and the delay [s]."""
+SETTLE = 0.6
+"""Until all know everything without loss: a period and the delay [s]."""
 
 
 def world(*names: str, **link: float) -> World:
@@ -84,13 +86,49 @@ def test_a_link_that_is_dead_towards_the_robot_only() -> None:
     assert views(link)['a'] == 'the robot does not hear this operator'
 
 
+def test_the_status_is_sent_less_often_while_nobody_does_anything() -> None:
+    server, now, sent = ControlServer(7), 100.0, []
+
+    def run(duration: float, commands: bool = False) -> float:
+        """Statuses a second while time passes, and an operator is present, which may send commands."""
+        nonlocal now
+        sent.clear()
+        end = now + duration
+        while now < end:
+            now += 0.01
+            server.receive('a', 1, Request(1, now), now)
+            if commands:
+                server.command('a', 1, '/commands', 1, now)
+            if server.poll(now) is not None:
+                sent.append(now)
+        return len(sent) / duration
+
+    run(LEASE + 1.0)        # it has come
+    assert run(10.0) == pytest.approx(1 / IDLE_PERIOD, rel=0.1)
+    assert run(10.0, commands=True) == pytest.approx(1 / PERIOD, rel=0.1)
+    assert run(LEASE) == pytest.approx(1 / PERIOD, rel=0.1)
+    assert run(10.0) == pytest.approx(1 / IDLE_PERIOD, rel=0.1)
+    server.set_estop(True, 'the robot', now)
+    assert server.poll(now + MIN_INTERVAL) is not None and run(LEASE) == pytest.approx(1 / PERIOD, rel=0.1)
+
+
+def test_other_datagrams_show_that_the_link_is_up_for_a_while() -> None:
+    link = world('a')
+    client, now = link.desks['a'].client, link.desk_now('a')
+    client.alive = now + 1.0
+    assert client.heard(now + LEASE + 0.5) and client.refusal(now + LEASE + 0.5) == ''
+    assert not client.heard(now + 1.0 + LEASE)
+    client.alive = now + 100.0
+    assert client.heard(now + STATUS_LEASE - 0.7) and not client.heard(now + STATUS_LEASE)
+
+
 def test_commands_and_reports_renew_the_lease() -> None:
     link = world('a', 'b')
     link.cut['a'] = True
     for number in range(10):
         link.run(0.5)
         if number % 2:
-            link.server.reported('a', link.robot_now)
+            link.server.reported('a', number, link.robot_now)
         else:
             assert command(link, 'a') is None
     link.run(LEASE)
@@ -289,6 +327,19 @@ def test_loss_is_measured_and_told() -> None:
         if link.desks['a'].client.loss is not None:
             losses.append(link.desks['a'].client.loss)
     assert sum(losses) / len(losses) == pytest.approx(0.5, abs=0.12)
+
+
+def test_loss_of_link_reports_counts() -> None:
+    server = ControlServer(7)
+    for number in range(40):
+        now = 100.0 + 0.1 * number
+        if number % 5 == 0:
+            server.receive('a', 1 + number // 5, Request(1, now), now)
+        if number % 4:
+            server.reported('a', number, now)       # a quarter is lost
+            server.reported('stranger', number, now)
+    peer, = server.operators(104.0)
+    assert peer.loss == pytest.approx(0.2, abs=0.04)    # of those of the last 2 s, requests included
 
 
 def test_a_late_status_of_a_robot_that_was_never_heard_is_no_restart() -> None:

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from polling import WAIT
 
+from smokebot_udp import traffic
 from smokebot_udp.udpros import endpoints
 from smokebot_udp.udpros.endpoints import (
     BatchSender,
@@ -203,6 +204,90 @@ def test_path_payload() -> None:
 def path_mtu() -> Any:
     with open('/sys/class/net/lo/mtu') as file:
         return int(file.read())
+
+
+# -- the second byte of IP headers -----------------------------------------------------------------------------
+
+@pytest.fixture
+def headers() -> Any:
+    """A socket, and f(n) -> {(TOS, datagram)} of the next n datagrams."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as bound:
+        bound.bind(('127.0.0.1', 0))
+        bound.settimeout(WAIT)
+        bound.setsockopt(socket.IPPROTO_IP, endpoints.IP_RECVTOS, 1)
+
+        def read(count) -> Any:
+            found = []
+            for _ in range(count):
+                data, control, _, _ = bound.recvmsg(2000, 100)
+                (level, kind, value), = control
+                assert (level, kind) == (socket.IPPROTO_IP, socket.IP_TOS)
+                found.append((value[0], data))
+            return found
+
+        yield bound, read
+
+
+@pytest.mark.parametrize('gso', [True, False])
+def test_senders_of_one_socket_have_headers_of_their_own(headers, make, gso) -> None:
+    (_, read), to = headers, headers[0].getsockname()
+    one = BatchSender(make(DatagramReceiver, '127.0.0.1', 200).socket, gso)
+    other = one.another(traffic.IMAGES | traffic.ECT)
+    one.tos = traffic.EXPEDITED
+    one.send_one(b'first', to=to)
+    other.send(b'a' * 100 + b'b' * 100 + b'c', 100, 3, to=to)
+    one.send_one(b'last', to=to)
+    assert read(5) == [(0xb8, b'first'), (0x8a, b'a' * 100), (0x8a, b'b' * 100), (0x8a, b'c'), (0xb8, b'last')]
+    assert not one.failures and not other.failures
+    other.tos = 0
+    other.send_one(b'plain', to=to)
+    assert read(1) == [(0, b'plain')]
+
+
+def test_each_thread_sends_with_its_own_header(headers, make) -> None:
+    (_, read), to = headers, headers[0].getsockname()
+    first = BatchSender(make(DatagramReceiver, '127.0.0.1', 200).socket)
+    senders = [first.another(tos) for tos in (0xb8, 0x8a, 0x6a, 0x02)]
+    threads = [threading.Thread(target=lambda sender=sender: [sender.send_one(b'%d' % sender.tos, to=to)
+                                                              for _ in range(50)]) for sender in senders]
+    for thread in threads:
+        thread.start()
+    assert all(data == b'%d' % tos for tos, data in read(200))
+    for thread in threads:
+        thread.join(WAIT)
+
+
+def test_priorities_of_this_machine_follow_the_header(make) -> None:
+    sender = BatchSender(make(DatagramReceiver, '127.0.0.1', 200).socket)
+    found = []
+    for tos in (traffic.EXPEDITED, traffic.IMAGES | traffic.ECT, traffic.EXPEDITED | traffic.ECT, traffic.BULK):
+        sender.tos = tos
+        sender.send_one(b'x', to=('127.0.0.1', 9))
+        found.append(sender.socket.getsockopt(socket.SOL_SOCKET, endpoints.SO_PRIORITY))
+    assert found == [6, 0, 6, 0]
+
+
+def test_headers_that_must_not_be_set_stop_nothing(make, receiver, monkeypatch) -> None:
+    monkeypatch.setattr(endpoints, 'SO_PRIORITY', 12345)       # as a sandbox refuses it
+    sender = make(DatagramSender, '127.0.0.1', receiver.address[1])
+    sender.tos = traffic.EXPEDITED
+    assert sender.send_one(b'first') == 1
+    assert [data for data, _ in collect(receiver, 1)] == [b'first'] and not sender.failures
+
+
+def test_what_congested_queues_mark_is_recognised(make) -> None:
+    """CE only, whatever the DSCP is; a row's mark is not that of the datagram that was there before."""
+    receiver = make(DatagramReceiver, '127.0.0.1', 200)
+    sender = make(DatagramSender, '127.0.0.1', receiver.address[1])
+    for tos in (0x03, 0x8b, 0x8a, 0x02, 0x01, 0x00, 0xbb):
+        sender.tos = tos
+        sender.send_one(b'x')
+    assert receiver.wait(WAIT) and receiver.receive() == 7
+    assert [receiver.marked(np.array([row])) for row in range(7)] == [1, 1, 0, 0, 0, 0, 1]
+    assert receiver.marked(np.arange(7)) == 3 and receiver.marked(np.array([], int)) == 0
+    sender.tos = 0
+    sender.send_one(b'x')
+    assert receiver.receive() == 1 and receiver.marked(np.array([0])) == 0
 
 
 # -- DatagramReceiver ----------------------------------------------------------------------------------------

@@ -104,6 +104,34 @@ def test_what_was_left_out_for_a_slower_link_has_not_arrived() -> None:
     assert feedback.arrivals == [('thermal', 5, 3)] and (feedback.expected, feedback.received) == (3, 3)
 
 
+def test_marks_of_congested_queues_are_news_once() -> None:
+    history, arrivals = path(sent=4)
+    arrivals.add('thermal', 4, 0, 100.08 + AHEAD, 0, marked=3)
+    reader = FeedbackReader(history)
+    assert reader.read(arrivals.report(100.09 + AHEAD), 100.11).marked == 0     # since when is unknown
+    history.add('thermal', 5, 10, 1000, 100.2)
+    arrivals.add('thermal', 9, 5000, 100.25 + AHEAD, 5, marked=2)
+    arrivals.report(100.3 + AHEAD)      # lost
+    arrivals.add('thermal', 14, 5000, 100.35 + AHEAD, 5, marked=5)
+    assert reader.read(arrivals.report(100.4 + AHEAD), 100.41).marked == 7
+    assert reader.read(arrivals.report(100.5 + AHEAD), 100.51).marked == 0 and not reader.dropped
+    history.add('camera', 1, 2, 1000, 100.55)
+    arrivals.add('camera', 2, 2000, 100.56 + AHEAD, 2, marked=1)        # the first that is heard of it
+    assert reader.read(arrivals.report(100.6 + AHEAD), 100.61).marked == 1 and not reader.dropped
+
+
+def test_no_more_is_marked_than_arrived() -> None:
+    history, arrivals = path()
+    reader = FeedbackReader(history)
+    reader.read(arrivals.report(100.15 + AHEAD), 100.17)
+    history.add('thermal', 11, 2, 1000, 100.2)
+    arrivals.add('thermal', 12, 2000, 100.22 + AHEAD, 2)
+    for now, marked in ((100.25, 2), (100.35, 0)):
+        forged = replace(arrivals.report(now + AHEAD), marked=2 ** 64 - 1)
+        assert reader.read(forged, now + 0.02).marked == marked
+    assert dict(reader.dropped) == {'more marked than received': 1}
+
+
 def test_samples_are_spaced_and_bounded() -> None:
     _, arrivals = path(sent=1000, every=0.0005)
     marks = arrivals.report(100.55 + AHEAD).marks
@@ -144,6 +172,7 @@ def test_a_newer_connection_begins_another_session_and_the_older_one_is_ignored(
     (lambda report: replace(report, clock=math.nan), 'not unsigned integers'),
     (lambda report: replace(report, clock=-1), 'not unsigned integers'),
     (lambda report: replace(report, session='7'), 'not unsigned integers'),
+    (lambda report: replace(report, marked=math.nan), 'not unsigned integers'),
     (lambda report: replace(report, streams=[StreamArrivals('thermal', 10, math.nan, 10000)]), 'not unsigned integers'),
     (lambda report: replace(report, marks=[ArrivalSample(0, 1, math.inf)]), 'not unsigned integers'),
     (lambda report: replace(report, streams=report.streams * 65), 'too long'),
@@ -301,9 +330,12 @@ def test_what_a_receiver_reports_is_believed(datagrams: List[Tuple[str, float, f
     (Report(7, 3700250000, [StreamArrivals('thermal', 10, 9, 10000)]), 'counters go backwards'),
     (Report(7, 3700250000, [StreamArrivals('thermal', 10, 10, 9999)]), 'counters go backwards'),
     (Report(7, 3700250000, [StreamArrivals('thermal', 9, 10, 10000)]), 'counters go backwards'),
+    (Report(7, 3700250000, [StreamArrivals('thermal', 10, 10, 10000)], marked=4), 'counters go backwards'),
 ])
 def test_reports_that_contradict_the_one_before_are_dropped(second: Report, reason: str) -> None:
     history, arrivals = path()
+    arrivals.add('thermal', 10, 0, 100.14 + AHEAD, 0, marked=5)
+    second = replace(second, marked=second.marked or 5)
     reader = FeedbackReader(history)
     assert reader.read(arrivals.report(100.15 + AHEAD), 100.17) is not None
     assert reader.read(second, 100.27) is None
@@ -329,7 +361,7 @@ any_report = st.builds(
     Report, numbers, numbers,
     st.lists(st.builds(StreamArrivals, st.sampled_from(['thermal', 'camera', '']), numbers, numbers, numbers),
              max_size=3),
-    st.lists(st.builds(ArrivalSample, numbers, numbers, numbers), max_size=3))
+    st.lists(st.builds(ArrivalSample, numbers, numbers, numbers), max_size=3), numbers)
 
 
 @given(st.lists(st.tuples(any_report, st.floats(100.1, 101)), max_size=8))
@@ -340,6 +372,7 @@ def test_no_report_raises_or_counts_more_than_was_sent(attack: List[Tuple[Report
         feedback = reader.read(report, now)
         if feedback is not None:
             assert 0 <= feedback.received <= feedback.expected
+            assert 0 <= feedback.marked <= history.totals('thermal')[0]
             assert 0 <= feedback.unreported <= history.total
             assert all(sample.total <= history.total and sample.sent <= now for sample in feedback.samples)
 

@@ -131,6 +131,24 @@ def test_a_plan_reaches_the_streams() -> None:
     assert not any(one.settings.current.paused for one in streams.values())
 
 
+def test_a_relay_takes_no_more_than_its_share_of_the_link() -> None:
+    link = RobotLink(StubTransport(), Outbox())
+    streams = {'link': stream('relay', link, rate=2.0, message_type='nav_msgs/Odometry', max_share=0.01),
+               'odom': stream('relay', link, rate=2.0, message_type='nav_msgs/Odometry')}
+    plan, fast = Plan(1e5, 736, {}, {}, 1.0), Plan(1e5, 736, {}, {}, 0.25)
+    grant(plan, streams, 1e4)
+    assert effective(streams, 'rate') == {'link': [2.0], 'odom': [2.0]}     # how long its messages are is not known
+    for one in streams.values():
+        one.encoder.message_size = 100.0
+    grant(plan, streams, 1e4)
+    assert effective(streams, 'rate') == {'link': [1.0], 'odom': [2.0]}
+    for capacity, rate in ((1e5, 2.0), (0.0, 2.0), (1.0, 0.2)):
+        grant(plan, streams, capacity)
+        assert effective(streams, 'rate') == {'link': [rate], 'odom': [2.0]}
+    grant(fast, streams, 5e3)
+    assert effective(streams, 'rate') == {'link': [0.5], 'odom': [1.0]}
+
+
 def test_ticks_and_reports_set_the_rate_of_the_outbox(ros: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     clock, published = SimpleNamespace(now=1000.0), ros.published
     monkeypatch.setattr(link_control, 'time', SimpleNamespace(monotonic=lambda: clock.now))
@@ -209,12 +227,43 @@ def test_a_plan_says_what_a_stream_may_use_beside_the_others(ros: Any, monkeypat
     assert Controller(Limits(max_rate=math.inf), False, 1472).tick(0.0, {'thermal': Demand(points)}, 0).rooms == {}
 
 
+@pytest.mark.parametrize('limits, adapt, known', [
+    (Limits(start_rate=5000.0), True, 5000.0),         # nobody has reported yet
+    (Limits(max_rate=8000.0), False, 8000.0), (Limits(max_rate=math.inf), False, 0.0)])
+def test_what_is_sent_beside_the_streams_starves_nobody_while_the_capacity_is_unknown(
+        limits: Limits, adapt: bool, known: float, ros: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As a capture that begins before the first report."""
+    monkeypatch.setattr(RobotStream, 'subscribers', {'/op'})
+    monkeypatch.setattr(RobotStream, 'heard', True)
+    scheduler, told = PacketScheduler(), []
+    shared = SharedController(Controller(limits, adapt, 1472))
+
+    def further(capacity: float) -> Dict[str, Demand]:
+        told.append(capacity)
+        points = [OperatingPoint({}, rate) for rate in (0.4 * capacity, max(0.4 * capacity, 1e5))]
+        return {'capture': Demand(points, weight=0.0, min_bitrate=0.4 * capacity)}
+
+    link = RobotLink(ros.transport, Outbox(scheduler, shared.on_sent))
+    control = LinkControl(shared, link, {'thermal': stream('image', link)}, further=further)
+    for _ in range(3):
+        ros.tick()
+    assert told == [0.0, known, known] and all(map(math.isfinite, control.shares.values()))
+    for name in ('capture', 'thermal'):
+        scheduler.put(name, name, [(2, 1000)])
+    now, left = 1e6, []
+    for _ in range(100):
+        chunk = scheduler.take(now)
+        left += [chunk.stream] if chunk else []
+        now += 1.0
+    assert set(left) == {'capture', 'thermal'} and scheduler.wait(now) == math.inf
+
+
 def test_a_tick_does_not_undo_what_a_report_changes_meanwhile(ros: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     scheduler, controller = PacketScheduler(), Controller(Limits(), True, 1472)
     shared, rates = SharedController(controller), [5000.0]
     monkeypatch.setattr(controller, 'rate', lambda now: rates[-1])
     LinkControl(shared, RobotLink(ros.transport, Outbox(scheduler, shared.on_sent)), {})
     # while the plan's grants are made, a report halves the rate
-    monkeypatch.setattr(link_control, 'grant', lambda plan, streams: rates.append(plan.rate / 2))
+    monkeypatch.setattr(link_control, 'grant', lambda plan, streams, capacity: rates.append(plan.rate / 2))
     ros.tick()
     assert scheduler.rate == 2500.0

@@ -187,10 +187,11 @@ def test_a_side_that_forgot_the_other_learns_all_again() -> None:
         robot.asked = asked
     run(operator, robot, 2.0, 4.0)
     robot.exchange = Exchange(robot.local)
-    run(operator, robot, 4.0, 4.0 + WANTS_PERIOD + 1.0)
+    now = 4.0 + WANTS_PERIOD + 1.0
+    run(operator, robot, 4.0, now)
     assert robot.exchange.wants == {IMAGE.id} and operator.exchange.wants == {7}
     robot.asked = frozenset()
-    run(operator, robot, 6.0, 8.0)
+    run(operator, robot, now, now + 2.0)
     assert not operator.exchange.wants
     assert len(robot.exchange.differences('desk')) == 1
 

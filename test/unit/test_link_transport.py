@@ -56,8 +56,8 @@ def test_frames_arrive_as_records(made: Links) -> None:
     assert publisher.publish_frames(image.part(0, 1)) == 301
 
     size = image.datagram_size + robot.overhead + 28
-    wait_for(lambda: sum(count for *_, count, _ in inbox.arrivals) == 301)
-    assert sum(sizes for _, _, sizes, _, _ in inbox.arrivals) == 301 * size
+    wait_for(lambda: sum(what[3] for what in inbox.arrivals) == 301)
+    assert sum(what[2] for what in inbox.arrivals) == 301 * size
     stats, = subscriber.connections()
     assert stats['peer'] == '/robot_sender@ugv1' and stats['address'] == ('127.0.0.1', robot.port)
     assert (stats['datagrams'], stats['received'], stats['lost'], stats['dropped']) == (301, 301, 0, {})
@@ -65,6 +65,43 @@ def test_frames_arrive_as_records(made: Links) -> None:
     sent, = publisher.connections()
     assert (sent['peer'], sent['datagrams'], sent['failures']) == ('/operator_receiver@desk1', 301, {})
     assert sent['max_datagram_size'] == robot.max_datagram_size == 1472 - robot.overhead
+
+
+def test_each_topic_has_its_ip_headers_and_marks_are_counted(made: Links) -> None:
+    """What a congested queue would mark is sent as marked here."""
+    robot, _ = made.robot(tos_mask=0xff)
+    images, chat = robot.publisher(THERMAL, CompressedImage, tos=0x8b), robot.publisher(CHAT, String, tos=0xb8)
+    operator, _ = made.operator(robot.port)
+    inbox = Inbox()
+    operator.subscriber(THERMAL, CompressedImage, batch_callback=inbox.batch, arrived=inbox.arrived)
+    operator.subscriber(CHAT, String, inbox.message)
+    settle(images, chat)
+    images.publish_frames(frame(CompressedImage, 40, 1300))
+    chat.publish(String('between'))
+    images.publish_frames(frame(CompressedImage, 2, 100))
+    inbox.wait(lambda: len(inbox.records) == 42 and inbox.messages)
+    assert sum(what[-1] for what in inbox.arrivals) == 42
+    images.tos = 0x8a
+
+    def is_unmarked() -> bool:
+        """Of one more datagram."""
+        number = len(inbox.records)
+        images.publish_frames(frame(CompressedImage, 1, 100))
+        inbox.wait(lambda: len(inbox.records) > number)
+        return not inbox.arrivals[-1][-1]
+    wait_for(is_unmarked)
+
+
+def test_ip_headers_are_left_alone_where_that_is_wanted(keyed: Links) -> None:
+    robot, _ = keyed.robot(tos_mask=0xfc)
+    publisher = robot.publisher(THERMAL, CompressedImage, tos=0x8b)
+    operator, _ = keyed.operator(robot.port)
+    inbox = Inbox()
+    operator.subscriber(THERMAL, CompressedImage, batch_callback=inbox.batch, arrived=inbox.arrived)
+    settle(publisher)
+    publisher.publish_frames(frame(CompressedImage, 2, 1300))
+    inbox.wait(lambda: len(inbox.records) == 2)
+    assert sum(what[-1] for what in inbox.arrivals) == 0 and publisher.tos == 0x88
 
 
 @pytest.mark.parametrize('size', [1, 1400, 1500, 200_000])

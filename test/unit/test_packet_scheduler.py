@@ -254,6 +254,15 @@ def test_rates_and_bursts_must_be_positive_and_finite(wrong: Dict[str, float]) -
         PacketScheduler(**wrong)
 
 
+def test_a_share_that_is_no_number_is_refused_and_starves_nobody() -> None:
+    scheduler = PacketScheduler(1e4)
+    with pytest.raises(ValueError, match='the share of a is nan'):
+        scheduler.set_share('a', math.nan)
+    scheduler.put('a', 'a', [(1, 1000)])
+    scheduler.put('b', 'b', [(1, 1000)])
+    assert [scheduler.take(now).stream for now in (0.0, 1.0)] == ['a', 'b']     # type: ignore[union-attr]
+
+
 @given(st.floats(1e3, 1e8), st.integers(1, 100000), st.lists(
     st.tuples(st.sampled_from('abc'), st.floats(0, 1), st.lists(st.tuples(st.integers(0, 30), st.integers(1, 2000)),
                                                                 max_size=3)), max_size=20))

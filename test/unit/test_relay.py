@@ -189,6 +189,31 @@ def test_repeats_come_no_faster_than_messages_may() -> None:
         assert encoder.repeat_period(settings) == period
 
 
+def test_short_messages_are_repeated_less_and_less_often() -> None:
+    encoder, settings = relay('std_msgs/String', latch=True, rate=10.0)
+
+    def periods(count: int) -> List[Any]:
+        found = []
+        for _ in range(count):
+            found.append(encoder.repeat_period(settings))
+            repeated(encoder, settings)
+        return found
+
+    encoded(encoder, settings, String('a'))
+    assert periods(6) == [1.0, 2.0, 4.0, 5.0, 5.0, 5.0]
+    encoded(encoder, settings, String('b'))
+    assert periods(3) == [1.0, 2.0, 4.0]
+    encoder.joined()
+    assert periods(2000)[:4] == [1.0, 2.0, 4.0, 5.0]
+    encoder.encode(String(noise(3000)), settings, 1472)     # useless without all of its datagrams
+    for _ in range(5):
+        assert encoder.repeat_period(settings) == 1.0 and len(encoder.repeat(settings, 1472)[0]) == 2
+    encoder, slow = relay('std_msgs/String', latch=True, repeat_rate=0.1)
+    encoded(encoder, slow, String('a'))
+    repeated(encoder, slow)
+    assert encoder.repeat_period(slow) == 10.0
+
+
 # messages of many datagrams
 
 def test_only_short_messages_are_protected() -> None:

@@ -168,6 +168,17 @@ def test_grants_that_differ_in_their_last_digits_let_no_more_through(make: Make)
     assert 3 <= count <= 3 * lasted + 2
 
 
+@pytest.mark.parametrize('backlog, waits', [(None, 0.02), (0.0, 0.0), (0.1, 0.1)])
+def test_a_newer_message_waits_for_the_rest_as_the_encoder_says(make: Make, monkeypatch: Any, backlog: Any,
+                                                               waits: float) -> None:
+    made, asked = make(), []
+    made.stream.encoder.backlog = backlog
+    monkeypatch.setattr(made.link.outbox, 'await_rest', lambda *arguments: asked.append(arguments))
+    made.stream.receive(scan(5))
+    wait_for(lambda: made.segments.published == [5])
+    assert asked == [('scan', False, waits)]
+
+
 def test_a_stream_that_is_turned_off_stops_in_the_middle(make: Make) -> None:
     made = make()
     made.link.outbox.change(lambda scheduler: scheduler.set_rate(1.0, time.monotonic()))

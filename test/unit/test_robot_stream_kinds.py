@@ -153,5 +153,6 @@ def test_a_stream_that_is_no_longer_protected_has_a_share_of_the_link(make: Make
         made.stream.receive(scan(number))
         wait_for(lambda number=number: made.segments.published[-2:] == [number] * 2)
     assert made.stream.encoder.calls == [1472, 736] and made.link.outbox.protected == 0
+    assert made.segments.options['tos'] == 0xba and made.segments.tos == 0x6a   # EF, then AF31; both with ECT(0)
     wait_for(lambda: made.stream.sent == 2)
     assert made.stream.demand(0.0).points[-1].cost == 1000 * made.stream.settings.current['rate']

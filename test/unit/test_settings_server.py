@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
 from typing import Any, Dict, List
 
+import pytest
+
 from smokebot_udp.mission.remote import MAX_REFUSAL, PartState, Request
 from smokebot_udp.mission.settings_server import (
     BURST,
     INTERVAL,
+    LAST_REPEAT,
     MAX_REMEMBERED,
-    PERIOD,
     REQUEST_PERIOD,
-    SENDINGS,
     SettingsServer,
 )
 
@@ -38,19 +39,30 @@ class Robot(SettingsServer):
         return states
 
 
-def test_all_parts_are_sent_at_first_then_in_turn_slowly() -> None:
-    server = Robot()
-    states = server.first
-    assert [state.part for state in states] == SENDINGS * ['', 'thermal', 'map']
-    assert states[0] == PartState(7, 1, '', {'focus': 'default'}, ('default', 'drive'))
-    assert states[1] == PartState(7, 1, 'thermal', {'rate': 10.0})
-    now, turn = 100.0, []
-    for _ in range(6):
+def sendings(server: SettingsServer, until: float) -> Dict[str, List[float]]:
+    """{part: when it is sent} until a time."""
+    sent: Dict[str, List[float]] = {}
+    while True:
+        now = server.deadline()
+        assert now is not None
+        if now > until:
+            return sent
         state = server.poll(now)
-        assert state is not None and server.poll(now) is None and server.deadline() == now + PERIOD
-        turn.append(state.part)
-        now += PERIOD
-    assert turn == 2 * ['', 'thermal', 'map']
+        assert state is not None and server.poll(now) is None
+        sent.setdefault(state.part, []).append(now)
+
+
+def test_all_parts_are_sent_at_first_then_less_and_less_often() -> None:
+    server = Robot()
+    assert [state.part for state in server.first] == ['', 'thermal', 'map']
+    assert server.first[0] == PartState(7, 1, '', {'focus': 'default'}, ('default', 'drive'))
+    assert server.first[1] == PartState(7, 1, 'thermal', {'rate': 10.0})
+    sent = sendings(server, 200.0)
+    assert list(sent) == ['', 'thermal', 'map']
+    for number, times in enumerate(sent.values()):
+        first = INTERVAL * (number + 1)
+        assert times == pytest.approx([first + after for after in (1, 3, 7, 15, 31, 63, 127, 191)])
+        assert max(later - earlier for earlier, later in zip(times, times[1:])) == pytest.approx(LAST_REPEAT)
 
 
 def test_what_changes_is_sent_at_once_and_nothing_else() -> None:
@@ -58,13 +70,18 @@ def test_what_changes_is_sent_at_once_and_nothing_else() -> None:
     server.update(PARTS)
     assert server.drained() == []
     server.update({**PARTS, 'map': {'rate': 2.0}})
-    assert server.drained() == SENDINGS * [PartState(7, 2, 'map', {'rate': 2.0})]
+    assert server.drained() == [PartState(7, 2, 'map', {'rate': 2.0})]
+    later = sendings(server, server.now + 10.0)
+    assert len(later['map']) == 3       # four in ten seconds
 
 
 def test_a_new_operator_gets_all() -> None:
     server = Robot()
+    sendings(server, 300.0)
+    server.now = 300.0
     server.joined()
-    assert len(server.drained()) == SENDINGS * len(PARTS)
+    assert len(server.drained()) == len(PARTS)
+    assert {len(times) for times in sendings(server, 310.0).values()} == {3}
 
 
 def test_a_request_is_carried_out_once_and_each_repetition_answered() -> None:

@@ -42,6 +42,27 @@ def test_a_message_makes_it_begin_anew() -> None:
     assert asked_at(silence, 201.0, 201.0, 231.0) == [3, 9, 21]
 
 
+def test_a_topic_with_a_message_each_few_seconds_is_not_silent() -> None:
+    silence, heard, asked = Silence(100.0), 100.0, 0
+    for second in range(100, 200):
+        heard = float(second - second % 5)
+        if silence.due(heard, float(second)):
+            silence.asked(float(second))
+            asked += 1
+    assert asked == 1       # before its pauses are known
+    assert asked_at(silence, heard, 200.0, 260.0) == [8, 20, 32, 56]    # silent since 195
+    for second in range(260, 300):      # then it comes often
+        silence.due(float(second), second + 0.5)
+    assert asked_at(silence, 299.0, 299.0, 330.0) == [3, 9, 21]
+
+
+def test_an_interruption_does_not_make_it_patient_for_long() -> None:
+    silence = Silence(100.0)
+    for second in [*range(100, 120), *range(150, 170)]:
+        silence.due(float(second), second + 0.5)
+    assert asked_at(silence, 169.0, 169.0, 175.0) == [3]
+
+
 def test_a_question_without_answer_is_repeated_soon() -> None:
     silence = Silence(100.0)
     asked_at(silence, 100.0, 100.0, 150.0)

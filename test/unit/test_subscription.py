@@ -10,6 +10,7 @@ from std_msgs.msg import Empty
 from subscription_peer import CONNECTION, SIZE, datagram, numbered, peers, serialised, text
 
 from smokebot_udp.udpros.datagram import message_ids, split
+from smokebot_udp.udpros.endpoints import DatagramSender
 from smokebot_udp.udpros.frame import Frame
 
 
@@ -65,12 +66,35 @@ def test_each_arrival_is_reported_once(make, batches) -> None:
     peer.send_and_wait(numbered(10))
     peer.send_and_wait(numbered(12), numbered(11), numbered(12), numbered(13))
     peer.send_and_wait(numbered(14, 'a' * 300), numbered(14, 'a' * 300), numbered(15))
-    assert sum(count for *_, count, _ in reported) == 6 and len({number for number, *_ in reported}) == 1
+    assert sum(what[3] for what in reported) == 6 and len({number for number, *_ in reported}) == 1
     assert reported[0][1:4] == (10, len(short) + 12 + 28, 1) and reported[-1][1] in (14, 15)
     assert {seq for _, seq, *_ in reported} <= set(range(10, 16))
-    whens = [when for *_, when in reported]
+    whens = [what[4] for what in reported]
     assert whens == sorted(whens) and begun - 0.01 < whens[0] and whens[-1] <= time.monotonic()
     assert sum(size for _, _, size, *_ in reported) == 5 * (len(short) + 40) + len(long)
+
+
+@pytest.mark.parametrize('batches', [False, True])
+def test_marks_of_congested_queues_are_counted_once_for_each_message(make, batches) -> None:
+    """One by one, in batches of more than are taken one by one, and in many blocks; of a stranger none."""
+    marked = []
+    peer = make(Image, batches, not batches, arrived=lambda *what: marked.append(what[-1])).start()
+    last = 0
+    for tos, count in ((0x88, 1), (0x8b, 1), (0x8a, 20), (3, 20)):
+        peer.sender.tos = tos
+        peer.send_and_wait(*(numbered(seq) for seq in range(last + 1, last + count + 1)))
+        peer.send(numbered(last + 1))       # a duplicate
+        last += count
+    assert sum(marked) == 21
+    peer.send_and_wait(numbered(last + 1, 'a' * 300))
+    assert sum(marked) == 22
+    stranger = DatagramSender('127.0.0.1', peer.receiver.address[1])
+    stranger.tos = 3
+    stranger.send_one(datagram(numbered(last + 2)))
+    stranger.close()
+    peer.sender.tos = 0
+    peer.send_and_wait(numbered(last + 3))
+    assert sum(marked) == 22
 
 
 def test_repeats_of_long_messages_stop_too(make) -> None:

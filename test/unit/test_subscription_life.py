@@ -97,7 +97,7 @@ def test_emulated_loss_counts_as_lost(make, batches) -> None:
     assert peer.counted.sequence.lost == count + 1 - len(expected)
     assert peer.counted.datagrams == len(expected)
     assert peer.counted.inbox.dropped == {}
-    assert sum(number for *_, number, _ in arrived) == len(expected)
+    assert sum(what[3] for what in arrived) == len(expected)
 
 
 def test_all_may_be_lost(make) -> None:

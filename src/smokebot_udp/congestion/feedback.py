@@ -82,6 +82,7 @@ class Report:
     clock: int
     streams: List[StreamArrivals] = field(default_factory=list)
     marks: List[ArrivalSample] = field(default_factory=list)
+    marked: int = 0
 
 
 class ReceiveHistory:
@@ -98,12 +99,14 @@ class ReceiveHistory:
     def restart(self) -> None:
         """Begin a new session: the sender restarted."""
         self._session = self._new_session()
+        self._marked = 0
         self._streams: Dict[str, StreamArrivals] = {}
         self._heard: Dict[str, float] = {}          # {stream: newest time of arrival [s]}
         # (time of arrival, stream, sequence number)
         self._samples: Deque[Tuple[float, str, int]] = collections.deque(maxlen=MAX_SAMPLES)
 
-    def add(self, stream: str, seq: int, size: int, now: float, count: int = 1, connection: int = 0) -> None:
+    def add(self, stream: str, seq: int, size: int, now: float, count: int = 1, connection: int = 0,
+            marked: int = 0) -> None:
         """Record datagrams that arrived for the first time.
 
         :param stream: its name
@@ -113,6 +116,7 @@ class ReceiveHistory:
         :param count: number of datagrams
         :param connection: number of the connection that they came by. A newer one shows that the sender restarted and
             knows nothing of the past; what an older one still delivers is ignored
+        :param marked: how many of them were marked by a congested queue (ECN)
         """
         if connection > self._connections.setdefault(stream, connection):
             self._connections[stream] = connection
@@ -129,11 +133,12 @@ class ReceiveHistory:
         silence = now - self._heard.get(stream, now)
         if seq < counters.highest - (RESTART_GAP if silence <= STREAM_TIMEOUT else 0):
             self.restart()
-            self.add(stream, seq, size, now, count, connection)
+            self.add(stream, seq, size, now, count, connection, marked)
             return
         self._heard[stream] = max(now, self._heard.get(stream, now))
         counters.received += count
         counters.bytes += size
+        self._marked += marked
         if seq >= counters.highest:     # a reordered datagram says nothing about the queue now
             counters.highest = seq
             if not self._samples or now - self._samples[-1][0] >= SAMPLE_INTERVAL:
@@ -151,7 +156,7 @@ class ReceiveHistory:
         index = {one.name: number for number, one in enumerate(reported)}
         marks = [ArrivalSample(index[name], seq, round(1e6 * (now - arrived))) for arrived, name, seq in samples]
         streams = [StreamArrivals(one.name, one.highest, one.received, one.bytes) for one in reported]
-        return Report(self._session, round(1e6 * now), streams, marks)
+        return Report(self._session, round(1e6 * now), streams, marks, self._marked)
 
 
 class PacketSample(NamedTuple):
@@ -201,6 +206,8 @@ class Feedback(NamedTuple):
     """Whether the receiver or its clock restarted: delays before and after are not comparable."""
     arrivals: Sequence[Arrivals] = ()
     """Of each stream in the report."""
+    marked: int = 0
+    """Datagrams that arrived since the last valid report with the mark of a congested queue (ECN, RFC 3168)."""
 
     @property
     def lost(self) -> int:
@@ -228,7 +235,7 @@ class FeedbackReader:
         """Reports that were not believed, wholly or in part, by reason."""
         self.sent = OperatorHistory(history)
         """What the receiver was sent."""
-        self._last: Optional[Any] = None    # the last valid report
+        self._last: Any = None              # the last valid report; None: there was none
         self._counters: Dict[str, Any] = {}     # {stream: its last possible counters of this session}
         self._last_read = -math.inf         # when it came, by our clock [s]
         self._newest = 0                    # total of the newest sample
@@ -255,6 +262,7 @@ class FeedbackReader:
         known = {} if restarted else before
         expected, received = self._difference(counters, known)
         arrivals = self._arrivals(counters, known)
+        marked = 0 if restarted else self._marked(report.marked - self._last.marked, counters, known)
         self._last, self._last_read = report, now
         self._counters = {**{one.name: before[one.name] for one in report.streams if one.name in before}, **counters}
         # a datagram is news once: even after a restart of the receiver, older ones can no longer arrive
@@ -263,7 +271,7 @@ class FeedbackReader:
         self._newest = fresh[-1].total if fresh else self._newest
         round_trip = min((now - sample.sent - age for sample, age in samples), default=math.nan)
         return Feedback(fresh, round_trip, expected, received, self.sent.total - self._newest, restarted,
-                        arrivals)
+                        arrivals, marked)
 
     def _samples(self, report: Any, now: float, impossible: Set[str]) -> List[Tuple[PacketSample, float]]:
         """[(possible sample, its age at the time of the report [s]), ...]
@@ -292,6 +300,8 @@ class FeedbackReader:
         """
         same_session = self._last is not None and self._last.session == report.session
         before, counters = self._counters if same_session else {}, {}
+        if self._last is not None and same_session and report.marked < self._last.marked:
+            raise _InvalidReport('counters go backwards')
         for one in report.streams:
             count, size = self.sent.totals(one.name)
             known = before.get(one.name)
@@ -327,6 +337,14 @@ class FeedbackReader:
             found.append(Arrivals(name, expected, min(expected, one.received - last.received)))
         return found
 
+    def _marked(self, reported: int, counters: Mapping[str, Any], before: Mapping[str, Any]) -> int:
+        """The datagrams marked since the last report: no more than arrived meanwhile."""
+        arrived: int = sum(one.received - (before[name].received if name in before else 0)
+                           for name, one in counters.items())
+        if reported > arrived:
+            self.dropped['more marked than received'] += 1
+        return min(reported, arrived)
+
     def _check_clock(self, report: Any, now: float) -> bool:
         """Whether the receiver's clock started again."""
         reading = report.clock, now
@@ -349,7 +367,7 @@ def _check_form(report: Any) -> None:
     """Check for what the message's types allow: a Report from elsewhere may hold a NaN."""
     if len(report.streams) > MAX_STREAMS or len(report.marks) > MAX_SAMPLES:
         raise _InvalidReport('too long')
-    numbers = [report.session, report.clock]
+    numbers = [report.session, report.clock, report.marked]
     for one in report.streams:
         numbers += one.highest, one.received, one.bytes
     for mark in report.marks:

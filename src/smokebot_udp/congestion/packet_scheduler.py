@@ -140,7 +140,12 @@ class PacketScheduler:
             self._full_at = max(self._full_at, now + min(missing, depth) / self.rate)
 
     def set_share(self, stream: str, share: float) -> None:
-        """Set a stream's share of the link beside others that have something to send [byte/s]."""
+        """Set a stream's share of the link beside others that have something to send [byte/s].
+
+        :raises ValueError: where it is not a number: no stream would ever have its turn again
+        """
+        if math.isnan(share):
+            raise ValueError('the share of %s is %r' % (stream, share))
         flow, share = self._flow(stream), max(share, MIN_SHARE)
         # its lead over the others stays the same in bytes: what was sent at a tiny share must not block it for long
         flow.served = self._virtual + (flow.served - self._virtual) * flow.share / share

@@ -13,8 +13,7 @@ import time
 import traceback
 from typing import Callable, Counter, Protocol
 
-from ..arrays import IntArray
-from ..udpros.depacketizer import Arrival
+from ..udpros.depacketizer import Arrivals
 from ..udpros.endpoints import BatchSender, DatagramReceiver
 from .core import LinkCore
 from .peer import Delivery, Event
@@ -43,7 +42,7 @@ class Handler(Protocol):
     def on_event(self, event: Event) -> None:
         """Something has happened to a peer; called before the peer's datagrams are handed on."""
 
-    def on_delivery(self, delivery: Delivery, arrival: Arrival, now: float) -> None:
+    def on_delivery(self, delivery: Delivery, arrivals: Arrivals, now: float) -> None:
         """Datagrams of a peer have arrived."""
 
     def poll(self, now: float) -> float:
@@ -61,6 +60,7 @@ class Endpoint:
     def __init__(self, core: LinkCore, receiver: DatagramReceiver, handler: Handler,
                  report: Callable[[str], None]) -> None:
         self.receiver, self.sender = receiver, BatchSender(receiver.socket)
+        self._arrivals = Arrivals(receiver.arrival, receiver.marked)
         self._core, self._handler, self._report = core, handler, report
         self._received = self._many = self._due = 0.0   # the last batch, the last one of MANY, the handler's deadline
         self._ended = threading.Event()
@@ -135,12 +135,8 @@ class Endpoint:
             receiver.datagrams[:count], receiver.lengths[:count], receiver.sources[:count], now)
         self._hand_on_events()
         for delivery in deliveries:
-            self._handler.on_delivery(delivery, self._arrival(delivery.rows), now)
+            self._handler.on_delivery(delivery, self._arrivals.part(delivery.rows), now)
         self._send_outputs()
-
-    def _arrival(self, rows: IntArray) -> Arrival:
-        """When a datagram of a delivery arrived, by its row there."""
-        return lambda row: self.receiver.arrival(int(rows[row]))
 
     def _hand_on_events(self) -> None:
         for event in self._core.events():

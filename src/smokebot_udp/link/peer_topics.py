@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What a transport has of each peer: the exchange of tables (tables.py), and the room of a datagram to it."""
 import contextlib
-import functools
 from typing import Dict, FrozenSet, Mapping
 
 import numpy as np
 
 from ..arrays import BoolArray, IntArray, Records, UInt8Array
 from ..udpros.datagram import MIN_MAX_DATAGRAM_SIZE
-from ..udpros.depacketizer import Arrival, Depacketizer
+from ..udpros.depacketizer import Arrivals, Depacketizer
 from ..udpros.endpoints import BatchSender, path_payload
 from ..udpros.packetizer import Packetizer
 from .packets import Malformed
@@ -24,27 +23,28 @@ class PeerTopics:
     """The topics of one peer. The link's thread only.
 
     :param local: this side's topics
-    :param sender: of the link's socket, with counts of its own
+    :param sender: of the link's socket
     """
 
     def __init__(self, peer: Peer, local: Local, sender: BatchSender) -> None:
         self.peer, self.exchange = peer, Exchange(local)
         self._now, self._handshakes = 0.0, peer.handshakes
         self._room, self._room_due = MIN_MAX_DATAGRAM_SIZE, 0.0
-        sending = PeerSender(peer, sender)
+        self._sender = sender
+        sending = PeerSender(peer, sender.another(sender.tos))
         self._packetizers = {kind: Packetizer(sending, kind, self._room) for kind in Table}
         self._depacketizers = {kind: Depacketizer(kind, _Messages(self, kind), None, max_message_size=MAX_TABLE_SIZE)
                                for kind in Table}
         self.malformed = 0
         """Messages that no correct peer sends."""
 
-    def take(self, kind: int, datagrams: UInt8Array, lengths: IntArray, arrival: Arrival, now: float) -> bool:
+    def take(self, kind: int, datagrams: UInt8Array, lengths: IntArray, arrivals: Arrivals, now: float) -> bool:
         """Take datagrams of the peer's messages on tables; returns whether there is such a kind of message."""
         depacketizer = self._depacketizers.get(kind)    # type: ignore[call-overload]
         if depacketizer is None:
             return False
         self._now = now
-        depacketizer.take(datagrams, lengths, np.ones(len(lengths), bool), arrival, now)
+        depacketizer.take(datagrams, lengths, np.ones(len(lengths), bool), arrivals, now)
         depacketizer.deliver()
         return True
 
@@ -65,20 +65,19 @@ class PeerTopics:
             packetizer.max_datagram_size = self._room
             packetizer.send_message(len(data).to_bytes(4, 'little') + data)
 
-    def serve(self, publishers: Mapping[int, Publisher], sender: 'functools.partial[BatchSender]') -> None:
+    def serve(self, publishers: Mapping[int, Publisher]) -> None:
         """Connect publishers to the peer as it wants.
 
         :param publishers: {connection id: publisher}
-        :param sender: makes a sender of the link's socket
         """
         for number, publisher in publishers.items():
             connection, wanted = publisher.connection_to(self.peer), number in self.exchange.wants
             if connection is not None and not wanted:
                 publisher.remove(self.peer)
             elif connection is None and wanted:
-                publisher.add(Outgoing(self.peer, sender(), number, self._room))
+                publisher.add(Outgoing(self.peer, self._sender.another(publisher.tos), number, self._room))
             elif connection is not None:
-                connection.packetizer.max_datagram_size = self._room
+                connection.follow(self._room, publisher.tos)
 
     def asked(self, subscribers: Mapping[int, Subscriber]) -> FrozenSet[int]:
         """The connection ids that this side wants of the peer."""

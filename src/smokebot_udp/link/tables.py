@@ -5,7 +5,7 @@ A topic's connection id follows from its name, type and md5 sum, so its data can
 topics that differ cannot be confused. Two messages say the rest, on connection ids of their own (link/control.py):
 
 * WANTS lists the ids that its sender wants to receive now. It is sent at once, repeated until it is acknowledged, at
-  each change, under new keys, and each second.
+  each change, under new keys, and each WANTS_PERIOD.
 * TABLE lists its sender's topics with names, types and md5 sums. It only serves to name differences, and to ask for a
   topic no sooner than the other side offers it. It is repeated until it is acknowledged.
 * SEEN acknowledges: the number of the latest WANTS and the latest TABLE that were taken. Who has forgotten a peer says
@@ -37,7 +37,7 @@ FIRST_RETRY, LAST_RETRY, RETRY_GROWTH = 0.05, 0.5, 1.5
 """Time to the first repetition of what was not acknowledged, to the later ones at most, and the factor from one to the
 next [s, s, 1]."""
 
-WANTS_PERIOD = 1.0
+WANTS_PERIOD = 5.0
 """[s]"""
 
 CHANGES, CHANGE_PERIOD = 16, 0.1

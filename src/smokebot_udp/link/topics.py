@@ -13,7 +13,7 @@ import numpy as np
 from ..arrays import BoolArray, IntArray, Records, UInt8Array
 from ..transport import always
 from ..udpros.datagram import IP_UDP_HEADERS, LENGTH, Buffer
-from ..udpros.depacketizer import Arrival, Arrived, BatchCallback, Depacketizer
+from ..udpros.depacketizer import Arrivals, Arrived, BatchCallback, Depacketizer
 from ..udpros.endpoints import BatchSender
 from ..udpros.frame import Frame, first_messages
 from ..udpros.packetizer import Packetizer
@@ -57,9 +57,13 @@ class Outgoing:
     """A publisher's connection to one peer."""
 
     def __init__(self, peer: Peer, sender: BatchSender, connection_id: int, max_datagram_size: int) -> None:
-        self.peer = peer
+        self.peer, self._socket = peer, sender
         self._sender = PeerSender(peer, sender)
         self.packetizer = Packetizer(self._sender, connection_id, max_datagram_size)
+
+    def follow(self, max_datagram_size: int, tos: int) -> None:
+        """Send like this from now on."""
+        self.packetizer.max_datagram_size, self._socket.tos = max_datagram_size, tos
 
     def stats(self) -> Dict[str, Any]:
         """As of udpros.Publisher.connections."""
@@ -74,10 +78,12 @@ class Publisher:
 
     :param listener: whose peer_subscribe is called for each new peer
     :param ended: f(publisher), called by `unregister`
+    :param tos: second byte of the IP headers, see traffic.py
     """
 
-    def __init__(self, topic: Topic, message_class: Any, listener: Any, ended: Callable[['Publisher'], None]) -> None:
-        self.topic, self.resolved_name = topic, topic.name
+    def __init__(self, topic: Topic, message_class: Any, listener: Any, ended: Callable[['Publisher'], None],
+                 tos: int = 0) -> None:
+        self.topic, self.resolved_name, self.tos = topic, topic.name, tos
         self._class, self._listener, self._ended = message_class, listener, ended
         self._connections: Sequence[Outgoing] = ()      # replaced, not changed: other threads iterate
         self._seq = 0
@@ -229,12 +235,12 @@ class Incoming:
         self._begun = time.monotonic()
         self._depacketizer = subscriber.depacketizer(self)
 
-    def take(self, datagrams: UInt8Array, lengths: IntArray, arrival: Arrival, now: float) -> None:
+    def take(self, datagrams: UInt8Array, lengths: IntArray, arrivals: Arrivals, now: float) -> None:
         """Take datagrams of the topic that arrived together, see Depacketizer.take."""
-        first = self._depacketizer.take_singles(datagrams, lengths, lambda row: True, arrival, now)
+        first = self._depacketizer.take_singles(datagrams, lengths, lambda row: True, arrivals, now)
         if first < len(lengths):
             self._depacketizer.take(datagrams[first:], lengths[first:], np.ones(len(lengths) - first, bool),
-                                    lambda row: arrival(first + row), now)
+                                    arrivals.part(np.arange(first, len(lengths))), now)
         self._depacketizer.deliver()
 
     @property

@@ -4,7 +4,6 @@
 RobotTransport listens on one UDP port, OperatorTransport speaks first. Everything that decides is in the core and in
 tables.py; the endpoint's thread runs it, and calls all callbacks of subscribers.
 """
-import functools
 import os
 import socket
 import threading
@@ -14,11 +13,11 @@ from typing import Any, Callable, Counter, Dict, List, Mapping, Optional, Set
 import numpy as np
 import rospy
 
+from .. import traffic
 from ..budget import Budget
 from ..transport import PeerStats, TransportStats, always
 from ..udpros.datagram import DEFAULT_MAX_DATAGRAM_SIZE
-from ..udpros.depacketizer import Arrival, Arrived, BatchCallback
-from ..udpros.endpoints import BatchSender
+from ..udpros.depacketizer import Arrivals, Arrived, BatchCallback
 from ..udpros.loss_emulation import open_receiver
 from .control import FIRST_TOPIC_ID
 from .core import LinkCore
@@ -54,13 +53,15 @@ class LinkTransport:
     :param core: of this side
     :param port: to bind; 0: any
     :param receive_buffer: requested from the kernel [byte]
+    :param tos_mask: of the second byte of IP headers, see traffic.mask
     :param report: f(text), called with what somebody has to see to
     :param log: f(text), called with what happens
     :raises OSError: if the port is in use
     """
     own_masters = True
 
-    def __init__(self, core: LinkCore, port: int, receive_buffer: int, report: Report, log: Report) -> None:
+    def __init__(self, core: LinkCore, port: int, receive_buffer: int, tos_mask: int, report: Report,
+                 log: Report) -> None:
         self.name, self.overhead = encode_name(core.name).decode(), core.overhead       # as the other side has it
         self.max_datagram_size = core.max_datagram_size - core.overhead
         self.sealed = core.mode == Mode.KEYED
@@ -77,18 +78,19 @@ class LinkTransport:
         receiver = open_receiver('link', '', core.max_datagram_size, receive_buffer, port)
         self.port = receiver.address[1]
         self._endpoint = Endpoint(core, receiver, self, report)
-        self._sender = functools.partial(BatchSender, receiver.socket)
+        self._endpoint.sender.tos = traffic.EXPEDITED & tos_mask
+        self.tos_mask = tos_mask
 
     # -- transport.Transport --------------------------------------------------------------------------
 
     def publisher(self, topic: str, message_class: Any, *, queue_size: int = 10, subscriber_listener: Any = None,
-                  carries: str = '') -> Publisher:
+                  carries: str = '', tos: int = 0) -> Publisher:
         """See transport.Transport; nothing waits for a peer here, so there is no queue.
 
         :raises ValueError: if the topic is published already, or its name is too long
         """
         publisher = Publisher(Topic(topic, message_class._type, message_class._md5sum, carries), message_class,
-                              subscriber_listener, self._end_publisher)
+                              subscriber_listener, self._end_publisher, tos & self.tos_mask)
         with self._lock:
             self._local.add(Role.SENDS, publisher.topic)
             self._publishers = {**self._publishers, publisher.topic.id: publisher}
@@ -158,7 +160,7 @@ class LinkTransport:
             self._on_refused(event)
         elif isinstance(event, Joined):
             peer = event.peer
-            self._peers = {**self._peers, peer.number: PeerTopics(peer, self._local, self._sender())}
+            self._peers = {**self._peers, peer.number: PeerTopics(peer, self._local, self._endpoint.sender)}
             self._tell('%s has joined from %s:%d' % (peer.name, *peer.address))
         elif isinstance(event, Moved):
             topics = self._peers.get(event.peer.number)
@@ -185,7 +187,7 @@ class LinkTransport:
         for subscriber in self._subscribers.values():
             subscriber.forget(peer)
 
-    def on_delivery(self, delivery: Delivery, arrival: Arrival, now: float) -> None:
+    def on_delivery(self, delivery: Delivery, arrivals: Arrivals, now: float) -> None:
         """See endpoint.Handler."""
         topics = self._peers.get(delivery.peer.number)
         if topics is None:
@@ -193,23 +195,23 @@ class LinkTransport:
         numbers = delivery.datagrams[:, :4].copy().view('<u4')[:, 0]
         first = int(numbers[0])
         if (numbers == first).all():
-            self._take(topics, first, delivery, slice(None), arrival, now)
+            self._take(topics, first, delivery, slice(None), arrivals, now)
             return
         for number in np.unique(numbers).tolist():
             rows = np.flatnonzero(numbers == number)
-            self._take(topics, number, delivery, rows, functools.partial(_arrival_of, arrival, rows), now)
+            self._take(topics, number, delivery, rows, arrivals.part(rows), now)
 
-    def _take(self, topics: PeerTopics, number: int, delivery: Delivery, rows: Any, arrival: Arrival,
+    def _take(self, topics: PeerTopics, number: int, delivery: Delivery, rows: Any, arrivals: Arrivals,
               now: float) -> None:
         """Hand on the datagrams of one connection id.
 
-        :param rows: of the delivery; `arrival` counts within them
+        :param rows: of the delivery; `arrivals` counts within them
         """
         datagrams, lengths = delivery.datagrams[rows], delivery.lengths[rows]
         subscriber = self._subscribers.get(number)
         if subscriber is not None:
-            subscriber.connect(topics.peer).take(datagrams, lengths, arrival, now)
-        elif number < FIRST_TOPIC_ID and topics.take(number, datagrams, lengths, arrival, now):
+            subscriber.connect(topics.peer).take(datagrams, lengths, arrivals, now)
+        elif number < FIRST_TOPIC_ID and topics.take(number, datagrams, lengths, arrivals, now):
             self._changed = True
         else:
             self._unknown += len(lengths)
@@ -228,7 +230,7 @@ class LinkTransport:
         """Send a peer what it has to know, and what it wants."""
         topics.update_room(self._core.max_datagram_size, now)
         topics.send(topics.asked(self._subscribers), now)
-        topics.serve(self._publishers, self._sender)
+        topics.serve(self._publishers)
         self._due = min(self._due, topics.exchange.deadline())
 
     def _tell_differences(self) -> None:
@@ -248,6 +250,7 @@ class RobotTransport(LinkTransport):
     :param max_datagram_size: the longest datagram to send and to receive, the link's overhead included
         [byte of UDP payload]
     :param receive_buffer: requested from the kernel [byte]
+    :param tos_mask: of the second byte of IP headers, see traffic.mask
     :param name: under which operators know it; None: the node's and the machine's
     :param report: f(text), called with what somebody has to see to
     :param log: f(text), called with what happens
@@ -255,10 +258,10 @@ class RobotTransport(LinkTransport):
     """
 
     def __init__(self, port: int, key: Optional[bytes] = None, *, max_datagram_size: int = DEFAULT_MAX_DATAGRAM_SIZE,
-                 receive_buffer: int = 4 << 20, name: Optional[str] = None, report: Report = rospy.logerr,
-                 log: Report = rospy.loginfo) -> None:
+                 receive_buffer: int = 4 << 20, tos_mask: int = 0, name: Optional[str] = None,
+                 report: Report = rospy.logerr, log: Report = rospy.loginfo) -> None:
         core = RobotCore(key, os.urandom, max_datagram_size, own_name() if name is None else name)
-        super().__init__(core, port, receive_buffer, report, log)
+        super().__init__(core, port, receive_buffer, tos_mask, report, log)
         self._endpoint.start()
 
     def _on_refused(self, event: Refused) -> None:
@@ -276,13 +279,13 @@ class OperatorTransport(LinkTransport):
     """
 
     def __init__(self, host: str, port: int, key: Optional[bytes] = None, *,
-                 max_datagram_size: int = DEFAULT_MAX_DATAGRAM_SIZE, receive_buffer: int = 4 << 20,
+                 max_datagram_size: int = DEFAULT_MAX_DATAGRAM_SIZE, receive_buffer: int = 4 << 20, tos_mask: int = 0,
                  name: Optional[str] = None, report: Report = rospy.logerr, log: Report = rospy.loginfo) -> None:
         self._operator = OperatorCore(key, os.urandom, max_datagram_size, own_name() if name is None else name)
         self._resolver, self._robot_port = Resolver(host), port
         self._troubled: Optional[float] = None      # since when there is a problem
         self._last_problem: Optional[str] = None    # that was reported
-        super().__init__(self._operator, 0, receive_buffer, report, log)
+        super().__init__(self._operator, 0, receive_buffer, tos_mask, report, log)
         self._endpoint.start()
 
     def problem(self) -> Optional[str]:
@@ -323,8 +326,3 @@ def own_name() -> str:
 def without(items: Mapping[int, Any], key: int) -> Dict[int, Any]:
     """A copy that lacks one key."""
     return {other: value for other, value in items.items() if other != key}
-
-
-def _arrival_of(arrival: Arrival, rows: Any, row: int) -> float:
-    """When the datagram of a row of some rows arrived."""
-    return arrival(int(rows[row]))

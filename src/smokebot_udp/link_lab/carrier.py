@@ -21,6 +21,7 @@ from typing import Any, Callable, Dict, List, Mapping, Tuple
 
 from .channel import Air, Channel
 from .lab import DEVICE, side_commands
+from .ecn import is_capable, marked
 from .link_trace import SIDES, changed
 
 CLONE_NEWNET = 0x40000000
@@ -92,7 +93,10 @@ class Carrier:
                 packet = os.read(device, 65536)
             except BlockingIOError:
                 return
-            for due in channel.fate(time.monotonic(), len(packet), flow_of(packet)):
+            now, flow = time.monotonic(), flow_of(packet)
+            if is_capable(packet) and channel.marks(now, flow):
+                packet = marked(packet)
+            for due in channel.fate(now, len(packet), flow):
                 self._count += 1
                 heapq.heappush(self._heap, (due, self._count, out, packet))
 

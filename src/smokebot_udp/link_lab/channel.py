@@ -44,6 +44,9 @@ class LinkConditions:
     aggregate: float = 0.0
     """Mean time between the ends of aggregates (A-MPDUs of IEEE 802.11): what was transmitted meanwhile arrives at
     once, and nothing else; each time deviates by up to a third. 0: each packet arrives by itself [s]."""
+    ecn_threshold: float = 0.0
+    """A packet that would wait longer than this in the queue is marked, if its sender sees marks (RFC 3168); 0: none is
+    [s]."""
     reorder: float = 0.0
     """Ratio of packets that skip the delay and overtake others, 0..1."""
     duplicate: float = 0.0
@@ -84,6 +87,8 @@ class Counts:
     """Including duplicates."""
     carried: int = 0
     """Transmitted, including lost packets [byte]."""
+    marked: int = 0
+    """In the queue (ECN), including lost and dropped packets."""
 
 
 @dataclass
@@ -125,6 +130,13 @@ class Channel:
     def waits(self, now: float) -> float:
         """How long a packet that enters now waits in the queue [s]."""
         return 0.0 if self.conditions.bucket else max(0.0, self._air.idle_from - now)
+
+    def marks(self, now: float, flow: str = '') -> bool:
+        """Whether a packet that enters now, and whose sender sees marks, is marked; to be called before `fate`."""
+        threshold = self.conditions.ecn_threshold
+        marked = 0 < threshold < self.waits(now)
+        self.flows[flow].marked += marked
+        return marked
 
     def fate(self, now: float, size: int, flow: str = '') -> Tuple[float, ...]:
         """When a packet that enters now is delivered: no, one or two times [s].

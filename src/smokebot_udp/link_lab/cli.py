@@ -16,6 +16,9 @@ A direction is named by the side that sends. NAME is one of
     queue      length of the queue at this rate [s]
     bucket     instead of a queue, a policer drops what exceeds this rate and a token bucket of this depth [byte]
     aggregate  mean time between the ends of Wi-Fi's aggregates: what was transmitted meanwhile arrives at once [s]
+    ecn_threshold
+               packets that would wait longer than this in the queue are marked (ECN), if their senders see marks [s];
+               0: none are
     reorder    ratio of packets that overtake others, 0..1
     duplicate  ratio of packets that are delivered twice, 0..1
 FILE is a link trace: how these values change over time (see link_lab/link_trace.py).

@@ -1,25 +1,23 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The robot's half of the settings across the link: serves each request once, and decides which state is sent when.
 
-Answers go first, then the parts that changed, each several times because datagrams get lost. Otherwise one part after
-the other is sent, slowly, so that every operator has all of them in the end.
+Answers go first. A part that changed is sent at once, and again and again because datagrams get lost, less and less
+often, so that every operator has all of them in the end.
 """
 import collections
-import itertools
 import math
-from typing import Any, Counter, Deque, Dict, Iterator, Mapping, Optional, OrderedDict, Sequence, Tuple
+from typing import Any, Counter, Deque, Dict, Mapping, Optional, OrderedDict, Sequence, Tuple
 
 from ..budget import Budget
 from .remote import FOCUS_PART, MAX_REFUSAL, PartState, Request
 
-PERIOD = 0.3
-"""Time from one state to the next where nothing changes [s]."""
-
 INTERVAL = 0.05
-"""Time between states that answer or have changed [s]."""
+"""Time between two states, at least [s]."""
 
-SENDINGS = 2
-"""How often a part is sent after a change, or after an operator joined."""
+FIRST_REPEAT, LAST_REPEAT = 1.0, 64.0
+"""A part is repeated after the first time where it changed, or an operator joined, and after twice the time before, up
+to the last one: four states in 10 s, of which one arrives with 99.8 % at 20 % loss. Later there is one in a minute,
+0.6 kbit/s with the default streams [s]."""
 
 MAX_REMEMBERED = 64
 """Number of requests that are remembered, to serve each once; and of answers that wait."""
@@ -30,9 +28,18 @@ theirs."""
 
 
 class _Part:
-    def __init__(self, values: Mapping[str, Any]) -> None:
-        self.values = dict(values)
-        self.revision = 1
+    def __init__(self) -> None:
+        self.values: Dict[str, Any] = {}
+        self.revision = 0
+        self.renew()
+
+    def renew(self) -> None:
+        """It is due at once."""
+        self.due, self._interval = -math.inf, FIRST_REPEAT
+
+    def sent(self, now: float) -> None:
+        self.due = now + self._interval
+        self._interval = min(2 * self._interval, LAST_REPEAT)
 
 
 class SettingsServer:
@@ -47,8 +54,6 @@ class SettingsServer:
         """{reason: count} of the requests that were not served."""
         self._session, self._profiles = session, tuple(profiles)
         self._parts: Dict[str, _Part] = {}
-        self._turn: Iterator[str] = itertools.cycle(())     # of the parts
-        self._urgent: OrderedDict[str, int] = collections.OrderedDict()     # {part: how often it is still to be sent}
         self._served: OrderedDict[int, str] = collections.OrderedDict()     # {id: why it was refused}
         self._answers: Deque[Tuple[Request, str]] = collections.deque(maxlen=MAX_REMEMBERED)
         self._sent = -math.inf
@@ -60,20 +65,16 @@ class SettingsServer:
         :param parts: {part: {setting: requested value}}
         """
         for name, values in parts.items():
-            known = self._parts.get(name)
-            if known is None:
-                self._parts[name] = _Part(values)
-                self._turn = itertools.cycle(tuple(self._parts))
-            elif known.values != values:
-                known.values = dict(values)
-                known.revision += 1
-            else:
-                continue
-            self._urgent[name] = SENDINGS
+            part = self._parts.setdefault(name, _Part())
+            if not part.revision or part.values != values:
+                part.values = dict(values)
+                part.revision += 1
+                part.renew()
 
     def joined(self) -> None:
         """Send all parts: there is a new operator."""
-        self._urgent.update(dict.fromkeys(self._parts, SENDINGS))
+        for part in self._parts.values():
+            part.renew()
 
     def take(self, request: Request, now: float) -> bool:
         """Take a request.
@@ -105,7 +106,8 @@ class SettingsServer:
         """When `poll` returns a state next; None: not before `update`."""
         if not self._parts:
             return None
-        return self._sent + (INTERVAL if self._answers or self._urgent else PERIOD)
+        due = -math.inf if self._answers else min(part.due for part in self._parts.values())
+        return max(due, self._sent + INTERVAL)
 
     def poll(self, now: float) -> Optional[PartState]:
         """The state that is to be sent now."""
@@ -116,14 +118,9 @@ class SettingsServer:
         if self._answers:
             request, refusal = self._answers.popleft()
             return self._state(request.part, request.id, refusal)
-        return self._state(self._next_urgent() if self._urgent else next(self._turn))
-
-    def _next_urgent(self) -> str:
-        """A part that is to be sent soon; the others come before it is sent again."""
-        name, left = self._urgent.popitem(last=False)
-        if left > 1:
-            self._urgent[name] = left - 1
-        return name
+        name, part = min(self._parts.items(), key=lambda item: item[1].due)
+        part.sent(now)
+        return self._state(name)
 
     def _state(self, name: str, request: int = 0, refusal: str = '') -> PartState:
         part = self._parts[name]

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The asking side of the clock exchange, without I/O: pairs answers with open questions."""
 import collections
+import math
 from typing import Deque, Dict, Optional
 
 from .clock_offset import ClockEstimate, ClockOffset
@@ -9,19 +10,35 @@ MAX_QUESTIONS = 16
 """Number of open questions: an answer that comes after this many newer questions is useless."""
 
 
+PERIOD, STEADY_PERIOD, STEADY = 1.0, 4.0, 10
+"""From one question to the next: until there are this many exchanges, and while a clock seems to have been set; then
+[s, s, 1]."""
+
+
 class EchoClient:
     """Estimates the clock of the machine that answers. Each question is answered once; other answers are refused."""
 
     def __init__(self) -> None:
         self._clock = ClockOffset()
         self._open: Deque[int] = collections.deque(maxlen=MAX_QUESTIONS)
+        self._asked = -math.inf
 
-    def ask(self, asked: int) -> None:
+    def due(self, now: float) -> bool:
+        """Whether a question is to be sent; to be called each PERIOD.
+
+        :param now: by this machine's monotonic clock [s]
+        """
+        steady = self._clock.exchanges >= STEADY and not self._clock.doubtful
+        return now - self._asked > (STEADY_PERIOD if steady else PERIOD) - PERIOD / 2
+
+    def ask(self, asked: int, now: float) -> None:
         """A question is sent.
 
         :param asked: by this machine's clock [ns since its epoch]: identifies the question
+        :param now: as of `due`
         """
         self._open.append(asked)
+        self._asked = now
 
     def answer(self, asked: int, received: float, answered: float, came: float, now: float) -> bool:
         """An answer was received.

@@ -84,6 +84,11 @@ class ClockOffset:
         """Number of exchanges kept."""
         return len(self._exchanges)
 
+    @property
+    def doubtful(self) -> bool:
+        """Whether the last exchange contradicts the estimate: one of the clocks may have been set."""
+        return bool(self._contradicting)
+
     def uncertainty(self, now: float) -> float:
         """Maximum error of the offset [s]; infinite before the first good exchange."""
         return self._best.uncertainty(now) if self._best else math.inf

@@ -2,8 +2,9 @@
 """Sources of another type than a stream expects: ROS does not connect them, so they look silent."""
 from typing import Callable, Dict, Optional, Sequence, Tuple
 
-PERIOD = 5.0
-"""The master is asked at most this often [s]."""
+PERIOD, MAX_PERIOD = 5.0, 60.0
+"""The master is asked at most this often; while it knows no problem, less and less often: its answer has kilobytes, and
+crosses the link where both sides share a master [s]."""
 
 
 class SourceTypes:
@@ -15,7 +16,7 @@ class SourceTypes:
     def __init__(self, ask: Callable[[], Sequence[Tuple[str, str]]]) -> None:
         self._ask = ask
         self._types: Dict[str, str] = {}
-        self._due = -float('inf')
+        self._due, self._period = -float('inf'), PERIOD
 
     def problem(self, topic: str, expected: str, now: float) -> Optional[str]:
         """The problem of a topic of another type than expected; None: it has this type, or is unknown.
@@ -24,7 +25,7 @@ class SourceTypes:
         :param now: by a steady clock [s]
         """
         if now >= self._due:
-            self._due = now + PERIOD
+            self._due, self._period = now + self._period, min(2 * self._period, MAX_PERIOD)
             try:
                 self._types = dict(self._ask())
             except OSError:
@@ -32,4 +33,5 @@ class SourceTypes:
         found = self._types.get(topic, '*')
         if found in (*expected.split(' or '), '*'):
             return None
+        self._due, self._period = min(self._due, now + PERIOD), PERIOD
         return '%s is published as %s, must be %s' % (topic, found, expected)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The offset of the robot's clock from the operator's, measured over the link once a second (monitoring.clock_offset).
+"""The offset of the robot's clock from the operator's, measured over the link (monitoring.clock_offset).
 
 The clocks compared are rospy's, from which stamps come: the machine's clock, or a simulation's.
 """
@@ -10,9 +10,10 @@ from typing import Any, Dict, Optional
 import rospy
 from std_msgs.msg import Float64
 
-from ..monitoring.clock_client import EchoClient
+from ..monitoring.clock_client import PERIOD, EchoClient
 from ..monitoring.clock_offset import ClockEstimate
 from ..msg import ClockEcho
+from ..traffic import EXPEDITED
 from ..transport import Transport
 from .logging import log_error
 from .worker import PeriodicWorker
@@ -21,15 +22,11 @@ ASK = '/smokebot_udp/clock/ask'
 ANSWER = '/smokebot_udp/clock/answer'
 """Wire topics of questions and answers."""
 
-PERIOD = 1.0
-"""[s]"""
-
-
 class ClockServer:
     """The robot's side: publishes answers; each operator picks its own."""
 
     def __init__(self, transport: Transport) -> None:
-        self._answers = transport.publisher(ANSWER, ClockEcho, queue_size=1)
+        self._answers = transport.publisher(ANSWER, ClockEcho, queue_size=1, tos=EXPEDITED)
         self._questions = transport.subscriber(ASK, ClockEcho, self._answer, queue_size=1)
 
     def _answer(self, question: Any) -> None:
@@ -48,7 +45,7 @@ class ClockClient:
     def __init__(self, transport: Transport) -> None:
         self._echoes, self._lock = EchoClient(), threading.Lock()
         self._answers = transport.subscriber(ANSWER, ClockEcho, self._answered, queue_size=1)
-        self._questions = transport.publisher(ASK, ClockEcho, queue_size=1)
+        self._questions = transport.publisher(ASK, ClockEcho, queue_size=1, tos=EXPEDITED)
         self._offsets = rospy.Publisher('~clock_offset', Float64, queue_size=1)
         self._worker = PeriodicWorker('clock', self._ask, log_error("asking for the robot's clock"), PERIOD)
         self._worker.start()
@@ -71,12 +68,15 @@ class ClockClient:
             return self._echoes.counts
 
     def _ask(self) -> None:
-        now = rospy.Time.now()
         with self._lock:
-            self._echoes.ask(now.to_nsec())
-        question = ClockEcho(asked=now)
-        question.header.stamp = now
-        self._questions.publish(question)
+            due = self._echoes.due(time.monotonic())
+        if due:
+            now = rospy.Time.now()
+            with self._lock:
+                self._echoes.ask(now.to_nsec(), time.monotonic())
+            question = ClockEcho(asked=now)
+            question.header.stamp = now
+            self._questions.publish(question)
         estimate = self.estimate
         if estimate is not None:
             self._offsets.publish(estimate.offset)

@@ -7,7 +7,7 @@ switch. mission.control decides; this is its ROS side.
 """
 import functools
 import threading
-from typing import Any, Callable, Mapping, Tuple
+from typing import Any, Callable, FrozenSet, Mapping, Tuple
 
 import rospy
 from dynamic_reconfigure.encoding import encode_config
@@ -28,8 +28,8 @@ from .robot_control import Standing
 from .settings_host import SettingsHost
 from .worker import PeriodicWorker
 
-CHANGES_PERIOD = 1.0
-"""Period at which the status is published where grants have changed [s]."""
+CHANGES_PERIOD = 10.0
+"""Period at which the status is published where grants have changed: it takes 400 bytes of the link [s]."""
 
 REQUESTS = '/smokebot_udp/focus/request'
 """Topic of the operator's requests."""
@@ -59,6 +59,7 @@ class FocusControl:
         self._modified_topic = rospy.Publisher('~focus/modified', Bool, queue_size=1, latch=True)
         self._publishing = threading.Lock()     # otherwise an older status might be latched after a newer one
         self._published: Any = None     # what may change without a request, as it was published last
+        self._present: FrozenSet[str] = frozenset()     # operators
         self._show = PeriodicWorker('settings', self._show_all, log_error('settings'), None)
         self.control = MissionControl(stores, profiles, report, self._switched, self._show.wake)
         self._host = SettingsHost(self.control, transport, report) if transport.own_masters else None
@@ -103,7 +104,10 @@ class FocusControl:
         self._publish()
 
     def standing_changed(self) -> None:
-        """Publish the status soon, with who drives now; any thread."""
+        """Publish the status soon, with who drives now; any thread. Who comes back from a cut has missed changes."""
+        before, self._present = self._present, frozenset(self._standing().operators)
+        if self._host is not None and self._present - before:
+            self._host.joined()
         self._changes.wake()
 
     def _publish_changes(self) -> None:
@@ -139,8 +143,11 @@ class FocusControl:
 
 
 def _changing(state: State, standing: Standing) -> Tuple[Any, ...]:
-    """What of the status may change without a request."""
-    return [settings.granted for settings in state.streams.values()], standing
+    """What of the status may change without a request. Grants follow the link: their first digit counts."""
+    granted = [None if settings.granted is None else {
+        name: '%.1g' % value if isinstance(value, float) else value for name, value in settings.granted.items()}
+        for settings in state.streams.values()]
+    return granted, standing
 
 
 def stream_status(name: str, settings: Settings, configured: Mapping[str, Any], modified: bool, share: float) -> Any:

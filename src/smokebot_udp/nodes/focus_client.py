@@ -9,6 +9,7 @@ import rospy
 
 from ..msg import FocusRequest, RobotStatus
 from ..srv import SetFocus, SetFocusResponse
+from ..traffic import EXPEDITED
 from ..transport import Transport
 from .focus import REQUESTS
 
@@ -28,7 +29,7 @@ class FocusClient:
         self._patience = patience
         self._answered = threading.Condition()
         self._one_at_a_time = threading.Lock()
-        self._requests = transport.publisher(REQUESTS, FocusRequest, queue_size=1)
+        self._requests = transport.publisher(REQUESTS, FocusRequest, queue_size=1, tos=EXPEDITED)
         self._subscriber: Any = None
         if status_topic:
             self._subscriber = rospy.Subscriber(status_topic, RobotStatus, self._take, queue_size=5)

@@ -6,6 +6,7 @@ from typing import Callable, Dict, Optional
 from ..msg import Held
 from ..streams.held import TOPIC, Holding, to_message
 from ..streams.held_schedule import HeldSchedule
+from ..traffic import EXPEDITED
 from ..transport import Transport
 from .logging import log_error
 from .worker import DeadlineWorker
@@ -21,7 +22,7 @@ class HeldReporter:
         self._transport = transport
         self._schedule = HeldSchedule()
         self._streams: Dict[str, Callable[[], Optional[Holding]]] = {}
-        self._publisher = transport.publisher(TOPIC, Held, queue_size=QUEUE_SIZE)
+        self._publisher = transport.publisher(TOPIC, Held, queue_size=QUEUE_SIZE, tos=EXPEDITED)
         self._worker: DeadlineWorker[str] = DeadlineWorker(
             'held reports', self._schedule.poll, self._schedule.deadline, self._report,
             log_error('reports of what is held'))

@@ -30,6 +30,10 @@ UNPACED = 800 * MBIT
 that they could overrun. A raw image leaves in a quarter of the time [byte/s]."""
 
 
+MIN_SHARED_RATE = 0.2
+"""Of a relay with max_share, however slow the link is [Hz]."""
+
+
 class SharedController:
     """A Controller that several threads use, one at a time: ``with shared as controller: ...``.
 
@@ -64,13 +68,14 @@ class LinkControl:
     :param controller: that the outbox reports to
     :param link: of the streams; its datagram_size follows the plan
     :param streams: {name: RobotStream}, started
-    :param reported: f(operator), called with whose report came
+    :param reported: f(operator, seq), called with whose report came, and its sequence number
     :param wifi_interface: the parameter ~wifi_interface
-    :param further: f(capacity [byte/s]) -> {name: Demand}, of what is sent beside the streams
+    :param further: f(capacity) -> {name: Demand}, of what is sent beside the streams. The capacity is that of the link,
+        or while that is unknown the rate; 0: unknown and unlimited [byte/s]
     """
 
     def __init__(self, controller: SharedController, link: RobotLink, streams: Mapping[str, RobotStream],
-                 reported: Callable[[str], None] = lambda operator: None, wifi_interface: str = '',
+                 reported: Callable[[str, int], None] = lambda operator, seq: None, wifi_interface: str = '',
                  further: Callable[[float], Mapping[str, Demand]] = lambda capacity: {}) -> None:
         self._controller, self._link, self._streams, self._reported = controller, link, streams, reported
         self._further, self._capacity = further, 0.0
@@ -103,7 +108,7 @@ class LinkControl:
         with self._controller as controller:
             header = report._connection_header      # one object for each connection
             train = controller.on_report(header['callerid'], report, now, id(header))
-        self._reported(header['callerid'])
+        self._reported(header['callerid'], report.header.seq)
 
         def follow(scheduler: PacketScheduler) -> None:
             self._set_rate(scheduler, now)
@@ -120,10 +125,10 @@ class LinkControl:
             plan = controller.tick(now, {name: demand for name, demand in demands.items() if demand is not None},
                                    self._link.outbox.protected)
             stats = controller.stats(now)
-            self._capacity = stats.capacity or plan.rate or 0.0
+            self._capacity = stats.capacity if math.isfinite(stats.capacity) else plan.rate or 0.0
             self._give_outlooks(plan, now)
         self._link.datagram_size, self.shares = plan.datagram_size, plan.shares
-        grant(plan, self._streams)
+        grant(plan, self._streams, self._capacity)
 
         def follow(scheduler: PacketScheduler) -> None:
             self._set_rate(scheduler, now)
@@ -167,15 +172,33 @@ class LinkControl:
         self._status.unregister()
 
 
-def grant(plan: Plan, streams: Mapping[str, RobotStream]) -> None:
-    """Apply the grants of a plan to the streams; those without a demand are not limited."""
+def grant(plan: Plan, streams: Mapping[str, RobotStream], capacity: float = 0.0) -> None:
+    """Apply the grants of a plan to the streams; those without a demand are not limited.
+
+    :param capacity: of the link; 0: unknown and unlimited [byte/s]
+    """
     for name, stream in streams.items():
         limits = plan.grants.get(name, {})
-        if stream.encoder.PROTECTED and plan.decimation < 1:
-            requested = stream.settings.current.requested
-            limits = {setting: max(plan.decimation * requested[setting], min(least, requested[setting]))
-                      for setting, least in stream.encoder.LEAST.items()}
+        if stream.encoder.PROTECTED:
+            limits = _protected_limits(stream, plan.decimation, capacity)
         stream.settings.grant(limits)
+
+
+def _protected_limits(stream: RobotStream, decimation: float, capacity: float) -> Dict[str, float]:
+    """Settings that limit a stream which is sent before all others.
+
+    :param decimation: as in a Plan
+    :param capacity: as of `grant` [byte/s]
+    """
+    requested, encoder = stream.settings.current.requested, stream.encoder
+    limits = {} if decimation >= 1 else {
+        setting: max(decimation * requested[setting], min(least, requested[setting]))
+        for setting, least in encoder.LEAST.items()}
+    share, rate = requested.get('max_share', 1.0), limits.get('rate', requested['rate'])
+    if share < 1 and capacity and encoder.message_size:
+        size = stream.link.expansion * encoder.message_size
+        limits['rate'] = min(rate, max(share * capacity / size, MIN_SHARED_RATE))
+    return limits
 
 
 def as_message(stats: LinkStats, wifi: WifiState) -> LinkStatus:

@@ -8,6 +8,7 @@ from typing import List
 from ..congestion.estimator import REPORT_INTERVAL
 from ..congestion.feedback import ReceiveHistory, Report
 from ..msg import ArrivalMark, LinkReport, StreamArrivals
+from ..traffic import EXPEDITED
 from ..transport import Transport
 from .logging import log_error
 from .worker import PeriodicWorker
@@ -19,7 +20,7 @@ TOPIC = '/smokebot_udp/link/report'
 def as_message(report: Report) -> LinkReport:
     """The LinkReport message of a report."""
     return LinkReport(
-        session=report.session, clock=report.clock,
+        session=report.session, clock=report.clock, marked=report.marked,
         streams=[StreamArrivals(one.name, one.highest, one.received, one.bytes) for one in report.streams],
         marks=[ArrivalMark(mark.stream, mark.seq, mark.age) for mark in report.marks])
 
@@ -30,18 +31,19 @@ class LinkReporter:
     def __init__(self, transport: Transport) -> None:
         self._history = ReceiveHistory(lambda: int.from_bytes(os.urandom(4), 'little'))
         self._lock = threading.Lock()
-        self._publisher = transport.publisher(TOPIC, LinkReport, queue_size=1)
+        self._publisher = transport.publisher(TOPIC, LinkReport, queue_size=1, tos=EXPEDITED)
         self._reports = PeriodicWorker('link reports', self._report, log_error('link reports to the robot'),
                                        REPORT_INTERVAL)
         self._reports.start()
 
-    def arrived(self, stream: str, number: int, seq: int, size: int, count: int, when: float) -> None:
+    def arrived(self, stream: str, number: int, seq: int, size: int, count: int, when: float,
+                marked: int) -> None:
         """Record datagrams of a stream; any thread, see Transport.subscriber.
 
         :param number: of the connection
         """
         with self._lock:
-            self._history.add(stream, seq, size, when, count, number)
+            self._history.add(stream, seq, size, when, count, number, marked)
 
     def _report(self) -> None:
         with self._lock:

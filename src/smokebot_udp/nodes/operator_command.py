@@ -23,6 +23,7 @@ from ..teleop.command_copy import Copy
 from ..teleop.command_sender import CommandSender
 from ..teleop.interlock import Interlock
 from ..teleop.zero import is_zero
+from ..traffic import EXPEDITED
 from ..transport import Publisher
 from .common import operator_topic
 from .robot_command import COMMANDS
@@ -67,7 +68,7 @@ class OperatorCommand:
     def start(self) -> None:
         """Begin to send."""
         self._publisher = self._way.transport.publisher(wire_topic(self.name, COMMANDS), Command, queue_size=1,
-                                                        carries=carried(self._class))
+                                                        carries=carried(self._class), tos=EXPEDITED)
         self._worker.start()
         self._way.control.add_lock(self.name, self._lock)
         self._subscriber = rospy.Subscriber(self.topic, self._class, self._receive, queue_size=1, tcp_nodelay=True)

@@ -24,6 +24,7 @@ from ..teleop.estop_input import EstopInput
 from ..teleop.records import Wish
 from ..teleop.robot_clock import RobotClock, RobotTime
 from ..teleop.stall import Stall
+from ..traffic import EXPEDITED
 from ..transport import Transport
 from .common import operator_topic
 from .logging import log_error
@@ -70,7 +71,7 @@ class OperatorControl:
                                                                        self._send, log)
         self._states = rospy.Publisher(operator_topic(STATE_TOPIC), String, queue_size=1, latch=True)
         self._show = PeriodicWorker('control state', self._show_state, log, SHOW_PERIOD)
-        self._requests = transport.publisher(REQUEST, ControlRequest, queue_size=5)
+        self._requests = transport.publisher(REQUEST, ControlRequest, queue_size=5, tos=EXPEDITED)
         self._worker.start()
         self._show.start()
         rospy.Service('~take_control', Trigger, lambda _: TriggerResponse(*self._ask(Wish.TAKE_CONTROL)))
@@ -88,6 +89,13 @@ class OperatorControl:
         self._worker.close()
         self._requests.unregister()
         self._states.unregister()
+
+    def alive(self, when: float) -> None:
+        """A datagram of the robot's streams came; any thread.
+
+        :param when: by time.monotonic() [s]
+        """
+        self._client.alive = when
 
     @property
     def loss(self) -> Optional[float]:

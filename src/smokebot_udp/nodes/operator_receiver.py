@@ -63,8 +63,9 @@ class OperatorReceiver:
             self._reporter = LinkReporter(self._transport)
             self._codec = CompiledCodec()
             self._held = HeldReporter(self._transport)
+            control = self._control = OperatorControl(self._transport, notice)
             link = OperatorLink(self._transport, self._motion.is_still, self._motion.images_compared,
-                                self._reporter.arrived, self._clock.offset, self._codec, VideoDecoder,
+                                self._arrived, self._clock.offset, self._codec, VideoDecoder,
                                 self._held.received, parameters['frame_prefix'], notice)
             self.streams = start_streams(
                 definitions.streams, lambda name, settings: OperatorStream(name, settings, link), parameters.report)
@@ -73,7 +74,6 @@ class OperatorReceiver:
             status = [stream.topic for stream in self.streams.values() if stream.assembler.MESSAGE is RobotStatus]
             self._focus = FocusClient(status[0] if status else None, parameters['focus_patience'],
                                       self._transport)
-            control = OperatorControl(self._transport, notice)
             self._way_back = WayBack(
                 OPERATOR, definitions, control, lambda reliable: OperatorWay(
                     self._transport, control, reliable, parameters.report, parameters['frame_prefix'], self._view_age),
@@ -89,6 +89,11 @@ class OperatorReceiver:
         self._watch = ParameterWatch(parts, background=True)
         self._mirror = self._mirror_settings(problems)
         rospy.on_shutdown(self.close)
+
+    def _arrived(self, stream: str, number: int, seq: int, size: int, count: int, when: float, marked: int) -> None:
+        """Datagrams of a stream arrived, see udpros.depacketizer.Arrived; any thread."""
+        self._reporter.arrived(stream, number, seq, size, count, when, marked)
+        self._control.alive(when)
 
     def _start_displays(self, parameters: Parameters, control: OperatorControl) -> None:
         """Start what rviz shows beside the streams."""

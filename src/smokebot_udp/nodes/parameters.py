@@ -38,6 +38,9 @@ _LOSS = {
     'loss_seed': Parameter(0, '', 'seed of the random losses', least=0),
 }
 
+_DSCP = Parameter(True, '', 'whether IP headers ask networks, such as Wi-Fi, to serve commands and states first (EF), '
+                  'then images (AF41), then other streams (AF31)')
+
 _WIFI_INTERFACE = Parameter('', '', 'wireless interface whose state is reported, such as wlan0; empty: that of the '
                             'route to the other side, else the only one')
 
@@ -54,6 +57,9 @@ ROBOT_SENDER = {
                        'max_rate'),
     'max_rate': Parameter(4000.0, 'Mbit/s', 'maximum rate of all streams together; 0: unlimited', least=0.0),
     'min_rate': Parameter(0.1, 'Mbit/s', 'minimum rate, whatever operators report', least=0.01),
+    'dscp': _DSCP,
+    'ecn': Parameter(True, '', 'whether networks may mark datagrams where a queue builds up, instead of dropping them '
+                     '(ECT(0) in IP headers): the rate follows the marks that operators report'),
     'start_rate': Parameter(0.5, 'Mbit/s', 'rate until the first report', least=0.01),
     'focus': FOCUS,
     'wifi_interface': _WIFI_INTERFACE,
@@ -75,6 +81,7 @@ OPERATOR_RECEIVER = {
     'key_file': _KEY_FILE,
     'allow_unsealed_commands': _ALLOW_UNSEALED_COMMANDS,
     'wifi_interface': _WIFI_INTERFACE,
+    'dscp': _DSCP,
     **_LOSS,
     'odom_topic': Parameter('/operator/odom', '', 'nav_msgs/Odometry, from which it is known whether the robot stands '
                             "still; in the operator's namespace"),

@@ -21,6 +21,7 @@ from ..reliable.pace import MAX_RATE
 from ..reliable.peers import Peers, Work
 from ..reliable.segment import Segment
 from ..streams.segments import room
+from ..traffic import EXPEDITED, SENSORS
 from ..transport import Transport
 from ..udpros.datagram import IP_UDP_HEADERS
 from ..udpros.frame import Frame
@@ -44,7 +45,7 @@ LINK_SHARE, MIN_LIMIT = 0.25, 48e3
 MOST_SHARE = 0.5
 """up to this part of it."""
 
-STATES_SHARE = 0.03
+STATES_SHARE = 0.008
 """Of the link's rate, for states that are reported again and again, to each peer."""
 
 BURST_DURATION = 0.012
@@ -174,7 +175,9 @@ class ReliableLink(rospy.SubscribeListener):
     def start(self) -> None:
         """Begin to exchange messages. Channels that are made later are refused by the other side for a moment."""
         self._worker.start()
-        self._publisher = self._transport.publisher(TOPIC + self._direction, ReliableSegment, subscriber_listener=self)
+        self._publisher = self._transport.publisher(
+            TOPIC + self._direction, ReliableSegment, subscriber_listener=self,
+            tos=EXPEDITED if self._direction == TO_ROBOT else SENSORS)      # goals and calls, or logs
         self._subscriber = self._transport.subscriber(TOPIC + self._other, ReliableSegment, self._receive)
         self._checks.start()
 
@@ -221,6 +224,11 @@ class ReliableLink(rospy.SubscribeListener):
         """The names of the nodes of the other side with which messages are exchanged now."""
         with self._worker.lock:
             return self._peers.agreed
+
+    @property
+    def room(self) -> int:
+        """For data in a datagram now [byte]."""
+        return self._peers.room
 
     @property
     def states_rate(self) -> float:

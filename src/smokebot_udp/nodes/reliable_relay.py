@@ -6,10 +6,11 @@ message goes to each node of the other side that joins, and its subscribers get 
 """
 import threading
 import time
-from typing import Any, Callable, Dict, Mapping, Optional, Type
+from typing import Any, Callable, Dict, Mapping, Optional
 
 import rospy
 
+from .. import udpros
 from ..mission.settings import SettingsStore
 from ..monitoring.stats import StreamStats
 from ..packed import pack, unpack
@@ -17,13 +18,10 @@ from ..reliable.bounds import Bounds
 from ..reliable.newest import Newest
 from ..serialised import serialised
 from ..streams import live_tables
-from ..streams.frame_prefix import add_prefix, strip_prefix
 from ..streams.message_types import message_class
 from ..streams.relay.parameters import LEVELS, LOG, TO_OPERATOR, TO_ROBOT
 from ..streams.relay.transforms import QUEUE, TF_TYPES, TransformSet
-from .common import operator_topic
 from .reliable_link import Channel, ReliableLink
-from .way import OperatorWay, RobotWay
 from .worker import PeriodicWorker
 
 RECENT = 10.0
@@ -141,8 +139,13 @@ class Source(ReliableRelay):
         if message._type != self.source_type:
             self._report('it is %s, must be %s' % (message._type, self.source_type))
             return
-        source = message.name if self._is_log else message._connection_header['callerid']
-        if self._off or (self._level and message.level < self._level) or not self._wanted(source):
+        publisher = message._connection_header['callerid']
+        source = message.name if self._is_log else publisher
+        if not self._wanted(source):
+            if source == publisher:     # what it publishes crosses the link by TCP for nothing
+                udpros.drop_publisher(self.topic, publisher)
+            return
+        if self._off or (self._level and message.level < self._level):
             return
         self._received += 1
         try:
@@ -281,7 +284,7 @@ class Sink(ReliableRelay):
     def start(self) -> None:
         """See ReliableRelay."""
         self._topic = rospy.Publisher(self.topic, self._class, queue_size=QUEUE, latch=self._latch, tcp_nodelay=True)
-        self._open(on_message=self._publish)
+        self._open(on_message=self._publish, on_left=self._left)
 
     def stats(self) -> StreamStats:
         """See ReliableRelay."""
@@ -307,28 +310,12 @@ class Sink(ReliableRelay):
             rospy.logerr_throttle_identical(5, "stream '%s': what %s sent is no %s" % (
                 self.name, peer, self._class._type))
             return
-        self._topic.publish(self._rewrite(message))
+        self._show(message)
         self._published += 1
 
+    def _show(self, message: Any) -> None:
+        """Publish a message."""
+        self._topic.publish(self._rewrite(message))
 
-def robot_relay(name: str, settings: Mapping[str, Any], way: RobotWay) -> ReliableRelay:
-    """The robot's side of a relay."""
-    topic = rospy.resolve_name(settings['robot_topic'])
-    if settings['direction'] == TO_OPERATOR:
-        return _source(settings)(name, settings, way.reliable, topic)
-    if settings['needs_control']:
-        return Sink(name, settings, way.reliable, topic, refusal=lambda peer: way.control.standing.refusal(peer))
-    return Sink(name, settings, way.reliable, topic)
-
-
-def operator_relay(name: str, settings: Mapping[str, Any], way: OperatorWay) -> ReliableRelay:
-    """The operator's side of a relay. Frames have the operator's prefix on its side only."""
-    topic, prefix = operator_topic(settings['operator_topic']), way.frame_prefix
-    if settings['direction'] == TO_OPERATOR:
-        return Sink(name, settings, way.reliable, topic, lambda message: add_prefix(message, prefix))
-    return _source(settings)(name, settings, way.reliable, topic, lambda message: strip_prefix(message, prefix))
-
-
-def _source(settings: Mapping[str, Any]) -> Type[Source]:
-    """The class of the side that sends."""
-    return NewestSource if settings['newest'] else Source
+    def _left(self, peer: str, reason: str) -> None:
+        """A node of the other side has left, or was restarted."""

@@ -19,6 +19,7 @@ from ..congestion.operating_points import OperatingPoint
 from ..msg import CapturePiece, CaptureRequest
 from ..streams.image.source import raw_image
 from ..streams.segments import room
+from ..traffic import BULK, ECT
 from ..udpros.datagram import IP_UDP_HEADERS
 from ..udpros.frame import Frame
 from .compiled_codec import CompiledCodec
@@ -60,7 +61,7 @@ class RobotCaptures:
         self._worker: DeadlineWorker[Union[Load, Batch]] = DeadlineWorker(
             'captures', self._transfers.poll, lambda: self._transfers.deadline(time.monotonic()), self._work,
             log_error('captures'))
-        self._publisher = link.transport.publisher(PIECES, CapturePiece)
+        self._publisher = link.transport.publisher(PIECES, CapturePiece, tos=BULK | ECT)
         self._subscriber = link.transport.subscriber(REQUESTS, CaptureRequest, self._receive, queue_size=20)
         self._worker.start()
         if any(stream.settings.current.requested.get('history') for stream in streams.values()):

@@ -20,6 +20,7 @@ from ..msg import ControlPeer, ControlRequest, ControlStatus
 from ..streams.relay.transforms import size_of
 from ..teleop import records
 from ..teleop.control_server import ControlServer
+from ..traffic import EXPEDITED
 from ..transport import Transport
 from ..udpros import rpc
 from ..udpros.datagram import OVERHEAD
@@ -91,7 +92,7 @@ class RobotControl:
         self._estop = rospy.Publisher('~estop', Bool, queue_size=1, latch=True)
         self._show = PeriodicWorker('estop', self._show_estop, log, None)   # not in the transport's thread
         self._watch = PeriodicWorker('operators', self._watch_peers, log, PEERS_PERIOD)
-        self._statuses = transport.publisher(STATUS, ControlStatus, queue_size=1)
+        self._statuses = transport.publisher(STATUS, ControlStatus, queue_size=1, tos=EXPEDITED)
         self._keep = PeriodicWorker('kept estop', self._keep_estop, log, KEEP_PERIOD)
         self._kept = str(rpc.repeated(lambda: rospy.get_param(KEPT, '')))
         if self._kept:
@@ -131,10 +132,10 @@ class RobotControl:
         with self._changing():
             return self._server.command(name, session, topic, seq, time.monotonic())
 
-    def reported(self, name: str) -> None:
+    def reported(self, name: str, seq: int) -> None:
         """A link report of an operator came: it is present."""
         with self._changing():
-            self._server.reported(name, time.monotonic())
+            self._server.reported(name, seq, time.monotonic())
 
     def status(self, now: float) -> Status:
         """For diagnostics."""

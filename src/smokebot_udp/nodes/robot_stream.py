@@ -14,6 +14,7 @@ from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Set
 import rospy
 from rospy import AnyMsg
 
+from .. import traffic
 from ..capture.history import Histories
 from ..congestion.controller import Demand
 from ..congestion.operating_points import OperatingPoint
@@ -135,7 +136,7 @@ class RobotStream(rospy.SubscribeListener):
             if part not in self._publishers:
                 publisher = self.link.transport.publisher(
                     wire_topic(self.name, part), self.encoder.SEGMENTS[part], subscriber_listener=self,
-                    carries=self.encoder.CARRIES)
+                    carries=self.encoder.CARRIES, tos=self._tos)
                 self._publishers = {**self._publishers, part: publisher}    # other threads iterate
 
     # -- state, for any thread ----------------------------------------------------------------------
@@ -264,6 +265,7 @@ class RobotStream(rospy.SubscribeListener):
     def peer_subscribe(self, topic_name: str, topic_publish: Any, peer_publish: Any) -> None:
         """A new subscriber gets at once what is repeated."""
         self.link.subscribed()
+        self.encoder.joined()
         with self._worker.changing():
             self._schedule.wake()
 
@@ -318,7 +320,7 @@ class RobotStream(rospy.SubscribeListener):
         if not frames:
             return
         if not (encoder.WHOLE or encoder.PROTECTED or encoder.DERIVED):     # the rest has left while this was encoded
-            self.link.outbox.await_rest(self.name, False, encoder.backlog or MAX_BACKLOG)
+            self.link.outbox.await_rest(self.name, False, MAX_BACKLOG if encoder.backlog is None else encoder.backlog)
         with self._worker.adding():
             self._schedule.sent(time.monotonic())
         if self.wanted:
@@ -383,8 +385,15 @@ class RobotStream(rospy.SubscribeListener):
             self.sent += len(frames)
         else:
             part = self._part_of[frames[0].message_class]
-            self.link.outbox.put(reported_name(self.name, part), self._publishers[part], frames,
+            publisher = self._publishers[part]
+            publisher.tos = self._tos & self.link.transport.tos_mask     # it may have been PROTECTED
+            self.link.outbox.put(reported_name(self.name, part), publisher, frames,
                                  self._stamp.to_nsec() if self._stamp else 0, base=self.encoder.base)
+
+    @property
+    def _tos(self) -> int:
+        """Second byte of the IP headers, see traffic.py."""
+        return (traffic.EXPEDITED if self.encoder.PROTECTED else self.encoder.TRAFFIC) | traffic.ECT
 
     def _send_at_once(self, frames: Sequence[Frame]) -> None:
         for frame in frames:

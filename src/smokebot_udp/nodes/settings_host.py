@@ -15,6 +15,7 @@ from ..mission.control import MissionControl
 from ..mission.remote import PartState, Request
 from ..mission.settings_server import SettingsServer
 from ..msg import SettingsRequest, SettingsState
+from ..traffic import SENSORS
 from ..transport import Transport
 from .logging import log_error
 from .settings_messages import REQUESTS, STATES, request_of, state_message
@@ -37,7 +38,7 @@ class SettingsHost(rospy.SubscribeListener):
             'settings across the link', self._server.poll, self._server.deadline, self._send,
             log_error('settings across the link'))
         self.update()
-        self._states = transport.publisher(STATES, SettingsState, subscriber_listener=self)
+        self._states = transport.publisher(STATES, SettingsState, subscriber_listener=self, tos=SENSORS)
         self._worker.start()
         self._requests = transport.subscriber(REQUESTS, SettingsRequest, self._receive)
 
@@ -50,6 +51,10 @@ class SettingsHost(rospy.SubscribeListener):
 
     def peer_subscribe(self, topic_name: str, topic_publish: Any, peer_publish: Any) -> None:
         """There is a new operator."""
+        self.joined()
+
+    def joined(self) -> None:
+        """An operator may lack what was sent before; any thread."""
         with self._worker.changing():
             self._server.joined()
 

@@ -15,6 +15,7 @@ from ..mission.parameters import Table
 from ..mission.remote import Request
 from ..mission.settings_client import SettingsClient
 from ..msg import SettingsRequest, SettingsState
+from ..traffic import EXPEDITED
 from ..transport import Transport
 from .live import LiveSettings, ParameterWatch
 from .logging import log_error
@@ -40,7 +41,7 @@ class SettingsMirror:
             'requests for settings', self._poll, self._client.deadline, self._send, log_error('requests for settings'))
         # not in the transport's thread: the master is asked
         self._show = PeriodicWorker("the robot's settings", self._show_changed, log_error("the robot's settings"), None)
-        self._requests = transport.publisher(REQUESTS, SettingsRequest)
+        self._requests = transport.publisher(REQUESTS, SettingsRequest, tos=EXPEDITED)
         self._worker.start()
         self._show.start()
         self._states = transport.subscriber(STATES, SettingsState, self._receive)

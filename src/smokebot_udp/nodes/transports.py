@@ -10,6 +10,7 @@ from typing import Any, Callable, Optional, Tuple
 
 import rospy
 
+from .. import traffic
 from ..link.keys import read_key
 from ..link.transport import OperatorTransport, RobotTransport
 from ..transport import Transport
@@ -36,13 +37,14 @@ def robot_transport(parameters: Parameters) -> Transport:
     :param parameters: of ROBOT_SENDER
     """
     port, size = parameters['link_port'], parameters['max_datagram_size']
+    tos_mask = traffic.mask(parameters['dscp'], parameters['ecn'])
     if not port and not parameters['key_file']:
-        return UdprosTransport(size)
+        return UdprosTransport(size, tos_mask=tos_mask)
 
     def listen(key: Optional[bytes]) -> Transport:
         _check_link(port, 'link_port')
         try:
-            return RobotTransport(port, key, max_datagram_size=size)
+            return RobotTransport(port, key, max_datagram_size=size, tos_mask=tos_mask)
         except OSError as error:
             raise ValueError('UDP port %d cannot be used: %s' % (port, error.strerror)) from None
     return _patiently(parameters, 'the link', listen)
@@ -54,13 +56,14 @@ def operator_transport(parameters: Parameters) -> Transport:
     :param parameters: of OPERATOR_RECEIVER
     """
     robot, size, buffer = (parameters[name] for name in ('robot', 'max_datagram_size', 'receive_buffer'))
+    tos_mask = traffic.mask(parameters['dscp'], False)
     if not robot and not parameters['key_file']:
-        return UdprosTransport(size, buffer)
+        return UdprosTransport(size, buffer, tos_mask)
 
     def connect(key: Optional[bytes]) -> Transport:
         _check_link(robot, 'robot')
         return OperatorTransport(*host_and_port(robot), key, max_datagram_size=size, receive_buffer=buffer,
-                                 report=lambda problem: rospy.logerr('%s: %s', robot, problem))
+                                 tos_mask=tos_mask, report=lambda problem: rospy.logerr('%s: %s', robot, problem))
     # a desk with several robots shows the messages of all on one terminal
     return _patiently(parameters, 'the link to %s' % robot if robot else 'the link', connect)
 

@@ -18,7 +18,7 @@ from .way_back_policy import refused
 
 MAKERS = {
     'command': ('robot_command.RobotCommand', 'operator_command.OperatorCommand'),
-    'relay': ('reliable_relay.robot_relay', 'reliable_relay.operator_relay'),
+    'relay': ('relays.robot_relay', 'relays.operator_relay'),
     'service': ('robot_service.RobotService', 'operator_service.OperatorService'),
     'action': ('robot_action.RobotAction', 'operator_action.OperatorAction'),
 }

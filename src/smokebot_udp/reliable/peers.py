@@ -48,6 +48,11 @@ class Peers:
         self._events: List[Event] = []
 
     @property
+    def room(self) -> int:
+        """For data in a segment [byte]."""
+        return self._room
+
+    @property
     def agreed(self) -> Tuple[str, ...]:
         """The peers that are connected, with agreed sessions."""
         return tuple(name for name, one in self._conversations.items() if one.sends)

@@ -21,6 +21,7 @@ from typing import (
     TypeVar,
 )
 
+from .. import traffic
 from ..congestion.operating_points import OperatingPoint, rate_points
 from ..mission.parameters import Parameter
 from ..mission.settings import Settings
@@ -67,6 +68,8 @@ class Encoder(Generic[Message]):
     PROTECTED: bool = False
     """Whether messages are sent at once, before everything that waits in the outbox; each has a frame of its own then.
     `encode` may change it from True to False."""
+    TRAFFIC: ClassVar[int] = traffic.SENSORS
+    """How networks are asked to serve its datagrams, while it is not PROTECTED, see traffic.py."""
     WHOLE: ClassVar[bool] = False
     """Whether a message is useless without all its datagrams, so that a newer one must not replace what is left of it.
     """
@@ -184,6 +187,9 @@ class Encoder(Generic[Message]):
         """The frames that are sent again, for lost datagrams and late subscribers, or the next ones of a kind that
         sends little by little. Not called while frames of the last message are still leaving."""
         return ()
+
+    def joined(self) -> None:
+        """There is a new subscriber; any thread. `repeat` follows at once where there is something to repeat."""
 
     def held(self, operator: str, holding: Holding) -> None:
         """Take an operator's report of what it holds. Unless a kind overrides this, it says nothing.

@@ -11,8 +11,12 @@ from .records import MAX_OPERATORS, PeerStatus, Request, Status, Wish
 from .requests import RequestClient
 from .sessions import LEASE, LivingSession
 
-PERIOD = 0.2
-"""At which the operator shows its presence, and asks for the robot's clock [s]."""
+PERIOD, IDLE_PERIOD = 0.2, 0.5
+"""At which the operator shows its presence, and asks for the robot's clock, during an emergency stop and otherwise [s].
+Link reports and commands show its presence, too."""
+
+STATUS_LEASE = 5.0
+"""While other datagrams of the robot come, the last status is in force for this long [s]."""
 
 UNLISTED_TIMEOUT = 1.0
 """An operator that the robot does not list, because there are too many, stops asking for an emergency stop this long
@@ -29,6 +33,8 @@ class ControlClient:
         self.session = session
         self.status: Optional[Status] = None
         """The newest one of the robot."""
+        self.alive = -math.inf
+        """When any datagram of the robot came last."""
         self._came = self._shown = -math.inf    # when the status came, and when presence was shown last
         self._robot = LivingSession()
         self._requests = RequestClient()
@@ -86,8 +92,8 @@ class ControlClient:
         return self._requests.outcome(request)
 
     def heard(self, now: float) -> bool:
-        """Whether the link is up: a status came within the lease."""
-        return now - self._came < LEASE
+        """Whether the link is up: a status came within the lease, or something else did after a recent status."""
+        return now - self._came < (STATUS_LEASE if now - self.alive < LEASE else LEASE)
 
     def in_control(self, now: float) -> bool:
         """Whether this operator drives, as far as it knows."""
@@ -113,17 +119,21 @@ class ControlClient:
 
     def deadline(self) -> float:
         """When `poll` has something to do [s]."""
-        return min(self._shown + PERIOD, self._requests.deadline())
+        return min(self._presence_due(), self._requests.deadline())
 
     def poll(self, now: float) -> Optional[Request]:
         """The request that is to be sent now, if any."""
         pending = self._requests.poll(now)
-        if pending is None and now < self._shown + PERIOD:
+        if pending is None and now < self._presence_due():
             return None
         self._shown = now
         if pending is None:
             return Request(self.session, now, self.robot)
         return Request(self.session, now, pending.robot, pending.id, pending.wish, pending.made)
+
+    def _presence_due(self) -> float:
+        """A robot that was restarted has to hear soon that the emergency stop is engaged."""
+        return self._shown + (PERIOD if self.estop else IDLE_PERIOD)
 
     def _listed(self, status: Status) -> Optional[PeerStatus]:
         return next((peer for peer in status.operators if peer.session == self.session), None)

@@ -15,8 +15,8 @@ from .records import PeerStatus, Request, Status, Wish
 from .requests import Answers, untimely
 from .sessions import LEASE
 
-PERIOD = 0.2
-"""At which the status is sent [s];"""
+PERIOD, IDLE_PERIOD = 0.2, 0.5
+"""At which the status is sent: while commands come, and until LEASE after a request or a change; and otherwise [s];"""
 
 MIN_INTERVAL = 0.01
 """a change and a request are answered at once, but no faster than this [s]."""
@@ -26,8 +26,8 @@ NOT_IN_CONTROL = 'not in control'
 NO_OPERATOR = 'no operator'
 """Reasons to refuse a command; `dropped` counts why its sender is no operator."""
 
-REQUESTS = 'requests'
-"""The topic of requests for LossMeter."""
+REQUESTS, REPORTS = 'requests', 'reports'
+"""The topics of requests and of link reports for LossMeter."""
 
 MAX_SESSIONS = 64
 """Remembered, those that have ended included."""
@@ -61,6 +61,7 @@ class ControlServer:
         """{reason: count} of the datagrams of those who are no operators."""
         self._peers: Dict[Tuple[str, int], _Peer] = {}      # {(name, session): of it}
         self._sent = -math.inf      # when the status was sent last
+        self._busy = -math.inf      # when a command, a request or a change came last
         self._prompted = True       # whether it is to be sent at once
         self._told: Any = None      # what it told
 
@@ -83,7 +84,7 @@ class ControlServer:
         if request.clock > peer.clock:
             peer.clock, peer.came = request.clock, now
         if request.id:
-            self._prompted = True
+            self._prompted, self._busy = True, now
             if peer.answers.take(request.id):
                 peer.answers.answer(request.id, self._carry_out(name, request, now))
 
@@ -96,14 +97,21 @@ class ControlServer:
         """
         if self._heard(name, session, topic, seq, now) is None:
             return NO_OPERATOR
+        self._busy = now
         if self.estop.engaged:
             return EMERGENCY_STOP
         driver = self.control.driver
         return None if driver is not None and driver.name == name else NOT_IN_CONTROL
 
-    def reported(self, name: str, now: float) -> None:
-        """A link report of an operator came."""
+    def reported(self, name: str, seq: int, now: float) -> None:
+        """A link report of an operator came.
+
+        :param seq: of the message's header
+        """
         self.control.renew(name, now)
+        peer = next((self._peers[key] for key in self._present() if key[0] == name), None)
+        if peer is not None:
+            peer.loss.add(REPORTS, seq, now)
 
     def left(self, name: str) -> None:
         """An operator's link has ended."""
@@ -129,14 +137,17 @@ class ControlServer:
         self.control.poll(now)
         if now < self._due():
             return None
-        driver = self.control.driver
-        self._sent, self._prompted, self._told = now, False, self._news()
+        driver, news = self.control.driver, self._news()
+        if news != self._told:
+            self._busy = now
+        self._sent, self._prompted, self._told = now, False, news
         return Status(self.session, now, driver.name if driver else '', driver.session if driver else 0,
                       self.estop.engaged, self.estop.by, tuple(self.operators(now)))
 
     def _due(self) -> float:
-        prompted = self._prompted or self._news() != self._told
-        return self._sent + (MIN_INTERVAL if prompted else PERIOD)
+        if self._prompted or self._news() != self._told:
+            return self._sent + MIN_INTERVAL
+        return self._sent + (PERIOD if self._sent < self._busy + LEASE else IDLE_PERIOD)
 
     def _news(self) -> Any:
         """What operators are told at once where it changes."""

@@ -11,10 +11,10 @@ It does not need the rest of this package. The protocol is described in doc/wire
 from .frame import Frame
 from .loss_emulation import emulate_loss
 from .registration import registered_together
-from .rospy_binding import refused_requests
+from .rospy_binding import drop_publisher, refused_requests
 from .rpc import race_all_connections
 from .starting import init_node
 from .topics import Publisher, Subscriber
 
-__all__ = ['Frame', 'Publisher', 'Subscriber', 'emulate_loss', 'init_node', 'race_all_connections', 'refused_requests',
-           'registered_together']
+__all__ = ['Frame', 'Publisher', 'Subscriber', 'drop_publisher', 'emulate_loss', 'init_node', 'race_all_connections',
+           'refused_requests', 'registered_together']

@@ -97,7 +97,7 @@ class Acceptor:
             admission.check_room(place, others)
             self._growing.append(place)
         try:
-            connection = PublisherTransport(impl.resolved_name, request, next(self._ids), size)
+            connection = PublisherTransport(impl.resolved_name, request, next(self._ids), size, lambda: _tos(impl))
             connection.caller_uri = uri
             added = _add(impl, connection)
         finally:
@@ -281,6 +281,11 @@ def _datagram_size(impl: Any, request: Request) -> int:
     if size < MIN_MAX_DATAGRAM_SIZE:
         raise Refused('the path to %s is limited to datagrams of %d bytes' % (request.host, size), 'datagram size')
     return size
+
+
+def _tos(impl: Any) -> int:
+    """Second byte of the IP headers of a publisher's datagrams."""
+    return impl.options.tos if isinstance(impl, UdpPublisherImpl) else 0
 
 
 def _header(impl: Any) -> Dict[str, str]:

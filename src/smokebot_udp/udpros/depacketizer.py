@@ -4,7 +4,7 @@ import collections
 import functools
 import itertools
 import struct
-from typing import Any, Callable, Deque, Dict, List, Optional, Protocol, Tuple
+from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Protocol, Tuple
 
 import numpy as np
 
@@ -23,21 +23,33 @@ EXPECTED = struct.Struct(HEADER.format + LENGTH.format[1:] + 'I')
 
 MIN_MESSAGE_SIZE = EXPECTED.size - OVERHEAD
 
-Arrived = Callable[[int, int, int, int, float], None]
-"""f(connection, seq, size, count, when): `count` new messages of a topic whose messages have a header arrived together.
+Arrived = Callable[[int, int, int, int, float, int], None]
+"""f(connection, seq, size, count, when, marked): `count` new messages of a topic whose messages have a header arrived
+together.
 
 * connection: a number that is higher for a later connection of this process
 * seq: the sequence number of one of them, usually the highest
 * size: their total size as IP packets; of messages of many blocks, the size of the messages only [byte]
 * when: when that message reached this machine, by time.monotonic() [s]
+* marked: how many of them a congested queue has marked (ECN)
 """
 
 BatchCallback = Callable[[Records, BoolArray], None]
 """f(records, mask): messages that arrived together, (n,) structured, see records.py, and (n,) bool, those that are
 valid. Both exist during the call only."""
 
-Arrival = Callable[[int], float]
-"""f(row): when a row's datagram reached this machine, by time.monotonic() [s]."""
+
+class Arrivals(NamedTuple):
+    """How the datagrams of a batch arrived."""
+    when: Callable[[int], float]
+    """f(row): when a row's datagram reached this machine, by time.monotonic() [s]."""
+    marked: Callable[[IntArray], int]
+    """f(rows): how many of some rows' datagrams a congested queue has marked (ECN)."""
+
+    def part(self, rows: IntArray) -> 'Arrivals':
+        """Those of some rows of the batch, in the order given."""
+        return Arrivals(lambda row: self.when(int(rows[row])), lambda some: self.marked(rows[some]))
+
 
 _numbers = itertools.count()
 
@@ -100,7 +112,7 @@ class Depacketizer:
         return {'datagrams': self.datagrams, 'bytes': self.bytes, 'received': self.sequence and self.sequence.received,
                 'lost': self.sequence and self.sequence.lost, 'dropped': dict(self.inbox.dropped)}
 
-    def take_singles(self, datagrams: UInt8Array, lengths: IntArray, trusted: Callable[[int], bool], arrival: Arrival,
+    def take_singles(self, datagrams: UInt8Array, lengths: IntArray, trusted: Callable[[int], bool], arrivals: Arrivals,
                      now: float) -> int:
         """Take the first few datagrams one by one, as far as each holds the next message, whole.
 
@@ -115,11 +127,11 @@ class Depacketizer:
         for row in range(count):
             length = int(lengths[row])
             if not (length < datagrams.shape[1] and trusted(row)
-                    and self._take_next(datagrams[row, :length].tobytes(), row, arrival, now)):
+                    and self._take_next(datagrams[row, :length].tobytes(), row, arrivals, now)):
                 return row
         return count
 
-    def _take_next(self, datagram: bytes, row: int, arrival: Arrival, now: float) -> bool:
+    def _take_next(self, datagram: bytes, row: int, arrivals: Arrivals, now: float) -> bool:
         """Take a datagram if it holds the next message, whole; returns whether it does."""
         size = len(datagram) - OVERHEAD
         if size < MIN_MESSAGE_SIZE:
@@ -133,10 +145,10 @@ class Depacketizer:
         self.bytes += len(datagram)
         self._waiting.append(datagram[OVERHEAD:])
         if self._arrived is not None and self.sequence is not None:
-            self._arrived(seq, len(datagram) + self._headers, 1, arrival(row))
+            self._arrived(seq, len(datagram) + self._headers, 1, arrivals.when(row), arrivals.marked(np.array([row])))
         return True
 
-    def take(self, datagrams: UInt8Array, lengths: IntArray, trusted: BoolArray, arrival: Arrival,
+    def take(self, datagrams: UInt8Array, lengths: IntArray, trusted: BoolArray, arrivals: Arrivals,
              now: float) -> Optional[int]:
         """Sort a batch; deliver its records, and keep its messages for `deliver`.
 
@@ -158,8 +170,8 @@ class Depacketizer:
             return None
         first = int(rows[0]) if len(rows) else messages[0][0]
         if self.sequence is not None:
-            rows = self._new_rows(self.sequence, datagrams, lengths, rows, arrival)
-            messages = self._new_messages(self.sequence, messages, arrival(len(lengths) - 1)) if messages else []
+            rows = self._new_rows(self.sequence, datagrams, lengths, rows, arrivals)
+            messages = self._new_messages(self.sequence, messages, trusted & ~whole, arrivals) if messages else []
         self._sort_out(datagrams, lengths, rows, messages)
         return first
 
@@ -186,7 +198,7 @@ class Depacketizer:
             self._waiting.extend(message for _, message in sorted(singles + messages))
 
     def _new_rows(self, sequence: SequenceTracker, datagrams: UInt8Array, lengths: IntArray, rows: IntArray,
-                  arrival: Arrival) -> IntArray:
+                  arrivals: Arrivals) -> IntArray:
         """Count the messages of one block; returns the rows of those that are not duplicates."""
         if lengths.min() < OVERHEAD + SEQ.itemsize:
             numbered = lengths[rows] >= OVERHEAD + SEQ.itemsize
@@ -197,21 +209,22 @@ class Depacketizer:
         rows = rows[new]
         if self._arrived is not None and len(rows):
             self._arrived(int(seqs[new][-1]), int(lengths[rows].sum()) + self._headers * len(rows), len(rows),
-                          arrival(int(rows[-1])))
+                          arrivals.when(int(rows[-1])), arrivals.marked(rows))
         return rows
 
-    def _new_messages(self, sequence: SequenceTracker, messages: List[Tuple[int, bytes]],
-                      when: float) -> List[Tuple[int, bytes]]:
+    def _new_messages(self, sequence: SequenceTracker, messages: List[Tuple[int, bytes]], blocks: BoolArray,
+                      arrivals: Arrivals) -> List[Tuple[int, bytes]]:
         """Count the messages of many blocks; returns those that are not duplicates.
 
-        :param when: the last datagram of the batch reached this machine [s]
+        :param blocks: (n,) bool, the rows of the batch that are parts of messages
         """
         seqs = [int.from_bytes(message[:SEQ.itemsize], 'little') for _, message in messages]
         new = sequence.add(seqs).tolist()
         messages = list(itertools.compress(messages, new))
         if self._arrived is not None and messages:
+            marked = min(arrivals.marked(np.flatnonzero(blocks)), len(messages))     # as many as are counted
             self._arrived(list(itertools.compress(seqs, new))[-1], sum(len(message) for _, message in messages),
-                          len(messages), when)
+                          len(messages), arrivals.when(len(blocks) - 1), marked)
         return messages
 
     def _deliver_records(self, datagrams: UInt8Array, lengths: IntArray, rows: BoolArray) -> None:

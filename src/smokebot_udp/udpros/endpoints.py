@@ -13,11 +13,13 @@ import mmap
 import select
 import socket
 import struct
+import threading
 import time
 from typing import Any, Counter, Optional, Sequence, Set, Tuple, Union
 
 import numpy as np
 
+from .. import traffic
 from ..arrays import Array, IntArray, Records, UInt8Array
 from .datagram import IP_UDP_HEADERS, UDP_MAX_PAYLOAD, Buffer
 
@@ -27,6 +29,8 @@ SO_RCVBUFFORCE = 33         # asm-generic/socket.h: beyond rmem_max, for privile
 SO_MEMINFO = 55             # asm-generic/socket.h: the socket's memory statistics, with the drops at this index:
 MEMINFO_DROPS = 8           # linux/sock_diag.h: SK_MEMINFO_DROPS
 SO_TIMESTAMPNS = 35         # asm-generic/socket.h: a control message holds the time of arrival
+SO_PRIORITY = 12            # asm-generic/socket.h: of datagrams in this machine's queues
+IP_RECVTOS = 13             # linux/in.h: a control message holds the second byte of the IP header
 IP_MTU = 14                 # linux/in.h: the path MTU of a connected socket
 MAP_POPULATE = 0x8000       # asm-generic/mman.h, and x86; Python 3.8 does not name it
 
@@ -45,8 +49,13 @@ MAX_POPULATED = 1 << 20
 READING_ERROR = 1e-5
 """Of a clock, its resolution included [s]."""
 
+SIZE_T = np.dtype(np.uintp)
+
 TIMESTAMP = struct.Struct('@Nii2l')
 """A control message with a struct timespec: length, level, type, seconds, nanoseconds."""
+
+TOS = np.dtype([('length', np.uintp), ('level', '=i4'), ('type', '=i4'), ('value', np.uint8, (SIZE_T.itemsize,))])
+"""A control message with the second byte of the IP header, the first one of its `value`."""
 
 SOCKADDR_IN = np.dtype([('family', '=u2'), ('port', '>u2'), ('address', '>u4'), ('zero', 'u1', (8,))])
 
@@ -72,6 +81,25 @@ def path_payload(host: str, port: int) -> int:
         return min(UDP_MAX_PAYLOAD, probe.getsockopt(socket.IPPROTO_IP, IP_MTU) - IP_UDP_HEADERS)
 
 
+class _Tos:
+    """The second byte of the IP headers of what a socket sends, see traffic.py.
+
+    A control message could say it for one call, but not the priority of that call.
+    """
+
+    def __init__(self) -> None:
+        self.lock = threading.Lock()
+        """Held while `set` and the call are made."""
+        self._last = 0
+
+    def set(self, sock: socket.socket, tos: int) -> None:
+        if tos != self._last:
+            self._last = tos
+            with contextlib.suppress(OSError):      # a sandbox: all arrives without it
+                sock.setsockopt(socket.IPPROTO_IP, socket.IP_TOS, tos)
+                sock.setsockopt(socket.SOL_SOCKET, SO_PRIORITY, traffic.priority(tos))
+
+
 class BatchSender:
     """Sends batches of datagrams from a socket. No call blocks longer than SEND_TIMEOUT, whatever the peer does.
 
@@ -81,6 +109,9 @@ class BatchSender:
 
     def __init__(self, sock: socket.socket, gso: bool = True) -> None:
         self.socket = sock
+        self.tos = 0
+        """Of the IP headers of what is sent from now on, see traffic.py."""
+        self._shared = _Tos()
         self.failures: Counter[str] = collections.Counter()
         """Datagrams that could not be sent, by the error's name. EPERM: a local firewall; EAGAIN: the network device is
         too slow; ENETUNREACH, EHOSTUNREACH: no route, such as a pulled cable."""
@@ -88,6 +119,12 @@ class BatchSender:
         """Whether GSO is in use; becomes False when the kernel refuses it."""
         self._poll = select.poll()
         self._poll.register(sock, select.POLLOUT)
+
+    def another(self, tos: int) -> 'BatchSender':
+        """A sender of the same socket, with a `tos` and counts of its own."""
+        other = BatchSender(self.socket, self.gso)
+        other.tos, other._shared = tos, self._shared
+        return other
 
     def send_one(self, *parts: Union[Buffer, UInt8Array], to: Optional[Address] = None) -> int:
         """Send one datagram, given in parts.
@@ -129,7 +166,9 @@ class BatchSender:
         """One sendmsg call with `count` datagrams; returns how many were sent: all, or none."""
         while True:
             try:
-                self.socket.sendmsg(parts, control, 0, to)
+                with self._shared.lock:
+                    self._shared.set(self.socket, self.tos)
+                    self.socket.sendmsg(parts, control, 0, to)
                 return count
             except ConnectionRefusedError as error:
                 raise PeerGone('the port of %s:%d is closed' % self.socket.getpeername()) from error
@@ -255,7 +294,7 @@ class DatagramReceiver:
 
     @property
     def recvmmsg(self) -> bool:
-        """Whether recvmmsg is in use; otherwise datagrams have no time of arrival."""
+        """Whether recvmmsg is in use; otherwise datagrams have no time of arrival, and no marks."""
         return self._recvmmsg is not None
 
     def _prepare(self) -> None:
@@ -270,11 +309,15 @@ class DatagramReceiver:
         header['iov'] = self._iovecs.ctypes.data + self._iovecs.strides[0] * np.arange(self.batch)
         header['iovlen'] = 1
         self._lengths = self._headers['len']
-        self._control = _mapped((self.batch, TIMESTAMP.size), np.uint8)
+        self._control = _mapped((self.batch, TIMESTAMP.size + TOS.itemsize), np.uint8)
+        # the kernel adds it after the time
+        tos: Records = np.ndarray((self.batch,), TOS, self._control, TIMESTAMP.size, self._control.strides[:1])
+        self._tos_level, self._tos_type, self._tos_value = tos['level'], tos['type'], tos['value'][:, 0]
         header['control'] = self._control.ctypes.data + self._control.strides[0] * np.arange(self.batch)
         self._control_lengths = header['controllen']
-        with contextlib.suppress(OSError):
-            self.socket.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
+        for level, option in ((socket.SOL_SOCKET, SO_TIMESTAMPNS), (socket.IPPROTO_IP, IP_RECVTOS)):
+            with contextlib.suppress(OSError):
+                self.socket.setsockopt(level, option, 1)
 
     def wait(self, timeout: float) -> bool:
         """Wait until there is something to receive (or an error to clear); False after timeout [s]."""
@@ -287,7 +330,7 @@ class DatagramReceiver:
         """
         if self._recvmmsg is None:
             return self._receive_one_by_one()
-        self._control_lengths[:] = TIMESTAMP.size
+        self._control_lengths[:] = self._control.shape[1]
         count: int = self._recvmmsg(
             self.socket.fileno(), self._headers.ctypes.data, self.batch, socket.MSG_DONTWAIT, None)
         if count < 0:
@@ -314,9 +357,17 @@ class DatagramReceiver:
         now = time.monotonic()
         if self._recvmmsg is None or self._control_lengths[row] < TIMESTAMP.size:
             return now
-        _, _, _, seconds, nanoseconds = TIMESTAMP.unpack(self._control[row])
+        _, _, _, seconds, nanoseconds = TIMESTAMP.unpack_from(self._control[row])
         arrived = seconds + 1e-9 * nanoseconds - self._offset()
         return arrived if 0 <= now - arrived <= MAX_QUEUEING else now
+
+    def marked(self, rows: IntArray) -> int:
+        """How many of some rows' datagrams a congested queue has marked (ECN)."""
+        if self._recvmmsg is None:
+            return 0
+        rows = rows[self._tos_value[rows] & traffic.ECN == traffic.CE]
+        return int(np.count_nonzero((self._tos_level[rows] == socket.IPPROTO_IP)
+                                    & (self._tos_type[rows] == socket.IP_TOS))) if len(rows) else 0
 
     def kernel_drops(self) -> Optional[int]:
         """Datagrams that the kernel dropped because the receive buffer was full; None if unknown."""

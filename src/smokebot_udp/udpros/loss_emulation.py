@@ -5,6 +5,7 @@ from typing import Tuple
 
 import numpy as np
 
+from ..arrays import IntArray
 from .endpoints import DatagramReceiver
 
 _emulated: Tuple[float, int] = 0.0, 0
@@ -55,7 +56,7 @@ class LossyReceiver(DatagramReceiver):
                  loss: float, seed: Tuple[int, ...]) -> None:
         super().__init__(address, max_datagram_size, receive_buffer, port=port)
         self._loss, self._random = loss, np.random.RandomState(list(seed))
-        self._kept = np.zeros(0, int)   # the rows of the last batch that were not lost
+        self._kept: IntArray = np.zeros(0, int)   # the rows of the last batch that were not lost
 
     def receive(self) -> int:
         """As DatagramReceiver; the datagrams not lost are in the first rows."""
@@ -70,3 +71,6 @@ class LossyReceiver(DatagramReceiver):
 
     def arrival(self, row: int) -> float:
         return super().arrival(int(self._kept[row]))
+
+    def marked(self, rows: IntArray) -> int:
+        return super().marked(self._kept[rows])

@@ -119,6 +119,16 @@ def refused_requests() -> Dict[str, int]:
     return dict(_installed[0].acceptor.refused) if _installed else {}
 
 
+def drop_publisher(topic: str, node: str) -> None:
+    """End the connection of a rospy.Subscriber to a node, and do not connect to it again.
+
+    :param topic: resolved
+    :param node: the publisher's name
+    """
+    if _installed:
+        _installed[0].watch.drop(topic, node)
+
+
 def _publisher_update(original: Callable[..., ApiResult], watch: Watch, caller_id: str, topic: Any,
                       publishers: Any) -> ApiResult:
     """ROSHandler.publisherUpdate; rospy's own ignores an empty list."""

@@ -37,6 +37,8 @@ class PublisherOptions:
     """Protocols offered, best first."""
     max_datagram_size: int
     """The longest datagram sent [byte of UDP payload]."""
+    tos: int = 0
+    """Second byte of the IP headers, see traffic.py."""
 
 
 @dataclass
@@ -77,11 +79,13 @@ class UdpTransport(Transport):
 class PublisherTransport(UdpTransport):
     """A publisher's connection to one subscriber.
 
+    :param tos: f() -> second byte of the IP headers, see traffic.py
     :raises OSError: if the subscriber's host is unknown or unreachable
     :raises UnicodeError: if it is not a host name
     """
 
-    def __init__(self, topic: str, request: Request, connection_id: int, max_datagram_size: int) -> None:
+    def __init__(self, topic: str, request: Request, connection_id: int, max_datagram_size: int,
+                 tos: Callable[[], int] = lambda: 0) -> None:
         super().__init__(OUTBOUND, name=topic)
         self.endpoint_id = request.header['callerid']
         self.connection_id = connection_id
@@ -90,6 +94,7 @@ class PublisherTransport(UdpTransport):
         self.since = time.monotonic()
         """When it was made, by time.monotonic() [s]."""
         self.sender = DatagramSender(request.host, request.port)
+        self._tos = tos
         self.packetizer = Packetizer(self.sender, connection_id, max_datagram_size)
         self._fileno = self.sender.socket.fileno()
         self.local_endpoint, self.remote_endpoint = self.sender.local, self.sender.remote
@@ -118,6 +123,7 @@ class PublisherTransport(UdpTransport):
         with self._lock:
             if self.done:
                 raise TransportTerminated('connection closed')
+            self.sender.tos = self._tos()
             try:
                 yield
                 self.stat_num_msg, self.stat_bytes = self.packetizer.messages, self.packetizer.bytes

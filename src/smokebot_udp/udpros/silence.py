@@ -20,8 +20,17 @@ MAX_MOVED = 64
 """Nodes of which the newest address is remembered."""
 
 
+PATIENCE = 2.5
+"""A topic is not silent before it was so for this many times its longest usual pause,"""
+
+FADING, MAX_PAUSE = 0.8, 12.0
+"""which is shorter by this factor after each shorter one. Longer pauses than the second one do not count [1, s]."""
+
+
 class Silence:
     """The questions about one topic: at intervals that double while it stays silent.
+
+    Some topics have a message each few seconds: that is no silence.
 
     :param now: when the topic is subscribed [s]
     """
@@ -30,6 +39,7 @@ class Silence:
         self.asked_at = now
         """When it was asked for last [s]."""
         self._period = SILENCE_TIMEOUT
+        self._heard, self._usual = -float('inf'), 0.0       # the last message; its usual pause [s]
 
     def due(self, heard: float, now: float, early: float = 1.0) -> bool:
         """Whether to ask now.
@@ -37,9 +47,17 @@ class Silence:
         :param heard: when the topic was heard last; -inf: never [s]
         :param early: the part of the interval that is enough
         """
+        self._learn(heard)
         if heard > self.asked_at:
             self._period = SILENCE_TIMEOUT
-        return now - heard >= SILENCE_TIMEOUT and now - max(heard, self.asked_at) >= early * self._period
+        timeout = min(max(SILENCE_TIMEOUT, PATIENCE * self._usual), MAX_SILENCE_PERIOD)
+        return (now - heard >= max(SILENCE_TIMEOUT, early * timeout)
+                and now - max(heard, self.asked_at) >= early * max(timeout, self._period))
+
+    def _learn(self, heard: float) -> None:
+        if heard > self._heard:
+            pause = heard - self._heard if self._heard > -float('inf') else 0.0
+            self._heard, self._usual = heard, max(pause if pause <= MAX_PAUSE else 0.0, FADING * self._usual)
 
     def asked(self, now: float) -> None:
         """The question is being asked."""
@@ -52,7 +70,7 @@ class Silence:
 
     def hurry(self) -> None:
         """Something has changed: if the topic is silent, it is asked for at once."""
-        self.asked_at, self._period = -float('inf'), SILENCE_TIMEOUT
+        self.asked_at, self._period, self._usual = -float('inf'), SILENCE_TIMEOUT, 0.0
 
 
 class Renegotiation:

@@ -8,7 +8,7 @@ from typing import Any, Iterable, Optional
 import numpy as np
 
 from ..arrays import Array, BoolArray, Records
-from .depacketizer import Arrived, Consumer, Depacketizer
+from .depacketizer import Arrivals, Arrived, Consumer, Depacketizer
 from .endpoints import LOOPBACK, DatagramReceiver, addresses_of
 from .negotiation import Reply
 
@@ -83,6 +83,7 @@ class Subscription:
         self.receiver = receiver
         self.depacketizer = Depacketizer(reply.connection_id, consumer, message_class, queue_size, arrived)
         self._source = Source(hosts)
+        self._arrivals = Arrivals(receiver.arrival, receiver.marked)
         self._coalesce = coalesce
         self._many = False      # whether the last batch was of MANY datagrams
         self._begun = time.monotonic()
@@ -138,13 +139,13 @@ class Subscription:
         receiver = self.receiver
         return self.depacketizer.take_singles(
             receiver.datagrams[:count], receiver.lengths[:count],
-            lambda row: self._source.is_settled_on(receiver.sources[row]), receiver.arrival, time.monotonic())
+            lambda row: self._source.is_settled_on(receiver.sources[row]), self._arrivals, time.monotonic())
 
     def _take(self, start: int, stop: int) -> None:
         """Take rows [start, stop)."""
         receiver, sources = self.receiver, self.receiver.sources[start:stop]
         first = self.depacketizer.take(
             receiver.datagrams[start:stop], receiver.lengths[start:stop], self._source.trusts(sources),
-            lambda row: receiver.arrival(start + row), time.monotonic())
+            self._arrivals.part(np.arange(start, stop)), time.monotonic())
         if first is not None:
             self._source.settle(sources, first)

@@ -64,18 +64,30 @@ class Publisher(rospy.Publisher):
     :param transport: 'prefer_udp' (whatever the subscriber requests), 'udp' or 'tcp'
     :param max_datagram_size: longest datagram to send, also limited by the subscriber's and the path's
         [byte of UDP payload]
+    :param tos: second byte of the datagrams' IP headers: DSCP and ECN
     :raises ValueError: if the transport is unknown or the size is out of range
     :raises rospy.ROSException: if the topic already has a plain rospy.Publisher in this process
     """
 
     def __init__(self, name: str, data_class: Any, subscriber_listener: Any = None, tcp_nodelay: bool = False,
                  latch: bool = False, headers: Optional[Dict[str, str]] = None, queue_size: Optional[int] = 10,
-                 transport: str = 'prefer_udp', max_datagram_size: int = DEFAULT_MAX_DATAGRAM_SIZE) -> None:
+                 transport: str = 'prefer_udp', max_datagram_size: int = DEFAULT_MAX_DATAGRAM_SIZE,
+                 tos: int = 0) -> None:
         _check(transport, max_datagram_size)
-        options = PublisherOptions(PROTOCOLS[transport], max_datagram_size)
+        options = PublisherOptions(PROTOCOLS[transport], max_datagram_size, tos)
         _ensure_impl(name, Registration.PUB, UdpPublisherImpl,
                      lambda resolved: UdpPublisherImpl(resolved, data_class, options))
         super().__init__(name, data_class, subscriber_listener, tcp_nodelay, latch, headers, queue_size)
+
+    @property
+    def tos(self) -> int:
+        """Second byte of the datagrams' IP headers: DSCP and ECN; it may be changed."""
+        return self.impl.options.tos if self.impl else 0
+
+    @tos.setter
+    def tos(self, value: int) -> None:
+        if self.impl:
+            self.impl.options.tos = value
 
     def publish_frames(self, *frames: Frame, limits: Mapping[str, int] = MappingProxyType({})) -> int:
         """Send all messages of some Frames at once; much cheaper than `publish` for each message.
@@ -140,8 +152,8 @@ class Subscriber(rospy.Subscriber):
     :param max_datagram_size: longest datagram to receive [byte of UDP payload]
     :param receive_buffer: requested from the kernel, see `connections` for what it granted [byte]
     :param coalesce: with a batch_callback, how long to wait for a batch to grow [s]
-    :param arrived: f(connection, seq, size, count, when), called for new messages, see udpros.depacketizer.Arrived;
-        None: nothing is called
+    :param arrived: f(connection, seq, size, count, when, marked), called for new messages, see
+        udpros.depacketizer.Arrived; None: nothing is called
     :param wanted: f() -> bool, called when the topic has a publisher, and again until it is True: no publisher is
         connected before, by UDPROS or TCPROS
     :raises ValueError: if the transport is unknown, the size is out of range, or a batch_callback is given for a type

@@ -16,20 +16,23 @@ class UdprosTransport:
 
     :param max_datagram_size: longest datagram to send and to receive [byte of UDP payload]
     :param receive_buffer: requested from the kernel for each connection [byte]
+    :param tos_mask: of the second byte of IP headers, see traffic.mask
     """
     overhead = 0
     own_masters = False
     sealed = False
 
-    def __init__(self, max_datagram_size: int = DEFAULT_MAX_DATAGRAM_SIZE, receive_buffer: int = 4 << 20) -> None:
+    def __init__(self, max_datagram_size: int = DEFAULT_MAX_DATAGRAM_SIZE, receive_buffer: int = 4 << 20,
+                 tos_mask: int = 0) -> None:
         self.name: str = rospy.get_name()
+        self.tos_mask = tos_mask
         self.max_datagram_size, self._receive_buffer = max_datagram_size, receive_buffer
 
     def publisher(self, topic: str, message_class: Any, *, queue_size: int = 10, subscriber_listener: Any = None,
-                  carries: str = '') -> Publisher:
+                  carries: str = '', tos: int = 0) -> Publisher:
         """See transport.Transport; a relay's segments have a checksum of what they carry, so it is not compared."""
         return Publisher(topic, message_class, subscriber_listener, queue_size=queue_size,
-                         max_datagram_size=self.max_datagram_size)
+                         max_datagram_size=self.max_datagram_size, tos=tos & self.tos_mask)
 
     def subscriber(self, topic: str, message_class: Any, callback: Optional[Callable[[Any], None]] = None, *,
                    queue_size: Optional[int] = None, batch_callback: Optional[BatchCallback] = None,

@@ -60,6 +60,7 @@ class Watch:
         self._reviewing: Set[str] = set()                   # URIs of the nodes that are being asked
         self._lost_address: Optional[str] = None            # the one towards the master, once it is not ours any more
         self._moved: Set[str] = set()                       # URIs of nodes that have another address now
+        self._dropped: Set[Tuple[str, str]] = set()         # (topic, URI), see `drop`
         self._addresses = NewestAddresses()
         self._former: FormerAddress[SubscriberTransport] = FormerAddress()
         self._tcp = TcpConnections(connector.connect_tcp)
@@ -105,10 +106,11 @@ class Watch:
         with self._lock:
             changed = set(uris) != set(self._confirmed.get(topic, ()))
             self._confirmed[topic] = tuple(uris)
+            self._dropped = {(name, uri) for name, uri in self._dropped if name != topic or uri in uris}
         if changed:
             self._question_period = MIN_QUESTION_PERIOD
         if not isinstance(impl, UdpSubscriberImpl):
-            self._update_plain(topic, uris)
+            self._update_plain(topic, self._kept(topic, uris))
             return
         if changed:
             impl.silence.hurry()
@@ -122,6 +124,23 @@ class Watch:
         for connection in ended:
             connection.close()
         self._connector.connect_all(topic, [uri for uri in uris if not impl.has_connection(uri)])
+
+    def drop(self, topic: str, node: str) -> None:
+        """End the connection of a rospy.Subscriber to a node, and do not connect to it again.
+
+        :param node: its name
+        """
+        impl = get_topic_manager().get_subscriber_impl(topic)
+        found = [connection for connection in (impl.connections if impl is not None else ())
+                 if connection.callerid_pub == node]
+        with self._lock:
+            self._dropped |= {(topic, connection.endpoint_id) for connection in found}
+        for connection in found:
+            connection.close()
+
+    def _kept(self, topic: str, uris: Sequence[str]) -> List[str]:
+        """The publishers to which a rospy.Subscriber is connected."""
+        return [uri for uri in uris if (topic, uri) not in self._dropped]
 
     def moved(self, uri: str, address: str) -> None:
         """A node has asked from another address than before: what it publishes may have been sent from the former one.
@@ -190,7 +209,7 @@ class Watch:
         impls = _all_subscribed()
         with self._lock:
             moved, self._moved = self._moved, set()
-            publishers = dict(self._confirmed)
+            publishers = {topic: self._kept(topic, uris) for topic, uris in self._confirmed.items()}
         if moved:
             self._former.lost([c for impl in _subscribed() for c in _connections(impl) if c.endpoint_id in moved],
                               time.monotonic())

@@ -6,6 +6,7 @@ from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Tuple
 
 from sensor_msgs.msg import CameraInfo, Image
 
+from ... import traffic
 from ...codecs.video.pyav import installed
 from ...codecs.wire import pixels
 from ...congestion.operating_points import OperatingPoint
@@ -59,6 +60,7 @@ class ImageEncoder(Encoder[Any]):
     :param clock: steady [s]
     :param session: makes random numbers, uint32
     """
+    TRAFFIC = traffic.IMAGES
     MESSAGE, SEGMENTS = Image, {MAIN_PART: ImageSegment, LAYERS: LayeredSegment, VIDEO: VideoSlice,
                                 INFO: CameraInfoSegment}
     ACCEPTED = ACCEPTED

@@ -2,8 +2,8 @@
 """Relay streams: messages of any type as they are: odometry, battery, gas, tf.
 
 Transforms are merged: the newest of each pair of frames is sent, those of many publishers in one message, as many as
-fit a datagram. Latched messages are repeated, for lost datagrams and late subscribers. Only short messages are sent
-before all others; a stream of longer ones has a share of the link, as images have.
+fit a datagram. Latched messages are repeated, for lost datagrams and late subscribers, short ones less and less often.
+Only short messages are sent before all others; a stream of longer ones has a share of the link, as images have.
 """
 from typing import Any, ClassVar, List, Mapping, Optional, Sequence
 
@@ -24,6 +24,12 @@ from .transforms import QUEUE, TF_TYPES, TransformSet
 MAX_PROTECTED_DATAGRAMS = 4
 """A stream is PROTECTED until the first message that takes more."""
 
+LONGEST_REPEAT = 5.0
+"""The time until a message of one datagram is repeated doubles with each repeat, up to this. With a repeat_rate of 1 Hz
+one of the four copies in 10 s arrives with 94 % where half the datagrams are lost, with 99.8 % where a fifth is [s]."""
+
+MAX_DOUBLINGS = 10
+
 LIMITED_MESSAGES = 20
 """After this many messages in a row at less than the requested rate there is a warning."""
 
@@ -40,8 +46,10 @@ class RelayEncoder(Encoder[Any]):
     LEAST = {'rate': 1.0, 'repeat_rate': 0.2}
     PARAMETERS = {
         **ROBOT, **RELAY,
-        'repeat_rate': Parameter(1.0, 'Hz', 'with latch: rate at which the last message is repeated', above=0.0,
-                                 most=100.0, live=True),
+        'repeat_rate': Parameter(1.0, 'Hz', 'with latch: rate at which the last message is repeated; one that fits a '
+                                 'datagram less and less often, down to once in 5 s', above=0.0, most=100.0, live=True),
+        'max_share': Parameter(1.0, '', 'largest part of the link that it takes: fewer messages are sent on a slow one',
+                               above=0.0, most=1.0, live=True),
     }
 
     def __init__(self, settings: Mapping[str, Any]) -> None:
@@ -51,6 +59,7 @@ class RelayEncoder(Encoder[Any]):
         self.KEEPS, self.STEADY = settings['latch'], not settings['latch']
         self._merges = settings['message_type'] in TF_TYPES
         self._kept: Any = TransformSet() if self._merges else None      # with latch: what is repeated
+        self._repeats = 0               # of the last message, while it takes one datagram
         self._longest_warned = 1        # datagrams of the longest message that was warned of
         self._limited = 0               # messages in a row that left at less than the requested rate
 
@@ -61,15 +70,26 @@ class RelayEncoder(Encoder[Any]):
         if self.KEEPS:
             message = self._kept = self._with(self._kept, message) if self._merges else message
         frames = self._frames(message, max_datagram_size)
-        self.message_size = size_on_air(frames)
+        self.message_size, self._repeats = size_on_air(frames), 0
         self._protect(max(map(len, frames), default=0), settings)
         return frames
 
+    def joined(self) -> None:
+        self._repeats = 0
+
     def repeat_period(self, settings: Settings) -> Optional[float]:
-        return max(1.0 / settings['repeat_rate'], 1.0 / settings['rate']) if self.KEEPS else None
+        if not self.KEEPS:
+            return None
+        shortest: float = max(1.0 / settings['repeat_rate'], 1.0 / settings['rate'])
+        doubled: float = shortest * 2 ** min(self._repeats, MAX_DOUBLINGS)
+        return max(shortest, min(doubled, LONGEST_REPEAT))
 
     def repeat(self, settings: Settings, max_datagram_size: int) -> Sequence[Frame]:
-        return self._frames(self._kept, max_datagram_size) if self.KEEPS and self._kept is not None else ()
+        if not self.KEEPS or self._kept is None:
+            return ()
+        frames = self._frames(self._kept, max_datagram_size)
+        self._repeats += max(map(len, frames), default=0) == 1
+        return frames
 
     def operating_points(self, rate: float, settings: Settings) -> List[OperatingPoint]:
         if not self.KEEPS or not self.message_size:

@@ -5,7 +5,7 @@ from typing import Any, Mapping
 from ...mission.parameters import Parameter
 from ..message_types import message_class
 
-LOG = 'rosgraph_msgs/Log'
+LOG, DIAGNOSTICS = 'rosgraph_msgs/Log', 'diagnostic_msgs/DiagnosticArray'
 
 LEVELS = 'debug', 'info', 'warn', 'error', 'fatal'
 """Of LOG messages, the lowest first."""
@@ -19,7 +19,8 @@ RELAY = {
     'reliable': Parameter(False, '', 'send every message, acknowledged, repeated and in order, instead of the newest '
                           'at `rate`: for goals, logs and other small messages'),
     'newest': Parameter(False, '', 'with reliable: of each publisher only the newest message, once the one before has '
-                        'arrived: for states that are published again and again, such as diagnostics'),
+                        'arrived: for states that are published again and again; of %s the statuses that are news' %
+                        DIAGNOSTICS),
     'direction': Parameter(TO_OPERATOR, '', 'to_robot: operator_topic is sent, and robot_topic is published; only with '
                            'reliable', choices=(TO_OPERATOR, TO_ROBOT)),
     'needs_control': Parameter(False, '', 'with direction to_robot: taken only from the operator who drives, and not '
@@ -34,7 +35,7 @@ RELAY = {
 }
 """Parameters of both sides."""
 
-UNUSED_IF_RELIABLE = frozenset({'rate', 'weight', 'min_bitrate', 'repeat_rate'})
+UNUSED_IF_RELIABLE = frozenset({'rate', 'weight', 'min_bitrate', 'repeat_rate', 'max_share'})
 """Settings of relays that reliable ones do not have."""
 
 
