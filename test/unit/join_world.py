@@ -111,7 +111,8 @@ class Side:
         for topics in self.peers.values():
             topics.update_room(SIZE, now)
             wishes: Any = self.wishes
-            topics.send(topics.asked(wishes), now)
+            topics.ask(wishes)
+            topics.send(now)
 
     def _take(self, delivery: Delivery, now: float) -> None:
         topics = self.peers.get(delivery.peer.number)
@@ -119,7 +120,7 @@ class Side:
             return
         for row in range(len(delivery.lengths)):
             number = int(delivery.datagrams[row, :4].copy().view('<u4')[0])
-            topics.take(number, delivery.datagrams[row:row + 1], delivery.lengths[row:row + 1], lambda _: now, now)
+            topics.take(number, delivery.datagrams[row:row + 1], delivery.lengths[row:row + 1], now)
 
 
 class JoinWorld:

@@ -16,8 +16,9 @@ from smokebot_udp.link.packets import DATA
 from smokebot_udp.link.peer import Joined, Left, Peer
 from smokebot_udp.link.peer_topics import PeerTopics
 from smokebot_udp.link.session import OpenSession
-from smokebot_udp.link.tables import NUMBERS, Local, Table, pack_wants
-from smokebot_udp.udpros.datagram import OVERHEAD
+from smokebot_udp.link.parts import PART
+from smokebot_udp.link.tables import SEEN, Lists, Local, Table, pack_lists
+from smokebot_udp.udpros.datagram import HEADER
 from smokebot_udp.udpros.endpoints import BatchSender
 
 THERMAL = '/smokebot_udp/thermal/segments'
@@ -253,7 +254,7 @@ def test_the_robot_is_restarted(made: Links) -> None:
 
 
 def test_new_keys_let_a_side_say_at_once_what_it_wants() -> None:
-    """The robot may have forgotten an operator that slept for a minute; WANTS was acknowledged long ago."""
+    """The robot may have forgotten an operator that slept for a minute; LISTS was acknowledged long ago."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot, \
             socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as operator:
         robot.bind(('127.0.0.1', 0))
@@ -261,14 +262,15 @@ def test_new_keys_let_a_side_say_at_once_what_it_wants() -> None:
         operator.setblocking(False)
         peer = Peer(1, 'ugv1', 'ugv1', bytes(16), 1472, (0x7f000001, robot.getsockname()[1]), OpenSession(1, 2, 3), 0.0)
         topics, wanted = PeerTopics(peer, Local(), BatchSender(operator)), frozenset([77])
-        topics.send(wanted, 0.0)
+        topics.asked = wanted
+        topics.send(0.0)
         assert len(robot.recv(2000)) > 0 and len(robot.recv(2000)) > 0
-        topics.exchange.take(Table.SEEN, NUMBERS.pack(2, 1), 0.1)
-        topics.send(wanted, 0.2)
+        topics.exchange.take(Table.SEEN, SEEN.pack(2, 1, 0, 0), 0.1)
+        topics.send(0.2)
         assert not select.select([robot], [], [], 0)[0]
         peer.use(OpenSession(4, 5, 6))
-        topics.send(wanted, 0.2)
-        assert robot.recv(2000)[DATA.size + OVERHEAD:] == pack_wants(2, wanted)
+        topics.send(0.2)
+        assert robot.recv(2000)[DATA.size + HEADER.size + PART.size:] == pack_lists(Lists(wanted))
 
 
 def test_a_wrong_key_is_a_problem_in_one_sentence(keyed: Links) -> None:

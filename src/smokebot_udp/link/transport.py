@@ -9,7 +9,7 @@ import os
 import socket
 import threading
 import time
-from typing import Any, Callable, Counter, Dict, List, Mapping, Optional, Set
+from typing import Any, Callable, Counter, Dict, List, Mapping, Optional, Set, Tuple
 
 import numpy as np
 import rospy
@@ -20,13 +20,12 @@ from ..udpros.datagram import DEFAULT_MAX_DATAGRAM_SIZE
 from ..udpros.depacketizer import Arrival, Arrived, BatchCallback
 from ..udpros.endpoints import BatchSender
 from ..udpros.loss_emulation import open_receiver
-from .control import FIRST_TOPIC_ID
 from .core import LinkCore
 from .endpoint import Endpoint
 from .operator_core import OperatorCore
 from .packets import Mode, encode_name
 from .peer import Delivery, Event, Joined, Left, Moved, Peer, Refused
-from .peer_topics import PeerTopics
+from .peer_topics import KINDS, PeerTopics
 from .resolver import Resolver
 from .robot_core import RobotCore
 from .tables import Local, Role, Topic
@@ -38,8 +37,8 @@ PERIOD = 0.1
 PROBLEM_AFTER = 2.0
 """A problem that has lasted for this long is reported [s]."""
 
-MAX_TOLD = 1000
-"""Differences of topics that are reported, each once."""
+REPORTED, REPORT_PERIOD = 50, 1.0
+"""Differences of topics are reported so often at once, and then once in this time, in turns of the peers [1, s]."""
 
 LOGGED, LOG_PERIOD = 50, 1.0
 """What happens to peers is logged so often at once, and then once in this time: anybody may join and leave an open link
@@ -70,10 +69,12 @@ class LinkTransport:
         self._publishers: Dict[int, Publisher] = {}             # by connection id; replaced, not changed, as are these
         self._subscribers: Dict[int, Subscriber] = {}
         self._peers: Dict[int, PeerTopics] = {}                 # by the peer's number
-        self._told: Set[str] = set()
-        self._differences: List[str] = []
-        self._unknown = self._handshakes = 0        # datagrams of no topic, and handshakes of peers that have left
-        self._changed, self._seen, self._due = True, 0, 0.0
+        self._told: Set[Tuple[int, str]] = set()    # (peer's number, topic)
+        self._differences: List[str] = []           # the first one to each peer
+        self._report_budget = Budget(REPORTED, REPORT_PERIOD)
+        self._unknown = self._unasked = 0           # datagrams of no topic, and of one that was not asked for
+        self._handshakes = 0                        # of peers that have left
+        self._changed, self._seen, self._looked, self._due = True, 0, 0.0, 0.0
         receiver = open_receiver('link', '', core.max_datagram_size, receive_buffer, port)
         self.port = receiver.address[1]
         self._endpoint = Endpoint(core, receiver, self, report)
@@ -126,14 +127,15 @@ class LinkTransport:
     def dropped(self) -> Counter[str]:
         """See transport.Transport."""
         dropped = self._endpoint.dropped()
-        dropped.update({'unknown topic': self._unknown} if self._unknown else {})
+        dropped.update({reason: count for reason, count in (
+            ('unknown topic', self._unknown), ('not asked for', self._unasked)) if count})
         for topics in self._peers.values():
             dropped.update(topics.dropped())
         return dropped
 
     def problem(self) -> Optional[str]:
-        """See transport.Transport."""
-        return next(iter(self._differences), None)
+        """See transport.Transport: a difference to each peer."""
+        return '; '.join(self._differences) or None
 
     def stats(self, now: float) -> Optional[TransportStats]:
         """See transport.Transport."""
@@ -180,6 +182,7 @@ class LinkTransport:
     def _forget(self, peer: Peer) -> None:
         self._peers = without(self._peers, peer.number)
         self._handshakes += peer.handshakes
+        self._told = {(number, topic) for number, topic in self._told if number != peer.number}
         for publisher in self._publishers.values():
             publisher.remove(peer)
         for subscriber in self._subscribers.values():
@@ -206,38 +209,43 @@ class LinkTransport:
         :param rows: of the delivery; `arrival` counts within them
         """
         datagrams, lengths = delivery.datagrams[rows], delivery.lengths[rows]
+        if number in KINDS:
+            self._changed |= topics.take(number, datagrams, lengths, now)
+            self._due = min(self._due, topics.exchange.deadline())
+            return
         subscriber = self._subscribers.get(number)
-        if subscriber is not None:
-            subscriber.connect(topics.peer).take(datagrams, lengths, arrival, now)
-        elif number < FIRST_TOPIC_ID and topics.take(number, datagrams, lengths, arrival, now):
-            self._changed = True
-        else:
+        if subscriber is None:
             self._unknown += len(lengths)
+        elif number not in topics.asked:
+            self._unasked += len(lengths)
+        else:
+            subscriber.connect(topics.peer).take(datagrams, lengths, arrival, now)
 
     def poll(self, now: float) -> float:
         """See endpoint.Handler."""
         number = self._local.number
-        if self._changed or number != self._seen or now >= self._due:
-            self._changed, self._seen, self._due = False, number, now + PERIOD
+        if self._changed or number != self._seen or now >= self._looked + PERIOD:
+            self._changed, self._seen, self._looked = False, number, now
             for topics in self._peers.values():
-                self._exchange(topics, now)
-            self._tell_differences()
+                topics.update_room(self._core.max_datagram_size, now)
+                topics.ask(self._subscribers)
+                topics.serve(self._publishers, self._sender)
+            self._tell_differences(now)
+        self._due = self._looked + PERIOD
+        for topics in self._peers.values():
+            topics.send(now)
+            self._due = min(self._due, topics.exchange.deadline())
         return self._due
 
-    def _exchange(self, topics: PeerTopics, now: float) -> None:
-        """Send a peer what it has to know, and what it wants."""
-        topics.update_room(self._core.max_datagram_size, now)
-        topics.send(topics.asked(self._subscribers), now)
-        topics.serve(self._publishers, self._sender)
-        self._due = min(self._due, topics.exchange.deadline())
-
-    def _tell_differences(self) -> None:
-        self._differences = [sentence for topics in self._peers.values()
-                             for sentence in topics.exchange.differences(topics.peer.name)]
-        for sentence in self._differences:
-            if sentence not in self._told and len(self._told) < MAX_TOLD:
-                self._told.add(sentence)
-                self._report(sentence)
+    def _tell_differences(self, now: float) -> None:
+        """Report what was not reported yet, at most one difference of each peer: a stranger has its turn, no more."""
+        found = {topics.peer.number: topics.exchange.differences(topics.peer.name) for topics in self._peers.values()}
+        self._differences = [next(iter(sentences.values())) for sentences in found.values() if sentences]
+        for number, sentences in found.items():
+            untold = next((topic for topic in sentences if (number, topic) not in self._told), None)
+            if untold is not None and self._report_budget.take(now):
+                self._told.add((number, untold))
+                self._report(sentences[untold])
 
 
 class RobotTransport(LinkTransport):
