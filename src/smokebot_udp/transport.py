@@ -72,6 +72,9 @@ class Publisher(Protocol):
     def get_num_connections(self) -> int:
         """The number of peers that it sends to."""
 
+    def why_not(self, peer: str) -> str:
+        """Why it does not send to a peer, in words: what the peer does or lacks, as far as this side knows."""
+
     def unregister(self) -> None:
         """End the topic."""
 

@@ -4,6 +4,7 @@ import os
 import select
 import socket
 import threading
+import time
 from typing import Any, Dict, Iterator, List
 
 import pytest
@@ -17,7 +18,8 @@ from smokebot_udp.link.peer import Joined, Left, Peer
 from smokebot_udp.link.peer_topics import PeerTopics
 from smokebot_udp.link.session import OpenSession
 from smokebot_udp.link.parts import PART
-from smokebot_udp.link.tables import SEEN, Lists, Local, Table, pack_lists
+from smokebot_udp.link.tables import SEEN, Entry, Lists, Local, Role, Table, Topic, pack_lists, pack_names
+from smokebot_udp.link.topics import Outgoing, serialised
 from smokebot_udp.udpros.datagram import HEADER
 from smokebot_udp.udpros.endpoints import BatchSender
 
@@ -318,6 +320,63 @@ def test_who_joins_and_leaves_again_and_again_does_not_fill_the_log() -> None:
             robot.on_event(Left(peer, 'closed'))
         assert told[:2] == ['anybody has joined from 127.0.0.1:9', 'anybody has left: closed']
         assert len(told) < 100
+
+
+def test_what_was_not_asked_for_is_not_delivered(keyed: Links) -> None:
+    """A peer sends it all the same."""
+    robot, _ = keyed.robot()
+    operator, _ = keyed.operator(robot.port)
+    inbox, willing = Inbox(), threading.Event()
+    operator.subscriber('/other', String, lambda _: None)
+    operator.subscriber(CHAT, String, inbox.message, wanted=willing.is_set)
+    publisher = robot.publisher(CHAT, String)
+    settle(robot.publisher('/other', String))
+    peer, = (topics.peer for topics in robot._peers.values())
+    outgoing = Outgoing(peer, robot._sender(), publisher.topic.id, 1400)
+    data = serialised(String('unasked'), 1)
+    outgoing.packetizer.send_message(data)
+    wait_for(lambda: operator.dropped()['not asked for'] == 1)
+    willing.set()
+    settle(publisher)
+    publisher.publish(String('asked'))
+    inbox.wait(lambda: inbox.messages)
+    assert [message.data for message in inbox.messages] == ['asked']
+
+
+def test_why_a_peer_gets_no_topic(keyed: Links) -> None:
+    robot, _ = keyed.robot()
+    operator, _ = keyed.operator(robot.port)
+    operator.subscriber(THERMAL, CompressedImage, lambda _: None, wanted=lambda: False)
+    thermal, chat, other = (robot.publisher(*one) for one in (
+        (THERMAL, CompressedImage), (CHAT, String), ('/other', String)))
+    operator.subscriber('/other', String, lambda _: None)
+    settle(other)
+    wait_for(lambda: 'cannot decode' in thermal.why_not(operator.name))
+    assert 'does not receive it' in chat.why_not(operator.name)
+    assert chat.why_not('/nobody') == 'is not connected'
+
+
+def test_a_strangers_tables_do_not_silence_the_differences_to_others() -> None:
+    """Thirty tables of topics that all differ, joined and left again and again."""
+    with links(None) as made:
+        robot, told = made.robot()
+        for number in range(100):
+            robot.publisher('/topic%d' % number, String)
+        names = [Entry(Role.RECEIVES, Topic('/topic%d' % number, 'x/Y', '0')) for number in range(100)]
+        now = time.monotonic()
+        for visit in range(30):
+            stranger = Peer(1000 + visit, 'stranger', 'stranger', bytes(16), 1472, (0x7f000001, 9),
+                            OpenSession(1, 2, 3), now)
+            robot.on_event(Joined(stranger))
+            robot._peers[stranger.number].exchange.take(
+                Table.NAMES, PART.pack(1, 0, 1) + pack_names(names, 10 ** 6), now)
+            for step in range(100):
+                robot._tell_differences(now + 0.1 * step)
+            robot.on_event(Left(stranger, 'closed'))
+        assert len(told) <= 50 + 30 * 11
+        operator, operator_told = made.operator(robot.port)
+        operator.subscriber('/topic7', CompressedImage, lambda _: None)
+        wait_for(lambda: any(operator.name in text for text in told))
 
 
 def test_a_topic_has_one_publisher(keyed: Links) -> None:

@@ -73,12 +73,14 @@ class Publisher:
     """Sends a topic to all peers that want it, see transport.Publisher.
 
     :param listener: whose peer_subscribe is called for each new peer
+    :param why_not: f(connection id, peer), see transport.Publisher.why_not
     :param ended: f(publisher), called by `unregister`
     """
 
-    def __init__(self, topic: Topic, message_class: Any, listener: Any, ended: Callable[['Publisher'], None]) -> None:
+    def __init__(self, topic: Topic, message_class: Any, listener: Any, why_not: Callable[[int, str], str],
+                 ended: Callable[['Publisher'], None]) -> None:
         self.topic, self.resolved_name = topic, topic.name
-        self._class, self._listener, self._ended = message_class, listener, ended
+        self._class, self._listener, self._why_not, self._ended = message_class, listener, why_not, ended
         self._connections: Sequence[Outgoing] = ()      # replaced, not changed: other threads iterate
         self._seq = 0
         self._lock = threading.Lock()       # of the numbers; held while sending
@@ -133,6 +135,10 @@ class Publisher:
     def get_num_connections(self) -> int:
         """See transport.Publisher."""
         return len(self._connections)
+
+    def why_not(self, peer: str) -> str:
+        """See transport.Publisher."""
+        return self._why_not(self.topic.id, peer)
 
     def unregister(self) -> None:
         """See transport.Publisher."""

@@ -89,7 +89,7 @@ class LinkTransport:
         :raises ValueError: if the topic is published already, or its name is too long
         """
         publisher = Publisher(Topic(topic, message_class._type, message_class._md5sum, carries), message_class,
-                              subscriber_listener, self._end_publisher)
+                              subscriber_listener, self._why_not, self._end_publisher)
         with self._lock:
             self._local.add(Role.SENDS, publisher.topic)
             self._publishers = {**self._publishers, publisher.topic.id: publisher}
@@ -110,6 +110,11 @@ class LinkTransport:
             self._local.add(Role.RECEIVES, subscriber.topic)
             self._subscribers = {**self._subscribers, subscriber.topic.id: subscriber}
         return subscriber
+
+    def _why_not(self, number: int, peer: str) -> str:
+        """See Publisher.why_not."""
+        found = (topics.exchange.why_not(number) for topics in self._peers.values() if topics.peer.name == peer)
+        return next(found, 'is not connected')
 
     def _end_publisher(self, publisher: Publisher) -> None:
         with self._lock:

@@ -86,7 +86,7 @@ class RobotStream(rospy.SubscribeListener):
         self._make_subscriber, self._make_local_publisher = subscriber, local_publisher
         self._publishers: Dict[str, Publisher] = {}   # of the parts advertised
         self._part_of = {class_: part for part, class_ in encoder.SEGMENTS.items()}
-        encoder.heard, encoder.operators = self._complete, self._subscribers_of
+        encoder.heard, encoder.operators, encoder.why_not = self._complete, self._subscribers_of, self._why_not
         encoder.longest_datagram = link.transport.max_datagram_size
         self._inputs: List[Any] = []    # subscribers, made by start(), as is this
         self._local_publisher: Any = None
@@ -162,6 +162,10 @@ class RobotStream(rospy.SubscribeListener):
     def _subscribers_of(self, part: str) -> Set[str]:
         publisher = self._publishers.get(part)
         return set() if publisher is None else {connection['peer'] for connection in publisher.connections()}
+
+    def _why_not(self, part: str, operator: str) -> str:
+        publisher = self._publishers.get(part)
+        return 'is not offered it' if publisher is None else publisher.why_not(operator)
 
     def _complete(self, part: str) -> bool:
         """Whether a part has subscribers now, all of those that other parts are sent to as datagrams among them."""

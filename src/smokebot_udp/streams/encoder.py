@@ -87,6 +87,8 @@ class Encoder(Generic[Message]):
         """Whether all operators that receive the stream receive this part of it now. The runner replaces it."""
         self.operators: Callable[[str], Collection[str]] = lambda part: ()
         """Names of the operators that this part of the stream is sent to now. The runner replaces it."""
+        self.why_not: Callable[[str, str], str] = lambda part, operator: 'does not receive it'
+        """Why this part of the stream is not sent to an operator, in words. The runner replaces it."""
 
     @staticmethod
     def check(settings: Mapping[str, Any]) -> None:

@@ -110,6 +110,10 @@ class Publisher(rospy.Publisher):
                 raise ValueError('[%s] publishes %s, not %s' % (
                     self.resolved_name, self.data_class._type, frame.message_class._type))
 
+    def why_not(self, peer: str) -> str:
+        """Why it does not send to a node, in words: the master does not say more."""
+        return 'is not connected: its log says what it lacks, if anything'
+
     def connections(self) -> List[Dict[str, Any]]:
         """Statistics of the UDPROS connections, one dictionary each; after `unregister` there are none.
 
