@@ -34,7 +34,11 @@ SEND_TIMEOUT = 0.05
 """How long a call waits for room in the socket before it drops the rest [s]."""
 
 NO_GSO = (errno.EINVAL, errno.EIO, errno.EMSGSIZE, errno.ENOPROTOOPT, errno.EOPNOTSUPP)
-"""GSO is not available on this kernel or device, or the path MTU has shrunk; plain sends are fragmented instead."""
+"""GSO is not available on this kernel or device, or the datagrams exceed the path MTU; plain sends are fragmented
+instead."""
+
+GSO_RETRY = 5.0
+"""Datagrams that are as long are sent one by one for this time: then the path may have changed [s]."""
 
 MAX_QUEUEING = 1.0
 """A datagram that seems to have waited longer in this machine did not: the clock was set [s]."""
@@ -61,6 +65,10 @@ class PeerGone(Exception):
     """The peer's host reports that the port is closed (ICMP port unreachable)."""
 
 
+class _NoGso(Exception):
+    """The kernel does not send many datagrams in one call now: they are sent one by one."""
+
+
 def path_payload(host: str, port: int) -> int:
     """The longest UDP payload that reaches the host unfragmented, as far as the kernel knows [byte].
 
@@ -84,10 +92,15 @@ class BatchSender:
         self.failures: Counter[str] = collections.Counter()
         """Datagrams that could not be sent, by the error's name. EPERM: a local firewall; EAGAIN: the network device is
         too slow; ENETUNREACH, EHOSTUNREACH: no route, such as a pulled cable."""
-        self.gso = gso
-        """Whether GSO is in use; becomes False when the kernel refuses it."""
+        self._gso = gso
+        self._refused_size, self._refused_until = 0, 0.0    # of datagrams for which the kernel refused GSO
         self._poll = select.poll()
         self._poll.register(sock, select.POLLOUT)
+
+    @property
+    def gso(self) -> bool:
+        """Whether GSO is in use, and was not refused lately."""
+        return self._gso and time.monotonic() > self._refused_until
 
     def send_one(self, *parts: Union[Buffer, UInt8Array], to: Optional[Address] = None) -> int:
         """Send one datagram, given in parts.
@@ -116,17 +129,21 @@ class BatchSender:
 
     def _send_burst(self, datagrams: memoryview, size: int, deadline: float, to: Optional[Address]) -> int:
         """Send at most MAX_SEGMENTS datagrams."""
-        if len(datagrams) > size and self.gso:
+        if len(datagrams) > size and self._gso and (size < self._refused_size or deadline > self._refused_until):
             segment = [(socket.IPPROTO_UDP, UDP_SEGMENT, struct.pack('=H', size))]
-            sent = self._try_to_send((datagrams,), segment, -(-len(datagrams) // size), deadline, to)
-            if self.gso:
-                return sent
+            try:
+                return self._try_to_send((datagrams,), segment, -(-len(datagrams) // size), deadline, to)
+            except _NoGso:
+                self._refused_size, self._refused_until = size, deadline + GSO_RETRY
         return sum(self._try_to_send((datagrams[start:start + size],), (), 1, deadline, to)
                    for start in range(0, len(datagrams), size))
 
     def _try_to_send(self, parts: Sequence[Any], control: Sequence[Tuple[int, int, bytes]], count: int,
                      deadline: float, to: Optional[Address]) -> int:
-        """One sendmsg call with `count` datagrams; returns how many were sent: all, or none."""
+        """One sendmsg call with `count` datagrams; returns how many were sent: all, or none.
+
+        :raises _NoGso: if the kernel refuses the control message, which asks for GSO
+        """
         while True:
             try:
                 self.socket.sendmsg(parts, control, 0, to)
@@ -141,11 +158,10 @@ class BatchSender:
                 return 0
             except OSError as error:
                 if control and error.errno in NO_GSO:
-                    self.gso = False    # the caller sends one by one
-                elif error.errno == errno.EBADF:
+                    raise _NoGso from error
+                if error.errno == errno.EBADF:
                     raise
-                else:
-                    self.failures[errno.errorcode.get(error.errno or 0, str(error.errno))] += count
+                self.failures[errno.errorcode.get(error.errno or 0, str(error.errno))] += count
                 return 0
 
 
