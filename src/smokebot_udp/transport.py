@@ -101,6 +101,13 @@ class Transport(Protocol):
         """The longest datagram of a topic, its header of 8 bytes included [byte]."""
 
     @property
+    def room(self) -> int:
+        """The longest datagram of a topic that passes to all peers now, as far as is known [byte]."""
+
+    def limit(self, room: int) -> None:
+        """Set `room`: longer messages are sent in several datagrams from now on. Any thread."""
+
+    @property
     def overhead(self) -> int:
         """What the transport adds to each datagram, besides the headers of IP and UDP [byte]."""
 
@@ -113,13 +120,14 @@ class Transport(Protocol):
         """Whether all datagrams are encrypted and authenticated."""
 
     def publisher(self, topic: str, message_class: Any, *, queue_size: int = 10, subscriber_listener: Any = None,
-                  carries: str = '') -> Publisher:
+                  carries: str = '', whole: bool = False) -> Publisher:
         """Publish a topic.
 
         :param queue_size: of messages that wait for one peer, where the transport has a queue
         :param subscriber_listener: as rospy.Publisher's: its peer_subscribe is called for each new peer
         :param carries: type and md5 sum of the messages within the messages, as 'tf2_msgs/TFMessage 94810ed...';
             empty: the messages carry none
+        :param whole: whether messages are sent in one datagram however long they are: to see whether that passes
         """
 
     def subscriber(self, topic: str, message_class: Any, callback: Optional[Callable[[Any], None]] = None, *,

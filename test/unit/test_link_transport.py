@@ -7,14 +7,16 @@ import threading
 import time
 from typing import Any, Dict, Iterator, List
 
+import numpy as np
 import pytest
+from link_channel import data
 from link_pair import KEY, Inbox, Links, Told, frame, links
 from polling import WAIT, wait_for
 from sensor_msgs.msg import CompressedImage, Image, LaserScan
 from std_msgs.msg import Header, String
 
 from smokebot_udp.link.packets import DATA
-from smokebot_udp.link.peer import Joined, Left, Peer
+from smokebot_udp.link.peer import Delivery, Joined, Left, Peer
 from smokebot_udp.link.peer_topics import PeerTopics
 from smokebot_udp.link.session import OpenSession
 from smokebot_udp.link.parts import PART
@@ -22,6 +24,7 @@ from smokebot_udp.link.tables import SEEN, Entry, Lists, Local, Role, Table, Top
 from smokebot_udp.link.topics import Outgoing, serialised
 from smokebot_udp.udpros.datagram import HEADER
 from smokebot_udp.udpros.endpoints import BatchSender
+from smokebot_udp.udpros.packetizer import no_limit
 
 THERMAL = '/smokebot_udp/thermal/segments'
 CHAT = '/smokebot_udp/chat'
@@ -325,16 +328,18 @@ def test_who_joins_and_leaves_again_and_again_does_not_fill_the_log() -> None:
 def test_what_was_not_asked_for_is_not_delivered(keyed: Links) -> None:
     """A peer sends it all the same."""
     robot, _ = keyed.robot()
+    events: List[Any] = []
+    on_event = robot.on_event
+    robot.on_event = lambda event: (events.append(event), on_event(event))     # type: ignore[method-assign]
     operator, _ = keyed.operator(robot.port)
     inbox, willing = Inbox(), threading.Event()
     operator.subscriber('/other', String, lambda _: None)
     operator.subscriber(CHAT, String, inbox.message, wanted=willing.is_set)
     publisher = robot.publisher(CHAT, String)
     settle(robot.publisher('/other', String))
-    peer, = (topics.peer for topics in robot._peers.values())
-    outgoing = Outgoing(peer, robot._sender(), publisher.topic.id, 1400)
-    data = serialised(String('unasked'), 1)
-    outgoing.packetizer.send_message(data)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as another:
+        outgoing = Outgoing(events[0].peer, BatchSender(another), publisher.topic.id, 1400, no_limit)
+        outgoing.packetizer.send_message(serialised(String('unasked'), 1))
     wait_for(lambda: operator.dropped()['not asked for'] == 1)
     willing.set()
     settle(publisher)
@@ -363,17 +368,18 @@ def test_a_strangers_tables_do_not_silence_the_differences_to_others() -> None:
         for number in range(100):
             robot.publisher('/topic%d' % number, String)
         names = [Entry(Role.RECEIVES, Topic('/topic%d' % number, 'x/Y', '0')) for number in range(100)]
+        table = np.frombuffer(data(Table.NAMES, PART.pack(1, 0, 1) + pack_names(names, 10 ** 6)), np.uint8)[np.newaxis]
         now = time.monotonic()
         for visit in range(30):
             stranger = Peer(1000 + visit, 'stranger', 'stranger', bytes(16), 1472, (0x7f000001, 9),
                             OpenSession(1, 2, 3), now)
             robot.on_event(Joined(stranger))
-            robot._peers[stranger.number].exchange.take(
-                Table.NAMES, PART.pack(1, 0, 1) + pack_names(names, 10 ** 6), now)
+            robot.on_delivery(Delivery(stranger, table, np.array([table.shape[1]]), np.zeros(1, np.int64)),
+                              lambda row: now, now)
             for step in range(100):
-                robot._tell_differences(now + 0.1 * step)
+                robot.poll(now + step)
             robot.on_event(Left(stranger, 'closed'))
-        assert len(told) <= 50 + 30 * 11
+        assert 30 <= len(told) <= 50 + 30 * 101
         operator, operator_told = made.operator(robot.port)
         operator.subscriber('/topic7', CompressedImage, lambda _: None)
         wait_for(lambda: any(operator.name in text for text in told))

@@ -68,7 +68,7 @@ class PeerTopics:
             if connection is not None and not wanted:
                 publisher.remove(self.peer)
             elif connection is None and wanted:
-                publisher.add(Outgoing(self.peer, sender(), number, self._room))
+                publisher.add(Outgoing(self.peer, sender(), number, self._room, publisher.limit))
             elif connection is not None:
                 connection.packetizer.max_datagram_size = self._room
 

@@ -16,7 +16,7 @@ from ..udpros.datagram import IP_UDP_HEADERS, LENGTH, Buffer
 from ..udpros.depacketizer import Arrival, Arrived, BatchCallback, Depacketizer
 from ..udpros.endpoints import BatchSender
 from ..udpros.frame import Frame, first_messages
-from ..udpros.packetizer import Packetizer
+from ..udpros.packetizer import Limit, Packetizer
 from ..udpros.records import has_header, record_dtype
 from .peer import Peer
 from .tables import Topic
@@ -56,16 +56,17 @@ class PeerSender:
 class Outgoing:
     """A publisher's connection to one peer."""
 
-    def __init__(self, peer: Peer, sender: BatchSender, connection_id: int, max_datagram_size: int) -> None:
+    def __init__(self, peer: Peer, sender: BatchSender, connection_id: int, max_datagram_size: int,
+                 limit: Limit) -> None:
         self.peer = peer
         self._sender = PeerSender(peer, sender)
-        self.packetizer = Packetizer(self._sender, connection_id, max_datagram_size)
+        self.packetizer = Packetizer(self._sender, connection_id, max_datagram_size, limit)
 
     def stats(self) -> Dict[str, Any]:
         """As of udpros.Publisher.connections."""
         packetizer = self.packetizer
         return {'peer': self.peer.name, 'address': self.peer.address, 'connection_id': packetizer.connection_id,
-                'max_datagram_size': packetizer.max_datagram_size, 'datagrams': packetizer.datagrams,
+                'max_datagram_size': packetizer.longest, 'datagrams': packetizer.datagrams,
                 'bytes': packetizer.bytes, 'failures': self._sender.failures}
 
 
@@ -74,12 +75,13 @@ class Publisher:
 
     :param listener: whose peer_subscribe is called for each new peer
     :param why_not: f(connection id, peer), see transport.Publisher.why_not
+    :param limit: of its datagrams, beside the room of each peer
     :param ended: f(publisher), called by `unregister`
     """
 
     def __init__(self, topic: Topic, message_class: Any, listener: Any, why_not: Callable[[int, str], str],
-                 ended: Callable[['Publisher'], None]) -> None:
-        self.topic, self.resolved_name = topic, topic.name
+                 limit: Limit, ended: Callable[['Publisher'], None]) -> None:
+        self.topic, self.resolved_name, self.limit = topic, topic.name, limit
         self._class, self._listener, self._why_not, self._ended = message_class, listener, why_not, ended
         self._connections: Sequence[Outgoing] = ()      # replaced, not changed: other threads iterate
         self._seq = 0

@@ -20,6 +20,7 @@ from ..udpros.datagram import DEFAULT_MAX_DATAGRAM_SIZE
 from ..udpros.depacketizer import Arrival, Arrived, BatchCallback
 from ..udpros.endpoints import BatchSender
 from ..udpros.loss_emulation import open_receiver
+from ..udpros.packetizer import no_limit
 from .core import LinkCore
 from .endpoint import Endpoint
 from .operator_core import OperatorCore
@@ -61,7 +62,7 @@ class LinkTransport:
 
     def __init__(self, core: LinkCore, port: int, receive_buffer: int, report: Report, log: Report) -> None:
         self.name, self.overhead = encode_name(core.name).decode(), core.overhead       # as the other side has it
-        self.max_datagram_size = core.max_datagram_size - core.overhead
+        self.max_datagram_size = self.room = core.max_datagram_size - core.overhead
         self.sealed = core.mode == Mode.KEYED
         self._core, self._report, self._log = core, report, log
         self._log_budget = Budget(LOGGED, LOG_PERIOD)
@@ -82,14 +83,19 @@ class LinkTransport:
 
     # -- transport.Transport --------------------------------------------------------------------------
 
+    def limit(self, room: int) -> None:
+        """See transport.Transport."""
+        self.room = min(room, self.max_datagram_size)
+
     def publisher(self, topic: str, message_class: Any, *, queue_size: int = 10, subscriber_listener: Any = None,
-                  carries: str = '') -> Publisher:
+                  carries: str = '', whole: bool = False) -> Publisher:
         """See transport.Transport; nothing waits for a peer here, so there is no queue.
 
         :raises ValueError: if the topic is published already, or its name is too long
         """
         publisher = Publisher(Topic(topic, message_class._type, message_class._md5sum, carries), message_class,
-                              subscriber_listener, self._why_not, self._end_publisher)
+                              subscriber_listener, self._why_not, no_limit if whole else lambda: self.room,
+                              self._end_publisher)
         with self._lock:
             self._local.add(Role.SENDS, publisher.topic)
             self._publishers = {**self._publishers, publisher.topic.id: publisher}

@@ -87,7 +87,6 @@ class RobotStream(rospy.SubscribeListener):
         self._publishers: Dict[str, Publisher] = {}   # of the parts advertised
         self._part_of = {class_: part for part, class_ in encoder.SEGMENTS.items()}
         encoder.heard, encoder.operators, encoder.why_not = self._complete, self._subscribers_of, self._why_not
-        encoder.longest_datagram = link.transport.max_datagram_size
         self._inputs: List[Any] = []    # subscribers, made by start(), as is this
         self._local_publisher: Any = None
         self._invalid = 0
@@ -317,6 +316,7 @@ class RobotStream(rospy.SubscribeListener):
         elif encoder.WHOLE and not encoder.PROTECTED:
             self.link.outbox.await_rest(self.name, True)
         began = time.monotonic()
+        encoder.longest_datagram = self.link.transport.room
         frames = encoder.encode(message, settings, self._datagram_size)
         if TRACE.on and encoder.STAMPED:
             TRACE.mark(self.name, self._stamp.to_nsec(), stages.STARTED, began)
@@ -366,7 +366,7 @@ class RobotStream(rospy.SubscribeListener):
     @property
     def _datagram_size(self) -> int:
         # short messages need no second datagram, however slow the link is
-        return self.link.transport.max_datagram_size if self.encoder.PROTECTED else self.link.datagram_size
+        return self.link.transport.room if self.encoder.PROTECTED else self.link.datagram_size
 
     def _send(self, frames: Sequence[Frame]) -> None:
         """Hand over the frames that carry one message, or the messages of a PROTECTED stream."""

@@ -82,7 +82,7 @@ class Encoder(Generic[Message]):
         """Of the source as measured, however many of its messages are encoded [Hz]. The runner replaces it; None: it is
         not known."""
         self.longest_datagram = 0
-        """What the transport carries, however slow the link is; the runner replaces it [byte of UDP payload]."""
+        """What passes, however slow the link is; the runner replaces it [byte of UDP payload]."""
         self.heard: Callable[[str], bool] = lambda part: True
         """Whether all operators that receive the stream receive this part of it now. The runner replaces it."""
         self.operators: Callable[[str], Collection[str]] = lambda part: ()
