@@ -55,6 +55,12 @@ def test_bursts_have_their_ratio_and_their_mean_length(loss: float, burst: float
     assert sum(lengths) / len(lengths) == pytest.approx(burst, rel=0.1)
 
 
+def test_packets_that_are_too_long_are_lost_and_the_others_are_not() -> None:
+    for size, lost in ((1200, 0), (1201, 100)):
+        _, channel = fates(LinkConditions(longest=1200.0), count=100, size=size)
+        assert channel.counts.lost == lost and channel.counts.carried == 100 * size
+
+
 def test_delay_and_jitter_keep_the_order() -> None:
     results, _ = fates(LinkConditions(delay=0.02, jitter=0.01))
     times = [out[0] for _, out in results]
