@@ -8,7 +8,6 @@ from typing import Any, Callable, Dict, FrozenSet, List, Optional, Tuple
 
 from link_channel import KEY, OPERATOR, ROBOT, SIZE, Address, Network, random_bytes
 
-from smokebot_udp.link.core import LinkCore
 from smokebot_udp.link.operator_core import OperatorCore
 from smokebot_udp.link.peer import Delivery, Joined, Left
 from smokebot_udp.link.peer_topics import PeerTopics
@@ -178,7 +177,7 @@ class JoinWorld:
 
 
 def times_to_join(runs: int, loss: float, relays: int, limit: float) -> List[Tuple[float, float]]:
-    """[(from the start to the operator's join, from then until the robot knows its wants), ...] [s]; inf: not in time"""
+    """[(from the start to the operator's join, from then until the robot knows its wants)] [s]; inf: not in time"""
     found = []
     for seed in range(runs):
         world = JoinWorld(seed, loss, relays)

@@ -94,8 +94,8 @@ def test_ten_thousand_handshakes_that_are_never_finished(key: Optional[bytes]) -
 
 def test_nothing_is_answered_by_more_than_came(monkeypatch: pytest.MonkeyPatch) -> None:
     robot, operator = joined()
-    packets = [hello(1), Hello(VERSION, Mode.KEYED, 1).pack(), Hello(9, 0, 1).pack(), init_of(robot_of(), operator_of()),
-               the_robot(operator).seal_one(message(Control.KEEP_ALIVE)), bytes(HELLO.size)]
+    packets = [hello(1), Hello(VERSION, Mode.KEYED, 1).pack(), Hello(9, 0, 1).pack(),
+               init_of(robot_of(), operator_of()), the_robot(operator).seal_one(message(Control.KEEP_ALIVE)), bytes(HELLO.size)]
     random = Random(2)
     came: Counter[Address] = collections.Counter()
     answered: Counter[Address] = collections.Counter()

@@ -232,7 +232,8 @@ def test_an_idle_exchange_is_cheap() -> None:
 
 
 def test_sides_with_the_same_topics_send_no_names() -> None:
-    robot, operator = Side((Role.SENDS, IMAGE), (Role.RECEIVES, RELAY)), Side((Role.RECEIVES, IMAGE), (Role.SENDS, RELAY))
+    robot = Side((Role.SENDS, IMAGE), (Role.RECEIVES, RELAY))
+    operator = Side((Role.RECEIVES, IMAGE), (Role.SENDS, RELAY))
     kinds = []
     for step in range(20):
         for one, other in ((robot, operator), (operator, robot)):

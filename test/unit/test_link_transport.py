@@ -16,10 +16,10 @@ from sensor_msgs.msg import CompressedImage, Image, LaserScan
 from std_msgs.msg import Header, String
 
 from smokebot_udp.link.packets import DATA
+from smokebot_udp.link.parts import PART
 from smokebot_udp.link.peer import Delivery, Joined, Left, Peer
 from smokebot_udp.link.peer_topics import PeerTopics
 from smokebot_udp.link.session import OpenSession
-from smokebot_udp.link.parts import PART
 from smokebot_udp.link.tables import SEEN, Entry, Lists, Local, Role, Table, Topic, pack_lists, pack_names
 from smokebot_udp.link.topics import Outgoing, serialised
 from smokebot_udp.udpros.datagram import HEADER

@@ -47,6 +47,16 @@ class Path:
             self._step()
 
     def _step(self) -> None:
+        self._send()
+        self._probe()
+        for event in [event for event in self._events if event[0] <= self.now]:
+            self._events.remove(event)
+            if event[1] == 'report':
+                self.length.reported(event[2], self.now)    # type: ignore[arg-type]
+            else:
+                self.length.answered(*event[2], self.now)   # type: ignore[misc]
+
+    def _send(self) -> None:
         for name, size, count, period in self.flows:
             if self.now >= self._due[name]:
                 self._due[name] = self.now + period
@@ -59,6 +69,8 @@ class Path:
             self._report_due = self.now + 0.1
             if self._chance.random() >= self.loss:
                 self._events.append((self.now + 2 * self.delay, 'report', dict(self.received)))
+
+    def _probe(self) -> None:
         length = self.length.probe(self.now)
         if length is not None:
             self.probes.append((self.now, length))
@@ -70,12 +82,6 @@ class Path:
                     self._newest = self._numbers
                     if self._chance.random() >= self.loss:
                         self._events.append((self.now + 2 * self.delay, 'answer', (self._newest, self._bits)))
-        for event in [event for event in self._events if event[0] <= self.now]:
-            self._events.remove(event)
-            if event[1] == 'report':
-                self.length.reported(event[2], self.now)    # type: ignore[arg-type]
-            else:
-                self.length.answered(*event[2], self.now)   # type: ignore[misc]
 
     def until(self, condition: object, limit: float) -> float:
         """How long it took [s]."""

@@ -25,7 +25,6 @@ from smokebot_udp.link.packets import (
     parse,
 )
 from smokebot_udp.link.peer import Joined, Left, Refused
-from smokebot_udp.link.tags import Tags
 from smokebot_udp.link.robot_core import (
     INIT_BURST,
     INIT_PERIOD,
@@ -37,6 +36,7 @@ from smokebot_udp.link.robot_core import (
     YIELDS,
     RobotCore,
 )
+from smokebot_udp.link.tags import Tags
 
 # 1. HELLO
 

@@ -3,7 +3,7 @@
 
 It is packetization-layer path MTU discovery (RFC 8899), in which most datagrams need no confirmation:
 
-* A stream whose datagrams have one length shows that this length passes, when the operator's reports count more of them.
+* A stream whose datagrams have one length shows that this length passes when the operator's reports count more of them.
 * Lengths that are sent, but not heard of while shorter ones are, are doubtful, and so are those that nothing shows.
 * A doubtful length is tested by probes: one of this length, and SHORT_PROBES short ones right behind it. The operator
   answers which ones came. The length passes with the first one that came. It does not with so many lost that this would
@@ -18,8 +18,8 @@ from dataclasses import dataclass
 from typing import Dict, List, Mapping, Optional
 
 LENGTHS = (548, 1172, 1232, 1272, 1332, 1372, 1392, 1412, 1424, 1452, 1464, 1472)
-"""What passes where the path MTU is 576 (the least of IPv4), 1200, 1260, 1300, 1360, 1400, 1420 (WireGuard), 1440, 1452,
-1480, 1492 (PPPoE) and 1500 (Ethernet)."""
+"""What passes where the path MTU is 576 (the least of IPv4), 1200, 1260, 1300, 1360, 1400, 1420 (WireGuard), 1440,
+1452, 1480, 1492 (PPPoE) and 1500 (Ethernet)."""
 
 USUAL = LENGTHS[:2]
 """What is sent while it is searched for what passes: the longer one, unless that does not pass, either."""
@@ -42,14 +42,16 @@ CONFIRMED_FOR = 10.0
 COINCIDENCE, DOUBT = 5e-3, 0.05
 """The probability of what is no coincidence, and of what only makes doubtful."""
 
-PROBE_PERIOD, ANSWER_TIME = 0.1, 1.0
-"""Between two long probes, and how long an answer to the last one is waited for [s]."""
+PROBE_PERIOD, SEARCH_PERIOD, ANSWER_TIME = 0.1, 0.25, 1.0
+"""Between two long probes of a length that is used, of another one, and how long an answer to the last one is waited
+for [s]."""
 
 MIN_PROBES, MAX_PROBES = 4, 40
 """Lost before a length fails; sent before a test ends that nobody answers."""
 
 REST = 2.0
-"""After a test that found nothing new, before a doubt leads to the next one; doubled each time, up to CONFIRMED_FOR [s]."""
+"""After a test that found nothing new, before a doubt leads to the next one; doubled each time, up to CONFIRMED_FOR
+[s]."""
 
 RECOVERY_PERIOD = 3.0
 """[s]"""
@@ -191,7 +193,8 @@ class PathLength:
             self._end_test(now, RECOVERY_PERIOD)
             return None
         test.left -= 1
-        test.due = now + (PROBE_PERIOD if test.left else ANSWER_TIME)
+        period = PROBE_PERIOD if test.length == self.length else SEARCH_PERIOD
+        test.due = now + (period if test.left else ANSWER_TIME)
         return test.length
 
     def _new_test(self, now: float) -> Optional[LengthTest]:

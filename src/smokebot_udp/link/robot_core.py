@@ -4,8 +4,8 @@
 Rules, in the order in which a stranger meets them; each has its tests in test_robot_core or test_robot_peers:
 
 1. HELLO is answered by a COOKIE, or refused: another version, a key on one side only, another key. Nothing is kept.
-2. INIT is dropped unless its cookie is this robot's for this address and nonce, and refused if its tag is wrong: another
-   key.
+2. INIT is dropped unless its cookie is this robot's for this address and nonce, and refused if its tag is wrong:
+   another key.
 3. An ephemeral that was taken within its cookie's life is dropped. Of the others, each host has INIT_BURST at once, and
    then one each INIT_PERIOD: what others send in an operator's name does not take its share.
 4. Only now the handshake is read, and X25519 computed.
@@ -16,9 +16,9 @@ Rules, in the order in which a stranger meets them; each has its tests in test_r
 8. A peer whose newest packet comes from another address is challenged there (path.py), and has moved when it answers
    before it has left that address again.
 9. Names are unique, since what operators report and get goes by name: a later peer of a name gets ' #2' after it.
-10. A peer is forgotten after 60 s of silence, at its CLOSE, or when a later one of its name is there and it is silent for
-    REPLACED. When another one needs its place, it is forgotten if it is silent for YIELDS. Without a key anybody can
-    take all places: there OPEN_YIELDS is enough, and a host that has two places more than another one gives one up.
+10. A peer is forgotten after 60 s of silence, at its CLOSE, or when a later one of its name is there and it is silent
+    for REPLACED. When another one needs its place, it is forgotten if it is silent for YIELDS. Without a key anybody
+    can take all places: there OPEN_YIELDS is enough, and a host that has two places more than another one gives one up.
 11. DATA of a session that is not known is answered by UNKNOWN, at most UNKNOWN_BURST at once, then 1 / UNKNOWN_PERIOD.
 """
 import collections

@@ -20,8 +20,8 @@ from ..msg import LinkReport, LinkStatus, WifiStatus
 from ..streams.outlook import Outlook, StreamLosses
 from ..units import MBIT
 from .link_reporter import TOPIC
-from .outbox import Departed
 from .logging import log_error
+from .outbox import Departed
 from .path_monitor import PathMonitor
 from .robot_stream import RobotLink, RobotStream
 from .wifi_monitor import WifiMonitor

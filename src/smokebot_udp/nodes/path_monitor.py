@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """How long datagrams to the operators may be: the kernel's path MTU, and what the path drops without a word.
 
-The robot's PathMonitor watches what is sent and reported, probes where that is doubtful (congestion/path_length.py), and
-limits what the transport sends. The operator's PathAnswers says which probes came. What operators send is never longer
-than what passes nearly everywhere: it is little.
+The robot's PathMonitor watches what is sent and reported, probes where that is doubtful (congestion/path_length.py),
+and limits what the transport sends. The operator's PathAnswers says which probes came. What operators send is never
+longer than what passes nearly everywhere: it is little.
 """
 import contextlib
 import threading
 import time
-from typing import Any, Dict, Mapping, Optional
+from typing import Any, Dict, Mapping, Optional, Tuple
 
 from ..congestion.path_length import ANSWER_BITS, SHORT, SHORT_PROBES, USUAL, PathLength
 from ..msg import PathAnswer, PathProbe
@@ -74,7 +74,7 @@ class PathMonitor:
                 self._probe(path, length)
         if now >= self._kernel_due:
             self._kernel_due = now + MTU_PERIOD
-            self._kernel = min([self._longest, *(_kernel_length(*one['address'], self._longest) for one in connections)])
+            self._kernel = min([self._longest, *(_kernel_length(one['address'], self._longest) for one in connections)])
         length = min([self._kernel, *(path.length for path in self._paths.values())])
         self._transport.limit(length - self._transport.overhead)
 
@@ -131,8 +131,8 @@ def _frame(size: int, count: int) -> Frame:
     return Frame(PathProbe, count, {'padding': max(0, size - least.datagram_size)})
 
 
-def _kernel_length(host: str, port: int, longest: int) -> int:
+def _kernel_length(address: Tuple[str, int], longest: int) -> int:
     """The longest datagram that reaches an address unfragmented, as far as the kernel knows [byte of UDP payload]."""
     with contextlib.suppress(OSError):      # no route now
-        return min(longest, path_payload(host, port))
+        return min(longest, path_payload(*address))
     return longest
