@@ -289,6 +289,56 @@ def test_a_wrong_key_is_a_problem_in_one_sentence(keyed: Links) -> None:
     assert stats.dropped['refused: wrong key'] > 0
 
 
+def test_the_key_is_replaced_while_both_run(keyed: Links) -> None:
+    """An operator with the former key is refused; one that has the new one joins by itself."""
+    new, renewed = bytes(reversed(KEY)), {'robot': False, 'desk': False}
+
+    def renew(side: str) -> Any:
+        def key(now: float) -> Any:
+            due, renewed[side] = renewed[side], False
+            return new if due else None
+        return key
+    robot, _ = keyed.robot(renewed=renew('robot'))
+    publisher, inbox = robot.publisher(CHAT, String), Inbox()
+    operator, _ = keyed.operator(robot.port, renewed=renew('desk'))
+    operator.subscriber(CHAT, String, inbox.message)
+    settle(publisher)
+    renewed['robot'] = True
+    wait_for(lambda: 'another key' in (operator.problem() or ''))
+    assert not robot.stats(0.0).peers
+    renewed['desk'] = True
+    settle(publisher)
+    publisher.publish(String('sealed anew'))
+    inbox.wait(lambda: inbox.messages)
+    late, _ = keyed.operator(robot.port, '/lost_desk')
+    wait_for(lambda: 'another key' in (late.problem() or ''))
+
+
+def test_nine_operators_of_one_robot(keyed: Links) -> None:
+    """The ninth is told why it has to wait, and has the place of the first one that leaves."""
+    robot, told = keyed.robot()
+    publisher, inboxes, operators = robot.publisher(CHAT, String), [], []
+    for number in range(8):
+        operator, _ = keyed.operator(robot.port, '/desk%d' % number)
+        inboxes.append(Inbox())
+        operator.subscriber(CHAT, String, inboxes[-1].message)
+        operators.append(operator)
+    settle(publisher, count=8)
+    ninth, _ = keyed.operator(robot.port, '/desk9')
+    inbox = Inbox()
+    ninth.subscriber(CHAT, String, inbox.message)
+    wait_for(lambda: 'as many operators as it takes' in (ninth.problem() or ''))
+    wait_for(lambda: told)
+    assert 'there are 8 operators already' in told[0]
+    publisher.publish(String('to all'))
+    for one in inboxes:
+        one.wait(lambda one=one: one.messages)
+    operators[3].close()
+    wait_for(lambda: '/desk9' in [connection['peer'] for connection in publisher.connections()])
+    publisher.publish(String('again'))
+    inbox.wait(lambda: inbox.messages)
+
+
 def test_a_port_in_use_is_an_error(keyed: Links) -> None:
     robot, _ = keyed.robot()
     with pytest.raises(OSError, match='in use'):
@@ -308,8 +358,8 @@ def test_forged_datagrams_change_nothing(made: Links) -> None:
                 stranger.sendto(bytes([kind, 1, 0, 0]) + os.urandom(size), ('127.0.0.1', robot.port))
     publisher.publish(String('hello'))
     inbox.wait(lambda: inbox.messages)
-    wait_for(lambda: sum(robot.dropped().values()) >= 50)
-    assert {'too long', 'malformed', 'unknown session'} <= set(robot.dropped())
+    wait_for(lambda: sum(robot.dropped().values()) >= 50
+             and {'too long', 'malformed', 'unknown session'} <= set(robot.dropped()))
     assert [peer.name for peer in robot.stats(0.0).peers] == ['/operator_receiver@desk1']
 
 

@@ -215,10 +215,18 @@ class LinkCore(abc.ABC):
 
     def close(self, now: float) -> None:
         """Leave all peers, and tell them."""
+        self._leave_all('closed here')
+
+    def set_key(self, key: bytes, now: float) -> None:
+        """The key was replaced: who has the former one is not a peer any more [32 bytes, s]."""
+        self._leave_all('the key was replaced')
+        self._key, self._tags = key, Tags(key)
+
+    def _leave_all(self, reason: str) -> None:
         for peer in self._peers:
             for _ in range(CLOSE_COPIES):
                 self._send_control(peer, Control.CLOSE)
-            self._leave(peer, 'closed here')
+            self._leave(peer, reason)
         self._entries.clear()
 
     def _send(self, place: Place, packet: bytes) -> None:

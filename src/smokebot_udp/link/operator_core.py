@@ -201,6 +201,14 @@ class OperatorCore(LinkCore):
         self._place = self._handshake = None
         self._attempts.clear()
 
+    def set_key(self, key: bytes, now: float) -> None:
+        """See LinkCore."""
+        super().set_key(key, now)
+        self._attempts.clear()
+        self._refusal = -math.inf, ''
+        if self._place is not None:
+            self._begin(now, silence=False)
+
     def _begin(self, now: float, silence: bool) -> None:
         """Begin a handshake; answers to the attempts of the one before are still taken."""
         self._handshake = Handshake(int.from_bytes(self._random(8), 'little'), now, silence)

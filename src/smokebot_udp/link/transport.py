@@ -46,6 +46,12 @@ LOGGED, LOG_PERIOD = 50, 1.0
 again and again [1, s]."""
 
 Report = Callable[[str], None]
+Renewed = Callable[[float], Optional[bytes]]
+
+
+def never(now: float) -> Optional[bytes]:
+    """There is no other key."""
+    return None
 
 
 class LinkTransport:
@@ -54,17 +60,19 @@ class LinkTransport:
     :param core: of this side
     :param port: to bind; 0: any
     :param receive_buffer: requested from the kernel [byte]
+    :param renewed: f(now [s]) -> a key that replaces the present one, if there is one
     :param report: f(text), called with what somebody has to see to
     :param log: f(text), called with what happens
     :raises OSError: if the port is in use
     """
     own_masters = True
 
-    def __init__(self, core: LinkCore, port: int, receive_buffer: int, report: Report, log: Report) -> None:
+    def __init__(self, core: LinkCore, port: int, receive_buffer: int, renewed: Renewed, report: Report,
+                 log: Report) -> None:
         self.name, self.overhead = encode_name(core.name).decode(), core.overhead       # as the other side has it
         self.max_datagram_size = self.room = core.max_datagram_size - core.overhead
         self.sealed = core.mode == Mode.KEYED
-        self._core, self._report, self._log = core, report, log
+        self._core, self._renewed, self._report, self._log = core, renewed, report, log
         self._log_budget = Budget(LOGGED, LOG_PERIOD)
         self._local, self._lock = Local(), threading.Lock()     # the lock: of changes of these three
         self._publishers: Dict[int, Publisher] = {}             # by connection id; replaced, not changed, as are these
@@ -234,6 +242,10 @@ class LinkTransport:
 
     def poll(self, now: float) -> float:
         """See endpoint.Handler."""
+        key = self._renewed(now)
+        if key is not None:
+            self._core.set_key(key, now)
+            self._log('the key was replaced: all operators and robots that have the former one have left')
         number = self._local.number
         if self._changed or number != self._seen or now >= self._looked + PERIOD:
             self._changed, self._seen, self._looked = False, number, now
@@ -268,16 +280,17 @@ class RobotTransport(LinkTransport):
         [byte of UDP payload]
     :param receive_buffer: requested from the kernel [byte]
     :param name: under which operators know it; None: the node's and the machine's
+    :param renewed: f(now [s]) -> a key that replaces the present one, if there is one
     :param report: f(text), called with what somebody has to see to
     :param log: f(text), called with what happens
     :raises OSError: if the port is in use
     """
 
     def __init__(self, port: int, key: Optional[bytes] = None, *, max_datagram_size: int = DEFAULT_MAX_DATAGRAM_SIZE,
-                 receive_buffer: int = 4 << 20, name: Optional[str] = None, report: Report = rospy.logerr,
-                 log: Report = rospy.loginfo) -> None:
+                 receive_buffer: int = 4 << 20, name: Optional[str] = None, renewed: Renewed = never,
+                 report: Report = rospy.logerr, log: Report = rospy.loginfo) -> None:
         core = RobotCore(key, os.urandom, max_datagram_size, own_name() if name is None else name)
-        super().__init__(core, port, receive_buffer, report, log)
+        super().__init__(core, port, receive_buffer, renewed, report, log)
         self._endpoint.start()
 
     def _on_refused(self, event: Refused) -> None:
@@ -296,12 +309,13 @@ class OperatorTransport(LinkTransport):
 
     def __init__(self, host: str, port: int, key: Optional[bytes] = None, *,
                  max_datagram_size: int = DEFAULT_MAX_DATAGRAM_SIZE, receive_buffer: int = 4 << 20,
-                 name: Optional[str] = None, report: Report = rospy.logerr, log: Report = rospy.loginfo) -> None:
+                 name: Optional[str] = None, renewed: Renewed = never, report: Report = rospy.logerr,
+                 log: Report = rospy.loginfo) -> None:
         self._operator = OperatorCore(key, os.urandom, max_datagram_size, own_name() if name is None else name)
         self._resolver, self._robot_port = Resolver(host), port
         self._troubled: Optional[float] = None      # since when there is a problem
         self._last_problem: Optional[str] = None    # that was reported
-        super().__init__(self._operator, 0, receive_buffer, report, log)
+        super().__init__(self._operator, 0, receive_buffer, renewed, report, log)
         self._endpoint.start()
 
     def problem(self) -> Optional[str]:
