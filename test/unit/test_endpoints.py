@@ -160,8 +160,32 @@ def test_gso_comes_back_when_the_path_carries_long_datagrams_again(receiver, mak
     assert send(300) == [True, False, False, False] and send(300) == [False] * 3 and send(250) == [True] + [False] * 3
     assert send(200) == [True]
     now[0], longest[0] = now[0] + endpoints.GSO_RETRY + 1, 1400
+    assert send(300) == [False] * 3      # now and then one by one, see PLAIN_PERIOD
     assert send(300) == [True] and send(300) == [True]
-    assert len(collect(receiver, 18)) == 18 and not sender.failures
+    assert len(collect(receiver, 21)) == 21 and not sender.failures
+
+
+def test_the_kernel_learns_the_path_mtu_although_gso_is_in_use(receiver, make, monkeypatch) -> None:
+    """Only what is sent one by one has the bit DF: those bursts come now and then, and not always."""
+    now, calls = [1000.0], []
+    monkeypatch.setattr(endpoints.time, 'monotonic', lambda: now[0])
+    sender = make(DatagramSender, '127.0.0.1', receiver.address[1])
+
+    sendmsg = sender.socket.sendmsg
+
+    class Socket:
+        def sendmsg(self, parts, control, *rest) -> int:
+            calls.append((now[0], bool(control)))
+            return sendmsg(parts, control, *rest)
+
+        def __getattr__(self, name) -> object:
+            return getattr(real, name)
+    real, sender.socket = sender.socket, Socket()
+    for tenth in range(200):
+        now[0] = 1000.0 + tenth / 10
+        sender.send(bytes(300), 100, 3)
+    plain = sorted({when for when, gso in calls if not gso})
+    assert 3 <= len(plain) <= 4 and all(5.0 <= later - one < 5.3 for one, later in zip(plain, plain[1:]))
 
 
 SHRUNK = """

@@ -40,6 +40,10 @@ instead."""
 GSO_RETRY = 5.0
 """Datagrams that are as long are sent one by one for this time: then the path may have changed [s]."""
 
+PLAIN_PERIOD = 5.0
+"""With GSO datagrams leave without the bit DF, and no router says that they are too long: it cuts them. So each
+PLAIN_PERIOD one burst is sent one by one, from which the kernel learns the path MTU [s]."""
+
 MAX_QUEUEING = 1.0
 """A datagram that seems to have waited longer in this machine did not: the clock was set [s]."""
 
@@ -94,6 +98,7 @@ class BatchSender:
         too slow; ENETUNREACH, EHOSTUNREACH: no route, such as a pulled cable."""
         self._gso = gso
         self._refused_size, self._refused_until = 0, 0.0    # of datagrams for which the kernel refused GSO
+        self._plain_due = time.monotonic() + PLAIN_PERIOD
         self._poll = select.poll()
         self._poll.register(sock, select.POLLOUT)
 
@@ -129,7 +134,9 @@ class BatchSender:
 
     def _send_burst(self, datagrams: memoryview, size: int, deadline: float, to: Optional[Address]) -> int:
         """Send at most MAX_SEGMENTS datagrams."""
-        if len(datagrams) > size and self._gso and (size < self._refused_size or deadline > self._refused_until):
+        if len(datagrams) > size and deadline > self._plain_due:
+            self._plain_due = deadline + PLAIN_PERIOD
+        elif len(datagrams) > size and self._gso and (size < self._refused_size or deadline > self._refused_until):
             segment = [(socket.IPPROTO_UDP, UDP_SEGMENT, struct.pack('=H', size))]
             try:
                 return self._try_to_send((datagrams,), segment, -(-len(datagrams) // size), deadline, to)
