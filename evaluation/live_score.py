@@ -189,7 +189,8 @@ def image_rows(screen: Screen, sizes: Mapping[int, Sized]) -> List[Row]:
     rows = []
     for one in screen.shown:
         said = sizes.get(-1 if one.number is None else one.number)
-        rows.append({'time [s]': one.arrival - screen.shown[0].arrival, 'number': one.number, 'age [s]': screen.age(one),
+        rows.append({'time [s]': one.arrival - screen.shown[0].arrival, 'number': one.number,
+                     'age [s]': screen.age(one),
                      'coding': said and said.coding, 'used [byte]': said and said.used,
                      'granted [byte]': said and said.granted, 'bound': said and said.bound,
                      'estimated PSNR [dB]': of_rms(said.error) if said else None,

@@ -78,6 +78,10 @@ def test_aggregates_change_neither_the_rate_nor_the_order_nor_what_is_lost() -> 
     assert min(late) >= 0 and max(late) <= 0.008
     times = [out[0] for _, out in gathered if out]
     assert times == sorted(times)
+def test_packets_that_are_too_long_are_lost_and_the_others_are_not() -> None:
+    for size, lost in ((1200, 0), (1201, 100)):
+        _, channel = fates(LinkConditions(longest=1200.0), count=100, size=size)
+        assert channel.counts.lost == lost and channel.counts.carried == 100 * size
 
 
 def test_delay_and_jitter_keep_the_order() -> None:

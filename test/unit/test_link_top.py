@@ -287,6 +287,18 @@ def test_the_link_s_line() -> None:
     assert texts[1].startswith('STALE  link: - of') and texts[1].endswith('silent for 4 s')
 
 
+@pytest.mark.parametrize('relayed', [False, True])
+def test_a_path_with_a_hole_shows_in_the_link_s_line(relayed: bool) -> None:
+    if relayed:
+        link, _ = relayed_link(LinkStatus(state='as /op reports', longest_datagram=1172))
+        link = link._replace(node='/robot_node')
+    else:
+        link = status('robot_node: link control', 1, 'datagrams above 1172 bytes do not pass', side='robot',
+                      state='as /op reports')
+    texts, levels = shown([link])
+    assert texts[1].endswith('as /op reports; datagrams above 1172 bytes do not pass') and levels[1] == 1
+
+
 def test_the_wifi_of_both_sides() -> None:
     robot = status('robot_node: wifi', side='robot', wifi='wlan0', ssid='net', **{
         'signal [dBm]': '-60', 'noise [dBm]': 'nan', 'tx bitrate [Mbit/s]': '65', 'rx bitrate [Mbit/s]': '6.5',

@@ -23,8 +23,8 @@ from .estimator import MAX_GAIN, Estimator, Limits
 from .feedback import FeedbackReader
 from .operating_points import OperatingPoint
 from .operator_share import Policer
-from .trains import Train
 from .sent_history import SentHistory, stream_of
+from .trains import Train
 
 __all__ = ['Controller', 'Demand', 'Plan']
 

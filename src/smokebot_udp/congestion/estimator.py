@@ -46,7 +46,7 @@ from typing import Any, Callable, Mapping, NamedTuple, Optional, Sequence, Tuple
 from ..units import MBIT
 from .capacity import Capacity
 from .competition import Competition
-from .feedback import Feedback, PacketSample
+from .feedback import Feedback
 from .loss import MAX_AIR_LOSS, Loss
 from .loss_ceiling import LossCeiling
 from .path import Observation, Path

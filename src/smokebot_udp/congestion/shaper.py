@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A token bucket on the path, as the kernel's tbf: how much passes at once, however slow the path is.
 
-A shaper of rate r and depth b lets b + r T pass in a window T (its arrival curve: Le Boudec, Thiran: "Network Calculus",
-Springer 2001). A short train passes at the line's speed, and shows nothing about r before it exceeds the tokens. The
+A shaper of rate r and depth b lets b + r T pass in a window T (its arrival curve: Le Boudec, Thiran: "Network
+Calculus", Springer 2001). A short train passes at the line's speed, and shows nothing about r before it exceeds the tokens. The
 depth is learnt where a queue begins: it is what was sent until then beyond r T, less the queue.
 """
 import collections
@@ -124,9 +124,9 @@ class Shaper:
         """
         if self._onset is None:
             return
-        onset, wait, _ = self._onset
-        excess = max(onset.total - one.sample.total + one.sample.size - (1 + error) * rate * (onset.sent - one.sample.sent)
-                     for one in self._before) - wait * rate
+        (onset, wait, _), most = self._onset, (1 + error) * rate
+        excess = max(onset.total - one.total + one.size - most * (onset.sent - one.sent)
+                     for one, _, _ in self._before) - wait * rate
         if excess <= MAX_DEPTH and (excess > self.depth or self._was_full):
             if self._learnt is not onset:
                 self._depths.append(0.0)

@@ -17,8 +17,8 @@ MIN_PACKETS = 3
 """Datagrams in a train, at least: two intervals."""
 
 FIRST_GAIN, NEXT_GAIN = 2.0, 4.0
-"""Rate of a first train, in known capacities; that of a train after a successful one, and of one that exceeds the tokens
-of a shaper."""
+"""Rate of a first train, in known capacities; that of a train after a successful one, and of one that exceeds the
+tokens of a shaper."""
 
 EXCESS = 1.2
 """A train exceeds a shaper's tokens by this factor."""

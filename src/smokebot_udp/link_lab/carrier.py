@@ -20,8 +20,8 @@ import time
 from typing import Any, Callable, Dict, List, Mapping, Tuple
 
 from .channel import Air, Channel
-from .lab import DEVICE, side_commands
 from .ecn import is_capable, marked
+from .lab import DEVICE, side_commands
 from .link_trace import SIDES, changed
 
 CLONE_NEWNET = 0x40000000

@@ -51,6 +51,8 @@ class LinkConditions:
     """Ratio of packets that skip the delay and overtake others, 0..1."""
     duplicate: float = 0.0
     """Ratio of packets that are delivered twice, 0..1."""
+    longest: float = 0.0
+    """Longer packets are lost, and nobody is told: a tunnel whose ICMP messages are dropped; 0: none are [byte]."""
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -154,7 +156,7 @@ class Channel:
         counts.carried += size
         sent = self._gathered(sent)
         self._losing = loss < conditions.chain[self._losing]
-        if self._losing:
+        if self._losing or 0 < conditions.longest < size:
             counts.lost += 1
             return ()
         if reorder < conditions.reorder:

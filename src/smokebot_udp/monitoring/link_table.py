@@ -117,7 +117,14 @@ def _link_line(status: NodeStatus, whose: str) -> Line:
                  'round trip %s ms; %s' % (
                      whose, sent, rate, wanted, capacity, status.number('queue delay [ms]', 0),
                      status.number('loss [%]', 0), status.number('round trip [ms]', 0),
-                     status.message if status.level == STALE else status.values['state']))
+                     status.message if status.level == STALE else _with_problem(status)))
+
+
+def _with_problem(status: NodeStatus) -> str:
+    """The state of the link, and what is wrong."""
+    state = status.values['state']
+    return state if not status.level else status.message if state in status.message else '; '.join(
+        (state, status.message))
 
 
 def _clock_line(status: NodeStatus, whose: str) -> Line:

@@ -47,4 +47,4 @@ class HeldReporter:
         holding = self._streams[name]()
         if holding is not None:
             self._publisher.publish(
-                to_message(holding, self._transport.name, name, self._transport.max_datagram_size))
+                to_message(holding, self._transport.name, name, self._transport.room))

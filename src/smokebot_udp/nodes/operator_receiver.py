@@ -36,6 +36,7 @@ from .operator_control import OperatorControl
 from .operator_stream import OperatorLink, OperatorStream
 from .overlay import Overlay
 from .parameters import OPERATOR_RECEIVER
+from .path_monitor import PathAnswers
 from .problems import Problems
 from .robot_markers import RobotMarkers
 from .settings_mirror import SettingsMirror
@@ -56,6 +57,7 @@ class OperatorReceiver:
         udpros.emulate_loss(parameters['loss'], parameters['loss_seed'])
         definitions = classified(read_streams(parameters))
         self._transport = operator_transport(parameters)
+        self._path = PathAnswers(self._transport)
         notice = Notice()
         with udpros.registered_together():
             self._motion = MotionListener(operator_topic(parameters['odom_topic']), parameters['cmd_vel_topic'])
@@ -138,6 +140,7 @@ class OperatorReceiver:
         self._held.close()
         self._codec.close()
         self._reporter.close()
+        self._path.close()
         self._clock.close()
         self._transport.close()
 

@@ -113,7 +113,7 @@ class RobotCaptures:
 
     def _load(self, load: Load) -> None:
         usual, most = (room(CapturePiece, size) for size in (
-            self._link.datagram_size, self._link.transport.max_datagram_size))
+            self._link.datagram_size, self._link.transport.room))
         try:
             content = self._content(load.request)
             length = piece_length(len(content), usual, most)

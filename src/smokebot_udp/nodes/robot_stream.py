@@ -87,8 +87,7 @@ class RobotStream(rospy.SubscribeListener):
         self._make_subscriber, self._make_local_publisher = subscriber, local_publisher
         self._publishers: Dict[str, Publisher] = {}   # of the parts advertised
         self._part_of = {class_: part for part, class_ in encoder.SEGMENTS.items()}
-        encoder.heard, encoder.operators = self._complete, self._subscribers_of
-        encoder.longest_datagram = link.transport.max_datagram_size
+        encoder.heard, encoder.operators, encoder.why_not = self._complete, self._subscribers_of, self._why_not
         self._inputs: List[Any] = []    # subscribers, made by start(), as is this
         self._local_publisher: Any = None
         self._invalid = 0
@@ -163,6 +162,10 @@ class RobotStream(rospy.SubscribeListener):
     def _subscribers_of(self, part: str) -> Set[str]:
         publisher = self._publishers.get(part)
         return set() if publisher is None else {connection['peer'] for connection in publisher.connections()}
+
+    def _why_not(self, part: str, operator: str) -> str:
+        publisher = self._publishers.get(part)
+        return 'is not offered it' if publisher is None else publisher.why_not(operator)
 
     def _complete(self, part: str) -> bool:
         """Whether a part has subscribers now, all of those that other parts are sent to as datagrams among them."""
@@ -314,6 +317,7 @@ class RobotStream(rospy.SubscribeListener):
             self._sending_limiter.take(now)
         elif encoder.WHOLE and not encoder.PROTECTED:
             self.link.outbox.await_rest(self.name, True)
+        encoder.longest_datagram = self.link.transport.room
         frames = self._frames(message, settings)
         beside, encoder.beside = encoder.beside, []
         self._follow_repeats()
@@ -376,7 +380,7 @@ class RobotStream(rospy.SubscribeListener):
     @property
     def _datagram_size(self) -> int:
         # short messages need no second datagram, however slow the link is
-        return self.link.transport.max_datagram_size if self.encoder.PROTECTED else self.link.datagram_size
+        return self.link.transport.room if self.encoder.PROTECTED else self.link.datagram_size
 
     def _send(self, frames: Sequence[Frame]) -> None:
         """Hand over the frames that carry one message, or the messages of a PROTECTED stream."""

@@ -117,11 +117,13 @@ class Encoder(Generic[Message]):
         """Of the source as measured, however many of its messages are encoded [Hz]. The runner replaces it; None: it is
         not known."""
         self.longest_datagram = 0
-        """What the transport carries, however slow the link is; the runner replaces it [byte of UDP payload]."""
+        """What passes, however slow the link is; the runner replaces it [byte of UDP payload]."""
         self.heard: Callable[[str], bool] = lambda part: True
         """Whether all operators that receive the stream receive this part of it now. The runner replaces it."""
         self.operators: Callable[[str], Collection[str]] = lambda part: ()
         """Names of the operators that this part of the stream is sent to now. The runner replaces it."""
+        self.why_not: Callable[[str, str], str] = lambda part, operator: 'does not receive it'
+        """Why this part of the stream is not sent to an operator, in words. The runner replaces it."""
 
     @staticmethod
     def check(settings: Mapping[str, Any]) -> None:

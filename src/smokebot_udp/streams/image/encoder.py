@@ -34,8 +34,7 @@ MISSING = ('coding is h264, but PyAV is missing here: install python3-av (sudo a
            'this node. Until then images are layered')
 BROKEN = ('PyAV cannot be used here: %s: %s. Reinstall python3-av and restart this node. Until then images are not '
           'sent as video')
-UNHEARD = ('%s does not receive video: python3-av or python3-numba is missing there, or its codec is being compiled. '
-           'Until then images are layered')
+UNHEARD = 'video is not sent: %s. Until then images are layered'
 
 NO_ROOM = ('coding is h264, but the link has no room for video of %d x %d pixels. Until it has, images are layered: a '
            'larger scale or a lower rate helps')
@@ -224,7 +223,7 @@ class ImageEncoder(Encoder[Any]):
         self._unheard_since = min(self._unheard_since, now)
         missing = sorted({*self.operators(MAIN_PART), *self.operators(LAYERS)} - set(self.operators(VIDEO)))
         if missing and now - self._unheard_since > CONNECTED:
-            self.warnings.append(UNHEARD % ', '.join(missing))
+            self.warnings.append(UNHEARD % '; '.join('%s %s' % (name, self.why_not(VIDEO, name)) for name in missing))
         return False
 
     def _may_be_layered(self, message: Any, settings: Settings) -> bool:
