@@ -15,6 +15,7 @@ from typing import Any, List, Sequence, Tuple
 import rospy
 from geometry_msgs.msg import Twist
 from std_msgs.msg import Bool, UInt32
+from std_srvs.srv import SetBool
 
 from smokebot_udp.srv import SetFocus
 
@@ -23,6 +24,7 @@ from .processes import Peer
 from .stack import Stack
 from .way_back_results import Log
 
+RELEASE = '/operator_receiver/estop'
 COMMANDS, ESTOP, SERVICE = '/operator/cmd_vel', '/operator/estop', '/operator/counted'
 RATE = 20.0
 """Of commands [Hz]."""
@@ -60,7 +62,7 @@ class Teleoperator:
         return sent
 
     def estop(self, engaged: bool) -> float:
-        """Engage or release the emergency stop; when it was published."""
+        """Engage the emergency stop, or release it, and again until it is; when this was asked first."""
         return float(self._ask('estop', engaged))
 
     def call(self, count: int, at_once: int, timeout: float) -> List[Tuple[str, float, float, str]]:
@@ -125,7 +127,10 @@ class Node:
     def estop(self, engaged: bool) -> float:
         """See Teleoperator."""
         now = time.time()
-        self._estop.publish(Bool(engaged))
+        if engaged:
+            self._estop.publish(True)
+        while not engaged and not rospy.ServiceProxy(RELEASE, SetBool)(False).success:
+            time.sleep(1 / RATE)
         return now
 
     def call(self, count: int, at_once: int) -> List[Tuple[str, float, float, str]]:

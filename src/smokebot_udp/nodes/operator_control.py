@@ -2,7 +2,7 @@
 """The operator's side of control: asks the robot for control and for the emergency stop, and follows its clock.
 
 teleop/control_client.py decides. Services: ~take_control, ~release_control, ~estop (true: engage, false: release). The
-topic operator/estop engages it, too. operator/control (latched) shows the state in words, as the views do.
+topic operator/estop engages it, too, and never releases it. operator/control (latched) shows the state in words, as the views do.
 """
 import math
 import random
@@ -177,15 +177,10 @@ class OperatorControl:
 
     def _pressed(self, message: Any) -> None:
         """A message on the topic."""
-        with self._worker.changing():
-            wish = self._input.update(message._connection_header['callerid'], bool(message.data), self._client.estop,
-                                      time.monotonic())
-        if wish is None:
-            return
-        try:
-            self._begin(wish)
-        except ValueError as error:
-            rospy.logerr_throttle(5, '%s: %s' % (self._estop.name, error))
+        with self._worker.lock:
+            press = self._input.is_press(message._connection_header['callerid'], bool(message.data), time.monotonic())
+        if press:
+            self._begin(Wish.ENGAGE_ESTOP)
 
     def _ask(self, wish: Wish) -> Tuple[bool, str]:
         """Ask the robot, and wait for its answer: (whether it does it, in words)."""

@@ -234,4 +234,6 @@ def call_each(listeners: Iterable[Callable[[], None]], on_error: Callable[[Excep
 def status_message(status: Any) -> Any:
     """The ControlStatus of a records.Status."""
     fields: Dict[str, Any] = status.fields()
-    return ControlStatus(**{**fields, 'operators': [ControlPeer(**peer.fields()) for peer in fields['operators']]})
+    for name in 'operators', 'others':
+        fields[name] = [ControlPeer(**peer.fields()) for peer in fields[name]]
+    return ControlStatus(**fields)
