@@ -2,7 +2,8 @@
 """The operator's side of control: asks the robot for control and for the emergency stop, and follows its clock.
 
 teleop/control_client.py decides. Services: ~take_control, ~release_control, ~estop (true: engage, false: release). The
-topic operator/estop engages it, too, and never releases it. operator/control (latched) shows the state in words, as the views do.
+topic operator/estop engages it, too, and never releases it. operator/control (latched) shows the state in words, as
+the views do.
 """
 import math
 import random

@@ -65,7 +65,7 @@ class Services:
         self._running: Dict[str, threading.Thread] = {}
 
     def call(self, wish: Wish) -> None:
-        """Call the service that does this, unless it is being called: what is asked later would count as meant later."""
+        """Call the service that does this, unless it is being called: once more later would count as meant later."""
         name, type_, arguments = self.NAMES[wish]
         if name in self._running and self._running[name].is_alive():
             self._say('%s: the last one is not answered yet' % name)
