@@ -58,7 +58,7 @@ def test_a_request_crosses_the_link(session: int, clock: float, robot: int, aske
        st.lists(PEERS, max_size=MAX_OTHERS))
 def test_a_status_crosses_the_link(session: int, clock: float, driver: str, drives: int, estop: bool, by: str,
                                    operators: Any, others: Any) -> None:
-    status = Status(session, clock, driver, drives, estop, by, tuple(operators), tuple(others))
+    status = Status(session, clock, driver, drives, estop, by, 7, tuple(operators), tuple(others))
     assert Status.of(crossed(message_of(status))) == status
 
 
@@ -95,7 +95,7 @@ def test_a_full_status_fits_a_datagram() -> None:
     peers = tuple(PeerStatus(1, '/robot_7/operator_receiver', 1e6, 1.0, 5, 'somebody engaged it after that')
                   for _ in range(MAX_OPERATORS))
     buffer = io.BytesIO()
-    message_of(Status(1, 1e6, peers[0].name, 1, True, peers[0].name, peers, peers[:MAX_OTHERS])).serialize(buffer)
+    message_of(Status(1, 1e6, peers[0].name, 1, True, peers[0].name, 1, peers, peers[:MAX_OTHERS])).serialize(buffer)
     assert len(buffer.getvalue()) <= DEFAULT_MAX_DATAGRAM_SIZE - OVERHEAD
 
 

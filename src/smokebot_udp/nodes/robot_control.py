@@ -56,6 +56,8 @@ class Standing(NamedTuple):
     """Whether the emergency stop is engaged."""
     estop_by: str = ''
     """Who engaged it last."""
+    releases: int = 0
+    """How often it was released."""
     operators: Tuple[str, ...] = ()
     """Names of all that are present."""
 
@@ -157,7 +159,7 @@ class RobotControl:
         """Update `standing`, under the lock; whether it has changed."""
         before, driver, estop = self._standing, self._server.control.driver, self._server.estop
         self._standing = Standing(driver.name if driver else '', driver.session if driver else 0, estop.engaged,
-                                  estop.by, tuple(one.name for one in self._server.control.operators))
+                                  estop.by, estop.releases, tuple(one.name for one in self._server.control.operators))
         return self._standing != before
 
     def _tell(self) -> None:

@@ -144,7 +144,8 @@ class ControlServer:
         driver = self.control.driver
         self._sent, self._prompted, self._told = now, False, self._news()
         return Status(self.session, now, driver.name if driver else '', driver.session if driver else 0,
-                      self.estop.engaged, self.estop.by, tuple(self.operators(now)), tuple(self.others(now)))
+                      self.estop.engaged, self.estop.by, self.estop.releases, tuple(self.operators(now)),
+                      tuple(self.others(now)))
 
     def _due(self) -> float:
         prompted = self._prompted or self._news() != self._told
@@ -153,7 +154,8 @@ class ControlServer:
     def _news(self) -> Any:
         """What operators are told at once where it changes."""
         driver = self.control.driver
-        return driver and (driver.name, driver.session), self.estop.engaged, self.estop.by, self._present()
+        return (driver and (driver.name, driver.session), self.estop.engaged, self.estop.by, self.estop.releases,
+                self._present())
 
     def _heard(self, name: str, session: int, topic: str, seq: int, now: float) -> Optional[str]:
         """Why a datagram comes from no operator, which is counted; None: it comes from one of `_peers`."""

@@ -107,6 +107,8 @@ class Status(NamedTuple):
     estop: bool = False
     estop_by: str = ''
     """Who engaged it last."""
+    releases: int = 0
+    """How often it was released."""
     operators: Tuple[PeerStatus, ...] = ()
     """Those that are present."""
     others: Tuple[PeerStatus, ...] = ()
@@ -123,8 +125,8 @@ class Status(NamedTuple):
         if len(message.operators) > MAX_OPERATORS or len(message.others) > MAX_OTHERS:
             raise ValueError('a status of %d operators and %d others' % (len(message.operators), len(message.others)))
         return cls(message.session, _seconds(message.clock), _text(message.driver), message.driver_session,
-                   bool(message.estop), _text(message.estop_by), tuple(map(PeerStatus.of, message.operators)),
-                   tuple(map(PeerStatus.of, message.others)))
+                   bool(message.estop), _text(message.estop_by), message.releases,
+                   tuple(map(PeerStatus.of, message.operators)), tuple(map(PeerStatus.of, message.others)))
 
     def fields(self) -> Dict[str, Any]:
         """The fields of a ControlStatus, without its header; `operators` and `others` are PeerStatus."""
