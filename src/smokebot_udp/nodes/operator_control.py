@@ -22,6 +22,7 @@ from ..teleop import records
 from ..teleop.command_copy import MICROSECONDS
 from ..teleop.control_client import ControlClient
 from ..teleop.estop_input import EstopInput
+from ..teleop.interlock import START_FROM_NEUTRAL
 from ..teleop.records import Wish
 from ..teleop.robot_clock import RobotClock, RobotTime
 from ..teleop.stall import Stall
@@ -263,12 +264,12 @@ class OperatorControl:
 
 
 def lock_text(reasons: Mapping[str, Optional[str]]) -> str:
-    """Which command streams are locked, and why; empty: none is.
+    """Which command streams are locked, and why; empty: none is. A stick that has to be let go of comes first.
 
     :param reasons: {stream: why it is locked, None: it is not}
     """
     locked = {name: reason for name, reason in reasons.items() if reason}
     if not locked:
         return ''
-    name, reason = next(iter(locked.items()))
+    name, reason = min(locked.items(), key=lambda item: not item[1].startswith(START_FROM_NEUTRAL))
     return 'LOCKED: ' + (reason if len(locked) == len(reasons) else '%s: %s' % (name, reason))
