@@ -24,8 +24,10 @@ from .processes import Peer
 from .stack import Stack
 from .way_back_results import Log
 
-RELEASE = '/operator_receiver/estop'
-COMMANDS, ESTOP, SERVICE = '/operator/cmd_vel', '/operator/estop', '/operator/counted'
+COMMANDS, ESTOP, RELEASE = 'operator/cmd_vel', 'operator/estop', 'operator_receiver/estop'
+"""In the operator's namespace."""
+
+SERVICE = '/operator/counted'
 RATE = 20.0
 """Of commands [Hz]."""
 
@@ -41,12 +43,13 @@ class Teleoperator:
 
     :param topics: on which it may send numbers
     :param log: for its output
+    :param namespace: of the operator
     """
 
-    def __init__(self, stack: Stack, side: str, topics: Sequence[str], log: pathlib.Path) -> None:
+    def __init__(self, stack: Stack, side: str, topics: Sequence[str], log: pathlib.Path, namespace: str = '/') -> None:
         with log.open('ab') as file:
             self._peer = Peer(stack.lab.command(side, [sys.executable, '-m', __name__, *topics]), cwd=str(TOP),
-                              env=stack.environment(side), stderr=file)
+                              env={**stack.environment(side), 'ROS_NAMESPACE': namespace}, stderr=file)
         assert self._peer.line() == 'ready'
 
     def _ask(self, *words: Any, seconds: float = 0.0) -> Any:
@@ -64,6 +67,15 @@ class Teleoperator:
     def estop(self, engaged: bool) -> float:
         """Engage the emergency stop, or release it, and again until it is; when this was asked first."""
         return float(self._ask('estop', engaged))
+
+    def press(self) -> None:
+        """Press the emergency stop, once there is a node that listens."""
+        self._ask('press')
+
+    def release(self) -> Tuple[bool, str]:
+        """Ask for its release once: (whether it is released, in words)."""
+        done, words = self._ask('release')
+        return bool(done), str(words)
 
     def call(self, count: int, at_once: int, timeout: float) -> List[Tuple[str, float, float, str]]:
         """Call the service: [(content, from, until, what failed; empty: nothing)] of each call.
@@ -128,10 +140,21 @@ class Node:
         """See Teleoperator."""
         now = time.time()
         if engaged:
-            self._estop.publish(True)
-        while not engaged and not rospy.ServiceProxy(RELEASE, SetBool)(False).success:
+            self.press()
+        while not engaged and not self.release()[0]:
             time.sleep(1 / RATE)
         return now
+
+    def press(self) -> None:
+        """See Teleoperator."""
+        while not self._estop.get_num_connections():
+            time.sleep(1 / RATE)
+        self._estop.publish(True)
+
+    def release(self) -> Tuple[bool, str]:
+        """See Teleoperator."""
+        answer = rospy.ServiceProxy(RELEASE, SetBool)(False)
+        return answer.success, answer.message
 
     def call(self, count: int, at_once: int) -> List[Tuple[str, float, float, str]]:
         """See Teleoperator."""

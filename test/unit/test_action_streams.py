@@ -61,7 +61,8 @@ def test_what_a_lost_goal_was_to_replace_is_cancelled() -> None:
     watch.sent('after', 11.0, 11.0)
     watch.heard(['after'])
     assert watch.poll(17.0) == Lost('lost', ['running'])
-    assert watch.to_cancel({'ended': 1.0, 'running': 1.0, 'after': 11.0, "another operator's": 5.0}, 20.0) == ['running']
+    pursued = {'ended': 1.0, 'running': 1.0, 'after': 11.0, "another operator's": 5.0}
+    assert watch.to_cancel(pursued, 20.0) == ['running']
 
 
 def test_what_a_goal_that_cannot_leave_was_to_replace_is_cancelled() -> None:
