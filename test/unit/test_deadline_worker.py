@@ -8,7 +8,7 @@ from typing import Any, Iterator, List, Optional
 import pytest
 from polling import WAIT, wait_for
 
-from smokebot_udp.nodes.worker import DeadlineWorker
+from smokebot_udp.nodes.worker import RETRY_PERIOD, DeadlineWorker
 
 
 class Source:
@@ -84,6 +84,25 @@ def test_after_an_error_it_goes_on(source: Source) -> None:
     source.add(0.0, 'good')
     assert str(source.errors.get(timeout=WAIT)) == 'broken'
     assert [source.done.get(timeout=WAIT)[0] for _ in range(2)][1] == 'good'
+
+
+@pytest.mark.parametrize('fails', ['poll', 'deadline'])
+def test_what_raises_again_and_again_is_no_busy_loop(source: Source, fails: str) -> None:
+    calls: List[float] = []
+
+    def broken(*_: Any) -> None:
+        calls.append(time.monotonic())
+        raise ValueError('broken')
+    good = getattr(source.worker, '_' + fails)
+    setattr(source.worker, '_' + fails, broken)
+    with source.worker.changing():
+        pass
+    wait_for(lambda: len(calls) >= 4)
+    assert calls[3] - calls[1] >= 2 * RETRY_PERIOD      # the first one may have come before the change
+    assert str(source.errors.get(timeout=WAIT)) == 'broken'
+    setattr(source.worker, '_' + fails, good)
+    source.add(0.0, 'good')
+    assert source.done.get(timeout=WAIT)[0] == 'good'
 
 
 def test_it_works_without_the_lock(source: Source) -> None:

@@ -169,6 +169,7 @@ def test_of_finished_frames_that_nobody_takes_the_newest_are_kept() -> None:
             np.arange(SIZE), np.ones(SIZE, int), np.zeros((SIZE, 1), np.uint8)), 0.0)
     assert feed.frames.deadline() == -np.inf
     assert [feed.poll(0.0) for _ in range(MAX_FINISHED + 1)] == [(4 * S, SIZE), (5 * S, SIZE), None]
+    assert feed.frames.dropped['overtaken frame'] == 3
 
 
 def test_max_wait_changes_in_place() -> None:

@@ -137,7 +137,7 @@ def _clock_line(status: NodeStatus, whose: str) -> Line:
 
 def _wifi_line(status: NodeStatus) -> Line:
     values = status.values
-    text = '-' if values['wifi'] == '-' or status.level == STALE else \
+    text = '-' if values['wifi'] == '-' or status.level == STALE else status.message if status.level else \
         '%s%s: signal %s dBm, noise %s dBm; sends at %s, receives at %s Mbit/s; %s retries/s, %s failed/s' % (
             values['wifi'], ' in %s' % values['ssid'] if 'ssid' in values else '', *(
                 status.number(key, digits) for key, digits in (

@@ -57,6 +57,8 @@ class Standing(NamedTuple):
     """Whether the emergency stop is engaged."""
     estop_by: str = ''
     """Who engaged it last."""
+    releases: int = 0
+    """How often it was released."""
     operators: Tuple[str, ...] = ()
     """Names of all that are present."""
 
@@ -158,7 +160,7 @@ class RobotControl:
         """Update `standing`, under the lock; whether it has changed."""
         before, driver, estop = self._standing, self._server.control.driver, self._server.estop
         self._standing = Standing(driver.name if driver else '', driver.session if driver else 0, estop.engaged,
-                                  estop.by, tuple(one.name for one in self._server.control.operators))
+                                  estop.by, estop.releases, tuple(one.name for one in self._server.control.operators))
         return self._standing != before
 
     def _tell(self) -> None:
@@ -235,4 +237,6 @@ def call_each(listeners: Iterable[Callable[[], None]], on_error: Callable[[Excep
 def status_message(status: Any) -> Any:
     """The ControlStatus of a records.Status."""
     fields: Dict[str, Any] = status.fields()
-    return ControlStatus(**{**fields, 'operators': [ControlPeer(**peer.fields()) for peer in fields['operators']]})
+    for name in 'operators', 'others':
+        fields[name] = [ControlPeer(**peer.fields()) for peer in fields[name]]
+    return ControlStatus(**fields)

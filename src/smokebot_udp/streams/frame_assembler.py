@@ -92,7 +92,8 @@ class FrameAssembler(Generic[Partial]):
         self.max_finished = MAX_FINISHED
         """May be changed at any time."""
         self.dropped: Counter[str] = collections.Counter()
-        """Segments that changed nothing, by reason: late, not needed, contradiction, impossible head."""
+        """Segments that changed nothing, by reason: late, not needed, contradiction, impossible head. Frames that were
+        finished, but newer ones came before they were taken: overtaken frame."""
         self._begin = begin
         self._newest: Optional[int] = None      # stamp of the frame in progress, or of the last one finished
         self._surplus = 'late'                  # what further segments of the last finished frame are
@@ -186,4 +187,5 @@ class FrameAssembler(Generic[Partial]):
         self._finished.append(self._current)
         while len(self._finished) > self.max_finished:
             self._finished.popleft()
+            self.dropped['overtaken frame'] += 1
         self._current = None
