@@ -22,7 +22,7 @@ from ..streams.frame_assembler import Frame
 from ..streams.frame_prefix import add_prefix
 from ..streams.held import Holding
 from ..streams.image.camera_info import CAMERA_INFO
-from ..streams.relay.transforms import QUEUE
+from ..streams.relay.contents import QUEUE
 from ..streams.segments import INFO, reported_name, wire_topic
 from ..transport import Subscriber, Transport
 from .common import operator_topic

@@ -19,7 +19,8 @@ RELAY = {
     'reliable': Parameter(False, '', 'send every message, acknowledged, repeated and in order, instead of the newest '
                           'at `rate`: for goals, logs and other small messages'),
     'newest': Parameter(False, '', 'with reliable: of each publisher only the newest message, once the one before has '
-                        'arrived: for states that are published again and again, such as diagnostics'),
+                        'arrived: for states that are published again and again, such as diagnostics, of which the '
+                        'newest status of each name counts'),
     'direction': Parameter(TO_OPERATOR, '', 'to_robot: operator_topic is sent, and robot_topic is published; only with '
                            'reliable', choices=(TO_OPERATOR, TO_ROBOT)),
     'needs_control': Parameter(False, '', 'with direction to_robot: taken only from the operator who drives, and not '
