@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """How long a map takes over an emulated link, by the package's streams and as a PNG in fragments; without a network."""
 import math
-from typing import Any, Iterator, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Iterable, Iterator, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
 from smokebot_udp.arrays import Array, Records
+from smokebot_udp.codecs.wire.grid import UNKNOWN
 from smokebot_udp.link_lab.channel import Channel, LinkConditions
 from smokebot_udp.mission.parameters import check
 from smokebot_udp.mission.settings import Settings
@@ -90,6 +91,26 @@ class MapTransfer:
                 if self._complete(message, completeness, cells):
                     return Outcome(first, self._now - begun, self._forth.counts.carried - sent)
         return Outcome(first, math.inf, self._forth.counts.carried - sent)
+
+    def follow(self, messages: Iterable[Any], period: float) -> List[float]:
+        """Send one map after the other, `period` [s] apart. How much of each the operator is shown at the end of its
+        time: the share of its known cells that are right, 0..1; none, where the map shown lies elsewhere.
+
+        :param messages: nav_msgs/OccupancyGrid
+        """
+        shares: List[float] = []
+        shown: Any = None
+        for sent in messages:
+            self._queue(self._encoder.encode(self._encoder.merge(None, sent), self._settings, MAX_DATAGRAM_SIZE))
+            until = self._now + period
+            while self._now < until:
+                self._now += STEP
+                shown = next((message for message, _ in self._turn()), shown)
+            cells = np.asarray(sent.data, np.int8)
+            known = cells != UNKNOWN
+            here = shown is not None and shown.info.origin == sent.info.origin and len(shown.data) == len(cells)
+            shares.append(float((shown.data[known] == cells[known]).mean()) if here else 0.0)
+        return shares
 
     def settle(self, duration: float) -> int:
         """Go on with the same map [s]; what is sent [byte on the air]."""

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The sending side of latched reliable relays: what is kept together, and what is not kept."""
+from types import SimpleNamespace
 from typing import Any, List
 
 import pytest
@@ -40,16 +41,18 @@ class Sending:
         monkeypatch.setattr(reliable_relay.rospy, 'logerr_throttle_identical', lambda _, text: self.errors.append(text))
         monkeypatch.setattr(reliable_relay.rospy, 'is_shutdown', lambda: False)
         settings = load(STREAM % (message_class._type, MAX_BYTES))[0]['state']
-        link: Any = None
         self._class, self._channel = message_class, Channel()
-        self._source = reliable_relay.Source('state', settings, link, '/state')
-        self._source._channel = self._channel    # type: ignore[assignment]
+        callbacks: List[Any] = []
+        monkeypatch.setattr(reliable_relay.rospy, 'Subscriber', lambda _, __, callback, **___: callbacks.append(callback))
+        link: Any = SimpleNamespace(channel=lambda *_, **__: self._channel)
+        reliable_relay.Source('state', settings, link, '/state').start()
+        self._receive, = callbacks
 
     def __call__(self, message: Any) -> Any:
         """What is sent of a message; None: nothing."""
         del self._channel.sent[:]
         message._connection_header = {'callerid': '/node'}
-        self._source._receive(message)
+        self._receive(message)
         return self._class().deserialize(unpack(self._channel.sent[0], MAX_BYTES)) if self._channel.sent else None
 
 

@@ -191,11 +191,12 @@ def test_a_robot_that_starts_again_replaces_its_map_tile_by_tile(operator: Opera
     np.testing.assert_array_equal(operator.cells, cells)
 
 
-@pytest.mark.parametrize('place', ['frame', 'resolution', 'phase'])
+@pytest.mark.parametrize('place', ['frame', 'resolution', 'turned'])
 def test_another_map_begins_empty_and_the_old_one_is_shown_until_then(
         robot: TileSender, operator: Operator, place: str) -> None:
     cells, other = rooms(40, 50), TileSender(session=6)
-    info = info_of(cells, (-3.02 if place == 'phase' else -3.0, 2.0), 0.1 if place == 'resolution' else 0.05)
+    info = info_of(cells, (-3.0, 2.0), 0.1 if place == 'resolution' else 0.05)
+    info.origin.orientation.z = 0.1 if place == 'turned' else 0.0
     tiles = other.update(cells, info, 'level2' if place == 'frame' else 'map')
     operator.receive(robot.update(1 - rooms(noise=1.0) // 100, info_of(rooms(), (-3.0, 2.0))))   # not shown yet
     operator.receive([other.beat() for _ in range(3)])
@@ -203,6 +204,36 @@ def test_another_map_begins_empty_and_the_old_one_is_shown_until_then(
     operator.receive(tiles)
     operator.show()
     np.testing.assert_array_equal(operator.cells, cells)
+
+
+def test_a_map_that_moves_by_a_part_of_a_cell_is_shown_there_with_all_its_cells(
+        robot: TileSender, operator: Operator) -> None:
+    held = operator.held()
+    for step in range(1, 6):
+        robot.move(info_of(rooms(), (-3.0 + 0.37 * 0.05 * step, 2.0 - 0.01 * step)))
+        operator.receive([robot.beat() for _ in range(3)])
+        operator.show()
+        np.testing.assert_array_equal(operator.cells, rooms())
+        assert operator.shown.message.info == robot.source.info and operator.shown.completeness == 1.0
+        assert operator.held() == held
+        assert operator.assembler.ages(operator.now).data.max() == 0
+
+
+@pytest.mark.parametrize('columns, rows', [(0, 0), (7, -20), (-16, 32)])
+def test_a_robot_that_starts_again_and_numbers_its_map_otherwise(operator: Operator, columns: int, rows: int) -> None:
+    info = info_of(rooms(), (-3.0 + 0.05 * (columns + 0.3), 2.0 + 0.05 * (rows + 0.3)))
+    again, cells = TileSender(session=6), np.roll(rooms(), (-rows, -columns), (0, 1))
+    tiles = again.update(cells, info)
+    operator.receive([again.beat() for _ in range(3)])
+    operator.show()
+    seen = np.s_[max(0, -rows):rooms().shape[0] - max(0, rows), max(0, -columns):rooms().shape[1] - max(0, columns)]
+    np.testing.assert_array_equal(operator.cells[seen], cells[seen])
+    assert operator.cells.size - (operator.cells == -1).sum() < operator.cells.size
+    assert operator.held() == [] and operator.assembler.holding().session == 6
+    operator.receive(tiles)
+    operator.show()
+    np.testing.assert_array_equal(operator.cells, cells)
+    assert set(operator.assembler.ages(operator.now).data.tolist()) == {0}
 
 
 def test_the_overview_shows_a_new_obstacle_before_its_tile_comes() -> None:

@@ -11,6 +11,7 @@ import numpy as np
 
 from ...arrays import BoolArray, Records
 from ...codecs.concealment.fill import nearest
+from ...codecs.tiles.lattice import Lattice
 from ...codecs.tiles.rectangle import Rectangle
 from ...codecs.wire.grid import unknown
 from ...codecs.wire.partial_image import PartialImage
@@ -24,7 +25,7 @@ from ..held import Holding
 from ..parameters import OPERATOR, ROBOT
 from ..segments import MAIN_PART, TILES, head_of, same_head, stamps_of
 from .ages import age_message, uniform
-from .snapshot import MESSAGE, GridSnapshot, grid_message
+from .snapshot import MESSAGE, GridSnapshot, grid_message, info_message
 from .tiles_assembler import TilesAssembler
 
 CELL = item_type('mono8')
@@ -41,6 +42,27 @@ class _Interleaved(NamedTuple):
     head: SimpleNamespace
     heard: float
     """When a segment of it was received last [s]."""
+
+
+class _Place:
+    """Of an interleaved map. Maps of one size whose origins are less than a cell apart complete each other: an origin
+    may move with each map, and cells that did not come are rather those of the map before than unknown."""
+
+    def __init__(self, head: SimpleNamespace) -> None:
+        _, *self._exact = head.info     # not the load time: the same map may be loaded anew
+        self._size = head.frame_id, head.depth, head.info[2:4]
+        try:
+            self._lattice: Optional[Lattice] = Lattice.of(head.frame_id, info_message(head.info))
+        except ValueError:      # `begin` refuses most of them
+            self._lattice = None
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, _Place) or self._size != other._size:
+            return False
+        if self._lattice is None or other._lattice is None:
+            return bool(self._exact == other._exact)
+        way = self._lattice.to(other._lattice)
+        return way is not None and max(map(abs, way)) < 1 and not self._lattice.turned(other._lattice)
 
 
 class GridAssembler(Assembler[GridSnapshot, Assembled]):
@@ -104,8 +126,7 @@ class GridAssembler(Assembler[GridSnapshot, Assembled]):
             same = same_head(records, rows, self.HEAD) & (stamps == stamps[0])
             head = head_of(records[rows[0]], GridSegment, self.HEAD)
             segments = records[rows[same]]
-            _, *place = head.info       # not the load time: the same map may be loaded anew
-            self._carousel.add(head, (head.frame_id, head.depth, place), (
+            self._carousel.add(head, _Place(head), (
                 segments['index'].astype(int), segments['count'], segments['data'].view(np.uint8)), now)
             rows = rows[~same]
 

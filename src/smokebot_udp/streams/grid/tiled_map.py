@@ -38,8 +38,10 @@ class TiledMap:
         """Whether nothing of the map is known."""
         return not self.canvas.known and self._coarse.empty
 
-    def begin_session(self) -> None:
-        """Number tiles anew; what is known stays until it is replaced."""
+    def begin_session(self, columns: int, rows: int) -> None:
+        """Number tiles anew, and cells by as many more; what is known stays until it is replaced."""
+        for part in (self.canvas, self.ages, self._coarse):
+            part.renumber(columns, rows)
         self.canvas.begin_session()
         self._coarse.begin_session()
         self._repetitions.clear()

@@ -70,14 +70,16 @@ class TilesAssembler:
 
     def _begin(self, segment: TileSegment, now: float) -> None:
         former, self._identity = self._identity, IdentifiedMap(segment)
-        if former is None or not former.on_lattice(segment):
+        way = None if former is None else former.way(segment)
+        if former is None or way is None:
             self._map, self._since = TiledMap(segment.area, self._decode, self._dropped), None
             return
         if former.session != segment.session:
-            self._map.begin_session()
+            self._map.begin_session(segment.area.column - former.area.column - way[0],
+                                    segment.area.row - former.area.row - way[1])
         if former.area != segment.area:
             self._map.move(segment.area)
-            self.show(now)
+        self.show(now)
 
     def _add(self, segment: TileSegment, now: float) -> None:
         self.heard, self._newest = now, segment
