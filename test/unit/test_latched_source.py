@@ -43,7 +43,7 @@ class Sending:
         settings = load(STREAM % (message_class._type, MAX_BYTES))[0]['state']
         self._class, self._channel = message_class, Channel()
         callbacks: List[Any] = []
-        monkeypatch.setattr(reliable_relay.rospy, 'Subscriber', lambda _, __, callback, **___: callbacks.append(callback))
+        monkeypatch.setattr(reliable_relay.rospy, 'Subscriber', lambda *given, **_: callbacks.append(given[2]))
         link: Any = SimpleNamespace(channel=lambda *_, **__: self._channel)
         reliable_relay.Source('state', settings, link, '/state').start()
         self._receive, = callbacks
