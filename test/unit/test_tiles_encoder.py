@@ -366,7 +366,12 @@ def nowhere(message: Any) -> None:
     message.info.origin.position.y = float('nan')
 
 
-@pytest.mark.parametrize('spoil, words', [(cut_off, 'data has'), (nowhere, 'origin.y is nan')])
+def far_away(message: Any) -> None:
+    message.info.origin.position.x = 1e12
+
+
+@pytest.mark.parametrize('spoil, words', [(cut_off, 'data has'), (nowhere, 'origin.y is nan'),
+                                          (far_away, 'cells away')])
 def test_a_map_that_contradicts_itself_changes_nothing(spoil: Any, words: str) -> None:
     costmap = Costmap()
     for _ in range(2):

@@ -10,6 +10,7 @@ from rospy.numpy_msg import numpy_msg
 from std_msgs.msg import Header
 
 from ...arrays import Array
+from ...codecs.tiles.lattice import Lattice
 from ...codecs.wire import grid
 from ...congestion.operating_points import OperatingPoint
 from ...mission.parameters import Parameter
@@ -96,7 +97,7 @@ class GridEncoder(Encoder[Any]):
         self._interleaved, self._tiled = InterleavedMaps(), None    # type: InterleavedMaps, Any
         self._used: Union[InterleavedMaps, Any, None] = None        # what sent last
         self._newest: Any = None                    # message, of the thread that merges
-        self._legal_only = settings['coding'] == 'tiles'    # whether other values than -1..100 cannot be sent
+        self._legal_only = settings['coding'] == 'tiles'    # other values, and places far away, cannot be sent
         self._map: Optional[_Map] = None
         self._taken = False                         # whether self._used has the map
         self._fallback_at: Optional[float] = None   # when it is interleaved, as an operator does not receive tiles
@@ -130,7 +131,7 @@ class GridEncoder(Encoder[Any]):
     def _basis(self, message: Any) -> Tuple[Any, Optional[ValueError]]:
         """What updates change after a map, None: nothing; and what is wrong with the map, None: nothing."""
         try:
-            cells = _cells(message)
+            cells = self._cells(message)
         except ValueError as error:
             same = self._newest is not None and same_place(self._newest, message)
             return self._newest if same else None, error
@@ -164,7 +165,8 @@ class GridEncoder(Encoder[Any]):
         return period
 
     def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Frame]:
-        cells, self._legal_only = _cells(message), settings['coding'] == 'tiles'
+        self._legal_only = settings['coding'] == 'tiles'
+        cells = self._cells(message)
         if self._legal_only:
             check_values(cells)
             self._codec.ready()     # it is loaded when the first operator comes
@@ -172,6 +174,18 @@ class GridEncoder(Encoder[Any]):
         if not self._anyone():
             self._fallback_at = None
         return self._frames(settings, max_datagram_size) if self._wanted(settings) else []
+
+    def _cells(self, message: Any) -> Array:
+        """(height, width) int8: the cells of a nav_msgs/OccupancyGrid.
+
+        :raises ValueError: naming what is wrong with the map, but for values
+        """
+        info = message.info
+        cells = grid.as_cells(message.data, info.height, info.width, info.resolution)
+        check_origin(info.origin)
+        if self._legal_only:
+            Lattice.of(message.header.frame_id, info)
+        return cells
 
     def repeat(self, settings: Settings, max_datagram_size: int) -> Sequence[Frame]:
         if self._map is None:
@@ -235,14 +249,3 @@ class GridEncoder(Encoder[Any]):
             found = self._lookup(message.header.frame_id, Header(frame_id=self._robot_frame))
             self._robot = None if found is None else tuple(found[1].tolist())
         return None if self._robot is None else cell_at(message.info, *self._robot)
-
-
-def _cells(message: Any) -> Array:
-    """(height, width) int8: the cells of a nav_msgs/OccupancyGrid.
-
-    :raises ValueError: naming what is wrong with the map
-    """
-    info = message.info
-    cells = grid.as_cells(message.data, info.height, info.width, info.resolution)
-    check_origin(info.origin)
-    return cells
