@@ -19,7 +19,7 @@ from smokebot_udp.udpros.datagram import IP_UDP_HEADERS
 from smokebot_udp.udpros.frame import Frame
 
 from .maps import map_message
-from .offline_link import MAX_DATAGRAM_SIZE, operator_side
+from .offline_link import MAX_DATAGRAM_SIZE, operator_side, work_off
 
 STEP = 0.005
 """Of the time [s]."""
@@ -139,6 +139,7 @@ class MapTransfer:
         for _, (record, part, _) in landed:
             self._news |= part == TILES
             self._assembler.receive(record, np.ones(1, bool), self._now, part)
+        work_off(self._assembler)
         self._report()
         finished = self._assembler.poll(self._now)
         assembled = finished and self._assembler.assemble(finished, self._shown_settings, False, self._now)

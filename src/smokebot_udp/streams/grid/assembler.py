@@ -19,7 +19,7 @@ from ...codecs.wire.pixels import item_type
 from ...mission.parameters import Parameter
 from ...mission.settings import Settings
 from ...msg import GridSegment, MapTile
-from ..assembler import Assembled, Assembler, Clock, no_clock
+from ..assembler import Assembled, Assembler, Clock, Work, no_clock
 from ..carousel import Carousel
 from ..held import Holding
 from ..parameters import OPERATOR, ROBOT
@@ -68,7 +68,7 @@ class _Place:
 class GridAssembler(Assembler[GridSnapshot, Assembled]):
     """Makes a map of the segments; it is latched."""
     MESSAGE, SEGMENTS = MESSAGE, {MAIN_PART: GridSegment, TILES: MapTile}
-    COMPILED = HELD = frozenset([TILES])
+    COMPILED = frozenset([TILES])
     LATCH, STEADY = True, False
     HEAD = 'info', 'depth'
     PARAMETERS = {
@@ -116,8 +116,6 @@ class GridAssembler(Assembler[GridSnapshot, Assembled]):
             self._receive_interleaved(records, mask, now)
             return
         self._tiles.receive(records, mask, now)
-        if self._interleaved is not None and self._tiles.heard == now:
-            self._tiles.show(now)
 
     def _receive_interleaved(self, records: Records, mask: BoolArray, now: float) -> None:
         rows = np.flatnonzero(mask)
@@ -131,8 +129,17 @@ class GridAssembler(Assembler[GridSnapshot, Assembled]):
             rows = rows[~same]
 
     def deadline(self) -> Optional[float]:
+        if self._tiles.waiting:
+            return -math.inf
         deadlines = [found for found in (self._tiles.deadline(), self._interleaved_deadline()) if found is not None]
         return min(deadlines, default=None)
+
+    def work(self) -> Optional[Work]:
+        heard = self._tiles.heard
+        work = self._tiles.work()
+        if self._interleaved is not None and self._tiles.heard > heard:
+            self._tiles.show(self._tiles.heard)
+        return work
 
     def _interleaved_deadline(self) -> Optional[float]:
         deadline = self._carousel.deadline()
@@ -149,12 +156,13 @@ class GridAssembler(Assembler[GridSnapshot, Assembled]):
         found = None if deadline is None or now < deadline else self._carousel.poll(now)
         if found is None:
             return None
-        head, grid = found      # receive() goes on changing the grid
-        self._interleaved = _Interleaved(head, self._carousel.latest)
-        return GridSnapshot(head, grid.items(self._fill).view(np.int8), grid.completeness)
+        self._interleaved = _Interleaved(found[0], self._carousel.latest)
+        grid, fill = found[1].copy(), self._fill    # receive() goes on changing the grid
+        return GridSnapshot(found[0], lambda: (grid.items(fill).view(np.int8), grid.completeness))
 
     def assemble(self, finished: GridSnapshot, settings: Settings, still: bool, now: float) -> Optional[Assembled]:
-        head, cells, completeness = finished
+        head = finished.head
+        cells, completeness = finished.drawn()
         content = head.frame_id, head.info, zlib.crc32(cells.data)
         if content == self._last:
             return None     # refresh cycles repeat it
