@@ -102,6 +102,6 @@ def table(results: Dict[str, Any]) -> str:
             of_map['png'], of_map['tiles'] / of_map['zlib'], '%d /%d' % (of_map['overview'], 1 << of_map['shift']),
             '%d /%d' % (of_map['interleaved'], of_map['factor'])) + ''.join(
                 '%9.1f' % of_map[step] for step in STEPS) + (' goal missed' if missed else ''))
-    lines.append('ratio: to zlib; /n: reduced by n; change: %d x %d cells; pool: the overview; look: for what leaves next '
+    lines.append('ratio: to zlib; /n: reduced by n; change: %d x %d cells; pool: the overview; look: what is next '
                  'of %d tiles' % (SIDE, SIDE, QUEUED))
     return '\n'.join(lines)
