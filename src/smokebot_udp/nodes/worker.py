@@ -8,6 +8,9 @@ from typing import Any, Callable, ContextManager, Generic, Iterator, Optional, T
 
 Item = TypeVar('Item')
 
+RETRY_PERIOD = 0.2
+"""What decides what is due is asked again this long after it has failed: at once it would fail again [s]."""
+
 
 class DeadlineWorker(Generic[Item]):
     """Takes items from `poll` and works on them, one after the other, once it is started.
@@ -65,6 +68,12 @@ class DeadlineWorker(Generic[Item]):
         while not self._closed:
             try:
                 item = self._await_item()
+            except Exception as error:
+                self._on_error(error)
+                with self._changed:
+                    self._changed.wait_for(lambda: self._closed, RETRY_PERIOD)
+                continue
+            try:
                 if item is not None:
                     self._work(item)
             except Exception as error:      # the next item may be good
