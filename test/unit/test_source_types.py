@@ -2,10 +2,14 @@
 from types import SimpleNamespace
 from typing import Any, Dict, List, Tuple
 
+from polling import wait_for
+
 from smokebot_udp.monitoring.source_types import PERIOD, SourceTypes
 from smokebot_udp.monitoring.stats import StreamStats
 from smokebot_udp.monitoring.status import ERROR
 from smokebot_udp.nodes import diagnostics
+
+PERIOD_SECONDS = int(PERIOD)
 
 
 class Master:
@@ -41,6 +45,13 @@ def test_the_master_is_asked_seldom_and_may_be_away() -> None:
     assert types.problem('/fix', 'sensor_msgs/NavSatFix', 1.5 * PERIOD) is None and master.asked == 2
 
 
+def test_while_the_answer_is_awaited_it_is_asked_for_each_time() -> None:
+    answers: List[Any] = [None, None, [('/fix', 'std_msgs/String')]]
+    types = SourceTypes(lambda: answers.pop(0))
+    found = [types.problem('/fix', 'sensor_msgs/NavSatFix', float(second)) for second in range(PERIOD_SECONDS + 2)]
+    assert [one is None for one in found] == [True, True] + [False] * PERIOD_SECONDS and not answers
+
+
 def test_the_diagnostics_of_a_silent_stream_name_the_published_type(monkeypatch: Any) -> None:
     master = Master(fix='std_msgs/String', odom='std_msgs/String')
     monkeypatch.setattr(diagnostics, '_topic_types', master)
@@ -62,6 +73,7 @@ def test_the_diagnostics_of_a_silent_stream_name_the_published_type(monkeypatch:
         odom(start + second)
         assert not master.asked
     fix(start)
+    wait_for(lambda: '/fix is published' in fix(start + 5.0)[0].message)
     status = fix(start + 5.0)[0]
     assert status.level == ERROR and status.message == (
         'no subscriber, its source is silent for 5 s, '

@@ -9,10 +9,10 @@ PERIOD = 5.0
 class SourceTypes:
     """The types of topics as the master knows them.
 
-    :param ask: f() -> [(topic, type), ...]; may raise OSError
+    :param ask: f() -> [(topic, type), ...]; None: the answer has not come yet; may raise OSError
     """
 
-    def __init__(self, ask: Callable[[], Sequence[Tuple[str, str]]]) -> None:
+    def __init__(self, ask: Callable[[], Optional[Sequence[Tuple[str, str]]]]) -> None:
         self._ask = ask
         self._types: Dict[str, str] = {}
         self._due = -float('inf')
@@ -24,11 +24,12 @@ class SourceTypes:
         :param now: by a steady clock [s]
         """
         if now >= self._due:
-            self._due = now + PERIOD
             try:
-                self._types = dict(self._ask())
+                answer = self._ask()
             except OSError:
-                self._types = {}
+                answer = ()
+            if answer is not None:
+                self._types, self._due = dict(answer), now + PERIOD
         found = self._types.get(topic, '*')
         if found in (*expected.split(' or '), '*'):
             return None

@@ -32,6 +32,7 @@ from ..monitoring.transport_status import transport_status
 from ..monitoring.wifi import WifiState, wifi_status
 from ..transport import Transport
 from ..udpros import rpc
+from .background_call import BackgroundCall
 from .logging import log_error
 from .way_back import WayBack
 from .worker import PeriodicWorker
@@ -99,7 +100,7 @@ def robot_diagnostics(streams: Mapping[str, Any], way_back: WayBack, link: Any, 
     :param problems: problems.Problems
     :return: to be closed before the streams and the transport
     """
-    types, requests = SourceTypes(_topic_types), RequestMonitor(ROBOT)
+    types, requests = SourceTypes(BackgroundCall(_topic_types)), RequestMonitor(ROBOT)
 
     def update(stream: Any, monitor: StreamMonitor, now: float) -> List[Status]:
         return monitor.update(_stats_with_type(stream, monitor, types, now), now)
@@ -125,7 +126,7 @@ def operator_diagnostics(streams: Mapping[str, Any], way_back: WayBack, clock: A
     :param wifi: f() -> the state of this machine's Wi-Fi
     :return: to be closed before the streams, the clock and the transport
     """
-    types, requests = SourceTypes(_topic_types), RequestMonitor(OPERATOR)
+    types, requests = SourceTypes(BackgroundCall(_topic_types)), RequestMonitor(OPERATOR)
 
     def update(stream: Any, monitor: StreamMonitor, now: float) -> List[Status]:
         stats, robot, estimate = stream.stats(), sent().get(stream.name), clock.estimate
