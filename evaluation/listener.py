@@ -25,8 +25,8 @@ from smokebot_udp import udpros
 from smokebot_udp.codecs.wire.partial_image import RECEIVED
 from smokebot_udp.msg import LinkStatus, RelaySegment
 from smokebot_udp.streams.blank import has_blank
+from smokebot_udp.streams.relay.contents import stamp_of
 from smokebot_udp.streams.relay.parts import PartJoiner
-from smokebot_udp.streams.relay.transforms import stamp_of
 from smokebot_udp.udpros.rospy_binding import install
 
 from . import TOP

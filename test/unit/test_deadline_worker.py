@@ -127,3 +127,19 @@ def test_closing_ends_the_thread_and_needs_none() -> None:
         source.worker.close()
         source.worker.close()
         assert threading.active_count() == count and source.done.empty() and source.errors.empty()
+
+
+@pytest.mark.parametrize('broken', ['poll', 'deadline'])
+def test_what_cannot_say_what_is_due_is_asked_again_after_a_while(broken: str) -> None:
+    source, asked = Source(), []    # type: Source, List[float]
+
+    def fail(*_: float) -> Any:
+        asked.append(time.monotonic())
+        raise ValueError('broken')
+    setattr(source, broken, fail)
+    worker: DeadlineWorker[Any] = DeadlineWorker('worker', source.poll, source.deadline, source.work, source.errors.put)
+    worker.start()
+    for _ in range(3):
+        assert str(source.errors.get(timeout=WAIT)) == 'broken'
+    worker.close()
+    assert min(after - before for before, after in zip(asked, asked[1:])) > 0.9 * RETRY_PERIOD

@@ -46,6 +46,22 @@ def test_a_complete_frame_is_finished_at_once() -> None:
     assert feed.frames.deadline() is None
 
 
+def test_a_frame_begins_with_a_segment_that_fits() -> None:
+    began: List[int] = []
+    frames = FrameAssembler(begin, 0.2, lambda head: began.append(head.stamp))
+
+    def add(stamp: int, position: int, says: str = '') -> None:
+        frames.add(SimpleNamespace(stamp=stamp, says=says), (np.array([position]), np.ones(1, int),
+                                                             np.zeros((1, 1), np.uint8)), 0.0)
+    add(1 * S, 0, 'impossible')
+    add(1 * S, SIZE)
+    assert began == [] and frames.deadline() is None
+    add(1 * S, 0)
+    add(1 * S, 1)
+    add(2 * S, 0)
+    assert began == [1 * S, 2 * S]
+
+
 def test_a_newer_stamp_finishes_the_frame() -> None:
     feed = Feed()
     feed(1 * S, range(10), 0.0)

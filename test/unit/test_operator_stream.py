@@ -2,6 +2,7 @@
 """The runner of the operator's side, with topics that stay in this process."""
 import queue
 import threading
+from types import SimpleNamespace
 from typing import Any, Dict, Iterator, List, Optional
 
 import numpy as np
@@ -31,7 +32,7 @@ ERROR = ImageError(2.0)
 class FakeAssembler(Assembler[Any, Assembled]):
     """Makes of each record a message, and keeps a record of what is called."""
     MESSAGE, SEGMENTS, COMPILED = String, {MAIN_PART: String, 'layers': String}, frozenset(['layers'])
-    HELD, REPORT_INTERVAL = frozenset(['layers']), 0.25
+    REPORT_INTERVAL = 0.25
     PARAMETERS = {**OPERATOR, 'max_wait': Parameter(0.1, 's', '', above=0.0, live=True),
                   'fill': Parameter('nearest', '', '', live=True)}
 
@@ -306,18 +307,65 @@ def test_a_compiled_part_is_connected_once_the_codec_is_loaded_and_says_so(bench
     assert bench.topics['/smokebot_udp/third/layers'].options['wanted']()      # without a codec
 
 
-def test_a_part_that_is_repeated_until_it_is_held_is_reported(bench: Bench) -> None:
-    bench.start()
+class WorkingAssembler(FakeAssembler):
+    """Of the part `layers` each record takes work, and is held then."""
+
+    def __init__(self, settings: Any, clock: Any) -> None:
+        super().__init__(settings, clock)
+        self.works: List[Any] = []
+
+    def receive(self, records: Any, mask: Any, now: float, part: str = MAIN_PART) -> None:
+        (self.finished if part == MAIN_PART else self.works).append(records)
+
+    def deadline(self) -> Optional[float]:
+        return 0.0 if self.finished or self.works else None
+
+    def work(self) -> Any:
+        if not self.works:
+            return None
+        record = self.works.pop(0)
+
+        def do() -> None:
+            self.log.put(('do', record))
+            if record == 'broken':
+                raise ValueError('it is broken')
+        return SimpleNamespace(do=do, done=lambda: self.log.put(('done', record)))
+
+
+def test_what_takes_work_is_reported_as_held_when_it_is_done(bench: Bench) -> None:
+    bench.start(WorkingAssembler)
     bench.receive('one')
-    assert bench.logs(2)[1] == ('publish', 'one') and bench.held.empty()
+    assert bench.logs(3)[1] == ('publish', 'one') and bench.held.empty()
     bench.receive('two', part='layers')
     name, holding, interval = bench.held.get(timeout=WAIT)
     assert (name, holding(), interval) == ('thermal', Holding(3, ((1, 2),)), 0.25)
+    assert bench.logs(2) == [('do', 'two'), ('done', 'two')]
+
+
+def test_work_is_done_without_the_lock_in_turns_with_messages_and_may_fail(bench: Bench) -> None:
+    going, go = threading.Event(), threading.Event()
+
+    class Slow(WorkingAssembler):
+        def work(self) -> Any:
+            found = super().work()
+            if found is not None and not go.is_set():
+                first = found.do
+                found.do = lambda: (going.set(), go.wait(WAIT), first())
+            return found
+    bench.start(Slow)
+    bench.receive('broken', part='layers')
+    assert going.wait(WAIT)
+    bench.receive('two', part='layers')     # does not wait
+    bench.receive('three')
+    go.set()
+    assert [entry for entry in bench.logs(7) if entry[0] in ('do', 'done', 'publish')] == [
+        ('do', 'broken'), ('done', 'broken'), ('publish', 'three'), ('do', 'two'), ('done', 'two')]
+    assert 'it is broken' in bench.logged.get(timeout=WAIT)
 
 
 def test_what_is_held_once_it_is_shown_is_reported_after_each_message_shown_or_not(bench: Bench) -> None:
     class Shows(FakeAssembler):
-        HELD, HOLDS_SHOWN = frozenset(), True
+        HOLDS_SHOWN = True
     bench.start(Shows)
     for message in ('one', 'same'):
         bench.receive(message)

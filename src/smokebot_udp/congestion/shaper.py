@@ -2,8 +2,8 @@
 """A token bucket on the path, as the kernel's tbf: how much passes at once, however slow the path is.
 
 A shaper of rate r and depth b lets b + r T pass in a window T (its arrival curve: Le Boudec, Thiran: "Network
-Calculus", Springer 2001). A short train passes at the line's speed, and shows nothing about r before it exceeds the tokens. The
-depth is learnt where a queue begins: it is what was sent until then beyond r T, less the queue.
+Calculus", Springer 2001). A short train passes at the line's speed, and shows nothing about r before it exceeds the
+tokens. The depth is learnt where a queue begins: it is what was sent until then beyond r T, less the queue.
 """
 import collections
 import math

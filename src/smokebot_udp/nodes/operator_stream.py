@@ -16,13 +16,13 @@ from ..mission.settings import Settings, SettingsStore
 from ..monitoring import stages
 from ..monitoring.stats import ConnectionStats, Shown, StreamStats
 from ..streams import assembler_class
-from ..streams.assembler import Assembled, Assembler
+from ..streams.assembler import Assembled, Assembler, Work
 from ..streams.blank import blank, has_blank
 from ..streams.frame_assembler import Frame
 from ..streams.frame_prefix import add_prefix
 from ..streams.held import Holding
 from ..streams.image.camera_info import CAMERA_INFO
-from ..streams.relay.transforms import QUEUE
+from ..streams.relay.contents import QUEUE
 from ..streams.segments import INFO, reported_name, wire_topic
 from ..transport import Subscriber, Transport
 from .common import operator_topic
@@ -99,8 +99,8 @@ class OperatorStream:
         self._misses_decoder = False    # likewise, where there is none
         self._outputs: List[Any] = []
         self._renew: Optional[Callable[[], None]] = None    # publishes calibrations that came after their images
-        self._worker: DeadlineWorker[Any] = DeadlineWorker(
-            name, self.assembler.poll, self.assembler.deadline, self._show, self._report)
+        self._worker: DeadlineWorker[Callable[[], None]] = DeadlineWorker(
+            name, self._next_job, self.assembler.deadline, lambda job: job(), self._report)
         self.settings.subscribe(self._configure)
 
     def start(self) -> None:
@@ -228,8 +228,6 @@ class OperatorStream:
         """Take a batch of segments, in the transport's thread."""
         with self._worker.adding():
             self.assembler.receive(records, mask, time.monotonic(), part)
-        if part in self.assembler.HELD:
-            self._report_held()
         if part == INFO and self._renew is not None:
             self._renew()
 
@@ -258,6 +256,22 @@ class OperatorStream:
                     self._publish(assembled)
         finally:
             self._log_warnings()
+
+    def _next_job(self, now: float) -> Optional[Callable[[], None]]:
+        finished = self.assembler.poll(now)
+        if finished is not None:
+            return functools.partial(self._show, finished)
+        work = self.assembler.work()
+        return None if work is None else functools.partial(self._do, work)
+
+    def _do(self, work: Work) -> None:
+        """Do what takes time before a message can be finished, in the worker's thread."""
+        try:
+            work.do()
+        finally:
+            with self._worker.lock:
+                work.done()
+        self._report_held()
 
     def _show(self, finished: Any) -> None:
         """Assemble and publish one message, in the worker's thread."""

@@ -12,6 +12,7 @@ from ..transport import Publisher
 from ..udpros.datagram import IP_UDP_HEADERS
 from ..udpros.frame import Frame
 from .trace import TRACE
+from .worker import RETRY_PERIOD
 
 MAX_BACKLOG = 0.02
 """A newer message of a stream waits for the rest of the one before if that leaves within this time, unless its encoder
@@ -150,7 +151,13 @@ class Outbox:
 
     def _run(self) -> None:
         while True:
-            chunk = self._await_chunk()
+            try:
+                chunk = self._await_chunk()
+            except Exception as error:      # at once it would fail again
+                self._on_error('outbox', error)
+                with self._changed:
+                    self._changed.wait_for(lambda: self._ended, RETRY_PERIOD)
+                continue
             if chunk is None:
                 return
             try:

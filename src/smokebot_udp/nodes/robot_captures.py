@@ -119,9 +119,11 @@ class RobotCaptures:
             length = piece_length(len(content), usual, most)
             rospy.loginfo("stream '%s': %s fetches an original, %.0f kB", load.request.stream, load.operator,
                           len(content) / 1e3)
-        except ValueError as error:
-            rospy.logwarn("a capture of %s is refused: %s", load.operator, error)
-            content = refusal(str(error))
+        except Exception as error:      # whatever it is, the operator must not wait in silence
+            reason = str(error) if isinstance(error, ValueError) else 'the robot cannot send it: %s: %s' % (
+                type(error).__name__, error)
+            rospy.logwarn("a capture of %s is refused: %s", load.operator, reason)
+            content = refusal(reason)
             length = piece_length(len(content), usual, most)
         with self._worker.changing():
             self._transfers.loaded(load, content, length, time.monotonic())

@@ -17,7 +17,7 @@ from std_srvs.srv import SetBool, SetBoolResponse
 from ..monitoring.control_status import robot_control_status
 from ..monitoring.status import Status
 from ..msg import ControlPeer, ControlRequest, ControlStatus
-from ..streams.relay.transforms import size_of
+from ..streams.relay.contents import size_of
 from ..teleop import records
 from ..teleop.control_server import ControlServer
 from ..traffic import EXPEDITED

@@ -206,7 +206,7 @@ class RobotStream(rospy.SubscribeListener):
                        for part, publisher in self._publishers.items() for found in publisher.connections()]
         return StreamStats(
             self.received, self.sent, settings['enabled'], settings['rate'], self.encoder.STEADY,
-            {'replaced': self._schedule.replaced, 'invalid': self._invalid,
+            {'replaced': self._schedule.replaced + self.encoder.replaced, 'invalid': self._invalid,
              'datagrams of replaced messages': self.link.outbox.dropped(self.name)},
             connections=connections,
             problem='the link is too slow for it and the other streams' if settings.paused else None)

@@ -4,8 +4,9 @@
 A kind derives from Assembler. The runner (nodes/operator_stream.py) owns the subscription, the publishers, the worker
 thread and the settings:
 
-    receive(records, ...)    under its lock, for each batch of segments
+    receive(records, ...)    under its lock, for each batch of segments, in the transport's thread: it takes no time
     deadline(), poll(now)    under its lock, in the worker thread
+    work()                   likewise, where `poll` has nothing; then Work.do without the lock, and Work.done under it
     assemble(finished, ...)  without the lock, in the worker thread, once for each result of `poll`
     settle(finished, ...)    likewise, after the message is published
 
@@ -13,7 +14,20 @@ A kind whose messages need no work (FORWARDS) implements `join` and `forward` in
 """
 import collections
 from dataclasses import dataclass, field
-from typing import Any, Callable, ClassVar, Counter, FrozenSet, Generic, List, Mapping, Optional, Sequence, TypeVar
+from typing import (
+    Any,
+    Callable,
+    ClassVar,
+    Counter,
+    FrozenSet,
+    Generic,
+    List,
+    Mapping,
+    Optional,
+    Protocol,
+    Sequence,
+    TypeVar,
+)
 
 from ..arrays import BoolArray, Records
 from ..image_error import ImageError
@@ -49,6 +63,16 @@ class Assembled:
     """Of images that were coded with loss; None: what was received is exact, or, of video, nothing is known."""
 
 
+class Work(Protocol):
+    """What takes time before a message can be finished, as decoding does."""
+
+    def do(self) -> None:
+        """Do it, without the lock; in the thread that calls `poll`, `work` and `assemble`."""
+
+    def done(self) -> None:
+        """Take the result, under the lock."""
+
+
 Finished = TypeVar('Finished')
 """What `poll` returns: the received parts of one message. Nothing is added to it any more."""
 Result = TypeVar('Result', bound=Assembled)
@@ -72,10 +96,8 @@ class Assembler(Generic[Finished, Result]):
     DECODED: ClassVar[FrozenSet[str]] = frozenset()
     """Parts whose segments need a decoder of video. The runner discards them where there is none; otherwise it passes
     one to the constructor, as `decoder`."""
-    HELD: ClassVar[FrozenSet[str]] = frozenset()
-    """Parts whose segments the robot repeats until `holding` lists them: it is reported after each batch."""
     HOLDS_SHOWN: ClassVar[bool] = False
-    """Whether `holding` is reported after each call of `assemble` instead."""
+    """Whether `holding` is reported after each call of `assemble`; it always is after Work."""
     REPORT_INTERVAL: ClassVar[float] = COALESCED
     """Reports of what is held are this far apart at least [s]."""
     PARAMETERS: ClassVar[Mapping[str, Parameter]] = OPERATOR
@@ -116,12 +138,17 @@ class Assembler(Generic[Finished, Result]):
         raise NotImplementedError
 
     def deadline(self) -> Optional[float]:
-        """When `poll` returns something next, unless more is received; None: never. In the past: at once [s]."""
+        """When `poll` or `work` returns something next, unless more is received; None: never. In the past: at once [s].
+        """
         raise NotImplementedError
 
     def poll(self, now: float) -> Optional[Finished]:
         """The next finished one, in order of time; None: nothing is finished yet."""
         raise NotImplementedError
+
+    def work(self) -> Optional[Work]:
+        """What is to be done now; None: nothing."""
+        return None
 
     def assemble(self, finished: Finished, settings: Settings, still: bool, now: float) -> Optional[Result]:
         """Make the message; None if it equals the one published last.

@@ -99,6 +99,8 @@ class Encoder(Generic[Message]):
         """As Demand.wished, of the last message [byte/s]."""
         self.warnings: Deque[str] = collections.deque(maxlen=16)
         """For the log: problems of messages that were encoded nevertheless. The runner removes them."""
+        self.replaced = 0
+        """Messages that `merge` gave up for newer ones, where what it returned is the same object as before."""
         self.beside: List[Frame] = []
         """Frames of other parts, which leave at once before those that `encode` returned. The runner removes them."""
         self.backlog: Optional[float] = None

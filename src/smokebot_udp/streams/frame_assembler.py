@@ -85,16 +85,18 @@ class FrameAssembler(Generic[Partial]):
 
     :param begin: f(head) -> PartialFrame, empty; raises ValueError if the head is impossible
     :param max_wait: may be changed at any time [s]
+    :param began: f(head), called for each frame that begins, as a segment fits it; heads alone may be forged
     """
 
-    def __init__(self, begin: Callable[[SimpleNamespace], Partial], max_wait: float) -> None:
+    def __init__(self, begin: Callable[[SimpleNamespace], Partial], max_wait: float,
+                 began: Callable[[SimpleNamespace], None] = lambda head: None) -> None:
         self.max_wait = max_wait
         self.max_finished = MAX_FINISHED
         """May be changed at any time."""
         self.dropped: Counter[str] = collections.Counter()
         """Segments that changed nothing, by reason: late, not needed, contradiction, impossible head. Frames that were
         finished, but newer ones came before they were taken: overtaken frame."""
-        self._begin = begin
+        self._begin, self._began = begin, began
         self._newest: Optional[int] = None      # stamp of the frame in progress, or of the last one finished
         self._surplus = 'late'                  # what further segments of the last finished frame are
         self._accepted = -math.inf              # when a segment was accepted last
@@ -156,6 +158,7 @@ class FrameAssembler(Generic[Partial]):
             self._newest = head.stamp
             self._current = self._last = Frame(head, content, now, now)
             self._end.begin()
+            self._began(head)
             self._expect(self._current, parts, good, now)
 
     def _fit(self, content: Partial, parts: Tuple[Any, ...]) -> BoolArray:

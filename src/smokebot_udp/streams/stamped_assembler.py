@@ -34,16 +34,22 @@ class StampedAssembler(Assembler[Frame[Partial], Result]):
 
     def __init__(self, settings: Mapping[str, Any], clock: Clock = no_clock) -> None:
         super().__init__(settings, clock)
-        self._frames = FrameAssembler(self.begin, settings['max_wait'])
+        self._frames = FrameAssembler(self.begin, settings['max_wait'], self.began)
         self.dropped = self._frames.dropped
 
     def begin(self, head: SimpleNamespace) -> Partial:
-        """An empty frame.
+        """An empty frame. Nothing else may change: the head may be forged.
 
         :param head: stamp, frame_id and HEADS of its segments, see segments.head_of, and their `part`
         :raises ValueError: the head is impossible
         """
         raise NotImplementedError
+
+    def began(self, head: SimpleNamespace) -> None:
+        """Note that a frame begins: a segment fits it.
+
+        :param head: as of `begin`
+        """
 
     def parts(self, records: Records, part: str) -> Tuple[Any, ...]:
         """The arguments of PartialFrame.add for (m,) segments of one part and layout."""

@@ -10,6 +10,8 @@ from scipy import ndimage
 
 from ...arrays import Array
 from ...codecs.tiles.rectangle import Rectangle
+from ...codecs.wire.grid import UNKNOWN
+from .map_info import LEAST, MOST
 
 UPDATE = numpy_msg(OccupancyGridUpdate)
 
@@ -43,6 +45,15 @@ def updated(grid: Any, update: Any) -> Any:
         update.data, np.int8).reshape(update.height, update.width)
     result = copy.copy(grid)
     result.header, result.data = update.header, cells.reshape(-1)
+    return result
+
+
+def with_legal_values(grid: Any) -> Any:
+    """A map, as a new message, whose cells that have other values than an occupancy grid's are unknown."""
+    cells = np.array(grid.data, np.int8)
+    cells[(cells < LEAST) | (cells > MOST)] = UNKNOWN
+    result = copy.copy(grid)
+    result.data = cells
     return result
 
 
