@@ -87,6 +87,12 @@ def test_a_scanners_scan_takes_two_datagrams() -> None:
         assert part == 1
 
 
+def test_nor_does_the_sign_of_a_nan_make_it_longer() -> None:
+    message = scanner(1081)
+    message.ranges[::7] = np.uint32(0xffc00000).view(np.float32)
+    assert [len(frame) for frame in encoded(message)] == [1, 1] == [len(frame) for frame in encoded(scanner(1081))]
+
+
 @given(st.integers(1, 300), st.integers(100, 1472))
 def test_no_datagram_is_too_long(count: int, max_datagram_size: int) -> None:
     frames = encoded(laser_scan(count), size=max_datagram_size)
