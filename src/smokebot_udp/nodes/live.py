@@ -39,8 +39,7 @@ def config_type(name: str, table: Table) -> SimpleNamespace:
     """What dynamic_reconfigure's generator would make of a table {name: Parameter}: a server's `type`."""
     low, high = {}, {}
     for key, parameter in table.items():
-        least = parameter.above if parameter.above is not None else parameter.least
-        low[key] = LIMITS[parameter.kind][0] if least is None else parameter.kind(least)
+        low[key] = LIMITS[parameter.kind][0] if parameter.minimum is None else parameter.kind(parameter.minimum)
         high[key] = LIMITS[parameter.kind][1] if parameter.most is None else parameter.kind(parameter.most)
     parameters = [_described(key, parameter) for key, parameter in table.items()]
     return SimpleNamespace(
