@@ -87,9 +87,8 @@ Make = Callable[..., Any]
 def logged(monkeypatch: Any) -> List[str]:
     """What is logged as warnings and errors."""
     lines: List[str] = []
-    for name in ('logwarn_throttle_identical', 'logerr_throttle_identical'):
-        monkeypatch.setattr(rospy, name, lambda period, line: lines.append(line))
-    monkeypatch.setattr(rospy, 'logwarn', lambda line, *args: lines.append(line % args))
+    for name in ('logwarn', 'logerr'):
+        monkeypatch.setattr(rospy, name, lambda line, *args: lines.append(line % args))
     monkeypatch.setattr(rospy, 'is_shutdown', lambda: False)
     return lines
 

@@ -136,7 +136,7 @@ class Bench:
         monkeypatch.setattr(rospy, 'Publisher', self._topic)
         monkeypatch.setattr(rospy.Time, 'now', lambda: rospy.Time(NOW))
         for level in 'logerr', 'logwarn':
-            monkeypatch.setattr(rospy, level + '_throttle_identical', lambda period, text: self.logged.put(text))
+            monkeypatch.setattr(rospy, level, lambda text, *args: self.logged.put(text % args))
 
     def _topic(self, name: str, class_: Any, **options: Any) -> FakeTopic:
         self.topics[name] = FakeTopic(self.log, name, class_, **options)

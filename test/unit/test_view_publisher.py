@@ -187,7 +187,7 @@ def defaults() -> Any:
 
 def test_a_picture_that_cannot_be_shown_does_not_keep_the_last_one_alive(publisher, monkeypatch) -> None:
     errors = []
-    monkeypatch.setattr('rospy.logerr_throttle_identical', lambda period, text: errors.append(text))
+    monkeypatch.setattr('smokebot_udp.nodes.view_publisher.logerr', lambda topic, problem: errors.append(problem))
     views = publisher(old_after=0.1, frozen_after=0.2)
     views.show(PICTURE, 'mono16', header(), 1.0, 100.1)
     FakePublisher.made.wait_for_frame()
@@ -202,7 +202,7 @@ def test_a_picture_that_cannot_be_shown_does_not_keep_the_last_one_alive(publish
 
     wait_for(is_frozen)
     assert FakePublisher.made.sent[-1].header.stamp.to_sec() == 100.0
-    assert {text.split()[6] for text in errors} == {'encoding', 'completeness'}
+    assert {text.split()[5] for text in errors} == {'encoding', 'completeness'}
 
 
 def test_settings_change_while_it_runs(publisher, clock) -> None:

@@ -10,6 +10,7 @@ from std_msgs.msg import Header
 
 from ..codecs.wire import compressed
 from ..codecs.wire.pixels import as_pixels
+from ..limited_log import logerr
 from ..mission.settings import SettingsStore
 from ..streams.image.assembled import ShownImage
 from ..streams.image.camera_info import info_topic
@@ -115,7 +116,7 @@ class CompressedOutput:
         try:
             description, data = compressed.encode(pixels, image.encoding)
         except ValueError as error:
-            rospy.logerr_throttle_identical(5, '%s: an image is not published: %s' % (self._publisher.name, error))
+            logerr(self._publisher.name, 'an image is not published: %s' % error)
             return
         header = Header(stamp=image.header.stamp, frame_id=image.header.frame_id)
         self._publisher.publish(CompressedImage(header=header, format=description, data=data))

@@ -15,6 +15,7 @@ from dynamic_reconfigure.server import Server
 from rospy.impl.paramserver import get_param_server_cache
 
 from .. import udpros
+from ..limited_log import logerr
 from ..mission.mirror import Mirror
 from ..mission.parameters import FORMER_NAMES, Parameter, Table, current_names
 from ..mission.settings import SettingsStore
@@ -337,8 +338,7 @@ class ParameterWatch:
                 if not self._ended:
                     self._read()
             except Exception as error:
-                if not rospy.is_shutdown():
-                    rospy.logerr_throttle_identical(5, 'the parameters cannot be read: %s' % error)
+                logerr('the parameters cannot be read', error)
 
     def _read(self) -> None:
         with PUBLISHING:    # otherwise values that this node is about to write would look like another node's

@@ -14,6 +14,7 @@ import rospy
 from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 
+from ..limited_log import logerr
 from ..monitoring.control_status import operator_control_status
 from ..monitoring.status import Status
 from ..msg import ControlRequest, ControlStatus
@@ -157,7 +158,7 @@ class OperatorControl:
         try:
             status = records.Status.of(message)
         except ValueError as error:
-            rospy.logerr_throttle(5, 'a status of the robot is not used: %s' % error)
+            logerr('a status of the robot is not used', error)
             return
         with self._worker.changing():
             now = time.monotonic()
@@ -185,7 +186,7 @@ class OperatorControl:
         try:
             self._begin(wish)
         except ValueError as error:
-            rospy.logerr_throttle(5, '%s: %s' % (self._estop.name, error))
+            logerr(self._estop.name, error)
 
     def _ask(self, wish: Wish) -> Tuple[bool, str]:
         """Ask the robot, and wait for its answer: (whether it does it, in words)."""

@@ -11,6 +11,7 @@ import rospy
 
 from ..arrays import BoolArray, Records
 from ..codecs.video.pyav import installed
+from ..limited_log import logerr, logwarn
 from ..mission.parameters import live
 from ..mission.settings import Settings, SettingsStore
 from ..monitoring import stages
@@ -317,7 +318,7 @@ class OperatorStream:
 
     def _log_warnings(self) -> None:
         while self.assembler.warnings:
-            rospy.logwarn_throttle_identical(60, "stream '%s': %s" % (self.name, self.assembler.warnings.pop(0)))
+            logwarn("stream '%s'" % self.name, self.assembler.warnings.pop(0))
 
     def _report(self, error: Exception) -> None:
-        rospy.logerr_throttle_identical(5, "stream '%s': a message is not published: %s" % (self.name, error))
+        logerr("stream '%s'" % self.name, 'a message is not published: %s' % error)

@@ -16,6 +16,7 @@ from ..capture.sending import Piece, piece_length
 from ..capture.transfers import MAX_RATE, Batch, Load, Request, Transfers
 from ..congestion.controller import Demand
 from ..congestion.operating_points import OperatingPoint
+from ..limited_log import ERROR_PERIOD, logwarn
 from ..msg import CapturePiece, CaptureRequest
 from ..streams.image.source import raw_image
 from ..streams.segments import room
@@ -119,7 +120,7 @@ class RobotCaptures:
             rospy.loginfo("stream '%s': %s fetches an original, %.0f kB", load.request.stream, load.operator,
                           len(content) / 1e3)
         except ValueError as error:
-            rospy.logwarn("a capture of %s is refused: %s", load.operator, error)
+            logwarn('a capture of %s is refused' % load.operator, error, ERROR_PERIOD)
             content = refusal(str(error))
             length = piece_length(len(content), usual, most)
         with self._worker.changing():

@@ -25,6 +25,7 @@ from ..capture.history import Histories
 from ..congestion.controller import Controller
 from ..congestion.estimator import Limits
 from ..congestion.packet_scheduler import PacketScheduler
+from ..limited_log import logerr
 from ..mission import focus
 from ..monitoring.status import ROBOT
 from ..streams import Definitions, classified, encoder_class
@@ -149,8 +150,7 @@ def _rates(parameters: Parameters) -> Tuple[Limits, bool]:
 
 
 def _log(stream: str, error: Exception) -> None:
-    if not rospy.is_shutdown():
-        rospy.logerr_throttle(5, "stream '%s' cannot be sent: %s" % (stream, error))
+    logerr("stream '%s' cannot be sent" % stream, error)
 
 
 def main() -> None:

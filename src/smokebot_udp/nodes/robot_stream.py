@@ -17,6 +17,7 @@ from rospy import AnyMsg
 from ..capture.history import Histories
 from ..congestion.controller import Demand
 from ..congestion.operating_points import OperatingPoint
+from ..limited_log import logerr, logwarn
 from ..mission.parameters import live
 from ..mission.settings import Settings, SettingsStore
 from ..monitoring import stages
@@ -295,8 +296,7 @@ class RobotStream(rospy.SubscribeListener):
             job()
         finally:
             while self.encoder.warnings:
-                rospy.logwarn_throttle_identical(60, "stream '%s', %s: %s" % (
-                    self.name, self.topic, self.encoder.warnings.popleft()))
+                logwarn("stream '%s', %s" % (self.name, self.topic), self.encoder.warnings.popleft())
 
     def _encode(self, message: Any) -> None:
         encoder, settings = self.encoder, self.settings.current
@@ -381,6 +381,4 @@ class RobotStream(rospy.SubscribeListener):
 
     def _report(self, error: Exception, topic: Optional[str] = None) -> None:
         self._invalid += 1
-        if not rospy.is_shutdown():
-            rospy.logerr_throttle_identical(5, "stream '%s': a message of %s is not sent: %s" % (
-                self.name, topic or self.topic, error))
+        logerr("stream '%s'" % self.name, 'a message of %s is not sent: %s' % (topic or self.topic, error))

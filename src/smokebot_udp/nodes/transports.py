@@ -3,6 +3,7 @@
 
 This is the only place that knows which transports there are.
 """
+import functools
 import os
 import sys
 import time
@@ -10,6 +11,7 @@ from typing import Any, Callable, Optional, Tuple
 
 import rospy
 
+from ..limited_log import logerr
 from ..link.keys import read_key
 from ..link.transport import OperatorTransport, RobotTransport
 from ..transport import Transport
@@ -42,7 +44,7 @@ def robot_transport(parameters: Parameters) -> Transport:
     def listen(key: Optional[bytes]) -> Transport:
         _check_link(port, 'link_port')
         try:
-            return RobotTransport(port, key, max_datagram_size=size)
+            return RobotTransport(port, key, max_datagram_size=size, report=functools.partial(logerr, ''))
         except OSError as error:
             raise ValueError('UDP port %d cannot be used: %s' % (port, error.strerror)) from None
     return _patiently(parameters, 'the link', listen)
@@ -60,7 +62,7 @@ def operator_transport(parameters: Parameters) -> Transport:
     def connect(key: Optional[bytes]) -> Transport:
         _check_link(robot, 'robot')
         return OperatorTransport(*host_and_port(robot), key, max_datagram_size=size, receive_buffer=buffer,
-                                 report=lambda problem: rospy.logerr('%s: %s', robot, problem))
+                                 report=functools.partial(logerr, robot))
     # a desk with several robots shows the messages of all on one terminal
     return _patiently(parameters, 'the link to %s' % robot if robot else 'the link', connect)
 

@@ -9,6 +9,7 @@ from std_msgs.msg import Header
 
 from ..arrays import Array
 from ..image_error import ImageError
+from ..limited_log import logerr
 from ..streams.image.view import View, ViewedImage
 from .common import operator_topic
 from .worker import DeadlineWorker
@@ -76,4 +77,4 @@ class ViewPublisher:
                                           step=view.strides[0], data=view.tobytes()))
 
     def _report(self, error: Exception) -> None:
-        rospy.logerr_throttle_identical(5, '%s: an image is not shown: %s' % (self._publisher.name, error))
+        logerr(self._publisher.name, 'an image is not shown: %s' % error)
