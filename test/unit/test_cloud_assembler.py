@@ -134,6 +134,57 @@ def test_lost_chunks_thin_the_cloud_evenly(scan: Any, encoding: str, deviation: 
         assert worst(np.random.RandomState(seed).permutation(half)) < deviation
 
 
+UTM = 412345.125, 5401234.5, 312.0625
+
+
+def doubles(exact: Any) -> PointCloud2:
+    return PointCloud2(height=1, width=len(exact), point_step=24, row_step=exact.nbytes, data=exact.tobytes(),
+                       fields=[PointField(name, 8 * i, PointField.FLOAT64, 1) for i, name in enumerate('xyz')])
+
+
+@pytest.mark.parametrize('wild', [None, 1e12])
+@pytest.mark.parametrize('encoding, bound', [('float32', 1e-4), ('packed', BOUND + 1e-4), ('sorted', BOUND + 1e-4)])
+def test_doubles_in_utm_come_as_doubles(encoding: str, bound: float, wild: Optional[float]) -> None:
+    exact = np.random.RandomState(0).uniform(-20, 20, (500, 3)) + UTM
+    if wild is not None:
+        exact[7, 0] = wild
+    message = received(frame_of(doubles(exact), encoding=encoding, leaf_size=0.0)).message
+    assert [(field.name, field.offset, field.datatype) for field in message.fields] == [
+        ('x', 0, 8), ('y', 8, 8), ('z', 16, 8)]
+    points = np.frombuffer(message.data, '<f8').reshape(-1, 3)
+    nearest = np.abs(points[:, np.newaxis] - exact).max(axis=2).min(axis=0)
+    assert len(points) == 500 and np.delete(nearest, 7).max() <= bound
+    assert wild is not None or nearest[7] <= bound
+
+
+@pytest.mark.parametrize('encoding', ['float32', 'packed', 'sorted'])
+def test_the_voxel_filter_and_the_crop_box_work_in_utm(encoding: str) -> None:
+    exact = np.repeat(np.random.RandomState(0).randint(-20, 20, (200, 3)) + UTM, 2, axis=0)
+    exact[1::2] += 0.02
+    message = received(frame_of(doubles(exact), encoding=encoding, leaf_size=0.5, min_z=UTM[2])).message
+    points = np.frombuffer(message.data, '<f8').reshape(-1, 3)
+    assert points[:, 2].min() > UTM[2] - BOUND and 50 < len(points) < 200
+    centres = (exact[::2] + exact[1::2]) / 2
+    assert np.abs(points[:, np.newaxis] - centres).max(axis=2).min(axis=1).max() < BOUND + 1e-3
+
+
+def test_doubles_near_the_origin_come_as_floats_for_rviz() -> None:
+    exact = np.random.RandomState(0).uniform(-20, 20, (500, 3))
+    message = received(frame_of(doubles(exact), leaf_size=0.0)).message
+    assert {field.datatype for field in message.fields} == {PointField.FLOAT32}
+    np.testing.assert_array_equal(points_in(message)[0], exact.astype(np.float32))
+
+
+@pytest.mark.parametrize('encoding', ['float32', 'packed', 'sorted'])
+def test_nothing_seen_clears_the_display(scan: Any, encoding: str) -> None:
+    nothing = scan[:50].copy()
+    nothing['y'] = np.nan
+    for points in (nothing, nothing[:0]):
+        message = received(frame_of(cloud_message(points), encoding=encoding)).message
+        assert (message.height, message.width, message.data) == (1, 0, b'')
+        assert [field.name for field in message.fields] == ['x', 'y', 'z']
+
+
 def test_a_cloud_cropped_to_nothing_comes_as_an_empty_one(scan: Any) -> None:
     for encoding in ('float32', 'packed', 'sorted'):
         frame = frame_of(cloud_message(scan), encoding=encoding, min_x=900.0)
