@@ -26,7 +26,8 @@ LAYERS = {
 }
 """Each package, and the packages and modules below it that it may import."""
 
-EVERYWHERE = {'arrays', 'budget', 'checksum', 'image_error', 'packed', 'serialised', 'transport', 'units'}
+EVERYWHERE = {'arrays', 'budget', 'checksum', 'frame_names', 'image_error', 'packed', 'serialised', 'transport',
+              'units'}
 PURE = {'capture', 'codecs', 'congestion', 'mission', 'mission_report', 'monitoring', 'reliable', 'simulation',
         'streams', 'teleop'}
 """Packages without threads, sockets, topics or a clock."""
