@@ -32,7 +32,7 @@ def received(message: LaserScan, lost: Sequence[int] = (), kind: str = 'scan', *
 
 
 @pytest.mark.parametrize('gaps', ['nan', 'thin'])
-@pytest.mark.parametrize('count', [1, 720, 721, 5000])
+@pytest.mark.parametrize('count', [0, 1, 720, 721, 5000])
 @pytest.mark.parametrize('kind', ['scan', 'virtual_scan'])
 def test_a_whole_scan_is_published_as_it_was(count: int, gaps: str, kind: str) -> None:
     message, assembled = scanner(count), received(scanner(count), kind=kind, gaps=gaps)

@@ -93,7 +93,7 @@ def fit(total: int, size: int, room: int) -> int:
         raise ValueError('%d ranges are more than %d' % (total, MAX_RANGES))
     if room < size:
         raise ValueError('a range of %d bytes does not fit in %d' % (size, room))
-    parts = min(2, total)
+    parts = max(1, min(2, total))
     while -(-total // parts) * size > room:
         parts = min(2 * parts, total)
     return parts
@@ -110,8 +110,8 @@ class ScanParts(ReceivedParts):
     """
 
     def __init__(self, total: int, parts: int, range_size: int, intensity_size: int) -> None:
-        if not 1 <= parts <= total <= MAX_RANGES:
-            raise ValueError('%d ranges in %d parts; there are from 1 to %d' % (total, parts, MAX_RANGES))
+        if not 1 <= parts <= max(1, total) <= MAX_RANGES:
+            raise ValueError('%d ranges in %d parts; there are up to %d' % (total, parts, MAX_RANGES))
         if range_size not in (SHORT, FLOAT) or intensity_size not in (NONE, BYTE, SHORT, FLOAT):
             raise ValueError('no range has %d bytes, no intensity %d' % (range_size, intensity_size))
         super().__init__(parts)
