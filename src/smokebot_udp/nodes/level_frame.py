@@ -33,6 +33,10 @@ class TransformLookup:
             return rotation(q.x, q.y, q.z, q.w), np.array([t.x, t.y, t.z])
         return None
 
+    def prepare(self) -> None:
+        """Listen to tf soon: the first call needs what was published before."""
+        threading.Thread(target=self.listen, name='tf', daemon=True).start()
+
     def listen(self) -> None:
         """Listen to tf from now on."""
         import tf2_ros  # takes a second, and not every node needs it

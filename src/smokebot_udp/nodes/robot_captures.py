@@ -4,7 +4,6 @@
 Pieces leave as a stream of the outbox: they are paced with all others, and link reports name them. Its share of the
 link is `capture_share`, and whatever the other streams leave over.
 """
-import threading
 import time
 from typing import Any, Dict, Mapping, Union
 
@@ -65,8 +64,7 @@ class RobotCaptures:
         self._subscriber = link.transport.subscriber(REQUESTS, CaptureRequest, self._receive, queue_size=20)
         self._worker.start()
         if any(stream.settings.current.requested.get('history') for stream in streams.values()):
-            # tf takes a second to load, and later it would not know the poses of what is kept
-            threading.Thread(target=lookup.listen, name='tf', daemon=True).start()
+            lookup.prepare()
 
     def demands(self, capacity: float) -> Dict[str, Demand]:
         """What the transfers would send, as a stream beside the others; any thread.

@@ -128,6 +128,7 @@ class _StreamMaker:
         shared: Dict[str, Any] = {}
         if kind == 'virtual_scan':
             shared = {'fans': self._fans[rospy.resolve_name(settings['robot_topic'])]}
+            self.lookup.prepare()
         elif kind in ('image', 'grid'):
             shared = {'codec': self._codec, 'clock': time.monotonic}
         if kind == 'grid':
