@@ -21,6 +21,9 @@ from smokebot_udp.streams.encoder import Encoder
 from smokebot_udp.streams.parameters import ROBOT
 from smokebot_udp.udpros.frame import Frame
 
+NOW = 10
+"""By ROS's clock [s]."""
+
 
 class Topic:
     """Stands in for publishers and subscribers of rospy."""
@@ -90,6 +93,7 @@ def logged(monkeypatch: Any) -> List[str]:
     for name in ('logwarn', 'logerr'):
         monkeypatch.setattr(rospy, name, lambda line, *args: lines.append(line % args))
     monkeypatch.setattr(rospy, 'is_shutdown', lambda: False)
+    monkeypatch.setattr(rospy.Time, 'now', lambda: Time(NOW, 0))
     return lines
 
 

@@ -258,9 +258,10 @@ BATCH = st.tuples(st.integers(0, 2 ** 32 - 1), st.integers(1, 4), st.sampled_fro
                   st.sampled_from([None, 0, 1, 2 ** 32 - 1]))
 
 
-def forged(seed: int, count: int, size: int, codes: int, fields: Any, secs: Optional[int]) -> Any:
-    """Records of random bytes, where fields do not say otherwise."""
-    dtype = record_dtype(CloudChunk, {'header.frame_id': 3, 'codes': codes, 'data': size})
+def forged(seed: int, count: int, size: int, codes: int, fields: Any, secs: Optional[int], frame_id: bytes = b''
+           ) -> Any:
+    """Records of random bytes, where fields do not say otherwise; with a frame_id, of one message."""
+    dtype = record_dtype(CloudChunk, {'header.frame_id': len(frame_id) or 3, 'codes': codes, 'data': size})
     records = np.frombuffer(np.random.RandomState(seed).bytes(count * dtype.itemsize), dtype).copy()
     records['codes'] = CODES[:codes]
     for name, value in fields.items():
@@ -268,6 +269,8 @@ def forged(seed: int, count: int, size: int, codes: int, fields: Any, secs: Opti
             records[name] = value
     if secs is not None:
         records['header']['stamp'] = secs, seed % 3
+    if frame_id:
+        records['header']['frame_id'], records['arrival'] = list(frame_id), 0
     return records
 
 
@@ -288,8 +291,21 @@ def test_forged_chunks_do_get_through() -> None:
     assembler, values = operator_side('cloud')
     fields = {'points': 4, 'chunks': 2, 'index': 1, 'has_intensity': 255, 'step': 3e38, 'origin': 2 ** 31 - 1,
               'bits': 8, 'intensity_min': np.inf, 'intensity_step': np.nan}
-    assembled, = assemble_all(assembler, values, [forged(1, 2, 8, 0, fields, 7)])
+    assembled, = assemble_all(assembler, values, [forged(1, 2, 8, 0, fields, 7, b'lidar')])
     assert assembled.completeness == 0.5
+
+
+def test_nor_do_those_of_other_frames(scan: Any) -> None:
+    frame = frame_of(cloud_message(scan))
+    half = np.arange(len(frame)) < len(frame) // 2
+    for secs in (None, 1700000000, 1700000001):
+        fields = {'points': 50, 'chunks': 7, 'index': 3, 'step': 0.0, 'bits': 0, 'has_intensity': 0, 'is_double': 0}
+        batches = [forged(seed, 3, 96, 0, fields, secs) for seed in range(50)]
+        assembler, values = operator_side('cloud')
+        shown = assemble_all(assembler, values, [frame.records[half], *batches, frame.records[~half]])
+        true, = (one for one in shown if one.message.header.frame_id == 'velodyne')
+        np.testing.assert_array_equal(points_in(true.message)[0], thinned(scan)[0])
+        assert assembler.dropped['too many sources'] > 0
 
 
 def test_forged_chunks_cost_the_true_cloud_nothing(scan: Any) -> None:
@@ -299,7 +315,7 @@ def test_forged_chunks_cost_the_true_cloud_nothing(scan: Any) -> None:
     batches = [frame.records[half]]
     for seed in range(20):
         fields = {'points': seed, 'chunks': 1 + seed % 3, 'step': 0.0, 'bits': 0, 'has_intensity': 0}
-        records = forged(seed, 3, 12 * seed, 0, fields, None)
+        records = forged(seed, 3, 12 * seed, 0, fields, None, b'velodyne')
         records['header']['stamp'] = frame.records['header']['stamp'][0]
         batches.append(records)
     assembler, values = operator_side('cloud')

@@ -2,12 +2,13 @@
 """The runner of the operator's side, with topics that stay in this process."""
 import queue
 import threading
+from types import SimpleNamespace
 from typing import Any, Dict, Iterator, List, Optional
 
 import numpy as np
 import pytest
 import rospy
-from polling import WAIT
+from polling import WAIT, wait_for
 from sensor_msgs.msg import LaserScan
 from std_msgs.msg import Header, String
 from stub_transport import StubTransport
@@ -18,6 +19,7 @@ from smokebot_udp.monitoring.stats import ConnectionStats, Shown, StreamStats
 from smokebot_udp.nodes import operator_stream
 from smokebot_udp.nodes.operator_stream import CLEARING, OperatorLink, OperatorStream
 from smokebot_udp.streams.assembler import Assembled, Assembler
+from smokebot_udp.streams.frame_assembler import Frame
 from smokebot_udp.streams.held import Holding
 from smokebot_udp.streams.parameters import OPERATOR
 from smokebot_udp.streams.segments import MAIN_PART
@@ -191,6 +193,16 @@ def test_frames_are_published_with_the_prefix(bench: Bench, class_: Any, name: s
     bench.topics['/smokebot_udp/thermal/segments'].options[name](*[received, GOOD][:1 + (class_ is FakeAssembler)])
     published = next(entry[1] for entry in iter(bench.log.get, None) if entry[0] == 'publish')
     assert (received.frame_id, published.frame_id) == ('map', 'ugv1/map')
+
+
+def test_the_age_counts_from_the_arrival_where_the_stamp_does_not_say_it(bench: Bench) -> None:
+    stream = bench.start()
+    for arrival, age in ((0, NOW - 90.0), (97 * 10 ** 9, 3.0)):
+        frame: Any = Frame(SimpleNamespace(stamp=STAMP, arrival=arrival), None, 0.0, 0.0)    # type: ignore[type-var]
+        published = stream.published
+        bench.receive(frame)
+        wait_for(lambda before=published: stream.published > before)
+        assert stream.stats().shown[-1].age == age == stream.age(0.0, stream.last_shown or 0.0)
 
 
 def test_messages_come_out_in_order(bench: Bench) -> None:

@@ -58,7 +58,8 @@ class ViewOutput:
         """Publish the view of an image soon."""
         image = assembled.message
         pixels = as_pixels(image.data, image.height, image.width, image.step, image.encoding, image.is_bigendian)
-        self._view.show(pixels, image.encoding, image.header, assembled.known_ratio, error=assembled.error)
+        self._view.show(pixels, image.encoding, image.header, assembled.known_ratio, error=assembled.error,
+                        arrival=assembled.arrival)
 
     def close(self) -> None:
         self._notice.unsubscribe(self._view.set_notice)

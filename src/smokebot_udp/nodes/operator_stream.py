@@ -272,6 +272,8 @@ class OperatorStream:
                 self._report_held()
             if assembled is None:
                 return
+            if isinstance(finished, Frame):
+                assembled.arrival = finished.head.arrival
             done = time.monotonic()
             self._publish(assembled)    # the outputs, too, show the frames that are published
             if TRACE.on and isinstance(finished, Frame):
@@ -306,7 +308,8 @@ class OperatorStream:
         with self._publishing:
             self._publisher.publish(assembled.message)
             self.published += 1
-            age = (rospy.Time.now().to_nsec() - assembled.stamp) / 1e9 if assembled.stamp else None
+            taken = assembled.arrival or assembled.stamp
+            age = (rospy.Time.now().to_nsec() - taken) / 1e9 if taken else None
             self._last_age, self.last_shown = age, time.monotonic()     # in this order, see `age`
             self._last = assembled.message if has_blank(self.assembler.MESSAGE) else None
             self._cleared = None

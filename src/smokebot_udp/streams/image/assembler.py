@@ -116,7 +116,7 @@ class ImageAssembler(StampedAssembler[Content, ShownImage]):
         super().receive(records, mask, now, part)
 
     def begin(self, head: SimpleNamespace) -> Content:
-        self._frames.max_finished = MAX_FINISHED_VIDEO if head.part == VIDEO else MAX_FINISHED
+        self._frames.configure(max_finished=MAX_FINISHED_VIDEO if head.part == VIDEO else MAX_FINISHED)
         if head.part == LAYERS:
             return LayeredImage(head, self._guard, self._received)
         if head.part == VIDEO:
