@@ -103,6 +103,11 @@ class ForwardingAssembler(FakeAssembler):
         return None if message == 'same' else Assembled(message, 0, None)
 
 
+class StampedForwarder(ForwardingAssembler):
+    def forward(self, message: Any) -> Optional[Assembled]:
+        return Assembled(message, message * 10 ** 9, None)
+
+
 class ScanAssembler(ForwardingAssembler):
     MESSAGE = LaserScan
 
@@ -203,6 +208,16 @@ def test_the_age_counts_from_the_arrival_where_the_stamp_does_not_say_it(bench: 
         bench.receive(frame)
         wait_for(lambda before=published: stream.published > before)
         assert stream.stats().shown[-1].age == age == stream.age(0.0, stream.last_shown or 0.0)
+
+
+def test_the_age_of_a_relayed_message_of_another_epoch_is_unknown(bench: Bench, monkeypatch: Any) -> None:
+    stream = bench.start(StampedForwarder, 'imu')
+    for tick, stamp in enumerate((*range(7, 20), *range(113, 120))):
+        monkeypatch.setattr(rospy.Time, 'now', lambda at=NOW + tick: rospy.Time(at))
+        bench.topics['/smokebot_udp/imu/segments'].options['callback'](stamp)
+    ages = [shown.age for shown in stream.stats().shown]
+    assert ages[:4] == [93.0] * 4 and ages[4:13] == [None] * 9
+    assert ages[13:17] == [None] * 4 and ages[17:] == [0.0] * 3      # its clock was set
 
 
 def test_messages_come_out_in_order(bench: Bench) -> None:

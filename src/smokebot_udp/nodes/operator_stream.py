@@ -25,6 +25,7 @@ from ..streams.held import Holding
 from ..streams.image.camera_info import CAMERA_INFO
 from ..streams.relay.transforms import QUEUE
 from ..streams.segments import INFO, reported_name, wire_topic
+from ..streams.source_clock import Epoch
 from ..transport import Subscriber, Transport
 from .common import operator_topic
 from .compiled_codec import CompiledCodec
@@ -93,6 +94,7 @@ class OperatorStream:
         self._last: Any = None      # the message published last, while blank ones can take its place
         self._cleared: Optional[float] = None   # when the first one did [s]
         self._link = link
+        self._epoch = Epoch()       # of relayed messages
         self._shown: Deque[Shown] = collections.deque(maxlen=MAX_SHOWN)
         self._publisher: Any = None     # made by start(), as are these
         self._subscribers: Dict[str, Subscriber] = {}   # by part
@@ -308,13 +310,20 @@ class OperatorStream:
         with self._publishing:
             self._publisher.publish(assembled.message)
             self.published += 1
-            taken = assembled.arrival or assembled.stamp
-            age = (rospy.Time.now().to_nsec() - taken) / 1e9 if taken else None
+            age = self._age_of(assembled)
             self._last_age, self.last_shown = age, time.monotonic()     # in this order, see `age`
             self._last = assembled.message if has_blank(self.assembler.MESSAGE) else None
             self._cleared = None
             self.last_stamp = assembled.stamp
         self._shown.append(Shown(age, assembled.completeness, assembled.error))
+
+    def _age_of(self, assembled: Assembled) -> Optional[float]:
+        """The age of a message but for the offset of the robot's clock [s]; None: unknown, as that of a relayed one of
+        another epoch, which crosses without its arrival."""
+        taken, now = assembled.arrival or assembled.stamp, int(rospy.Time.now().to_nsec())
+        if self.assembler.FORWARDS and taken:
+            self._epoch.look(taken, now + int(1e9 * self._link.clock_offset()))
+        return (now - taken) / 1e9 if taken and not self._epoch.other else None
 
     def _prefixed(self, message: Any) -> Any:
         return add_prefix(message, self._link.frame_prefix)

@@ -46,15 +46,41 @@ class _Message(NamedTuple):
         return self.arrival - self.stamp
 
 
+class Epoch:
+    """Whether the stamps of a source are of another epoch than that of a clock."""
+
+    def __init__(self) -> None:
+        self.other = False
+        self._messages: Deque[_Message] = collections.deque(maxlen=PROOF)  # the last ones
+        self._most_age = MOST_AGE
+
+    def look(self, stamp: int, arrival: int) -> bool:
+        """Take the stamp of the next message, and when it came, by the clock [ns]: whether `other` has become true."""
+        self._messages.append(_Message(stamp / S, arrival / S))
+        if len(self._messages) < PROOF:
+            return False
+        good = [LEAST_AGE <= one.age <= self._most_age for one in self._messages]
+        if all(good):
+            self.other, self._most_age = False, LATEST
+        elif not any(good) and not self.other and self._at_pace():
+            self.other, self._most_age = True, MOST_AGE
+            return True
+        return False
+
+    def _at_pace(self) -> bool:
+        """Whether the last messages came about as their stamps say."""
+        first, last = self._messages[0], self._messages[-1]
+        by_stamp, took = last.stamp - first.stamp, last.arrival - first.arrival
+        return 0 < by_stamp <= PACE * took and took <= PACE * by_stamp
+
+
 class SourceClock:
     """Follows the messages of one source."""
 
     def __init__(self) -> None:
+        self._epoch, self._repeated = Epoch(), False
         self._last: Optional[int] = None                            # stamp [ns]
-        self._messages: Deque[_Message] = collections.deque(maxlen=PROOF)  # the last ones
-        self._most_age = MOST_AGE
         self._repeats: Deque[int] = collections.deque(maxlen=REPEATS)   # when they came [ns]
-        self._other_epoch = self._repeated = False
         self._arrival = 0                                           # of the last message, as given [ns]
 
     def take(self, stamp: int, arrival: int, warnings: List[str]) -> int:
@@ -66,32 +92,16 @@ class SourceClock:
         :return: when it came, where that has to cross, another time for each message [ns]; 0: its stamp is good enough
         :raises ValueError: it cannot be told from the one before, and this source does not repeat its stamps for good
         """
-        self._look_at_epoch(_Message(stamp / S, arrival / S), warnings)
+        if self._epoch.look(stamp, arrival):
+            warnings.append(OTHER_EPOCH % ((arrival - stamp) / S))
         self._look_at_repeats(stamp, arrival, warnings)
         last, self._last = self._last, stamp
-        if self._other_epoch or self._repeated:
+        if self._epoch.other or self._repeated:
             self._arrival = max(arrival, self._arrival + 1)
             return self._arrival
         if stamp == last:
             raise ValueError("its stamp is %d.%09d like the last one's: they cannot be told apart" % divmod(stamp, S))
         return 0
-
-    def _look_at_epoch(self, message: _Message, warnings: List[str]) -> None:
-        self._messages.append(message)
-        if len(self._messages) < PROOF:
-            return
-        good = [LEAST_AGE <= one.age <= self._most_age for one in self._messages]
-        if all(good):
-            self._other_epoch, self._most_age = False, LATEST
-        elif not any(good) and not self._other_epoch and self._at_pace():
-            self._other_epoch, self._most_age = True, MOST_AGE
-            warnings.append(OTHER_EPOCH % message.age)
-
-    def _at_pace(self) -> bool:
-        """Whether the last messages came about as their stamps say."""
-        first, last = self._messages[0], self._messages[-1]
-        by_stamp, took = last.stamp - first.stamp, last.arrival - first.arrival
-        return 0 < by_stamp <= PACE * took and took <= PACE * by_stamp
 
     def _look_at_repeats(self, stamp: int, arrival: int, warnings: List[str]) -> None:
         if self._last is not None and self._last - RESTART * S < stamp <= self._last:
