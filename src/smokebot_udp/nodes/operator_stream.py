@@ -2,6 +2,7 @@
 """Runs the operator's side of one stream: from its segments' topic to the operator's topic."""
 import collections
 import functools
+import math
 import threading
 import time
 from dataclasses import dataclass, field
@@ -321,8 +322,9 @@ class OperatorStream:
         """The age of a message but for the offset of the robot's clock [s]; None: unknown, as that of a relayed one of
         another epoch, which crosses without its arrival."""
         taken, now = assembled.arrival or assembled.stamp, int(rospy.Time.now().to_nsec())
-        if self.assembler.FORWARDS and taken:
-            self._epoch.look(taken, now + int(1e9 * self._link.clock_offset()))
+        offset = self._link.clock_offset()
+        if self.assembler.FORWARDS and taken and math.isfinite(offset):
+            self._epoch.look(taken, now + int(1e9 * offset))
         return (now - taken) / 1e9 if taken and not self._epoch.other else None
 
     def _prefixed(self, message: Any) -> Any:
