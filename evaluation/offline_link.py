@@ -95,6 +95,12 @@ class Sender:
         self._settings = Settings(check({'robot_topic': 'unused', **settings}, class_.PARAMETERS))
         self._encoder = class_(self._settings.requested, *shared)
 
+    @property
+    def warnings(self) -> Sequence[str]:
+        """What is wrong with messages that were sent nevertheless."""
+        warnings: Sequence[str] = self._encoder.warnings
+        return warnings
+
     def expect(self, air: Air) -> None:
         """Plan for such a link from now on, whatever its rate."""
         self._encoder.outlook = Outlook(air)

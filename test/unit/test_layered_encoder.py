@@ -250,14 +250,15 @@ def test_golden_bytes() -> None:
     assert row[:4] == b'\0\0\0\0'                                   # seq: the publisher's
     assert row[4:12] == b'\1\0\0\0\7\0\0\0'                         # stamp
     assert row[12:20] == b'\4\0\0\0lens'
-    assert row[20:28] == b'\2\0\0\0\2\0\0\0'                        # height, width
-    assert row[28:37] == b'\5\0\0\0mono8'
-    assert row[37:42] == b'\0' + b'\0\0\0\0'                        # is_bigendian, depth_unit
-    assert row[42:46] == b'\0\0\1\0'                                # index, count
-    assert row[46:51] == b'\1\0\0\0\1'                              # thresholds
+    assert row[20:28] == 8 * b'\0'                                  # arrival
+    assert row[28:36] == b'\2\0\0\0\2\0\0\0'                        # height, width
+    assert row[36:45] == b'\5\0\0\0mono8'
+    assert row[45:50] == b'\0' + b'\0\0\0\0'                        # is_bigendian, depth_unit
+    assert row[50:54] == b'\0\0\1\0'                                # index, count
+    assert row[54:59] == b'\1\0\0\0\1'                              # thresholds
     size = len(segment.data)
-    assert row[51:57] == b'\1\0\0\0' + size.to_bytes(2, 'little')   # sizes
-    assert row[57:61] == b'\1\0\0\0' and row[61] == segment.errors[0]
-    assert row[62:70] == b'\1\2\3\4\0\0\0\0'                      # session, picture
-    assert row[70:79] == 9 * b'\0'                                  # reference, reference_layers, checksum
-    assert row[79:83] == size.to_bytes(4, 'little') and row[83:] == segment.data
+    assert row[59:65] == b'\1\0\0\0' + size.to_bytes(2, 'little')   # sizes
+    assert row[65:69] == b'\1\0\0\0' and row[69] == segment.errors[0]
+    assert row[70:78] == b'\1\2\3\4\0\0\0\0'                      # session, picture
+    assert row[78:87] == 9 * b'\0'                                  # reference, reference_layers, checksum
+    assert row[87:91] == size.to_bytes(4, 'little') and row[91:] == segment.data

@@ -16,6 +16,7 @@ from smokebot_udp.mission.parameters import Parameter, live
 from smokebot_udp.mission.settings import SettingsStore
 from smokebot_udp.nodes import live as module
 from smokebot_udp.nodes.live import LiveSettings, ParameterWatch, config_type
+from smokebot_udp.streams import TYPES, tables
 from smokebot_udp.udpros import master
 
 TABLE = {'rate': Parameter(10.0, 'Hz', 'how often', above=0.0, most=1000.0, live=True),
@@ -34,7 +35,7 @@ def test_dynamic_reconfigure_understands_the_description() -> None:
     described = decode_description(encode_description(config_type('stream', live(TABLE))))
     by_name = {parameter['name']: parameter for parameter in described['parameters']}
     assert by_name['rate']['type'] == 'double' and by_name['rate']['description'] == 'how often [Hz]'
-    assert (by_name['rate']['min'], by_name['rate']['max'], by_name['rate']['default']) == (0.0, 1000.0, 10.0)
+    assert (by_name['rate']['min'], by_name['rate']['max'], by_name['rate']['default']) == (1e-6, 1000.0, 10.0)
     assert (by_name['count']['type'], by_name['count']['min']) == ('int', 1)
     assert by_name['enabled']['type'] == 'bool'
     choices = eval(by_name['fill']['edit_method'])['enum']     # as rqt_reconfigure reads it
@@ -143,12 +144,26 @@ def test_one_value_by_dynamic_reconfigure_leaves_all_grants(node: Node) -> None:
 def test_values_are_clamped_or_refused(node: Node) -> None:
     assert node.set(rate=5000.0, count=0) == {**START, 'rate': 1000.0, 'count': 1}
     assert not node.problems
-    assert node.set(rate=-1.0)['rate'] == 1000.0 and node.set(fill='guess')['fill'] == 'nearest'
-    assert node.problems == [
-        '/robot/thermal: rate is 0.0, must be a number above 0 to 1000 [Hz]',
-        "/robot/thermal: fill is 'guess', must be one of nearest, unknown"]
+    assert node.set(fill='guess')['fill'] == 'nearest'
+    assert node.problems == ["/robot/thermal: fill is 'guess', must be one of nearest, unknown"]
     assert node.set(colour='red', rate=5.0) == {**START, 'rate': 5.0, 'count': 1}
-    assert node.problems[2:] == ['/robot/thermal: colour: no such setting']
+    assert node.problems[1:] == ['/robot/thermal: colour: no such setting']
+
+
+def test_a_slider_at_its_minimum_is_accepted(node: Node) -> None:
+    """Also where a limit is `above 0`: rqt sends what the description has as the minimum."""
+    assert node.set(rate=config_type('stream', TABLE).min['rate'])['rate'] == 1e-6
+    assert node.set(rate=-1.0)['rate'] == 1e-6 and not node.problems
+
+
+@pytest.mark.parametrize('kind', TYPES)
+def test_the_limits_that_dialogs_offer_are_allowed(kind) -> None:
+    for table in tables(kind):
+        offered = config_type(kind, live(table))
+        for name, parameter in live(table).items():
+            for limit in (offered.min[name], offered.max[name]):
+                if parameter.kind in (int, float) and abs(limit) < float('inf'):
+                    assert parameter.check(limit) == limit
 
 
 def test_a_client_may_use_former_names(node: Node) -> None:

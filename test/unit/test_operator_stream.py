@@ -8,7 +8,7 @@ from typing import Any, Dict, Iterator, List, Optional
 import numpy as np
 import pytest
 import rospy
-from polling import WAIT
+from polling import WAIT, wait_for
 from sensor_msgs.msg import LaserScan
 from std_msgs.msg import Header, String
 from stub_transport import StubTransport
@@ -19,6 +19,7 @@ from smokebot_udp.monitoring.stats import ConnectionStats, Shown, StreamStats
 from smokebot_udp.nodes import operator_stream
 from smokebot_udp.nodes.operator_stream import CLEARING, OperatorLink, OperatorStream
 from smokebot_udp.streams.assembler import Assembled, Assembler
+from smokebot_udp.streams.frame_assembler import Frame
 from smokebot_udp.streams.held import Holding
 from smokebot_udp.streams.parameters import OPERATOR
 from smokebot_udp.streams.segments import MAIN_PART
@@ -102,6 +103,11 @@ class ForwardingAssembler(FakeAssembler):
         return None if message == 'same' else Assembled(message, 0, None)
 
 
+class StampedForwarder(ForwardingAssembler):
+    def forward(self, message: Any) -> Optional[Assembled]:
+        return Assembled(message, message * 10 ** 9, None)
+
+
 class ScanAssembler(ForwardingAssembler):
     MESSAGE = LaserScan
 
@@ -137,7 +143,7 @@ class Bench:
         monkeypatch.setattr(rospy, 'Publisher', self._topic)
         monkeypatch.setattr(rospy.Time, 'now', lambda: rospy.Time(NOW))
         for level in 'logerr', 'logwarn':
-            monkeypatch.setattr(rospy, level + '_throttle_identical', lambda period, text: self.logged.put(text))
+            monkeypatch.setattr(rospy, level, lambda text, *args: self.logged.put(text % args))
 
     def _topic(self, name: str, class_: Any, **options: Any) -> FakeTopic:
         self.topics[name] = FakeTopic(self.log, name, class_, **options)
@@ -192,6 +198,26 @@ def test_frames_are_published_with_the_prefix(bench: Bench, class_: Any, name: s
     bench.topics['/smokebot_udp/thermal/segments'].options[name](*[received, GOOD][:1 + (class_ is FakeAssembler)])
     published = next(entry[1] for entry in iter(bench.log.get, None) if entry[0] == 'publish')
     assert (received.frame_id, published.frame_id) == ('map', 'ugv1/map')
+
+
+def test_the_age_counts_from_the_arrival_where_the_stamp_does_not_say_it(bench: Bench) -> None:
+    stream = bench.start()
+    for arrival, age in ((0, NOW - 90.0), (97 * 10 ** 9, 3.0)):
+        frame: Any = Frame(SimpleNamespace(stamp=STAMP, arrival=arrival), None, 0.0, 0.0)    # type: ignore[type-var]
+        published = stream.published
+        bench.receive(frame)
+        wait_for(lambda before=published: stream.published > before)
+        assert stream.stats().shown[-1].age == age == stream.age(0.0, stream.last_shown or 0.0)
+
+
+def test_the_age_of_a_relayed_message_of_another_epoch_is_unknown(bench: Bench, monkeypatch: Any) -> None:
+    stream = bench.start(StampedForwarder, 'imu')
+    for tick, stamp in enumerate((*range(7, 20), *range(113, 120))):
+        monkeypatch.setattr(rospy.Time, 'now', lambda at=NOW + tick: rospy.Time(at))
+        bench.topics['/smokebot_udp/imu/segments'].options['callback'](stamp)
+    ages = [shown.age for shown in stream.stats().shown]
+    assert ages[:4] == [93.0] * 4 and ages[4:13] == [None] * 9
+    assert ages[13:17] == [None] * 4 and ages[17:] == [0.0] * 3      # its clock was set
 
 
 def test_messages_come_out_in_order(bench: Bench) -> None:

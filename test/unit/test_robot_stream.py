@@ -107,6 +107,70 @@ def test_two_messages_of_one_stamp_cannot_be_told_apart(make: Make, logged: List
     wait_for(lambda: made.segments.published == [1, 3])
 
 
+def echo(number: int, frame_id: str, stamp: int) -> Any:
+    message = scan(number, stamp)
+    message.header.frame_id = frame_id
+    return message
+
+
+def test_messages_of_one_stamp_and_three_frames_all_go(make: Make, logged: List[str]) -> None:
+    made = make(rate=10.0)
+    for number, frame_id in enumerate(('first', 'last', '/strongest')):
+        made.stream.receive(echo(number + 1, frame_id, 9))
+    wait_for(lambda: sorted(made.segments.published) == [1, 2, 3])
+    assert not logged and made.stream.stats().dropped['replaced'] == 0
+    made.stream.receive(echo(7, 'strongest', 9))
+    wait_for(lambda: logged)
+    assert 'cannot be told apart' in logged[0]
+
+
+def test_a_demand_is_of_all_sources_that_share_the_stream(make: Make) -> None:
+    made = make(rate=10.0)
+    made.stream.receive(scan(1))
+    wait_for(lambda: made.segments.published)
+    made.stream.encoder.message_size = 1000.0
+    alone = made.stream.demand(time.monotonic()).points[-1].cost
+    for frame_id in ('last', 'strongest'):
+        made.stream.receive(echo(1, frame_id, 9))
+    assert made.stream.demand(time.monotonic()).points[-1].cost == pytest.approx(3 * alone)
+
+
+def arrivals_sent(made: Any, monkeypatch: Any) -> List[Any]:
+    """The arrivals that cross with messages, as they are sent [s]."""
+    sent: List[Any] = []
+
+    def publish_frames(*frames: Any, limits: Any = None) -> int:
+        sent.extend(frame.records['arrival']['secs'][0] for frame in frames)
+        return 1
+    monkeypatch.setattr(made.segments, 'publish_frames', publish_frames)
+    return sent
+
+
+def test_a_source_in_another_epoch_sends_when_its_messages_came(make: Make, logged: List[str], monkeypatch: Any
+                                                                 ) -> None:
+    made = make()
+    sent = arrivals_sent(made, monkeypatch)
+    for tick in range(10):
+        monkeypatch.setattr(rospy.Time, 'now', lambda at=1000 + tick: rospy.Time(at, 0))
+        made.stream.receive(scan(1, stamp=7 + tick))
+        wait_for(lambda count=tick + 1: len(sent) == count)
+    assert sent == [0] * 4 + [1000 + tick for tick in range(4, 10)]
+    line, = logged
+    assert line.startswith("stream 'scan', /in: frame '': its stamps are of another epoch, 993.0 s before they come:")
+
+
+def test_a_source_that_repeats_its_stamp_for_good_is_named_once(make: Make, logged: List[str], monkeypatch: Any
+                                                                 ) -> None:
+    made = make()
+    sent = arrivals_sent(made, monkeypatch)
+    for tick in range(10):
+        monkeypatch.setattr(rospy.Time, 'now', lambda at=10 + tick: rospy.Time(at, 0))
+        made.stream.receive(scan(1, stamp=9))
+        wait_for(lambda tick=tick: len(sent) == max(1, tick - 1))
+    assert sent == [0] + [10 + tick for tick in range(3, 10)]
+    assert len([line for line in logged if 'repeats its stamps' in line]) == 1
+
+
 def test_a_message_without_a_stamp_gets_the_time_of_now(make: Make, monkeypatch: Any) -> None:
     monkeypatch.setattr(rospy.Time, 'now', lambda: rospy.Time(9, 5))
     made, message = make(), scan(1, stamp=0)

@@ -86,7 +86,8 @@ def test_the_bytes_of_a_datagram() -> None:
     message = VideoSlice(height=2, width=3, encoding='mono8', session=4, picture=5, sources=6, count=8, index=7,
                          flags=1, refresh=10, parameter_sets=b'\1\2', data=b'\3')
     assert serialised(message).hex() == (
-        '00000000' '00000000' '00000000' '00000000' '02000000' '03000000' '05000000' '6d6f6e6f38' '04000000' '05000000'
+        '00000000' '00000000' '00000000' '00000000' '0000000000000000' '02000000' '03000000' '05000000'
+        '6d6f6e6f38' '04000000' '05000000'
         '06' '08' '07' '01' '0a' '02000000' '0102' '01000000' '03')
 
 

@@ -146,4 +146,4 @@ class DiagnosticsSink(Sink):
 
     def _report(self, problem: Any) -> None:
         if not rospy.is_shutdown():
-            rospy.logerr_throttle_identical(5, "stream '%s': %s" % (self.name, problem))
+            logerr("stream '%s'" % self.name, problem)

@@ -14,6 +14,7 @@ from dynamic_reconfigure.server import Server
 from rospy.impl.paramserver import get_param_server_cache
 
 from .. import udpros
+from ..limited_log import logerr
 from ..mission.mirror import Mirror
 from ..mission.parameters import FORMER_NAMES, Parameter, Table, current_names
 from ..mission.settings import SettingsStore
@@ -38,8 +39,7 @@ def config_type(name: str, table: Table) -> SimpleNamespace:
     """What dynamic_reconfigure's generator would make of a table {name: Parameter}: a server's `type`."""
     low, high = {}, {}
     for key, parameter in table.items():
-        least = parameter.above if parameter.above is not None else parameter.least
-        low[key] = LIMITS[parameter.kind][0] if least is None else parameter.kind(least)
+        low[key] = LIMITS[parameter.kind][0] if parameter.minimum is None else parameter.kind(parameter.minimum)
         high[key] = LIMITS[parameter.kind][1] if parameter.most is None else parameter.kind(parameter.most)
     parameters = [_described(key, parameter) for key, parameter in table.items()]
     return SimpleNamespace(
@@ -324,8 +324,7 @@ class ParameterWatch:
                 if not self._ended:
                     self._read()
             except Exception as error:
-                if not rospy.is_shutdown():
-                    rospy.logerr_throttle_identical(5, 'the parameters cannot be read: %s' % error)
+                logerr('the parameters cannot be read', error)
 
     def _read(self) -> None:
         with PUBLISHING:    # otherwise values that this node is about to write would look like another node's

@@ -11,6 +11,7 @@ from typing import Any, Counter, Mapping, Optional, Tuple
 import rospy
 
 from ..budget import Budget
+from ..limited_log import logerr
 from ..mission.parameters import live
 from ..mission.settings import Settings, SettingsStore
 from ..monitoring.stats import ConnectionStats, StreamStats
@@ -180,5 +181,4 @@ class OperatorCommand:
             self._sent += 1
 
     def _report(self, error: Exception) -> None:
-        rospy.logerr_throttle_identical(LOG_PERIOD, "stream '%s': a message of %s is not sent: %s" % (
-            self.name, self.topic, error))
+        logerr("stream '%s'" % self.name, 'a message of %s is not sent: %s' % (self.topic, error))

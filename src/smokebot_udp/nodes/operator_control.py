@@ -15,6 +15,7 @@ import rospy
 from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 
+from ..limited_log import logerr
 from ..monitoring.control_status import operator_control_status
 from ..monitoring.status import Status
 from ..msg import ControlRequest, ControlStatus
@@ -184,7 +185,7 @@ class OperatorControl:
         try:
             status = records.Status.of(message)
         except ValueError as error:
-            rospy.logerr_throttle(5, 'a status of the robot is not used: %s' % error)
+            logerr('a status of the robot is not used', error)
             return
         with self._worker.changing():
             now = time.monotonic()

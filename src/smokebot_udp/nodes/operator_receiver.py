@@ -19,6 +19,7 @@ from ..monitoring.status import OPERATOR
 from ..msg import RobotStatus
 from ..srv import SetFocus
 from ..streams import classified, live_tables
+from ..streams.frame_prefix import with_prefix
 from . import garbage, malloc_tuning
 from .clock_sync import ClockClient
 from .common import Parameters, operator_topic, read_streams, start_streams
@@ -101,7 +102,7 @@ class OperatorReceiver:
         """Start what rviz shows beside the streams."""
         self._stale = StaleStreams(
             self.streams, self._focus.sent, operator_topic(parameters['stale_topic']),
-            parameters['frame_prefix'] + parameters['base_frame'], parameters['stale_after'],
+            with_prefix(parameters['base_frame'], parameters['frame_prefix']), parameters['stale_after'],
             parameters['clear_stale'])
         self._markers = RobotMarkers(parameters)
         self._overlay = Overlay(self.streams, self._focus, control, operator_topic(parameters['overlay_topic']),

@@ -2,6 +2,7 @@
 """Runs the operator's side of one stream: from its segments' topic to the operator's topic."""
 import collections
 import functools
+import math
 import threading
 import time
 from dataclasses import dataclass, field
@@ -11,6 +12,7 @@ import rospy
 
 from ..arrays import BoolArray, Records
 from ..codecs.video.pyav import installed
+from ..limited_log import logerr, logwarn
 from ..mission.parameters import live
 from ..mission.settings import Settings, SettingsStore
 from ..monitoring import stages
@@ -24,6 +26,7 @@ from ..streams.held import Holding
 from ..streams.image.camera_info import CAMERA_INFO
 from ..streams.relay.contents import QUEUE
 from ..streams.segments import INFO, reported_name, wire_topic
+from ..streams.source_clock import Epoch
 from ..transport import Subscriber, Transport
 from .common import operator_topic
 from .compiled_codec import CompiledCodec
@@ -92,6 +95,7 @@ class OperatorStream:
         self._last: Any = None      # the message published last, while blank ones can take its place
         self._cleared: Optional[float] = None   # when the first one did [s]
         self._link = link
+        self._epoch = Epoch()       # of relayed messages
         self._shown: Deque[Shown] = collections.deque(maxlen=MAX_SHOWN)
         self._publisher: Any = None     # made by start(), as are these
         self._subscribers: Dict[str, Subscriber] = {}   # by part
@@ -285,6 +289,8 @@ class OperatorStream:
                 self._report_held()
             if assembled is None:
                 return
+            if isinstance(finished, Frame):
+                assembled.arrival = finished.head.arrival
             done = time.monotonic()
             self._publish(assembled)    # the outputs, too, show the frames that are published
             if TRACE.on and isinstance(finished, Frame):
@@ -319,19 +325,28 @@ class OperatorStream:
         with self._publishing:
             self._publisher.publish(assembled.message)
             self.published += 1
-            age = (rospy.Time.now().to_nsec() - assembled.stamp) / 1e9 if assembled.stamp else None
+            age = self._age_of(assembled)
             self._last_age, self.last_shown = age, time.monotonic()     # in this order, see `age`
             self._last = assembled.message if has_blank(self.assembler.MESSAGE) else None
             self._cleared = None
             self.last_stamp = assembled.stamp
         self._shown.append(Shown(age, assembled.completeness, assembled.error))
 
+    def _age_of(self, assembled: Assembled) -> Optional[float]:
+        """The age of a message but for the offset of the robot's clock [s]; None: unknown, as that of a relayed one of
+        another epoch, which crosses without its arrival."""
+        taken, now = assembled.arrival or assembled.stamp, int(rospy.Time.now().to_nsec())
+        offset = self._link.clock_offset()
+        if self.assembler.FORWARDS and taken and math.isfinite(offset):
+            self._epoch.look(taken, now + int(1e9 * offset))
+        return (now - taken) / 1e9 if taken and not self._epoch.other else None
+
     def _prefixed(self, message: Any) -> Any:
         return add_prefix(message, self._link.frame_prefix)
 
     def _log_warnings(self) -> None:
         while self.assembler.warnings:
-            rospy.logwarn_throttle_identical(60, "stream '%s': %s" % (self.name, self.assembler.warnings.pop(0)))
+            logwarn("stream '%s'" % self.name, self.assembler.warnings.pop(0))
 
     def _report(self, error: Exception) -> None:
-        rospy.logerr_throttle_identical(5, "stream '%s': a message is not published: %s" % (self.name, error))
+        logerr("stream '%s'" % self.name, 'a message is not published: %s' % error)

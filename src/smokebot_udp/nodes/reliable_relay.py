@@ -11,6 +11,7 @@ from typing import Any, Callable, Dict, Mapping, Optional
 import rospy
 
 from .. import udpros
+from ..limited_log import ERROR_PERIOD, logerr, logwarn
 from ..mission.settings import SettingsStore
 from ..monitoring.stats import StreamStats
 from ..packed import pack, unpack
@@ -226,9 +227,7 @@ class Source(ReliableRelay):
 
     def _report(self, problem: Any) -> None:
         self._invalid += 1
-        if not rospy.is_shutdown():
-            rospy.logerr_throttle_identical(5, "stream '%s': a message of %s is not sent: %s" % (
-                self.name, self.topic, problem))
+        logerr("stream '%s'" % self.name, 'a message of %s is not sent: %s' % (self.topic, problem))
 
 
 class NewestSource(Source):
@@ -315,15 +314,13 @@ class Sink(ReliableRelay):
         refusal = self._refusal(peer)
         if refusal is not None:
             self._refused += 1
-            rospy.logwarn_throttle_identical(5, "stream '%s': a message of %s is refused: %s" % (
-                self.name, peer, refusal))
+            logwarn("stream '%s'" % self.name, 'a message of %s is refused: %s' % (peer, refusal), ERROR_PERIOD)
             return
         try:
             message = self._class().deserialize(unpack(data, self._bounds.bytes))
         except Exception:   # genpy's readers raise DeserializationError, UnicodeError, ... on hostile bytes
             self._invalid += 1
-            rospy.logerr_throttle_identical(5, "stream '%s': what %s sent is no %s" % (
-                self.name, peer, self._class._type))
+            logerr("stream '%s'" % self.name, 'what %s sent is no %s' % (peer, self._class._type))
             return
         self._show(message)
         self._published += 1

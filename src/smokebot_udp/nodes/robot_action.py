@@ -7,6 +7,7 @@ from typing import Any, Counter, Dict, List, Mapping, Optional, OrderedDict, Tup
 import rospy
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 
+from ..limited_log import logerr
 from ..mission.settings import SettingsStore
 from ..monitoring.stats import StreamStats
 from ..serialised import serialised
@@ -159,8 +160,7 @@ class RobotAction:
         try:
             self._channels['/result'].send(serialised(result), peer)
         except ValueError as error:
-            rospy.logerr_throttle_identical(5, "stream '%s': a result of %s is not sent: %s" % (
-                self.name, self.topic, error))
+            logerr("stream '%s'" % self.name, 'a result of %s is not sent: %s' % (self.topic, error))
 
     def _poll(self, now: float) -> Optional[Tuple[str, bytes]]:
         for part, throttle in self._throttles.items():

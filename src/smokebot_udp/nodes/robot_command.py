@@ -11,6 +11,7 @@ from typing import Any, Counter, Deque, Mapping, Optional
 
 import rospy
 
+from ..limited_log import logerr
 from ..mission.parameters import live
 from ..mission.settings import Settings, SettingsStore
 from ..monitoring.stats import ConnectionStats, Shown, StreamStats
@@ -142,8 +143,8 @@ class RobotCommand:
             self._accept(Copy.of(message), time.monotonic())
             differ = self._gate.dropped['type'] - differ
         if differ:
-            rospy.logerr_throttle(10, "stream '%s': the commands of %s are not carried out: they are no %s as it is "
-                                  'installed here' % (self.name, operator, self._class._type))
+            logerr("stream '%s'" % self.name, 'the commands of %s are not carried out: they are no %s as it is '
+                   'installed here' % (operator, self._class._type), 10.0)
 
     def _look_for_suspension(self) -> None:
         """Stop after the machine was suspended; the lock is held, or nothing is taken yet."""

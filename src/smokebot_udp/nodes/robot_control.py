@@ -14,6 +14,7 @@ import rospy
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool, SetBoolResponse
 
+from ..limited_log import logerr
 from ..monitoring.control_status import robot_control_status
 from ..monitoring.status import Status
 from ..msg import ControlPeer, ControlRequest, ControlStatus
@@ -174,7 +175,7 @@ class RobotControl:
         try:
             request = records.Request.of(message)
         except ValueError as error:
-            rospy.logerr_throttle(5, 'a request of %s is not served: %s' % (name, error))
+            logerr('a request of %s is not served' % name, error)
             return
         with self._changing():
             self._server.receive(name, message.header.seq, request, time.monotonic())

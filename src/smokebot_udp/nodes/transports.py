@@ -3,6 +3,7 @@
 
 This is the only place that knows which transports there are.
 """
+import functools
 import os
 import sys
 import time
@@ -11,6 +12,7 @@ from typing import Any, Callable, Optional, Tuple
 import rospy
 
 from .. import traffic
+from ..limited_log import logerr
 from ..link.keys import KeyFile
 from ..link.transport import OperatorTransport, RobotTransport, never
 from ..transport import Transport
@@ -45,7 +47,7 @@ def robot_transport(parameters: Parameters) -> Transport:
         _check_link(port, 'link_port')
         try:
             return RobotTransport(port, key.key if key else None, max_datagram_size=size, tos_mask=tos_mask,
-                                  renewed=key.renewed if key else never)
+                                  renewed=key.renewed if key else never, report=functools.partial(logerr, ''))
         except OSError as error:
             raise ValueError('UDP port %d cannot be used: %s' % (port, error.strerror)) from None
     return _patiently(parameters, 'the link', listen)
@@ -65,7 +67,7 @@ def operator_transport(parameters: Parameters) -> Transport:
         _check_link(robot, 'robot')
         return OperatorTransport(*host_and_port(robot), key.key if key else None, max_datagram_size=size,
                                  receive_buffer=buffer, tos_mask=tos_mask, renewed=key.renewed if key else never,
-                                 report=lambda problem: rospy.logerr('%s: %s', robot, problem))
+                                 report=functools.partial(logerr, robot))
     # a desk with several robots shows the messages of all on one terminal
     return _patiently(parameters, 'the link to %s' % robot if robot else 'the link', connect)
 

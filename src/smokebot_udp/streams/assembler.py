@@ -54,6 +54,8 @@ class Assembled:
     """Of the source, by the robot's clock; 0: unknown [ns]."""
     completeness: Optional[float]
     """Received share of it, 0..1; None: unknown."""
+    arrival: int = field(default=0, init=False)
+    """When it came to robot_sender, by the robot's clock, where its stamp does not say how old it is; else 0 [ns]."""
     changed: Optional[float] = field(default=None, init=False)
     """Of images: share of their cells that differ from the image before, 0..1; None: not compared."""
     camera_info: Optional[Callable[[], Any]] = field(default=None, init=False)

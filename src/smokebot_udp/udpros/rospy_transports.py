@@ -20,6 +20,7 @@ from rospy.impl.transport import INBOUND, OUTBOUND, Transport
 from rospy.topics import _PublisherImpl, _SubscriberImpl, _TopicImpl
 
 from ..arrays import BoolArray, Records
+from ..limited_log import logerr
 from .depacketizer import Arrived, BatchCallback
 from .endpoints import Address, DatagramReceiver, DatagramSender, PeerGone
 from .frame import Frame, first_messages
@@ -186,7 +187,7 @@ class SubscriberTransport(UdpTransport):
         try:
             self.subscription.run()
         except Exception:   # a bug of ours must not leave a connection that only looks alive
-            rospy.logerr('[%s]: receiving from %s failed: %s', self.name, self.callerid_pub, traceback.format_exc())
+            logerr('[%s]' % self.name, 'receiving from %s failed: %s' % (self.callerid_pub, traceback.format_exc()))
         finally:
             self.close()
 

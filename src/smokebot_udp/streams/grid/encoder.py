@@ -13,6 +13,7 @@ from ...arrays import Array
 from ...codecs.tiles.lattice import Lattice
 from ...codecs.wire import grid
 from ...congestion.operating_points import OperatingPoint
+from ...frame_names import unknown_transform
 from ...mission.parameters import Parameter
 from ...mission.settings import Settings
 from ...msg import GridSegment, MapTile
@@ -38,6 +39,8 @@ MAX_REPORTS = 64
 LOOKUP_PERIOD = 1.0
 """The robot's place is looked up this often [s]."""
 
+LAST_CHANGE = 'the surroundings of the last change are sent first'
+
 TILES_BACKLOG = 0.1
 """Of tiles, the rest of what leaves is waited for this long before more is made [s]."""
 
@@ -61,7 +64,7 @@ class GridEncoder(Encoder[Any]):
 
     :param codec: of tiles
     :param clock: steady [s]
-    :param lookup: of transforms
+    :param lookup: of transforms; None: there is no tf
     :param session: makes random numbers, uint32
     """
     MESSAGE, SEGMENTS = numpy_msg(OccupancyGrid), {MAIN_PART: GridSegment, TILES: MapTile}
@@ -89,7 +92,7 @@ class GridEncoder(Encoder[Any]):
     }
 
     def __init__(self, settings: Mapping[str, Any], codec: Optional[Codec] = None,
-                 clock: Callable[[], float] = lambda: 0.0, lookup: Lookup = lambda *_: None,
+                 clock: Callable[[], float] = lambda: 0.0, lookup: Optional[Lookup] = None,
                  session: Callable[[], int] = lambda: int.from_bytes(os.urandom(4), 'little')) -> None:
         super().__init__(settings)
         self._codec, self._clock, self._lookup, self._session = codec or ImportedCodec(), clock, lookup, session
@@ -242,10 +245,12 @@ class GridEncoder(Encoder[Any]):
 
     def _robot_at(self, message: Any, now: float) -> Optional[Tuple[float, float]]:
         """Where the robot is, in columns and rows of the map; None: not known."""
-        if not self._robot_frame:
+        if not self._robot_frame or self._lookup is None:
             return None
         if self._looked_up is None or now - self._looked_up >= LOOKUP_PERIOD:
             self._looked_up = now
             found = self._lookup(message.header.frame_id, Header(frame_id=self._robot_frame))
             self._robot = None if found is None else tuple(found[1].tolist())
+            if found is None:
+                self.warnings.append(unknown_transform(self._robot_frame, message.header.frame_id, LAST_CHANGE))
         return None if self._robot is None else cell_at(message.info, *self._robot)

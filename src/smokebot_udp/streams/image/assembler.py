@@ -123,7 +123,7 @@ class ImageAssembler(StampedAssembler[Content, ShownImage]):
         return PartialImage(head.height, head.width, head.depth, item_type(head.encoding), head.total)
 
     def began(self, head: SimpleNamespace) -> None:
-        self._frames.max_finished = MAX_FINISHED_VIDEO if head.part == VIDEO else MAX_FINISHED
+        self._frames.configure(max_finished=MAX_FINISHED_VIDEO if head.part == VIDEO else MAX_FINISHED)
         if head.part == MAIN_PART:
             self._budget.frame_began(head.stamp)
 

@@ -141,6 +141,8 @@ class ImageEncoder(Encoder[Any]):
     def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Frame]:
         source = source_image(message, settings)
         message = source.message
+        if source.problem:
+            self.warnings.append(source.problem)
         if self._infos is not None:
             self._add_info(self._infos, source, settings['scale'], max(max_datagram_size, self.longest_datagram))
         for_video = max(max_datagram_size, min(self.longest_datagram, VIDEO_DATAGRAM))
