@@ -11,6 +11,7 @@ from typing import Any, Dict, Mapping, Optional, Sequence
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
+from ..limited_log import logerr
 from ..packed import pack
 from ..reliable.carousel import Carousel, Kept
 from ..serialised import serialised
