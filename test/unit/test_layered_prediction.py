@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Images that are predicted from what all operators hold, from the robot's encoder to the operators' screens."""
+import math
 import zlib
 from random import Random
 from typing import Any, Collection, Dict, Optional
@@ -265,11 +266,25 @@ def test_a_scene_that_moves_slowly_is_better_predicted() -> None:
     assert 10 * np.log10(error(['/operator']) / error([])) > 3
 
 
-def test_images_that_are_all_different_are_not_predicted() -> None:
-    link, random = PredictedLink(max_bytes=4000), np.random.RandomState(1)
-    for _ in range(4):
-        link.send(np.kron(random.randint(0, 256, (12, 16)), np.ones((8, 8))).astype(np.uint8), 'mono8')
-    assert not any(link.predicted)
+def test_images_that_are_all_different_are_no_worse_for_being_predicted() -> None:
+    images = [np.kron(np.random.RandomState(seed).randint(0, 256, (12, 16)), np.ones((8, 8))).astype(np.uint8)
+              for seed in range(8)]
+    errors = []
+    for delay in (0, 100):      # of reports: without any nothing is predicted
+        link = PredictedLink(max_bytes=4000, delay=delay)
+        shown = [link.send(pixels, 'mono8')['/operator'] for pixels in images]
+        errors.append(math.log10(sum(one.error.rms ** 2 for one in shown)))
+    assert not any(link.predicted) and errors[0] < errors[1] + 0.03
+
+
+def test_a_coarse_image_is_a_reference_too() -> None:
+    """Else images that are too short for a fine one would never be predicted, and stay coarse."""
+    scene = np.kron(np.random.RandomState(1).randint(0, 256, (24, 40)), np.ones((4, 4))).astype(np.uint8)
+    link, errors = PredictedLink(max_bytes=700), []
+    for step in range(12):
+        shown = link.send(scene[:, step // 2:][:, :128], 'mono8')['/operator']
+        errors.append(shown.error.rms)
+    assert all(link.predicted[1:]) and errors[-1] < 0.5 * errors[0]
 
 
 def test_an_image_without_a_reference_after_tiny_ones_has_its_full_size() -> None:

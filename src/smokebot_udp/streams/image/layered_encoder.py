@@ -11,7 +11,7 @@ import numpy as np
 from ...arrays import FloatArray, IntArray, UInt8Array
 from ...codecs.layered import image, quality
 from ...codecs.layered.pieces import MAX_LAYERS, Plan, protect
-from ...codecs.layered.plan import LAYER_BYTES, best_plan, worth
+from ...codecs.layered.plan import LAYER_BYTES, best_plan, sure_size, worth
 from ...codecs.layered.survival import survival
 from ...mission.settings import Settings
 from ...msg import LayeredSegment
@@ -54,9 +54,6 @@ FAIR_BITS = 0.25
 CERTAIN_FIT, LIKELY = 0.97, 0.7
 """The exact transform is used where the whole stream is estimated to fill this part, at most, of what arrives of the
 budget at losses that are not exceeded with that probability."""
-
-PROTECTION_TIME = 0.002
-"""An image that is short for the sake of its age may take this time more on the air, for its protection [s]."""
 
 LUCKY, LUCKIER = 0.1, 1.1
 """No more is coded than this many times what arrives of the budget at losses that are exceeded unless with that
@@ -122,8 +119,8 @@ class LayeredImages(CompressedImages):
         budget = granted.size
         if self.bound is not granted.bound:
             protected = needed / CERTAIN_FIT * datagrams.protected(outlook.loss(RESERVE))
-            more = PROTECTION_TIME * outlook.room if self.bound in (Bound.FRESHNESS, Bound.CODING) else 0.0
-            budget = max(min(budget, protected + more), datagrams.least)
+            sure = sure_size(outlook.air.losses, outlook.air.burst, datagrams.head)
+            budget = max(min(budget, max(protected, sure)), datagrams.least)
         ends, errors = ends[:points] + len(_beginning(prediction)), errors[:points]
         floor = None if source.pixels.itemsize > 1 else max(FLOOR, _error_of(settings['max_quality'], 1))
         plan = best_plan(ends, worth(errors, stream.cells, floor), int(budget), outlook.air.losses, outlook.air.burst,
