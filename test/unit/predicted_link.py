@@ -71,7 +71,7 @@ class PredictedLink:
         shown += operator.poll(self.now + FIRST_MARGIN) + operator.poll(self.now + self.period)
         holding = operator.assembler.holding()
         if arrived and holding is not None and not unreported:
-            self._reports.append((len(self.sent) + self._delay, name, to_message(holding, name, 'camera', DATAGRAM)))
+            self._reports.append((len(self.sent) + self._delay, name, to_message(holding, 'camera', DATAGRAM)))
         return shown[-1] if shown else None
 
     @property

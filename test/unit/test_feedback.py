@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from smokebot_udp.congestion.feedback import (
     CLOCK_CONFIRMATIONS,
     MAX_SAMPLES,
+    REPORTED_FOR,
     STREAM_TIMEOUT,
     ArrivalSample,
     FeedbackReader,
@@ -82,10 +83,10 @@ def test_arrivals_are_counted_by_name_and_an_idle_part_loses_nothing() -> None:
     second(0, 'thermal')
     assert second(1, 'thermal', (3, 4)).arrivals == [('thermal', 10, 8)]
     feedback = second(2, 'thermal/layers')      # the first that is heard of it: nothing to compare with
-    assert feedback.arrivals == [('thermal', 0, 0), ('thermal/layers', 0, 0)] and feedback.expected == 0
+    assert feedback.arrivals == [('thermal/layers', 0, 0)] and feedback.expected == 0
     assert not feedback.restarted
     feedback = second(3, 'thermal/layers', (0, 1, 2))
-    assert feedback.arrivals[1] == ('thermal/layers', 10, 7) and (feedback.expected, feedback.received) == (10, 7)
+    assert feedback.arrivals == [('thermal/layers', 10, 7)] and (feedback.expected, feedback.received) == (10, 7)
     feedback = second(4, 'thermal', (9,))       # its numbers go on where they ended, and the last one is not missed yet
     assert feedback.arrivals[0] == ('thermal', 9, 9) and not feedback.restarted and not reader.dropped
 
@@ -239,13 +240,35 @@ def test_a_datagram_is_news_once_even_after_a_restart() -> None:
     assert [sample.total for sample in reader.read(twice, 103.2).samples] == [11000]
 
 
+def test_what_a_stream_lost_while_it_was_not_reported_is_counted() -> None:
+    history, arrivals = path()
+    reader = FeedbackReader(history)
+    reader.read(arrivals.report(100.15 + AHEAD), 100.17)
+    history.add('camera', 1, 1, 1000, 101.0)
+    arrivals.add('camera', 1, 1000, 101.05 + AHEAD)
+    for k in range(40):     # thermal is silent
+        history.add('camera', 2 + k, 1, 1000, 101.1 + 0.1 * k)
+        arrivals.add('camera', 2 + k, 1000, 101.12 + 0.1 * k + AHEAD)
+        report = arrivals.report(101.15 + 0.1 * k + AHEAD)
+        assert k < 10 or [one.name for one in report.streams] == ['camera']
+        reader.read(report, 101.16 + 0.1 * k)
+    history.add('thermal', 11, 5, 1000, 105.2)
+    for seq in (11, 15):
+        arrivals.add('thermal', seq, 1000, 105.25 + AHEAD)
+    feedback = reader.read(arrivals.report(105.3 + AHEAD), 105.31)
+    assert feedback.arrivals == [('thermal', 5, 2), ('camera', 0, 0)] and not reader.dropped
+
+
 def test_a_silent_stream_is_no_longer_reported() -> None:
     arrivals = ReceiveHistory(lambda: 7)
     arrivals.add('camera', 900, 1000, 1.0)
     arrivals.add('thermal', 5, 1000, 2.0)
     arrivals.add('camera', 901, 1000, 3.0)
-    report = arrivals.report(2.0 + STREAM_TIMEOUT + 0.1)
-    assert [one.name for one in report.streams] == ['camera']
+    report = arrivals.report(3.0 + REPORTED_FOR)
+    assert [one.name for one in report.streams] == ['camera', 'thermal']        # samples name it
+    report = arrivals.report(7.5)
+    assert [one.name for one in report.streams] == ['camera'] and len(report.marks) == 1
+    assert arrivals.report(9.0).streams == []
     arrivals.add('thermal', 6, 1000, 13.0)
     report = arrivals.report(13.1)
     assert report.streams == [StreamArrivals('thermal', 6, 2, 2000)] and report.marks == [ArrivalSample(0, 6, 100000)]

@@ -37,7 +37,7 @@ def test_the_longest_runs_are_reported_and_of_equal_ones_the_latest() -> None:
 
 @given(st.sets(st.one_of(st.integers(0, 300), st.integers(0, END - 1)), max_size=MAX_RUNS))
 def test_a_report_holds_what_it_was_made_of(numbers: Set[int]) -> None:
-    holding = from_message(over_the_wire(to_message(Holding.of(3, numbers), '/operator_receiver', 'map', 4000)))
+    holding = from_message(over_the_wire(to_message(Holding.of(3, numbers), 'map', 4000)))
     assert holding.session == 3
     assert {number for first, count in holding.runs for number in range(first, first + count)} == numbers
     assert all(holding.contains(number) for number in numbers)
@@ -46,7 +46,7 @@ def test_a_report_holds_what_it_was_made_of(numbers: Set[int]) -> None:
 
 @given(st.dictionaries(st.one_of(st.integers(0, 40), st.integers(0, END - 1)), st.integers(1, 14), max_size=MAX_RUNS))
 def test_a_report_of_images_says_how_many_layers_of_each_are_held(layers: Dict[int, int]) -> None:
-    holding = from_message(over_the_wire(to_message(Holding.of_layers(3, layers), '/operator', 'thermal', 4000)))
+    holding = from_message(over_the_wire(to_message(Holding.of_layers(3, layers), 'thermal', 4000)))
     assert {number: holding.layers_of(number) for number in layers} == layers
     assert not any(holding.layers_of(number) for number in {number + 1 for number in layers} - set(layers))
 
@@ -58,8 +58,8 @@ def test_images_of_which_the_same_layers_are_held_make_a_run() -> None:
 
 def test_of_images_the_newest_are_reported_where_not_all_fit() -> None:
     holding = Holding.of_layers(1, {number: 1 + number % 2 for number in range(16)})
-    size = OVERHEAD + len(serialised(to_message(Holding(1, ()), '/operator', 'thermal', SIZE))) + 3 * 7
-    found = from_message(over_the_wire(to_message(holding, '/operator', 'thermal', size)))
+    size = OVERHEAD + len(serialised(to_message(Holding(1, ()), 'thermal', SIZE))) + 3 * 7
+    found = from_message(over_the_wire(to_message(holding, 'thermal', size)))
     assert found == Holding(1, ((13, 1), (14, 1), (15, 1)), (2, 1, 2))
 
 
@@ -79,7 +79,7 @@ def over_the_wire(message: Held) -> Held:
 
 def test_a_report_fits_in_a_datagram() -> None:
     holding = Holding.of(1, range(0, 1000, 2))
-    message = to_message(holding, '/crew/operator_receiver', 'map', SIZE)
+    message = to_message(holding, 'map', SIZE)
     buffer = io.BytesIO()
     message.serialize(buffer)
     assert SIZE - 6 < len(buffer.getvalue()) + OVERHEAD <= SIZE

@@ -36,7 +36,7 @@ def made(monkeypatch: Any) -> Any:
     assert (topic, message_class) == (TOPIC, Held)
 
     def receive(sender: str = '/desk', **fields: Any) -> None:
-        message = Held(**{'operator': '/desk', 'stream': 'map', 'session': 7, 'first': [3], 'count': [2], **fields})
+        message = Held(**{'stream': 'map', 'session': 7, 'first': [3], 'count': [2], **fields})
         message._connection_header = {'callerid': sender}
         callback(message)
     yield SimpleNamespace(reports=reports, stream=stream, receive=receive)
@@ -55,8 +55,7 @@ def test_operators_of_one_name_report_by_the_name_that_they_know(made: Any) -> N
 
 
 @pytest.mark.parametrize('reason, fields', [
-    ('unknown stream', {'stream': 'lidar'}), ('of another operator', {'operator': '/victim'}),
-    ('of another operator', {'sender': '/liar'}), ('impossible', {'count': [2, 2]}), ('impossible', {'count': [0]}),
+    ('unknown stream', {'stream': 'lidar'}), ('impossible', {'count': [2, 2]}), ('impossible', {'count': [0]}),
     ('impossible', {'first': [5, 3], 'count': [1, 1]})])
 def test_what_is_refused_is_counted_by_reason(made: Any, reason: str, fields: Any) -> None:
     made.receive(**fields)
@@ -64,5 +63,5 @@ def test_what_is_refused_is_counted_by_reason(made: Any, reason: str, fields: An
 
 
 def test_who_receives_nothing_reports_nothing(made: Any) -> None:
-    made.receive('/stranger', operator='/stranger')
+    made.receive('/stranger')
     assert made.reports.dropped == {'unknown operator': 1}

@@ -70,8 +70,8 @@ def test_what_has_room_fits() -> None:
 
 
 def test_a_report() -> None:
-    message, data = to_message(Holding(0xfedcba98, ((3, 2), (9, 1))), '/desk', 'map', 1472), io.BytesIO()
+    message, data = to_message(Holding(0xfedcba98, ((3, 2), (9, 1))), 'map', 1472), io.BytesIO()
     message.serialize(data)
-    assert data.getvalue() == (b'\5\0\0\0/desk' + b'\3\0\0\0map' + struct.pack('<I', 0xfedcba98)
+    assert data.getvalue() == (b'\3\0\0\0map' + struct.pack('<I', 0xfedcba98)
                                + struct.pack('<III', 2, 3, 9) + struct.pack('<IHH', 2, 2, 1) + struct.pack('<I', 0))
     assert Held().deserialize(data.getvalue()) == message

@@ -41,9 +41,12 @@ MAX_SAMPLES = 64
 MAX_STREAMS = 64
 """Streams in a report."""
 
+REPORTED_FOR = 1.0
+"""Counters that do not change any more are reported for this long: all of ten reports are not lost. They go on when the
+stream is heard again [s],"""
+
 STREAM_TIMEOUT = 10.0
-"""A stream that was silent for this long is not reported: its counters may be from before the sender's restart. They go
-on when it is heard again, if its sequence numbers do [s]."""
+"""and if its sequence numbers do, after a silence of this long: it may be from before the sender's restart [s]."""
 
 MAX_AGE = 10.0
 """Older arrivals in a report are not believed [s]."""
@@ -152,7 +155,9 @@ class ReceiveHistory:
         samples = [sample for sample in self._samples if 0 <= now - sample[0] <= SAMPLE_WINDOW]
         if len(samples) < MIN_SAMPLES:
             samples = [sample for sample in list(self._samples)[-MIN_SAMPLES:] if 0 <= now - sample[0] <= MAX_QUIET_AGE]
-        reported = [one for one in self._streams.values() if now - self._heard[one.name] <= STREAM_TIMEOUT]
+        sampled = {name for _, name, _ in samples}
+        reported = [one for one in self._streams.values()
+                    if now - self._heard[one.name] <= REPORTED_FOR or one.name in sampled]
         index = {one.name: number for number, one in enumerate(reported)}
         marks = [ArrivalSample(index[name], seq, round(1e6 * (now - arrived))) for arrived, name, seq in samples]
         streams = [StreamArrivals(one.name, one.highest, one.received, one.bytes) for one in reported]
@@ -264,7 +269,7 @@ class FeedbackReader:
         arrivals = self._arrivals(counters, known)
         marked = 0 if restarted else self._marked(report.marked - self._last.marked, counters, known)
         self._last, self._last_read = report, now
-        self._counters = {**{one.name: before[one.name] for one in report.streams if one.name in before}, **counters}
+        self._counters = {**before, **counters}     # only of streams that exist
         # a datagram is news once: even after a restart of the receiver, older ones can no longer arrive
         news = {sample.total: sample for sample, _ in samples if sample.total > self._newest}
         fresh = [news[total] for total in sorted(news)]

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Passes the operators' reports of what they hold (msg/Held) on to the robot's streams."""
 import collections
-import re
 from typing import Any, Counter, Mapping, Optional
 
 from ..limited_log import logwarn
@@ -9,9 +8,6 @@ from ..msg import Held
 from ..streams.held import TOPIC, from_message
 from ..transport import Transport
 from .robot_stream import RobotStream
-
-_ORDINAL = re.compile(r' #\d+$')
-"""By which a link tells living operators of one name apart (link/robot_core.py). They do not know of it."""
 
 
 class HeldReports:
@@ -40,15 +36,11 @@ class HeldReports:
     def _refused(self, report: Any, sender: str) -> Optional[str]:
         """Pass a report on; the reason why it is not used, or None.
 
-        An operator speaks for itself only: otherwise one could keep tiles from another.
-
-        :param sender: the node that it came from
+        :param sender: the node that it came from, and that it is about: it could keep tiles from another one otherwise
         """
         stream = self._streams.get(report.stream)
         if stream is None:
             return 'unknown stream'
-        if report.operator != _ORDINAL.sub('', sender):
-            return 'of another operator'
         try:
             holding = from_message(report)
         except ValueError:

@@ -100,19 +100,19 @@ def longest(runs: Iterable[Tuple[int, int]], most: int = MAX_RUNS) -> Tuple[Tupl
     return tuple(sorted(sorted(runs, key=lambda run: (run[1], run[0]), reverse=True)[:most]))
 
 
-def to_message(holding: Holding, operator: str, stream: str, max_datagram_size: int) -> Held:
+def to_message(holding: Holding, stream: str, max_datagram_size: int) -> Held:
     """The report of an operator's node about a stream, in one datagram.
 
     :param max_datagram_size: [byte of UDP payload]
-    :raises ValueError: the names leave no room
+    :raises ValueError: the name leaves no room
     """
-    space, layers = room(Held, max_datagram_size, operator, stream), holding.layers
+    space, layers = room(Held, max_datagram_size, stream), holding.layers
     if layers:      # the newest images
         start = max(len(layers) - space // (RUN_SIZE + LAYERS_SIZE), 0)
         runs, layers = holding.runs[start:], layers[start:]
     else:
         runs = longest(holding.runs, space // RUN_SIZE)
-    return Held(operator=operator, stream=stream, session=holding.session, first=[first for first, _ in runs],
+    return Held(stream=stream, session=holding.session, first=[first for first, _ in runs],
                 count=[count for _, count in runs], layers=bytes(layers))
 
 
