@@ -6,6 +6,7 @@ import pytest
 from test_live_score import a_screen, told
 
 from benchmarks import live, live_report
+from benchmarks.__main__ import command_line
 from evaluation.gst_pipelines import WAYS, bit_rate
 from evaluation.live_run import Cell, Outcome
 from evaluation.live_score import judged, judged_step
@@ -41,6 +42,18 @@ def test_options_that_mean_nothing_are_refused(wrong: list, capsys) -> None:
     with pytest.raises(SystemExit):
         live.options(wrong)
     assert wrong[0] in capsys.readouterr().err
+
+
+def test_options_of_its_own_are_for_a_benchmark_that_runs_alone(capsys) -> None:
+    chosen, further = command_line(['live', '--rates', '1', '--quick'])
+    assert chosen.names == ['live'] and chosen.quick and further == ['--rates', '1']
+    for words in (['--rates=1'], ['codecs', '--rates=1'], ['live', 'codecs', '--rates=1'], ['netem']):
+        with pytest.raises(SystemExit):
+            command_line(words)
+        assert 'rates' in capsys.readouterr().err or words == ['netem']
+    with pytest.raises(SystemExit):
+        command_line(['live', '--help'])
+    assert '--shapers' in capsys.readouterr().out
 
 
 def test_a_cell_is_named_by_its_link() -> None:
