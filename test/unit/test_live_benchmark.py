@@ -74,7 +74,7 @@ def test_tables_show_each_value_beneath_its_name_and_files_have_a_line_for_each_
     live_report.write(results, tmp_path)
     behind = {**row, 'method': 'gst', 'screen mean [dB]': 39.0}
     assert live_report.text({**results, 'rows': [row, behind]}).splitlines()[-2:] == [
-        'goals missed', 'tbf6, 1 Mbit/s, 0 %: the screen, beside gst [dB] is 35.9, should be at least 39']
+        'goals missed', 'tbf6, 1 Mbit/s, 0 %: the screen, beside gst [dB] is 35.93, should be at least 39']
     assert (tmp_path / 'table.txt').read_text().splitlines() == lines and not (tmp_path / 'idle.csv').exists()
     outcome = Outcome(screen, samples, {}, [100.08, 101.5])
     live_report.write_files(outcome, tmp_path)
