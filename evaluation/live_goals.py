@@ -39,12 +39,12 @@ class Judge:
     def least(self, cell: str, name: str, value: Optional[float], goal: Optional[float]) -> None:
         """A value is to be at least this; None: it was not measured."""
         if value is not None and goal is not None and not value >= goal:
-            self.missed.append('%s: %s is %.3g, should be at least %.3g' % (cell, name, value, goal))
+            self.missed.append('%s: %s is %.4g, should be at least %.4g' % (cell, name, value, goal))
 
     def most(self, cell: str, name: str, value: Optional[float], goal: Optional[float]) -> None:
         """Likewise at most."""
         if value is not None and goal is not None and not value <= goal:
-            self.missed.append('%s: %s is %.3g, should be at most %.3g' % (cell, name, value, goal))
+            self.missed.append('%s: %s is %.4g, should be at most %.4g' % (cell, name, value, goal))
 
 
 def missed(results: Mapping[str, Any]) -> List[str]:

@@ -6,6 +6,7 @@ import pytest
 from test_live_score import a_screen, told
 
 from benchmarks import live, live_report
+from benchmarks.__main__ import command_line
 from evaluation.gst_pipelines import WAYS, bit_rate
 from evaluation.live_run import Cell, Outcome
 from evaluation.live_score import judged, judged_step
@@ -43,6 +44,18 @@ def test_options_that_mean_nothing_are_refused(wrong: list, capsys) -> None:
     assert wrong[0] in capsys.readouterr().err
 
 
+def test_options_of_its_own_are_for_a_benchmark_that_runs_alone(capsys) -> None:
+    chosen, further = command_line(['live', '--rates', '1', '--quick'])
+    assert chosen.names == ['live'] and chosen.quick and further == ['--rates', '1']
+    for words in (['--rates=1'], ['codecs', '--rates=1'], ['live', 'codecs', '--rates=1'], ['netem']):
+        with pytest.raises(SystemExit):
+            command_line(words)
+        assert 'rates' in capsys.readouterr().err or words == ['netem']
+    with pytest.raises(SystemExit):
+        command_line(['live', '--help'])
+    assert '--shapers' in capsys.readouterr().out
+
+
 def test_a_cell_is_named_by_its_link() -> None:
     assert Cell(parse('tbf6/20'), (3e6, 0.5e6), 0.05, 30.0).name == 'tbf6/20, 3-0.5 Mbit/s, 5 %'
     assert live_report.slug('tbf6/20, 3-0.5 Mbit/s, 5 %', 'ours') == 'tbf6_20_3_0.5_Mbit_s_5_ours'
@@ -61,7 +74,7 @@ def test_tables_show_each_value_beneath_its_name_and_files_have_a_line_for_each_
     live_report.write(results, tmp_path)
     behind = {**row, 'method': 'gst', 'screen mean [dB]': 39.0}
     assert live_report.text({**results, 'rows': [row, behind]}).splitlines()[-2:] == [
-        'goals missed', 'tbf6, 1 Mbit/s, 0 %: the screen, beside gst [dB] is 35.9, should be at least 39']
+        'goals missed', 'tbf6, 1 Mbit/s, 0 %: the screen, beside gst [dB] is 35.93, should be at least 39']
     assert (tmp_path / 'table.txt').read_text().splitlines() == lines and not (tmp_path / 'idle.csv').exists()
     outcome = Outcome(screen, samples, {}, [100.08, 101.5])
     live_report.write_files(outcome, tmp_path)
