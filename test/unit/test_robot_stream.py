@@ -1,10 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The runner of the robot's streams: what is encoded, sent, counted and reported."""
-import enum
 import pathlib
 import threading
 import time
-from types import SimpleNamespace
 from typing import Any, List
 
 import pytest
@@ -15,17 +13,12 @@ from robot_stream_case import Make, Recorder, logged, make, scan
 from sensor_msgs.msg import LaserScan
 
 from smokebot_udp.mission.settings import Settings
-from smokebot_udp.monitoring.stages import read_notes
+from smokebot_udp.monitoring.stages import read_sizes
 from smokebot_udp.msg import ScanSegment
 from smokebot_udp.nodes.trace import Trace
-from smokebot_udp.streams.segments import size_on_air
+from smokebot_udp.streams.encoder import Sizing
 
 __all__ = ['logged', 'make']
-
-
-class Bound(enum.Enum):
-    """What decided the size of a message."""
-    ROOM = 'room'
 
 
 def test_a_message_goes_from_the_source_to_the_operator(make: Make) -> None:
@@ -66,23 +59,20 @@ def test_the_newest_message_counts(make: Make) -> None:
     assert made.stream.stats().dropped['replaced'] == 2
 
 
-def test_a_trace_says_how_each_message_was_encoded(make: Make, tmp_path: pathlib.Path, monkeypatch: Any) -> None:
+def test_a_trace_says_what_decided_the_size_of_a_message(make: Make, tmp_path: pathlib.Path, monkeypatch: Any) -> None:
     monkeypatch.setattr('smokebot_udp.nodes.robot_stream.TRACE', Trace(str(tmp_path / 'trace')))
 
     class Sized(Recorder):
         def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Any]:
-            self.sizing = SimpleNamespace(granted=1500.0, bound=Bound.ROOM) if len(message.ranges) > 5 else None
+            self.sizing = Sizing('layered', 1500.0, 1400, 'room', 2.5) if len(message.ranges) > 5 else None
             return super().encode(message, settings, max_datagram_size)
 
     made = make(Sized)
     for number in (5, 6):
         made.stream.receive(scan(number, stamp=number))
         wait_for(lambda number=number: number in made.segments.published)
-    size = str(size_on_air([Sized.frame(5)]))
-    said = [(note.stamp // 10 ** 9, note.name, note.value)
-            for note in read_notes((tmp_path / 'trace').read_text().splitlines(True))]
-    assert said == [(5, 'coding', 'segments'), (5, 'used', size), (6, 'coding', 'segments'), (6, 'used', size),
-                    (6, 'granted', '1500.0'), (6, 'bound', 'room')]
+    said, = read_sizes((tmp_path / 'trace').read_text().splitlines(True))
+    assert (said.stream, said.stamp, said[3:]) == ('scan', 6 * 10 ** 9, ('layered', 1500.0, 1400, 'room', 2.5))
 
 
 def test_what_is_wrong_is_logged_and_the_next_message_goes(make: Make, logged: List[str]) -> None:

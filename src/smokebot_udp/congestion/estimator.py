@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The byte rate that the link carries now, from delivery rate and queueing delay.
 
-Its parts:
+A report is first made an Observation (path.py), then the mode follows by the table TRANSITIONS at the end of this file,
+then capacity, loss and rate are updated as the mode has it. The parts:
 
 * **Delivery rate** (delivery_rate.py; BBR, draft-cardwell-iccrg-bbr-congestion-control;
   draft-cheng-iccrg-delivery-rate-estimation):
@@ -17,20 +18,23 @@ Its parts:
   than a slow one.
 * **The queue predicted for when the rate takes effect**: bytes sent since the newest report, less what the air has
   carried since (SCReAM's bytes in flight, as seconds).
-* **The base delay, measured again** (BBR's ProbeRTT; LEDBAT++'s slowdowns; probe_rtt.py): where nothing confirmed it
-  for 5 s, or for 2 s where noise may have made it short, the rate dips shortly. A queue that has become long is drained
-  by all who share the air at the same time, as all see it, and all learn the true base delay then; that corrects a late
+* **How sure the capacity is** (capacity.py): measurements while the air was busy are averaged by their errors, and one
+  that contradicts what is known counts at once (a Kalman filter).
+* **A token bucket on the path** (shaper.py): it lets short trains pass at the line's speed. Its depth is learnt, and
+  what it may have let pass at once is no rate. What it lets pass also leaves at once.
+* **The base delay, measured again** (BBR's ProbeRTT; LEDBAT++'s slowdowns; pause.py): where nothing confirmed it for 5
+  s, or for 2 s where noise may have made it short, the rate dips shortly. A queue that has become long is drained by
+  all who share the air at the same time, as all see it, and all learn the true base delay then; that corrects a late
   starter who took the queue for the path. What a drain leaves of the delay is the path itself, which has become longer.
-* **Packet trains** (probing.py): where the queue is empty and more is wanted, some datagrams that are due anyway leave
-  2 to 4 times faster. They find a link that has become 60 times wider within a second, at the cost of a few ms of
-  queue when it has not.
-* **Assumed growth**: where the queue is empty and the capacity was not measured for 2 s, it is taken for 5 % more with
-  each report, as otherwise an idle sender could never ramp up. Noise of delays counts neither as a queue nor against an
-  empty one, up to 10 ms; what one's own datagrams wait for each other is no noise.
+* **Packet trains** (trains.py): where the queue is empty and more is wanted, some datagrams that are due anyway leave 2
+  to 4 times faster. They find a link that has become 60 times wider within 2 s, at the cost of a few ms of queue when
+  it has not. Noise of delays counts neither as a queue nor against an empty one, up to 10 ms; what one's own datagrams
+  wait for each other is no noise.
 * **No reaction to loss as such** (unlike GCC's loss-based half, and TCP): on a lossy air the loss ratio says nothing
   about the rate, because lost datagrams use air time, too. More loss than before is a reason to check: as much less is
   sent for a moment as was lost. What is lost then the air loses (loss.py); otherwise a policer or a queue too short to
   be seen drops datagrams, and the rate stays below what it lets pass (loss_ceiling.py).
+* **Marks** (ECN, RFC 3168): half of the share of marked datagrams is sent less (DCTCP, RFC 8257).
 * **Beside a flow that fills the queue regardless of others**, as a TCP download does, a delay-based control would yield
   until nothing is left. There a part of what the bottleneck carries is sent (competition.py).
 
@@ -104,6 +108,13 @@ timeout; over this where streams send, and the loss of datagrams does not explai
 
 RECOVERY_GROWTH_FACTOR = 1.2
 """and this much more with each report that shows no queue, until it is what it was, or was measured."""
+
+MARK_WEIGHT = 0.25
+"""Weight of the newest report in the share of datagrams that congested queues marked; half of this share is sent less
+(DCTCP, RFC 8257)."""
+
+MAX_MARKED = 0.05
+"""No train leaves where more than this share is marked."""
 
 STANDING_FACTOR, STANDING_TIME = 1.5, 1.0
 """A queue longer than this many targets for this long is drained, too: less is sent all the time, so it is the path
@@ -186,6 +197,7 @@ class Estimator:
         self._at_timeout = 0.0          # capacity at the first timeout since the last report [byte/s]
         self._before_timeout = 0.0      # capacity; less once it was measured to be less [byte/s]
         self._silence = 0.0             # of a timeout; 0 once a short queue, or the capacity, was seen after it [s]
+        self._marked = 0.0              # share of the datagrams that congested queues marked, smoothed
         self._carried = 0.0             # lately, at most, over a report [byte/s]
         self._was_short = True          # whether the last report showed a short queue
         self._last_short = now          # when the queue was last near its target
@@ -367,6 +379,8 @@ class Estimator:
         return 0.0 if self._empty(seen.queue) or noisy else 0.5
 
     def _update_loss(self, feedback: Feedback, uncongested: bool) -> None:
+        if feedback.received:
+            self._marked += MARK_WEIGHT * (min(1.0, feedback.marked / feedback.received) - self._marked)
         self._loss.update(feedback, uncongested)
         self.link.loss = self._loss.recent
 
@@ -414,12 +428,14 @@ class Estimator:
         gain = self._pause.gain(now)
         if self.mode is not Mode.COMPETE:
             lacking = self._target() - self.link.queue_delay if now - self._reported <= HORIZON else 0.0
-            gain = min(max(1 + lacking / HORIZON, MIN_GAIN), MAX_GAIN, gain if gain < 1 else math.inf)
+            follow = min(max(1 + lacking / HORIZON, MIN_GAIN), MAX_GAIN)
+            gain = min(follow * (1 - self._marked / 2), gain if gain < 1 else math.inf)
         self.rate = self.limits.clamp(min(self.link.capacity * gain, self._ceiling.rate))
 
     def _next_probe(self, seen: Observation, wanted: float, wished: float) -> Optional[Train]:
         now = seen.now
-        bounded = self._ceiling.rate < math.inf or self._loss.excess > MAX_TRAIN_LOSS
+        bounded = (self._ceiling.rate < math.inf or self._loss.excess > MAX_TRAIN_LOSS
+                   or self._marked > MAX_MARKED)
         empty = self._empty(statistics.median(self._path.delay.of(sample) for sample in seen.feedback.samples))
         if not empty:
             self._occupied = now
