@@ -318,7 +318,7 @@ class RobotStream(rospy.SubscribeListener):
         if not frames:
             return
         if not (encoder.WHOLE or encoder.PROTECTED or encoder.DERIVED):     # the rest has left while this was encoded
-            self.link.outbox.await_rest(self.name, False, encoder.backlog or MAX_BACKLOG)
+            self.link.outbox.await_rest(self.name, False, self._dip * (encoder.backlog or MAX_BACKLOG))
         with self._worker.adding():
             self._schedule.sent(time.monotonic())
         if self.wanted:
@@ -330,7 +330,7 @@ class RobotStream(rospy.SubscribeListener):
         """The frames of a message; their making is traced."""
         encoder = self.encoder
         if encoder.FORESEES:
-            encoder.waiting = self.link.outbox.takes(self.name)
+            encoder.waiting = self.link.outbox.takes(self.name) / self._dip
         began = time.monotonic()
         frames = encoder.encode(message, settings, self._datagram_size)
         if TRACE.on and encoder.STAMPED:
@@ -341,6 +341,12 @@ class RobotStream(rospy.SubscribeListener):
                            *encoder.sizing)
             TRACE.write(stages.Sized(self.name, self._stamp.to_nsec(), time.monotonic(), *encoder.sizing))
         return frames
+
+    @property
+    def _dip(self) -> float:
+        """By what the present rate is below what the stream may use: that soon passes, as after a pause. At least 1."""
+        rate = self.link.outbox.rate
+        return 1.0 if rate is None or not self.encoder.FORESEES else max(self.encoder.outlook.room / rate, 1.0)
 
     def _repeat(self) -> None:
         if self.encoder.backlog is not None:
