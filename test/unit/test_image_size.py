@@ -10,6 +10,7 @@ from smokebot_udp.streams.image.image_size import (
     FILL,
     LATEST,
     LEAST_BYTES,
+    LEAST_FILL,
     MOTION,
     Bound,
     Costs,
@@ -44,7 +45,8 @@ def test_the_least_limit_is_the_bound(settings: Dict[str, Any], granted: Grant) 
 def test_what_is_left_of_the_last_image_leaves_first() -> None:
     settings = {'air_time': 0.0, 'max_bytes': 0}
     assert grant(settings, 1e5, 0.1, 0.03).size == pytest.approx((FILL * 0.1 - 0.03) * 1e5)
-    assert grant(settings, 1e5, 0.1, 1.0).size == grant(settings, 0.0, 0.1).size == LEAST_BYTES
+    assert grant(settings, 1e5, 0.1, 0.09).size == pytest.approx(LEAST_FILL * 1e4)
+    assert grant(settings, 0.0, 0.1).size == LEAST_BYTES
     assert grant(settings, math.inf, 0.1).size == math.inf
 
 

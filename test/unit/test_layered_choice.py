@@ -69,9 +69,9 @@ def test_auto_is_interleaved_where_raw_pixels_fit_and_layered_where_they_do_not_
 
 def test_auto_goes_by_the_images_that_the_source_has() -> None:
     of = settings(coding='auto', rate=30.0)
-    made = encoder(of, NO_LOSS._replace(room=3e5))      # raw images take 27 kB
+    made = encoder(of, NO_LOSS._replace(room=1.45e6))       # raw images take 27 kB, so 18 ms
     assert kind(made, of, 1) is LayeredSegment
-    slow = encoder(of, NO_LOSS._replace(room=3e5))
+    slow = encoder(of, NO_LOSS._replace(room=1.45e6))
     slow.source_rate = 5.0
     assert kind(slow, of, 1) is ImageSegment
 

@@ -367,7 +367,7 @@ class RobotStream(rospy.SubscribeListener):
         """The frames of a message; their making is traced."""
         encoder = self.encoder
         if encoder.FORESEES:
-            encoder.waiting = self.link.outbox.takes(self.name)
+            encoder.waiting = self.link.outbox.takes(self.name) / self._dip
         began = time.monotonic()
         frames = encoder.encode(message, settings, self._datagram_size)
         if TRACE.on and encoder.STAMPED:
@@ -393,7 +393,14 @@ class RobotStream(rospy.SubscribeListener):
         the new one was encoded. A message of another source is none of its versions, and leaves as a whole."""
         encoder, whole = self.encoder, self._schedule.active(time.monotonic()) > 1
         if whole or not (encoder.WHOLE or encoder.PROTECTED or encoder.DERIVED):
-            self.link.outbox.await_rest(self.name, whole, MAX_BACKLOG if encoder.backlog is None else encoder.backlog)
+            backlog = MAX_BACKLOG if encoder.backlog is None else encoder.backlog
+            self.link.outbox.await_rest(self.name, whole, self._dip * backlog)
+
+    @property
+    def _dip(self) -> float:
+        """By what the present rate is below what the stream may use: that soon passes, as after a pause. At least 1."""
+        rate = self.link.outbox.rate
+        return 1.0 if rate is None or not self.encoder.FORESEES else max(self.encoder.outlook.room / rate, 1.0)
 
     def _repeat(self) -> None:
         if self.encoder.backlog is not None:

@@ -107,8 +107,8 @@ class Encoder(Generic[Message]):
         """A newer message waits for the rest of the last one if that leaves within this time; None: as the outbox
         decides [s]."""
         self.waiting = 0.0
-        """How long what is left of the last message takes to leave, as the outbox knows. Where the outlook is used, the
-        runner replaces it before it calls `encode` [s]."""
+        """How long what is left of the last message takes to leave at what the stream may use. Where outlooks are used,
+        the runner replaces it before it calls `encode` [s]."""
         self.sizing: Optional[Sizing] = None
         """Of the last message; None: its kind says nothing."""
         self.base = 1

@@ -15,6 +15,8 @@ class CompressedImages:
     """What an image takes on the air, and may take. A way of coding derives from it, and notes the sizes."""
     CODING: ClassVar[str]
     """As the setting names it."""
+    BACKLOG = LATEST
+    """As Encoder.backlog: without the rest of an image much of it is lost that has come [s]."""
     error = math.nan
     """As Sizing.error."""
     bound = Bound.ROOM

@@ -159,7 +159,7 @@ class ImageEncoder(Encoder[Any]):
                                         began)
         else:
             frames = self._layered.encode(message, settings, max_datagram_size, self.outlook, granted,
-                                          (self.operators(LAYERS), began), self._choice.exploring)
+                                          (self.operators(LAYERS), began))
             self._choice.took(self._clock() - began)
         self.backlog, self.base = self._used.BACKLOG, self._used.base
         self.message_size = size_on_air(frames) or self.message_size
@@ -247,10 +247,10 @@ class ImageEncoder(Encoder[Any]):
             return True
         height, width = _reduced(message, settings)
         raw = RAW_OVERHEAD * height * width * pixels.item_type(message.encoding).itemsize
-        most, source_rate = settings.requested['max_bytes'] or math.inf, self.source_rate or math.inf
         conditions = Conditions(
-            raw * min(settings.requested['rate'], source_rate) if raw <= most else math.inf, self.outlook.room,
-            self.outlook.loss(0.5) if self.outlook.air.known else None, 1 / min(settings['rate'], source_rate))
+            raw if raw <= (settings['max_bytes'] or math.inf) else math.inf, self.outlook.room,
+            self.outlook.loss(0.5) if self.outlook.air.known else None,
+            1 / min(settings.requested['rate'], self.source_rate or math.inf))
         self._size_wished = raw if self._choice.is_possible(conditions) else 0.0
         return self._choice.update(conditions, self._clock())
 

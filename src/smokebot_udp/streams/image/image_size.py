@@ -24,12 +24,14 @@ import numpy as np
 from ...arrays import FloatArray, IntArray
 from ..frame_assembler import MAX_WAIT
 
-FILL = 0.95
-"""An image leaves within this part of the time until the next one: images come with jitter."""
+FILL, LEAST_FILL = 0.95, 0.5
+"""An image leaves within this part of the time until the next one, as images come with jitter; and takes this part at
+least, where what is left of the last image leaves first."""
 
 LATEST = MAX_WAIT / 2
-"""It leaves within this time at what its stream may use of the link, however rare images are: its last datagrams come
-before the operator stops waiting for them, also where the link is slower than expected [s]."""
+"""It leaves within this time at what its stream may use of the link, however rare images are, and what is left of it
+then is waited for as long: its last datagrams come before the operator stops waiting for them, also where the link is
+slower than expected [s]."""
 
 LEAST_BYTES = 600
 """Of an image on the air: a datagram that is of use [byte]."""
@@ -115,7 +117,7 @@ def grant(settings: Mapping[str, Any], room: float, period: float, waiting: floa
     :param period: see `period_of` [s]
     :param waiting: how long what is left of the last image takes, once this one is coded [s]
     """
-    limits = [Grant(room * (FILL * period - waiting), Bound.ROOM)]
+    limits = [Grant(room * max(FILL * period - waiting, LEAST_FILL * period), Bound.ROOM)]
     if settings['air_time']:
         limits.append(Grant(room * settings['air_time'], Bound.AIR_TIME))
     if settings['max_bytes']:

@@ -71,8 +71,7 @@ class LayeredImages(CompressedImages):
     :param session: makes random numbers, uint32
     :param clock: steady [s]
     """
-    CODING, BACKLOG = 'layered', 0.05
-    """The rest of an image is waited for this long: without it, the layers of high thresholds are lost [s]."""
+    CODING = 'layered'
 
     def __init__(self, held: HeldByAll, session: Callable[[], int], clock: Callable[[], float] = lambda: 0.0) -> None:
         super().__init__()
@@ -85,19 +84,18 @@ class LayeredImages(CompressedImages):
         self._motion, self._repeats = MotionMeter(), Repeats()
 
     def encode(self, message: Any, settings: Settings, max_datagram_size: int, outlook: Outlook, granted: Grant,
-               recipients: Tuple[Collection[str], float] = ((), 0.0), large: bool = False) -> List[Frame]:
+               recipients: Tuple[Collection[str], float] = ((), 0.0)) -> List[Frame]:
         """As Encoder.encode.
 
         :param outlook: what to expect of the link
         :param recipients: names of the operators, and now, by a steady clock [s]
-        :param large: whether it takes all that it is granted, however old it is then
         """
         began = self._clock()
         source, stamp = layerable(message, settings['scale'], settings['depth_unit']), message.header.stamp.to_sec()
         self._forget_others(source, settings)
         self._repeats.add(source.pixels, source.classes)
         self._motion.add(source.pixels, stamp, source.classes)
-        growth = 0.0 if large or granted.bound is Bound.AIR_TIME else self._motion.growth
+        growth = 0.0 if granted.bound is Bound.AIR_TIME else self._motion.growth
         texts = message.header.frame_id.encode(), source.encoding.encode()
         datagrams = Datagrams.of(max_datagram_size, room(LayeredSegment, max_datagram_size, *texts))
         # no image takes more than its pixels, but for what it is protected by
