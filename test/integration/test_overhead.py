@@ -1,0 +1,73 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""One image stream on a link of 0.3 Mbit/s: all else that crosses takes 3 % of it, and is complete within 10 s."""
+import pathlib
+import sys
+import tempfile
+import unittest
+
+import rostest
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
+from waiting import give_time, undisturbed
+
+from evaluation.listener import Listener
+from evaluation.overhead import Overhead
+from evaluation.own_masters import PORT, OwnMasters
+from smokebot_udp.link.tables import Topic
+from smokebot_udp.link_lab.lab import LabError
+from smokebot_udp.streams.image.encoder import ImageEncoder
+from smokebot_udp.streams.segments import wire_topic
+
+RATE = 0.3e6
+"""Of the link [bit/s]."""
+
+MOST = 0.03
+"""Part of it."""
+
+OTHERS = '_thermal_rate:=0', '_lidar_rate:=0', '_scan_rate:=0', '_map_rate:=0', '_odom_rate:=0', '_gas_rate:=0', \
+    '_battery_rate:=0'
+"""Sensors of the simulated robot that are off."""
+
+STATES = '/operator/status', '/operator/link', '/operator/diagnostics'
+IMAGE = '/operator/camera/image_raw'
+
+START, COMPLETE = 120.0, 10.0
+"""For the nodes to start on a busy machine; for all states to arrive after the first image [s]."""
+
+SETTLE, MEASURE = 30.0, 30.0
+"""From the start on states are repeated less and less often; over this time what crosses is counted [s]."""
+
+
+class TestOverhead(unittest.TestCase):
+
+    @undisturbed()
+    def test_what_nobody_asked_for_takes_3_percent_and_is_complete_soon(self) -> None:
+        try:
+            stack = OwnMasters(7, pathlib.Path(tempfile.mkdtemp()) / 'nodes.log')
+        except LabError as error:
+            raise unittest.SkipTest(str(error)) from None
+        self.addCleanup(stack.close)
+        stack.lab.set({'rate': RATE, 'delay': 0.02, 'queue': 0.2})
+        images = [Topic(wire_topic('camera', part), class_._type, class_._md5sum)
+                  for part, class_ in ImageEncoder.SEGMENTS.items()]
+        counted, listener = Overhead(stack, PORT, images), Listener(stack)
+        listener.subscribe([[topic, 'any', 'TCPROS'] for topic in (IMAGE, *STATES)])
+        stack.start_node('robot', 'simulated_robot', '_width:=320', '_height:=240', *OTHERS)
+        stack.start_sender()
+        stack.start_receiver()
+        first = listener.first({IMAGE}, START)
+        self.assertIn(IMAGE, first)
+        states = listener.first(set(STATES), COMPLETE)
+        self.assertEqual(set(states), set(STATES), 'complete after %g s' % COMPLETE)
+        give_time(SETTLE + MEASURE)
+        stream, others = counted.rates(PORT, MEASURE)
+        print('images %.1f kbit/s, all else %.2f kbit/s, of %g' % (8e-3 * stream, 8e-3 * others, RATE / 1e3),
+              file=sys.stderr)
+        self.assertGreater(stream, 0.1 * RATE / 8)
+        self.assertLessEqual(8 * others, MOST * RATE)
+
+
+if __name__ == '__main__':
+    rostest.rosrun('smokebot_udp', 'overhead', TestOverhead)
