@@ -153,7 +153,10 @@ class Node:
 
     def release(self) -> Tuple[bool, str]:
         """See Teleoperator."""
-        answer = rospy.ServiceProxy(RELEASE, SetBool)(False)
+        try:
+            answer = rospy.ServiceProxy(RELEASE, SetBool)(False)
+        except rospy.ServiceException as error:     # operator_receiver does not run
+            return False, str(error)
         return answer.success, answer.message
 
     def call(self, count: int, at_once: int) -> List[Tuple[str, float, float, str]]:
