@@ -43,8 +43,8 @@ interval [s], and gives it up after so many without an answer. A machine that ha
 not know the connection."""
 
 MAX_SEGMENT = 1160
-"""In both directions: packets of 1200 bytes pass nearly everywhere. Where a path drops longer ones without a word, a call
-with a long answer would never end [byte]."""
+"""In both directions: packets of 1200 bytes pass nearly everywhere. Where a path drops longer ones without a word, a
+call with a long answer would never end [byte]."""
 
 TCP_THIN_LINEAR_TIMEOUTS = 16
 """linux/tcp.h: with little data in flight, retransmission timeouts do not double."""
