@@ -16,11 +16,11 @@ NAMES = pytest.mark.parametrize('packet', PACKETS, ids=lambda packet: type(packe
 
 @NAMES
 def test_a_tag_is_the_mac_of_all_other_bytes(packet: Any) -> None:
-    plain, tagged = packet.pack(), Tags(KEY).tagged(packet)
-    others = plain[:TAG_AT[type(packet)]] + plain[TAG_AT[type(packet)] + 16:]
+    plain, tagged, at = packet.pack(), Tags(KEY).tagged(packet), TAG_AT[type(packet)]
+    others = plain[:at] + plain[at + 16:]
     key = hashlib.blake2s(PURPOSE, key=KEY).digest()
     assert tagged.tag == hashlib.blake2s(others, digest_size=16, key=key).digest()
-    assert tagged.pack()[TAG_AT[type(packet)]:TAG_AT[type(packet)] + 16] == tagged.tag and tagged._replace(tag=NO_TAG) == packet
+    assert tagged.pack()[at:at + 16] == tagged.tag and tagged._replace(tag=NO_TAG) == packet
     assert Tags(KEY).is_right(tagged) and not Tags(bytes(32)).is_right(tagged) and not Tags(KEY).is_right(packet)
 
 
