@@ -109,7 +109,7 @@ class RobotCore(LinkCore):
             self._send(source, self._tags.tagged(cookie).pack())
 
     def _refuse(self, reason: Reason, source: Place, nonce: int, now: float) -> None:
-        self.dropped['refused: %s' % reason.name.lower().replace('_', ' ')] += 1
+        self.dropped[REFUSED[reason]] += 1
         self._send(source, Refuse(VERSION, self.mode, reason, nonce).pack())
         if now - self._told.get(reason, -EVENT_PERIOD) >= EVENT_PERIOD:
             self._told[reason] = now
@@ -283,6 +283,8 @@ def _ephemeral_of(init: Init) -> bytes:
         return init.message[:EPHEMERAL_SIZE]
     return (Request.parse(init.message).token << 32 | init.sender).to_bytes(OPEN_EPHEMERAL, 'little')
 
+
+REFUSED = {reason: 'refused: %s' % reason.name.lower().replace('_', ' ') for reason in Reason}
 
 TO_US = {
     Reason.VERSION: 'it speaks another version of the link protocol',

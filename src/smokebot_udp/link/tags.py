@@ -13,6 +13,9 @@ from .packets import NO_TAG, TAG_SIZE, Cookie, Hello, Init
 PURPOSE = b'smokebot_udp link: tags of handshakes'
 """The key of the MACs follows from the link's: the handshake itself uses that for something else."""
 
+TAG_AT = {Hello: 12, Cookie: 28, Init: 32}
+"""Place of the tag in a packet."""
+
 Tagged = TypeVar('Tagged', Hello, Cookie, Init)
 
 
@@ -27,13 +30,15 @@ class Tags:
 
     def tagged(self, packet: Tagged) -> Tagged:
         """The packet with its tag."""
-        return packet._replace(tag=self._tag(packet))
+        return packet._replace(tag=self._tag(packet.pack(), TAG_AT[type(packet)]))
 
     def is_right(self, packet: Tagged) -> bool:
         """Whether the tag is that of the packet."""
-        return hmac.compare_digest(packet.tag, self._tag(packet))
+        return hmac.compare_digest(packet.tag, self._tag(packet.pack(), TAG_AT[type(packet)]))
 
-    def _tag(self, packet: Tagged) -> bytes:
+    def _tag(self, datagram: bytes, at: int) -> bytes:
+        """:param at: the place of the tag, which is left out"""
         if self._key is None:
             return NO_TAG
-        return hashlib.blake2s(packet._replace(tag=NO_TAG).pack(), digest_size=TAG_SIZE, key=self._key).digest()
+        others = datagram[:at] + datagram[at + TAG_SIZE:]
+        return hashlib.blake2s(others, digest_size=TAG_SIZE, key=self._key).digest()

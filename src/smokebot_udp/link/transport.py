@@ -255,10 +255,12 @@ class LinkTransport:
                 topics.ask(self._subscribers)
                 topics.serve(self._publishers)
             self._tell_differences(now)
-        self._due = self._looked + PERIOD
-        for topics in self._peers.values():
-            topics.send(now)
-            self._due = min(self._due, topics.exchange.deadline())
+            self._due = now
+        if now >= self._due:
+            self._due = self._looked + PERIOD
+            for topics in self._peers.values():
+                topics.send(now)
+                self._due = min(self._due, topics.exchange.deadline())
         return self._due
 
     def _tell_differences(self, now: float) -> None:
