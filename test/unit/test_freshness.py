@@ -72,6 +72,7 @@ def test_a_scene_that_is_another_one_in_each_image_is_not_outdated_further() -> 
 def test_bytes_are_sent_while_they_gain_more_than_their_time_costs() -> None:
     ends, errors = np.array([10, 100, 200, 300]), np.array([1000.0, 500.0, 400.0, 390.0])
     assert worth_sending(ends, errors, 0.0, 1.0, 0, 1.0) == 4
+    assert worth_sending(ends, np.minimum(errors, errors[1]) * 0 + errors[-1], 0.0, 1.0, 0, 1.0) == 4   # all alike
     assert worth_sending(ends, errors, 50.0, 1e-9, 0, 1.0) == 4         # an infinitely fast link
     assert worth_sending(ends, errors, 50.0, 0.01, 0, 1.0) == 3         # 100 bytes cost 50
     assert worth_sending(ends, errors, 1e6, 0.01, 0, 1.0) == 1

@@ -105,7 +105,8 @@ def sharp_size(ends: IntArray, errors: FloatArray, duration: float, cells: int, 
 
 def worth_sending(ends: IntArray, errors: FloatArray, growth: float, duration: float, cells: int,
                   contrast: float) -> int:
-    """The number of truncation points up to the one with the least error on the screen.
+    """The number of truncation points up to the one with the least error on the screen, of several the last one: where
+    nothing moves the whole stream is worth sending, also if its last bytes happen to change no pixel.
 
     :param ends: (s,) truncation points of a stream [byte]
     :param errors: (s,) sums of squared errors there
@@ -115,4 +116,4 @@ def worth_sending(ends: IntArray, errors: FloatArray, growth: float, duration: f
     :param contrast: see contrast_of [count]
     """
     first = min(int(np.searchsorted(ends, sharp_size(ends, errors, duration, cells, contrast))), len(ends) - 1)
-    return first + int(np.argmin((errors + growth * duration * ends)[first:])) + 1
+    return len(ends) - int(np.argmin((errors + growth * duration * ends)[first:][::-1]))
