@@ -10,7 +10,7 @@ from ..parameters import OPERATOR
 from ..segments import MAIN_PART
 from .parameters import RELAY
 from .parts import PartJoiner, carried
-from .transforms import TF_TYPES, TransformSet, stamp_of
+from .transforms import QUEUE, TF_TYPES, TransformSet, stamp_of
 
 
 class RelayAssembler(Assembler[None, Assembled]):
@@ -19,7 +19,7 @@ class RelayAssembler(Assembler[None, Assembled]):
     Of latched messages subscribers receive only the last one, so transforms are merged into one message.
     """
     SEGMENTS = {MAIN_PART: RelaySegment}
-    FORWARDS = True
+    FORWARDS, QUEUE_SIZE = True, QUEUE
     PARAMETERS = {**OPERATOR, **RELAY}
 
     def __init__(self, settings: Mapping[str, Any], clock: Clock = no_clock) -> None:
