@@ -25,7 +25,7 @@ def test_a_message_goes_from_the_source_to_the_operator(make: Make) -> None:
     made = make()
     assert (made.segments.name, made.segments.message_class) == ('/smokebot_udp/scan/segments', ScanSegment)
     assert made.segments.options['subscriber_listener'] is made.stream
-    assert (made.source.name, made.source.message_class, made.source.options['queue_size']) == ('/in', LaserScan, 1)
+    assert (made.source.name, made.source.message_class, made.source.options['queue_size']) == ('/in', LaserScan, 8)
     for number in (5, 6):
         made.stream.receive(scan(number))
         wait_for(lambda number=number: number in made.segments.published)

@@ -109,7 +109,6 @@ class OperatorStream:
 
     def start(self) -> None:
         """Begin to receive."""
-        # of images only the newest count; the messages of a relay may come many at once
         self._publisher = self._make_publisher()
         self._outputs = list(self._make_outputs())
         if not self.assembler.FORWARDS:
@@ -124,7 +123,7 @@ class OperatorStream:
             from .map_publisher import MapPublisher  # imports map_msgs, for maps only
             return MapPublisher(self.topic, self.assembler.MESSAGE)
         return rospy.Publisher(self.topic, self.assembler.MESSAGE, latch=self.assembler.LATCH,
-                               queue_size=QUEUE if self.assembler.FORWARDS else 2, tcp_nodelay=True)
+                               queue_size=self.assembler.QUEUE_SIZE, tcp_nodelay=True)
 
     def _subscribe(self, part: str) -> Subscriber:
         options: Dict[str, Any]

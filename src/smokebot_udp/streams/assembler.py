@@ -108,6 +108,8 @@ class Assembler(Generic[Finished, Result]):
     """Whether late subscribers receive the last message."""
     STEADY: bool = True
     """Whether silence is a fault."""
+    QUEUE_SIZE: ClassVar[int] = 2
+    """Of the publisher: of most messages only the newest counts."""
     FORWARDS: ClassVar[bool] = False
     """Whether messages are published in the transport's thread. Then only `configure`, `join`, `forward` and `problem`
     are called."""

@@ -29,6 +29,7 @@ from ..udpros.frame import Frame
 from .held import Holding
 from .outlook import Outlook
 from .parameters import ROBOT
+from .recent import MAX_SOURCES
 from .segments import MAIN_PART
 
 Message = TypeVar('Message')
@@ -83,8 +84,8 @@ class Encoder(Generic[Message]):
     """Whether the last message is encoded again when settings change; `encode` returns [] where nothing changes."""
     FORESEES: ClassVar[bool] = False
     """Whether `outlook` is used: it costs some computing for each report."""
-    QUEUE_SIZE: ClassVar[int] = 1
-    """Queue size of the subscription."""
+    QUEUE_SIZE: ClassVar[int] = MAX_SOURCES
+    """Queue size of the subscription: of messages that come together, those of all sources are to be seen."""
     DERIVED: ClassVar[Any] = None
     """Class of the messages that `derive` makes for use on the robot; None: there are none. They are published at the
     requested rate on the topic that the setting `scan_topic` names."""

@@ -16,6 +16,7 @@ from ...mission.settings import Settings
 from ...msg import CloudChunk
 from ..assembler import Assembled, Clock, no_clock
 from ..frame_assembler import Frame
+from ..recent import MAX_SOURCES
 from ..segments import MAIN_PART
 from ..stamped_assembler import StampedAssembler, header_of
 
@@ -44,6 +45,7 @@ Content = Union[CloudParts, SortedParts]
 class CloudAssembler(StampedAssembler[Content, Assembled]):
     """Makes one cloud of each stamp's chunks."""
     MESSAGE, SEGMENTS = PointCloud2, {MAIN_PART: CloudChunk}
+    QUEUE_SIZE = MAX_SOURCES
     HEADS = {MAIN_PART: ('points', 'chunks', 'has_intensity', 'is_double', 'step', 'origin', 'bits', 'intensity_min',
                          'intensity_step', 'fields', 'codes')}
     PARAMETERS = {

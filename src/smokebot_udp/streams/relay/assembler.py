@@ -7,7 +7,7 @@ from ..assembler import Assembled, Assembler, Clock, no_clock
 from ..message_types import message_class
 from ..parameters import OPERATOR
 from ..segments import MAIN_PART
-from .contents import Contents, kept_together, stamp_of
+from .contents import QUEUE, Contents, kept_together, stamp_of
 from .parameters import RELAY
 from .parts import PartJoiner, carried
 
@@ -18,7 +18,7 @@ class RelayAssembler(Assembler[None, Assembled]):
     Of latched messages subscribers receive only the last one, so transforms, for one, are merged into one message.
     """
     SEGMENTS = {MAIN_PART: RelaySegment}
-    FORWARDS = True
+    FORWARDS, QUEUE_SIZE = True, QUEUE
     PARAMETERS = {**OPERATOR, **RELAY}
 
     def __init__(self, settings: Mapping[str, Any], clock: Clock = no_clock) -> None:
