@@ -66,6 +66,11 @@ class Sender:
     def __init__(self, network: Network, source: Address) -> None:
         self._network, self._source = network, source
 
+    tos = 0
+
+    def another(self, tos: int) -> 'Sender':
+        return Sender(self._network, self._source)
+
     def send_one(self, *parts: Any, to: Address) -> int:
         self._network.send(self._source, to, b''.join(bytes(part) for part in parts))
         return 1

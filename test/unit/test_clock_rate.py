@@ -28,7 +28,7 @@ def errors(rate: float, seconds: int = 60, grain: float = 0.0, jitter: float = 0
         estimate = client.estimate(came)
         if estimate is not None:
             yield came, EPOCH + came + estimate.offset - theirs(came)
-        client.ask(int((EPOCH + asked) * 1e9))
+        client.ask(int((EPOCH + asked) * 1e9), asked)
         if chance.random() >= loss:
             client.answer(int((EPOCH + asked) * 1e9), theirs(asked + there), theirs(asked + there), EPOCH + came, came)
 

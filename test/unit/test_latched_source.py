@@ -38,7 +38,7 @@ class Sending:
 
     def __init__(self, message_class: Any, monkeypatch: pytest.MonkeyPatch) -> None:
         self.errors: List[str] = []
-        monkeypatch.setattr(reliable_relay.rospy, 'logerr_throttle_identical', lambda _, text: self.errors.append(text))
+        monkeypatch.setattr(reliable_relay, 'logerr', lambda _, problem: self.errors.append(str(problem)))
         monkeypatch.setattr(reliable_relay.rospy, 'is_shutdown', lambda: False)
         settings = load(STREAM % (message_class._type, MAX_BYTES))[0]['state']
         self._class, self._channel = message_class, Channel()
