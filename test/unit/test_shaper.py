@@ -6,7 +6,7 @@ import pytest
 
 from evaluation.simulated_paths import TokenBucket
 from smokebot_udp.congestion.feedback import PacketSample
-from smokebot_udp.congestion.shaper import LEARNT, MAX_DEPTH, USUAL_DEPTH, Shaper
+from smokebot_udp.congestion.shaper import LEARNT, MAX_DURATION, Shaper
 
 RATE, SIZE = 125000.0, 1000
 
@@ -37,13 +37,13 @@ class Sent:
             self.shaper.learn(RATE, 0.0)
 
 
-@pytest.mark.parametrize('depth', [3000.0, 6000.0, 32000.0])
+@pytest.mark.parametrize('depth', [3000.0, 6000.0, 12000.0, 32000.0])
 def test_the_depth_is_what_passed_before_a_queue(depth: float) -> None:
     sent = Sent(depth)
-    assert sent.shaper.depth == USUAL_DEPTH
+    assert sent.shaper.depth == 0
     for _ in range(LEARNT):
         sent.report((0.8, int(depth / SIZE) + 20))
-    assert sent.shaper.depth == pytest.approx(depth, abs=SIZE)
+    assert sent.shaper.depth == pytest.approx(min(depth, MAX_DURATION * RATE), abs=SIZE)
 
 
 def test_without_a_bucket_the_depth_is_a_datagram_at_most() -> None:
@@ -61,7 +61,7 @@ def test_a_rate_that_has_fallen_is_no_bucket() -> None:
     sent.path.rate = RATE
     for _ in range(4):
         sent.report((0.1, 30))
-    assert sent.shaper.depth == USUAL_DEPTH < MAX_DEPTH
+    assert sent.shaper.depth == 0
 
 
 def test_tokens_come_back_with_time() -> None:
@@ -79,11 +79,11 @@ def test_tokens_come_back_with_time() -> None:
     assert sent.shaper.tokens(RATE, sent.total, now) == (0.0, 0.0)
 
 
-def test_after_a_calm_the_bucket_is_thought_to_be_of_usual_depth() -> None:
-    sent = Sent(1000.0)
+def test_queues_that_show_different_depths_show_no_bucket() -> None:
+    sent = Sent(6000.0)
     for _ in range(LEARNT):
-        sent.report((0.5, 20))
-    assert sent.shaper.depth <= SIZE
-    for _ in range(30):
-        sent.report((0.1, 1))
-    assert sent.shaper.depth == USUAL_DEPTH
+        sent.report((0.5, 30))
+    assert sent.shaper.depth > 0
+    sent.report((0.5, 30), (0.001, 1))
+    sent.report((0.13, 30))     # it was not full
+    assert sent.shaper.depth in (0.0, pytest.approx(6000.0, abs=SIZE))

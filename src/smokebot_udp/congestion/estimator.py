@@ -398,7 +398,7 @@ class Estimator:
     def _update_capacity(self, seen: Observation) -> None:
         """Correct the capacity by how datagrams arrived."""
         if seen.carried:
-            dropped = self._loss.beyond_air(seen.feedback.loss) if seen.is_long else 0.0
+            dropped = self._loss.beyond_air(seen.feedback.loss) if seen.was_long else 0.0
             measured, noise = seen.carried * (1 - dropped), self._path.delay.noise
             self._capacity.measure(measured, seen.busy, len(seen.chain), noise, self._trust(seen), seen.newest.sent)
             self._path.shaper.learn(measured, self._capacity.spread)

@@ -53,6 +53,11 @@ class Observation(NamedTuple):
         return self.queue > LONG_QUEUE
 
     @property
+    def was_long(self) -> bool:
+        """Whether it was so long for some of the datagrams, so that some may have been dropped."""
+        return max(self.waits) > LONG_QUEUE
+
+    @property
     def duration(self) -> float:
         """From the first to the last arrival [s]."""
         return self.newest.arrived - self.chain[0].arrived

@@ -6,7 +6,6 @@ Calculus", Springer 2001). A short train passes at the line's speed, and shows n
 tokens. The depth is learnt where a queue begins: it is what was sent until then beyond r T, less the queue.
 """
 import collections
-import math
 import statistics
 from typing import Deque, List, NamedTuple, Optional, Tuple
 
@@ -21,11 +20,12 @@ THINNED = 0.02
 MAX_DEPTH = 65536.0
 """More that was sent beyond the rate shows that the rate has changed: Linux and routers are set to less [byte]."""
 
-USUAL_DEPTH, CALM = 6000.0, 1.0
-"""Where no queue was seen for this long, or ever, the depth is thought to be this at least [byte, s]."""
+MAX_DURATION = 0.12
+"""What passes at once is thought to be no more than the path carries in this time, as a mistake becomes a queue [s]."""
 
-LEARNT = 3
-"""The depth is the median of what this number of queues show: other traffic makes a bucket appear now and then."""
+LEARNT, AGREEMENT = 3, 0.25
+"""A bucket is known where this number of queues in a row show the same depth, within this part of it: other traffic
+makes buckets of all depths appear."""
 
 SPENDS = 0.25
 """Where this part of the datagrams of a report met no queue, they spent tokens, or nothing else fills the queue."""
@@ -44,15 +44,14 @@ class Shaper:
     """The depth and the tokens of a token bucket on the path, if there is one."""
 
     def __init__(self) -> None:
-        self.depth = USUAL_DEPTH
-        """[byte]"""
+        self.depth = 0.0
+        """0: no bucket is known [byte]."""
         self.level = 0.0
         """Tokens that are missing after the newest sample; more than `depth`: a queue waits for them [byte]."""
         self._newest: Optional[PacketSample] = None
         self._clear: Deque[Passed] = collections.deque()    # since a queue was seen last
         self._onset: Optional[Passed] = None                # where the present queue began,
         self._before: List[Passed] = []                     # what passed since the queue before it,
-        self._queued = -math.inf                            # when a queue was seen last [s]
         self._spends = False                                # whether datagrams of the last report spent tokens
         self._depths: Deque[float] = collections.deque(maxlen=LEARNT)
         self._learnt: Optional[PacketSample] = None         # beginning of the queue that the last one is of
@@ -86,7 +85,6 @@ class Shaper:
             self._full |= self.level == 0
             self.level += sample.total - before.total
         if wait > noise:
-            self._queued = sample.sent
             self.level = self.depth + wait * rate
             if self._onset is None and self._clear:
                 self._onset = Passed(sample, wait, 0.0)
@@ -94,8 +92,6 @@ class Shaper:
             self._clear.clear()
             self._full = False
         else:
-            if sample.sent > self._queued + CALM:
-                self.depth = max(self.depth, USUAL_DEPTH)
             self.level, self._onset = min(self.level, self.depth), None
         passed = Passed(sample, wait, max(0.0, self.depth - self.level))
         if wait <= noise and (not self._clear or sample.sent >= self._clear[-1].sample.sent + THINNED):
@@ -131,4 +127,6 @@ class Shaper:
             if self._learnt is not onset:
                 self._depths.append(0.0)
             self._learnt, self._depths[-1] = onset, max(0.0, excess)
-            self.depth = statistics.median_low(self._depths)
+            usual = statistics.median(self._depths)
+            agree = len(self._depths) == LEARNT and max(abs(one - usual) for one in self._depths) <= AGREEMENT * usual
+            self.depth = min(usual, MAX_DURATION * rate) if agree else 0.0
