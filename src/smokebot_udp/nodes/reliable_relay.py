@@ -30,6 +30,9 @@ RECENT = 10.0
 LEVEL_VALUES = {level: 1 << index for index, level in enumerate(LEVELS)}
 """{level: its value in rosgraph_msgs/Log}"""
 
+STATES_SHARE = 0.03
+"""Of the link's rate, for the states of one relay with `newest`, to each peer."""
+
 TURN_PERIOD = 0.05
 """How often it is looked whether a peer has got the last message, with `newest` [s]."""
 
@@ -258,7 +261,7 @@ class NewestSource(Source):
         """Send the next message to each peer that has got the one before."""
         channel = self._channel
         assert channel is not None
-        rate, now = self._link.states_rate, time.monotonic()
+        rate, now = self._link.part_of_rate(STATES_SHARE), time.monotonic()
         with self._lock:
             due = [(peer, states.take(rate, now)) for peer, states in self._states.items() if not channel.waiting(peer)]
         for peer, data in due:
