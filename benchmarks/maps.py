@@ -14,13 +14,17 @@ from smokebot_udp.arrays import Array
 from smokebot_udp.codecs.tiles.coder import decode, encode
 from smokebot_udp.codecs.tiles.overview import overview
 from smokebot_udp.codecs.tiles.tiling import Tiling
+from smokebot_udp.streams.grid.copies import Pattern
+from smokebot_udp.streams.grid.tile_queue import Item, TileQueue
 
 ROUNDS, QUICK_ROUNDS = 9, 3
 SIDE = 20
 """Of the square that changes [cell]."""
 GOAL, GOAL_PLUS = 0.7, 300
 """Bytes of the tiles of a map of three values, at most: this share of zlib's, plus this."""
-STEPS = 'tiling', 'encode', 'decode', 'change', 'pool'
+STEPS = 'tiling', 'encode', 'decode', 'change', 'pool', 'look'
+QUEUED = 4000
+"""Tiles of which the next ones are looked for, up to fifty times a second."""
 
 
 def maps(quick: bool) -> Dict[str, Array]:
@@ -63,6 +67,10 @@ class Steps:
         changed[row:row + SIDE, column:column + SIDE] = 100
         self._timed('change', tiling.update, changed, CORNER)
         self._timed('pool', overview, cells, CORNER, ROOM)
+        queue = TileQueue()
+        queue.attend(['one', 'another'], 0.0)
+        queue.add([Item(number + 1, tiles[number % len(tiles)].place, b'', False) for number in range(QUEUED)])
+        self._timed('look', lambda: (queue.due(0.0, Pattern(0.2, 5.0), (0.0, 0.0)), queue.wanted(0.0)))
 
     def _timed(self, step: str, function: Callable[..., Any], *arguments: Any) -> Any:
         begun = time.process_time()
@@ -94,5 +102,6 @@ def table(results: Dict[str, Any]) -> str:
             of_map['png'], of_map['tiles'] / of_map['zlib'], '%d /%d' % (of_map['overview'], 1 << of_map['shift']),
             '%d /%d' % (of_map['interleaved'], of_map['factor'])) + ''.join(
                 '%9.1f' % of_map[step] for step in STEPS) + (' goal missed' if missed else ''))
-    lines.append('ratio: to zlib; /n: reduced by n; change: %d x %d cells; pool: the overview' % (SIDE, SIDE))
+    lines.append('ratio: to zlib; /n: reduced by n; change: %d x %d cells; pool: the overview; look: what is next '
+                 'of %d tiles' % (SIDE, SIDE, QUEUED))
     return '\n'.join(lines)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What experiments, benchmarks and tests share to evaluate the package; it is not installed.
 
-* Data and quality: recordings, quality, linear_fit, machine, checkout (the state of the code).
+* Data and quality: recordings, quality, linear_fit, machine, csv_rows, checkout (the state of the code).
 * Without a network: offline_link (messages through the streams), losses, send_orders, jpeg_packets (the alternative),
   display (what the operator sees).
 * Video without a network: video_clips (what cameras see), video_link (losses, late reports, the screen), video_ways
@@ -18,6 +18,10 @@
   in memory).
 * The way back over the emulated link: way_back (what is measured), way_back_nodes (with what), way_back_results (how it
   is judged; pure), teleoperator (sends from a side), teleoperated (reports what came).
+* A camera over a narrow link, live: shapers and shaped_link (a kernel's shaper, or the emulated link), live_clip and
+  live_camera (what is sent), live_methods (our nodes; or GStreamer: gst_pipelines, gst_peer), live_recorder (our
+  screen), live_run (one method on one link), live_score and live_goals (how it is judged; pure), live_ideal (with the
+  whole rate, offline), live_idle (what crosses beside the images).
 * processes: child processes that end with their parent.
 """
 import pathlib

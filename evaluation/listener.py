@@ -25,8 +25,8 @@ from smokebot_udp import udpros
 from smokebot_udp.codecs.wire.partial_image import RECEIVED
 from smokebot_udp.msg import LinkStatus, RelaySegment
 from smokebot_udp.streams.blank import has_blank
+from smokebot_udp.streams.relay.contents import stamp_of
 from smokebot_udp.streams.relay.parts import PartJoiner
-from smokebot_udp.streams.relay.transforms import stamp_of
 from smokebot_udp.udpros.rospy_binding import install
 
 from . import TOP
@@ -44,14 +44,18 @@ KINDS: Dict[str, Tuple[Any, Callable[[Any], Any]]] = {
     'odometry': (Odometry, lambda message: 1),
     'transforms': (TFMessage, lambda message: len(message.transforms)),
     'link': (LinkStatus, lambda message: {name: getattr(message, name) for name in LINK_FIELDS}),
+    'longest': (LinkStatus, lambda message: message.longest_datagram),
     'diagnostics': (DiagnosticArray, lambda message: [status.message for status in message.status] + [
         pair.key for status in message.status for pair in status.values if 'refused' in pair.key]),
+    'parts': (DiagnosticArray, lambda message: {
+        values['stream']: int(values['datagrams']) for values in (
+            {pair.key: pair.value for pair in status.values} for status in message.status) if 'peer' in values}),
     'link transport': (DiagnosticArray, lambda message: {
         pair.key: pair.value for status in message.status if status.name.endswith('link transport')
         for pair in status.values}),
 }
 """{kind: (message class, f(message) -> amount)}; the amount: bytes, points, ranges, transforms, the share of pixels
-that were received, or the content."""
+that were received, the datagrams of each part of a stream, the longest datagram that passes, or the content."""
 
 RELAYED = {'relayed odometry': 'odometry', 'relayed transforms': 'transforms'}
 """{kind of a relay's segments, as they leave: kind of the messages that they carry}"""

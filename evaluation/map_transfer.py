@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """How long a map takes over an emulated link, by the package's streams and as a PNG in fragments; without a network."""
 import math
-from typing import Any, Iterator, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Iterable, Iterator, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
 from smokebot_udp.arrays import Array, Records
+from smokebot_udp.codecs.wire.grid import UNKNOWN
 from smokebot_udp.link_lab.channel import Channel, LinkConditions
 from smokebot_udp.mission.parameters import check
 from smokebot_udp.mission.settings import Settings
@@ -18,7 +19,7 @@ from smokebot_udp.udpros.datagram import IP_UDP_HEADERS
 from smokebot_udp.udpros.frame import Frame
 
 from .maps import map_message
-from .offline_link import MAX_DATAGRAM_SIZE, operator_side
+from .offline_link import MAX_DATAGRAM_SIZE, operator_side, work_off
 
 STEP = 0.005
 """Of the time [s]."""
@@ -91,6 +92,26 @@ class MapTransfer:
                     return Outcome(first, self._now - begun, self._forth.counts.carried - sent)
         return Outcome(first, math.inf, self._forth.counts.carried - sent)
 
+    def follow(self, messages: Iterable[Any], period: float) -> List[float]:
+        """Send one map after the other, `period` [s] apart. How much of each the operator is shown at the end of its
+        time: the share of its known cells that are right, 0..1; none, where the map shown lies elsewhere.
+
+        :param messages: nav_msgs/OccupancyGrid
+        """
+        shares: List[float] = []
+        shown: Any = None
+        for sent in messages:
+            self._queue(self._encoder.encode(self._encoder.merge(None, sent), self._settings, MAX_DATAGRAM_SIZE))
+            until = self._now + period
+            while self._now < until:
+                self._now += STEP
+                shown = next((message for message, _ in self._turn()), shown)
+            cells = np.asarray(sent.data, np.int8)
+            known = cells != UNKNOWN
+            here = shown is not None and shown.info.origin == sent.info.origin and len(shown.data) == len(cells)
+            shares.append(float((shown.data[known] == cells[known]).mean()) if here else 0.0)
+        return shares
+
     def settle(self, duration: float) -> int:
         """Go on with the same map [s]; what is sent [byte on the air]."""
         sent, until = self._forth.counts.carried, self._now + duration
@@ -118,6 +139,7 @@ class MapTransfer:
         for _, (record, part, _) in landed:
             self._news |= part == TILES
             self._assembler.receive(record, np.ones(1, bool), self._now, part)
+        work_off(self._assembler)
         self._report()
         finished = self._assembler.poll(self._now)
         assembled = finished and self._assembler.assemble(finished, self._shown_settings, False, self._now)

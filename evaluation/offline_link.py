@@ -45,6 +45,15 @@ def operator_side(kind: str, **settings: Any) -> Tuple[Assembler[Any, Any], Sett
     return class_(checked, **shared), checked
 
 
+def work_off(assembler: Any) -> None:
+    """Have an assembler, or what has its method `work`, do all that takes time before a message can be finished."""
+    work = assembler.work()
+    while work is not None:
+        work.do()
+        work.done()
+        work = assembler.work()
+
+
 def assemble_all(assembler: Assembler[Any, Any], settings: Settings, batches: Iterable[Records], now: float = 0.0,
                  still: bool = False, part: str = MAIN_PART) -> List[Assembled]:
     """What an assembler makes of segments that are received at one moment, when nothing follows them.
@@ -67,6 +76,7 @@ def assemble_all(assembler: Assembler[Any, Any], settings: Settings, batches: It
 
     for records in batches:
         assembler.receive(records, np.ones(len(records), bool), now, part)
+        work_off(assembler)
         take(now)
     take(math.inf)
     return results
@@ -84,6 +94,12 @@ class Sender:
         class_: Any = encoder_class(kind)
         self._settings = Settings(check({'robot_topic': 'unused', **settings}, class_.PARAMETERS))
         self._encoder = class_(self._settings.requested, *shared)
+
+    @property
+    def warnings(self) -> Sequence[str]:
+        """What is wrong with messages that were sent nevertheless."""
+        warnings: Sequence[str] = self._encoder.warnings
+        return warnings
 
     def expect(self, air: Air) -> None:
         """Plan for such a link from now on, whatever its rate."""

@@ -9,10 +9,10 @@ import subprocess
 import time
 from typing import Any, Dict, Optional
 
-from smokebot_udp.link_lab.lab import ADDRESSES
+from smokebot_udp.link_lab.lab import ADDRESSES, TwoSides
 
 from .firewall import Firewall
-from .stack import Stack
+from .stack import RECEIVER, SENDER, Stack
 
 PORT = 17001
 """The robot's."""
@@ -20,8 +20,6 @@ PORT = 17001
 ROBOT = '%s:%d' % (ADDRESSES['robot'], PORT)
 
 MASTER = 'http://localhost:11311'
-
-SENDER, RECEIVER = 'robot_sender', 'operator_receiver'
 
 POLLING = 0.005
 """[s]"""
@@ -31,15 +29,16 @@ class OwnMasters(Stack):
     """See Stack.
 
     :param key_file: of both sides; None: the link is open
-    :param shared_air: see Stack
+    :param shared_air, sides: see Stack
     """
 
     MASTER_SIDES = 'robot', 'operator'
 
     def __init__(self, seed: int = 0, log: Optional[pathlib.Path] = None,
-                 key_file: Optional[pathlib.Path] = None, shared_air: bool = False) -> None:
+                 key_file: Optional[pathlib.Path] = None, shared_air: bool = False,
+                 sides: Optional[TwoSides] = None) -> None:
         self._key_file = key_file
-        super().__init__(seed, log=log, shared_air=shared_air)
+        super().__init__(seed, log=log, shared_air=shared_air, sides=sides)
 
     def environment(self, side: str) -> Dict[str, str]:
         rest = {name: value for name, value in os.environ.items() if name != 'ROS_IP'}

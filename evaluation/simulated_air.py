@@ -200,6 +200,7 @@ class Robot:
 
     def _follow(self) -> None:
         self.scheduler.set_rate(self.controller.rate(self.robot_time), self.robot_time)
+        self.scheduler.set_tokens(*self.controller.tokens(self.robot_time), self.robot_time)
         self._wake()
 
 

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A path that link_lab's Channel is not: a Wi-Fi that sends in aggregates. It has a Channel's `fate`, `waits` and
-`counts`. Time is an argument; what is random is seeded.
+"""Paths that link_lab's Channel is not: a Wi-Fi that sends in aggregates, and a kernel's token bucket. They have a
+Channel's `fate`, `waits` and `counts`. Time is an argument; what is random is seeded.
 """
+import collections
 import random
-from typing import Iterator, Protocol, Tuple
+from typing import Deque, Iterator, Protocol, Tuple
 
 from smokebot_udp.link_lab.channel import Counts
 
@@ -75,3 +76,48 @@ class AggregatingAir:
             begins = ends + min(MAX_OTHERS_TURN, self._draw.expovariate(1 / OTHERS_TURN))
             ends = begins + self._draw.uniform(*TURN)
             yield begins, ends
+
+
+class TokenBucket:
+    """A shaper as the kernel's tbf: up to `burst` bytes pass at once, the rest at the rate; what does not fit its queue
+    is dropped.
+
+    :param rate: of the tokens [bit/s]
+    :param burst: most tokens [byte]
+    :param delay: one way [s]
+    :param queue: what the queue holds beside the burst, at the rate: tbf's `latency` [s]
+    :param loss: packet-loss ratio behind the shaper
+    """
+
+    def __init__(self, rate: float, burst: float, delay: float, queue: float, loss: float = 0.0,
+                 seed: object = 0) -> None:
+        self.counts = Counts()
+        self.rate, self._burst, self._delay, self._queue = rate / 8, burst, delay, queue
+        """Of the tokens; it may be changed at any time [byte/s]."""
+        self._loss, self._draw = loss, random.Random('%s loss' % seed)
+        self._tokens, self._at = burst, 0.0     # as they are when the last datagram has left
+        self._waiting: Deque[Tuple[float, int]] = collections.deque()   # (when it leaves, size)
+
+    def waits(self, now: float) -> float:
+        """How long a datagram that enters now waits for those before it [s]."""
+        return max(0.0, self._at - now)
+
+    def fate(self, now: float, size: int) -> Tuple[float, ...]:
+        """When a datagram that enters now is delivered."""
+        self.counts.offered += 1
+        while self._waiting and self._waiting[0][0] <= now:
+            self._waiting.popleft()
+        if sum(other for _, other in self._waiting) + size > self.rate * self._queue + self._burst:
+            self.counts.dropped += 1
+            return ()
+        begins = max(now, self._at)
+        tokens = min(self._burst, self._tokens + (begins - self._at) * self.rate)
+        leaves = begins + max(0.0, size - tokens) / self.rate
+        self._tokens, self._at = tokens + (leaves - begins) * self.rate - size, leaves
+        self._waiting.append((leaves, size))
+        self.counts.carried += size
+        if self._draw.random() < self._loss:
+            self.counts.lost += 1
+            return ()
+        self.counts.delivered += 1
+        return (leaves + self._delay,)

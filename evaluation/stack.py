@@ -8,7 +8,7 @@ import subprocess
 import time
 from typing import Any, Dict, List, Optional, Sequence, TypeVar
 
-from smokebot_udp.link_lab.lab import ADDRESSES, DEVICE, Lab, environment
+from smokebot_udp.link_lab.lab import ADDRESSES, DEVICE, Lab, TwoSides, environment
 
 from . import processes
 
@@ -21,25 +21,31 @@ OPERATOR_ADDRESSES = ADDRESSES['operator'], '10.77.0.3'
 """Which the operator may have, see Stack.change_address."""
 
 
+SENDER, RECEIVER = 'robot_sender', 'operator_receiver'
+
+
 class Stack:
     """A link lab with a ROS master; a context manager.
 
     :cvar MASTER_SIDES: those that have a master
     :param seed, congestion_control, shared_air: see Lab
     :param log: file for the output of the nodes; None: it is lost
+    :param sides: another link, in place of a link lab; it is removed with the stack
     :raises LabError: as Lab
     """
 
     MASTER_SIDES: Sequence[str] = ('robot',)
 
     def __init__(self, seed: int = 0, congestion_control: str = 'cubic', log: Optional[pathlib.Path] = None,
-                 shared_air: bool = False) -> None:
+                 shared_air: bool = False, sides: Optional[TwoSides] = None) -> None:
         self._processes: List[subprocess.Popen[Any]] = []
         self._resources = contextlib.ExitStack()
+        self.variables: Dict[str, str] = {}
+        """Of the environment of processes that are started from now on."""
         self.operator_address = OPERATOR_ADDRESSES[0]
         self._log = self._resources.enter_context(open(str(log or os.devnull), 'ab'))    # noqa: SIM115
         try:
-            self.lab = self._resources.enter_context(Lab(seed, congestion_control, shared_air))
+            self.lab: Any = self._resources.enter_context(sides or Lab(seed, congestion_control, shared_air))
             self.masters = {side: self.start_master(side) for side in self.MASTER_SIDES}
             for side in self.masters:
                 self._wait_for_master(side)
@@ -57,8 +63,8 @@ class Stack:
         :param options: of subprocess.Popen
         """
         process = processes.start(self.lab.command(side, command), death_signal='KILL', **{
-            'env': self.environment(side), 'stdout': self._log, 'stderr': self._log, 'start_new_session': True,
-            **options})
+            'env': {**self.environment(side), **self.variables}, 'stdout': self._log, 'stderr': self._log,
+            'start_new_session': True, **options})
         self._processes.append(process)
         return process
 
@@ -69,6 +75,14 @@ class Stack:
     def start_node(self, side: str, name: str, *arguments: str) -> 'subprocess.Popen[Any]':
         """Start one of this package's nodes."""
         return self.start(side, 'rosrun', 'smokebot_udp', name, '__name:=' + name, *arguments)
+
+    def start_sender(self, *arguments: str) -> 'subprocess.Popen[Any]':
+        """Start robot_sender."""
+        return self.start_node('robot', SENDER, *arguments)
+
+    def start_receiver(self, *arguments: str) -> 'subprocess.Popen[Any]':
+        """Start operator_receiver, which joins the robot."""
+        return self.start_node('operator', RECEIVER, *arguments)
 
     def end(self, process: 'subprocess.Popen[Any]') -> None:
         """Kill a process of this stack. It cannot say goodbye to anybody, as in a power failure."""
@@ -100,10 +114,14 @@ class Stack:
                 raise RuntimeError('the ROS master does not answer')
             time.sleep(0.1)
 
-    def close(self) -> None:
-        """Kill all processes and remove the link."""
+    def end_all(self) -> None:
+        """Kill all processes."""
         for process in self._processes[::-1]:
             self.end(process)
+
+    def close(self) -> None:
+        """Kill all processes and remove the link."""
+        self.end_all()
         self._resources.close()
 
     def __enter__(self: Own) -> Own:

@@ -15,6 +15,7 @@ from typing import Any, List, Sequence, Tuple
 import rospy
 from geometry_msgs.msg import Twist
 from std_msgs.msg import Bool, UInt32
+from std_srvs.srv import SetBool
 
 from smokebot_udp.srv import SetFocus
 
@@ -23,7 +24,10 @@ from .processes import Peer
 from .stack import Stack
 from .way_back_results import Log
 
-COMMANDS, ESTOP, SERVICE = '/operator/cmd_vel', '/operator/estop', '/operator/counted'
+COMMANDS, ESTOP, RELEASE = 'operator/cmd_vel', 'operator/estop', 'operator_receiver/estop'
+"""In the operator's namespace."""
+
+SERVICE = '/operator/counted'
 RATE = 20.0
 """Of commands [Hz]."""
 
@@ -39,12 +43,13 @@ class Teleoperator:
 
     :param topics: on which it may send numbers
     :param log: for its output
+    :param namespace: of the operator
     """
 
-    def __init__(self, stack: Stack, side: str, topics: Sequence[str], log: pathlib.Path) -> None:
+    def __init__(self, stack: Stack, side: str, topics: Sequence[str], log: pathlib.Path, namespace: str = '/') -> None:
         with log.open('ab') as file:
             self._peer = Peer(stack.lab.command(side, [sys.executable, '-m', __name__, *topics]), cwd=str(TOP),
-                              env=stack.environment(side), stderr=file)
+                              env={**stack.environment(side), 'ROS_NAMESPACE': namespace}, stderr=file)
         assert self._peer.line() == 'ready'
 
     def _ask(self, *words: Any, seconds: float = 0.0) -> Any:
@@ -60,8 +65,17 @@ class Teleoperator:
         return sent
 
     def estop(self, engaged: bool) -> float:
-        """Engage or release the emergency stop; when it was published."""
+        """Engage the emergency stop, or release it, and again until it is; when this was asked first."""
         return float(self._ask('estop', engaged))
+
+    def press(self) -> None:
+        """Press the emergency stop, once there is a node that listens."""
+        self._ask('press')
+
+    def release(self) -> Tuple[bool, str]:
+        """Ask for its release once: (whether it is released, in words)."""
+        done, words = self._ask('release')
+        return bool(done), str(words)
 
     def call(self, count: int, at_once: int, timeout: float) -> List[Tuple[str, float, float, str]]:
         """Call the service: [(content, from, until, what failed; empty: nothing)] of each call.
@@ -125,8 +139,25 @@ class Node:
     def estop(self, engaged: bool) -> float:
         """See Teleoperator."""
         now = time.time()
-        self._estop.publish(Bool(engaged))
+        if engaged:
+            self.press()
+        while not engaged and not self.release()[0]:
+            time.sleep(1 / RATE)
         return now
+
+    def press(self) -> None:
+        """See Teleoperator."""
+        while not self._estop.get_num_connections():
+            time.sleep(1 / RATE)
+        self._estop.publish(True)
+
+    def release(self) -> Tuple[bool, str]:
+        """See Teleoperator."""
+        try:
+            answer = rospy.ServiceProxy(RELEASE, SetBool)(False)
+        except rospy.ServiceException as error:     # operator_receiver does not run
+            return False, str(error)
+        return answer.success, answer.message
 
     def call(self, count: int, at_once: int) -> List[Tuple[str, float, float, str]]:
         """See Teleoperator."""

@@ -75,6 +75,9 @@ class Publisher(Protocol):
     def get_num_connections(self) -> int:
         """The number of peers that it sends to."""
 
+    def why_not(self, peer: str) -> str:
+        """Why it does not send to a peer, in words: what the peer does or lacks, as far as this side knows."""
+
     def unregister(self) -> None:
         """End the topic."""
 
@@ -101,6 +104,13 @@ class Transport(Protocol):
         """The longest datagram of a topic, its header of 8 bytes included [byte]."""
 
     @property
+    def room(self) -> int:
+        """The longest datagram of a topic that passes to all peers now, as far as is known [byte]."""
+
+    def limit(self, room: int) -> None:
+        """Set `room`: longer messages are sent in several datagrams from now on. Any thread."""
+
+    @property
     def overhead(self) -> int:
         """What the transport adds to each datagram, besides the headers of IP and UDP [byte]."""
 
@@ -117,13 +127,14 @@ class Transport(Protocol):
         """Whether all datagrams are encrypted and authenticated."""
 
     def publisher(self, topic: str, message_class: Any, *, queue_size: int = 10, subscriber_listener: Any = None,
-                  carries: str = '', tos: int = 0) -> Publisher:
+                  carries: str = '', whole: bool = False, tos: int = 0) -> Publisher:
         """Publish a topic.
 
         :param queue_size: of messages that wait for one peer, where the transport has a queue
         :param subscriber_listener: as rospy.Publisher's: its peer_subscribe is called for each new peer
         :param carries: type and md5 sum of the messages within the messages, as 'tf2_msgs/TFMessage 94810ed...';
             empty: the messages carry none
+        :param whole: whether messages are sent in one datagram however long they are: to see whether that passes
         :param tos: second byte of the datagrams' IP headers, of which tos_mask is set
         """
 

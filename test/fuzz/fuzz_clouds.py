@@ -40,8 +40,9 @@ BEGINNING = 12
 
 VALUES = {
     'points': (0, 1, 2, 80, 65536, MAX_POINTS, MAX_POINTS + 1, 2 ** 32 - 1), 'chunks': (0, 1, 2, 3, 80, 65535),
-    'index': (0, 1, 2, 65535), 'has_intensity': (0, 1, 255), 'step': (0.0, 1e-45, 0.025, 3e38, -1.0, np.inf, np.nan),
-    'origin': (0, -2 ** 31, 2 ** 31 - 1), 'bits': (0, 1, 2, 6, 8, 18, 19, 20, 21, 255),
+    'index': (0, 1, 2, 65535), 'has_intensity': (0, 1, 255), 'is_double': (0, 1, 255),
+    'step': (0.0, 1e-45, 0.025, 3e38, -1.0, np.inf, np.nan), 'origin': (0, -2 ** 31, 2 ** 31 - 1),
+    'bits': (0, 1, 2, 6, 8, 18, 19, 20, 21, 255),
     'intensity_min': (0.0, np.nan, np.inf, 3e38), 'intensity_step': (0.0, np.nan, -np.inf, 3e38)}
 """{field: values that the segments of a batch are given alike: they still have one head}"""
 
@@ -125,8 +126,9 @@ class Fuzzer:
             assembled = self._assembler.assemble(finished, self._settings, False, self._now)
             if assembled is not None:
                 message = assembled.message
-                values = np.frombuffer(message.data, '<f4').reshape(message.width, message.point_step // 4)
-                assert np.isfinite(values[:, :3]).all()
+                size = 3 * (8 if message.fields[0].datatype == PointField.FLOAT64 else 4)
+                values = np.frombuffer(message.data, np.uint8).reshape(message.width, message.point_step)[:, :size]
+                assert np.isfinite(np.ascontiguousarray(values).view('<f%d' % (size // 3))).all()
                 self.shown, self.points = self.shown + 1, self.points + message.width
             finished = self._assembler.poll(self._now)
 

@@ -23,7 +23,7 @@ sys.path[:0] = [str(TOP), str(TOP / 'test' / 'unit'), str(TOP / 'test' / 'fuzz')
 from fuzzing import run  # noqa: E402
 from tile_sender import TileSender, info_of  # noqa: E402
 
-from evaluation.offline_link import operator_side  # noqa: E402
+from evaluation.offline_link import operator_side, work_off  # noqa: E402
 from smokebot_udp.codecs.tiles.rectangle import Rectangle  # noqa: E402
 from smokebot_udp.msg import MapTile  # noqa: E402
 from smokebot_udp.streams.segments import TILES  # noqa: E402
@@ -123,10 +123,13 @@ class Fuzzer:
 
     def _receive(self, record: Any) -> None:
         self._assembler.receive(record, np.ones(1, bool), self._now, TILES)
+        if self._random.random() < 0.5:
+            work_off(self._assembler)
         self.inputs += 1
 
     def _take(self) -> Any:
         """The newest message, if there is any."""
+        work_off(self._assembler)
         finished, message = self._assembler.poll(self._now), None
         while finished is not None:
             assembled = self._assembler.assemble(finished, self._settings, False, self._now)

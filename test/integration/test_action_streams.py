@@ -56,9 +56,12 @@ class Server:
             self._server.publish_feedback(feedback)
         self._server.set_succeeded(MoveBaseResult(), 'there')
 
+    def is_active(self) -> bool:
+        return bool(self._server.is_active())
+
     def stop(self) -> None:
         self.finish.set()
-        wait_for(lambda: not self._server.is_active())
+        wait_for(lambda: not self.is_active())
         self._server.action_server.stop()
 
 
@@ -214,6 +217,30 @@ class ActionStreams(unittest.TestCase):
         stays(lambda: len(self.server.goals) == 1, 2 * MOVE_BASE['max_age'], 'the goal')
         self.pair.cable.is_cut = False
         self.ends(GoalStatus.PREEMPTED, 'on request')
+
+    @undisturbed()
+    def test_what_a_goal_was_to_replace_that_is_lost_in_a_cut_is_cancelled(self) -> None:
+        self.start()
+        self.assertTrue(self.client.wait_for_server(TIMEOUT))
+        self.send()
+        wait_for(lambda: self.feedback)
+        self.pair.cable.is_cut = True
+        self.send(2.0)
+        self.ends(GoalStatus.LOST, 'the robot is told to give up what it was to replace: ')
+        self.assertTrue(self.server.is_active())
+        self.pair.cable.is_cut = False
+        wait_for(lambda: not self.server.is_active(), 20, 'the end of the first goal')
+        self.assertEqual([goal.target_pose.pose.position.x for goal in self.server.goals], [1.0])
+
+    def test_what_a_refused_goal_was_to_replace_is_cancelled(self) -> None:
+        self.start()
+        self.assertTrue(self.client.wait_for_server(TIMEOUT))
+        self.send()
+        wait_for(lambda: self.feedback)
+        self.pair.control.change(driver='/operator_receiver@desk2')
+        self.send(2.0)
+        self.ends(GoalStatus.REJECTED, 'drives; what it was to replace is cancelled: ')
+        wait_for(lambda: not self.server.is_active(), 20, 'the end of the first goal')
 
     def test_emergency_stop_cancels_and_refuses(self) -> None:
         self.start()

@@ -16,7 +16,7 @@ import rospy
 import rostest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Twist, TwistStamped
-from sensor_msgs.msg import Image
+from sensor_msgs.msg import Image, Joy
 from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool, Trigger
 
@@ -54,6 +54,12 @@ class Commands(CommandsCase):
     def setUp(self) -> None:
         for listener in (self.driver, self.arm, self.seeing):
             listener.clear()
+
+    def let_go(self) -> None:
+        """Let go of the stick, so that the robot obeys it again after an emergency stop."""
+        self.driver.clear()
+        with Drive(self.stick, twist(0.0)):
+            wait_for(lambda: self.driver.came, START, 'the neutral command')
 
     def drive(self, speed: float, seconds: float = 1.0) -> float:
         """Drive; returns when the last command was given [s]."""
@@ -197,6 +203,10 @@ class Commands(CommandsCase):
                 released = stop(False)
                 self.assertTrue(released.success, released.message)
                 wait_for(lambda: not self.engaged(), 2, '~estop')
+                self.wait_for_state(self.state, 'start from neutral: linear.x is not')
+                self.driver.clear()
+                stays(lambda: not any(speed for _, speed in self.speeds(self.driver)), 1.0, 'the stick is still pushed')
+                self.stick.publish(twist(0.0))
             wait_for(lambda: self.speed() == 0.6, 2, 'the next command')
         self.wait_for_silence()     # the next test begins with a robot that stands
 
@@ -206,6 +216,36 @@ class Commands(CommandsCase):
             wait_for(lambda data=data: self.engaged() == (data == 'true'), 5, '~estop')
             self.wait_for_state(self.state, 'EMERGENCY STOP' if data == 'true' else 'LOCKED: seeing')
             self.state.clear()
+
+    @undisturbed()
+    def test_to_let_go_of_the_button_releases_nothing_and_each_press_counts(self) -> None:
+        stop = rospy.ServiceProxy('/operator_receiver/estop', SetBool)
+        self.addCleanup(stop, False)
+        for _ in range(3):
+            with Drive(self.button, Bool(True)):
+                stays(lambda: True, 0.3)
+            with Drive(self.button, Bool(False)):
+                wait_for(self.engaged, 2, '~estop')
+                stays(self.engaged, 1.0, 'the stop')
+            self.assertTrue(stop(False).success)
+            wait_for(lambda: not self.engaged(), 2, '~estop')
+
+    @undisturbed()
+    def test_sticks_that_rest_elsewhere_are_neutral_where_it_was_said_so(self) -> None:
+        """A gamepad whose triggers rest at 1, during a stop and after it."""
+        neutral, stop = (rospy.ServiceProxy('/operator_receiver/' + name, type_)
+                         for name, type_ in (('set_neutral', Trigger), ('estop', SetBool)))
+        self.assertFalse(neutral().success)     # nothing waits for it
+        pad, came = rospy.Publisher('/operator/pad', Joy, queue_size=1), self.robot_topic('/pad', Joy)
+        wait_for(pad.get_num_connections, START, 'the operator')
+        self.assertTrue(stop(True).success and stop(False).success)
+        self.state.clear()
+        with Drive(pad, Joy(axes=[0.0, 0.0, 1.0, 0.0, 0.0, 1.0])):
+            self.wait_for_state(self.state, 'pad: start from neutral: axes[2] is not')
+            answer = neutral()
+            self.assertEqual((answer.success, answer.message), (True, 'pad: axes[2] 1.0, axes[5] 1.0'))
+            wait_for(lambda: any(one.message.axes[2:3] == (1.0,) for one in came.came), 5, 'the command')
+        self.let_go()
 
     def test_no_command_leaves_while_the_image_is_old_and_the_first_one_is_zero(self) -> None:
         stick = rospy.Publisher('/operator/seeing', Twist, queue_size=1)
@@ -271,6 +311,7 @@ class Commands(CommandsCase):
         type(self).estop, type(self).driver = estop, self.robot_topic('/cmd_vel', Twist)
         self.robot.run('rosservice', 'call', '/robot_sender/set_estop', 'false')
         wait_for(lambda: not self.robot.parameter('/robot_sender/estop_by'), 10, 'the release')
+        self.let_go()
         self.drive(0.5, 0.2)
 
     def test_zz_the_robots_node_is_restarted(self) -> None:
@@ -282,6 +323,7 @@ class Commands(CommandsCase):
         wait_for(lambda: self.driver.came, START, 'the stop')
         self.assertEqual({speed for _, speed in self.speeds(self.driver)}, {0.0})
         wait_for(lambda: stop(False).success, START, 'the release')
+        self.let_go()
         self.drive(0.5, 0.2)
 
 

@@ -146,6 +146,25 @@ class TeleopKeyboard(unittest.TestCase):
         self.terminal.type('k')
         self.assertEqual((len(self.stops), set(pressed)), (1, {True}))
 
+    def test_the_stop_key_counts_whatever_is_read_with_it(self) -> None:
+        pressed: List[bool] = []
+        subscriber = rospy.Subscriber('/desk/operator/estop', Bool, lambda message: pressed.append(message.data))
+        self.addCleanup(subscriber.unregister)
+        wait_for(lambda: is_sent_here(subscriber.resolved_name), what='the program')
+        for typed in ('s ', '\x1b[As', '\x1b[1;5Csi'):
+            del pressed[:]
+            self.terminal.type(typed)
+            wait_for(lambda: pressed, 10, 'the emergency stop after %r' % typed)
+            wait_for(lambda: is_silent(pressed), 10, 'silence')
+
+    def test_the_stop_waits_for_somebody_who_receives_it(self) -> None:
+        self.terminal.type('s')
+        self.shows('NOBODY RECEIVES the emergency stop, /desk/operator/estop, yet')
+        pressed: List[bool] = []
+        subscriber = rospy.Subscriber('/desk/operator/estop', Bool, lambda message: pressed.append(message.data))
+        self.addCleanup(subscriber.unregister)
+        wait_for(lambda: pressed, 10, 'the emergency stop')
+
     @undisturbed()
     def test_ctrl_c_stops_the_robot_and_restores_the_terminal(self) -> None:
         commands = self.listen()

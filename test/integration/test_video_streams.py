@@ -215,7 +215,7 @@ class VideoStreams(unittest.TestCase):
         shown = wait_for(lambda: list(blind.messages.items()), START, 'an image')
         self.assertGreater(psnr(self.pixels(shown[0][1]), self.source.sent[shown[0][0]]), 25)
         wait_for(lambda: 'PyAV is missing' in log.read_text(), PATIENCE, 'its warning')
-        words = '/blind/operator_receiver does not receive video'
+        words = 'video is not sent: /blind/operator_receiver is not connected: its log says what it lacks'
         wait_for(lambda: any(words in text for of, text in list(self.warnings) if of == '/robot_sender'), PATIENCE,
                  words)
         for loss in PLACES:

@@ -126,7 +126,7 @@ class CommandLink:
         self._let_drive()
 
     def _let_drive(self) -> None:
-        self.gate.rule(self.operator, False, self.robot_clock.at(self.now))
+        self.gate.rule(self.operator, False, 0, self.robot_clock.at(self.now))
 
     def accepted_between(self, begin: float, end: float) -> List[float]:
         """When commands took effect."""
@@ -145,7 +145,7 @@ class CommandLink:
         made = self.clock.robot_time(here)
         if made is not None:
             self.sums.made.append(self.now)
-            self.sender.put(b'%d' % len(self.sums.made), made, here)
+            self.sender.put(b'%d' % len(self.sums.made), made, 0, here)
             self._schedule()
         self.at(self.now + self.period, self._command)
 

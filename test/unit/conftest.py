@@ -7,7 +7,10 @@ Compiled loops check their indexes here. They have a cache of their own: numba w
 import os
 import pathlib
 
+import pytest
 from hypothesis import HealthCheck, settings
+
+from smokebot_udp import limited_log
 
 settings.register_profile('busy machine', deadline=None, suppress_health_check=[HealthCheck.too_slow],
                           derandomize='CI' in os.environ)
@@ -15,3 +18,9 @@ settings.load_profile('busy machine')
 
 os.environ['NUMBA_BOUNDSCHECK'] = '1'
 os.environ['NUMBA_CACHE_DIR'] = str(pathlib.Path(__file__).resolve().parents[2] / '.pytest_cache' / 'checked_loops')
+
+
+@pytest.fixture(autouse=True)
+def all_is_logged() -> None:
+    """What a test before has logged says nothing of this one."""
+    limited_log.forget()

@@ -37,6 +37,10 @@ class World:
         self.now = 0.0
         self.desks: Dict[str, Desk] = {}
         self.cut: Dict[str, bool] = {}
+        self.mute: Dict[str, bool] = {}
+        """{operator: whether nothing of it comes to the robot}, and"""
+        self.deaf: Dict[str, bool] = {}
+        """whether nothing of the robot comes to it; `cut` is both."""
         self.after: Callable[[], None] = lambda: None
         """Called after each datagram that came and each step in time."""
         self._sessions = itertools.count(1)
@@ -53,7 +57,8 @@ class World:
     def add(self, name: str) -> Desk:
         """Start an operator's node, or start it again."""
         desk = self.desks[name] = Desk(name, next(self._sessions), self.now)
-        self.cut.setdefault(name, False)
+        for failures in (self.cut, self.mute, self.deaf):
+            failures.setdefault(name, False)
         return desk
 
     @property
@@ -117,8 +122,9 @@ class World:
                 self._send(name, status)
 
     def _send(self, name: str, datagram: Any) -> None:
+        failed = self.cut[name] or (self.deaf if isinstance(datagram, Status) else self.mute)[name]
         for _ in range(1 + (self.random.random() < self.duplicates)):
-            if not self.cut[name] and self.random.random() >= self.loss:
+            if not failed and self.random.random() >= self.loss:
                 late = 3 * self.random.random() if self.random.random() < self.held_up else 0.0
                 at = self.now + self.delay + self.jitter * self.random.random() + late
                 heapq.heappush(self._flying, (at, next(self._order), name, datagram))

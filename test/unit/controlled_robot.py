@@ -8,7 +8,7 @@ from smokebot_udp.congestion.controller import Controller, Demand, Plan
 from smokebot_udp.congestion.estimator import Limits
 from smokebot_udp.congestion.feedback import ReceiveHistory, Report
 from smokebot_udp.congestion.operating_points import image_points
-from smokebot_udp.congestion.probing import ProbeTrain
+from smokebot_udp.congestion.trains import Train
 from smokebot_udp.monitoring.stats import LinkStats
 from smokebot_udp.units import MBIT
 
@@ -60,7 +60,7 @@ class Robot:
         self.controller, self.now = Controller(limits, adapt, 1472), 1000.0
         self.demands = {'thermal': image(rate=30.0)}
         self.plans: List[Plan] = []
-        self.trains: List[ProbeTrain] = []
+        self.trains: List[Train] = []
         self._seq = itertools.count(1)
 
     @property

@@ -51,13 +51,18 @@ def sent(core: LinkCore) -> List[bytes]:
     return [packet for _, packet in core.outputs()]
 
 
-def shake_hands(robot: LinkCore, operator: LinkCore, now: float = 0.0, address: Address = OPERATOR) -> None:
-    """Exchange what both cores want sent until they want nothing more, without any loss or delay."""
+def shake_hands(robot: LinkCore, operator: LinkCore, now: float = 0.0, address: Address = OPERATOR,
+                place: Address = ROBOT) -> None:
+    """Exchange what both cores want sent until they want nothing more, without any loss or delay.
+
+    :param address: the operator's
+    :param place: the robot's
+    """
     while True:
         up = sent(operator)
         give(robot, address, *up, now=now)
         down = [packet for target, packet in robot.outputs() if target == address]
-        give(operator, ROBOT, *down, now=now)
+        give(operator, place, *down, now=now)
         if not up and not down:
             return
 

@@ -7,9 +7,10 @@ import pytest
 from link_channel import KEY, OPERATOR, ROBOT, SIZE, Address, data, give, random_bytes, sent, shake_hands
 
 from smokebot_udp.link.operator_core import OperatorCore
-from smokebot_udp.link.packets import Init, Suite, parse
+from smokebot_udp.link.packets import VERSION, Hello, Init, Mode, Suite, parse
 from smokebot_udp.link.peer import Peer
 from smokebot_udp.link.robot_core import RobotCore
+from smokebot_udp.link.tags import Tags
 
 ROW = np.frombuffer(data(20), np.uint8)[np.newaxis]
 """One datagram of a topic as Peer.seal takes it."""
@@ -36,10 +37,17 @@ def joined(key: Optional[bytes] = KEY, now: float = 0.0) -> Tuple[RobotCore, Ope
     return robot, operator
 
 
-def init_of(robot: RobotCore, operator: OperatorCore, address: Address = OPERATOR, now: float = 0.0) -> bytes:
-    """The operator's next INIT."""
+def hello(nonce: int, key: Optional[bytes] = KEY, version: int = VERSION, mode: Optional[int] = None) -> bytes:
+    """A HELLO of who has this key."""
+    right = Mode.OPEN if key is None else Mode.KEYED
+    return Tags(key).tagged(Hello(version, right if mode is None else mode, nonce)).pack()
+
+
+def init_of(robot: RobotCore, operator: OperatorCore, address: Address = OPERATOR, now: float = 0.0,
+            place: Address = ROBOT) -> bytes:
+    """The operator's next INIT; the robot is at `place`."""
     give(robot, address, *sent(operator), now=now)
-    give(operator, ROBOT, *sent(robot), now=now)
+    give(operator, place, *sent(robot), now=now)
     return next(packet for packet in sent(operator) if isinstance(parse(packet), Init))
 
 

@@ -21,6 +21,9 @@ from smokebot_udp.streams.encoder import Encoder
 from smokebot_udp.streams.parameters import ROBOT
 from smokebot_udp.udpros.frame import Frame
 
+NOW = 10
+"""By ROS's clock [s]."""
+
 
 class Topic:
     """Stands in for publishers and subscribers of rospy."""
@@ -87,10 +90,10 @@ Make = Callable[..., Any]
 def logged(monkeypatch: Any) -> List[str]:
     """What is logged as warnings and errors."""
     lines: List[str] = []
-    for name in ('logwarn_throttle_identical', 'logerr_throttle_identical'):
-        monkeypatch.setattr(rospy, name, lambda period, line: lines.append(line))
-    monkeypatch.setattr(rospy, 'logwarn', lambda line, *args: lines.append(line % args))
+    for name in ('logwarn', 'logerr'):
+        monkeypatch.setattr(rospy, name, lambda line, *args: lines.append(line % args))
     monkeypatch.setattr(rospy, 'is_shutdown', lambda: False)
+    monkeypatch.setattr(rospy.Time, 'now', lambda: Time(NOW, 0))
     return lines
 
 

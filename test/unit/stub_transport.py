@@ -1,6 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A transport whose topics the test makes."""
-from typing import Any, Callable
+from typing import Any, Callable, List
+
+
+class SilentPublisher:
+    """A publisher to which nobody is connected."""
+
+    def connections(self) -> List[Any]:
+        return []
 
 
 class StubTransport:
@@ -9,8 +16,11 @@ class StubTransport:
     :param publisher: makes the publishers, as Transport.publisher
     :param subscriber: likewise
     """
-    name, max_datagram_size, overhead, tos_mask = '/desk', 1472, 0, 0xff
+    name, max_datagram_size, room, overhead, tos_mask = '/desk', 1472, 1472, 0, 0xff
 
-    def __init__(self, publisher: Callable[..., Any] = lambda *_, **__: None,
+    def __init__(self, publisher: Callable[..., Any] = lambda *_, **__: SilentPublisher(),
                  subscriber: Callable[..., Any] = lambda *_, **__: None) -> None:
         self.publisher, self.subscriber = publisher, subscriber
+
+    def limit(self, room: int) -> None:
+        self.room = room

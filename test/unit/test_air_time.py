@@ -3,8 +3,7 @@
 import pytest
 from layered_sender import CASES, DATAGRAM, NO_LOSS, encoder, image, settings
 
-from smokebot_udp.streams.image.compressed_images import LEAST_BYTES
-from smokebot_udp.streams.outlook import Outlook
+from smokebot_udp.streams.image.image_size import LEAST_BYTES
 from smokebot_udp.streams.segments import size_on_air
 
 ROOM = 200e3
@@ -30,6 +29,7 @@ def test_a_link_without_a_limit_has_time_for_all_of_it(coding: str) -> None:
 
 
 def test_the_setting_never_adds_time() -> None:
-    outlook = Outlook(room=ROOM)
-    assert outlook.in_air_time({'air_time': 0.0}, 0.08) == outlook.in_air_time({'air_time': 5.0}, 0.08) == 0.08 * ROOM
-    assert outlook.in_air_time({'air_time': 0.02}, 0.08) == 0.02 * ROOM
+    for air_time, time in ((0.0, 0.1), (5.0, 0.1), (0.02, 0.02)):
+        of = settings(air_time=air_time)
+        made = encoder(of, NO_LOSS._replace(room=ROOM / 5))
+        assert 0.8 * time < size_on_air(made.encode(image(CASES['mono16'], 'mono16'), of, DATAGRAM)) / ROOM * 5 <= time

@@ -62,6 +62,19 @@ def test_clouds_cross_exactly_also_where_their_rows_are_odd() -> None:
     assert unpack(pack(odd, None, False), PointCloud2).message.data == odd.data
 
 
+@pytest.mark.parametrize('step', [65535, 65536, 200000])
+def test_clouds_of_long_points_cross_exactly(step: int) -> None:
+    message = cloud(3, step)
+    assert serialised(unpack(pack(message, None, False), PointCloud2).message) == serialised(message)
+
+
+def test_a_cloud_that_contradicts_its_data_is_refused_by_the_robot() -> None:
+    message = cloud(3)
+    message.height = 2
+    with pytest.raises(ValueError, match='its data have 66 bytes, height x row_step is 2 x 66'):
+        pack(message, None, False)
+
+
 def test_the_pose_crosses_with_it() -> None:
     pose = TransformStamped(child_frame_id='thermal')
     pose.transform.translation.x = 1.5

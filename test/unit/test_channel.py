@@ -56,6 +56,34 @@ def test_bursts_have_their_ratio_and_their_mean_length(loss: float, burst: float
     assert sum(lengths) / len(lengths) == pytest.approx(burst, rel=0.1)
 
 
+def test_aggregates_are_4_to_8_ms_apart_and_hold_all_that_was_transmitted_meanwhile() -> None:
+    results, _ = fates(LinkConditions(aggregate=0.006, delay=0.02), every=0.0005)
+    assert all(0 < out[0] - when - 0.02 <= 0.008 for when, out in results)
+    ends = sorted({out[0] for _, out in results})
+    gaps = [after - before for before, after in zip(ends, ends[1:])]
+    assert min(gaps) >= 0.004 and max(gaps) <= 0.008 and sum(gaps) / len(gaps) == pytest.approx(0.006, rel=0.02)
+
+
+def test_an_aggregate_after_a_silence_is_no_later_than_others() -> None:
+    channel = Channel(LinkConditions(aggregate=0.006))
+    assert channel.fate(0.0, 100)[0] <= 0.008
+    assert 1000.0 < channel.fate(1000.0, 100)[0] <= 1000.008
+
+
+def test_aggregates_change_neither_the_rate_nor_the_order_nor_what_is_lost() -> None:
+    alone, _ = fates(LinkConditions(rate=1e6, queue=100.0, loss=0.2), count=5000)
+    gathered, _ = fates(LinkConditions(rate=1e6, queue=100.0, loss=0.2, aggregate=0.006), count=5000)
+    assert [bool(out) for _, out in gathered] == [bool(out) for _, out in alone]
+    late = [b[0] - a[0] for (_, a), (_, b) in zip(alone, gathered) if a]
+    assert min(late) >= 0 and max(late) <= 0.008
+    times = [out[0] for _, out in gathered if out]
+    assert times == sorted(times)
+def test_packets_that_are_too_long_are_lost_and_the_others_are_not() -> None:
+    for size, lost in ((1200, 0), (1201, 100)):
+        _, channel = fates(LinkConditions(longest=1200.0), count=100, size=size)
+        assert channel.counts.lost == lost and channel.counts.carried == 100 * size
+
+
 def test_delay_and_jitter_keep_the_order() -> None:
     results, _ = fates(LinkConditions(delay=0.02, jitter=0.01))
     times = [out[0] for _, out in results]

@@ -134,6 +134,57 @@ def test_lost_chunks_thin_the_cloud_evenly(scan: Any, encoding: str, deviation: 
         assert worst(np.random.RandomState(seed).permutation(half)) < deviation
 
 
+UTM = 412345.125, 5401234.5, 312.0625
+
+
+def doubles(exact: Any) -> PointCloud2:
+    return PointCloud2(height=1, width=len(exact), point_step=24, row_step=exact.nbytes, data=exact.tobytes(),
+                       fields=[PointField(name, 8 * i, PointField.FLOAT64, 1) for i, name in enumerate('xyz')])
+
+
+@pytest.mark.parametrize('wild', [None, 1e12])
+@pytest.mark.parametrize('encoding, bound', [('float32', 1e-4), ('packed', BOUND + 1e-4), ('sorted', BOUND + 1e-4)])
+def test_doubles_in_utm_come_as_doubles(encoding: str, bound: float, wild: Optional[float]) -> None:
+    exact = np.random.RandomState(0).uniform(-20, 20, (500, 3)) + UTM
+    if wild is not None:
+        exact[7, 0] = wild
+    message = received(frame_of(doubles(exact), encoding=encoding, leaf_size=0.0)).message
+    assert [(field.name, field.offset, field.datatype) for field in message.fields] == [
+        ('x', 0, 8), ('y', 8, 8), ('z', 16, 8)]
+    points = np.frombuffer(message.data, '<f8').reshape(-1, 3)
+    nearest = np.abs(points[:, np.newaxis] - exact).max(axis=2).min(axis=0)
+    assert len(points) == 500 and np.delete(nearest, 7).max() <= bound
+    assert wild is not None or nearest[7] <= bound
+
+
+@pytest.mark.parametrize('encoding', ['float32', 'packed', 'sorted'])
+def test_the_voxel_filter_and_the_crop_box_work_in_utm(encoding: str) -> None:
+    exact = np.repeat(np.random.RandomState(0).randint(-20, 20, (200, 3)) + UTM, 2, axis=0)
+    exact[1::2] += 0.02
+    message = received(frame_of(doubles(exact), encoding=encoding, leaf_size=0.5, min_z=UTM[2])).message
+    points = np.frombuffer(message.data, '<f8').reshape(-1, 3)
+    assert points[:, 2].min() > UTM[2] - BOUND and 50 < len(points) < 200
+    centres = (exact[::2] + exact[1::2]) / 2
+    assert np.abs(points[:, np.newaxis] - centres).max(axis=2).min(axis=1).max() < BOUND + 1e-3
+
+
+def test_doubles_near_the_origin_come_as_floats_for_rviz() -> None:
+    exact = np.random.RandomState(0).uniform(-20, 20, (500, 3))
+    message = received(frame_of(doubles(exact), leaf_size=0.0)).message
+    assert {field.datatype for field in message.fields} == {PointField.FLOAT32}
+    np.testing.assert_array_equal(points_in(message)[0], exact.astype(np.float32))
+
+
+@pytest.mark.parametrize('encoding', ['float32', 'packed', 'sorted'])
+def test_nothing_seen_clears_the_display(scan: Any, encoding: str) -> None:
+    nothing = scan[:50].copy()
+    nothing['y'] = np.nan
+    for points in (nothing, nothing[:0]):
+        message = received(frame_of(cloud_message(points), encoding=encoding)).message
+        assert (message.height, message.width, message.data) == (1, 0, b'')
+        assert [field.name for field in message.fields] == ['x', 'y', 'z']
+
+
 def test_a_cloud_cropped_to_nothing_comes_as_an_empty_one(scan: Any) -> None:
     for encoding in ('float32', 'packed', 'sorted'):
         frame = frame_of(cloud_message(scan), encoding=encoding, min_x=900.0)
@@ -207,9 +258,10 @@ BATCH = st.tuples(st.integers(0, 2 ** 32 - 1), st.integers(1, 4), st.sampled_fro
                   st.sampled_from([None, 0, 1, 2 ** 32 - 1]))
 
 
-def forged(seed: int, count: int, size: int, codes: int, fields: Any, secs: Optional[int]) -> Any:
-    """Records of random bytes, where fields do not say otherwise."""
-    dtype = record_dtype(CloudChunk, {'header.frame_id': 3, 'codes': codes, 'data': size})
+def forged(seed: int, count: int, size: int, codes: int, fields: Any, secs: Optional[int], frame_id: bytes = b''
+           ) -> Any:
+    """Records of random bytes, where fields do not say otherwise; with a frame_id, of one message."""
+    dtype = record_dtype(CloudChunk, {'header.frame_id': len(frame_id) or 3, 'codes': codes, 'data': size})
     records = np.frombuffer(np.random.RandomState(seed).bytes(count * dtype.itemsize), dtype).copy()
     records['codes'] = CODES[:codes]
     for name, value in fields.items():
@@ -217,6 +269,8 @@ def forged(seed: int, count: int, size: int, codes: int, fields: Any, secs: Opti
             records[name] = value
     if secs is not None:
         records['header']['stamp'] = secs, seed % 3
+    if frame_id:
+        records['header']['frame_id'], records['arrival'] = list(frame_id), 0
     return records
 
 
@@ -237,8 +291,21 @@ def test_forged_chunks_do_get_through() -> None:
     assembler, values = operator_side('cloud')
     fields = {'points': 4, 'chunks': 2, 'index': 1, 'has_intensity': 255, 'step': 3e38, 'origin': 2 ** 31 - 1,
               'bits': 8, 'intensity_min': np.inf, 'intensity_step': np.nan}
-    assembled, = assemble_all(assembler, values, [forged(1, 2, 8, 0, fields, 7)])
+    assembled, = assemble_all(assembler, values, [forged(1, 2, 8, 0, fields, 7, b'lidar')])
     assert assembled.completeness == 0.5
+
+
+def test_nor_do_those_of_other_frames(scan: Any) -> None:
+    frame = frame_of(cloud_message(scan))
+    half = np.arange(len(frame)) < len(frame) // 2
+    for secs in (None, 1700000000, 1700000001):
+        fields = {'points': 50, 'chunks': 7, 'index': 3, 'step': 0.0, 'bits': 0, 'has_intensity': 0, 'is_double': 0}
+        batches = [forged(seed, 3, 96, 0, fields, secs) for seed in range(50)]
+        assembler, values = operator_side('cloud')
+        shown = assemble_all(assembler, values, [frame.records[half], *batches, frame.records[~half]])
+        true, = (one for one in shown if one.message.header.frame_id == 'velodyne')
+        np.testing.assert_array_equal(points_in(true.message)[0], thinned(scan)[0])
+        assert assembler.dropped['too many sources'] > 0
 
 
 def test_forged_chunks_cost_the_true_cloud_nothing(scan: Any) -> None:
@@ -248,7 +315,7 @@ def test_forged_chunks_cost_the_true_cloud_nothing(scan: Any) -> None:
     batches = [frame.records[half]]
     for seed in range(20):
         fields = {'points': seed, 'chunks': 1 + seed % 3, 'step': 0.0, 'bits': 0, 'has_intensity': 0}
-        records = forged(seed, 3, 12 * seed, 0, fields, None)
+        records = forged(seed, 3, 12 * seed, 0, fields, None, b'velodyne')
         records['header']['stamp'] = frame.records['header']['stamp'][0]
         batches.append(records)
     assembler, values = operator_side('cloud')

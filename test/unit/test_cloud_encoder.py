@@ -109,7 +109,7 @@ def test_packed_takes_less_than_half(scan: Any) -> None:
         assert len(exact) == -(-count // 80)
 
 
-@pytest.mark.parametrize('size', [200, 576, DATAGRAM, 8000])
+@pytest.mark.parametrize('size', [250, 576, DATAGRAM, 8000])
 @pytest.mark.parametrize('intensity', [False, True])
 def test_sorted_takes_less_than_packed_in_datagrams_that_fit(scan: Any, size: int, intensity: bool) -> None:
     packed, ordered = (frame_of(cloud_message(scan, 'velodyne'), size, encoding=encoding, intensity=intensity)
@@ -150,11 +150,47 @@ def test_a_cloud_in_too_many_chunks_is_refused() -> None:
     assert len(frame_of(cloud_message(points[1:]), leaf_size=0.0, points_per_chunk=1)) == 65535
 
 
-def test_a_cloud_without_points_is_refused() -> None:
+@pytest.mark.parametrize('encoding', ['float32', 'packed', 'sorted'])
+def test_a_cloud_in_which_nothing_was_seen_is_sent(encoding: str) -> None:
     points = np.zeros(3, POINT)
     points['x'] = np.nan
-    with pytest.raises(ValueError, match='none of its 3 points is finite'):
-        frame_of(cloud_message(points))
+    bare = PointCloud2(height=1, width=0)
+    for message in (cloud_message(points), cloud_message(points[:0]), bare):
+        of = settings(encoding=encoding, intensity=True, fields='ring')
+        encoder = CloudEncoder(of.requested)
+        frame, = encoder.encode(message, of, DATAGRAM)
+        assert len(frame) == 1 and frame.records['points'].tolist() == [0] and frame.records['data'].size == 0
+        assert not encoder.warnings or message.width
+
+
+def test_nothing_seen_says_nothing_of_what_clouds_take(scan: Any) -> None:
+    of = settings()
+    encoder = CloudEncoder(of.requested)
+    encoder.encode(cloud_message(scan), of, DATAGRAM)
+    size = encoder.message_size
+    encoder.encode(cloud_message(scan[:0]), of, DATAGRAM)
+    assert encoder.message_size == size
+
+
+@pytest.mark.parametrize('change', [{'row_step': 0}, {'row_step': 4000 * POINT.itemsize}])
+def test_a_row_step_that_contradicts_the_data_is_told_once(scan: Any, change: dict) -> None:
+    of = settings()
+    encoder, message = CloudEncoder(of.requested), cloud_message(scan[:4000])
+    wanted, = encoder.encode(message, of, DATAGRAM)
+    message.height, message.width = 40, 100
+    encoder.warnings.clear()
+    for name, value in change.items():
+        setattr(message, name, value)
+    frame, = encoder.encode(message, of, DATAGRAM)
+    assert frame.rows.tobytes() == wanted.rows.tobytes()
+    assert list(encoder.warnings) == ['row_step is %d, by the data it is %d' % (change['row_step'],
+                                                                                 100 * POINT.itemsize)]
+
+
+def test_a_side_of_the_crop_box_at_its_limit_crops_nothing() -> None:
+    points = np.zeros(2, POINT)
+    points['x'], points['z'] = (5e6, -5e6), (1, -1)
+    assert frame_of(cloud_message(points), min_z=0.0).records['points'][0] == 1
 
 
 def test_a_crop_box_that_is_turned_round_is_refused() -> None:

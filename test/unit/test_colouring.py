@@ -234,3 +234,13 @@ def test_the_automatic_map_rises() -> None:
     ([-3e38, 3e38], ('-3e+38', '3e+38'))])
 def test_numbers(values, texts) -> None:
     assert numbers(np.float64(values)) == texts
+
+
+@pytest.mark.parametrize('values, texts', [
+    ([1e6, 1.0001e6, 1.0002e6], ('1000000', '1000100', '1000200')),
+    ([1e5, 1e5 + 25, 1e5 + 50], ('100000', '100025', '100050')),
+    ([0, 5e5, 1e6], ('0', '500000', '1000000')), ([-1.5e6, 0, 1.5e6], ('-1.5e+06', '0', '1500000')),
+    ([2e12, 2.0001e12, 2.0002e12], ('2e+12', '2.0001e+12', '2.0002e+12')),
+    ([3e38, 3e38], ('3e+38', '3e+38')), ([20.0, 20.5], ('20.0', '20.5'))])
+def test_large_numbers_differ_where_their_values_do(values: List[float], texts: Any) -> None:
+    assert numbers(np.array(values, float)) == texts

@@ -16,15 +16,15 @@ NOW = 100.0
 
 def gate() -> CommandGate:
     made = CommandGate(ROBOT, MD5SUM, 0.3)
-    made.rule(OPERATOR, False, 10.0)
+    made.rule(OPERATOR, False, 3, 10.0)
     return made
 
 
 def copy(number: int = 1, made: float = NOW - 0.05, uncertainty: float = 0.01, data: bytes = b'twist',
          **fields: Any) -> Copy:
     """A copy that takes effect at NOW."""
-    return Copy(OPERATOR, ROBOT, number, round(1e6 * made), round(1e6 * uncertainty), typed_checksum(MD5SUM, data),
-                data)._replace(**fields)
+    return Copy(OPERATOR, ROBOT, number, round(1e6 * made), round(1e6 * uncertainty), 3,
+                typed_checksum(MD5SUM, data), data)._replace(**fields)
 
 
 def test_a_fresh_command_takes_effect() -> None:
@@ -44,7 +44,7 @@ def test_a_fresh_command_takes_effect() -> None:
     ('from the future', copy(made=2 ** 64 / 1e6 - 1e6)),
     ('uncertain clock', copy(uncertainty=0.3001)),
     ('uncertain clock', copy(made=NOW + 1000, uncertainty=1000)),    # would be fresh at the earliest
-    ('made before control', copy(made=10.01)),
+    ('made before control', copy(made=10.01)), ('made before control', copy(releases=2)),
     ('too old', copy(made=10.0111))])
 def test_a_copy_is_refused_and_counted_by_reason(reason: str, refused: Copy) -> None:
     tested = gate()
@@ -107,13 +107,23 @@ def test_a_forged_stamp_does_not_prolong_a_life() -> None:
                                                    (OPERATOR, True, 'emergency stop')])
 def test_what_was_made_before_the_driver_may_drive_again_is_void(driver: int, estop: bool, reason: str) -> None:
     tested = gate()
-    tested.rule(driver, estop, NOW - 0.04)
+    tested.rule(driver, estop, 3, NOW - 0.04)
     assert tested.take(copy(), NOW) is None and tested.dropped == {reason: 1}
-    tested.rule(OPERATOR, False, NOW)
+    tested.rule(OPERATOR, False, 3, NOW)
     for made in (NOW - 0.05, NOW - 0.01, NOW + 0.01):
         assert tested.take(copy(made=made), NOW + 0.05) is None
     assert tested.dropped == {reason: 1, 'made before control': 3}
     assert tested.take(copy(made=NOW + 0.012), NOW + 0.05) is not None
+
+
+def test_who_has_not_heard_that_the_emergency_stop_was_released_moves_nothing() -> None:
+    """It was engaged and released while the driver heard nothing, and a stick is still pushed."""
+    tested = gate()
+    tested.rule(OPERATOR, False, 4, NOW)
+    for made in (NOW - 0.05, NOW + 0.012, NOW + 0.2):
+        assert tested.take(copy(made=made), made + 0.05) is None
+    assert tested.dropped == {'made before control': 3}
+    assert tested.take(copy(made=NOW + 0.3, releases=4), NOW + 0.35) is not None
 
 
 def test_what_waited_while_the_machine_was_suspended_is_void() -> None:
@@ -133,14 +143,14 @@ def test_nobody_drives_a_new_node() -> None:
 
 def test_the_same_rule_again_voids_nothing() -> None:
     tested = gate()
-    tested.rule(OPERATOR, False, NOW)
+    tested.rule(OPERATOR, False, 3, NOW)
     assert tested.take(copy(), NOW) is not None
 
 
 def test_a_new_session_of_the_operator_begins_with_any_number() -> None:
     tested = gate()
     assert tested.take(copy(1000), NOW) is not None
-    tested.rule(OTHER, False, NOW + 0.01)
+    tested.rule(OTHER, False, 3, NOW + 0.01)
     assert tested.take(copy(1, made=NOW + 0.05, session=OTHER), NOW + 0.1) is not None
     assert tested.take(copy(1001, made=NOW + 0.05), NOW + 0.1) is None
 
@@ -186,7 +196,7 @@ def test_whatever_comes_nothing_old_takes_effect_and_nothing_twice(
         now += wait
         if rule is not None:
             ruled = rule
-            tested.rule(*rule, now)
+            tested.rule(*rule, 3, now)
         taken = seen[what % len(seen)] if isinstance(what, int) else what
         seen.append(taken)
         before = sum(tested.dropped.values())

@@ -144,7 +144,7 @@ def test_two_operators_one_drives() -> None:
     driver: Optional[int] = OPERATOR
     for second in range(5, 20):
         driver = 55 if driver == OPERATOR else OPERATOR
-        run.at(second, lambda driver=driver: run.gate.rule(driver, False, run.robot_clock.at(run.now)))
+        run.at(second, lambda driver=driver: run.gate.rule(driver, False, 0, run.robot_clock.at(run.now)))
     sums = run.run(20.0)
     for at, number in sums.in_force:
         assert at < 5 or (int(at) % 2 == 0 and sums.made[number - 1] > int(at))

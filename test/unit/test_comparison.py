@@ -34,6 +34,8 @@ def test_the_expected_rate(stream: Compared, loss: float, expected: float) -> No
     (compared(images=Images((29.0, 30.5), (0.1,))), 'poor'),
     (compared(images=Images(EXACT, (0.1, 0.4, 0.4))), 'poor'),
     (compared(images=Images((), ())), 'poor'),          # none arrived
+    (compared(images=Images((), (0.1,))), 'unknown'),   # none was compared
+    (compared(images=Images((), (0.4,))), 'poor'), (compared(received=7.9, images=Images((), (0.1,))), 'poor'),
     (Compared('tf_static', {**RELAY, 'latch': True}, 0.0, 0.0, True), 'good'),
     (Compared('tf_static', {**RELAY, 'latch': True}, 0.0, 0.0, False), 'poor'),
 ])
@@ -48,6 +50,14 @@ def test_the_verdict(stream: Compared, verdict: str) -> None:
 ])
 def test_images_in_words(psnr: Sequence[float], ages: Sequence[float], text: str) -> None:
     assert str(Images(psnr, ages)) == text
+
+
+def test_nothing_is_called_exact_that_was_not_compared() -> None:
+    unlike = '640 x 480 mono16 is sent, 320 x 240 mono16 comes'
+    assert str(Images((), (0.25,))) == 'not compared: no original has their stamps, age p50 250 ms, p99 250 ms'
+    assert str(Images((), (0.25,), unlike)) == 'not compared: %s, age p50 250 ms, p99 250 ms' % unlike
+    assert str(Images(EXACT, (0.25, 0.25), unlike)) == (
+        'all exact of 1 compared (%s), age p50 250 ms, p99 250 ms' % unlike)
 
 
 def test_the_columns_are_aligned() -> None:

@@ -5,9 +5,11 @@ from typing import List, Optional
 import pytest
 
 from smokebot_udp.congestion.competition import DUE_TIME, EMPTY_TIME, HOLDOFF, LIFETIME, SHARE, Competition
-from smokebot_udp.congestion.feedback import PacketSample
+from smokebot_udp.congestion.feedback import Feedback, PacketSample, sending_rate
 from smokebot_udp.congestion.loss import Loss
-from smokebot_udp.congestion.probing import ProbeTrain
+from smokebot_udp.congestion.path import Observation
+from smokebot_udp.congestion.pause import CHECK
+from smokebot_udp.congestion.trains import Train
 
 LINK, TARGET, SIZE, REPORT = 2.5e6, 0.005, 1000, 0.1
 
@@ -22,7 +24,7 @@ class Bottleneck:
         self.now, self.total = 0.0, 0
         self.drain: Optional[float] = None
         self.evidence = 0
-        self.trains: List[ProbeTrain] = []
+        self.trains: List[Train] = []
         self._train = (0.0, 0.0)        # (rate, bytes left)
         self._newest: List[PacketSample] = []
 
@@ -36,7 +38,7 @@ class Bottleneck:
         """Send as it says, while it takes others for a competitor."""
         ends = self.now + seconds
         while self.competition.active and self.now < ends - 1e-9:
-            self._report(self.competition.rate * self.competition.gain, 0.0)
+            self._report(self.competition.rate * (CHECK.gain if self.drain is not None else 1.0), 0.0)
 
     def begin_drain(self) -> None:
         """Little is sent from now on."""
@@ -54,9 +56,16 @@ class Bottleneck:
             samples.append(PacketSample(self.now, self.now + self.path + self.queue, SIZE, self.total))
         chain, self._newest = self._newest + samples, samples[-1:]
         queue = self.queue + self.path - 0.02
-        self.evidence += self.competition.update(chain, queue, TARGET, self.noise, chain[0], self.drain, lost,
-                                                 self.loss, self.now)
-        train = self.competition.train(queue, TARGET, SIZE, 0, self.now)
+        counts = Feedback(samples, 0.04, 100, 100 - round(100 * lost), 0, False)
+        seen = Observation(self.now, counts, chain, [], chain[-1], queue, self.noise, sending_rate(chain[0], chain[-1]),
+                           0.0, 0.0, 0.0)
+        self.evidence += self.competition.update(seen, TARGET, chain[0], self.drain, self.loss)
+        if self.competition.check_due(self.now):
+            self.drain = self.now
+        elif self.competition.active and self.drain is not None and (
+                self.competition.checked or self.now - self.drain > CHECK.duration):
+            self.drain = None
+        train = self.competition.train(seen, TARGET)
         if train is not None:
             self.trains.append(train)
             self._train = train
@@ -170,3 +179,12 @@ def test_the_rate_is_never_beyond_the_share_of_what_was_carried() -> None:
     for _ in range(20):
         link.run(0.5, 0.4 * LINK)
         assert not link.competition.active or link.competition.rate <= SHARE * 1.02 * LINK
+
+
+def test_evidence_that_comes_as_the_mode_ends_does_not_leave_a_rate_of_nothing() -> None:
+    link = after_a_drain(0.6 * LINK)
+    link.others = 0.0
+    for _ in range(100):
+        link.run(REPORT, 0.4 * LINK)
+        link.others = 0.6 * LINK if link.competition.checked else 0.0
+        assert link.competition.rate > 0

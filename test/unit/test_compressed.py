@@ -73,6 +73,39 @@ def test_compressed_depth() -> None:
     assert np.isnan(depth.pixels[0, 0]) and depth.pixels[0, 1] == 2.0
 
 
+def test_compressed_depth_may_be_called_mono16() -> None:
+    counts = np.uint16([[0, 1000, 65535]])
+    decoded = decode(DEPTH.pack(0, 0.0, 0.0) + png(counts), 'mono16; compressedDepth png')
+    assert decoded.encoding == 'mono16' and decoded.pixels.tolist() == counts.tolist()
+
+
+@pytest.mark.parametrize('description, channels, encoding, words', [
+    ('mono16; jpeg compressed ', 1, 'mono8', '1 channel of 8 bits, which count; what was above 255 is lost'),
+    ('16UC1; jpeg compressed ', 1, 'mono8', 'have to be compressed as png'),
+    ('bayer_rggb16; jpeg compressed ', 1, 'mono8', 'above 255 is lost'),
+    ('mono8; jpeg compressed ', 3, 'bgr8', '3 channels of 8 bits'),
+    ('bgr8; jpeg compressed bgr8', 1, 'mono8', '1 channel of 8 bits, which count')])
+def test_a_format_that_contradicts_the_pixels_is_told(description: str, channels: int, encoding: str, words: str
+                                                      ) -> None:
+    decoded = decode(jpeg(smooth(channels)), description)
+    assert decoded.encoding == encoding and decoded.problem.startswith('format is %r, but' % description)
+    assert words in decoded.problem
+
+
+@pytest.mark.parametrize('description, channels', [
+    ('jpeg', 1), ('jpeg', 3), ('jpg', 3), ('', 3), ('mono8; jpeg compressed ', 1), ('rgb16; jpeg compressed bgr8', 3),
+    ('bayer_rggb8; jpeg compressed bgr8', 3), ('bayer_rggb8; jpeg compressed ', 1),
+    ('mono16; jpeg compressed mono8', 1), ('yuv422; jpeg compressed bgr8', 3), ('bgra8; jpeg compressed bgr8', 3),
+    ('rgb8; jpeg compressed ', 3), ('camera; jpeg', 3)])
+def test_other_formats_are_not(description: str, channels: int) -> None:
+    assert decode(jpeg(smooth(channels)), description).problem == ''
+
+
+def test_a_png_of_sixteen_bits_called_mono8_is_told() -> None:
+    decoded = decode(png(np.full((4, 4), 5000, np.uint16)), 'mono8; png compressed ')
+    assert decoded.encoding == 'mono16' and '1 channel of 16 bits, which count' in decoded.problem
+
+
 def bomb_png(width: int, height: int) -> bytes:
     """A PNG of few bytes that announces a size."""
     head = struct.pack('>IIBBBBB', width, height, 8, 0, 0, 0, 0)
@@ -117,7 +150,8 @@ def test_jpegs_of_cameras() -> None:
     (b'', 'jpeg', 'neither JPEG nor PNG'), (b'GIF89a', 'gif', 'neither JPEG nor PNG'),
     (png(np.zeros((4, 4, 3), np.uint16)), 'bgr16; png compressed bgr16', "format is 'bgr16.* with 3 channels uint16"),
     (b'12 bytes....' + png(np.zeros((4, 4), np.uint8)), '16UC1; compressedDepth png', 'not of one channel of 16 bits'),
-    (b'12 bytes....RVL', '16UC1; compressedDepth rvl', 'must be 16UC1 or 32FC1 as PNG')])
+    (b'12 bytes....RVL', '16UC1; compressedDepth rvl', 'the data are no PNG: set'),
+    (b'12 bytes....RVL', 'rgb8; compressedDepth rvl', 'must begin with mono16, 16UC1 or 32FC1')])
 def test_what_cannot_be_decoded_is_named(data: bytes, description: str, problem: str) -> None:
     with pytest.raises(ValueError, match=problem):
         decode(data, description)

@@ -149,6 +149,53 @@ def test_the_emergency_stop_ends_commands_of_all_until_it_is_released() -> None:
     assert not link.desks['b'].client.estop and command(link, 'a') is None
 
 
+def test_a_second_press_counts_though_the_first_one_was_not_answered() -> None:
+    link = world('a', 'b')
+    link.deaf['a'] = True
+    first = link.ask('a', Wish.ENGAGE_ESTOP)
+    link.run(SETTLE)
+    assert link.server.estop.engaged and link.outcome('a', first) is None
+    link.ask('b', Wish.RELEASE_ESTOP)
+    link.run(SETTLE)
+    assert not link.server.estop.engaged        # the copies of the first press that still come are none
+    second = link.ask('a', Wish.ENGAGE_ESTOP)
+    link.run(SETTLE)
+    assert link.server.estop.engaged and link.outcome('a', second) is None
+    link.deaf['a'] = False
+    link.run(SETTLE)
+    assert (link.outcome('a', first), link.outcome('a', second)) == ('', '')
+    assert link.server.estop.engaged
+
+
+def test_a_second_release_counts_though_the_first_one_was_not_answered() -> None:
+    link = world('a', 'b')
+    link.ask('b', Wish.ENGAGE_ESTOP)
+    link.run(SETTLE)
+    link.deaf['a'] = True
+    first = link.ask('a', Wish.RELEASE_ESTOP)
+    link.run(0.2)
+    assert not link.server.estop.engaged and link.outcome('a', first) is None
+    link.ask('b', Wish.ENGAGE_ESTOP)
+    link.run(0.2)
+    assert link.server.estop.engaged            # the first release was made before that
+    second = link.ask('a', Wish.RELEASE_ESTOP)
+    link.run(0.2)
+    assert not link.server.estop.engaged and link.outcome('a', second) is None
+
+
+def test_who_takes_control_again_has_it_again() -> None:
+    link = world('a', 'b')
+    link.deaf['b'] = True
+    link.ask('b', Wish.TAKE_CONTROL)
+    link.run(0.2)
+    link.ask('a', Wish.TAKE_CONTROL)
+    link.run(0.2)
+    assert command(link, 'b') == NOT_IN_CONTROL
+    link.ask('b', Wish.TAKE_CONTROL)
+    link.run(0.2)
+    assert command(link, 'b') is None
+
+
 def test_two_engage_one_releases() -> None:
     link = world('a', 'b')
     link.ask('a', Wish.ENGAGE_ESTOP)
@@ -271,6 +318,37 @@ def test_who_is_one_too_many_is_told_so_and_stops_the_robot_all_the_same() -> No
     link.ask('operator 0', Wish.RELEASE_ESTOP)
     link.run(SETTLE)
     assert not link.server.estop.engaged and not link.desks[last].client.estop
+
+
+def test_who_is_one_too_many_engages_the_stop_once_with_each_press() -> None:
+    link = world(*['operator %d' % number for number in range(MAX_OPERATORS + 1)])
+    last = 'operator %d' % MAX_OPERATORS
+    for _ in range(2):
+        stop = link.ask(last, Wish.ENGAGE_ESTOP)
+        assert link.run(0.1, lambda: link.server.estop.engaged)
+        assert link.run(0.2, lambda sent=stop: link.outcome(last, sent) == '')      # type: ignore[misc]
+        link.run(SETTLE)    # a release counts if it is newer for certain: the robot's clock is known with a tolerance
+        link.ask('operator 0', Wish.RELEASE_ESTOP)
+        link.run(SETTLE)
+        assert not link.server.estop.engaged
+    refused = link.ask(last, Wish.TAKE_CONTROL)
+    link.run(SETTLE)
+    assert link.outcome(last, refused) == 'too many operators'
+
+
+def test_a_copy_of_a_press_that_comes_long_after_it_is_no_press() -> None:
+    server, press = ControlServer(7), Request(1, 5.0, 0, 1, Wish.ENGAGE_ESTOP)
+    server.receive('a', 1, press, 100.0)
+    assert server.estop.engaged
+    server.left('a')
+    for number in range(50):
+        server.receive('b', 1 + number, Request(2, number / 10), 100.0 + number / 10)
+    server.receive('b', 60, Request(2, 5.0, 7, 1, Wish.RELEASE_ESTOP, 105.0), 105.1)
+    assert not server.estop.engaged
+    server.receive('a', 1, press, 105.2)
+    assert not server.estop.engaged
+    server.receive('a', 2, press._replace(id=2), 105.3)
+    assert server.estop.engaged
 
 
 def test_the_status_is_sent_at_once_for_news_and_requests_but_not_in_a_flood() -> None:

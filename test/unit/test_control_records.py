@@ -11,7 +11,16 @@ from hypothesis import strategies as st
 from smokebot_udp.msg import ControlPeer, ControlRequest, ControlStatus
 from smokebot_udp.teleop.control_client import ControlClient
 from smokebot_udp.teleop.control_server import ControlServer
-from smokebot_udp.teleop.records import MAX_OPERATORS, MAX_TEXT, PeerStatus, Request, Status, Wish, microseconds
+from smokebot_udp.teleop.records import (
+    MAX_OPERATORS,
+    MAX_OTHERS,
+    MAX_TEXT,
+    PeerStatus,
+    Request,
+    Status,
+    Wish,
+    microseconds,
+)
 from smokebot_udp.udpros.datagram import DEFAULT_MAX_DATAGRAM_SIZE, OVERHEAD
 
 IDS = st.integers(1, 0xffffffff)
@@ -30,7 +39,8 @@ def crossed(message: Any) -> Any:
 
 def message_of(status: Status) -> Any:
     fields = status.fields()
-    return ControlStatus(**{**fields, 'operators': [ControlPeer(**peer.fields()) for peer in fields['operators']]})
+    return ControlStatus(**{**fields, **{name: [ControlPeer(**peer.fields()) for peer in fields[name]]
+                                         for name in ('operators', 'others')}})
 
 
 def test_the_wishes_are_those_of_the_message() -> None:
@@ -44,10 +54,11 @@ def test_a_request_crosses_the_link(session: int, clock: float, robot: int, aske
     assert Request.of(crossed(ControlRequest(**request.fields()))) == request
 
 
-@given(IDS, TIMES, NAMES, IDS, st.booleans(), NAMES, st.lists(PEERS, max_size=MAX_OPERATORS))
+@given(IDS, TIMES, NAMES, IDS, st.booleans(), NAMES, st.lists(PEERS, max_size=MAX_OPERATORS),
+       st.lists(PEERS, max_size=MAX_OTHERS))
 def test_a_status_crosses_the_link(session: int, clock: float, driver: str, drives: int, estop: bool, by: str,
-                                   operators: Any) -> None:
-    status = Status(session, clock, driver, drives, estop, by, tuple(operators))
+                                   operators: Any, others: Any) -> None:
+    status = Status(session, clock, driver, drives, estop, by, 7, tuple(operators), tuple(others))
     assert Status.of(crossed(message_of(status))) == status
 
 
@@ -64,6 +75,8 @@ def test_a_status_that_makes_no_sense_is_refused() -> None:
         Status.of(ControlStatus())
     with pytest.raises(ValueError, match='9 operators'):
         Status.of(ControlStatus(session=1, operators=9 * [ControlPeer()]))
+    with pytest.raises(ValueError, match='5 others'):
+        Status.of(ControlStatus(session=1, others=5 * [ControlPeer()]))
 
 
 @pytest.mark.parametrize('loss', [-1.0, 1.5, math.nan, math.inf])
@@ -82,7 +95,7 @@ def test_a_full_status_fits_a_datagram() -> None:
     peers = tuple(PeerStatus(1, '/robot_7/operator_receiver', 1e6, 1.0, 5, 'somebody engaged it after that')
                   for _ in range(MAX_OPERATORS))
     buffer = io.BytesIO()
-    message_of(Status(1, 1e6, peers[0].name, 1, True, peers[0].name, peers)).serialize(buffer)
+    message_of(Status(1, 1e6, peers[0].name, 1, True, peers[0].name, 1, peers, peers[:MAX_OTHERS])).serialize(buffer)
     assert len(buffer.getvalue()) <= DEFAULT_MAX_DATAGRAM_SIZE - OVERHEAD
 
 

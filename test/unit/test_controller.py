@@ -8,7 +8,7 @@ from controlled_robot import LIMITS, SIZE, Receiver, Robot, image
 
 from smokebot_udp.congestion.controller import NEAR, OPERATOR_TIMEOUT, PLANNING_SHARE, Controller, Plan
 from smokebot_udp.congestion.estimator import Limits
-from smokebot_udp.congestion.probe_rtt import DIP_GAIN
+from smokebot_udp.congestion.pause import DIP
 from smokebot_udp.units import MBIT
 
 
@@ -34,7 +34,7 @@ def test_a_report_may_ask_for_a_train() -> None:
 def test_streams_plan_with_the_capacity_while_the_rate_dips() -> None:
     robot = Robot()
     robot.drive([Receiver('/op', 5 * MBIT)], 20.0)
-    dips = [plan for plan in robot.plans[50:] if plan.rate is not None and plan.rate < 1.1 * DIP_GAIN * 5 * MBIT]
+    dips = [plan for plan in robot.plans[50:] if plan.rate is not None and plan.rate < 1.1 * DIP.gain * 5 * MBIT]
     assert dips
     assert all(sum(plan.shares.values()) > 0.9 * PLANNING_SHARE * 5 * MBIT for plan in dips)
 

@@ -8,7 +8,7 @@ from typing import Any, Iterator, List, Optional
 import pytest
 from polling import WAIT, wait_for
 
-from smokebot_udp.nodes.worker import DeadlineWorker
+from smokebot_udp.nodes.worker import RETRY_PERIOD, DeadlineWorker
 
 
 class Source:
@@ -86,6 +86,25 @@ def test_after_an_error_it_goes_on(source: Source) -> None:
     assert [source.done.get(timeout=WAIT)[0] for _ in range(2)][1] == 'good'
 
 
+@pytest.mark.parametrize('fails', ['poll', 'deadline'])
+def test_what_raises_again_and_again_is_no_busy_loop(source: Source, fails: str) -> None:
+    calls: List[float] = []
+
+    def broken(*_: Any) -> None:
+        calls.append(time.monotonic())
+        raise ValueError('broken')
+    good = getattr(source.worker, '_' + fails)
+    setattr(source.worker, '_' + fails, broken)
+    with source.worker.changing():
+        pass
+    wait_for(lambda: len(calls) >= 4)
+    assert calls[3] - calls[1] >= 2 * RETRY_PERIOD      # the first one may have come before the change
+    assert str(source.errors.get(timeout=WAIT)) == 'broken'
+    setattr(source.worker, '_' + fails, good)
+    source.add(0.0, 'good')
+    assert source.done.get(timeout=WAIT)[0] == 'good'
+
+
 def test_it_works_without_the_lock(source: Source) -> None:
     began, go_on = threading.Event(), threading.Event()
     source.worker.close()
@@ -108,3 +127,19 @@ def test_closing_ends_the_thread_and_needs_none() -> None:
         source.worker.close()
         source.worker.close()
         assert threading.active_count() == count and source.done.empty() and source.errors.empty()
+
+
+@pytest.mark.parametrize('broken', ['poll', 'deadline'])
+def test_what_cannot_say_what_is_due_is_asked_again_after_a_while(broken: str) -> None:
+    source, asked = Source(), []    # type: Source, List[float]
+
+    def fail(*_: float) -> Any:
+        asked.append(time.monotonic())
+        raise ValueError('broken')
+    setattr(source, broken, fail)
+    worker: DeadlineWorker[Any] = DeadlineWorker('worker', source.poll, source.deadline, source.work, source.errors.put)
+    worker.start()
+    for _ in range(3):
+        assert str(source.errors.get(timeout=WAIT)) == 'broken'
+    worker.close()
+    assert min(after - before for before, after in zip(asked, asked[1:])) > 0.9 * RETRY_PERIOD

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Real sockets on the loopback device."""
+import errno
 import os
 import socket
+import struct
 import subprocess
 import sys
 import threading
@@ -128,6 +130,86 @@ def test_without_gso_datagrams_are_sent_one_by_one(receiver, make, monkeypatch) 
     assert sender.send(bytes(range(250)), 100, 3) == 3
     assert [len(datagram) for datagram, _ in collect(receiver, 6)] == [100, 100, 50] * 2
     assert not sender.failures
+
+
+def test_gso_comes_back_when_the_path_carries_long_datagrams_again(receiver, make, monkeypatch) -> None:
+    """The kernel refuses it for datagrams above the path MTU; those that are shorter use it all the time."""
+    now, longest, calls = [1000.0], [200], []
+    monkeypatch.setattr(endpoints.time, 'monotonic', lambda: now[0])
+
+    class Socket:
+        """The path MTU of the loopback device is that of the whole machine: only the kernel's answer is made up."""
+
+        def __init__(self, sock) -> None:
+            self._sock = sock
+
+        def sendmsg(self, parts, control, *rest) -> int:
+            calls.append(bool(control))
+            if control and struct.unpack('=H', control[0][2])[0] > longest[0]:
+                raise OSError(errno.EMSGSIZE, 'Message too long')
+            return self._sock.sendmsg(parts, control, *rest)
+
+        def __getattr__(self, name) -> object:
+            return getattr(self._sock, name)
+
+    def send(size: int) -> list:
+        calls.clear()
+        assert sender.send(bytes(3 * size), size, 3) == 3
+        return list(calls)
+    sender = make(DatagramSender, '127.0.0.1', receiver.address[1])
+    sender.socket = Socket(sender.socket)
+    assert send(300) == [True, False, False, False] and send(300) == [False] * 3 and send(250) == [True] + [False] * 3
+    assert send(200) == [True]
+    now[0], longest[0] = now[0] + endpoints.GSO_RETRY + 1, 1400
+    assert send(300) == [False] * 3      # now and then one by one, see PLAIN_PERIOD
+    assert send(300) == [True] and send(300) == [True]
+    assert len(collect(receiver, 21)) == 21 and not sender.failures
+
+
+def test_the_kernel_learns_the_path_mtu_although_gso_is_in_use(receiver, make, monkeypatch) -> None:
+    """Only what is sent one by one has the bit DF: those bursts come now and then, and not always."""
+    now, calls = [1000.0], []
+    monkeypatch.setattr(endpoints.time, 'monotonic', lambda: now[0])
+    sender = make(DatagramSender, '127.0.0.1', receiver.address[1])
+
+    sendmsg = sender.socket.sendmsg
+
+    class Socket:
+        def sendmsg(self, parts, control, *rest) -> int:
+            calls.append((now[0], bool(control)))
+            return sendmsg(parts, control, *rest)
+
+        def __getattr__(self, name) -> object:
+            return getattr(real, name)
+    real, sender.socket = sender.socket, Socket()
+    for tenth in range(200):
+        now[0] = 1000.0 + tenth / 10
+        sender.send(bytes(300), 100, 3)
+    plain = sorted({when for when, gso in calls if not gso})
+    assert 3 <= len(plain) <= 4 and all(5.0 <= later - one < 5.3 for one, later in zip(plain, plain[1:]))
+
+
+SHRUNK = """
+import subprocess
+from smokebot_udp.udpros.endpoints import DatagramReceiver, DatagramSender
+def mtu(size):
+    subprocess.run(['ip', 'link', 'set', 'lo', 'mtu', str(size)], check=True)
+subprocess.run(['ip', 'link', 'set', 'lo', 'up'], check=True)
+receiver = DatagramReceiver('127.0.0.1', 1472)
+sender = DatagramSender('127.0.0.1', receiver.address[1])
+for size, gso in ((65536, True), (1300, False)):
+    mtu(size)
+    assert sender.send(bytes(4 * 1400), 1400, 4) == 4
+    print(sender.gso == gso, sender.failures)
+    assert sender.send(bytes(4 * 1200), 1200, 4) == 4
+"""
+
+
+def test_gso_and_a_device_whose_mtu_shrinks() -> None:
+    if os.geteuid() != 0 or not kernel_has_gso():
+        pytest.skip('needs root, for a network of its own, and a kernel with UDP GSO')
+    done = subprocess.run(['unshare', '--net', sys.executable, '-c', SHRUNK], stdout=subprocess.PIPE, check=True)
+    assert done.stdout.split() == [b'True', b'Counter()'] * 2
 
 
 def test_one_datagram_in_parts(receiver, make) -> None:

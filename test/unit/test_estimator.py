@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 
 from smokebot_udp.congestion.estimator import (
     HORIZON,
-    LONG_QUEUE,
     MBIT,
     REPORT_TIMEOUT,
     Estimator,
@@ -24,6 +23,7 @@ from smokebot_udp.congestion.feedback import (
     StreamArrivals,
 )
 from smokebot_udp.congestion.loss import Loss
+from smokebot_udp.congestion.path import LONG_QUEUE
 from smokebot_udp.congestion.sent_history import SentHistory
 
 
@@ -201,4 +201,17 @@ def test_a_receiver_that_claims_instant_arrival_gets_max_rate_at_most() -> None:
         estimator.on_feedback(feedback, now)
         assert max(estimator.rate, estimator.link.capacity) <= limits.max_rate
         rates.append(estimator.link.capacity)
-    assert max(rates) == limits.max_rate        # it does believe it
+    assert max(rates) == pytest.approx(limits.max_rate)     # it does believe it
+
+
+def test_where_datagrams_are_marked_less_is_sent_and_no_train_leaves() -> None:
+    rates, trains = {}, {}
+    for marked in (0, 5, 10):
+        estimator, left = Estimator(0.0), []
+        for number in range(40):
+            now = 0.1 * (number + 1)
+            feedback = burst(now, 1000 + 10000 * number)._replace(marked=marked)
+            left.append(estimator.on_feedback(feedback, now))
+        rates[marked], trains[marked] = estimator.rate / estimator.link.capacity, sum(map(bool, left[20:]))
+    assert rates[10] == pytest.approx(rates[0] / 2, rel=0.01) and rates[10] < rates[5] < rates[0]
+    assert trains[0] > 0 == trains[10]

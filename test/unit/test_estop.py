@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Both halves of the emergency stop, step by step."""
 import math
-from typing import List, Optional
+from typing import List, Optional, Tuple
 
 import pytest
 
 from smokebot_udp.teleop.estop import EstopClient, EstopLatch
-from smokebot_udp.teleop.estop_input import MAX_PAUSE, MAX_SOURCES, EstopInput
+from smokebot_udp.teleop.estop_input import MAX_SOURCES, EstopInput
 from smokebot_udp.teleop.records import Status, Wish
 from smokebot_udp.teleop.requests import MAX_AGE, MAX_AHEAD, SUPERSEDED, RequestClient
 
@@ -155,35 +155,39 @@ def test_a_restarted_operator_knows_what_it_engaged_before() -> None:
 
 def test_engaged_once_more_it_is_asked_once_more() -> None:
     operator = with_stop()
-    assert operator.client.engage(1.0) == operator.client.engage(1.1) == 2
-    operator.hear(7, True)
+    assert (operator.client.engage(1.0), operator.client.engage(1.1)) == (2, 3)
+    operator.hear(7, False, answered=2)     # somebody has released it since
     assert operator.asks == Wish.ENGAGE_ESTOP
+    operator.hear(7, True, answered=3)
+    assert operator.asks is None and operator.client.wanted
 
 
-@pytest.mark.parametrize(('messages', 'wishes'), [
-    ('+', 'E'), ('-', ' '), ('---+', '   E'), ('+-', 'ER'), ('+--', 'ER '), ('++-', 'E R'), ('+-+-', 'ERER')])
-def test_false_on_the_topic_releases_only_what_its_publisher_has_engaged(messages: str, wishes: str) -> None:
-    topic, asked, engaged = EstopInput(), '', False
-    for message in messages:
-        assert topic.update('joystick', False, engaged, 1.0) is None     # it publishes its button all the time
-        wish = topic.update('button', message == '+', engaged, 1.0)
-        engaged = engaged or wish == Wish.ENGAGE_ESTOP
-        asked += {None: ' ', Wish.ENGAGE_ESTOP: 'E', Wish.RELEASE_ESTOP: 'R'}[wish]
-    assert asked == wishes
-
-
-def test_a_button_that_is_held_asks_again_only_where_the_stop_is_released() -> None:
+def presses(*messages: Tuple[float, bool]) -> List[float]:
+    """When messages of one publisher are presses: [(when, whether it is pressed), ...]."""
     topic = EstopInput()
-    presses = [(0.0, True, True), (0.4, True, False), (0.8, True, False), (0.9, False, True), (1.0, True, False),
-               (1.0 + MAX_PAUSE + 0.01, True, True)]     # when, known as engaged, asks
-    for now, engaged, asks in presses:
-        assert (topic.update('button', True, engaged, now) == Wish.ENGAGE_ESTOP) == asks
-    assert topic.update('button', False, True, 1.6) == Wish.RELEASE_ESTOP
+    return [now for now, pressed in messages if topic.is_press('button', pressed, now)]
+
+
+def test_to_let_go_of_the_button_releases_nothing() -> None:
+    """A momentary button at 20 Hz that is held for 0.3 s: nothing but presses."""
+    states = [(number / 20, 20 <= number <= 26) for number in range(60)]
+    found = presses(*states)
+    assert found[0] == 1.0 and all(1.0 <= now <= 1.3 for now in found)
+
+
+def test_a_button_that_is_held_is_pressed_again_and_again() -> None:
+    assert presses(*((number / 64, True) for number in range(64))) == [number * 7 / 64 for number in range(10)]
+
+
+def test_a_press_after_the_button_was_let_go_counts_at_once_and_so_does_one_of_another_publisher() -> None:
+    assert presses((1.0, True), (1.02, False), (1.04, True), (1.06, True)) == [1.0, 1.04]
+    assert presses((1.0, True), (1.15, True), (1.16, True)) == [1.0, 1.15]      # a node that publishes presses only
+    topic = EstopInput()
+    assert [topic.is_press(source, True, 1.0) for source in ('one', 'other', 'one')] == [True, True, False]
 
 
 def test_publishers_of_the_topic_are_forgotten_in_turn() -> None:
     topic = EstopInput()
-    names: List[str] = ['button %d' % number for number in range(MAX_SOURCES + 1)]
-    for name in names:
-        assert topic.update(name, True, True, 1.0) == Wish.ENGAGE_ESTOP
-    assert [topic.update(name, False, True, 1.0) for name in names] == [None] + MAX_SOURCES * [Wish.RELEASE_ESTOP]
+    for number in range(100 * MAX_SOURCES):
+        assert topic.is_press('button %d' % number, True, 1.0)
+    assert topic.is_press('button 0', True, 1.0)

@@ -6,8 +6,14 @@ import numpy as np
 import pytest
 
 from smokebot_udp.codecs.wire.partial_image import PartialImage
-from smokebot_udp.streams.frame_assembler import MAX_FINISHED, MAX_REORDERING, FrameAssembler
+from smokebot_udp.streams.frame_assembler import (
+    MAX_FINISHED,
+    MAX_REORDERING,
+    FrameAssembler,
+    FrameAssemblers,
+)
 from smokebot_udp.streams.frame_end import FIRST_MARGIN
+from smokebot_udp.streams.recent import MAX_SOURCES
 
 S = 10 ** 9
 SIZE = 64            # 64 subimages of one pixel
@@ -44,6 +50,22 @@ def test_a_complete_frame_is_finished_at_once() -> None:
     assert feed(1 * S, range(40), 0.0) == []
     assert feed(1 * S, range(40, 64), 0.01) == [(1 * S, 64)]
     assert feed.frames.deadline() is None
+
+
+def test_a_frame_begins_with_a_segment_that_fits() -> None:
+    began: List[int] = []
+    frames = FrameAssembler(begin, 0.2, lambda head: began.append(head.stamp))
+
+    def add(stamp: int, position: int, says: str = '') -> None:
+        frames.add(SimpleNamespace(stamp=stamp, says=says), (np.array([position]), np.ones(1, int),
+                                                             np.zeros((1, 1), np.uint8)), 0.0)
+    add(1 * S, 0, 'impossible')
+    add(1 * S, SIZE)
+    assert began == [] and frames.deadline() is None
+    add(1 * S, 0)
+    add(1 * S, 1)
+    add(2 * S, 0)
+    assert began == [1 * S, 2 * S]
 
 
 def test_a_newer_stamp_finishes_the_frame() -> None:
@@ -169,6 +191,7 @@ def test_of_finished_frames_that_nobody_takes_the_newest_are_kept() -> None:
             np.arange(SIZE), np.ones(SIZE, int), np.zeros((SIZE, 1), np.uint8)), 0.0)
     assert feed.frames.deadline() == -np.inf
     assert [feed.poll(0.0) for _ in range(MAX_FINISHED + 1)] == [(4 * S, SIZE), (5 * S, SIZE), None]
+    assert feed.frames.dropped['overtaken frame'] == 3
 
 
 def test_max_wait_changes_in_place() -> None:
@@ -176,3 +199,67 @@ def test_max_wait_changes_in_place() -> None:
     feed(1 * S, [9], 5.0)
     feed.frames.max_wait = 0.5
     assert feed.frames.deadline() == pytest.approx(5.5)
+
+
+class Sources:
+    """Images of several frames, pixel by pixel."""
+
+    def __init__(self) -> None:
+        self.frames = FrameAssemblers(begin, 0.2)
+
+    def __call__(self, frame_id: str, positions: Any, now: float, order: int = 1 * S) -> List[Tuple[str, int]]:
+        """Add segments of stamp 1 s; what is finished then: [(frame_id, subimages received), ...]."""
+        positions = np.asarray(positions)
+        self.frames.add(SimpleNamespace(stamp=1 * S, says='', frame_id=frame_id), (
+            positions, np.ones(len(positions), int), np.zeros((len(positions), 1), np.uint8)), now, order)
+        return self.poll(now)
+
+    def poll(self, now: float) -> List[Tuple[str, int]]:
+        found = iter(lambda: self.frames.poll(now), None)
+        return [(frame.head.frame_id, int(frame.content.have.sum())) for frame in found]
+
+
+def test_sources_of_one_stamp_are_told_apart_by_their_frames() -> None:
+    feed = Sources()
+    for frame_id in ('first', 'last', 'strongest'):
+        assert feed(frame_id, range(40), 0.0) == []
+    assert feed('last', range(40, 64), 0.01) == [('last', 64)]
+    assert feed('first', range(40, 60), 0.01) == []
+    assert feed('strongest', range(40, 64), 0.01) == [('strongest', 64)]
+    assert feed.frames.deadline() is not None and feed.poll(0.21) == [('first', 60)]
+    assert feed.frames.deadline() is None
+
+
+def test_messages_of_one_stamp_are_told_apart_by_their_order() -> None:
+    feed = Sources()
+    assert feed('lidar', range(64), 0.0, 7 * S) == [('lidar', 64)]
+    assert feed('lidar', range(30), 0.1, 7 * S + 1) == []
+    assert feed('lidar', range(64), 0.2, 7 * S + 2) == [('lidar', 30), ('lidar', 64)]
+    assert feed('lidar', range(64), 0.2, 7 * S + 1) == [] and feed.frames.dropped['late'] == 64
+
+
+def test_a_source_that_is_busy_gives_way_to_no_other() -> None:
+    feed = Sources()
+    feed('true', range(10), 0.0)
+    for number in range(MAX_SOURCES + 5):
+        feed('source %d' % number, range(10), 0.0)
+    assert feed.frames.dropped['too many sources'] == 6 * 10
+    assert feed('true', range(10, 64), 0.01) == [('true', 64)]
+    assert feed('new', range(10), 0.02) == []       # nor does one just after it
+    assert feed.frames.dropped['too many sources'] == 7 * 10
+    assert len(feed.poll(1.0)) == MAX_SOURCES - 1
+    assert feed('new', range(64), 1.0) == [('new', 64)]
+
+
+def test_settings_reach_all_sources() -> None:
+    feed = Sources()
+    feed('early', range(10), 0.0)
+    feed.frames.configure(max_wait=0.001, max_finished=1)
+    assert feed.frames.deadline() == 0.001
+    feed('late', range(10), 0.0)
+    assert feed.frames.deadline() == 0.001 and feed.poll(0.001) == [('early', 10), ('late', 10)]
+    for order in (2 * S, 3 * S, 4 * S):
+        for frame_id in ('early', 'late'):
+            feed.frames.add(SimpleNamespace(stamp=1 * S, says='', frame_id=frame_id), (
+                np.arange(64), np.ones(64, int), np.zeros((64, 1), np.uint8)), 0.1, order)
+    assert feed.poll(0.1) == [('early', 64), ('late', 64)]

@@ -20,7 +20,7 @@ from visualization_msgs.msg import (
     MarkerArray,
 )
 
-from smokebot_udp.streams.frame_prefix import add_prefix, strip_prefix
+from smokebot_udp.streams.frame_prefix import add_prefix, strip_prefix, with_prefix
 
 
 def transform(parent: str, child: str) -> TransformStamped:
@@ -95,9 +95,16 @@ def test_without_a_prefix_a_message_is_the_same_object() -> None:
 
 
 @pytest.mark.parametrize('frame, expected', [
-    ('map', 'ugv1/map'), ('', ''), ('/map', 'ugv1/map'), ('ugv1/map', 'ugv1/map'), ('ugv12/map', 'ugv1/ugv12/map')])
+    ('map', 'ugv1/map'), ('', ''), ('/map', 'ugv1/map'), ('ugv1/map', 'ugv1/map'), ('ugv12/map', 'ugv1/ugv12/map'),
+    ('/ugv1/map', 'ugv1/map'), ('/', '')])
 def test_a_frame(frame: str, expected: str) -> None:
     assert add_prefix(Header(frame_id=frame), 'ugv1/').frame_id == expected
+
+
+def test_a_slash_before_a_frame_or_a_prefix_makes_no_other_frame() -> None:
+    for prefix in 'robot_0/', '/robot_0/':
+        assert [with_prefix(frame, prefix) for frame in ('/robot_0/x', 'robot_0/x', '/x', 'x')] == ['robot_0/x'] * 4
+        assert strip_prefix(Header(frame_id='/robot_0/x'), prefix).frame_id == 'x'
 
 
 PREFIXES = st.text('abc1_', min_size=1, max_size=5).map(lambda name: name + '/')

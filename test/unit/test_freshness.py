@@ -4,7 +4,7 @@ from typing import Any, Callable
 import numpy as np
 import pytest
 
-from smokebot_udp.streams.image.freshness import MAX_GAP, MotionMeter, Repeats, contrast_of, worth_sending
+from smokebot_udp.streams.image.freshness import MAX_GAP, MotionMeter, Repeats
 
 NOISE = np.random.RandomState(1)
 
@@ -67,33 +67,6 @@ def test_a_scene_that_is_another_one_in_each_image_is_not_outdated_further() -> 
     """Its differences are large, but the older one is no larger than the newer one, on average."""
     growth = measured(lambda k: NOISE.randint(0, 256, (240, 320)).astype(np.uint8), 60)
     assert growth < 0.05 * 2 * 255 ** 2 / 12 / 0.1
-
-
-def test_bytes_are_sent_while_they_gain_more_than_their_time_costs() -> None:
-    ends, errors = np.array([10, 100, 200, 300]), np.array([1000.0, 500.0, 400.0, 390.0])
-    assert worth_sending(ends, errors, 0.0, 1.0, 0, 1.0) == 4
-    assert worth_sending(ends, errors, 50.0, 1e-9, 0, 1.0) == 4         # an infinitely fast link
-    assert worth_sending(ends, errors, 50.0, 0.01, 0, 1.0) == 3         # 100 bytes cost 50
-    assert worth_sending(ends, errors, 1e6, 0.01, 0, 1.0) == 1
-
-
-def test_an_image_is_sharp_however_fast_the_scene_moves() -> None:
-    ends, cells = np.arange(100, 10001, 100), 76800
-    errors = 400.0 * cells * 0.5 ** (ends / 1000)
-
-    def sent(duration: float, contrast: float = 1.0) -> int:
-        return int(ends[worth_sending(ends, errors, 1e12, duration, cells, contrast) - 1])
-    assert sent(1e-6) == sent(8e-6) == 4800                         # half a bit a value
-    assert sent(2e-5) == pytest.approx(2000, abs=100)               # takes 40 ms
-    assert sent(1e-3) == 1000                                       # a tenth of a bit
-    assert sent(1e-6, 10 ** 1.8 * 10.0) == pytest.approx(2000, abs=100)      # its error is 10
-
-
-def test_a_fire_is_no_contrast() -> None:
-    room = 100 + 10 * NOISE.randn(240, 320)
-    assert contrast_of(room) == pytest.approx(10, rel=0.05)
-    room[:40, :60] = 5000
-    assert contrast_of(room) == pytest.approx(10, rel=0.15)
 
 
 def test_repeats_are_counted_until_anything_changes() -> None:

@@ -74,6 +74,21 @@ def test_cycles_complete_the_map_and_the_same_is_published_once() -> None:
     assert assembler.deadline() is None
 
 
+@pytest.mark.parametrize('columns, kept', [(0.37, True), (-0.9, True), (1.2, False)])
+def test_a_map_that_moves_by_a_part_of_a_cell_keeps_what_came_of_it(columns: float, kept: bool) -> None:
+    assembler, values = operator_side('grid', fill='unknown')
+    parts = segments(some_cells(), max_cells=100)
+    assemble_all(assembler, values, [part[::2] for part in parts], now=1.0)
+    moved = grid_message(some_cells())
+    moved.info.origin.position.x += 0.05 * columns
+    moved.header.stamp.secs += 1
+    parts = [frame.records for frame in Sender('grid', coding='interleaved', max_cells=100).frames(moved)]
+    shown, = assemble_all(assembler, values, [part[1::2] for part in parts], now=2.0)
+    assert shown.message.info.origin == moved.info.origin
+    assert (shown.completeness == 1.0) == kept
+    assert (shown.message.data == some_cells().ravel()).all() == kept
+
+
 def test_settings_apply_to_the_map_that_is_there() -> None:
     assembler, values = operator_side('grid', fill='unknown')
     part = segments(some_cells(), max_cells=100)[0][::2]

@@ -29,7 +29,7 @@ def made(monkeypatch: Any) -> Any:
     def subscriber(topic: str, message_class: Any, callback: Any, **options: Any) -> Any:
         subscribed.append((topic, message_class, callback))
         return SimpleNamespace(unregister=lambda: subscribed.clear())
-    monkeypatch.setattr(rospy, 'logwarn_throttle', lambda *_: None)
+    monkeypatch.setattr(rospy, 'logwarn', lambda *_: None)
     stream = Stream()
     reports: Any = HeldReports({'map': stream}, StubTransport(subscriber=subscriber))
     (topic, message_class, callback), = subscribed

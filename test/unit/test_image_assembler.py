@@ -138,6 +138,23 @@ def test_a_concealment_that_takes_too_long_gives_way_says_so_and_comes_back() ->
     assert assembler.problem(values, clock.now) is None and inventions(8, values) > 0.3
 
 
+@pytest.mark.parametrize('name, value', [('height', 0), ('depth', 9), ('total', 0), ('index', 60000)])
+def test_forged_segments_say_nothing_of_the_time_between_images(name: str, value: int) -> None:
+    """Of images at 1 Hz each concealment may take half a second, whatever comes beside them."""
+    clock = SlowClock()
+    clock.seconds = 0.5
+    values = Settings(check({'operator_topic': '/out', 'fill_time': 60.0}, ImageAssembler.PARAMETERS))
+    assembler = ImageAssembler(values, clock)
+    for second in range(1, 6):
+        assembled, = assemble_all(assembler, values, halves(noise(second), second), float(second))
+        for number in range(25):
+            forged = segments(noise(second), second)[0][:1].copy()
+            forged['header']['stamp']['nsecs'] += 1000 * (number + 1)
+            forged[name] = value
+            assert assemble_all(assembler, values, [forged], second + 0.5) == []
+        assert assembler.problem(values, clock.now) is None and not assembler.warnings
+
+
 def test_forged_segments_are_counted_and_cost_the_true_image_nothing() -> None:
     true = segments(noise(0), 7)
     forged = true[0].copy()

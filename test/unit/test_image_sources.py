@@ -129,6 +129,23 @@ def test_bad_images_are_refused(message: Any, settings: Any, problem: str) -> No
         Sender('image', coding='interleaved', **settings).frames(message)
 
 
+@pytest.mark.parametrize('step', [0, 160 * 120])
+@pytest.mark.parametrize('coding', [{}, {'scale': 2}, {'region': '30, 20, 100, 50'}])
+def test_a_step_that_contradicts_the_data_is_told_and_not_used(step: int, coding: Any) -> None:
+    odd, sender = image(noise((120, 160)), 'mono8'), Sender('image', coding='interleaved', **coding)
+    wanted = [frame.rows.tobytes() for frame in sender.frames(odd)]
+    odd.step = step
+    assert [frame.rows.tobytes() for frame in sender.frames(odd)] == wanted and odd.step == step
+    assert list(sender.warnings) == ['step is %d, by the data it is 160' % step]
+
+
+def test_a_format_that_contradicts_the_pixels_is_told() -> None:
+    sender = Sender('image', coding='interleaved')
+    sender.frames(compressed(np.full((8, 8), 255, np.uint8), 'mono16; jpeg compressed '))
+    warning, = sender.warnings
+    assert 'what was above 255 is lost' in warning
+
+
 def test_originals_of_cameras_are_images() -> None:
     deep = noise((12, 16), 'u2')
     found = raw_image(compressed(deep, 'mono16; png compressed '))
@@ -203,3 +220,12 @@ def test_a_calibration_of_another_size_is_named_and_the_image_is_sent() -> None:
     encoder = with_calibration(image(noise((60, 80)), 'mono8'), camera_info=True)
     assert encoder.beside == []
     assert 'camera_info is of 160 x 120 pixels, the image has 80 x 60' in encoder.warnings[0]
+
+
+def test_a_calibration_that_is_no_number_is_named_and_the_image_is_sent() -> None:
+    settings = Settings(check({'robot_topic': '/camera/image', 'coding': 'interleaved', 'camera_info': True},
+                              ImageEncoder.PARAMETERS))
+    encoder, info = ImageEncoder(settings), calibration()
+    info.D = [0.5, float('nan')]
+    assert encoder.takes(info) and encoder.encode(image(noise((120, 160)), 'mono8'), settings, 1472)
+    assert encoder.beside == [] and list(encoder.warnings) == ['camera_info has D: 0.5, nan. It is not sent']

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Driving by the keyboard; integration/driving.test runs the node in a terminal."""
+import math
 from typing import List, Optional, Tuple
 
 import pytest
@@ -14,11 +15,12 @@ from smokebot_udp.teleop.keyboard import (
     STOP,
     STOP_DURATION,
     Keyboard,
+    StopKey,
     Velocity,
     Wish,
-    keys_of,
 )
 from smokebot_udp.teleop.keyboard_screen import status_lines
+from smokebot_udp.teleop.keys import TIMEOUT, Keys
 
 
 def sent(keyboard: Keyboard, since: float, until: float) -> List[Tuple[float, Velocity]]:
@@ -117,11 +119,67 @@ def test_wishes_stop_the_robot_and_move_nothing(key: str, wish: Wish) -> None:
     assert keyboard.press(key, 10.1) is wish and keyboard.poll(10.1) == STOP and key not in MOVES
 
 
-def test_an_escape_sequence_is_one_key_without_a_meaning() -> None:
-    assert list(keys_of('ij\x1bOR')) == ['i', 'j', '\x1bOR'] and list(keys_of('ii')) == ['i', 'i']
+def wishes(*typed: str) -> List[Wish]:
+    """What is asked for by what is read at once, one after the other."""
+    keys, keyboard = Keys(), Keyboard(0.5, 1.0)
+    asked = [keyboard.press(key, 10.0) for text in typed for key in keys.take(text, 10.0)]
+    return [wish for wish in asked if wish is not None]
+
+
+@pytest.mark.parametrize('typed,keys', [
+    ('ij\x1bOR', ['i', 'j', '\x1bOR']), ('ii', ['i', 'i']),
+    ('\x1b[As', ['\x1b[A', 's']),                  # an arrow
+    ('\x1b[1;5Csi', ['\x1b[1;5C', 's', 'i']),      # an arrow with Ctrl
+    ('\x1b[15~R', ['\x1b[15~', 'R']),              # F5
+    ('\x1bO5Ri', ['\x1bO5R', 'i']),                # F3 with Ctrl, as some terminals have it
+    ('\x1b[1;2Ri', ['\x1b[1;2R', 'i']), ('\x1b[?62;c', ['\x1b[?62;c']), ('\x1b(Bi', ['\x1b(B', 'i']),
+    ('\x1bii', ['\x1bi', 'i']),                    # Alt
+    ('\x1b\x1b[Ai', ['\x1b', '\x1b[A', 'i']), ('i\x1b', ['i', '\x1b']), ('\x1b[', ['\x1b[']),
+    ('\x1b[\ni', ['\x1b', '[', '\n', 'i']), ('\x1b ', ['\x1b ']), ('', [])])
+def test_escape_sequences_have_a_grammar(typed: str, keys: List[str]) -> None:
+    assert Keys().take(typed, 10.0) == keys
+
+
+def test_a_sequence_in_pieces_is_one_and_its_beginning_is_a_key_already() -> None:
+    keys = Keys()
+    assert [keys.take(text, 10.0 + TIMEOUT / 8 * number) for number, text in enumerate(['\x1b', '[', '1;', '5Ci'])] == [
+        ['\x1b'], ['\x1b['], ['\x1b[1;'], ['\x1b[1;5C', 'i']]
+    assert keys.take('\x1b', 11.0) == ['\x1b']
+    assert keys.take('i', 11.1 + TIMEOUT) == ['i']       # the key Escape, and another one
+
+
+def test_an_escape_sequence_asks_for_nothing_and_stops() -> None:
     keyboard = Keyboard(0.5, 1.0)
-    assert [keyboard.press(key, 10.0) for key in keys_of('i\x1bOR')] == [None, None]    # F3: R releases the stop
+    assert [keyboard.press(key, 10.0) for key in Keys().take('i\x1bOR', 10.0)] == [None, None]    # F3: R releases
     assert keyboard.poll(10.0) == STOP
+
+
+@pytest.mark.parametrize('typed', [['s '], [' s'], ['\x1b[As'], ['\x1bOAs'], ['\x1b', 's'], ['\x1b[', 's'],
+                                   ['\x1bO', 's'], ['\x1bs'], ['S'], ['sR'], ['is'], ['si'], ['\x1b[1;5', 'As']])
+def test_the_stop_key_counts_whatever_is_read_with_it(typed: List[str]) -> None:
+    assert wishes(*typed).count(Wish.EMERGENCY_STOP) == 1
+
+
+@given(st.lists(st.text(st.sampled_from('sRi [O1;A\x1b~\x7f\u20ac'), max_size=6), max_size=6))
+def test_no_stop_key_is_ever_lost_and_no_key_is_invented(typed: List[str]) -> None:
+    asked = wishes(*typed)
+    assert asked.count(Wish.EMERGENCY_STOP) == ''.join(typed).count('s')
+    assert asked.count(Wish.RELEASE_EMERGENCY_STOP) <= ''.join(typed).count('R')
+
+
+def test_the_stop_is_repeated_until_it_was_received_for_a_while_or_is_released() -> None:
+    key = StopKey()
+    assert not key.poll(True, 10.0) and key.deadline() == math.inf
+    key.press(10.0)
+    times = [10.0 + number / 16 for number in range(64)]
+    found = [now for now in times if key.poll(now >= 12.0, now)]
+    assert found[0] == 10.0 and found[-1] == pytest.approx(12.0 + STOP_DURATION, abs=PERIOD + 1 / 16)
+    assert max(after - before for before, after in zip(found, found[1:])) <= PERIOD + 1 / 16
+    assert key.deadline() == math.inf
+    key.press(20.0)
+    assert key.poll(True, 20.0)
+    key.release()
+    assert not key.poll(True, 20.2)
 
 
 @given(st.lists(st.tuples(st.sampled_from('ijlu,mqzwxeck sRT'), st.floats(0.0, 2.0)), max_size=40))

@@ -30,6 +30,7 @@ from smokebot_udp.streams.air import Air
 from smokebot_udp.streams.frame_end import FIRST_MARGIN
 from smokebot_udp.streams.image.assembled import RestoredImage
 from smokebot_udp.streams.image.encoder import ImageEncoder
+from smokebot_udp.streams.image.held_images import HeldImages
 from smokebot_udp.streams.outlook import Outlook
 from smokebot_udp.streams.segments import MAIN_PART, size_on_air
 
@@ -186,3 +187,15 @@ def test_an_error_is_given_in_the_unit_of_the_view() -> None:
     assembled, = operator.poll(2.0)
     assert assembled.error == ImageError(from_byte(ERRORS[1]), None, 25.0, 'degC')
     assert str(assembled.error) == '+-%.2g degC' % (from_byte(ERRORS[1]) / 25)
+
+
+def test_what_is_held_is_reported_also_while_the_next_image_is_decoded(monkeypatch: pytest.MonkeyPatch) -> None:
+    operator, seen, decode = Operator(), [], HeldImages.decode      # type: Any, List[Any], Any
+
+    def watched(*given: Any) -> Any:
+        seen.append(operator.assembler.holding())
+        return decode(*given)
+    monkeypatch.setattr(HeldImages, 'decode', watched)
+    for number in range(3):
+        operator(segments(scene(), 7 + number), 1.0 + number)
+    assert seen[0] is None and None not in seen[1:]

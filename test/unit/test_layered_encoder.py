@@ -26,7 +26,7 @@ from layered_sender import (
 
 from smokebot_udp.codecs.layered import quality
 from smokebot_udp.streams.air import Air
-from smokebot_udp.streams.image.compressed_images import LEAST_BYTES
+from smokebot_udp.streams.image.image_size import LEAST_BYTES
 from smokebot_udp.streams.outlook import Outlook
 from smokebot_udp.streams.segments import size_on_air
 from smokebot_udp.udpros.datagram import OVERHEAD
@@ -34,7 +34,7 @@ from smokebot_udp.udpros.datagram import OVERHEAD
 
 @pytest.mark.parametrize('encoding', CASES)
 def test_a_tenth_of_the_bytes_shows_the_image_though_datagrams_are_lost(encoding: str) -> None:
-    pixels, of = CASES[encoding], settings({'max_bytes': 6000})
+    pixels, of = CASES[encoding], settings(max_bytes=6000)
     frames = encoder(of, BAD).encode(image(pixels, encoding), of, DATAGRAM)
     assert size_on_air(frames) <= 6000 and all(frame.datagram_size <= DATAGRAM for frame in frames)
     parts = segments(frames)
@@ -133,7 +133,7 @@ def test_any_image_at_any_budget(encoding: str, height: int, width: int, budget:
         pixels = pixels[..., 0].astype({'mono8': np.uint8, 'mono16': np.uint16, '32FC1': np.float32}[encoding])
     if encoding == '32FC1':
         pixels[pixels < 64] = np.nan
-    of = settings({'max_bytes': budget}, depth_unit=0.01)
+    of = settings(max_bytes=budget, depth_unit=0.01)
     made = encoder(of, Outlook(Air({loss: 0.9, 0.95: 0.1}, 4.0 if seed % 2 else None, True)))
     for second in (1, 2):
         frame, = made.encode(image(pixels, encoding, second), of, size)
@@ -146,7 +146,7 @@ def test_any_image_at_any_budget(encoding: str, height: int, width: int, budget:
 
 @pytest.mark.parametrize('size, texts, budget', [(500, 200, 600), (256, 80, 100), (1472, 1200, 600), (500, 380, 9999)])
 def test_texts_that_fill_most_of_a_datagram(size: int, texts: int, budget: int) -> None:
-    of = settings({'max_bytes': budget})
+    of = settings(max_bytes=budget)
     made = encoder(of, BAD)
     for second in range(1, 4):
         message = image(CASES['mono8'] + np.uint8(9 * second), 'mono8')
@@ -202,18 +202,16 @@ def test_the_smallest_image_and_the_shortest_datagrams(size: int) -> None:
 
 # operating points
 
-def test_operating_points_are_bytes_and_rate_and_what_is_left_over_makes_more_bytes() -> None:
-    of = settings({'max_bytes': 1500}, rate=10.0)
-    made = encoder(of)
+def test_operating_points_are_rates_and_images_take_what_is_left_over_by_themselves() -> None:
+    of = settings(rate=20.0)
+    made = encoder(of, NO_LOSS._replace(room=20 * 1500))
     frames = made.encode(image(CASES['mono16'], 'mono16'), of, DATAGRAM)
     assert size_on_air(frames) <= 1500
-    points = made.operating_points(10.0, of)
-    assert points[-1].settings == {'max_bytes': 0, 'rate': 10.0} and points[-1].cost > 10 * 1500
-    assert points[0].settings['max_bytes'] == 600
-    assert made.refine(points[0].settings, 10.0 * 250) == {**points[0].settings, 'max_bytes': 850}
-    assert made.refine(points[-1].settings, 0.0) == {'rate': 10.0}
-    limited = settings(max_bytes=2000, rate=10.0)
-    assert made.operating_points(10.0, limited)[-1].cost == 10 * 2000
+    points = made.operating_points(20.0, of)
+    assert points[-1].settings == {'rate': 20.0} and points[-1].cost > 20 * 1500
+    assert points[0].settings == {'rate': pytest.approx(10.0)} and points[0].cost == pytest.approx(10 * LEAST_BYTES)
+    assert made.refine(points[0].settings, 2500.0) == points[0].settings
+    assert made.operating_points(20.0, settings(max_bytes=2000))[-1].cost == 20 * 2000
 
 
 def test_the_cost_of_a_complete_image_changes_in_steps() -> None:
@@ -235,16 +233,16 @@ def test_a_short_image_tells_about_what_an_exact_one_takes(encoding: str) -> Non
     shown, _ = received(parts, range(len(parts)))
     assert (shown.pixels == pixels).all()
     for part in (10, 4, 2):
-        short = settings({'max_bytes': pixels.nbytes // part})
+        short = settings(max_bytes=pixels.nbytes // part)
         made = encoder(short)
         made.encode(image(pixels, encoding), short, DATAGRAM)
-        assert 0.95 <= made.operating_points(10.0, short)[-1].cost / 10.0 / exact.message_size <= 1.5
+        assert 0.95 <= made.operating_points(10.0, of)[-1].cost / 10.0 / exact.message_size <= 1.5
 
 
 # bytes on the wire
 
 def test_golden_bytes() -> None:
-    of = settings({'max_bytes': 600})
+    of = settings(max_bytes=600)
     made = encoder(of, session=lambda: 0x04030201)
     frame, = made.encode(image(np.array([[0, 0], [0, 200]], np.uint8), 'mono8'), of, DATAGRAM)
     segment, = segments([frame])
@@ -252,14 +250,15 @@ def test_golden_bytes() -> None:
     assert row[:4] == b'\0\0\0\0'                                   # seq: the publisher's
     assert row[4:12] == b'\1\0\0\0\7\0\0\0'                         # stamp
     assert row[12:20] == b'\4\0\0\0lens'
-    assert row[20:28] == b'\2\0\0\0\2\0\0\0'                        # height, width
-    assert row[28:37] == b'\5\0\0\0mono8'
-    assert row[37:42] == b'\0' + b'\0\0\0\0'                        # is_bigendian, depth_unit
-    assert row[42:46] == b'\0\0\1\0'                                # index, count
-    assert row[46:51] == b'\1\0\0\0\1'                              # thresholds
+    assert row[20:28] == 8 * b'\0'                                  # arrival
+    assert row[28:36] == b'\2\0\0\0\2\0\0\0'                        # height, width
+    assert row[36:45] == b'\5\0\0\0mono8'
+    assert row[45:50] == b'\0' + b'\0\0\0\0'                        # is_bigendian, depth_unit
+    assert row[50:54] == b'\0\0\1\0'                                # index, count
+    assert row[54:59] == b'\1\0\0\0\1'                              # thresholds
     size = len(segment.data)
-    assert row[51:57] == b'\1\0\0\0' + size.to_bytes(2, 'little')   # sizes
-    assert row[57:61] == b'\1\0\0\0' and row[61] == segment.errors[0]
-    assert row[62:70] == b'\1\2\3\4\0\0\0\0'                      # session, picture
-    assert row[70:79] == 9 * b'\0'                                  # reference, reference_layers, checksum
-    assert row[79:83] == size.to_bytes(4, 'little') and row[83:] == segment.data
+    assert row[59:65] == b'\1\0\0\0' + size.to_bytes(2, 'little')   # sizes
+    assert row[65:69] == b'\1\0\0\0' and row[69] == segment.errors[0]
+    assert row[70:78] == b'\1\2\3\4\0\0\0\0'                      # session, picture
+    assert row[78:87] == 9 * b'\0'                                  # reference, reference_layers, checksum
+    assert row[87:91] == size.to_bytes(4, 'little') and row[91:] == segment.data

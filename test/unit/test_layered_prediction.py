@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Images that are predicted from what all operators hold, from the robot's encoder to the operators' screens."""
+import math
 import zlib
 from random import Random
 from typing import Any, Collection, Dict, Optional
@@ -47,7 +48,7 @@ def noisy(step: int, encoding: str = 'mono16') -> Any:
 # what pays
 
 def test_while_predictions_save_little_four_of_five_images_have_none() -> None:
-    scene, link = photograph(96, 128, 1, 2000).astype(int), PredictedLink(granted={'max_bytes': 20000})
+    scene, link = photograph(96, 128, 1, 2000).astype(int), PredictedLink(max_bytes=20000)
     for step in range(24):
         link.send((scene + np.random.RandomState(step).randint(0, 400, scene.shape)).astype(np.uint16), 'mono16')
     assert sum(link.predicted[4:]) <= 4
@@ -62,7 +63,7 @@ def test_while_predictions_save_little_four_of_five_images_have_none() -> None:
 @pytest.mark.parametrize('loss, delay', [(0.0, 0), (0.0, 2), (0.2, 1)])
 def test_a_scene_that_stands_still_becomes_exact_and_stays_so(encoding: str, loss: float, delay: int) -> None:
     pixels = CASES[encoding]
-    link = PredictedLink(delay=delay, outlook=BAD if loss else NO_LOSS, granted={'max_bytes': pixels.nbytes // 5})
+    link = PredictedLink(delay=delay, outlook=BAD if loss else NO_LOSS, max_bytes=pixels.nbytes // 5)
     lost, exact, announced = independent(loss, 1), [], []
     for _ in range(40 + 20 * delay):
         shown = link.send(pixels, encoding, lost)['/operator']
@@ -84,7 +85,7 @@ def test_a_scene_that_stands_still_is_refined_before_reports_come() -> None:
     """As many images make it exact, or nearly, as where each report comes before the next image."""
     pixels, needed = CASES['mono16'], []
     for delay in (0, 2, 4):
-        link, exact = PredictedLink(delay=delay, granted={'max_bytes': pixels.nbytes // 12}), False
+        link, exact = PredictedLink(delay=delay, max_bytes=pixels.nbytes // 12), False
         while not exact:
             shown = link.send(pixels, 'mono16')['/operator']
             assert shown is not None
@@ -101,14 +102,14 @@ def test_a_scene_that_stands_still_is_refined_before_reports_come() -> None:
 
 @pytest.mark.parametrize('scene', [moving, noisy])
 def test_what_moves_or_has_noise_is_predicted_from_what_is_held_only(scene: Any) -> None:
-    link = PredictedLink(delay=2, granted={'max_bytes': 3000})
+    link = PredictedLink(delay=2, max_bytes=3000)
     for step in range(12):
         assert link.send(scene(step), 'mono16')['/operator'] is not None
     assert any(link.predicted) and not any(on_its_way(link, 2))
 
 
 def test_what_moves_after_a_standstill_is_predicted_from_what_is_held_only() -> None:
-    link = PredictedLink(delay=2, granted={'max_bytes': 1500})
+    link = PredictedLink(delay=2, max_bytes=1500)
     for _ in range(9):
         link.send(moving(0), 'mono16')
     assert on_its_way(link, 2)[-1]
@@ -119,7 +120,7 @@ def test_what_moves_after_a_standstill_is_predicted_from_what_is_held_only() -> 
 
 def test_an_image_that_is_lost_while_nothing_moves_costs_those_that_are_on_their_way() -> None:
     delay = 2
-    link, shown = PredictedLink(delay=delay, granted={'max_bytes': 1500}), []
+    link, shown = PredictedLink(delay=delay, max_bytes=1200), []
     for step in range(24):
         loss = nothing if step == 10 else everything
         shown.append(link.send(moving(0), 'mono16', loss)['/operator'] is not None)
@@ -129,7 +130,7 @@ def test_an_image_that_is_lost_while_nothing_moves_costs_those_that_are_on_their
 
 
 def test_a_report_that_is_lost_while_nothing_moves_costs_no_image() -> None:
-    link = PredictedLink(delay=1, granted={'max_bytes': 1500})
+    link = PredictedLink(delay=1, max_bytes=1500)
     for step in range(16):
         reports = ['/operator'] if step in (6, 7, 10) else []
         assert link.send(moving(0), 'mono16', everything, reports)['/operator'] is not None
@@ -159,7 +160,7 @@ def test_whatever_is_lost_both_sides_agree(seed: int, ratio: float, delay: int, 
     nothing moves."""
     random = Random(seed)
     # all within TIMEOUT: nobody is left out as silent
-    link = PredictedLink(('/one', '/two'), delay, BAD, 0.05, granted={'max_bytes': 6000})
+    link = PredictedLink(('/one', '/two'), delay, BAD, 0.05, max_bytes=6000)
     lost, models = independent(ratio, seed), {}     # type: Any, Dict[Tuple[int, int], Any]
     for step in range(14):
         unreported = [name for name in link.operators if random.random() < ratio]
@@ -257,7 +258,7 @@ def test_images_of_another_size_or_encoding_begin_another_session() -> None:
 
 def test_a_scene_that_moves_slowly_is_better_predicted() -> None:
     def error(reports: Collection[str]) -> float:
-        link, errors = PredictedLink(granted={'max_bytes': 2000}), []
+        link, errors = PredictedLink(max_bytes=2000), []
         for step in range(8):
             shown = link.send(moving(step), 'mono16', everything, reports)['/operator']
             errors.append(np.square(pixels_of(shown).astype(float) - moving(step)).mean())
@@ -265,11 +266,25 @@ def test_a_scene_that_moves_slowly_is_better_predicted() -> None:
     assert 10 * np.log10(error(['/operator']) / error([])) > 3
 
 
-def test_images_that_are_all_different_are_not_predicted() -> None:
-    link, random = PredictedLink(granted={'max_bytes': 4000}), np.random.RandomState(1)
-    for _ in range(4):
-        link.send(np.kron(random.randint(0, 256, (12, 16)), np.ones((8, 8))).astype(np.uint8), 'mono8')
-    assert not any(link.predicted)
+def test_images_that_are_all_different_are_no_worse_for_being_predicted() -> None:
+    images = [np.kron(np.random.RandomState(seed).randint(0, 256, (12, 16)), np.ones((8, 8))).astype(np.uint8)
+              for seed in range(8)]
+    errors = []
+    for delay in (0, 100):      # of reports: without any nothing is predicted
+        link = PredictedLink(max_bytes=4000, delay=delay)
+        shown = [link.send(pixels, 'mono8')['/operator'] for pixels in images]
+        errors.append(math.log10(sum(one.error.rms ** 2 for one in shown)))
+    assert not any(link.predicted) and errors[0] < errors[1] + 0.03
+
+
+def test_a_coarse_image_is_a_reference_too() -> None:
+    """Else images that are too short for a fine one would never be predicted, and stay coarse."""
+    scene = np.kron(np.random.RandomState(1).randint(0, 256, (24, 40)), np.ones((4, 4))).astype(np.uint8)
+    link, errors = PredictedLink(max_bytes=700), []
+    for step in range(12):
+        shown = link.send(scene[:, step // 2:][:, :128], 'mono8')['/operator']
+        errors.append(shown.error.rms)
+    assert all(link.predicted[1:]) and errors[-1] < 0.5 * errors[0]
 
 
 def test_an_image_without_a_reference_after_tiny_ones_has_its_full_size() -> None:
@@ -296,7 +311,7 @@ def test_what_moves_after_a_standstill_has_its_full_size_at_once() -> None:
 def test_depth_is_predicted_where_it_is_finite() -> None:
     depth = (moving(0) / np.float32(4000)).astype(np.float32)
     depth[10:20, 30:50], depth[40, 60:90] = np.nan, np.inf
-    link = PredictedLink(depth_unit=0.001, granted={'max_bytes': 3000})
+    link = PredictedLink(depth_unit=0.001, max_bytes=3000)
     for step in range(20):
         depth[10:20, 30 + step] = 1.0
         shown = link.send(depth, '32FC1')['/operator']

@@ -6,7 +6,7 @@ import stat
 
 import pytest
 
-from smokebot_udp.link.keys import KEY_SIZE, make_key, read_key
+from smokebot_udp.link.keys import KEY_SIZE, LOOK_PERIOD, KeyFile, make_key, read_key
 
 
 def test_a_new_key_is_random_and_only_its_owner_reads_it(tmp_path: pathlib.Path) -> None:
@@ -58,3 +58,40 @@ def test_a_file_that_cannot_be_read_or_made(tmp_path: pathlib.Path, path: str) -
         with pytest.raises(ValueError) as error:
             use(path.format(tmp_path))
         assert '\n' not in str(error.value)
+
+
+def write(path: pathlib.Path, data: bytes, mode: int = 0o600) -> None:
+    path.write_bytes(data)
+    path.chmod(mode)
+
+
+def test_a_key_file_is_replaced(tmp_path: pathlib.Path) -> None:
+    path, told = tmp_path / 'key', []
+    write(path, b'a' * 32)
+    file = KeyFile(str(path), told.append)
+    times = iter(range(0, 1000, 1 + int(LOOK_PERIOD)))
+    assert file.key == b'a' * 32 and file.renewed(next(times)) is None
+    write(path, b'b' * 32)
+    assert file.renewed(0.5) is None        # it was looked at just now
+    assert file.renewed(next(times)) == file.key == b'b' * 32 and file.renewed(next(times)) is None
+    (tmp_path / 'new').write_bytes(b'c' * 32)
+    (tmp_path / 'new').chmod(0o600)
+    (tmp_path / 'new').rename(path)
+    assert file.renewed(next(times)) == b'c' * 32 and not told
+
+
+def test_what_is_no_key_does_not_replace_one(tmp_path: pathlib.Path) -> None:
+    path, told = tmp_path / 'key', []
+    write(path, b'a' * 32)
+    file = KeyFile(str(path), told.append)
+    times = iter(range(0, 1000, 1 + int(LOOK_PERIOD)))
+    write(path, b'b' * 31)
+    assert file.renewed(next(times)) is None and file.renewed(next(times)) is None
+    write(path, b'b' * 32, 0o644)
+    assert file.renewed(next(times)) is None
+    path.unlink()
+    assert file.renewed(next(times)) is None and file.key == b'a' * 32
+    assert [text.split('. ')[-1] for text in told] == ['The former key stays in use'] * 3
+    assert 'too short' in told[0] and 'others' in told[1] and 'cannot be read' in told[2]
+    write(path, b'a' * 32)
+    assert file.renewed(next(times)) is None and len(told) == 3

@@ -37,6 +37,7 @@ class Relay:
         self.port = self._front.getsockname()[1]
         self._operator: Optional[Tuple[str, int]] = None
         self.loss, self._random = 0.0, random.Random(1)
+        self.longest = self.longest_up = 65535      # longer packets are dropped, down and up
         self._backs: List[socket.socket] = []
         self._threads: List[threading.Thread] = []
         self.move()
@@ -63,7 +64,7 @@ class Relay:
             data, self._operator = self._front.recvfrom(2000)
             if not data:
                 return
-            if self._random.random() >= self.loss:
+            if self._random.random() >= self.loss and len(data) <= self.longest_up:
                 self._backs[-1].sendto(data, self._robot)
 
     def _return(self, back: socket.socket) -> None:
@@ -71,7 +72,8 @@ class Relay:
             data = back.recv(2000)
             if not data:
                 return
-            if back is self._backs[-1] and self._operator and self._random.random() >= self.loss:
+            if (back is self._backs[-1] and self._operator and self._random.random() >= self.loss
+                    and len(data) <= self.longest):
                 self._front.sendto(data, self._operator)
 
     def close(self) -> None:

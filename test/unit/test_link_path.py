@@ -5,7 +5,7 @@ from link_channel import random_bytes
 
 from smokebot_udp.link.control import CHALLENGE_SIZE, SIZE, Control, message
 from smokebot_udp.link.host_budget import MAX_HOSTS, HostBudgets
-from smokebot_udp.link.path import AGAIN, PathCheck
+from smokebot_udp.link.path import AGAIN, LEFT_AFTER, PathCheck
 
 HERE, THERE = (1, 2), (1, 3)
 
@@ -13,9 +13,9 @@ HERE, THERE = (1, 2), (1, 3)
 def test_never_more_than_came_from_there() -> None:
     path = PathCheck(THERE, b'12345678')
     assert not path.may_send(48, 1.0)
-    path.came(47)
+    path.came(47, 1.0)
     assert not path.may_send(48, 1.0)
-    path.came(50)
+    path.came(50, 1.0)
     assert path.may_send(48, 1.0)
     assert not path.may_send(48, 1.0 + AGAIN / 2)
     assert path.may_send(48, 1.0 + 2 * AGAIN)
@@ -26,6 +26,12 @@ def test_only_the_challenge_from_that_address_is_the_proof() -> None:
     path = PathCheck(THERE, b'12345678')
     assert path.is_proof(THERE, b'12345678')
     assert not path.is_proof(HERE, b'12345678') and not path.is_proof(THERE, b'12345679')
+
+
+def test_who_has_not_been_heard_from_there_for_a_while_has_left() -> None:
+    path = PathCheck(THERE, b'12345678')
+    path.came(50, 1.0)
+    assert not path.has_left(1.0 + LEFT_AFTER / 2) and path.has_left(1.1 + LEFT_AFTER)
 
 
 def test_a_challenge_has_eight_bytes() -> None:

@@ -51,6 +51,10 @@ def test_the_link_s_status() -> None:
         'reports refused, order': 1, 'reports refused, too many operators': 5}, nan_ok=True)
     status = link_status(dataclasses.replace(stats, timeout=True))
     assert (status.level, status.message) == (WARN, 'no reports of /op for 2.0 s')
+    holed = link_status(dataclasses.replace(stats, timeout=True, longest=1172))
+    assert (holed.level, holed.message) == (
+        WARN, 'no reports of /op for 2.0 s, datagrams above 1172 bytes do not pass')
+    assert holed.values['longest datagram [byte]'] == 1172
     fixed = link_status(dataclasses.replace(stats, adaptive=False, rate=None, timeout=True))
     assert (fixed.level, fixed.message) == (OK, 'fine')
     assert fixed.values['state'] == 'fixed' and fixed.values['rate [Mbit/s]'] == 0

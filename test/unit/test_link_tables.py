@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What the sides of a link tell each other of their topics: bytes, lossy exchanges, and hostile messages."""
 import random
+import zlib
 from typing import Any, FrozenSet, List, Optional, Tuple
 
 import pytest
@@ -8,28 +9,31 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from smokebot_udp.link.control import FIRST_TOPIC_ID
+from smokebot_udp.link.parts import PART
 from smokebot_udp.link.tables import (
     CHANGE_PERIOD,
     CHANGES,
-    FIRST_RETRY,
-    LAST_RETRY,
+    HEARTBEAT,
+    MAX_NAMES_SIZE,
     MAX_TEXT,
     MAX_TOPICS,
-    NUMBERS,
-    WANTS_PERIOD,
+    SEEN,
     Entry,
     Exchange,
+    Lists,
     Local,
     Malformed,
-    Repeated,
     Role,
     Table,
     Topic,
-    pack_table,
-    pack_wants,
-    parse_table,
-    parse_wants,
+    pack_lists,
+    pack_names,
+    parse_lists,
+    parse_names,
 )
+
+SIZE = 1400
+"""Of a datagram's content [byte]."""
 
 IMAGE = Topic('/image', 'sensor_msgs/Image', '060021388200f6f0f447d0fcd9c64743')
 RELAY = Topic('/odom', 'smokebot_udp/RelaySegment', 'aa', 'nav_msgs/Odometry bb')
@@ -52,51 +56,90 @@ def test_a_connection_id_is_none_of_the_links_own(topic: Topic) -> None:
     assert FIRST_TOPIC_ID <= topic.id < 1 << 32
 
 
+def part(number: int, data: bytes) -> bytes:
+    """A message in one datagram."""
+    return PART.pack(number, 0, 1) + data
+
+
+def lists(number: int, wants: Any = (), declines: Any = (), sends: Any = ()) -> bytes:
+    return part(number, pack_lists(Lists(frozenset(wants), frozenset(declines), frozenset(sends))))
+
+
+def names(number: int, *rows: Entry) -> bytes:
+    return part(number, pack_names(rows, MAX_NAMES_SIZE))
+
+
 def test_the_bytes_of_the_messages() -> None:
-    assert pack_wants(3, {0x01020304, 16}) == bytes.fromhex('03000000 10000000 04030201')
-    assert pack_table(7, [Entry(Role.RECEIVES, Topic('/a', 'b/C', 'd'))]) == \
-        b'\7\0\0\0' + b'\1' + b'\2/a' + b'\3b/C' + b'\1d' + b'\0'
+    assert pack_lists(Lists(frozenset([0x01020304, 16]), frozenset([17]), frozenset([18, 19]))) == bytes.fromhex(
+        '0200 0100 10000000 04030201 11000000 12000000 13000000')
+    assert zlib.decompress(pack_names([Entry(Role.RECEIVES, Topic('/a', 'b/C', 'd'))], 1000)) == \
+        b'\1' + b'\2/a' + b'\3b/C' + b'\1d' + b'\0'
 
 
-@given(st.integers(0, 2 ** 32 - 1), entries)
-def test_a_table_is_read_as_it_was_written(number: int, rows: List[Entry]) -> None:
-    assert parse_table(pack_table(number, rows)) == (number, rows)
+@given(entries)
+def test_names_are_read_as_they_were_written(rows: List[Entry]) -> None:
+    assert parse_names(pack_names(rows, MAX_NAMES_SIZE)) == rows
 
 
-@given(st.sets(st.integers(0, 2 ** 32 - 1), max_size=MAX_TOPICS))
-def test_wants_are_read_as_they_were_written(ids: Any) -> None:
-    assert parse_wants(pack_wants(1, ids)) == (1, ids)
+def test_names_that_are_too_many_are_cut() -> None:
+    rows = [Entry(Role.SENDS, Topic('/%032x' % random.getrandbits(128), 'x/Y', '0')) for _ in range(MAX_TOPICS)]
+    packed = pack_names(rows, 2000)
+    read = parse_names(packed)
+    assert len(packed) <= 2000 and read == rows[:len(read)] and len(read) >= 32
+    long = [Entry(Role.SENDS, Topic('/%d' % number, 'x' * MAX_TEXT, 'y' * MAX_TEXT, 'z' * MAX_TEXT))
+            for number in range(2 * MAX_TOPICS)]
+    assert len(parse_names(pack_names(long, MAX_NAMES_SIZE))) >= 64
+
+
+ids = st.sets(st.integers(0, 2 ** 32 - 1), max_size=MAX_TOPICS // 2).map(frozenset)
+
+
+@given(st.builds(Lists, ids, ids, ids))
+def test_lists_are_read_as_they_were_written(one: Lists) -> None:
+    assert parse_lists(pack_lists(one)) == one
 
 
 @given(entries, st.data())
-def test_a_mutated_table_is_read_or_refused(rows: List[Entry], data: Any) -> None:
-    table = bytearray(pack_table(1, rows))
-    for _ in range(data.draw(st.integers(1, 4))):
+def test_mutated_names_are_read_or_refused(rows: List[Entry], data: Any) -> None:
+    packed = bytearray(pack_names(rows, MAX_NAMES_SIZE))
+    plain = data.draw(st.booleans())
+    table = bytearray(zlib.decompress(packed)) if plain else packed
+    for _ in range(data.draw(st.integers(1, 4)) if table else 0):
         table[data.draw(st.integers(0, len(table) - 1))] = data.draw(st.integers(0, 255))
+    cut = bytes(table[:data.draw(st.integers(0, len(table)))])
     try:
-        _, read = parse_table(bytes(table[:data.draw(st.integers(0, len(table)))]))
+        read = parse_names(zlib.compress(cut) if plain else cut)
     except Malformed:
         return
     assert all(text.isprintable() and len(text.encode()) <= MAX_TEXT for _, topic in read for text in topic)
 
 
 @pytest.mark.parametrize('data', [
-    b'', b'\0' * 3, b'\0' * 5, b'\0' * (4 + 4 * MAX_TOPICS + 4)])
-def test_wants_of_another_length_are_malformed(data: bytes) -> None:
+    b'', b'\0' * 3, b'\0' * 5, b'\1\0\0\0', b'\0\0\1\0', b'\xff' * 8,
+    b'\0\0\0\0' + b'\0' * 4 * (MAX_TOPICS + 1), b'\1\1\0\0' + b'\0' * 4 * (MAX_TOPICS + 1)])
+def test_lists_that_contradict_themselves_are_malformed(data: bytes) -> None:
     with pytest.raises(Malformed):
-        parse_wants(data)
+        parse_lists(data)
 
 
-def test_a_table_without_end_is_malformed() -> None:
+@pytest.mark.parametrize('data', [b'', b'x', zlib.compress(b'\0'), zlib.compress(b'')[:-1], zlib.compress(b'') + b'x',
+                                  zlib.compress(bytes(50_000_000))], ids=lambda data: '%d bytes' % len(data))
+def test_names_that_are_none_are_malformed(data: bytes) -> None:
+    """One of them would be 50 MB."""
     with pytest.raises(Malformed):
-        parse_table(pack_table(1, [Entry(Role.SENDS, RELAY)] * (2 * MAX_TOPICS + 1)))
+        parse_names(data)
+
+
+def test_names_without_end_are_malformed() -> None:
+    with pytest.raises(Malformed, match='too many'):
+        parse_names(pack_names([Entry(Role.SENDS, Topic('/a', 'b', 'c'))] * (2 * MAX_TOPICS + 1), MAX_NAMES_SIZE))
 
 
 def test_a_topic_that_stands_twice_is_malformed() -> None:
     """Each would be a sentence of its own."""
     with pytest.raises(Malformed, match='twice'):
-        parse_table(pack_table(1, [Entry(Role.SENDS, IMAGE), Entry(Role.SENDS, IMAGE._replace(md5='0'))]))
-    parse_table(pack_table(1, [Entry(Role.SENDS, IMAGE), Entry(Role.RECEIVES, IMAGE._replace(md5='0'))]))
+        parse_names(pack_names([Entry(Role.SENDS, IMAGE), Entry(Role.SENDS, IMAGE._replace(md5='0'))], 1000))
+    parse_names(pack_names([Entry(Role.SENDS, IMAGE), Entry(Role.RECEIVES, IMAGE._replace(md5='0'))], 1000))
 
 
 def test_a_topic_is_there_once() -> None:
@@ -123,20 +166,6 @@ def test_two_names_with_one_connection_id_are_an_error() -> None:
         local.add(Role.SENDS, other)
 
 
-def test_a_message_is_repeated_until_it_is_acknowledged() -> None:
-    repeated, sent = Repeated(), []
-    for step in range(200):
-        if repeated.take(1, 0.01 * step):
-            sent.append(step)
-    gaps = [later - earlier for earlier, later in zip(sent, sent[1:])]
-    assert sent[0] == 0 and gaps == sorted(gaps)
-    assert gaps[0] == round(100 * FIRST_RETRY) and gaps[-1] == round(100 * LAST_RETRY)
-    repeated.seen(1, 2.0)
-    assert not repeated.take(1, 1e9)
-    repeated.seen(0, 1e9)       # forgotten
-    assert repeated.take(1, 1e9) and repeated.take(2, 1e9)
-
-
 class Side:
     """An exchange with a peer, and the topics of its side."""
 
@@ -154,7 +183,7 @@ def run(one: Side, other: Side, start: float, stop: float, loss: float = 0.0, se
     on_the_way: List[Tuple[float, Side, int, bytes]] = []
     while now < stop:
         for side, peer in ((one, other), (other, one)):
-            for kind, data in side.exchange.messages(side.asked, now):
+            for kind, data in side.exchange.messages(side.asked, SIZE, True, now):
                 count += 1
                 if chance.random() >= loss:
                     on_the_way.append((now + 0.05 + 0.02 * chance.random(), peer, kind, data))
@@ -165,18 +194,18 @@ def run(one: Side, other: Side, start: float, stop: float, loss: float = 0.0, se
     return count
 
 
-@pytest.mark.parametrize('loss', [0.0, 0.2, 0.5])
+@pytest.mark.parametrize('loss', [0.0, 0.2, 0.5, 0.8])
 @pytest.mark.parametrize('seed', range(5))
 def test_each_side_learns_what_the_other_wants(loss: float, seed: int) -> None:
     robot, operator = Side((Role.SENDS, IMAGE)), Side((Role.RECEIVES, IMAGE))
     operator.asked = frozenset([IMAGE.id])
     run(operator, robot, 0.0, 6.0, loss, seed)
     assert robot.exchange.wants == {IMAGE.id} and not operator.exchange.wants
-    assert operator.exchange.offers == {IMAGE.id: IMAGE} and not robot.exchange.offers
+    assert operator.exchange.offers == {IMAGE.id} and not robot.exchange.offers
     operator.asked = frozenset()
     robot.local.add(Role.SENDS, RELAY)
     run(operator, robot, 6.0, 12.0, loss, seed)
-    assert not robot.exchange.wants and operator.exchange.offers.keys() == {IMAGE.id, RELAY.id}
+    assert not robot.exchange.wants and operator.exchange.offers == {IMAGE.id, RELAY.id}
 
 
 def test_a_side_that_forgot_the_other_learns_all_again() -> None:
@@ -187,7 +216,7 @@ def test_a_side_that_forgot_the_other_learns_all_again() -> None:
         robot.asked = asked
     run(operator, robot, 2.0, 4.0)
     robot.exchange = Exchange(robot.local)
-    now = 4.0 + WANTS_PERIOD + 1.0
+    now = 4.0 + HEARTBEAT + 1.0
     run(operator, robot, 4.0, now)
     assert robot.exchange.wants == {IMAGE.id} and operator.exchange.wants == {7}
     robot.asked = frozenset()
@@ -200,32 +229,77 @@ def test_an_idle_exchange_is_cheap() -> None:
     robot, operator = Side((Role.SENDS, IMAGE)), Side((Role.RECEIVES, IMAGE))
     operator.asked = frozenset([IMAGE.id])
     run(operator, robot, 0.0, 2.0)
-    assert run(operator, robot, 2.0, 12.0) <= 4 * 11      # WANTS and SEEN each second, each way
+    assert run(operator, robot, 2.0, 12.0) <= 2 * 11      # SEEN each second, each way
+
+
+def test_sides_with_the_same_topics_send_no_names() -> None:
+    robot = Side((Role.SENDS, IMAGE), (Role.RECEIVES, RELAY))
+    operator = Side((Role.RECEIVES, IMAGE), (Role.SENDS, RELAY))
+    kinds = []
+    for step in range(20):
+        for one, other in ((robot, operator), (operator, robot)):
+            for kind, data in one.exchange.messages(frozenset(), SIZE, True, step / 10):
+                kinds.append(kind)
+                other.exchange.take(kind, data, step / 10)
+    assert set(kinds) == {Table.LISTS, Table.SEEN}
+    robot.local.add(Role.SENDS, RELAY._replace(name='/only_here'))
+    assert Table.NAMES in [kind for kind, _ in robot.exchange.messages(frozenset(), SIZE, True, 2.0)]
+
+
+def test_names_that_no_longer_differ_are_taken_back() -> None:
+    theirs = IMAGE._replace(md5='0')
+    robot, operator = Side((Role.SENDS, theirs)), Side((Role.RECEIVES, IMAGE))
+    run(robot, operator, 0.0, 1.0)
+    assert robot.exchange.differences('desk') and operator.exchange.differences('ugv1')
+    robot.local.remove(Role.SENDS, theirs)
+    run(robot, operator, 1.0, 2.0)
+    assert not robot.exchange.differences('desk') and not operator.exchange.differences('ugv1')
+
+
+def test_why_a_topic_is_not_wanted() -> None:
+    robot, operator = Side((Role.SENDS, IMAGE), (Role.SENDS, RELAY)), Side((Role.RECEIVES, IMAGE))
+    assert 'does not know of it yet' in robot.exchange.why_not(IMAGE.id)
+    robot.exchange.take(Table.LISTS, lists(1, declines=[IMAGE.id]), 0.0)
+    assert 'does not know of it yet' in robot.exchange.why_not(IMAGE.id)    # it has not acknowledged
+    run(robot, operator, 0.0, 1.0)
+    assert 'cannot decode it' in robot.exchange.why_not(IMAGE.id)
+    assert 'does not receive it' in robot.exchange.why_not(RELAY.id)
 
 
 def test_an_older_message_changes_nothing() -> None:
-    side = Side((Role.SENDS, IMAGE))
-    side.exchange.take(Table.WANTS, pack_wants(5, [IMAGE.id]), 0.0)
-    side.exchange.take(Table.WANTS, pack_wants(4, []), 0.0)
-    side.exchange.take(Table.TABLE, pack_table(5, [Entry(Role.SENDS, RELAY)]), 0.0)
-    side.exchange.take(Table.TABLE, pack_table(4, []), 0.0)
-    assert side.exchange.wants == {IMAGE.id} and side.exchange.offers == {RELAY.id: RELAY}
-    assert side.exchange.messages(frozenset(), 0.0)[0] == (Table.SEEN, NUMBERS.pack(5, 5))
+    side = Side((Role.RECEIVES, IMAGE))
+    theirs = Entry(Role.SENDS, IMAGE._replace(md5='0'))
+    side.exchange.take(Table.LISTS, lists(5, [IMAGE.id], sends=[7]), 0.0)
+    side.exchange.take(Table.LISTS, lists(4, []), 0.0)
+    side.exchange.take(Table.NAMES, names(6, theirs), 0.0)
+    side.exchange.take(Table.NAMES, names(5), 0.0)
+    assert side.exchange.wants == {IMAGE.id} and side.exchange.offers == {7} and side.exchange.differences('ugv1')
+    assert side.exchange.messages(frozenset(), SIZE, True, 0.0)[0] == (Table.SEEN, SEEN.pack(5, 1, 6, 1))
 
 
 def test_a_peer_changes_its_mind_so_often_only() -> None:
     side, taken = Side((Role.SENDS, IMAGE)), []
     for number in range(1, 1000):
-        side.exchange.take(Table.WANTS, pack_wants(number, [number % 2]), 0.001 * number)
+        side.exchange.take(Table.LISTS, lists(number, [number % 2]), 0.001 * number)
         taken.append(side.exchange.wants)
     changes = sum(before != after for before, after in zip(taken, taken[1:]))
     assert CHANGES - 1 <= changes <= CHANGES + 1.0 / CHANGE_PERIOD
-    side.exchange.take(Table.WANTS, pack_wants(1000, [5]), 2.0)
+    assert side.exchange.messages(frozenset(), SIZE, True, 1.0)[0] == (Table.SEEN, SEEN.pack(999, 0, 0, 0))
+    side.exchange.take(Table.LISTS, lists(1000, [5]), 2.0)
     assert side.exchange.wants == {5}
 
 
-@pytest.mark.parametrize('kind, data', [(Table.SEEN, b'\0' * 7), (Table.WANTS, b'\0'), (Table.TABLE, b'\0'),
-                                        (7, b''), (15, b'\0' * 8)])
+def test_a_flood_of_tables_is_answered_rarely() -> None:
+    side, answers = Side((Role.SENDS, IMAGE)), 0
+    for number in range(1, 10001):
+        side.exchange.take(Table.LISTS, lists(number), 1e-4 * number)
+        answers += sum(kind == Table.SEEN for kind, _ in side.exchange.messages(frozenset(), SIZE, True, 1e-4 * number))
+    assert answers <= 51
+
+
+@pytest.mark.parametrize('kind, data', [(Table.SEEN, b'\0' * 7), (Table.LISTS, b'\0'), (Table.NAMES, b'\0'),
+                                        (Table.LISTS, part(1, b'\0')), (Table.NAMES, PART.pack(1, 1, 1)),
+                                        (Table.NAMES, PART.pack(1, 0, 33)), (7, b''), (15, b'\0' * 8)])
 def test_a_message_of_no_correct_peer_is_refused(kind: int, data: bytes) -> None:
     with pytest.raises(Malformed):
         Side().exchange.take(kind, data, 0.0)
@@ -237,15 +311,15 @@ def test_a_message_of_no_correct_peer_is_refused(kind: int, data: bytes) -> None
      '/image: ugv1 sends x/Y 0, this machine receives sensor_msgs/Image 060021388200f6f0f447d0fcd9c64743')])
 def test_differences_are_named(theirs: Topic, sentence: Any) -> None:
     side = Side((Role.RECEIVES, IMAGE))
-    side.exchange.take(Table.TABLE, pack_table(1, [Entry(Role.SENDS, theirs), Entry(Role.RECEIVES, IMAGE)]), 0.0)
-    assert side.exchange.differences('ugv1') == ([sentence] if sentence else [])
+    side.exchange.take(Table.NAMES, names(1, Entry(Role.SENDS, theirs), Entry(Role.RECEIVES, IMAGE)), 0.0)
+    assert side.exchange.differences('ugv1') == ({'/image': sentence} if sentence else {})
 
 
 def test_other_carried_messages_are_a_difference() -> None:
     side = Side((Role.SENDS, RELAY))
     theirs = RELAY._replace(carries='nav_msgs/Odometry c')
-    side.exchange.take(Table.TABLE, pack_table(1, [Entry(Role.RECEIVES, theirs)]), 0.0)
-    assert side.exchange.differences('desk') == [
+    side.exchange.take(Table.NAMES, names(1, Entry(Role.RECEIVES, theirs)), 0.0)
+    assert list(side.exchange.differences('desk').values()) == [
         '/odom: desk receives smokebot_udp/RelaySegment aa that carries nav_msgs/Odometry c, '
         'this machine sends smokebot_udp/RelaySegment aa that carries nav_msgs/Odometry bb']
 
@@ -261,9 +335,9 @@ def test_differences_are_looked_for_where_topics_have_changed_only(monkeypatch: 
 
     monkeypatch.setattr(side.local, 'find', count)
     theirs = IMAGE._replace(md5='0')
-    side.exchange.take(Table.TABLE, pack_table(1, [Entry(Role.SENDS, theirs)]), 0.0)
+    side.exchange.take(Table.NAMES, names(1, Entry(Role.SENDS, theirs)), 0.0)
     for number in range(100):
-        side.exchange.take(Table.WANTS, pack_wants(number, []), 0.0)
+        side.exchange.take(Table.LISTS, lists(number), 0.0)
         assert len(side.exchange.differences('ugv1')) == 1
     assert compared == ['/image']
     side.local.remove(Role.RECEIVES, IMAGE)

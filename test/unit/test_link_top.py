@@ -8,7 +8,15 @@ from dynamic_reconfigure.msg import DoubleParameter
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smokebot_udp.monitoring.link_board import DIAGNOSTICS, MAX_NODES, STALE_AFTER, Board, NodeStatus, printable
+from smokebot_udp.monitoring.link_board import (
+    DIAGNOSTICS,
+    LEVELS,
+    MAX_NODES,
+    STALE_AFTER,
+    Board,
+    NodeStatus,
+    printable,
+)
 from smokebot_udp.monitoring.link_table import render
 from smokebot_udp.msg import LinkStatus, RobotStatus, StreamStatus, WifiStatus
 from smokebot_udp.nodes import link_top
@@ -237,6 +245,24 @@ def test_relayed_diagnostics_have_all_that_is_relayed_until_they_are_stale() -> 
     assert any('<=2.5' in text for text in lines(board, 0.3 + STALE_AFTER))
 
 
+def test_old_relayed_diagnostics_are_as_old_as_they_are() -> None:
+    """They have stopped, while the robot's ~link and ~status still come."""
+    board = Board()
+    board.add(receives('operator_receiver', '/robot_sender'), 600.0)
+    board.add_relayed('/operator_receiver', DIAGNOSTICS, [
+        NodeStatus('', 0, 'fine', {'side': 'robot', 'stream': 'thermal', 'topic': '/t', 'rate in [Hz]': '7'}),
+        NodeStatus('', 0, 'fine', {'side': 'robot', 'stream': 'gas', 'topic': '/gas', 'rate in [Hz]': '8'}),
+        NodeStatus('', 0, 'fine', {'side': 'robot', 'problems': '0'})], 0.0)
+    relayed(board, 600.0)
+    found = {(status.kind, status.stream): (LEVELS[status.level], status.message)
+             for status in board.statuses(600.0) if status.node == '/robot_sender'}
+    assert found['settings', ''] == found['stream', 'gas'] == ('STALE', 'silent for 600 s')
+    assert found['stream', 'thermal'] == ('OK', 'fine') and found['link', ''][0] == 'OK'
+    assert [text.split()[0] for text in lines(board, 600.0) if ' gas ' in text] == ['STALE']
+    assert ['OK', 'thermal', '-', '<=2.5'] in [text.split()[:4] for text in lines(board, 600.0)]
+    assert board.age(600.5) == 0.5
+
+
 def test_the_newest_of_several_relays_counts() -> None:
     board = Board()
     for operator in 'a', 'b':
@@ -285,6 +311,18 @@ def test_the_link_s_line() -> None:
     silent = status('robot_node: link control', 1, 'no reports', side='robot', state='no reports')
     texts, levels = shown([silent], now=STALE_AFTER + 1)
     assert texts[1].startswith('STALE  link: - of') and texts[1].endswith('silent for 4 s')
+
+
+@pytest.mark.parametrize('relayed', [False, True])
+def test_a_path_with_a_hole_shows_in_the_link_s_line(relayed: bool) -> None:
+    if relayed:
+        link, _ = relayed_link(LinkStatus(state='as /op reports', longest_datagram=1172))
+        link = link._replace(node='/robot_node')
+    else:
+        link = status('robot_node: link control', 1, 'datagrams above 1172 bytes do not pass', side='robot',
+                      state='as /op reports')
+    texts, levels = shown([link])
+    assert texts[1].endswith('as /op reports; datagrams above 1172 bytes do not pass') and levels[1] == 1
 
 
 def test_the_wifi_of_both_sides() -> None:

@@ -4,21 +4,27 @@ import os
 import select
 import socket
 import threading
+import time
 from typing import Any, Dict, Iterator, List
 
+import numpy as np
 import pytest
+from link_channel import data
 from link_pair import KEY, Inbox, Links, Told, frame, links
 from polling import WAIT, wait_for
 from sensor_msgs.msg import CompressedImage, Image, LaserScan
 from std_msgs.msg import Header, String
 
 from smokebot_udp.link.packets import DATA
-from smokebot_udp.link.peer import Joined, Left, Peer
+from smokebot_udp.link.parts import PART
+from smokebot_udp.link.peer import Delivery, Joined, Left, Peer
 from smokebot_udp.link.peer_topics import PeerTopics
 from smokebot_udp.link.session import OpenSession
-from smokebot_udp.link.tables import NUMBERS, Local, Table, pack_wants
-from smokebot_udp.udpros.datagram import OVERHEAD
+from smokebot_udp.link.tables import SEEN, Entry, Lists, Local, Role, Table, Topic, pack_lists, pack_names
+from smokebot_udp.link.topics import Outgoing, serialised
+from smokebot_udp.udpros.datagram import HEADER
 from smokebot_udp.udpros.endpoints import BatchSender
+from smokebot_udp.udpros.packetizer import no_limit
 
 THERMAL = '/smokebot_udp/thermal/segments'
 CHAT = '/smokebot_udp/chat'
@@ -290,7 +296,7 @@ def test_the_robot_is_restarted(made: Links) -> None:
 
 
 def test_new_keys_let_a_side_say_at_once_what_it_wants() -> None:
-    """The robot may have forgotten an operator that slept for a minute; WANTS was acknowledged long ago."""
+    """The robot may have forgotten an operator that slept for a minute; LISTS was acknowledged long ago."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot, \
             socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as operator:
         robot.bind(('127.0.0.1', 0))
@@ -298,14 +304,15 @@ def test_new_keys_let_a_side_say_at_once_what_it_wants() -> None:
         operator.setblocking(False)
         peer = Peer(1, 'ugv1', 'ugv1', bytes(16), 1472, (0x7f000001, robot.getsockname()[1]), OpenSession(1, 2, 3), 0.0)
         topics, wanted = PeerTopics(peer, Local(), BatchSender(operator)), frozenset([77])
-        topics.send(wanted, 0.0)
+        topics.asked = wanted
+        topics.send(0.0)
         assert len(robot.recv(2000)) > 0 and len(robot.recv(2000)) > 0
-        topics.exchange.take(Table.SEEN, NUMBERS.pack(2, 1), 0.1)
-        topics.send(wanted, 0.2)
+        topics.exchange.take(Table.SEEN, SEEN.pack(2, 1, 0, 0), 0.1)
+        topics.send(0.2)
         assert not select.select([robot], [], [], 0)[0]
         peer.use(OpenSession(4, 5, 6))
-        topics.send(wanted, 0.2)
-        assert robot.recv(2000)[DATA.size + OVERHEAD:] == pack_wants(2, wanted)
+        topics.send(0.2)
+        assert robot.recv(2000)[DATA.size + HEADER.size + PART.size:] == pack_lists(Lists(wanted))
 
 
 def test_a_wrong_key_is_a_problem_in_one_sentence(keyed: Links) -> None:
@@ -317,6 +324,56 @@ def test_a_wrong_key_is_a_problem_in_one_sentence(keyed: Links) -> None:
     stats = robot.stats(0.0)
     assert stats is not None and stats.sealed and not stats.peers
     assert stats.dropped['refused: wrong key'] > 0
+
+
+def test_the_key_is_replaced_while_both_run(keyed: Links) -> None:
+    """An operator with the former key is refused; one that has the new one joins by itself."""
+    new, renewed = bytes(reversed(KEY)), {'robot': False, 'desk': False}
+
+    def renew(side: str) -> Any:
+        def key(now: float) -> Any:
+            due, renewed[side] = renewed[side], False
+            return new if due else None
+        return key
+    robot, _ = keyed.robot(renewed=renew('robot'))
+    publisher, inbox = robot.publisher(CHAT, String), Inbox()
+    operator, _ = keyed.operator(robot.port, renewed=renew('desk'))
+    operator.subscriber(CHAT, String, inbox.message)
+    settle(publisher)
+    renewed['robot'] = True
+    wait_for(lambda: 'another key' in (operator.problem() or ''))
+    assert not robot.stats(0.0).peers
+    renewed['desk'] = True
+    settle(publisher)
+    publisher.publish(String('sealed anew'))
+    inbox.wait(lambda: inbox.messages)
+    late, _ = keyed.operator(robot.port, '/lost_desk')
+    wait_for(lambda: 'another key' in (late.problem() or ''))
+
+
+def test_nine_operators_of_one_robot(keyed: Links) -> None:
+    """The ninth is told why it has to wait, and has the place of the first one that leaves."""
+    robot, told = keyed.robot()
+    publisher, inboxes, operators = robot.publisher(CHAT, String), [], []
+    for number in range(8):
+        operator, _ = keyed.operator(robot.port, '/desk%d' % number)
+        inboxes.append(Inbox())
+        operator.subscriber(CHAT, String, inboxes[-1].message)
+        operators.append(operator)
+    settle(publisher, count=8)
+    ninth, _ = keyed.operator(robot.port, '/desk9')
+    inbox = Inbox()
+    ninth.subscriber(CHAT, String, inbox.message)
+    wait_for(lambda: 'as many operators as it takes' in (ninth.problem() or ''))
+    wait_for(lambda: told)
+    assert 'there are 8 operators already' in told[0]
+    publisher.publish(String('to all'))
+    for one in inboxes:
+        one.wait(lambda one=one: one.messages)
+    operators[3].close()
+    wait_for(lambda: '/desk9' in [connection['peer'] for connection in publisher.connections()])
+    publisher.publish(String('again'))
+    inbox.wait(lambda: inbox.messages)
 
 
 def test_a_port_in_use_is_an_error(keyed: Links) -> None:
@@ -338,8 +395,8 @@ def test_forged_datagrams_change_nothing(made: Links) -> None:
                 stranger.sendto(bytes([kind, 1, 0, 0]) + os.urandom(size), ('127.0.0.1', robot.port))
     publisher.publish(String('hello'))
     inbox.wait(lambda: inbox.messages)
-    wait_for(lambda: sum(robot.dropped().values()) >= 50)
-    assert {'too long', 'malformed', 'unknown session'} <= set(robot.dropped())
+    wait_for(lambda: sum(robot.dropped().values()) >= 50
+             and {'too long', 'malformed', 'unknown session'} <= set(robot.dropped()))
     assert [peer.name for peer in robot.stats(0.0).peers] == ['/operator_receiver@desk1']
 
 
@@ -353,6 +410,66 @@ def test_who_joins_and_leaves_again_and_again_does_not_fill_the_log() -> None:
             robot.on_event(Left(peer, 'closed'))
         assert told[:2] == ['anybody has joined from 127.0.0.1:9', 'anybody has left: closed']
         assert len(told) < 100
+
+
+def test_what_was_not_asked_for_is_not_delivered(keyed: Links) -> None:
+    """A peer sends it all the same."""
+    robot, _ = keyed.robot()
+    events: List[Any] = []
+    on_event = robot.on_event
+    robot.on_event = lambda event: (events.append(event), on_event(event))     # type: ignore[method-assign]
+    operator, _ = keyed.operator(robot.port)
+    inbox, willing = Inbox(), threading.Event()
+    operator.subscriber('/other', String, lambda _: None)
+    operator.subscriber(CHAT, String, inbox.message, wanted=willing.is_set)
+    publisher = robot.publisher(CHAT, String)
+    settle(robot.publisher('/other', String))
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as another:
+        outgoing = Outgoing(events[0].peer, BatchSender(another), publisher.topic.id, 1400, no_limit)
+        outgoing.packetizer.send_message(serialised(String('unasked'), 1))
+    wait_for(lambda: operator.dropped()['not asked for'] == 1)
+    willing.set()
+    settle(publisher)
+    publisher.publish(String('asked'))
+    inbox.wait(lambda: inbox.messages)
+    assert [message.data for message in inbox.messages] == ['asked']
+
+
+def test_why_a_peer_gets_no_topic(keyed: Links) -> None:
+    robot, _ = keyed.robot()
+    operator, _ = keyed.operator(robot.port)
+    operator.subscriber(THERMAL, CompressedImage, lambda _: None, wanted=lambda: False)
+    thermal, chat, other = (robot.publisher(*one) for one in (
+        (THERMAL, CompressedImage), (CHAT, String), ('/other', String)))
+    operator.subscriber('/other', String, lambda _: None)
+    settle(other)
+    wait_for(lambda: 'cannot decode' in thermal.why_not(operator.name))
+    assert 'does not receive it' in chat.why_not(operator.name)
+    assert chat.why_not('/nobody') == 'is not connected'
+
+
+def test_a_strangers_tables_do_not_silence_the_differences_to_others() -> None:
+    """Thirty tables of topics that all differ, joined and left again and again."""
+    with links(None) as made:
+        robot, told = made.robot()
+        for number in range(100):
+            robot.publisher('/topic%d' % number, String)
+        names = [Entry(Role.RECEIVES, Topic('/topic%d' % number, 'x/Y', '0')) for number in range(100)]
+        table = np.frombuffer(data(Table.NAMES, PART.pack(1, 0, 1) + pack_names(names, 10 ** 6)), np.uint8)[np.newaxis]
+        now = time.monotonic()
+        for visit in range(30):
+            stranger = Peer(1000 + visit, 'stranger', 'stranger', bytes(16), 1472, (0x7f000001, 9),
+                            OpenSession(1, 2, 3), now)
+            robot.on_event(Joined(stranger))
+            robot.on_delivery(Delivery(stranger, table, np.array([table.shape[1]]), np.zeros(1, np.int64)),
+                              lambda row: now, now)
+            for step in range(100):
+                robot.poll(now + step)
+            robot.on_event(Left(stranger, 'closed'))
+        assert 30 <= len(told) <= 50 + 30 * 101
+        operator, operator_told = made.operator(robot.port)
+        operator.subscriber('/topic7', CompressedImage, lambda _: None)
+        wait_for(lambda: any(operator.name in text for text in told))
 
 
 def test_a_topic_has_one_publisher(keyed: Links) -> None:

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """dynamic_reconfigure's server of live settings, without a master; the ways together run in integration/focus.test."""
 import contextlib
+import copy
 import http.client
 import threading
 from types import SimpleNamespace
-from typing import Any, Dict, List
+from typing import Any, Callable, Dict, List, Mapping, Sequence
 
 import pytest
 from dynamic_reconfigure.client import Client
@@ -15,6 +16,8 @@ from smokebot_udp.mission.parameters import Parameter, live
 from smokebot_udp.mission.settings import SettingsStore
 from smokebot_udp.nodes import live as module
 from smokebot_udp.nodes.live import LiveSettings, ParameterWatch, config_type
+from smokebot_udp.streams import TYPES, tables
+from smokebot_udp.udpros import master
 
 TABLE = {'rate': Parameter(10.0, 'Hz', 'how often', above=0.0, most=1000.0, live=True),
          'count': Parameter(3, '', 'how many', least=1, live=True),
@@ -32,7 +35,7 @@ def test_dynamic_reconfigure_understands_the_description() -> None:
     described = decode_description(encode_description(config_type('stream', live(TABLE))))
     by_name = {parameter['name']: parameter for parameter in described['parameters']}
     assert by_name['rate']['type'] == 'double' and by_name['rate']['description'] == 'how often [Hz]'
-    assert (by_name['rate']['min'], by_name['rate']['max'], by_name['rate']['default']) == (0.0, 1000.0, 10.0)
+    assert (by_name['rate']['min'], by_name['rate']['max'], by_name['rate']['default']) == (1e-6, 1000.0, 10.0)
     assert (by_name['count']['type'], by_name['count']['min']) == ('int', 1)
     assert by_name['enabled']['type'] == 'bool'
     choices = eval(by_name['fill']['edit_method'])['enum']     # as rqt_reconfigure reads it
@@ -59,16 +62,20 @@ class Node:
                     config=self.services[name](SimpleNamespace(config=config)))),
                 ('get_param', lambda *_: {'thermal': {key.split('/')[-1]: value
                                                       for key, value in self.parameters.items()}}),
-                ('set_param', self.parameters.__setitem__), ('delete_param', self.parameters.__delitem__),
                 ('logwarn', lambda *args: self.warnings.append(args[0] % args[1:]))):
             monkeypatch.setattr('rospy.' + name, value)
+        monkeypatch.setattr(module, 'write_parameters', self.write)
         table = {**live(TABLE), 'min_bitrate': Parameter(0.0, 'kbit/s', 'at least', least=0.0, live=True)}
         self.store = SettingsStore(table, START)
         self.live = LiveSettings('thermal', self.store, self.problems.append)
-        found: Dict[str, Any] = {}
-        self.live.adopt(found)
-        self.parameters.update({'/robot/thermal/' + name: value for name, value in found['thermal'].items()})
+        self.live.publish()
         self.live.serve()
+
+    def write(self, values: Mapping[str, Any], gone: Sequence[str] = ()) -> None:
+        """As write_parameters of udpros/master.py."""
+        self.parameters.update(values)
+        for name in gone:
+            del self.parameters[name]
 
     def set(self, **values: Any) -> Dict[str, Any]:
         """What `rosservice call` of set_parameters answers."""
@@ -137,12 +144,26 @@ def test_one_value_by_dynamic_reconfigure_leaves_all_grants(node: Node) -> None:
 def test_values_are_clamped_or_refused(node: Node) -> None:
     assert node.set(rate=5000.0, count=0) == {**START, 'rate': 1000.0, 'count': 1}
     assert not node.problems
-    assert node.set(rate=-1.0)['rate'] == 1000.0 and node.set(fill='guess')['fill'] == 'nearest'
-    assert node.problems == [
-        '/robot/thermal: rate is 0.0, must be a number above 0 to 1000 [Hz]',
-        "/robot/thermal: fill is 'guess', must be one of nearest, unknown"]
+    assert node.set(fill='guess')['fill'] == 'nearest'
+    assert node.problems == ["/robot/thermal: fill is 'guess', must be one of nearest, unknown"]
     assert node.set(colour='red', rate=5.0) == {**START, 'rate': 5.0, 'count': 1}
-    assert node.problems[2:] == ['/robot/thermal: colour: no such setting']
+    assert node.problems[1:] == ['/robot/thermal: colour: no such setting']
+
+
+def test_a_slider_at_its_minimum_is_accepted(node: Node) -> None:
+    """Also where a limit is `above 0`: rqt sends what the description has as the minimum."""
+    assert node.set(rate=config_type('stream', TABLE).min['rate'])['rate'] == 1e-6
+    assert node.set(rate=-1.0)['rate'] == 1e-6 and not node.problems
+
+
+@pytest.mark.parametrize('kind', TYPES)
+def test_the_limits_that_dialogs_offer_are_allowed(kind) -> None:
+    for table in tables(kind):
+        offered = config_type(kind, live(table))
+        for name, parameter in live(table).items():
+            for limit in (offered.min[name], offered.max[name]):
+                if parameter.kind in (int, float) and abs(limit) < float('inf'):
+                    assert parameter.check(limit) == limit
 
 
 def test_a_client_may_use_former_names(node: Node) -> None:
@@ -174,10 +195,11 @@ def test_settings_begin_later_where_the_master_is_away_at_the_start(
     failures: List[Exception] = [ConnectionRefusedError(111, 'refused'), http.client.IncompleteRead(b'')]
     subscribed, logged = threading.Event(), []
 
-    def set_param(name: str, value: Any) -> None:
+    def write(values: Mapping[str, Any], gone: Sequence[str] = ()) -> None:
         if failures:
             raise failures.pop(0)
-    for name, value in (('set_param', set_param), ('is_shutdown', lambda: False),
+    monkeypatch.setattr(module, 'write_parameters', write)
+    for name, value in (('is_shutdown', lambda: False),
                         ('get_param_cached', lambda _: subscribed.set()),
                         ('logerr', lambda text, *values: logged.append(text % values))):
         monkeypatch.setattr('rospy.' + name, value)
@@ -199,8 +221,10 @@ def test_a_value_that_is_set_while_the_settings_begin_is_read(node: Node, monkey
 
     def subscribe(_: str) -> None:
         there['map']['rate'] = 3.0      # before: the master notifies of later changes only
-    for name, value in (('set_param', lambda _, value: there.update({key: dict(of) for key, of in value.items()})),
-                        ('get_param', lambda *_: there), ('get_param_cached', subscribe)):
+    def write(values: Mapping[str, Any], gone: Sequence[str] = ()) -> None:
+        there['map'] = {name.split('/')[-1]: value for name, value in values.items()}
+    monkeypatch.setattr(module, 'write_parameters', write)
+    for name, value in (('get_param', lambda *_: there), ('get_param_cached', subscribe)):
         monkeypatch.setattr('rospy.' + name, value)
     monkeypatch.setattr(module.udpros, 'registered_together', contextlib.nullcontext)
     store, changed = SettingsStore(live(TABLE), {**START, 'topic': 'x'}), threading.Event()
@@ -214,8 +238,9 @@ def test_a_value_that_is_set_while_the_settings_begin_is_read(node: Node, monkey
 
 def test_another_nodes_settings_are_shown_in_its_namespace(node: Node, monkeypatch: Any) -> None:
     """As the robot's at an operator's master: what is there is of an earlier time, and not requested."""
-    node.parameters['/desk/robot/map'] = {'rate': 77.0}
-    monkeypatch.setattr('rospy.get_param', lambda name, _: {'map': node.parameters[name + '/map']})
+    node.parameters = {'/desk/robot/map/rate': 77.0}
+    monkeypatch.setattr('rospy.get_param', lambda name, _: {'map': {
+        key[len(name + '/map/'):]: value for key, value in node.parameters.items()}})
     for name in ('get_param_cached', 'logerr'):
         monkeypatch.setattr('rospy.' + name, lambda *_: None)
     monkeypatch.setattr(module.udpros, 'registered_together', contextlib.nullcontext)
@@ -230,7 +255,82 @@ def test_another_nodes_settings_are_shown_in_its_namespace(node: Node, monkeypat
     watch.add(part)
     assert served.wait(WAIT)
     watch.stop()
-    assert node.parameters['/desk/robot/map'] == {name: START[name] for name in live(TABLE)}
+    assert node.parameters == {'/desk/robot/map/' + name: START[name] for name in live(TABLE)}
     assert kept == ['/desk/robot'] and not requests
     part.read({'map': {**part.values, 'rate': 5.0}})
     assert requests == [('rate', 5.0)]
+
+
+class Master:
+    """Stands in for a parameter server, with rospy's own calls and those of this package."""
+
+    def __init__(self, monkeypatch: Any, values: Dict[str, Any]) -> None:
+        self.values = values
+        self.after_read: Callable[[], None] = lambda: None
+        """Called after the values were read, as if another thread came first."""
+        self.calls = 0
+        for name, value in (('get_name', lambda: '/robot'), ('get_caller_id', lambda: '/robot'),
+                            ('get_param', self.read), ('set_param', self.set), ('get_param_cached', lambda _: None),
+                            ('logwarn', lambda *_: None)):
+            monkeypatch.setattr('rospy.' + name, value)
+        monkeypatch.setattr(master.rpc, 'call_all', self.call_all)
+        monkeypatch.setattr(master.rpc, 'call', lambda _, method, *args: self.set(*args))
+        monkeypatch.setattr(module.udpros, 'registered_together', contextlib.nullcontext)
+        monkeypatch.setattr(LiveSettings, 'serve', lambda _: None)
+
+    def read(self, *_: Any) -> Any:
+        found = copy.deepcopy(self.values['robot'])
+        self.after_read()
+        return found
+
+    def set(self, name: str, value: Any) -> None:
+        """As rosmaster does: a namespace is replaced as a whole."""
+        *path, last = name.strip('/').split('/')
+        values = self.values
+        for part in path:
+            values = values.setdefault(part, {})
+        values[last] = copy.deepcopy(value)
+
+    def call_all(self, _: str, calls: Sequence[Any], timeout: float) -> None:
+        self.calls += 1
+        for call in calls:
+            _, *arguments = call['params']
+            if call['methodName'] == 'setParam':
+                self.set(*arguments)
+            else:
+                *path, last = arguments[0].strip('/').split('/')
+                values = self.values
+                for part in path:
+                    values = values[part]
+                del values[last]
+
+
+def test_what_others_set_while_the_settings_begin_stays(monkeypatch: Any) -> None:
+    """As the emergency stop's ~estop_by, and thresholds; the settings themselves are written in one call."""
+    server = Master(monkeypatch, {'robot': {'thermal': {'floor': 50.0, 'warn_loss': 0.2}, 'streams_file': 'x'}})
+
+    def others() -> None:
+        server.after_read = lambda: None
+        server.set('/robot/estop_by', '/desk')
+        server.set('/robot/thermal/warn_age', 2.0)
+    server.after_read = others
+    table = {**live(TABLE), 'min_bitrate': Parameter(0.0, 'kbit/s', 'at least', least=0.0, live=True)}
+    watch = ParameterWatch([LiveSettings(name, SettingsStore(table, START), lambda _: None)
+                            for name in ('thermal', 'map')], background=False)
+    watch.stop()
+    assert server.values['robot'] == {
+        'thermal': {**START, 'min_bitrate': 50.0, 'warn_loss': 0.2, 'warn_age': 2.0}, 'map': START,
+        'streams_file': 'x', 'estop_by': '/desk'}
+    assert server.calls == 1
+
+
+def test_a_new_master_gets_what_it_lacks_and_nothing_else(monkeypatch: Any) -> None:
+    server = Master(monkeypatch, {'robot': {'thermal': {'rate': 2.0}, 'estop_by': '/desk'}})
+    cache = SimpleNamespace(get=lambda _: {'thermal': {'rate': 1.0, 'count': 3}, 'map': {'rate': 4.0}, 'gone': {},
+                                           'estop_by': ''}, update=lambda *_: None)
+    monkeypatch.setattr(master, 'get_param_server_cache', lambda: cache)
+    known = copy.deepcopy(server.values['robot'])       # by the master's answer
+    server.set('/robot/focus', 'slow')
+    master._take_over('/robot', known)
+    assert server.values['robot'] == {'thermal': {'rate': 2.0, 'count': 3}, 'map': {'rate': 4.0}, 'focus': 'slow',
+                                      'estop_by': '/desk'}

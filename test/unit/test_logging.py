@@ -11,7 +11,7 @@ def test_the_same_error_is_logged_once_a_period(monkeypatch: Any) -> None:
     now = [100.0]
     monkeypatch.setattr(rospy, 'logerr', lambda text, *values: logged.append(text % values))
     monkeypatch.setattr(rospy, 'is_shutdown', lambda: False)
-    monkeypatch.setattr('smokebot_udp.nodes.logging.time.monotonic', lambda: now[0])
+    monkeypatch.setattr('smokebot_udp.limited_log.time.monotonic', lambda: now[0])
     one, other = log_error('one', 60.0), log_error('other', 60.0)
     for _ in range(3):
         one(OSError('broken'))
@@ -20,4 +20,4 @@ def test_the_same_error_is_logged_once_a_period(monkeypatch: Any) -> None:
     now[0] += 61.0
     one(OSError('broken'))
     one(OSError('100 %s'))
-    assert logged[2:] == ['one: broken', 'one: 100 %s']
+    assert logged[2:] == ['one: broken (and 2 more like it)', 'one: 100 %s']

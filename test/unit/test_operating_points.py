@@ -98,28 +98,27 @@ def test_map_points(rate: float, segments: int, size: int) -> None:
 def test_layered_images_lose_bytes_and_rate() -> None:
     points = layered_points(rate=16.0, size=64000, degradation_preference=0.5, fair_size=64000, least_size=1000,
                             least_rate=4.0)
-    assert points[-1] == ({'max_bytes': 0, 'rate': 16.0}, 1024000.0)
+    assert points[-1] == ({'rate': 16.0}, 1024000.0)
     # a quarter of the bytes: half of each image, half of the images
-    assert points[-9].settings == {'max_bytes': 32000, 'rate': pytest.approx(8.0)}
-    assert points[-9].cost == pytest.approx(256000)
-    assert points[0] == ({'max_bytes': 1000, 'rate': pytest.approx(4.0)}, pytest.approx(4000.0))
+    assert points[-9] == ({'rate': pytest.approx(8.0)}, pytest.approx(256000))
+    assert points[0] == ({'rate': pytest.approx(4.0)}, pytest.approx(4000.0))
 
 
 def test_layered_images_lose_only_bytes_as_long_as_they_are_fair() -> None:
     points = layered_points(rate=16.0, size=64000, fair_size=4000, least_size=500, least_rate=4.0)
     assert all(point.settings['rate'] == pytest.approx(16.0) for point in points if point.cost >= 16 * 4000)
     poor = next(point for point in reversed(points) if point.cost <= 16 * 4000 / 16 * (1 + 1e-9))
-    assert poor.settings == {'max_bytes': 500, 'rate': pytest.approx(8.0)}       # three octaves and one of four
+    assert poor.settings == {'rate': pytest.approx(8.0)}       # three octaves of bytes, and one of images
     complete = layered_points(rate=16.0, size=64000, degradation_preference=0.0, fair_size=4000, least_rate=4.0)
-    assert all(point.settings['max_bytes'] == 0 for point in complete if point.cost >= 4 * 64000)
+    assert all(point.cost == pytest.approx(64000 * point.settings['rate']) for point in complete
+               if point.cost >= 4 * 64000)
 
 
 def test_rare_layered_images_leave_in_time() -> None:
     """One a second: its share of the link is what sends it within a quarter of a second."""
     points = layered_points(rate=1.0, size=40000, least_rate=4.0)
-    assert points[-1] == ({'max_bytes': 0, 'rate': 1.0}, 160000.0)
+    assert points[-1] == ({'rate': 1.0}, 160000.0)
     assert all(point.settings['rate'] == 1.0 for point in points)
-    assert all(point.settings['max_bytes'] <= 0.25 * point.cost for point in points)
 
 
 @given(rates, st.floats(500, 1e6), st.floats(0, 1), st.floats(100, 1e6), rates)
@@ -128,4 +127,3 @@ def test_layered_points(rate: float, size: float, preference: float, fair: float
     check(points, int(max(size, 1000.0)) * max(rate, least))
     for point in points:
         assert min(rate, least) * (1 - 1e-9) <= point.settings['rate'] <= rate * (1 + 1e-9)
-        assert point.settings['max_bytes'] == 0 or 1000 <= point.settings['max_bytes'] < max(size, 1000.0)

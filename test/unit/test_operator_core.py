@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The rules at the head of operator_core, one after the other."""
 import math
-from typing import Any, List, Optional
+from typing import Any, List, Optional, Tuple
 
 import pytest
 from link_channel import KEY, OPERATOR, ROBOT, SIZE, data, give, random_bytes, sent, shake_hands
@@ -12,6 +12,7 @@ from smokebot_udp.link.core import MAX_ATTEMPTS
 from smokebot_udp.link.noise import Responder
 from smokebot_udp.link.operator_core import (
     CONFIRM,
+    FAST_FOR,
     FIRST_RETRY,
     HINTED_SILENCE,
     JITTER,
@@ -72,7 +73,9 @@ def test_hello_is_repeated_ever_more_slowly() -> None:
     gaps = [later - before for (before, _), (later, _) in zip([(0.0, b''), *packets], packets)]
     assert gaps[0] == pytest.approx(FIRST_RETRY, rel=JITTER + 0.01)
     assert all(gap <= LAST_RETRY * (1 + JITTER) + 1e-5 for gap in gaps)
-    assert min(gaps[20:]) >= LAST_RETRY * (1 - JITTER) - 1e-5 and len(set(gaps[20:])) > 20
+    fast = round(FAST_FOR / FIRST_RETRY)
+    assert max(gaps[:fast // 2]) <= FIRST_RETRY * (1 + JITTER) + 1e-5
+    assert min(gaps[fast + 30:]) >= LAST_RETRY * (1 - JITTER) - 1e-5 and len(set(gaps[fast:])) > 20
     assert operator.problem == 'no answer from 10.0.0.7:17001'
 
 
@@ -89,15 +92,20 @@ def test_a_second_cookie_replaces_the_first_and_a_copy_does_nothing() -> None:
     robot, operator = robot_of(), operator_of()
     hello, = sent(operator)
     give(robot, OPERATOR, hello)
-    give(robot_of(), OPERATOR, hello)
     cookie, = sent(robot)
     give(operator, ROBOT, cookie, cookie)
     assert len(sent(operator)) == 1
     restarted = RobotCore(KEY, random_bytes(77), SIZE, 'robot')
-    give(restarted, OPERATOR, hello)
-    give(operator, ROBOT, *sent(restarted))
+    now, answers = 0.0, []
+    while not answers:      # to the HELLO that goes with an INIT
+        now = operator.deadline(now)
+        operator.poll(now)
+        give(restarted, OPERATOR, *sent(operator), now=now)
+        answers = sent(restarted)
+    new, = answers
+    give(operator, ROBOT, cookie, new, now=now)
     init, = sent(operator)
-    give(restarted, OPERATOR, init)
+    give(restarted, OPERATOR, init, now=now)
     assert isinstance(parse(sent(restarted)[0]), Accept)
 
 
@@ -147,7 +155,7 @@ def test_an_answer_to_nobody_changes_nothing(key: Optional[bytes]) -> None:
     assert len(sent(operator)) == 1 and not operator.events()   # its HELLO
 
 
-@pytest.mark.parametrize('change', [{'version': 2}, {'mode': Mode.OPEN, 'suite': Suite.OPEN}, {'suite': 9},
+@pytest.mark.parametrize('change', [{'version': 3}, {'mode': Mode.OPEN, 'suite': Suite.OPEN}, {'suite': 9},
                                     {'suite': Suite.OPEN}], ids=str)
 def test_a_cookie_of_another_kind_is_dropped(change: Any) -> None:
     robot, operator = robot_of(), operator_of()
@@ -155,7 +163,8 @@ def test_a_cookie_of_another_kind_is_dropped(change: Any) -> None:
     cookie = parse(sent(robot)[0])
     assert isinstance(cookie, Cookie)
     give(operator, ROBOT, cookie._replace(**change).pack())
-    assert operator.dropped == {'another version or mode': 1} and not sent(operator)
+    assert sum(operator.dropped.values()) == 1 and set(operator.dropped) <= {'another version or mode', 'forged'}
+    assert not sent(operator)
 
 
 def test_a_link_never_goes_on_without_the_key() -> None:
@@ -167,16 +176,66 @@ def test_a_link_never_goes_on_without_the_key() -> None:
     assert not sent(operator) and not operator.peers
 
 
-def test_a_cookie_whose_suite_was_changed_on_the_way_fails() -> None:
+def test_a_cookie_whose_suite_was_changed_on_the_way_is_forged() -> None:
     robot, operator = robot_of(), operator_of()
     give(robot, OPERATOR, *sent(operator))
     cookie = parse(sent(robot)[0])
     assert isinstance(cookie, Cookie)
     give(operator, ROBOT, cookie._replace(suite=Suite.CHACHAPOLY).pack())
-    init = parse(sent(operator)[0])
-    assert isinstance(init, Init) and init.suite == Suite.CHACHAPOLY
-    give(robot, OPERATOR, init.pack(), init._replace(suite=Suite.AESGCM).pack())
-    assert robot.dropped == {'another version or mode': 1, 'refused: wrong key': 1}
+    assert operator.dropped == {'forged': 1} and not sent(operator)
+    give(operator, ROBOT, cookie.pack())
+    assert isinstance(parse(sent(operator)[0]), Init)
+
+
+def cookies_of(operator: OperatorCore, key: Optional[bytes] = KEY) -> Tuple[RobotCore, Cookie]:
+    """A robot, and its answer to the operator's HELLO."""
+    robot = robot_of(key)
+    give(robot, OPERATOR, *sent(operator))
+    cookie = parse(sent(robot)[0])
+    assert isinstance(cookie, Cookie)
+    return robot, cookie
+
+
+def test_forged_cookies_do_not_lock_an_operator_out() -> None:
+    """Who sees the HELLO answers it first, and again and again; an INIT with such a cookie would be dropped."""
+    operator = operator_of()
+    robot, true = cookies_of(operator)
+    forged = [true._replace(cookie=bytes([number] * 16)).pack() for number in range(8)]
+    for tick in range(20):
+        now = tick / 20
+        give(operator, ROBOT, *forged, now=now)
+        operator.poll(now)
+        give(robot, OPERATOR, *sent(operator), now=now)
+        give(operator, ROBOT, *sent(robot), *forged, now=now)
+    assert len(operator.peers) == 1 and operator.dropped['forged'] >= 8 and not robot.dropped
+
+
+def test_a_cookie_is_taken_once_for_each_hello() -> None:
+    """On an open link there is no tag: whoever floods it with cookies gets one INIT for each HELLO."""
+    operator = operator_of(key=None)
+    _, true = cookies_of(operator, None)
+    give(operator, ROBOT, *[true._replace(cookie=number.to_bytes(16, 'big')).pack() for number in range(2000)])
+    assert [type(parse(packet)) for packet in sent(operator)] == [Init]
+    assert operator.dropped == {'not asked for': 1999}
+
+
+@BOTH
+def test_a_cookie_is_taken_from_the_robots_address_only(key: Optional[bytes]) -> None:
+    operator = operator_of(key=key)
+    _, true = cookies_of(operator, key)
+    give(operator, ELSEWHERE, true.pack())
+    assert operator.dropped == {'another address': 1} and not sent(operator)
+    assert operator.problem == 'the robot answers from 10.0.0.99:5: give this address instead'
+    give(operator, ROBOT, true.pack())
+    assert [type(parse(packet)) for packet in sent(operator)] == [Init]
+
+
+def test_a_refusal_from_another_address_is_none() -> None:
+    operator = operator_of()
+    hello = parse(sent(operator)[0])
+    assert isinstance(hello, Hello)
+    give(operator, ELSEWHERE, Refuse(VERSION, Mode.KEYED, Reason.FULL, hello.nonce).pack())
+    assert operator.dropped == {'not asked for': 1} and not operator.events()
 
 
 @BOTH
@@ -198,7 +257,7 @@ def test_an_authentic_accept_that_makes_no_sense_is_malformed_once(payload: byte
     robot, operator = robot_of(), operator_of()
     init = parse(init_of(robot, operator))
     assert isinstance(init, Init)
-    noise = Responder(KEY, Suite.AESGCM, prologue(*init[:5]))
+    noise = Responder(KEY, Suite.AESGCM, prologue(init))
     noise.read(init.message)
     message = noise.write(payload, b'e' * 32)
     accept = ACCEPT.pack(4, VERSION, Mode.KEYED, Suite.AESGCM, init.sender) + message
@@ -234,12 +293,12 @@ def test_the_same_robot_has_new_keys_and_another_has_joined() -> None:
     first = the_robot(operator)
     operator.events()
     operator.set_address(('10.0.0.8', 17001), 1.0)
-    shake_hands(robot, operator, 1.0)
+    shake_hands(robot, operator, 1.0, place=('10.0.0.8', 17001))
     assert operator.peers == [first] and first.handshakes == 2 and not operator.events()
     assert first.address == ('10.0.0.8', 17001)
     restarted = RobotCore(KEY, random_bytes(9), SIZE, 'robot')
     operator.poll(1.0 + SILENCE)
-    shake_hands(restarted, operator, 1.0 + SILENCE)
+    shake_hands(restarted, operator, 1.0 + SILENCE, place=('10.0.0.8', 17001))
     left, came = operator.events()
     assert isinstance(left, Left) and left.peer is first and 'restarted' in left.reason
     assert isinstance(came, Joined) and came.peer is operator.robot and came.peer.number == first.number + 1
@@ -259,8 +318,9 @@ def test_silence_begins_a_handshake_beside_the_session() -> None:
 
 def test_keys_that_the_robot_does_not_use_are_made_anew() -> None:
     robot, operator = joined()
-    operator.set_address(('10.0.0.8', 17001), 0.1)
-    give(robot, OPERATOR, init_of(robot, operator, now=0.1), now=0.1)
+    place = '10.0.0.8', 17001
+    operator.set_address(place, 0.1)
+    give(robot, OPERATOR, init_of(robot, operator, now=0.1, place=place), now=0.1)
     give(operator, ROBOT, *sent(robot), now=0.1)
     assert the_robot(operator).handshakes == 2
     sent(operator)      # all that is sent under the new keys is lost
@@ -269,10 +329,10 @@ def test_keys_that_the_robot_does_not_use_are_made_anew() -> None:
         robot.poll(tick / 10)
         give(operator, ROBOT, robot.peers[0].seal_one(data(20)), now=tick / 10)     # under the old ones
     assert robot.peers[0].handshakes == 1 and operator.problem is None
-    operator.poll(8.1)
-    shake_hands(robot, operator, 8.1)
+    operator.poll(8.5)
+    shake_hands(robot, operator, 8.5, place=place)
     assert robot.peers[0].handshakes == 2 and len(robot.peers) == 1
-    assert len(give(robot, OPERATOR, the_robot(operator).seal_one(data(20)), now=8.2)) == 1
+    assert len(give(robot, OPERATOR, the_robot(operator).seal_one(data(20)), now=8.6)) == 1
 
 
 def test_the_hint_of_a_restarted_robot_shortens_it() -> None:

@@ -2,12 +2,13 @@
 """The runner of the operator's side, with topics that stay in this process."""
 import queue
 import threading
+from types import SimpleNamespace
 from typing import Any, Dict, Iterator, List, Optional
 
 import numpy as np
 import pytest
 import rospy
-from polling import WAIT
+from polling import WAIT, wait_for
 from sensor_msgs.msg import LaserScan
 from std_msgs.msg import Header, String
 from stub_transport import StubTransport
@@ -18,6 +19,7 @@ from smokebot_udp.monitoring.stats import ConnectionStats, Shown, StreamStats
 from smokebot_udp.nodes import operator_stream
 from smokebot_udp.nodes.operator_stream import CLEARING, OperatorLink, OperatorStream
 from smokebot_udp.streams.assembler import Assembled, Assembler
+from smokebot_udp.streams.frame_assembler import Frame
 from smokebot_udp.streams.held import Holding
 from smokebot_udp.streams.parameters import OPERATOR
 from smokebot_udp.streams.segments import MAIN_PART
@@ -31,7 +33,7 @@ ERROR = ImageError(2.0)
 class FakeAssembler(Assembler[Any, Assembled]):
     """Makes of each record a message, and keeps a record of what is called."""
     MESSAGE, SEGMENTS, COMPILED = String, {MAIN_PART: String, 'layers': String}, frozenset(['layers'])
-    HELD, REPORT_INTERVAL = frozenset(['layers']), 0.25
+    REPORT_INTERVAL = 0.25
     PARAMETERS = {**OPERATOR, 'max_wait': Parameter(0.1, 's', '', above=0.0, live=True),
                   'fill': Parameter('nearest', '', '', live=True)}
 
@@ -101,6 +103,11 @@ class ForwardingAssembler(FakeAssembler):
         return None if message == 'same' else Assembled(message, 0, None)
 
 
+class StampedForwarder(ForwardingAssembler):
+    def forward(self, message: Any) -> Optional[Assembled]:
+        return Assembled(message, message * 10 ** 9, None)
+
+
 class ScanAssembler(ForwardingAssembler):
     MESSAGE = LaserScan
 
@@ -136,7 +143,7 @@ class Bench:
         monkeypatch.setattr(rospy, 'Publisher', self._topic)
         monkeypatch.setattr(rospy.Time, 'now', lambda: rospy.Time(NOW))
         for level in 'logerr', 'logwarn':
-            monkeypatch.setattr(rospy, level + '_throttle_identical', lambda period, text: self.logged.put(text))
+            monkeypatch.setattr(rospy, level, lambda text, *args: self.logged.put(text % args))
 
     def _topic(self, name: str, class_: Any, **options: Any) -> FakeTopic:
         self.topics[name] = FakeTopic(self.log, name, class_, **options)
@@ -191,6 +198,26 @@ def test_frames_are_published_with_the_prefix(bench: Bench, class_: Any, name: s
     bench.topics['/smokebot_udp/thermal/segments'].options[name](*[received, GOOD][:1 + (class_ is FakeAssembler)])
     published = next(entry[1] for entry in iter(bench.log.get, None) if entry[0] == 'publish')
     assert (received.frame_id, published.frame_id) == ('map', 'ugv1/map')
+
+
+def test_the_age_counts_from_the_arrival_where_the_stamp_does_not_say_it(bench: Bench) -> None:
+    stream = bench.start()
+    for arrival, age in ((0, NOW - 90.0), (97 * 10 ** 9, 3.0)):
+        frame: Any = Frame(SimpleNamespace(stamp=STAMP, arrival=arrival), None, 0.0, 0.0)    # type: ignore[type-var]
+        published = stream.published
+        bench.receive(frame)
+        wait_for(lambda before=published: stream.published > before)
+        assert stream.stats().shown[-1].age == age == stream.age(0.0, stream.last_shown or 0.0)
+
+
+def test_the_age_of_a_relayed_message_of_another_epoch_is_unknown(bench: Bench, monkeypatch: Any) -> None:
+    stream = bench.start(StampedForwarder, 'imu')
+    for tick, stamp in enumerate((*range(7, 20), *range(113, 120))):
+        monkeypatch.setattr(rospy.Time, 'now', lambda at=NOW + tick: rospy.Time(at))
+        bench.topics['/smokebot_udp/imu/segments'].options['callback'](stamp)
+    ages = [shown.age for shown in stream.stats().shown]
+    assert ages[:4] == [93.0] * 4 and ages[4:13] == [None] * 9
+    assert ages[13:17] == [None] * 4 and ages[17:] == [0.0] * 3      # its clock was set
 
 
 def test_messages_come_out_in_order(bench: Bench) -> None:
@@ -306,18 +333,65 @@ def test_a_compiled_part_is_connected_once_the_codec_is_loaded_and_says_so(bench
     assert bench.topics['/smokebot_udp/third/layers'].options['wanted']()      # without a codec
 
 
-def test_a_part_that_is_repeated_until_it_is_held_is_reported(bench: Bench) -> None:
-    bench.start()
+class WorkingAssembler(FakeAssembler):
+    """Of the part `layers` each record takes work, and is held then."""
+
+    def __init__(self, settings: Any, clock: Any) -> None:
+        super().__init__(settings, clock)
+        self.works: List[Any] = []
+
+    def receive(self, records: Any, mask: Any, now: float, part: str = MAIN_PART) -> None:
+        (self.finished if part == MAIN_PART else self.works).append(records)
+
+    def deadline(self) -> Optional[float]:
+        return 0.0 if self.finished or self.works else None
+
+    def work(self) -> Any:
+        if not self.works:
+            return None
+        record = self.works.pop(0)
+
+        def do() -> None:
+            self.log.put(('do', record))
+            if record == 'broken':
+                raise ValueError('it is broken')
+        return SimpleNamespace(do=do, done=lambda: self.log.put(('done', record)))
+
+
+def test_what_takes_work_is_reported_as_held_when_it_is_done(bench: Bench) -> None:
+    bench.start(WorkingAssembler)
     bench.receive('one')
-    assert bench.logs(2)[1] == ('publish', 'one') and bench.held.empty()
+    assert bench.logs(3)[1] == ('publish', 'one') and bench.held.empty()
     bench.receive('two', part='layers')
     name, holding, interval = bench.held.get(timeout=WAIT)
     assert (name, holding(), interval) == ('thermal', Holding(3, ((1, 2),)), 0.25)
+    assert bench.logs(2) == [('do', 'two'), ('done', 'two')]
+
+
+def test_work_is_done_without_the_lock_in_turns_with_messages_and_may_fail(bench: Bench) -> None:
+    going, go = threading.Event(), threading.Event()
+
+    class Slow(WorkingAssembler):
+        def work(self) -> Any:
+            found = super().work()
+            if found is not None and not go.is_set():
+                first = found.do
+                found.do = lambda: (going.set(), go.wait(WAIT), first())
+            return found
+    bench.start(Slow)
+    bench.receive('broken', part='layers')
+    assert going.wait(WAIT)
+    bench.receive('two', part='layers')     # does not wait
+    bench.receive('three')
+    go.set()
+    assert [entry for entry in bench.logs(7) if entry[0] in ('do', 'done', 'publish')] == [
+        ('do', 'broken'), ('done', 'broken'), ('publish', 'three'), ('do', 'two'), ('done', 'two')]
+    assert 'it is broken' in bench.logged.get(timeout=WAIT)
 
 
 def test_what_is_held_once_it_is_shown_is_reported_after_each_message_shown_or_not(bench: Bench) -> None:
     class Shows(FakeAssembler):
-        HELD, HOLDS_SHOWN = frozenset(), True
+        HOLDS_SHOWN = True
     bench.start(Shows)
     for message in ('one', 'same'):
         bench.receive(message)

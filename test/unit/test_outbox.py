@@ -11,6 +11,7 @@ from smokebot_udp.congestion.packet_scheduler import PacketScheduler
 from smokebot_udp.monitoring.stages import read_marks
 from smokebot_udp.nodes.outbox import Outbox
 from smokebot_udp.nodes.trace import Trace
+from smokebot_udp.nodes.worker import RETRY_PERIOD
 from smokebot_udp.udpros import Frame
 
 
@@ -218,3 +219,19 @@ def test_the_first_and_the_last_datagram_of_a_message_are_traced(make, tmp_path,
     first, last = read_marks((tmp_path / 'marks').read_text().splitlines(True))
     assert first[:3] == ('scan', 77, 'first sent') and last[:3] == ('scan', 77, 'last sent')
     assert last.time > first.time
+
+
+def test_a_scheduler_that_fails_does_not_end_the_outbox(make, monkeypatch: pytest.MonkeyPatch) -> None:
+    publisher, errors, take = Publisher(), [], PacketScheduler.take
+
+    def fail_first(scheduler: PacketScheduler, now: float) -> Any:
+        if len(errors) < 2:
+            raise ValueError('broken')
+        return take(scheduler, now)
+    monkeypatch.setattr(PacketScheduler, 'take', fail_first)
+    outbox = make(on_error=lambda stream, error: errors.append((time.monotonic(), str(error))))
+    outbox.start()
+    outbox.put('a', publisher, frames(3))
+    publisher.wait_for(2)
+    (first, text), (second, _) = errors
+    assert text == 'broken' and second - first > 0.9 * RETRY_PERIOD

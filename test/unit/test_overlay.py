@@ -18,6 +18,7 @@ from smokebot_udp.codecs.display.overlay import (
     UNKNOWN,
     WIDTH,
     OperatorStatus,
+    Tile,
     overlay,
     tiles,
 )
@@ -88,6 +89,12 @@ def test_a_tile_has_the_colour_of_its_level() -> None:
 def test_a_good_tile_has_a_mark_and_an_unknown_one_has_none() -> None:
     assert (overlay(tiles(OperatorStatus(**GOOD_STATUS))) == MARK).all(axis=2).any()
     assert not (overlay(tiles(OperatorStatus())) == MARK).all(axis=2).any()
+
+
+def test_a_path_with_a_hole_deserves_attention() -> None:
+    link = tiles(OperatorStatus(link_silence=0.5, sent=0.9, capacity=2.0, longest=1172))[0]
+    assert link == Tile('LINK [Mbit/s]', '0.9 of 2: > 1172 B do not pass', ATTENTION)
+    assert tiles(OperatorStatus(link_silence=0.5, sent=0.9, capacity=2.0))[0].level == GOOD
 
 
 @given(strategies.builds(OperatorStatus, *[strategies.floats()] * 6, focus=strategies.text(max_size=99),

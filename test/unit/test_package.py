@@ -13,7 +13,7 @@ SOURCE = TOP / 'src' / 'smokebot_udp'
 MODULES = sorted(SOURCE.rglob('*.py'))
 LAYERS = {
     'nodes': {'streams', 'codecs', 'congestion', 'mission', 'monitoring', 'udpros', 'link', 'simulation', 'teleop',
-              'reliable', 'capture', 'mission_report', 'link_lab', 'msg', 'srv'},
+              'reliable', 'capture', 'mission_report', 'link_lab', 'limited_log', 'msg', 'srv'},
     'streams': {'codecs', 'congestion.operating_points', 'mission.parameters', 'mission.settings', 'mission.yaml_text',
                 'udpros.frame', 'udpros.datagram', 'msg'},
     'congestion': {'monitoring.stats', 'monitoring.windows'},
@@ -22,11 +22,12 @@ LAYERS = {
              'udpros.loss_emulation', 'udpros.packetizer', 'udpros.records'},
     'teleop': {'monitoring.clock_offset', 'monitoring.windows'}, 'reliable': set(),
     'capture': {'codecs', 'reliable.round_trip'},
-    'udpros': set(), 'mission': set(), 'monitoring': set(), 'codecs': set(), 'simulation': set(),
+    'udpros': {'limited_log'}, 'mission': set(), 'monitoring': set(), 'codecs': set(), 'simulation': set(),
 }
 """Each package, and the packages and modules below it that it may import."""
 
-EVERYWHERE = {'arrays', 'budget', 'checksum', 'image_error', 'packed', 'serialised', 'traffic', 'transport', 'units'}
+EVERYWHERE = {'arrays', 'budget', 'checksum', 'frame_names', 'image_error', 'packed', 'serialised', 'traffic',
+              'transport', 'units'}
 PURE = {'capture', 'codecs', 'congestion', 'mission', 'mission_report', 'monitoring', 'reliable', 'simulation',
         'streams', 'teleop'}
 """Packages without threads, sockets, topics or a clock."""

@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 
-from smokebot_udp.codecs.wire.pixels import ENCODINGS, as_items, as_pixels, item_type, reduce_by
+from smokebot_udp.codecs.wire.pixels import ENCODINGS, as_items, as_pixels, item_type, reduce_by, row_length
 
 
 @pytest.mark.parametrize('encoding, size', [('mono8', 1), ('8UC1', 1), ('mono16', 2), ('16UC1', 2), ('bgr8', 3),
@@ -41,17 +41,31 @@ def test_items_hold_the_sources_bytes(encoding, pad) -> None:
 
 @pytest.mark.parametrize('change, message', [
     ({'encoding': 'nv21'}, "encoding is 'nv21'"),
-    ({'data': b'123'}, 'data has 3 bytes, height x step is 2 x 2 = 4'),
+    ({'data': b'123'}, 'data has 3 bytes, height x step is 2 x 2'),
+    ({'data': b'123', 'step': 1}, 'data has 3 bytes, height x step is 2 x 1; a row of 2 pixels mono8 has 2 bytes'),
+    ({'data': b'12345', 'step': 1}, 'data has 5 bytes'),
+    ({'data': b'123456', 'step': 5}, 'data has 6 bytes'),
     ({'height': 0}, 'height is 0'),
     ({'width': 0}, 'width is 0'),
-    ({'width': 5000, 'step': 5000}, 'width is 5000'),
-    ({'step': 1}, 'step is 1')])
+    ({'width': 5000, 'step': 5000}, 'width is 5000')])
 def test_bad_images(change, message) -> None:
     image = dict({'data': b'1234', 'height': 2, 'width': 2, 'step': 2, 'encoding': 'mono8'}, **change)
     with pytest.raises(ValueError, match=message):
         as_items(**image)
     with pytest.raises(ValueError, match=message):
         as_pixels(is_bigendian=0, **image)
+
+
+@pytest.mark.parametrize('step', [0, 1, 4, 2 ** 32 - 1])
+def test_a_step_that_contradicts_the_data_is_not_used(step) -> None:
+    assert row_length(b'1234', 2, 2, step, 'mono8') == 2
+    assert as_pixels(b'1234', 2, 2, step, 'mono8', 0).tolist() == as_items(b'1234', 2, 2, step, 'mono8').tolist()
+    assert as_pixels(b'1234', 2, 2, step, 'mono8', 0).tobytes() == b'1234'
+
+
+def test_rows_may_be_padded_the_last_one_need_not() -> None:
+    for data in b'12..34..', b'12..34', b'12..34..more':
+        assert as_pixels(data, 2, 2, 4, 'mono8', 0).tobytes() == b'1234'
 
 
 def test_reduced_to_the_mean_of_each_block() -> None:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from smokebot_udp.codecs.wire.points import as_points
+from smokebot_udp.codecs.wire.points import DATUM_STEP, FAR, as_points, read_cloud
 
 pytestmark = pytest.mark.filterwarnings('error')
 
@@ -67,6 +67,76 @@ def test_a_single_rows_step_does_not_matter(row_step) -> None:
 
 def test_a_single_row_may_be_padded() -> None:
     assert read(struct.pack('<3f4x', 1, 2, 3), row_step=16)[0] == [[1, 2, 3]]
+
+
+FOUR = struct.pack('<12f', *range(12))
+ORGANISED = {'data': FOUR, 'fields': XYZ, 'height': 2, 'width': 2, 'point_step': 12, 'row_step': 24, 'is_bigendian': 0}
+
+
+@pytest.mark.parametrize('change, problem', [
+    ({'row_step': 48}, 'row_step is 48, by the data it is 24'),         # that of all rows
+    ({'row_step': 0}, 'row_step is 0, by the data it is 24'),
+    ({'row_step': 23}, 'row_step is 23, by the data it is 24'),
+    ({'row_step': 25}, 'row_step is 25, by the data it is 24'),
+    ({'row_step': 2 ** 32 - 1}, 'row_step is 4294967295, by the data it is 24'),
+    ({'height': 0}, 'height is 0, by the data it is 2'),
+    ({'point_step': 0}, 'point_step is 0, by the data it is 12'),
+    ({'height': 0, 'width': 4, 'row_step': 0}, 'height is 0, by the data it is 1')])
+def test_a_number_that_contradicts_the_data_is_told_and_not_used(change, problem) -> None:
+    cloud = read_cloud(**{**ORGANISED, **change})
+    assert cloud.points.tolist() == np.arange(12).reshape(4, 3).tolist() and cloud.problems == (problem,)
+    assert read_cloud(**ORGANISED).problems == ()
+
+
+@pytest.mark.parametrize('change', [{'width': 0}, {'height': 0}, {'width': 0, 'height': 0, 'point_step': 0},
+                                    {'width': 0, 'fields': []}, {'width': 0, 'row_step': 0}])
+def test_a_cloud_in_which_nothing_was_seen_has_no_points(change) -> None:
+    cloud = read_cloud(**{**ORGANISED, 'data': b'', **change}, with_intensity=True, further=['ring'])
+    assert cloud.points.shape == (0, 3) and cloud.problems == () and len(cloud.extra) == 0
+
+
+UTM = 412345.125, 5401234.5, 312.0625
+DOUBLES = [field(name, 8 * i, 8) for i, name in enumerate('xyz')]
+
+
+def doubles(points: Any) -> Any:
+    points = np.asarray(points, '<f8')
+    return read_cloud(points.tobytes(), DOUBLES, 1, len(points), 24, points.nbytes, False)
+
+
+def test_doubles_far_from_the_origin_keep_their_precision() -> None:
+    exact = np.random.RandomState(0).uniform(-200, 200, (5000, 3)) + UTM
+    cloud = doubles(exact)
+    assert cloud.points.dtype == np.float32 and cloud.problems == ()
+    assert cloud.datum.tolist() == [412672, 5401600, 0]
+    assert np.abs(cloud.points.astype(float) + cloud.datum - exact).max() < 5e-5
+
+
+def test_a_wild_value_costs_the_others_no_precision_and_is_told() -> None:
+    exact = np.random.RandomState(0).uniform(-200, 200, (5000, 3)) + UTM
+    for wild in (1e12, -1e12, 0.0, np.nan):
+        exact[0, 1] = wild
+        cloud = doubles(exact)
+        first = int(np.isfinite(wild))
+        assert np.abs(cloud.points[first:].astype(float) + cloud.datum - exact[1:]).max() < 5e-5
+        assert len(cloud.problems) == (abs(wild) == 1e12) and all('are rounded by up to' in p for p in cloud.problems)
+
+
+def test_doubles_near_the_origin_are_absolute() -> None:
+    exact = np.random.RandomState(0).uniform(-200, 200, (50, 3))
+    exact[0] = 1e12
+    cloud = doubles(exact)
+    assert cloud.datum is None and cloud.points.tolist() == exact.astype(np.float32).tolist()
+    assert len(cloud.problems) == 1
+    assert doubles(exact[1:]).problems == () == doubles(np.full((2, 3), np.nan)).problems
+
+
+@pytest.mark.parametrize('datatype, value, rounded', [(6, 2 ** 24 + 1, True), (5, -2 ** 31 + 1, True),
+                                                      (6, 2 ** 24, False), (5, 77, False), (8, 0.1, False)])
+def test_an_intensity_that_float32_rounds_is_told(datatype, value, rounded) -> None:
+    data = struct.pack('<3f' + CODES[datatype], 1, 2, 3, value)
+    cloud = read_cloud(data, [*XYZ, field('intensity', 12, datatype)], 1, 1, len(data), len(data), False, True)
+    assert len(cloud.problems) == rounded
 
 
 @pytest.mark.parametrize('count', [0, 1, 3])
@@ -138,13 +208,16 @@ def clouds(draw: Callable[..., Any]) -> Tuple[tuple, List[dict]]:
 @given(clouds())
 def test_any_layout(cloud) -> None:
     arguments, points = cloud
+    cloud = read_cloud(*arguments, with_intensity=True)
+    exact = np.array([[point[name] for name in ('x', 'y', 'z', 'intensity')] for point in points], float)
+    if cloud.datum is not None:
+        assert np.abs(cloud.datum).max() >= DATUM_STEP * (FAR // DATUM_STEP)
+        exact[:, :3] -= cloud.datum
     with np.errstate(over='ignore', invalid='ignore'):     # signalling NaNs raise it
-        expected = np.array([[point[name] for name in ('x', 'y', 'z', 'intensity')] for point in points],
-                            float).astype(np.float32)
+        expected = exact.astype(np.float32)
     expected = expected[np.isfinite(expected[:, :3]).all(axis=1)]
-    got, intensity = as_points(*arguments, with_intensity=True)
-    np.testing.assert_array_equal(got, expected[:, :3])
-    np.testing.assert_array_equal(intensity, expected[:, 3])
+    np.testing.assert_array_equal(cloud.points, expected[:, :3])
+    np.testing.assert_array_equal(cloud.intensity, expected[:, 3])
     assert as_points(*arguments)[1] is None
 
 
@@ -159,23 +232,23 @@ def test_any_layout(cloud) -> None:
     ({'fields': [*XYZ[:2], field('z', 2 ** 32 - 1)]}, 'field z has bytes 4294967295 to 4294967298, point_step is 12'),
     ({'fields': [*XYZ, field('intensity', 0, 9)]}, 'field intensity is of datatype 9, must be from 1 to 8'),
     ({'fields': [*XYZ, field('intensity', 11, 4)]}, 'field intensity has bytes 11 to 12, point_step is 12'),
-    ({'width': 0}, 'the cloud is empty: height 2, width 0'),
-    ({'height': 0}, 'the cloud is empty: height 0, width 2'),
-    ({'row_step': 23}, 'row_step is 23, width x point_step is 2 x 12 = 24'),
-    ({'row_step': 0}, 'row_step is 0'),
-    ({'row_step': 25}, 'data has 48 bytes, height x row_step is 2 x 25 = 50'),
-    ({'data': bytes(47)}, 'data has 47 bytes, height x row_step is 2 x 24 = 48'),
+    ({'width': 0}, 'data has 48 bytes, height x width x point_step is 2 x 0 x 12'),
+    ({'width': 0, 'height': 0}, 'data has 48 bytes, height x width x point_step is 0 x 0 x 12'),
+    ({'height': 0, 'point_step': 0}, 'data has 48 bytes, height x width x point_step is 0 x 2 x 0'),
+    ({'height': 0, 'width': 3}, 'data has 48 bytes, height x width x point_step is 0 x 3 x 12'),
+    ({'data': bytes(47)}, 'data has 47 bytes, height x width x point_step is 2 x 2 x 12, row_step is 24'),
     ({'data': bytes(49)}, 'data has 49 bytes'),
     ({'data': b''}, 'data has 0 bytes'),
-    ({'height': 1}, 'data has 48 bytes, height x row_step is 1 x 24 = 24'),
-    ({'width': 2 ** 31}, 'row_step is 24, width x point_step is 2147483648 x 12'),
-    ({'width': 2 ** 32 - 1, 'height': 2 ** 32 - 1, 'row_step': 2 ** 32 - 1}, 'row_step is 4294967295'),
-    ({'height': 2 ** 31}, 'data has 48 bytes, height x row_step is 2147483648 x 24'),
-    ({'point_step': 0}, 'field x has bytes 0 to 3, point_step is 0'),
-    ({'point_step': 0, 'row_step': 0, 'data': b''}, 'field x has bytes 0 to 3, point_step is 0'),
+    ({'height': 1}, 'data has 48 bytes, height x width x point_step is 1 x 2 x 12, row_step is 24'),
+    ({'width': 2 ** 31}, 'data has 48 bytes, height x width x point_step is 2 x 2147483648 x 12, row_step is 24'),
+    ({'width': 2 ** 32 - 1, 'height': 2 ** 32 - 1, 'row_step': 2 ** 32 - 1}, 'data has 48 bytes, height x'),
+    ({'height': 2 ** 31}, 'data has 48 bytes, height x width x point_step is 2147483648 x 2 x 12'),
+    ({'point_step': 0, 'data': bytes(16)}, 'field y has bytes 4 to 7, point_step is 4'),
+    ({'point_step': 0, 'data': bytes(47)}, 'height x width x point_step is 2 x 2 x 0'),
+    ({'point_step': 0, 'row_step': 0, 'data': b''}, 'data has 0 bytes'),
     ({'point_step': 11}, 'field z has bytes 8 to 11, point_step is 11'),
-    ({'point_step': 2 ** 31}, 'row_step is 24, width x point_step is 2 x 2147483648'),
-    ({'point_step': 2 ** 32 - 1}, 'row_step is 24, width x point_step is 2 x 4294967295')])
+    ({'point_step': 2 ** 31}, 'data has 48 bytes, height x width x point_step is 2 x 2 x 2147483648'),
+    ({'point_step': 2 ** 32 - 1}, 'data has 48 bytes, height x width x point_step is 2 x 2 x 4294967295')])
 def test_bad_clouds(change, message) -> None:
     cloud = dict({'data': bytes(48), 'fields': XYZ, 'height': 2, 'width': 2, 'point_step': 12, 'row_step': 24,
                   'is_bigendian': 0, 'with_intensity': True}, **change)

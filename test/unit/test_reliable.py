@@ -93,6 +93,45 @@ def test_what_has_come_is_delivered_though_what_was_before_it_is_given_up() -> N
     assert link.robot.got[UP] == [b'waits']
 
 
+@pytest.mark.parametrize('loss', [0.0, 0.3])
+def test_a_long_message_is_not_given_up_while_it_arrives(loss: float) -> None:
+    """At an operator's rate a message of 1 MB takes 22 s."""
+    link = Link(15, loss=loss, channels={UP: {}, DOWN: {}})
+    link.desk.peers.pace.limit = 48e3
+    message = bytes(1 << 20)
+    link.send(UP, message)
+    link.run(120.0)
+    assert link.robot.got[UP] == [message] and not link.desk.given_up
+
+
+def test_a_goal_of_some_segments_does_not_arrive_late() -> None:
+    """Whatever the link does meanwhile: one segment comes each time that it is there for a moment."""
+    link = Link(16, channels={UP: {}, DOWN: {}})
+    link.desk.peers.pace.limit = 16e3
+    link.run(1.0)
+    begun = link.now
+    link.send(UP, bytes(30000))
+    while link.now < begun + 40.0:
+        link.run(0.2)
+        link.loss = 1.0
+        link.run(7.0)
+        link.loss = 0.0
+        assert link.now < begun + 10.0 + 30000 / 16e3 + 7.5 or not link.robot.got[UP]
+    assert link.desk.given_up == [(UP, 1, 'age')]
+
+
+def test_a_long_message_is_given_up_when_nothing_of_it_arrives_any_more() -> None:
+    link = Link(15, channels={UP: {}, DOWN: {}})
+    link.desk.peers.pace.limit = 48e3
+    link.send(UP, bytes(1 << 20))
+    link.run(15.0)
+    link.loss = 1.0
+    link.run(9.0)
+    assert not link.desk.given_up
+    link.run(2.0)
+    assert link.desk.given_up == [(UP, 1, 'age')]
+
+
 def test_at_a_cut_it_gives_up_by_age_and_goes_on_after_it() -> None:
     link = Link(5, channels={UP: {'bounds': Bounds(age=5.0)}, DOWN: {}})
     link.run(1.0)

@@ -62,7 +62,7 @@ def test_a_message_is_cut_by_the_room_that_there_was_when_it_came() -> None:
              data(3, part=0, parts=2, content=b'b' * 60), data(4, part=1, parts=2, content=b'b' * 60)]
     assert drained(sender, 0.0) == first
     assert drained(sender, INTERVAL) == first
-    sender.acknowledge(5, b'')
+    sender.acknowledge(5, b'', 0.0)
     assert sender.acknowledged == 2 and sender.flying == 0
 
 
@@ -72,9 +72,9 @@ def test_what_is_not_acknowledged_is_sent_again() -> None:
         sender.send(b'', 0.0)
     drained(sender, 0.0)
     assert drained(sender, INTERVAL - 0.001) == []
-    sender.acknowledge(1, b'\x02')      # 3 came, 1 and 2 did not
+    sender.acknowledge(1, b'\x02', 0.0)      # 3 came, 1 and 2 did not
     assert [segment.number for segment in drained(sender, INTERVAL)] == [1, 2]
-    sender.acknowledge(4, b'')
+    sender.acknowledge(4, b'', 0.0)
     assert (sender.waiting, sender.acknowledged, sender.due()) == (0, 3, math.inf)
 
 
@@ -87,7 +87,7 @@ def test_copies_are_spread_and_end_with_the_acknowledgement() -> None:
         times += [now] * len(drained(sender, now, 3))
     once = [0.0, COPY_SPACING, 2 * COPY_SPACING]
     assert times == pytest.approx(once + [INTERVAL + at for at in once] + [2 * INTERVAL, 2 * INTERVAL + COPY_SPACING])
-    sender.acknowledge(2, b'')
+    sender.acknowledge(2, b'', 0.0)
     assert sender.due() == math.inf
 
 
@@ -95,7 +95,7 @@ def test_the_window_bounds_what_is_on_its_way() -> None:
     sender = made_sender(bytes=ROOM * 1000)
     sender.send(b'x' * ROOM * 1000, 0.0)
     assert len(drained(sender, 0.0)) == WINDOW
-    sender.acknowledge(11, b'')
+    sender.acknowledge(11, b'', 0.0)
     assert [segment.number for segment in drained(sender, 0.0)] == list(range(WINDOW + 1, WINDOW + 11))
 
 
@@ -115,13 +115,13 @@ def test_what_is_old_is_given_up_and_the_receiver_is_told() -> None:
     sender.send(b'old', 0.0)
     sender.send(b'new', 1.0)
     drained(sender, 1.0)
-    sender.acknowledge(1, b'\x01')      # the new one came, and waits for the old one
+    sender.acknowledge(1, b'\x01', 0.0)      # the new one came, and waits for the old one
     assert sender.expires() == 5.0
     sender.expire(5.0)
     assert (sender.given_up, sender.waiting) == ({'age': 1}, 0)
     assert drained(sender, 5.0) == [Segment(Kind.ADVANCE, 5, first=3)]
     assert drained(sender, 5.0 + INTERVAL) == [Segment(Kind.ADVANCE, 5, first=3)]
-    sender.acknowledge(3, b'')
+    sender.acknowledge(3, b'', 0.0)
     assert sender.due() == math.inf
 
 
@@ -163,7 +163,7 @@ def test_acknowledgements_of_what_was_never_sent_are_refused(next_: int, receive
     sender.send(b'', 0.0)
     drained(sender, 0.0)
     with pytest.raises(ValueError, match='never sent'):
-        sender.acknowledge(next_, received)
+        sender.acknowledge(next_, received, 0.0)
     assert sender.waiting == 2
 
 

@@ -17,6 +17,7 @@ from smokebot_udp.capture.receiving import Receiving
 from smokebot_udp.capture.sending import Piece
 from smokebot_udp.congestion.packet_scheduler import PacketScheduler
 from smokebot_udp.msg import CaptureRequest
+from smokebot_udp.nodes import robot_captures
 from smokebot_udp.nodes.outbox import Outbox
 from smokebot_udp.nodes.robot_captures import NAME, RobotCaptures
 from smokebot_udp.nodes.robot_stream import RobotLink
@@ -97,6 +98,19 @@ def test_a_refusal_is_sent_likewise(side: Any) -> None:
         unpack(topic.received.whole, Image)
     topic.ask(id=8, done=True)
     assert captures.demands(1e5) == {}
+
+
+@pytest.mark.parametrize('error', [OverflowError('int too big to convert'), MemoryError(), KeyError('x')])
+def test_whatever_goes_wrong_the_operator_is_told_at_once(side: Any, monkeypatch: pytest.MonkeyPatch,
+                                                          error: Exception) -> None:
+    def fail(*_: Any) -> None:
+        raise error
+    monkeypatch.setattr(robot_captures, 'pack', fail)
+    _, topic, _ = side
+    topic.ask(id=8, stream='thermal')
+    wait_for(lambda: topic.received.whole is not None)
+    with pytest.raises(Refused, match='the robot cannot send it: %s' % type(error).__name__):
+        unpack(topic.received.whole, Image)
 
 
 def test_a_forged_name_controls_no_terminal(side: Any, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The rules at the head of robot_core, one after the other."""
-from typing import List, Optional, Tuple
+from typing import Any, List, Optional, Tuple
 
 import pytest
-from link_channel import KEY, OPERATOR, ROBOT, give, random_bytes, sent, shake_hands
-from link_sides import BOTH, ELSEWHERE, init_of, joined, operator_of, robot_of, the_robot
+from link_channel import KEY, OPERATOR, ROBOT, Address, give, random_bytes, sent, shake_hands
+from link_sides import BOTH, ELSEWHERE, hello, init_of, joined, operator_of, robot_of, the_robot
 
 from smokebot_udp.link.control import Control, message
 from smokebot_udp.link.core import MAX_ATTEMPTS, MIN_DATAGRAM_SIZE, SILENT
 from smokebot_udp.link.operator_core import OperatorCore
 from smokebot_udp.link.packets import (
+    INIT,
     INIT_SIZE,
     VERSION,
     Accept,
@@ -29,11 +30,13 @@ from smokebot_udp.link.robot_core import (
     INIT_PERIOD,
     MAX_PEERS,
     MAX_PENDING,
+    OPEN_YIELDS,
     PENDING,
     REPLACED,
     YIELDS,
     RobotCore,
 )
+from smokebot_udp.link.tags import Tags
 
 # 1. HELLO
 
@@ -41,7 +44,7 @@ from smokebot_udp.link.robot_core import (
 def test_hello_is_answered_by_a_cookie(key: Optional[bytes]) -> None:
     robot = robot_of(key)
     mode = Mode.OPEN if key is None else Mode.KEYED
-    give(robot, OPERATOR, Hello(VERSION, mode, 77).pack())
+    give(robot, OPERATOR, hello(77, key))
     (address, packet), = robot.outputs()
     cookie = parse(packet)
     assert isinstance(cookie, Cookie) and address == OPERATOR
@@ -49,16 +52,18 @@ def test_hello_is_answered_by_a_cookie(key: Optional[bytes]) -> None:
     assert robot.deadline(5.0) == 6.0   # nothing to wait for
 
 
-@pytest.mark.parametrize('key, hello, reason', [
+@pytest.mark.parametrize('key, another, reason', [
     (KEY, Hello(VERSION + 1, Mode.KEYED, 77), Reason.VERSION),
     (KEY, Hello(0, Mode.OPEN, 77), Reason.VERSION),
     (KEY, Hello(VERSION, Mode.OPEN, 77), Reason.NEEDS_KEY),
+    (KEY, Hello(VERSION, Mode.KEYED, 77), Reason.WRONG_KEY),
+    (KEY, parse(hello(77, bytes(32))), Reason.WRONG_KEY),
     (None, Hello(VERSION, Mode.KEYED, 77), Reason.HAS_NO_KEY),
     (None, Hello(VERSION, 9, 77), Reason.HAS_NO_KEY),
 ])
-def test_another_hello_is_refused(key: Optional[bytes], hello: Hello, reason: Reason) -> None:
+def test_another_hello_is_refused(key: Optional[bytes], another: Any, reason: Reason) -> None:
     robot = robot_of(key)
-    give(robot, OPERATOR, hello.pack(), hello.pack())
+    give(robot, OPERATOR, another.pack(), another.pack())
     assert {parse(packet) for packet in sent(robot)} == {Refuse(VERSION, robot.mode, reason, 77)}
     assert list(robot.dropped.values()) == [2]
     event, = robot.events()     # one for both
@@ -88,21 +93,45 @@ def test_an_init_of_another_version_mode_or_suite_is_dropped() -> None:
     robot, operator = robot_of(), operator_of()
     init = parse(init_of(robot, operator))
     assert isinstance(init, Init)
-    give(robot, OPERATOR, init._replace(version=2).pack(), init._replace(suite=2).pack(),
-         init._replace(mode=Mode.OPEN, message=init.message[:INIT_SIZE[Mode.OPEN] - 32]).pack())
+    give(robot, OPERATOR, init._replace(version=3).pack(), init._replace(suite=2).pack(),
+         init._replace(mode=Mode.OPEN, message=init.message[:INIT_SIZE[Mode.OPEN] - INIT.size]).pack())
     assert robot.dropped == {'another version or mode': 3} and not sent(robot)
 
 
 # 3. Each once, and so many from each host
 
+def inits_of(robot: RobotCore, operator: OperatorCore, count: int, address: Address = OPERATOR) -> List[bytes]:
+    """As many INITs of an operator; its clock goes on, the robot's does not."""
+    packets, now = [init_of(robot, operator, address)], 0.0
+    while len(packets) < count:
+        now = operator.deadline(now)
+        operator.poll(now)
+        packets += [packet for packet in sent(operator) if isinstance(parse(packet), Init)]
+    return packets[:count]
+
+
 def test_a_host_has_its_share_of_handshakes() -> None:
-    robot, operator, other = robot_of(key=bytes(32)), operator_of(), operator_of()
-    packet, fair = init_of(robot, operator, ELSEWHERE), init_of(robot, other)
-    give(robot, ELSEWHERE, *[packet] * (INIT_BURST + 5))
-    assert robot.dropped == {'refused: wrong key': INIT_BURST, 'too many handshakes': 5}
+    robot, operator, other = robot_of(), operator_of(), operator_of(3)
+    packets, fair = inits_of(robot, operator, INIT_BURST + 7, ELSEWHERE), init_of(robot, other)
+    give(robot, ELSEWHERE, *packets[:-2])
+    assert robot.dropped == {'too many handshakes': 5}
     give(robot, OPERATOR, fair)
-    give(robot, ELSEWHERE, packet, packet, now=1.5 * INIT_PERIOD)
-    assert robot.dropped == {'refused: wrong key': INIT_BURST + 2, 'too many handshakes': 6}
+    give(robot, ELSEWHERE, *packets[-2:], now=1.5 * INIT_PERIOD)
+    assert robot.dropped == {'too many handshakes': 6}
+
+
+def test_forged_handshakes_in_an_operators_name_do_not_take_its_share(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without the key nothing is charged, nor computed but the tag."""
+    robot, operator = robot_of(), operator_of()
+    packet = init_of(robot, operator)
+    forged = [packet[:-1] + bytes([packet[-1] ^ change]) for change in range(1, 200)]
+    with monkeypatch.context() as patched:
+        patched.delattr('smokebot_udp.link.robot_core.Responder')
+        give(robot, OPERATOR, *forged)
+    assert robot.dropped == {'refused: wrong key': len(forged)} and len(forged) > 2 * INIT_BURST
+    sent(robot)
+    give(robot, OPERATOR, packet)
+    assert [type(parse(answer)) for answer in sent(robot)] == [Accept]
 
 
 @BOTH
@@ -126,10 +155,12 @@ def test_a_repeated_handshake_is_dropped() -> None:
 
 
 def test_a_wrong_key_is_refused_before_any_exchange_of_keys(monkeypatch: pytest.MonkeyPatch) -> None:
-    robot, operator = robot_of(key=bytes(32)), operator_of()
-    packet = init_of(robot, operator)
+    robot, operator = robot_of(), operator_of()
+    init = parse(init_of(robot, operator))
+    assert isinstance(init, Init)
     monkeypatch.delattr('smokebot_udp.link.noise.X25519PrivateKey')
     monkeypatch.delattr('smokebot_udp.link.noise.X25519PublicKey')
+    packet = Tags(bytes(32)).tagged(init).pack()
     give(robot, OPERATOR, packet, packet)
     assert robot.dropped == {'refused: wrong key': 2}
     assert {type(parse(answer)) for answer in sent(robot)} == {Refuse}
@@ -190,10 +221,55 @@ def test_the_ninth_has_the_place_of_one_that_is_silent_for_long() -> None:
     assert len(robot.peers) == MAX_PEERS
 
 
+def fill(robot: RobotCore, hosts: List[str]) -> List[OperatorCore]:
+    """Strangers that hold all places, in turns from these hosts."""
+    operators = []
+    for number in range(MAX_PEERS):
+        operators.append(operator_of(10 + number, 'stranger %d' % number, None))
+        shake_hands(robot, operators[-1], address=(hosts[number % len(hosts)], 100 + number))
+    return operators
+
+
+def test_strangers_do_not_hold_all_places_of_an_open_link_with_a_datagram_now_and_then() -> None:
+    robot = robot_of(None)
+    strangers = fill(robot, ['10.9.0.%d' % number for number in range(MAX_PEERS)])
+    for second in (9.0, 18.0):
+        for number, one in enumerate(strangers):
+            give(robot, ('10.9.0.%d' % number, 100 + number), the_robot(one).seal_one(message(Control.KEEP_ALIVE)),
+                 now=second)
+    robot.events()
+    desk = operator_of(key=None, now=18.0 + OPEN_YIELDS)
+    shake_hands(robot, desk, 18.0 + OPEN_YIELDS)
+    assert desk.peers and 'desk' in [peer.name for peer in robot.peers] and len(robot.peers) == MAX_PEERS
+
+
+@pytest.mark.parametrize('hosts, joins', [(1, True), (4, True), (8, False)])
+def test_a_host_does_not_hold_all_places_of_an_open_link(hosts: int, joins: bool) -> None:
+    """However often it sends. Without a key eight operators on eight hosts are just that."""
+    robot = robot_of(None)
+    fill(robot, ['10.9.0.%d' % number for number in range(hosts)])
+    robot.events()
+    desk = operator_of(key=None)
+    shake_hands(robot, desk)
+    assert ('desk' in [peer.name for peer in robot.peers]) == joins and len(robot.peers) == MAX_PEERS
+    second = operator_of(3, 'second', key=None)
+    shake_hands(robot, second, address=(OPERATOR[0], 7))
+    assert ('second' in [peer.name for peer in robot.peers]) == (hosts == 1)
+
+
+def test_with_a_key_nobody_gives_a_place_up_for_another_host() -> None:
+    robot, operators = robot_of(), []
+    for number in range(MAX_PEERS):
+        operators.append(operator_of(10 + number, 'desk %d' % number))
+        shake_hands(robot, operators[-1], address=('10.0.1.1', 100 + number))
+    shake_hands(robot, operator_of())
+    assert robot.dropped == {'refused: full': 1}
+
+
 def test_a_known_operator_is_not_refused_by_a_full_robot() -> None:
     robot, operators = full_robot()
     operators[0].set_address(('10.0.0.8', 1), 1.0)
-    shake_hands(robot, operators[0], 1.0, ('10.0.1.0', 9))
+    shake_hands(robot, operators[0], 1.0, ('10.0.1.0', 9), ('10.0.0.8', 1))
     assert not robot.dropped and robot.peers[0].handshakes == 2
 
 
@@ -252,16 +328,9 @@ def test_a_close_ends_the_peer_at_once(key: Optional[bytes]) -> None:
 
 # 6. Pending sessions
 
-def pending(robot: RobotCore, operator: OperatorCore, count: int) -> List[bytes]:
+def pending(robot: RobotCore, operator: OperatorCore, count: int, address: Address = OPERATOR) -> List[bytes]:
     """ACCEPTs to as many attempts of one operator, newest last."""
-    first = init_of(robot, operator)
-    packets = [first]
-    now = 0.0
-    while len(packets) < count:
-        now = operator.deadline(now)
-        operator.poll(now)
-        packets += [packet for packet in sent(operator) if isinstance(parse(packet), Init)]
-    give(robot, OPERATOR, *packets)
+    give(robot, address, *inits_of(robot, operator, count, address))
     return sent(robot)
 
 
@@ -295,8 +364,8 @@ def test_a_pending_session_ends() -> None:
 def test_few_sessions_are_pending_in_all() -> None:
     robot = robot_of()
     operators = [operator_of(10 + number) for number in range(MAX_PENDING + 1)]
-    for operator in operators:
-        accept, = pending(robot, operator, 1)
+    for number, operator in enumerate(operators):
+        accept, = pending(robot, operator, 1, ('10.0.1.%d' % number, 9))
         give(operator, ROBOT, accept)
     give(robot, OPERATOR, *sent(operators[0]))
     assert robot.dropped == {'unknown session': 1}

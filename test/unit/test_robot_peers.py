@@ -14,6 +14,9 @@ from smokebot_udp.link.packets import VERSION, Cookie, Suite, Unknown, parse
 from smokebot_udp.link.peer import Joined, Moved
 from smokebot_udp.link.robot_core import RobotCore
 
+ROBOT_2 = '10.0.0.8', 17001
+"""Another address of the robot."""
+
 # 7. Confirmation and new keys
 
 @BOTH
@@ -45,7 +48,7 @@ def test_new_keys_replace_the_old_ones_after_the_first_data(key: Optional[bytes]
     robot, operator = joined(key)
     peer, old = robot.peers[0], the_robot(operator).session
     late = old.seal(ROW)
-    operator.set_address(('10.0.0.8', 17001), 1.0)
+    operator.set_address(ROBOT_2, 1.0)
     accept = pending_accept(robot, operator)
     under_old = peer.seal_one(data(20))
     give(operator, ROBOT, accept, under_old, now=1.0)
@@ -60,7 +63,7 @@ def test_new_keys_replace_the_old_ones_after_the_first_data(key: Optional[bytes]
 
 
 def pending_accept(robot: RobotCore, operator: OperatorCore) -> bytes:
-    give(robot, OPERATOR, init_of(robot, operator, now=1.0), now=1.0)
+    give(robot, OPERATOR, init_of(robot, operator, now=1.0, place=ROBOT_2), now=1.0)
     accept, = sent(robot)
     return accept
 
@@ -70,16 +73,17 @@ def test_few_old_keys_are_kept() -> None:
     sessions = []
     for number in range(MAX_OLD + 2):
         sessions.append(the_robot(operator).session)
-        operator.set_address(('10.0.3.%d' % number, 17001), 1.0 + number / 10)
-        shake_hands(robot, operator, 1.0 + number / 10)
+        place = '10.0.3.%d' % number, 17001
+        operator.set_address(place, 1.0 + number / 10)
+        shake_hands(robot, operator, 1.0 + number / 10, place=place)
     taken = [len(give(robot, OPERATOR, session.seal(ROW).tobytes(), now=2.0)) for session in sessions]
     assert taken == [0, 0] + [1] * MAX_OLD and robot.peers[0].handshakes == MAX_OLD + 3
 
 
 def test_a_handshake_from_another_address_moves_the_peer() -> None:
     robot, operator = joined()
-    operator.set_address(('10.0.3.1', 17001), 1.0)
-    give(robot, ELSEWHERE, init_of(robot, operator, ELSEWHERE, 1.0), now=1.0)
+    operator.set_address(ROBOT_2, 1.0)
+    give(robot, ELSEWHERE, init_of(robot, operator, ELSEWHERE, 1.0, ROBOT_2), now=1.0)
     give(operator, ROBOT, *sent(robot), now=1.0)
     give(robot, ELSEWHERE, *sent(operator), now=1.0)
     peer, = robot.peers
@@ -136,6 +140,19 @@ def test_a_wrong_response_moves_nobody() -> None:
     give(robot, ELSEWHERE, the_robot(operator).seal_one(message(Control.KEEP_ALIVE)), now=1.0)
     give(robot, ELSEWHERE, the_robot(operator).seal_one(message(Control.PATH_RESPONSE, b'12345678')), now=1.0)
     give(robot, ELSEWHERE, the_robot(operator).seal_one(message(Control.PATH_CHALLENGE, b'12345678')), now=1.0)
+    assert robot.peers[0].address == OPERATOR and not robot.events()
+
+
+@BOTH
+def test_a_late_response_does_not_move_a_peer_back_to_an_address_that_it_has_left(key: Optional[bytes]) -> None:
+    """It was elsewhere for a moment, and is heard from its present address again."""
+    robot, operator = joined(key)
+    seal = the_robot(operator).seal_one
+    give(robot, ELSEWHERE, seal(message(Control.KEEP_ALIVE)), now=1.0)
+    give(operator, ROBOT, *sent(robot), now=1.0)
+    response, = sent(operator)
+    give(robot, OPERATOR, seal(message(Control.KEEP_ALIVE)), now=1.3)
+    give(robot, ELSEWHERE, response, now=1.4)
     assert robot.peers[0].address == OPERATOR and not robot.events()
 
 

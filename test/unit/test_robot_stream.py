@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The runner of the robot's streams: what is encoded, sent, counted and reported."""
+import pathlib
 import threading
 import time
 from typing import Any, List
@@ -12,7 +13,10 @@ from robot_stream_case import Make, Recorder, logged, make, scan
 from sensor_msgs.msg import LaserScan
 
 from smokebot_udp.mission.settings import Settings
+from smokebot_udp.monitoring.stages import read_sizes
 from smokebot_udp.msg import ScanSegment
+from smokebot_udp.nodes.trace import Trace
+from smokebot_udp.streams.encoder import Sizing
 
 __all__ = ['logged', 'make']
 
@@ -21,7 +25,7 @@ def test_a_message_goes_from_the_source_to_the_operator(make: Make) -> None:
     made = make()
     assert (made.segments.name, made.segments.message_class) == ('/smokebot_udp/scan/segments', ScanSegment)
     assert made.segments.options['subscriber_listener'] is made.stream
-    assert (made.source.name, made.source.message_class, made.source.options['queue_size']) == ('/in', LaserScan, 1)
+    assert (made.source.name, made.source.message_class, made.source.options['queue_size']) == ('/in', LaserScan, 8)
     for number in (5, 6):
         made.stream.receive(scan(number))
         wait_for(lambda number=number: number in made.segments.published)
@@ -55,6 +59,22 @@ def test_the_newest_message_counts(make: Make) -> None:
     assert made.stream.stats().dropped['replaced'] == 2
 
 
+def test_a_trace_says_what_decided_the_size_of_a_message(make: Make, tmp_path: pathlib.Path, monkeypatch: Any) -> None:
+    monkeypatch.setattr('smokebot_udp.nodes.robot_stream.TRACE', Trace(str(tmp_path / 'trace')))
+
+    class Sized(Recorder):
+        def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Any]:
+            self.sizing = Sizing('layered', 1500.0, 1400, 'room', 2.5) if len(message.ranges) > 5 else None
+            return super().encode(message, settings, max_datagram_size)
+
+    made = make(Sized)
+    for number in (5, 6):
+        made.stream.receive(scan(number, stamp=number))
+        wait_for(lambda number=number: number in made.segments.published)
+    said, = read_sizes((tmp_path / 'trace').read_text().splitlines(True))
+    assert (said.stream, said.stamp, said[3:]) == ('scan', 6 * 10 ** 9, ('layered', 1500.0, 1400, 'room', 2.5))
+
+
 def test_what_is_wrong_is_logged_and_the_next_message_goes(make: Make, logged: List[str]) -> None:
     made = make()
     made.stream.receive(scan(0, stamp=5))
@@ -75,6 +95,70 @@ def test_two_messages_of_one_stamp_cannot_be_told_apart(make: Make, logged: List
     assert "its stamp is 7.000000000 like the last one's" in logged[0]
     made.stream.receive(scan(3, stamp=8))
     wait_for(lambda: made.segments.published == [1, 3])
+
+
+def echo(number: int, frame_id: str, stamp: int) -> Any:
+    message = scan(number, stamp)
+    message.header.frame_id = frame_id
+    return message
+
+
+def test_messages_of_one_stamp_and_three_frames_all_go(make: Make, logged: List[str]) -> None:
+    made = make(rate=10.0)
+    for number, frame_id in enumerate(('first', 'last', '/strongest')):
+        made.stream.receive(echo(number + 1, frame_id, 9))
+    wait_for(lambda: sorted(made.segments.published) == [1, 2, 3])
+    assert not logged and made.stream.stats().dropped['replaced'] == 0
+    made.stream.receive(echo(7, 'strongest', 9))
+    wait_for(lambda: logged)
+    assert 'cannot be told apart' in logged[0]
+
+
+def test_a_demand_is_of_all_sources_that_share_the_stream(make: Make) -> None:
+    made = make(rate=10.0)
+    made.stream.receive(scan(1))
+    wait_for(lambda: made.segments.published)
+    made.stream.encoder.message_size = 1000.0
+    alone = made.stream.demand(time.monotonic()).points[-1].cost
+    for frame_id in ('last', 'strongest'):
+        made.stream.receive(echo(1, frame_id, 9))
+    assert made.stream.demand(time.monotonic()).points[-1].cost == pytest.approx(3 * alone)
+
+
+def arrivals_sent(made: Any, monkeypatch: Any) -> List[Any]:
+    """The arrivals that cross with messages, as they are sent [s]."""
+    sent: List[Any] = []
+
+    def publish_frames(*frames: Any, limits: Any = None) -> int:
+        sent.extend(frame.records['arrival']['secs'][0] for frame in frames)
+        return 1
+    monkeypatch.setattr(made.segments, 'publish_frames', publish_frames)
+    return sent
+
+
+def test_a_source_in_another_epoch_sends_when_its_messages_came(make: Make, logged: List[str], monkeypatch: Any
+                                                                 ) -> None:
+    made = make()
+    sent = arrivals_sent(made, monkeypatch)
+    for tick in range(10):
+        monkeypatch.setattr(rospy.Time, 'now', lambda at=1000 + tick: rospy.Time(at, 0))
+        made.stream.receive(scan(1, stamp=7 + tick))
+        wait_for(lambda count=tick + 1: len(sent) == count)
+    assert sent == [0] * 4 + [1000 + tick for tick in range(4, 10)]
+    line, = logged
+    assert line.startswith("stream 'scan', /in: frame '': its stamps are of another epoch, 993.0 s before they come:")
+
+
+def test_a_source_that_repeats_its_stamp_for_good_is_named_once(make: Make, logged: List[str], monkeypatch: Any
+                                                                 ) -> None:
+    made = make()
+    sent = arrivals_sent(made, monkeypatch)
+    for tick in range(10):
+        monkeypatch.setattr(rospy.Time, 'now', lambda at=10 + tick: rospy.Time(at, 0))
+        made.stream.receive(scan(1, stamp=9))
+        wait_for(lambda tick=tick: len(sent) == max(1, tick - 1))
+    assert sent == [0] + [10 + tick for tick in range(3, 10)]
+    assert len([line for line in logged if 'repeats its stamps' in line]) == 1
 
 
 def test_a_message_without_a_stamp_gets_the_time_of_now(make: Make, monkeypatch: Any) -> None:

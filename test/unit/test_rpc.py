@@ -59,6 +59,15 @@ def test_on_a_good_link_the_first_attempt_connects(server, attempts) -> None:
     assert len(attempts) == 1
 
 
+def test_packets_are_short_in_both_directions(server) -> None:
+    """Where a path drops long ones without a word, calls go on."""
+    with rpc.create_connection(server.getsockname(), timeout=5) as connection:
+        accepted, _ = server.accept()
+        with accepted:
+            for one in (connection, accepted):
+                assert one.getsockopt(socket.IPPROTO_TCP, socket.TCP_MAXSEG) <= rpc.MAX_SEGMENT
+
+
 def test_an_attempt_without_answer_is_raced_by_others_and_all_are_closed(server, attempts) -> None:
     with full(server):
         del attempts[:]

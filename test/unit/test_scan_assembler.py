@@ -32,7 +32,7 @@ def received(message: LaserScan, lost: Sequence[int] = (), kind: str = 'scan', *
 
 
 @pytest.mark.parametrize('gaps', ['nan', 'thin'])
-@pytest.mark.parametrize('count', [1, 720, 721, 5000])
+@pytest.mark.parametrize('count', [0, 1, 720, 721, 5000])
 @pytest.mark.parametrize('kind', ['scan', 'virtual_scan'])
 def test_a_whole_scan_is_published_as_it_was(count: int, gaps: str, kind: str) -> None:
     message, assembled = scanner(count), received(scanner(count), kind=kind, gaps=gaps)
@@ -75,3 +75,44 @@ def test_a_head_of_no_numbers_begins_no_scan() -> None:
     assembler, settings = operator_side('scan')
     assert assemble_all(assembler, settings, [frame.records]) == []
     assert assembler.dropped['impossible head'] == 2 and assembler.deadline() is None
+
+
+def test_echoes_of_one_scanner_are_scans_of_their_own() -> None:
+    """One topic, one stamp, three frames: their datagrams mixed."""
+    echoes, records = [], []
+    for number, frame_id in enumerate(('first', 'last', 'strong')):
+        message = scanner(720 + number)
+        message.header.frame_id = frame_id
+        echoes.append(message)
+        records += [frame.records for frame in scan_frames(message, True, 1472)]
+    for seed in range(20):
+        order = np.random.RandomState(seed).permutation(len(records))
+        shown = assemble_all(*operator_side('scan'), [records[row] for row in order])
+        assert sorted(one.message.header.frame_id for one in shown) == ['first', 'last', 'strong']
+        for one in shown:
+            sent, = (echo for echo in echoes if echo.header.frame_id == one.message.header.frame_id)
+            assert one.message.ranges.tobytes() == sent.ranges.tobytes() and one.completeness == 1.0
+
+
+def test_echoes_in_one_batch_are_told_apart() -> None:
+    """Of one length: the transport hands over segments of one layout together."""
+    records = []
+    for frame_id in ('first', 'other'):
+        message = scanner()
+        message.header.frame_id = frame_id
+        records += [frame.records for frame in scan_frames(message, True, 1472)]
+    assembler, settings = operator_side('scan')
+    shown = assemble_all(assembler, settings, [np.concatenate(records)])
+    assert [one.message.header.frame_id for one in shown] == ['first', 'other'] and not sum(assembler.dropped.values())
+
+
+def test_scans_of_one_stamp_are_told_apart_by_their_arrival() -> None:
+    batches = []
+    for number in range(3):
+        message = scanner(720 + 2 * number)
+        for frame in scan_frames(message, True, 1472):
+            frame.records['arrival']['secs'] = 1000 + number
+            batches.append(frame.records)
+    shown = assemble_all(*operator_side('scan'), batches)
+    assert [len(one.message.ranges) for one in shown] == [720, 722, 724]
+    assert {one.message.header.stamp.to_nsec() for one in shown} == {5 * 10 ** 9 + 7}

@@ -12,7 +12,7 @@ from smokebot_udp.codecs.wire.scan import ScanParts, in_millimetres
 from smokebot_udp.mission.parameters import check
 from smokebot_udp.mission.settings import Settings
 from smokebot_udp.msg import ScanSegment
-from smokebot_udp.streams.scan.encoder import ScanEncoder
+from smokebot_udp.streams.scan.encoder import ScanEncoder, corrected
 from smokebot_udp.streams.scan.fields import FIXED
 from smokebot_udp.streams.segments import size_on_air
 from smokebot_udp.udpros.datagram import OVERHEAD
@@ -58,15 +58,69 @@ def test_segments_fit_and_make_the_scan_again(count: int) -> None:
     np.testing.assert_array_equal(intensities, np.float32(message.intensities))
 
 
+INCREMENT = {'angle_min': -1.0, 'angle_max': 6.19, 'angle_increment': 0.01}
+"""Of 720 ranges."""
+
+
 @pytest.mark.parametrize('changes, words', [
-    *(({field: math.nan}, '%s is nan' % field) for field in FIXED),
-    *(({field: -math.inf}, '%s is -inf' % field) for field in FIXED if field != 'range_max'),
-    ({'angle_increment': 0.0}, 'angle_increment is 0'), ({'ranges': []}, 'no ranges'),
-    ({'intensities': [1.0]}, '1 intensities, but 720 ranges')])
-def test_what_is_wrong_is_named(changes: Dict[str, Any], words: str) -> None:
+    ({'angle_min': math.nan, 'angle_max': math.nan}, 'angle_min is nan'),
+    ({'angle_min': math.inf, 'angle_increment': 0.0}, 'angle_increment is 0'),
+    ({'angle_increment': 0.0, 'angle_max': math.nan}, 'angle_increment is 0'),
+    ({'angle_increment': math.nan, 'angle_max': -1.0}, 'angle_increment is nan'),
+    ({'angle_min': math.nan, 'angle_max': 0.5, 'angle_increment': math.nan}, 'angle_increment is nan'),
+    ({'ranges': [1.0], 'angle_min': math.nan, 'angle_max': math.inf}, 'angle_min is nan')])
+def test_a_scan_whose_place_is_not_known_is_refused(changes: Dict[str, Any], words: str) -> None:
     with pytest.raises(ValueError, match=words):
-        encoded(laser_scan(**changes))
-    assert encoded(laser_scan(range_max=math.inf))
+        encoded(laser_scan(**{**INCREMENT, **changes}))
+
+
+@pytest.mark.parametrize('changes, field, sent', [
+    *(({field: value}, field, wanted) for field, wanted in INCREMENT.items()
+      for value in (math.nan, math.inf, -math.inf)),
+    ({'angle_increment': 0.0}, 'angle_increment', 0.01), ({'angle_max': 0.0}, 'angle_max', 6.19),
+    *(({field: value}, field, 0.0) for field in ('time_increment', 'scan_time', 'range_min')
+      for value in (math.nan, math.inf, -math.inf)),
+    ({'range_max': math.nan}, 'range_max', math.inf), ({'range_max': -math.inf}, 'range_max', math.inf)])
+def test_a_field_that_the_ranges_contradict_is_told_and_follows_from_them(changes: Dict[str, Any], field: str,
+                                                                          sent: float) -> None:
+    message = laser_scan(**{**INCREMENT, **changes})
+    settings = Settings(check({'robot_topic': '/scan'}, ScanEncoder.PARAMETERS))
+    encoder = ScanEncoder(settings.requested)
+    records = encoder.encode(message, settings, 1472)[0].records
+    assert float(records[field][0]) == pytest.approx(sent, rel=1e-6)
+    assert [float(records[name][0]) for name in INCREMENT if name != field] == pytest.approx(
+        [value for name, value in INCREMENT.items() if name != field], rel=1e-6)
+    warning, = encoder.warnings
+    assert warning.startswith('%s is %r' % (field, changes[field]))
+    assert getattr(message, field) is changes[field]    # others have the same message
+
+
+@pytest.mark.parametrize('changes', [
+    {}, {'angle_max': 6.2}, {'angle_max': 6.18}, {'angle_max': 6.19 - 2 * math.pi}, {'range_max': math.inf},
+    {'angle_min': 1.0, 'angle_increment': -0.01, 'angle_max': -6.19},
+    {'ranges': [1.0], 'angle_increment': 0.0, 'angle_max': 5.0}, {'ranges': []}])
+def test_what_drivers_do_is_no_contradiction(changes: Dict[str, Any]) -> None:
+    message = laser_scan(**{**INCREMENT, **changes})
+    assert corrected(message) == (message, [])
+
+
+@pytest.mark.parametrize('count', [0, 1])
+def test_of_a_single_ray_the_increment_says_nothing(count: int) -> None:
+    for increment in math.nan, math.inf:
+        sent, problems = corrected(laser_scan(count, **{**INCREMENT, 'angle_increment': increment}))
+        assert (sent.angle_min, sent.angle_max, sent.angle_increment) == (-1.0, 6.19, 0.0) and len(problems) == 1
+
+
+def test_intensities_of_another_number_are_left_out_and_told() -> None:
+    message = laser_scan(intensities=[1.0], **INCREMENT)
+    sent, problems = corrected(message)
+    assert problems == ['it has 1 intensities, but 720 ranges: no intensity is sent'] and message.intensities == [1.0]
+    assert not encoded(message, intensity=True)[0].records['intensity_size'].any()
+
+
+def test_a_scan_without_ranges_is_sent() -> None:
+    frame, = encoded(laser_scan(0, **INCREMENT), intensity=True)
+    assert len(frame) == 1 and frame.records['total'].tolist() == [0] and frame.records['ranges'].size == 0
 
 
 def test_a_scanners_scan_takes_two_datagrams() -> None:
@@ -85,6 +139,12 @@ def test_a_scanners_scan_takes_two_datagrams() -> None:
             assert np.frombuffer(segment.ranges, '<u2').tolist() == np.rint(message.ranges[part::2] * 1000).tolist()
             assert len(segment.intensities) == 360 * size
         assert part == 1
+
+
+def test_nor_does_the_sign_of_a_nan_make_it_longer() -> None:
+    message = scanner(1081)
+    message.ranges[::7] = np.uint32(0xffc00000).view(np.float32)
+    assert [len(frame) for frame in encoded(message)] == [1, 1] == [len(frame) for frame in encoded(scanner(1081))]
 
 
 @given(st.integers(1, 300), st.integers(100, 1472))

@@ -81,7 +81,7 @@ def test_a_grant_that_differs_in_its_last_digits_lets_no_more_through() -> None:
                     + [(k / 10 + 0.05, 'grant') for k in range(200)])
     sent, before = 0, 0.0
     for now, event in events:
-        while schedule.waiting is not None and schedule.deadline() <= now:
+        while schedule.waiting() is not None and schedule.deadline() <= now:
             sent += schedule.take(max(before, schedule.deadline())) is not None
         before = now
         if event == 'grant':
@@ -130,6 +130,20 @@ def test_the_last_item_of_a_source_that_ends_is_taken() -> None:
         assert schedule.take(0.1 * number) == 'item'
     schedule.put('last', 0.6)       # its turn is at 0.625
     assert schedule.take(0.7) is None and schedule.take(0.6 + 0.13 + 1e-9) == 'last'
+
+
+def test_each_source_has_the_rate() -> None:
+    schedule: Schedule[str] = Schedule(10.0, steady=True)
+    taken = []
+    for tick in range(100):
+        for number, name in enumerate(('first', 'last', 'strongest')):
+            schedule.put('%s %d' % (name, tick), 0.1 * tick + 1e-3 * number, name)
+        assert schedule.active(0.1 * tick + 0.01) == 3
+        while schedule.waiting('first') or schedule.waiting('last') or schedule.waiting('strongest'):
+            taken.append(schedule.take(0.1 * tick + 0.003))
+    assert len(taken) == len(set(taken)) == 300 and schedule.replaced == 0
+    assert taken[:3] == ['first 0', 'last 0', 'strongest 0']
+    assert schedule.active(16.0) == 1
 
 
 @given(st.lists(st.tuples(st.floats(0.0, 1.0), st.booleans(), st.booleans()), max_size=100))

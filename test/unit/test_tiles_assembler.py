@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Maps in tiles on the operator's side, from the datagrams that a robot sends."""
+import collections
 from typing import Any, Iterable, List, Optional
 
 import needs_numba  # noqa: F401
@@ -7,10 +8,10 @@ import numpy as np
 import pytest
 from tile_sender import TileSender, info_of
 
-from evaluation.offline_link import operator_side
+from evaluation.offline_link import operator_side, work_off
 from smokebot_udp.codecs.tiles.rectangle import Rectangle
 from smokebot_udp.streams.grid.assembler import GridAssembler
-from smokebot_udp.streams.grid.tiles_assembler import BURST
+from smokebot_udp.streams.grid.tiles_assembler import BURST, MAX_WAITING, TilesAssembler, decode
 from smokebot_udp.streams.held import Holding
 from smokebot_udp.streams.segments import TILES
 
@@ -40,6 +41,7 @@ class Operator:
         self.now += after
         for record in records:
             self.assembler.receive(record, np.ones(len(record), bool), self.now, TILES)
+            work_off(self.assembler)
 
     def show(self, after: float = 1.0) -> Optional[Any]:
         """The map that is published until then, if any is."""
@@ -191,11 +193,12 @@ def test_a_robot_that_starts_again_replaces_its_map_tile_by_tile(operator: Opera
     np.testing.assert_array_equal(operator.cells, cells)
 
 
-@pytest.mark.parametrize('place', ['frame', 'resolution', 'phase'])
+@pytest.mark.parametrize('place', ['frame', 'resolution', 'turned'])
 def test_another_map_begins_empty_and_the_old_one_is_shown_until_then(
         robot: TileSender, operator: Operator, place: str) -> None:
     cells, other = rooms(40, 50), TileSender(session=6)
-    info = info_of(cells, (-3.02 if place == 'phase' else -3.0, 2.0), 0.1 if place == 'resolution' else 0.05)
+    info = info_of(cells, (-3.0, 2.0), 0.1 if place == 'resolution' else 0.05)
+    info.origin.orientation.z = 0.1 if place == 'turned' else 0.0
     tiles = other.update(cells, info, 'level2' if place == 'frame' else 'map')
     operator.receive(robot.update(1 - rooms(noise=1.0) // 100, info_of(rooms(), (-3.0, 2.0))))   # not shown yet
     operator.receive([other.beat() for _ in range(3)])
@@ -203,6 +206,36 @@ def test_another_map_begins_empty_and_the_old_one_is_shown_until_then(
     operator.receive(tiles)
     operator.show()
     np.testing.assert_array_equal(operator.cells, cells)
+
+
+def test_a_map_that_moves_by_a_part_of_a_cell_is_shown_there_with_all_its_cells(
+        robot: TileSender, operator: Operator) -> None:
+    held = operator.held()
+    for step in range(1, 6):
+        robot.move(info_of(rooms(), (-3.0 + 0.37 * 0.05 * step, 2.0 - 0.01 * step)))
+        operator.receive([robot.beat() for _ in range(3)])
+        operator.show()
+        np.testing.assert_array_equal(operator.cells, rooms())
+        assert operator.shown.message.info == robot.source.info and operator.shown.completeness == 1.0
+        assert operator.held() == held
+        assert operator.assembler.ages(operator.now).data.max() == 0
+
+
+@pytest.mark.parametrize('columns, rows', [(0, 0), (7, -20), (-16, 32)])
+def test_a_robot_that_starts_again_and_numbers_its_map_otherwise(operator: Operator, columns: int, rows: int) -> None:
+    info = info_of(rooms(), (-3.0 + 0.05 * (columns + 0.3), 2.0 + 0.05 * (rows + 0.3)))
+    again, cells = TileSender(session=6), np.roll(rooms(), (-rows, -columns), (0, 1))
+    tiles = again.update(cells, info)
+    operator.receive([again.beat() for _ in range(3)])
+    operator.show()
+    seen = np.s_[max(0, -rows):rooms().shape[0] - max(0, rows), max(0, -columns):rooms().shape[1] - max(0, columns)]
+    np.testing.assert_array_equal(operator.cells[seen], cells[seen])
+    assert operator.cells.size - (operator.cells == -1).sum() < operator.cells.size
+    assert operator.held() == [] and operator.assembler.holding().session == 6
+    operator.receive(tiles)
+    operator.show()
+    np.testing.assert_array_equal(operator.cells, cells)
+    assert set(operator.assembler.ages(operator.now).data.tolist()) == {0}
 
 
 def test_the_overview_shows_a_new_obstacle_before_its_tile_comes() -> None:
@@ -264,3 +297,78 @@ def test_an_interleaved_map_from_before_the_tiles_does_not_replace_them(robot: T
     np.testing.assert_array_equal(operator.cells, rooms())
     assert operator.show(60.0) is None      # the link is gone
     assert operator.assembler.deadline() is None
+
+
+# what takes time is done elsewhere
+
+class Decoder:
+    """Counts what is decoded."""
+
+    def __init__(self) -> None:
+        self.sizes: List[int] = []
+
+    def __call__(self, data: Any, height: int, width: int) -> Any:
+        self.sizes.append(height * width)
+        return decode(data, height, width)
+
+
+class Tiles:
+    """The assembler of tiles alone."""
+
+    def __init__(self) -> None:
+        self.decoder, self.dropped = Decoder(), collections.Counter()   # type: Decoder, Counter[str]
+        self.assembler = TilesAssembler(RATE, self.dropped, self.decoder)
+
+    def receive(self, records: Iterable[Any], now: float = 100.0) -> None:
+        for record in records:
+            self.assembler.receive(record, np.ones(len(record), bool), now)
+
+    def shown(self, now: float) -> Any:
+        found = self.assembler.poll(now)
+        return None if found is None else found.drawn()[0]
+
+
+def test_nothing_is_decoded_where_segments_are_received(robot: TileSender) -> None:
+    tiles, cells = Tiles(), np.zeros((512, 512), np.int8)
+    cells[7, 9] = 100
+    sent = robot.update(cells, info_of(cells))
+    assert len(sent) == 1 and sent[0]['data'].size < 60
+    tiles.receive([*sent, robot.beat(), robot.beat()])
+    assert tiles.decoder.sizes == [] and tiles.assembler.waiting and tiles.shown(200.0) is None
+    work = tiles.assembler.work()
+    assert work is not None and tiles.decoder.sizes == []
+    work.do()
+    assert tiles.decoder.sizes == [512 * 512] and tiles.assembler.holding() == Holding(robot.session, ())
+    work.done()
+    assert tiles.assembler.holding() == Holding(robot.session, ((1, 1),))
+    assert (tiles.shown(200.0) == cells).all()
+
+
+def test_copies_that_come_together_are_decoded_once(robot: TileSender) -> None:
+    tiles = Tiles()
+    sent = robot.update(rooms(), info_of(rooms()))
+    tiles.receive([*sent, *sent])
+    work_off(tiles.assembler)
+    assert len(tiles.decoder.sizes) == len(sent) == tiles.dropped['not needed']
+
+
+def test_segments_are_sorted_in_their_order_although_the_map_moves_meanwhile(robot: TileSender) -> None:
+    tiles, now = Tiles(), 100.0
+    tiles.receive(robot.update(rooms(), info_of(rooms(), (-3.0, 2.0))), now)
+    moved = np.roll(rooms(), -5, 1)
+    tiles.receive(robot.update(moved, info_of(moved, (-2.75, 2.0))), now)
+    other = TileSender(session=8)
+    last = rooms(seed=4)
+    tiles.receive(other.update(last, info_of(last, (-2.75, 2.0))), now)
+    tiles.receive([other.beat()], now + 2.0)
+    work_off(tiles.assembler)
+    assert (tiles.shown(now + 3.0) == last).all() and tiles.assembler.holding().session == 8    # type: ignore[union-attr]
+    assert not {'tile', 'late', 'contradiction', 'impossible head'} & set(tiles.dropped)
+
+
+def test_more_segments_than_can_wait_are_dropped_and_counted(robot: TileSender) -> None:
+    tiles = Tiles()
+    robot.update(rooms(), info_of(rooms()))
+    beat = robot.beat()
+    tiles.receive([beat] * (MAX_WAITING + 7))
+    assert tiles.dropped == {'too many': 7}

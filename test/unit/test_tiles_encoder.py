@@ -302,3 +302,105 @@ def test_at_the_lowest_bitrate_statements_leave_room_for_tiles() -> None:
     left = robot.wait(60.0, {'/op': receiver})
     tiles = sum(len(one.data) for one in left if one.size[0] and not one.shift)
     assert tiles > 0.2 * 1000 * (robot.now - begun)
+
+
+# one bad message does not spoil what is kept
+
+def update_of(row: int, column: int, values: Any) -> Any:
+    cells = np.asarray(values, np.int8)
+    update = OccupancyGridUpdate(x=column, y=row, width=cells.shape[1], height=cells.shape[0], data=cells.ravel())
+    update.header.frame_id = 'k\u00e9p'
+    return update
+
+
+class Costmap:
+    """Publishes a map and updates of it; an operator watches."""
+
+    def __init__(self) -> None:
+        self.robot, self.receiver = served(building())
+        self.cells = building()
+        self.robot.encoder.merge(None, grid_message(self.cells.copy()))
+
+    def publish(self, message: Any) -> None:
+        frames = self.robot.encoder.encode(self.robot.encoder.merge(None, message), self.robot.settings, 1472)
+        for segment in segments_of(frames):
+            self.receiver.receive(segment)
+        self.robot.wait(1.0, {'/op': self.receiver})
+
+    def update(self, row: int, column: int, value: int) -> None:
+        self.cells[row:row + 10, column:column + 10] = value
+        self.publish(update_of(row, column, np.full((10, 10), value)))
+
+    def shows(self, cells: Any) -> bool:
+        return bool((self.receiver.map == cells).all())
+
+
+@pytest.mark.parametrize('value', [101, -2])
+def test_an_update_with_a_value_that_is_none_is_refused_and_the_next_ones_are_shown(value: int) -> None:
+    costmap, wrong = Costmap(), np.full((10, 10), 50)
+    wrong[3, 4] = value
+    with pytest.raises(ValueError, match='data has the value %d, must be from -1 to 100' % value):
+        costmap.publish(update_of(20, 30, wrong))
+    for step in range(5):
+        costmap.update(100 + 10 * step, 40, 20 + step)
+        assert costmap.shows(costmap.cells)
+
+
+@pytest.mark.parametrize('value', [101, -2])
+def test_updates_go_on_after_a_map_with_a_value_that_is_none(value: int) -> None:
+    costmap = Costmap()
+    costmap.cells = building(seed=3)
+    costmap.cells[3, 4] = value
+    with pytest.raises(ValueError, match='data has the value %d, must be from -1 to 100' % value):
+        costmap.publish(grid_message(costmap.cells.copy()))
+    costmap.cells[3, 4] = -1
+    costmap.update(100, 40, 20)
+    assert costmap.shows(costmap.cells)
+
+
+def cut_off(message: Any) -> None:
+    message.data = message.data[:-1]
+
+
+def nowhere(message: Any) -> None:
+    message.info.origin.position.y = float('nan')
+
+
+def far_away(message: Any) -> None:
+    message.info.origin.position.x = 1e12
+
+
+@pytest.mark.parametrize('spoil, words', [(cut_off, 'data has'), (nowhere, 'origin.y is nan'),
+                                          (far_away, 'cells away')])
+def test_a_map_that_contradicts_itself_changes_nothing(spoil: Any, words: str) -> None:
+    costmap = Costmap()
+    for _ in range(2):
+        wrong = grid_message(building(seed=3))
+        spoil(wrong)
+        with pytest.raises(ValueError, match=words):
+            costmap.publish(wrong)
+        assert costmap.shows(costmap.cells)
+        if spoil is cut_off:
+            costmap.update(100, 40, 20)     # of a map in this very place
+            assert costmap.shows(costmap.cells)
+    costmap.publish(grid_message(costmap.cells.copy()))
+    costmap.update(100, 60, 30)
+    assert costmap.shows(costmap.cells)
+
+
+def test_updates_of_a_refused_map_in_another_place_are_not_drawn_into_the_old_one() -> None:
+    costmap = Costmap()
+    wrong = grid_message(building(310, 400))
+    cut_off(wrong)
+    with pytest.raises(ValueError, match='data has'):
+        costmap.publish(wrong)
+    assert costmap.robot.encoder.merge(None, update_of(0, 0, [[7]])) is None
+
+
+def test_interleaved_maps_may_have_any_values() -> None:
+    of = settings(coding='interleaved')
+    encoder, cells = GridEncoder(of.requested), building()
+    cells[3, 4] = 101
+    encoder.merge(None, grid_message(cells))
+    merged = encoder.merge(None, update_of(0, 0, [[-5]]))
+    assert (merged.data[0], merged.data.reshape(cells.shape)[3, 4]) == (-5, 101)

@@ -74,6 +74,12 @@ def test_an_address_has_a_host_and_a_port() -> None:
     assert host_and_port('ugv1.local:1') == ('ugv1.local', 1)
 
 
+@pytest.mark.parametrize('text', ['[fe80::1%wlan0]:17001', '::1:17001', '[2001:db8::7]:17001'])
+def test_an_ipv6_address_is_refused_with_what_to_do(text: str) -> None:
+    with pytest.raises(ValueError, match='uses IPv4 only, give an IPv4 address or a name that has one'):
+        host_and_port(text)
+
+
 @pytest.mark.parametrize('text', ['10.0.0.7', ':17001', '10.0.0.7:', '10.0.0.7:0', '10.0.0.7:65536', 'a:b', 'a:-1',
                                   'a:²', 'a:1e3'])
 def test_what_is_none_is_refused(text: str) -> None:

@@ -202,17 +202,14 @@ def test_a_link_on_which_a_beginning_is_too_large_gets_video_nevertheless() -> N
     assert shown[0] is None and any(shown)
 
 
-def test_operating_points_are_fewer_bytes_and_then_fewer_images() -> None:
+def test_operating_points_are_fewer_images() -> None:
     robot = Robot()
     assert robot.encoder.operating_points(20.0, robot.settings) == []
     robot.frames(scene(0), 0)
     points = robot.encoder.operating_points(20.0, robot.settings)
-    assert points[-1].settings == {'max_bytes': 0, 'rate': 20.0}
+    assert points[-1].settings == {'rate': 20.0} and points[0].settings['rate'] < 20.0
     assert [point.cost for point in points] == sorted(point.cost for point in points)
-    assert points[0].settings['rate'] < 20.0 and points[0].settings['max_bytes'] > 0
-    assert robot.encoder.refine(points[0].settings, 1e9) == {'rate': points[0].settings['rate']}
-    point = points[len(points) // 2].settings
-    assert robot.encoder.refine(point, 1000.0)['max_bytes'] == point['max_bytes'] + int(1000 / point['rate'])
+    assert robot.encoder.refine(points[0].settings, 1e9) == points[0].settings
 
 
 @pytest.mark.parametrize('encoding, pixels', [
@@ -228,5 +225,6 @@ def test_scale_and_the_parts() -> None:
     robot = Robot(scale=2)
     assert slices(robot.frames(scene(0), 0))[0].height == 60
     assert robot.encoder.parts(settings()) == ['segments', 'layers', 'video']
-    assert robot.encoder.parts(settings(coding='layered')) == ['segments', 'layers']
+    for coding in ('auto', 'layered'):
+        assert robot.encoder.parts(settings(coding=coding)) == ['segments', 'layers']
     assert {frame.message_class for frame in robot.frames(scene(1), 1)} == {VideoSlice}

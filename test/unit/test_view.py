@@ -112,6 +112,11 @@ def test_the_strip_shows_age_and_completeness_apart() -> None:
     assert (first != poorer).any(axis=(0, 2)).nonzero()[0].min() >= 0.22 * 652
 
 
+def test_an_age_that_is_only_the_least_possible_is_marked(monkeypatch) -> None:
+    assert texts_of(monkeypatch, 0.12, 1.0) == ['0.12 s', '100 %']
+    assert texts_of(monkeypatch, 0.12, 1.0, at_least=True) == ['> 0.12 s', '100 %']
+
+
 def test_what_is_wrong_is_marked() -> None:
     def black(strip: UInt8Array) -> List[bool]:
         return [bool((strip[20:34, columns] == BLACK).all(axis=2).sum() > 300)

@@ -122,6 +122,13 @@ def test_a_picture_comes_out_at_once_and_grows_old(publisher, clock) -> None:
     assert all(message.header.stamp == source.stamp for message in sent)
 
 
+def test_an_image_of_another_epoch_is_as_old_as_its_arrival(publisher) -> None:
+    views = publisher(old_after=0.5, frozen_after=2.0)
+    views.show(PICTURE, 'mono16', header(7.0), 1.0, 100.0, arrival=int(99.9e9))
+    at = FakePublisher.made.wait_for_frame()
+    assert state(FakePublisher.made.sent[at]) == FRESH and FakePublisher.made.sent[at].header.stamp.secs == 7
+
+
 def test_it_grows_old_from_the_age_at_which_it_came(publisher, clock) -> None:
     views = publisher(old_after=0.2, frozen_after=9.0)
     views.show(PICTURE, 'mono16', header(), 1.0, 108.0)
@@ -187,7 +194,7 @@ def defaults() -> Any:
 
 def test_a_picture_that_cannot_be_shown_does_not_keep_the_last_one_alive(publisher, monkeypatch) -> None:
     errors = []
-    monkeypatch.setattr('rospy.logerr_throttle_identical', lambda period, text: errors.append(text))
+    monkeypatch.setattr('smokebot_udp.nodes.view_publisher.logerr', lambda topic, problem: errors.append(problem))
     views = publisher(old_after=0.1, frozen_after=0.2)
     views.show(PICTURE, 'mono16', header(), 1.0, 100.1)
     FakePublisher.made.wait_for_frame()
@@ -202,7 +209,7 @@ def test_a_picture_that_cannot_be_shown_does_not_keep_the_last_one_alive(publish
 
     wait_for(is_frozen)
     assert FakePublisher.made.sent[-1].header.stamp.to_sec() == 100.0
-    assert {text.split()[6] for text in errors} == {'encoding', 'completeness'}
+    assert {text.split()[5] for text in errors} == {'encoding', 'completeness'}
 
 
 def test_settings_change_while_it_runs(publisher, clock) -> None:

@@ -112,6 +112,25 @@ def test_settings_that_contradict_each_other(changes: Any, words: str) -> None:
         VirtualScanEncoder(settings(**changes).requested)
 
 
-def test_a_cloud_without_points_is_refused() -> None:
-    with pytest.raises(ValueError, match='none of its 2 points is finite'):
-        scan_of(cloud(np.full((2, 3), np.nan)))
+@pytest.mark.parametrize('select', ['obstacle', 'landmark'])
+def test_where_nothing_was_seen_nothing_is_free(select: str) -> None:
+    """REP 117: NaN, not +Inf."""
+    for message in (cloud(np.full((2, 3), np.nan)), cloud(room()[:0]), cloud(np.zeros((5, 3)))):
+        assert np.isnan(scan_of(message, select=select).ranges).all()
+
+
+def test_unknown_tf_is_told_of() -> None:
+    of = settings()
+    encoder = VirtualScanEncoder(of.requested, FanCache(lambda frame, header: None))
+    encoder.derive(cloud(room(), '/velodyne'), of)
+    assert list(encoder.warnings) == ["tf knows no transform from 'velodyne' to 'base_link': mount_height, mount_roll "
+                                      'and mount_pitch are used']
+
+
+def test_a_cloud_in_utm_is_level_where_tf_knows_its_frame() -> None:
+    utm = np.array([412345.125, 5401234.5, 312.0625])
+    exact = (room() + utm).astype('<f8')
+    message = PointCloud2(height=1, width=len(exact), point_step=24, row_step=exact.nbytes, data=exact.tobytes(),
+                          fields=[PointField(name, 8 * k, PointField.FLOAT64, 1) for k, name in enumerate('xyz')])
+    scan = scan_of(message, FanCache(lambda frame, header: (np.eye(3), np.array([0, 0, MOUNT]) - utm)))
+    assert scan.ranges[AHEAD] == pytest.approx(5.0, abs=0.02)

@@ -93,15 +93,13 @@ def test_route(address: str, name: Optional[str]) -> None:
     assert wifi_texts.route_interface(outputs.ROUTES, address) == name
 
 
-@pytest.mark.parametrize('wireless, peers, forced, chosen', [
-    (['wlan0', 'wlan1'], ['192.168.0.7'], '', 'wlan0'),         # the route's
-    (['wlan0', 'wlan1'], ['192.168.1.7', '192.168.0.7'], '', 'wlan0'),     # the first peer's is not wireless
-    (['wlan0', 'wlan1'], ['192.168.0.7'], 'wlan1', 'wlan1'),
-    (['wlan0', 'wlan1'], ['192.168.0.7'], 'eth0', None),
-    (['wlan1'], [], '', 'wlan1'),                               # the only one
-    (['wlan0', 'wlan1'], [], '', None), ([], ['192.168.0.7'], '', None)])
-def test_choice(wireless: List[str], peers: List[str], forced: str, chosen: Optional[str]) -> None:
-    assert choose_interface(wireless, outputs.ROUTES, peers, forced) == chosen
+@pytest.mark.parametrize('wireless, peers, chosen', [
+    (['wlan0', 'wlan1'], ['192.168.0.7'], 'wlan0'),         # the route's
+    (['wlan0', 'wlan1'], ['192.168.1.7', '192.168.0.7'], 'wlan0'),     # the first peer's is not wireless
+    (['wlan1'], [], 'wlan1'),                               # the only one
+    (['wlan0', 'wlan1'], [], None), ([], ['192.168.0.7'], None)])
+def test_choice(wireless: List[str], peers: List[str], chosen: Optional[str]) -> None:
+    assert choose_interface(wireless, outputs.ROUTES, peers) == chosen
 
 
 def test_state_of_a_client() -> None:

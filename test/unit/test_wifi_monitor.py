@@ -8,6 +8,8 @@ import pytest
 import wifi_outputs as outputs
 from polling import wait_for
 
+from smokebot_udp.monitoring.status import OK, ROBOT, WARN
+from smokebot_udp.monitoring.wifi import wifi_status
 from smokebot_udp.nodes import wifi_monitor
 from smokebot_udp.nodes.wifi_monitor import WifiMonitor
 
@@ -72,9 +74,12 @@ def test_without_an_interface_nothing_is_executed(machine: Path) -> None:
     assert (machine / 'log').read_text() == ''
 
 
-def test_an_interface_that_is_not_there_is_none(machine: Path) -> None:
-    assert monitor(machine, 'wlan7').state.interface == ''
-    assert monitor(machine, 'wlan0').state.interface == 'wlan0'
+def test_a_configured_interface_that_is_not_there_is_a_warning(machine: Path) -> None:
+    for root in (machine, machine / 'nothing'):
+        status = wifi_status(monitor(root, 'wlan7').state, ROBOT)
+        assert (status.level, status.message) == (WARN, 'there is no wireless interface wlan7')
+    status = wifi_status(monitor(machine, 'wlan0').state, ROBOT)
+    assert (status.level, status.message, status.values['wifi']) == (OK, 'fine', 'wlan0')
 
 
 def test_the_state_is_updated_in_a_thread(machine: Path) -> None:

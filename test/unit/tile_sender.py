@@ -37,7 +37,7 @@ class TileSender:
 
     def update(self, cells: Any, info: MapMetaData, frame_id: str = 'map', stamp: float = 1.0) -> List[Any]:
         """Records of the tiles that are new."""
-        corner = Lattice.of(frame_id, info).corner(info)
+        corner = Lattice.of(frame_id, info).corner
         header = Header(frame_id=frame_id)
         header.stamp.secs = int(stamp)
         self.source = Source(header, info, corner, self.session)
@@ -45,6 +45,10 @@ class TileSender:
         tiles = self._tiling.update(cells, corner)
         self.revision += len(tiles)
         return [self.tile(tile.revision, tile.place, tile.data) for tile in tiles]
+
+    def move(self, info: MapMetaData) -> None:
+        """The map is in another place; its cells, and their numbers, stay."""
+        self.source = self.source._replace(info=info)
 
     def all_tiles(self) -> List[Any]:
         """Records of all tiles of the map, once more."""

@@ -23,9 +23,13 @@ class Coding(enum.IntEnum):
     """An exact layered stream (doc/layered_images.md)."""
 
 
+MAX_ITEM = 0xffff
+"""[byte]"""
+
+
 def to_planes(data: bytes, item: int) -> bytes:
-    """Code items of `item` bytes each; a length that is no multiple of it counts as bytes."""
-    size = item if item and len(data) % item == 0 else 1
+    """Code items of `item` bytes each; where they are longer than MAX_ITEM, or the data no multiple of them, bytes."""
+    size = item if 0 < item <= MAX_ITEM and len(data) % item == 0 else 1
     array: UInt8Array = np.frombuffer(data, np.uint8).reshape(-1, size)
     return size.to_bytes(2, 'little') + zlib.compress(array.T.tobytes(), LEVEL)
 

@@ -95,6 +95,11 @@ def pack(message: Any, pose: Any, layered: bool) -> bytes:
     """
     if len(message.data) > MAX_DATA:
         raise ValueError('it has %d bytes, at most %d can cross: ask for a region' % (len(message.data), MAX_DATA))
+    if message._type == PointCloud2._type:
+        _check_rows(message)
+        if len(message.data) != message.height * message.row_step:
+            raise ValueError('its data have %d bytes, height x row_step is %d x %d' % (
+                len(message.data), message.height, message.row_step))
     whole = serialised(message)
     head = copy.copy(message)
     head.data = b''
@@ -146,9 +151,7 @@ def _decoded(message: Any, coding: int, coded: bytes) -> bytes:
     if message._type == PointCloud2._type:
         if coding != Coding.PLANES:
             raise ValueError('its coding %d is unknown' % coding)
-        if message.row_step < message.width * message.point_step:
-            raise ValueError('its rows have %d bytes, %d points of %d bytes do not fit' % (
-                message.row_step, message.width, message.point_step))
+        _check_rows(message)
         return from_planes(coded, size)
     kind, channels = pixel_type(message.encoding)
     if not message.height or not message.width or message.step != message.width * channels * kind.itemsize:
@@ -157,6 +160,13 @@ def _decoded(message: Any, coding: int, coded: bytes) -> bytes:
     shape = (message.height, message.width) + (channels,) * (channels > 1)
     pixels = decode_image(coding, coded, shape, kind.str[1:])
     return np.ascontiguousarray(pixels, pixel_type(message.encoding, message.is_bigendian)[0]).tobytes()
+
+
+def _check_rows(message: Any) -> None:
+    """:raises ValueError: who reads this PointCloud2 would read beyond its data"""
+    if message.row_step < message.width * message.point_step:
+        raise ValueError('its rows have %d bytes, %d points of %d bytes do not fit' % (
+            message.row_step, message.width, message.point_step))
 
 
 def _pixels(message: Any) -> Array:

@@ -23,7 +23,8 @@ from typing import Deque, List, NamedTuple, Optional
 
 from .feedback import PacketSample, sending_rate
 from .loss import Loss
-from .probing import ProbeTrain
+from .path import Observation
+from .trains import OnTheWay, Train, TrainTracker
 
 SHARE = 0.43
 """Part of what the bottleneck carries that is sent."""
@@ -86,11 +87,8 @@ MEASURED = 5
 EMPTY_TIME = 0.8
 """The queue is empty for this long: the competitor has ended. BBR's pause to measure the path is shorter [s]."""
 
-CHECK_GAIN, CHECK_DURATION = 0.6, 0.6
-"""In a drain of the mode, this part of the rate is sent for so long, at most [s];"""
-
 SETTLING = 0.2
-"""its test leaves after this long [s];"""
+"""In a check of the mode, its test leaves after this long [s];"""
 
 CHECK_INTERVAL = 0.0, 1.0, 6.0
 """it is this long since there was evidence, once or several times [s],"""
@@ -115,17 +113,6 @@ class _Seen(NamedTuple):
     """Part of it that others use."""
 
 
-class _Train(NamedTuple):
-    """A train that was not reported yet."""
-    begins: float
-    """Bytes of all streams sent before it,"""
-    ends: float
-    """and with it."""
-    left: float
-    """[s]"""
-    tests: bool
-
-
 class _Carried(NamedTuple):
     """Of one report."""
     now: float
@@ -147,10 +134,10 @@ class Competition:
         self._carried: Deque[_Carried] = collections.deque()
         self._evidence, self._proven = 0, -math.inf     # how often there was, at most MAX_EVIDENCE; when last [s]
         self._drain: Optional[float] = None     # since when less is sent [s]
-        self._drained = -math.inf               # when the last drain of the mode ended [s]
-        self._test_rate = self._test_size = 0.0     # of this drain [byte/s], [byte]
+        self._drained = -math.inf               # when the last check ended [s]
+        self._test_rate = self._test_size = 0.0     # of this pause [byte/s], [byte]
         self._tests = 0                             # sent in it
-        self._train: Optional[_Train] = None
+        self._trains, self._testing = TrainTracker(), False     # whether the train on the way is a test
         self._next_train = -math.inf
         self._bottlenecks: Deque[float] = collections.deque(maxlen=MEASURED)
         self._limit = math.inf                  # of the bottleneck [byte/s]
@@ -164,65 +151,65 @@ class Competition:
         return self.rate < math.inf
 
     @property
-    def gain(self) -> float:
-        """Part of the rate that is sent now."""
-        return 1.0 if self._drain is None else CHECK_GAIN
-
-    @property
     def bottleneck(self) -> float:
         """What the bottleneck carries for all [byte/s]; 0: unknown."""
         return min(self._limit, statistics.median(self._bottlenecks)) if self._bottlenecks else 0.0
 
     def end(self) -> None:
         """There is no competitor, or it is not known."""
-        self.rate, self._evidence, self._train, self._drain = math.inf, 0, None, None
+        self.rate, self._evidence, self._trains, self._drain = math.inf, 0, TrainTracker(), None
         self._bottlenecks.clear()
         self._samples.clear()
 
-    def update(self, chain: List[PacketSample], queue: float, short: float, noise: float, base: Optional[PacketSample],
-               drain: Optional[float], cut: bool, loss: Loss, now: float) -> bool:
+    def update(self, seen: Observation, short: float, base: Optional[PacketSample], pause: Optional[float],
+               loss: Loss) -> bool:
         """Take a report.
 
-        :param chain: its samples in sending order, after the newest known before
-        :param queue: its queueing delay [s]
-        :param short: where it is shorter the queue is empty [s]
-        :param noise: of delays [s]
+        :param short: where the queue is shorter it is empty [s]
         :param base: the sample of least delay
-        :param drain: since when a drain is in progress [s]; None: there is none
-        :param cut: whether the report counts more lost datagrams than the air loses: a train may have been cut off
+        :param pause: since when a drain or a check is in progress [s]; None: there is none
         :param loss: lately
-        :param now: by a steady clock [s]
         :return: whether it is evidence of a competitor
         """
-        self._remember(chain, loss.air, now)
-        self._follow_drain(drain, base, now)
-        if queue > short:
+        now = seen.now
+        self._remember(seen.chain, loss.air, now)
+        self._follow_pause(pause, base, now)
+        if seen.queue > short:
             self._occupied = now
-        proof = self._take_train(noise, cut, now)
-        if proof and not self.active:
+        # where more is lost than the air loses, a train may have been cut off
+        proof = self._take_train(seen.noise, seen.feedback.lost > loss.usual(seen.feedback.expected), now)
+        begins = proof and not self.active
+        if begins:
             self._begin(loss, now)
         elif self.active and not self._evidence:
             self._not_before = now + HOLDOFF
             self.end()
         elif self.active and (now - self._occupied > EMPTY_TIME or now - self._proven > LIFETIME[self._evidence]):
             self.end()
-        if self.active or proof:
+        if self.active or begins:
             self._set_rate(loss, now)
         return proof
 
-    def train(self, queue: float, short: float, size: int, unreported: int, now: float) -> Optional[ProbeTrain]:
+    def check_due(self, now: float) -> bool:
+        """Whether less is to be sent now, to see whether the competitor is still there."""
+        return self.active and self._drain is None and now > max(
+            self._drained + RETRY_INTERVAL, self._proven + CHECK_INTERVAL[self._evidence])
+
+    @property
+    def checked(self) -> bool:
+        """Whether the test of a check was judged."""
+        return self.active and self._tests > 0 and self._trains.on_the_way is None
+
+    def train(self, seen: Observation, short: float) -> Optional[Train]:
         """The train that leaves now, if any.
 
-        :param queue: queueing delay [s]
-        :param short: where it is shorter the queue is empty [s]
-        :param size: of a datagram [byte]
-        :param unreported: bytes sent after the newest sample
-        :param now: by a steady clock [s]
+        :param short: where the queue is shorter it is empty [s]
         """
-        if self._train is not None:
+        if self._trains.on_the_way is not None:
             return None
-        if self._drain is not None:
-            if (self._tests == MAX_TESTS or now < self._not_before or queue < max(MIN_QUEUE, short)
+        now, size, testing = seen.now, seen.newest.size, self._drain is not None
+        if testing:
+            if (self._tests == MAX_TESTS or now < self._not_before or seen.queue < max(MIN_QUEUE, short)
                     or not self._has_stayed()):
                 return None
             self._tests += 1
@@ -232,9 +219,8 @@ class Competition:
             rate, least = self.bottleneck, self.bottleneck * TRAIN_DURATION
         else:
             return None
-        begins = self._samples[-1].total + unreported
-        train = ProbeTrain(rate, max(MIN_PACKETS * size, least))
-        self._train = _Train(begins, begins + train.size, now, self._drain is not None)
+        train, self._testing = Train(rate, max(MIN_PACKETS * size, least)), testing
+        self._trains.leave(train, seen.newest, seen.feedback.unreported, now, TRAIN_TIMEOUT)
         return train
 
     def _remember(self, chain: List[PacketSample], air: float, now: float) -> None:
@@ -252,16 +238,11 @@ class Competition:
         """The most that was carried [byte/s]."""
         return max(one.rate for one in self._carried)
 
-    def _follow_drain(self, drain: Optional[float], base: Optional[PacketSample], now: float) -> None:
-        """Notice a drain; in the mode, begin and end one."""
-        if self.active:
-            drain = self._drain
-            if drain is not None and (now - drain > CHECK_DURATION or self._tests and self._train is None):
-                drain, self._drained = None, now
-            elif drain is None and now > max(self._drained + RETRY_INTERVAL,
-                                             self._proven + CHECK_INTERVAL[self._evidence]):
-                drain = now
-        if drain is not None and drain != self._drain:
+    def _follow_pause(self, pause: Optional[float], base: Optional[PacketSample], now: float) -> None:
+        """Notice that a pause began or ended."""
+        if pause is None and self._drain is not None:
+            self._drained = now
+        if pause is not None and pause != self._drain:
             self._tests, carried = 0, self._carried[-1].rate
             if self.active:
                 self._test_rate = TEST_PART * self.bottleneck
@@ -269,7 +250,7 @@ class Competition:
                 self._test_rate = min(TEST_PART * self._peak(), MAX_TEST_GAIN * carried)
                 self.floor = base
             self._test_size = min(TEST_DURATION * self._test_rate, DUE_TIME * carried)
-        self._drain = drain
+        self._drain = pause
 
     def _has_stayed(self) -> bool:
         """Whether the queue does not get shorter in this drain."""
@@ -281,14 +262,10 @@ class Competition:
 
     def _take_train(self, noise: float, cut: bool, now: float) -> bool:
         """Judge a train that was reported; return whether it is evidence."""
-        train = self._train
-        if train is None:
+        whole = not cut and self._trains.arrived(self._samples[-1])
+        train = self._trains.ended(self._samples[-1], now, cut)
+        if train is None or not whole:
             return False
-        if cut or now - train.left > TRAIN_TIMEOUT:
-            self._train = None
-        if self._train is None or self._samples[-1].total < train.ends:
-            return False
-        self._train = None
         seen = self._judge(train, noise)
         if seen is None:
             return False
@@ -296,19 +273,19 @@ class Competition:
         competes = seen.others > MIN_OTHERS and seen.bottleneck < most
         if competes or self.active and seen.bottleneck < math.inf:
             self._bottlenecks.append(seen.bottleneck)
-        if train.tests and competes:
+        if self._testing and competes:
             self._evidence, self._proven = min(MAX_EVIDENCE, self._evidence + 1), now
-        elif train.tests:
+        elif self._testing:
             self._evidence = max(0, self._evidence - 1)
-        return train.tests and competes
+        return self._testing and competes
 
-    def _judge(self, train: _Train, noise: float) -> Optional[_Seen]:
+    def _judge(self, train: OnTheWay, noise: float) -> Optional[_Seen]:
         """What a train shows; None: too little of it arrived."""
         during = [sample for sample in self._samples if train.begins < sample.total <= train.ends]
         if len(during) < 2:
             return None
         since = during[0].sent - WINDOW
-        if train.tests and self._drain is not None:
+        if self._testing and self._drain is not None:
             since = max(since, self._drain + (SETTLING / 2 if self.active else 0.0))
         before = [sample for sample in self._samples if sample.total <= train.begins and sample.sent > since]
         if len(before) < 2:

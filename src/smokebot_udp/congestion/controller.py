@@ -23,8 +23,8 @@ from .estimator import MAX_GAIN, Estimator, Limits
 from .feedback import FeedbackReader
 from .operating_points import OperatingPoint
 from .operator_share import Policer
-from .probing import ProbeTrain
 from .sent_history import SentHistory, stream_of
+from .trains import Train
 
 __all__ = ['Controller', 'Demand', 'Plan']
 
@@ -181,7 +181,7 @@ class Controller:
         for name in connections:
             self._state(name, now)
 
-    def on_report(self, operator: str, report: Any, now: float, source: Any = None) -> Optional[ProbeTrain]:
+    def on_report(self, operator: str, report: Any, now: float, source: Any = None) -> Optional[Train]:
         """Take an operator's report; a forged or impossible one is counted and ignored.
 
         :param operator: its name
@@ -239,6 +239,12 @@ class Controller:
             return self._initial_rate()
         rates = [state.estimator.rate for _, state in counting]
         return min(max(rates), MAX_GAIN * self._planned(counting)[1].estimator.link.capacity)
+
+    def tokens(self, now: float) -> Tuple[float, float]:
+        """(depth of a token bucket on all paths that the streams are planned for, tokens missing in it now) [byte]."""
+        found = [state.estimator.tokens(state.reader.sent.total, now)
+                 for _, state in self._counting(now) if state.near] if self._adapt else []
+        return min(found, default=(0.0, 0.0))
 
     def stats(self, now: float) -> LinkStats:
         """The state for status and diagnostics."""
@@ -319,26 +325,30 @@ class Controller:
         counting = self._counting(now) if self._adapt else []
         return self._planned(counting)[1].estimator.link.capacity if counting else self._initial_rate()
 
+    def _gain(self, now: float) -> float:
+        counting = self._counting(now) if self._adapt else []
+        return self._planned(counting)[1].estimator.planned(self._history.total) if counting else 1.0
+
     def _divide(self, capacity: Optional[float], demands: Mapping[str, Demand], protected: float,
                 now: float) -> Tuple[Dict[str, float], Dict[str, float], Dict[str, Optional[Dict[str, Any]]]]:
         """(shares, rooms, grants) as in a Plan."""
         if capacity is None:
             return {}, {}, {name: {} for name in demands}
-        budget = PLANNING_SHARE * capacity
+        budget = PLANNING_SHARE * capacity * self._gain(now)
         allocated = self._allocator.allocate(budget, demands, protected, now)
         limited = {name for name, grant in allocated.items()
                    if grant.point is not None and grant.point < len(demands[name].points) - 1}
         spare = max(0.0, budget - protected - math.fsum(grant.cost for grant in allocated.values()))
         weights = math.fsum(demands[name].weight for name in limited)
         grants: Dict[str, Optional[Dict[str, Any]]] = {}
+        rooms = {name: spare + grant.cost for name, grant in allocated.items()}
         for name, grant in allocated.items():
             if name in limited:
                 part = spare * demands[name].weight / weights if weights else 0.0
-                grants[name] = self._limiting_settings(name, grant, demands[name], part)
+                grants[name], rooms[name] = self._limiting_settings(name, grant, demands[name], part), grant.cost + part
             else:
                 grants[name] = None if grant.point is None else {}
-        return ({name: grant.share for name, grant in allocated.items()},
-                {name: spare + max(grant.share, grant.cost) for name, grant in allocated.items()}, grants)
+        return {name: grant.share for name, grant in allocated.items()}, rooms, grants
 
     def _divide_slower_links(self, demands: Mapping[str, Demand], protected: float, now: float) -> None:
         """Decide which part of each stream operators with slower links get, by weights and min_bitrates alike."""

@@ -9,6 +9,7 @@ from typing import List, Tuple
 import numpy as np
 
 from .feedback import PacketSample
+from .shaper import Passed
 
 BUSY_DELAY = 0.002
 """A datagram delayed longer was queued: the air was busy [s]."""
@@ -36,23 +37,23 @@ def busy_period(chain: List[PacketSample], waits: List[float], noise: float, cap
     return carried, busy
 
 
-def peak_rate(chain: List[PacketSample], waits: List[float], noise: float) -> float:
-    """The highest delivery rate between any two samples [byte/s]; 0: none is certain.
+def peak_rate(passed: List[Passed], noise: float) -> float:
+    """The highest delivery rate between any two datagrams, less what a token bucket let pass at once [byte/s]; 0: none
+    is certain.
 
     The receiver may have read the first of the two late, with others, rather than that it was queued. It came off the
     air no earlier than it could have without a queue, and than the sample before it was read, as both were read apart.
     The interval begins there. So on a link that keeps the order the rate is never beyond the link's.
 
-    :param chain: in sending order
-    :param waits: queueing delay of each [s]
+    :param passed: in sending order
     :param noise: uncertainty of intervals, for reasons other than the rate [s]
     """
-    sent, arrived, total = (np.array([getattr(sample, name) for sample in chain])
-                            for name in ('sent', 'arrived', 'total'))
-    size = max((sample.size for sample in chain), default=0)
-    first, last = np.triu_indices(len(chain), 1)
-    carried = total[last] - total[first]
-    held = np.minimum(np.array(waits) - noise, np.diff(arrived, prepend=-np.inf)).clip(0)
+    sent, arrived, total, size, wait, tokens = np.array([
+        (one.sample.sent, one.sample.arrived, one.sample.total, one.sample.size, one.wait, one.tokens)
+        for one in passed]).reshape(-1, 6).T
+    first, last = np.triu_indices(len(passed), 1)
+    carried = total[last] - total[first] - tokens[first]
+    held = np.minimum(wait - noise, np.diff(arrived, prepend=-np.inf)).clip(0)
     interval = np.maximum(sent[last] - sent[first], arrived[last] - (arrived - held)[first]) + noise
-    certain = (carried >= 2 * size) & (interval > 1e-4)
+    certain = (carried >= 2 * size.max(initial=0)) & (interval > 1e-4)
     return float(np.max(carried[certain] / interval[certain], initial=0.0))

@@ -37,6 +37,7 @@ class Loss:
         self.dispersion = 1.0
         """Variance of the number lost, compared with that of independent losses, at least 1: of bursts it is more."""
         self._count = self._evidence = self._uncongested = self._uncongested_lost = 0.0
+        self._spread = 1.0      # variance of `unanswered`, in terms of that of a single datagram
 
     def update(self, feedback: Feedback, uncongested: bool) -> None:
         """Take the counts of a report.
@@ -49,7 +50,9 @@ class Loss:
         self._count = min(self._count + count, AVERAGING_WINDOW)
         self._measure_dispersion(count, lost)
         self._evidence = min(self._evidence + count, EVIDENCE_WINDOW)
-        self.unanswered += min(1.0, count / self._evidence) * (lost / count - self.unanswered)
+        weight = min(1.0, count / self._evidence)
+        self.unanswered += weight * (lost / count - self.unanswered)
+        self._spread = (1 - weight) ** 2 * self._spread + weight ** 2 / count
         self.recent += min(1.0, count / self._count) * (lost / count - self.recent)
         if uncongested:
             keep = max(0.0, 1 - count / EVIDENCE_WINDOW)
@@ -101,5 +104,5 @@ class Loss:
 
     def _significant(self, prior: float, dispersion: float = 1.0) -> bool:
         deviation = math.sqrt(dispersion * self.unanswered * (1 - self.unanswered)
-                              * (2 / EVIDENCE_WINDOW + 1 / (self._uncongested + prior)))
+                              * (self._spread + 1 / (self._uncongested + prior)))
         return self.unanswered - self.air > EXCESS_MARGIN + 2 * deviation

@@ -4,7 +4,7 @@
 Four steps halve the byte rate. Bandwidth that is left over between two steps goes to other streams, or into refinement.
 """
 import math
-from typing import Any, Callable, Dict, List, Mapping, NamedTuple
+from typing import Any, Callable, Dict, List, NamedTuple
 
 from ..units import KBIT
 
@@ -70,7 +70,7 @@ def layered_points(rate: float, size: float, degradation_preference: float = 0.7
     :param least_size: of an image [byte]
     :param least_rate: rates do not fall below it. Where fewer images are requested, they cost as much as this rate of
         them: an image leaves within its period at the stream's share of the link, and is no older [Hz]
-    :return: max_bytes (0: complete) and rate, the cheapest first
+    :return: rate, the cheapest first; the size of images follows what they may use of the link (Plan.rooms)
     """
     size, least_size = int(max(size, least_size)), int(least_size)
     slowest, fair = min(rate, least_rate), min(max(fair_size, least_size), size)
@@ -84,22 +84,9 @@ def layered_points(rate: float, size: float, degradation_preference: float = 0.7
         count = min(size, max(least_size, count))
         images = min(rate, max(slowest, rate / scarcity * size / count))
         count = min(count, max(least_size, int(size * rate / scarcity / images + TOLERANCE)))
-        return OperatingPoint({'max_bytes': 0 if count == size else count, 'rate': images},
-                              count * max(images, least_rate))
+        return OperatingPoint({'rate': images}, count * max(images, least_rate))
 
     return _ascending(point, rate / slowest * size / least_size)
-
-
-def with_more_bytes(point: Mapping[str, Any], spare: float, size: float, least_rate: float) -> Dict[str, Any]:
-    """A point of layered_points with larger images.
-
-    :param spare: what they may take beside [byte/s]
-    :param size: of a complete image on the air [byte]
-    :param least_rate: as of layered_points [Hz]
-    :return: without max_bytes where images are complete
-    """
-    more = point['max_bytes'] + int(spare / max(point['rate'], least_rate))
-    return {**point, 'max_bytes': more} if point['max_bytes'] and more < size else {'rate': point['rate']}
 
 
 def cloud_points(rate: float, leaf_size: float, size: float, max_leaf_size: float = 1.0,

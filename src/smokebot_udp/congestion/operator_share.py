@@ -54,7 +54,7 @@ class Policer:
         self._probe_rate = self._probe_left = 0.0
 
     def start_probe(self, rate: float, size: float) -> None:
-        """Let the next ``size`` bytes pass at another rate [byte/s]: a probing.ProbeTrain."""
+        """Let the next ``size`` bytes pass at another rate [byte/s]: a trains.Train."""
         self._probe_rate, self._probe_left = rate, size
 
     def conforming(self, stream: str, count: int, size: int, rate: float, now: float, start: int = 0,

@@ -111,6 +111,7 @@ class PacketScheduler:
         self.burst, self.rate = burst, _checked(rate)
         self.dropped: Dict[str, int] = {}
         """{stream: datagrams that a newer message replaced}"""
+        self._tokens = 0.0          # what the path lets pass at once after a pause [byte]
         self._probe_rate, self._probe_left = 0.0, 0.0
         self._backlogged = False        # whether datagrams were still waiting when the last one left
         self._full_at = -math.inf       # when the bucket is full again, if nothing more leaves
@@ -128,6 +129,16 @@ class PacketScheduler:
         if before is not None and rate is not None and owed > MAX_CATCH_UP:
             self._full_at = now + min(MAX_CATCH_UP + (owed - MAX_CATCH_UP) * before / rate, max(owed, MAX_DEBT))
 
+    def set_tokens(self, depth: float, missing: float, now: float) -> None:
+        """What the path lets pass at once leaves at once: it waits nowhere.
+
+        :param depth: of a token bucket on the path [byte]
+        :param missing: tokens that are missing in it now [byte]
+        """
+        self._tokens = depth
+        if self.rate is not None:
+            self._full_at = max(self._full_at, now + min(missing, depth) / self.rate)
+
     def set_share(self, stream: str, share: float) -> None:
         """Set a stream's share of the link beside others that have something to send [byte/s].
 
@@ -141,7 +152,7 @@ class PacketScheduler:
         flow.share = share
 
     def start_probe(self, rate: float, size: float) -> None:
-        """Send the next ``size`` bytes at another rate [byte/s]: a probing.ProbeTrain."""
+        """Send the next ``size`` bytes at another rate [byte/s]: a trains.Train."""
         self._probe_rate, self._probe_left = rate, size
 
     def put(self, stream: str, work: Any, parts: Sequence[Tuple[int, int]], base: int = 1) -> None:
@@ -217,7 +228,7 @@ class PacketScheduler:
             return 0.0, name, min(count - flow.at, MAX_CHUNK_SIZE // size or 1)
         most = min(MAX_CHUNK_SIZE, self.burst, rate * CHUNK_DURATION)
         count = max(1, min(count - flow.at, int(most // size)))
-        bucket = max(count * size, min(self.burst, rate * BURST_DURATION))
+        bucket = max(count * size, min(self.burst, rate * BURST_DURATION), self._tokens)
         return max(0.0, self._full_at + (count * size - bucket) / rate - now), name, count
 
     def _pacing_rate(self) -> Optional[float]:

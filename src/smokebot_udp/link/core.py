@@ -23,14 +23,15 @@ from .cookie import Place
 from .packets import INSTANCE_SIZE, MIN_BODY, OVERHEAD, Kind, Malformed, Mode, Packet, parse
 from .peer import Address, Delivery, Event, Left, Peer, address_of
 from .session import Session
+from .tags import Tags
 
 KEEP_ALIVE = 0.1
 """Between two looks at what was sent. Frequent, so that losses are not taken for silence, and a new address is noticed
 soon; an idle link has 6 kbit/s each way [s]."""
 
-MAX_ATTEMPTS = 8
+MAX_ATTEMPTS = 16
 """At a handshake: an operator takes the answer to any of its last ones, and the robot keeps as many pending sessions of
-one instance."""
+one instance. A link may take 0.8 s to answer one of the fast attempts, and 4 s later on."""
 
 OLD_KEYS = 10.0
 """How long the keys before the present ones are taken [s]."""
@@ -92,7 +93,7 @@ class LinkCore(abc.ABC):
         self.instance = random(INSTANCE_SIZE)
         self.dropped: Counter[str] = collections.Counter()
         """Packets that were not taken, by reason."""
-        self._key, self._random = key or b'', random
+        self._key, self._tags, self._random = key or b'', Tags(key), random
         self._entries: Dict[int, Entry] = {}        # by our index
         self._peers: Tuple[Peer, ...] = ()
         self._sent: Dict[int, int] = {}             # {peer's number: packets sent when last looked}
@@ -172,9 +173,7 @@ class LinkCore(abc.ABC):
         assert peer is not None     # confirmed
         peer.heard = now
         if opened.newest >= 0:
-            source = place_of(sources, opened.newest)
-            if source != peer.place:
-                self._on_other_place(peer, source, int(lengths[opened.newest]), now)
+            self._on_place(peer, place_of(sources, opened.newest), int(lengths[opened.newest]), now)
         own = opened.datagrams[:, :4].copy().view('<u4')[:, 0] < FIRST_TABLE_ID
         if not own.any():
             return Delivery(peer, opened.datagrams, opened.lengths, opened.rows)
@@ -216,10 +215,18 @@ class LinkCore(abc.ABC):
 
     def close(self, now: float) -> None:
         """Leave all peers, and tell them."""
+        self._leave_all('closed here')
+
+    def set_key(self, key: bytes, now: float) -> None:
+        """The key was replaced: who has the former one is not a peer any more [32 bytes, s]."""
+        self._leave_all('the key was replaced')
+        self._key, self._tags = key, Tags(key)
+
+    def _leave_all(self, reason: str) -> None:
         for peer in self._peers:
             for _ in range(CLOSE_COPIES):
                 self._send_control(peer, Control.CLOSE)
-            self._leave(peer, 'closed here')
+            self._leave(peer, reason)
         self._entries.clear()
 
     def _send(self, place: Place, packet: bytes) -> None:
@@ -277,8 +284,8 @@ class LinkCore(abc.ABC):
         """Authentic DATA of a session came; returns whether it has a peer now."""
 
     @abc.abstractmethod
-    def _on_other_place(self, peer: Peer, source: Place, size: int, now: float) -> None:
-        """The newest packet of a peer, of `size` bytes, came from another address."""
+    def _on_place(self, peer: Peer, source: Place, size: int, now: float) -> None:
+        """The newest packet of a peer, of `size` bytes, came from there: its address, or another one."""
 
     @abc.abstractmethod
     def _on_path(self, peer: Peer, kind: Control, body: bytes, source: Place, now: float) -> None:

@@ -5,9 +5,13 @@ The same file is on the robot and at each of its operators. It is never on the p
 """
 import os
 import stat
+from typing import Callable, Optional, Tuple
 
 KEY_SIZE = 32
 """[byte]"""
+
+LOOK_PERIOD = 2.0
+"""How often a file is looked at for another key [s]."""
 
 
 def read_key(path: str) -> bytes:
@@ -27,6 +31,46 @@ def read_key(path: str) -> bytes:
         raise ValueError('the key file %r is too %s: a key is %d bytes, make one with make_key'
                          % (path, 'short' if len(key) < KEY_SIZE else 'long', KEY_SIZE))
     return key
+
+
+class KeyFile:
+    """A key file that may be replaced at any time.
+
+    :param report: f(sentence), called once where the file in its place has no key; the present one stays then
+    :raises ValueError: as read_key
+    """
+
+    def __init__(self, path: str, report: Callable[[str], None]) -> None:
+        self._path, self._report = path, report
+        self._seen, self._due = self._state(), 0.0
+        self.key = read_key(path)
+
+    def renewed(self, now: float) -> Optional[bytes]:
+        """Another key that is in the file since, once; None: there is none [s]."""
+        if now < self._due:
+            return None
+        self._due = now + LOOK_PERIOD
+        state = self._state()
+        if state == self._seen:
+            return None
+        self._seen = state
+        try:
+            key = read_key(self._path)
+        except ValueError as error:
+            self._report('%s. The former key stays in use' % error)
+            return None
+        if key == self.key:
+            return None
+        self.key = key
+        return key
+
+    def _state(self) -> Optional[Tuple[int, ...]]:
+        """What changes with the file; None: there is none."""
+        try:
+            found = os.stat(self._path)
+        except (OSError, ValueError):
+            return None
+        return found.st_ino, found.st_mtime_ns, found.st_ctime_ns, found.st_size
 
 
 def make_key(path: str) -> None:

@@ -3,11 +3,14 @@
 
 Rules; each has a test in test_operator_core:
 
-1. Without a robot: HELLO at once, then INIT at once with each new cookie. Both are repeated after FIRST_RETRY, growing
-   to LAST_RETRY, jittered. Each INIT_PER_HELLO-th INIT goes with a HELLO: the cookie may be of no use any more.
+1. Without a robot: HELLO at once, then INIT at once with each new cookie. Both are repeated after FIRST_RETRY, after
+   FAST_FOR ever more slowly, up to LAST_RETRY, jittered. Each INIT_PER_HELLO-th INIT goes with a HELLO: the cookie may
+   be of no use any more.
 2. Each INIT has a fresh ephemeral and index. The answer to any of the last MAX_ATTEMPTS is taken; the first one ends
    the handshake.
 3. An answer that does not return the nonce or an attempt's index, or is not authentic, is counted and changes nothing.
+   A COOKIE is taken from the robot's address only, one for each HELLO; with a key it has to have the right tag. A
+   REFUSE comes from that address, too.
 4. The robot is the peer from ACCEPT on. A keep-alive is repeated each CONFIRM until the robot sends DATA.
 5. The same instance is the same peer with new keys. Another one: the robot was restarted, the old peer has left.
 6. Silence of SILENCE begins a handshake beside the session, which goes on if the robot is heard again. UNKNOWN shortens
@@ -50,9 +53,10 @@ from .packets import (
 from .peer import Address, Delivery, Joined, Peer, Refused, address_of
 from .session import KeyedSession, OpenSession, Session
 
-FIRST_RETRY, LAST_RETRY, RETRY_GROWTH, JITTER = 0.05, 0.25, 1.3, 0.2
-"""Time to the next attempt: the first, the longest, the factor from one to the next, and its random part [s, s, 1, 1].
-At 20 % loss each way 0.64 of the attempts succeed; a robot that is not there is asked with 2 kbit/s."""
+FIRST_RETRY, FAST_FOR, LAST_RETRY, RETRY_GROWTH, JITTER = 0.05, 5.0, 0.25, 1.3, 0.2
+"""Time to the next attempt, and for how long; then the longest, the factor from one to the next, and its random part
+[s, s, s, 1, 1]. At 80 % loss each way 0.04 of the attempts succeed. A robot that is not there is asked with 12 kbit/s,
+and then with 2."""
 
 REFUSED_RETRY = 0.5
 """Time to the next attempt after a refusal [s]."""
@@ -97,14 +101,17 @@ class Handshake:
     def __init__(self, nonce: int, now: float, silence: bool) -> None:
         self.nonce, self.silence = nonce, silence
         self.cookie: Optional[Cookie] = None
+        self.asked = 0
+        """HELLOs without an answer."""
         self.inits = 0
         self.due = now
+        self._since = now           # of the fast attempts
         self._interval = FIRST_RETRY
         self._refused = False       # since the last attempt
 
-    def take(self, cookie: Cookie) -> None:
+    def take(self, cookie: Cookie, now: float) -> None:
         """A new cookie: the attempts begin anew."""
-        self.cookie, self.inits, self._interval = cookie, 0, FIRST_RETRY
+        self.cookie, self.inits, self._interval, self._since = cookie, 0, FIRST_RETRY, now
 
     def refused(self, now: float) -> None:
         """Begin again, later. Further refusals of one attempt change nothing: repeated ones would end the attempts."""
@@ -114,7 +121,8 @@ class Handshake:
     def wait(self, now: float, jitter: float) -> None:
         """Set the time of the next attempt; jitter in [-1, 1]."""
         self.due, self._refused = now + self._interval * (1 + JITTER * jitter), False
-        self._interval = min(LAST_RETRY, self._interval * RETRY_GROWTH)
+        if now - self._since >= FAST_FOR:
+            self._interval = min(LAST_RETRY, self._interval * RETRY_GROWTH)
 
 
 class OperatorCore(LinkCore):
@@ -128,7 +136,7 @@ class OperatorCore(LinkCore):
         self._handshake: Optional[Handshake] = None
         self._attempts: collections.OrderedDict[int, Attempt] = collections.OrderedDict()     # by our index
         self._hinted = False
-        self._refusal: Tuple[float, str] = (-math.inf, '')
+        self._refusal: Tuple[float, str] = (-math.inf, '')      # when, and why; also answers from another address
         self._entry: Optional[Entry] = None         # under which is sent
         self._confirmed = False         # whether the robot has used it
         self._confirm_at = math.inf     # if not: when to send another keep-alive
@@ -193,6 +201,14 @@ class OperatorCore(LinkCore):
         self._place = self._handshake = None
         self._attempts.clear()
 
+    def set_key(self, key: bytes, now: float) -> None:
+        """See LinkCore."""
+        super().set_key(key, now)
+        self._attempts.clear()
+        self._refusal = -math.inf, ''
+        if self._place is not None:
+            self._begin(now, silence=False)
+
     def _begin(self, now: float, silence: bool) -> None:
         """Begin a handshake; answers to the attempts of the one before are still taken."""
         self._handshake = Handshake(int.from_bytes(self._random(8), 'little'), now, silence)
@@ -202,7 +218,8 @@ class OperatorCore(LinkCore):
         """Rule 1."""
         assert self._place is not None      # no handshake without an address
         if handshake.cookie is None or handshake.inits % INIT_PER_HELLO == INIT_PER_HELLO - 1:
-            self._send(self._place, Hello(VERSION, self.mode, handshake.nonce).pack())
+            self._send(self._place, self._tags.tagged(Hello(VERSION, self.mode, handshake.nonce)).pack())
+            handshake.asked += 1
         if handshake.cookie is not None:
             self._send(self._place, self._init(handshake.cookie, self._place, now).pack())
             handshake.inits += 1
@@ -215,33 +232,44 @@ class OperatorCore(LinkCore):
         payload = Request(self.instance, self.max_datagram_size, token, self.name).pack()
         noise = None
         if self.mode == Mode.KEYED:
-            noise = Initiator(self._key, suite, prologue(*cookie), self._random(EPHEMERAL_SIZE))
+            noise = Initiator(self._key, suite, prologue(cookie), self._random(EPHEMERAL_SIZE))
             payload = noise.write(payload)
         self._attempts[index] = Attempt(token, noise, suite, place, now)
         if len(self._attempts) > MAX_ATTEMPTS:
             self._attempts.popitem(last=False)
-        return Init(*cookie, index, payload)
+        return self._tags.tagged(Init(cookie.version, cookie.mode, cookie.suite, cookie.nonce, cookie.cookie, index,
+                                      payload))
 
     def _on_packet(self, packet: Packet, source: Place, now: float) -> None:
         if isinstance(packet, Cookie):
-            self._on_cookie(packet, now)
+            self._on_cookie(packet, source, now)
         elif isinstance(packet, Accept):
             self._on_accept(packet, now)
         elif isinstance(packet, Refuse):
-            self._on_refuse(packet, now)
+            self._on_refuse(packet, source, now)
         elif isinstance(packet, Unknown):
             self._hinted |= self._entry is not None and packet.receiver == self._entry.session.their_index
         else:
             self.dropped['an operator\'s packet'] += 1
 
-    def _on_cookie(self, cookie: Cookie, now: float) -> None:
+    def _on_cookie(self, cookie: Cookie, source: Place, now: float) -> None:
+        """Rule 3."""
         handshake = self._handshake
         if handshake is None or cookie.nonce != handshake.nonce:
             self.dropped['not asked for'] += 1
         elif (cookie.version, cookie.mode) != (VERSION, self.mode) or cookie.suite not in SUITES[self.mode]:
             self.dropped['another version or mode'] += 1
+        elif not self._tags.is_right(cookie):
+            self.dropped['forged'] += 1
+        elif source != self._place:
+            self.dropped['another address'] += 1
+            self._refusal = now, 'the robot answers from %s:%d: give this address instead' % address_of(source)
         elif cookie != handshake.cookie:
-            handshake.take(cookie)
+            if not handshake.asked:
+                self.dropped['not asked for'] += 1
+                return
+            handshake.asked -= 1
+            handshake.take(cookie, now)
             self._try(handshake, now)
 
     def _on_accept(self, accept: Accept, now: float) -> None:
@@ -301,9 +329,9 @@ class OperatorCore(LinkCore):
         self._send_control(entry.peer, Control.KEEP_ALIVE)
         self._confirm_at = now + CONFIRM
 
-    def _on_refuse(self, refuse: Refuse, now: float) -> None:
+    def _on_refuse(self, refuse: Refuse, source: Place, now: float) -> None:
         """Rule 8."""
-        if self._handshake is None or refuse.nonce != self._handshake.nonce:
+        if self._handshake is None or refuse.nonce != self._handshake.nonce or source != self._place:
             self.dropped['not asked for'] += 1
             return
         if refuse.reason not in SENTENCES:
@@ -340,7 +368,7 @@ class OperatorCore(LinkCore):
         super()._leave(peer, reason)
         self._entry, self._confirm_at = None, math.inf
 
-    def _on_other_place(self, peer: Peer, source: Place, size: int, now: float) -> None:
+    def _on_place(self, peer: Peer, source: Place, size: int, now: float) -> None:
         """The robot has several addresses, or is behind a NAT: the one that was configured stays."""
 
     def _on_path(self, peer: Peer, kind: Control, body: bytes, source: Place, now: float) -> None:

@@ -12,9 +12,10 @@ operator begins:
     DATA    sealed                   -->            the new keys are confirmed
                                      <--    DATA
 
-    HELLO    kind version mode 0     nonce u64, zeros to 32 bytes
-    COOKIE   kind version mode suite nonce u64, cookie 16
-    INIT     kind version mode suite nonce u64, cookie 16, sender index u32, Noise message 1 or its payload in clear
+    HELLO    kind version mode 0     nonce u64, tag 16, zeros to 48 bytes
+    COOKIE   kind version mode suite nonce u64, cookie 16, tag 16
+    INIT     kind version mode suite nonce u64, cookie 16, sender index u32, tag 16, Noise message 1 or its payload in
+             clear
     ACCEPT   kind version mode suite receiver index u32, Noise message 2 or its payload in clear
     REFUSE   kind version mode reason nonce u64
     UNKNOWN  kind version 0 0        receiver index u32
@@ -22,6 +23,7 @@ operator begins:
 
 * No answer of the robot is longer than what it answers, so that it amplifies nothing (test_packets).
 * HELLO's and REFUSE's fields keep their places in all versions, so that each side can name the other's version.
+* Tags are MACs of the packet's other bytes under the key of the link (tags.py); zeros without a key.
 * ACCEPT, UNKNOWN and DATA name a session by the index that their receiver has chosen, as WireGuard's packets do.
 * The body of DATA is a UDPROS datagram (udpros.datagram). The 16 bytes in front keep it aligned.
 """
@@ -31,12 +33,14 @@ from typing import Any, Dict, NamedTuple, Tuple, Type, Union
 
 import numpy as np
 
-VERSION = 1
+VERSION = 2
 """Of this protocol. A robot answers a HELLO of another version with its own, and nothing else."""
 
 COOKIE_SIZE = 16
 TAG_SIZE = 16
-"""Of both ciphers [byte]."""
+"""Of both ciphers, and of the handshake's tags [byte]."""
+
+NO_TAG = bytes(TAG_SIZE)
 
 EPHEMERAL_SIZE = 32
 """An X25519 public key [byte]."""
@@ -48,9 +52,12 @@ MAX_NAME = 128
 MIN_BODY = 8
 """A UDPROS header alone [byte]."""
 
-HELLO = struct.Struct('<BBBBQ20x')
-COOKIE = struct.Struct('<BBBBQ16s')
-INIT = struct.Struct('<BBBBQ16sI')
+HELLO = struct.Struct('<BBBBQ16s20x')
+FIRST_HELLO = struct.Struct('<BBBBQ20x')
+"""That of version 1."""
+
+COOKIE = struct.Struct('<BBBBQ16s16s')
+INIT = struct.Struct('<BBBBQ16sI16s')
 ACCEPT = struct.Struct('<BBBBI')
 REFUSE = struct.Struct('<BBBBQ')
 UNKNOWN = struct.Struct('<BBBBI')
@@ -124,16 +131,19 @@ class Hello(NamedTuple):
     version: int
     mode: int
     nonce: int
+    tag: bytes = NO_TAG
 
     def pack(self) -> bytes:
         """The datagram."""
-        return HELLO.pack(Kind.HELLO, self.version, self.mode, 0, self.nonce)
+        return HELLO.pack(Kind.HELLO, self.version, self.mode, 0, self.nonce, self.tag)
 
     @classmethod
     def parse(cls, datagram: bytes) -> 'Hello':
         """From a datagram of at least its size: a later version may be longer."""
-        _, version, mode, _, nonce = HELLO.unpack_from(datagram)
-        return cls(version, mode, nonce)
+        _, version, mode, _, nonce = FIRST_HELLO.unpack_from(datagram)
+        if version != VERSION:
+            return cls(version, mode, nonce)
+        return cls(version, mode, nonce, HELLO.unpack_from(datagram)[-1])
 
 
 class Cookie(NamedTuple):
@@ -143,6 +153,7 @@ class Cookie(NamedTuple):
     suite: int
     nonce: int
     cookie: bytes
+    tag: bytes = NO_TAG
 
     def pack(self) -> bytes:
         """The datagram."""
@@ -166,18 +177,19 @@ class Init(NamedTuple):
     """By which the robot shall name the session."""
     message: bytes
     """Noise message 1, or its payload in clear."""
+    tag: bytes = NO_TAG
 
     def pack(self) -> bytes:
         """The datagram."""
-        return INIT.pack(Kind.INIT, *self[:-1]) + self.message
+        return INIT.pack(Kind.INIT, *self[:-2], self.tag) + self.message
 
     @classmethod
     def parse(cls, datagram: bytes) -> 'Init':
         """From a datagram of at least the head's size."""
-        _, version, mode, suite, nonce, cookie, index = INIT.unpack_from(datagram)
+        _, version, mode, suite, nonce, cookie, index, tag = INIT.unpack_from(datagram)
         if len(datagram) != INIT_SIZE.get(mode):
             raise Malformed('an INIT of %d bytes' % len(datagram))
-        return cls(version, mode, suite, nonce, cookie, index, datagram[INIT.size:])
+        return cls(version, mode, suite, nonce, cookie, index, datagram[INIT.size:], tag)
 
 
 class Accept(NamedTuple):
@@ -252,9 +264,10 @@ def parse(datagram: bytes) -> Packet:
         raise Malformed('no packet') from error
 
 
-def prologue(version: int, mode: int, suite: int, nonce: int, cookie: bytes) -> bytes:
+def prologue(packet: Union[Cookie, Init]) -> bytes:
     """What both sides saw of HELLO and COOKIE; the Noise handshake fails where they saw different bytes."""
-    return (Hello(version, mode, nonce).pack() + Cookie(version, mode, suite, nonce, cookie).pack())
+    version, mode, suite, nonce, cookie = packet[:5]
+    return Hello(version, mode, nonce).pack() + Cookie(version, mode, suite, nonce, cookie).pack()
 
 
 class Request(NamedTuple):

@@ -45,4 +45,13 @@ class Resolver:
             found = socket.getaddrinfo(self.host, None, socket.AF_INET, socket.SOCK_DGRAM)
             self.address, self.problem = str(found[0][4][0]), None
         except (OSError, ValueError) as error:      # ValueError: not a name, such as one with a label of 64 characters
-            self.problem = 'the robot\'s host %r does not resolve: %s' % (self.host, error)
+            self.problem = 'the robot\'s host %r does not resolve%s: %s' % (
+                self.host, ' to an IPv4 address, which the link needs' * _has_ipv6(self.host), error)
+
+
+def _has_ipv6(host: str) -> bool:
+    """Whether a name has an address of the other kind."""
+    try:
+        return bool(socket.getaddrinfo(host, None, socket.AF_INET6, socket.SOCK_DGRAM))
+    except (OSError, ValueError):
+        return False

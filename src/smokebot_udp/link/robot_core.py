@@ -3,21 +3,25 @@
 
 Rules, in the order in which a stranger meets them; each has its tests in test_robot_core or test_robot_peers:
 
-1. HELLO is answered by a COOKIE, or refused: another version, a key on one side only. Nothing is kept.
-2. INIT is dropped unless its cookie is this robot's for this address and nonce.
+1. HELLO is answered by a COOKIE, or refused: another version, a key on one side only, another key. Nothing is kept.
+2. INIT is dropped unless its cookie is this robot's for this address and nonce, and refused if its tag is wrong:
+   another key.
 3. An ephemeral that was taken within its cookie's life is dropped. Of the others, each host has INIT_BURST at once, and
-   then one each INIT_PERIOD: a replay from an operator's forged address does not take its share.
-4. An INIT whose tag is wrong is refused: another key. Only now X25519 is computed.
+   then one each INIT_PERIOD: what others send in an operator's name does not take its share.
+4. Only now the handshake is read, and X25519 computed.
 5. A stranger is refused if there are MAX_PEERS, none of which gives up its place (rule 10).
 6. The session is pending for PENDING: at most MAX_ATTEMPTS of one instance, MAX_PENDING in all; the oldest goes.
 7. The first authentic DATA makes it the peer's, and ends the pending others of the same instance. The same instance
    is the same peer with new keys.
-8. A peer whose newest packet comes from another address is challenged there (path.py), and has moved when it answers.
+8. A peer whose newest packet comes from another address is challenged there (path.py), and has moved when it answers
+   before it has left that address again.
 9. Names are unique, since what operators report and get goes by name: a later peer of a name gets ' #2' after it.
-10. A peer is forgotten after 60 s of silence, at its CLOSE, when a later one of its name is there and it is silent for
-    REPLACED, or when another one needs its place and it is silent for YIELDS.
+10. A peer is forgotten after 60 s of silence, at its CLOSE, or when a later one of its name is there and it is silent
+    for REPLACED. When another one needs its place, it is forgotten if it is silent for YIELDS. Without a key anybody
+    can take all places: there OPEN_YIELDS is enough, and a host that has two places more than another one gives one up.
 11. DATA of a session that is not known is answered by UNKNOWN, at most UNKNOWN_BURST at once, then 1 / UNKNOWN_PERIOD.
 """
+import collections
 from typing import Dict, Optional
 
 from ..budget import Budget
@@ -56,10 +60,10 @@ INIT_BURST, INIT_PERIOD = 64, 0.02
 PENDING = 5.0
 """How long an accepted handshake waits for its first DATA [s]."""
 
-MAX_PENDING = 32
+MAX_PENDING = 64
 
-REPLACED, YIELDS = 1.0, 10.0
-"""[s]"""
+REPLACED, YIELDS, OPEN_YIELDS = 1.0, 10.0, 2.0
+"""An operator sends something ten times a second [s]."""
 
 UNKNOWN_BURST, UNKNOWN_PERIOD = 16, 0.02
 """[s]"""
@@ -98,12 +102,14 @@ class RobotCore(LinkCore):
             self._refuse(Reason.VERSION, source, hello.nonce, now)
         elif hello.mode != self.mode:
             self._refuse(Reason.NEEDS_KEY if self.mode == Mode.KEYED else Reason.HAS_NO_KEY, source, hello.nonce, now)
+        elif not self._tags.is_right(hello):
+            self._refuse(Reason.WRONG_KEY, source, hello.nonce, now)
         else:
-            cookie = self._cookies.make(source, hello.nonce, now)
-            self._send(source, Cookie(VERSION, self.mode, self._suite, hello.nonce, cookie).pack())
+            cookie = Cookie(VERSION, self.mode, self._suite, hello.nonce, self._cookies.make(source, hello.nonce, now))
+            self._send(source, self._tags.tagged(cookie).pack())
 
     def _refuse(self, reason: Reason, source: Place, nonce: int, now: float) -> None:
-        self.dropped['refused: %s' % reason.name.lower().replace('_', ' ')] += 1
+        self.dropped[REFUSED[reason]] += 1
         self._send(source, Refuse(VERSION, self.mode, reason, nonce).pack())
         if now - self._told.get(reason, -EVENT_PERIOD) >= EVENT_PERIOD:
             self._told[reason] = now
@@ -114,6 +120,8 @@ class RobotCore(LinkCore):
             self.dropped['another version or mode'] += 1
         elif not self._cookies.is_valid(init.cookie, source, init.nonce, now):
             self.dropped['wrong cookie'] += 1
+        elif not self._tags.is_right(init):
+            self._refuse(Reason.WRONG_KEY, source, init.nonce, now)
         elif _ephemeral_of(init) in self._taken:
             self.dropped['replayed handshake'] += 1
         elif not self._inits.take(source[0], now):
@@ -125,19 +133,15 @@ class RobotCore(LinkCore):
 
     def _answer_keyed(self, init: Init, source: Place, now: float) -> None:
         """Rules 4 to 6, with a key."""
-        noise = Responder(self._key, self._suite, prologue(VERSION, self.mode, self._suite, init.nonce, init.cookie))
+        noise = Responder(self._key, self._suite, prologue(init))
         try:
             request = Request.parse(noise.read(init.message))
-        except Forged:
-            self._refuse(Reason.WRONG_KEY, source, init.nonce, now)
-            return
-        self._taken.add(_ephemeral_of(init), now)
-        if not self._is_acceptable(request, source, init.nonce, now):
-            return
-        index = self._new_index()
-        try:
+            self._taken.add(_ephemeral_of(init), now)
+            if not self._is_acceptable(request, source, init.nonce, now):
+                return
+            index = self._new_index()
             answer = noise.write(self._reply(index, 0), self._random(EPHEMERAL_SIZE))
-        except Forged:
+        except Forged:      # by who has the key
             self.dropped['malformed'] += 1
             return
         keys = noise.keys()
@@ -159,15 +163,11 @@ class RobotCore(LinkCore):
         if request.max_datagram_size < MIN_DATAGRAM_SIZE:
             self.dropped['malformed'] += 1
             return False
-        if not self._has_room(request.instance, request.name, now):
+        known = any(peer.instance == request.instance for peer in self._peers)
+        if not known and len(self._peers) >= MAX_PEERS and self._who_leaves(request.name, source, now) is None:
             self._refuse(Reason.FULL, source, nonce, now)
             return False
         return True
-
-    def _has_room(self, instance: bytes, name: str, now: float) -> bool:
-        return len(self._peers) < MAX_PEERS or any(
-            peer.instance == instance or now - peer.heard >= (REPLACED if peer.told == name else YIELDS)
-            for peer in self._peers)
 
     def _reply(self, index: int, token: int) -> bytes:
         return Reply(index, self.instance, self.max_datagram_size, token, self.name).pack()
@@ -211,11 +211,29 @@ class RobotCore(LinkCore):
             if peer.told == entry.name and now - peer.heard >= REPLACED:
                 self._leave(peer, 'replaced by a later one of its name')
         if len(self._peers) >= MAX_PEERS:
-            longest = min(self._peers, key=lambda peer: peer.heard)
-            if now - longest.heard < YIELDS:
+            leaves = self._who_leaves(entry.name, entry.place, now)
+            if leaves is None:
                 return False
-            self._leave(longest, 'silent for %d s, and its place was needed' % YIELDS)
+            self._leave(leaves, 'silent for %d s, and its place was needed' % self._yields
+                        if now - leaves.heard >= self._yields else 'its host has more places than another one')
         return True
+
+    @property
+    def _yields(self) -> float:
+        return OPEN_YIELDS if self.mode == Mode.OPEN else YIELDS
+
+    def _who_leaves(self, name: str, place: Place, now: float) -> Optional[Peer]:
+        """Who gives up its place to a peer of this name and place, where there are MAX_PEERS."""
+        silent = min(self._peers, key=lambda peer: peer.heard)
+        if now - silent.heard >= self._yields:
+            return silent
+        replaced = next((peer for peer in self._peers if peer.told == name and now - peer.heard >= REPLACED), None)
+        if replaced is not None or self.mode == Mode.KEYED:
+            return replaced
+        hosts = collections.Counter(peer.place[0] for peer in self._peers)
+        host, most = hosts.most_common(1)[0]
+        return max((peer for peer in self._peers if peer.place[0] == host), key=lambda peer: peer.number) \
+            if most >= hosts[place[0]] + 2 else None
 
     def poll(self, now: float) -> None:
         """See LinkCore."""
@@ -226,12 +244,16 @@ class RobotCore(LinkCore):
                 self._leave(peer, 'replaced by a later one of its name')
         self._paths = {peer.number: self._paths[peer.number] for peer in self._peers if peer.number in self._paths}
 
-    def _on_other_place(self, peer: Peer, source: Place, size: int, now: float) -> None:
+    def _on_place(self, peer: Peer, source: Place, size: int, now: float) -> None:
         """Rule 8."""
         path = self._paths.get(peer.number)
+        if source == peer.place:
+            if path is not None and path.has_left(now):
+                del self._paths[peer.number]
+            return
         if path is None or path.place != source:
             path = self._paths[peer.number] = PathCheck(source, self._random(CHALLENGE_SIZE))
-        path.came(size)
+        path.came(size, now)
         if path.may_send(SIZE + peer.overhead, now):
             self._send(source, peer.seal_one(message(Control.PATH_CHALLENGE, path.challenge)))
 
@@ -261,6 +283,8 @@ def _ephemeral_of(init: Init) -> bytes:
         return init.message[:EPHEMERAL_SIZE]
     return (Request.parse(init.message).token << 32 | init.sender).to_bytes(OPEN_EPHEMERAL, 'little')
 
+
+REFUSED = {reason: 'refused: %s' % reason.name.lower().replace('_', ' ') for reason in Reason}
 
 TO_US = {
     Reason.VERSION: 'it speaks another version of the link protocol',

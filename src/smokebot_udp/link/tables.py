@@ -2,57 +2,58 @@
 """What the two sides of a link tell each other of their topics, so that each sends what the other wants.
 
 A topic's connection id follows from its name, type and md5 sum, so its data can be read without a negotiation, and
-topics that differ cannot be confused. Two messages say the rest, on connection ids of their own (link/control.py):
+topics that differ cannot be confused. Three messages say the rest, on connection ids of their own (link/control.py):
 
-* WANTS lists the ids that its sender wants to receive now. It is sent at once, repeated until it is acknowledged, at
-  each change, under new keys, and each WANTS_PERIOD.
-* TABLE lists its sender's topics with names, types and md5 sums. It only serves to name differences, and to ask for a
-  topic no sooner than the other side offers it. It is repeated until it is acknowledged.
-* SEEN acknowledges: the number of the latest WANTS and the latest TABLE that were taken. Who has forgotten a peer says
-  0, and is sent the TABLE anew.
+* LISTS has the connection ids of its sender's topics: those that it wants to receive now, those that it receives but
+  does not want now, and those that it sends. With the default streams and 40 relays it is one short datagram.
+* NAMES has names, types and md5 sums of those topics that the receiver does not have, as its own LISTS says. It only
+  serves to name differences; where both sides have the same topics there is none.
+* SEEN acknowledges the parts of the latest LISTS and NAMES that were taken (parts.py), at once, and each HEARTBEAT. Who
+  has forgotten a peer acknowledges nothing of them, and is told all anew.
 
-All come from the network: they are checked, and bounded by MAX_TOPICS and MAX_TEXT.
+All come from the network: they are checked, and bounded by MAX_TOPICS, MAX_TEXT and MAX_NAMES_SIZE.
 """
 import enum
 import hashlib
 import itertools
-import math
 import struct
-from typing import Dict, FrozenSet, Iterable, List, NamedTuple, Optional, Tuple
+import zlib
+from typing import Dict, FrozenSet, List, NamedTuple, Optional, Sequence, Tuple
 
 from ..budget import Budget
 from .control import FIRST_TABLE_ID, FIRST_TOPIC_ID
 from .packets import Malformed
+from .parts import PART, Arriving, Repeated, capacity
 
 MAX_TOPICS = 256
-"""Of one side."""
+"""That one side sends, and that it receives."""
 
-MAX_TABLE_SIZE = 1 << 16
-"""[byte]"""
+MAX_NAMES_SIZE = 1 << 16
+"""Of NAMES, unpacked [byte]."""
 
 MAX_TEXT = 200
 """Of a topic's name, type, md5 sum, or what it carries, in UTF-8 [byte]."""
 
-FIRST_RETRY, LAST_RETRY, RETRY_GROWTH = 0.05, 0.5, 1.5
-"""Time to the first repetition of what was not acknowledged, to the later ones at most, and the factor from one to the
-next [s, s, 1]."""
-
-WANTS_PERIOD = 5.0
+HEARTBEAT = 1.0
 """[s]"""
+
+ANSWER_PERIOD = 0.02
+"""Between two SEEN, at least: parts that come together are acknowledged together [s]."""
 
 CHANGES, CHANGE_PERIOD = 16, 0.1
 """Changes that a peer may make at once, and the time for each further one: maps are repeated for who begins to want
 them. What is not taken is not acknowledged, and comes again [1, s]."""
 
 ID = struct.Struct('<I')
-NUMBERS = struct.Struct('<II')
-COUNT = struct.Struct('<H')
+COUNTS = struct.Struct('<HH')
+SEEN = struct.Struct('<IIII')
+"""Number and parts taken, a bit for each, of LISTS and of NAMES."""
 
 
 class Table(enum.IntEnum):
     """The connection ids of these messages."""
-    WANTS = FIRST_TABLE_ID
-    TABLE = FIRST_TABLE_ID + 1
+    LISTS = FIRST_TABLE_ID
+    NAMES = FIRST_TABLE_ID + 1
     SEEN = FIRST_TABLE_ID + 2
 
 
@@ -85,48 +86,66 @@ class Topic(NamedTuple):
 
 
 class Entry(NamedTuple):
-    """A line of a TABLE."""
+    """A line of NAMES."""
     role: Role
     topic: Topic
 
 
-def pack_wants(number: int, ids: Iterable[int]) -> bytes:
-    """The message WANTS.
+class Lists(NamedTuple):
+    """The connection ids of a side's topics."""
+    wants: FrozenSet[int] = frozenset()
+    """It wants to receive them now."""
+    declines: FrozenSet[int] = frozenset()
+    """It receives them, but not now: the other side does not send them, or they cannot be decoded yet."""
+    sends: FrozenSet[int] = frozenset()
 
-    :param number: higher for a later one
-    """
-    return ID.pack(number) + b''.join(map(ID.pack, sorted(ids)))
+
+def pack_lists(lists: Lists) -> bytes:
+    """The message LISTS."""
+    return COUNTS.pack(len(lists.wants), len(lists.declines)) + b''.join(
+        ID.pack(number) for numbers in lists for number in sorted(numbers))
 
 
-def parse_wants(data: bytes) -> Tuple[int, FrozenSet[int]]:
-    """(number, ids) of a WANTS.
+def parse_lists(data: bytes) -> Lists:
+    """What a LISTS says.
 
     :raises Malformed: if it is none
     """
-    if not data or len(data) % ID.size or len(data) > ID.size * (1 + MAX_TOPICS):
-        raise Malformed('WANTS of %d bytes' % len(data))
-    number, *ids = (one for one, in ID.iter_unpack(data))
-    return number, frozenset(ids)
+    body = len(data) - COUNTS.size
+    if body < 0 or body % ID.size:
+        raise Malformed('LISTS of %d bytes' % len(data))
+    wants, declines = COUNTS.unpack_from(data)
+    ids = [one for one, in ID.iter_unpack(data[COUNTS.size:])]
+    received = wants + declines
+    if received > min(len(ids), MAX_TOPICS) or len(ids) - received > MAX_TOPICS:
+        raise Malformed('LISTS of %d topics' % len(ids))
+    return Lists(frozenset(ids[:wants]), frozenset(ids[wants:received]), frozenset(ids[received:]))
 
 
-def pack_table(number: int, entries: Iterable[Entry]) -> bytes:
-    """The message TABLE."""
-    out = [ID.pack(number)]
-    for role, topic in entries:
-        out.append(bytes([role]))
-        for text in topic:
-            encoded = text.encode()
-            out += [bytes([len(encoded)]), encoded]
-    return b''.join(out)
+def pack_names(entries: Sequence[Entry], longest: int) -> bytes:
+    """The message NAMES, of the first entries if it would have more than `longest` bytes."""
+    lines = [b''.join([bytes([role]), *(part for text in topic for part in _with_length(text))])
+             for role, topic in entries]
+    while True:
+        data = b''.join(lines)
+        names = zlib.compress(data, 9)
+        if len(data) <= MAX_NAMES_SIZE and len(names) <= longest:
+            return names
+        lines = lines[:len(lines) // 2]
 
 
-def parse_table(data: bytes) -> Tuple[int, List[Entry]]:
-    """(number, entries) of a TABLE.
+def _with_length(text: str) -> Tuple[bytes, bytes]:
+    encoded = text.encode()
+    return bytes([len(encoded)]), encoded
+
+
+def parse_names(packed: bytes) -> List[Entry]:
+    """The entries of a NAMES.
 
     :raises Malformed: if it is none
     """
     try:
-        number, at, entries = ID.unpack_from(data)[0], ID.size, []
+        data, at, entries = _unpacked(packed), 0, []
         while at < len(data):
             role, at = Role(data[at]), at + 1
             texts = []
@@ -143,9 +162,21 @@ def parse_table(data: bytes) -> Tuple[int, List[Entry]]:
                 raise Malformed('too many topics')
         if len({(role, topic.name) for role, topic in entries}) < len(entries):
             raise Malformed('a topic stands twice')
-    except (struct.error, IndexError, ValueError) as error:
-        raise Malformed('a TABLE: %s' % error) from error
-    return number, entries
+    except (IndexError, ValueError) as error:
+        raise Malformed('NAMES: %s' % error) from error
+    return entries
+
+
+def _unpacked(packed: bytes) -> bytes:
+    """:raises ValueError: where it is not one whole stream of zlib, or too long"""
+    stream = zlib.decompressobj()
+    try:
+        data = stream.decompress(packed, MAX_NAMES_SIZE + 1)
+    except zlib.error as error:
+        raise ValueError(str(error)) from error
+    if len(data) > MAX_NAMES_SIZE or not stream.eof or stream.unused_data:
+        raise ValueError('%d bytes of another length' % len(packed))
+    return data
 
 
 class Local:
@@ -153,6 +184,7 @@ class Local:
 
     def __init__(self) -> None:
         self._topics: Dict[Role, Dict[str, Topic]] = {role: {} for role in Role}
+        self._ids: Dict[Role, FrozenSet[int]] = {role: frozenset() for role in Role}
         self._numbers = itertools.count(1)
         self.number = next(self._numbers)
         """Of this state, higher for a later one."""
@@ -170,15 +202,17 @@ class Local:
             raise ValueError('%s has the connection id of %s: rename one of them' % (topic.name, same[0]))
         if any(len(text.encode()) > MAX_TEXT for text in topic):
             raise ValueError('%s: its name or type is longer than %d bytes' % (topic.name, MAX_TEXT))
-        if len(topics) >= MAX_TOPICS or len(pack_table(0, [*self.entries(), Entry(role, topic)])) > MAX_TABLE_SIZE:
+        if len(topics) >= MAX_TOPICS:
             raise ValueError('%s: there are too many topics' % topic.name)
-        self._topics = {**self._topics, role: {**topics, topic.name: topic}}
-        self.number = self.next_number()
+        self._change(role, {**topics, topic.name: topic})
 
     def remove(self, role: Role, topic: Topic) -> None:
         """Remove a topic."""
-        left = {name: other for name, other in self._topics[role].items() if name != topic.name}
-        self._topics = {**self._topics, role: left}
+        self._change(role, {name: other for name, other in self._topics[role].items() if name != topic.name})
+
+    def _change(self, role: Role, topics: Dict[str, Topic]) -> None:
+        self._topics = {**self._topics, role: topics}
+        self._ids = {**self._ids, role: frozenset(topic.id for topic in topics.values())}
         self.number = self.next_number()
 
     def find(self, role: Role, name: str) -> Optional[Topic]:
@@ -186,49 +220,16 @@ class Local:
         return self._topics[role].get(name)
 
     def entries(self) -> List[Entry]:
-        """All topics, as for the TABLE."""
+        """All topics."""
         return [Entry(role, topic) for role, topics in self._topics.items() for topic in topics.values()]
+
+    def ids(self, role: Role) -> FrozenSet[int]:
+        """The connection ids of the topics with a role."""
+        return self._ids[role]
 
     def next_number(self) -> int:
         """Higher than all before, for a message to any peer: one that was forgotten and came back goes on."""
         return next(self._numbers)
-
-
-class Repeated:
-    """When a message is due, that is repeated until it is acknowledged.
-
-    :param period: after this time an acknowledged one is repeated, too [s]
-    """
-
-    def __init__(self, period: float = math.inf) -> None:
-        self._period = period
-        self._number, self._acknowledged = 0, False     # of the message sent last
-        self._due, self._interval = -math.inf, FIRST_RETRY
-
-    def deadline(self, number: int) -> float:
-        """When message `number` is due [s]."""
-        return self._due if number == self._number else -math.inf
-
-    def take(self, number: int, now: float) -> bool:
-        """Whether message `number` is due; then it is sent."""
-        if now < self.deadline(number):
-            return False
-        if number != self._number:
-            self._number, self._acknowledged, self._interval = number, False, FIRST_RETRY
-        self._due = now + (self._period if self._acknowledged else self._interval)
-        self._interval = min(LAST_RETRY, self._interval * RETRY_GROWTH)
-        return True
-
-    def seen(self, number: int, now: float) -> None:
-        """The other side has taken message `number` last."""
-        if number == self._number:
-            self._acknowledged, self._due = True, now + self._period
-        elif self._acknowledged:
-            self.forgotten()
-
-    def forgotten(self) -> None:
-        """The other side may have forgotten it: it is due at once."""
-        self._acknowledged, self._due, self._interval = False, -math.inf, FIRST_RETRY
 
 
 class Exchange:
@@ -239,89 +240,137 @@ class Exchange:
 
     def __init__(self, local: Local) -> None:
         self._local = local
-        self.wants: FrozenSet[int] = frozenset()
-        """Connection ids that the peer wants."""
-        self.offers: Dict[int, Topic] = {}
-        """{connection id: topic} that the peer sends."""
+        self.theirs: Optional[Lists] = None
+        """The peer's topics; None: it has not said yet."""
         self._entries: List[Entry] = []
-        self._differences: List[str] = []
-        self._compared = -1, -1     # numbers of the peer's and this side's topics, whose differences these are
-        self._asked: FrozenSet[int] = frozenset()
-        self._asked_number = 0
-        self._wants_seen = self._table_seen = 0     # numbers of the peer's
+        self._differences: Dict[str, str] = {}
+        self._compared = -1, -1     # numbers of the peer's NAMES and this side's topics, whose differences these are
+        self._ours, self._names = Lists(), b''
+        self._numbers = {Table.LISTS: 0, Table.NAMES: 0}    # of the present messages; 0: there is none
+        self._made: Tuple[object, ...] = ()     # what they were made of
+        self._out = {Table.LISTS: Repeated(), Table.NAMES: Repeated()}
+        self._in = {Table.LISTS: Arriving(), Table.NAMES: Arriving()}
         self._changes = Budget(CHANGES, CHANGE_PERIOD)
-        self._wants_out, self._table_out, self._answer = Repeated(WANTS_PERIOD), Repeated(), False
+        self._answer_due, self._answered = 0.0, -ANSWER_PERIOD
+
+    @property
+    def wants(self) -> FrozenSet[int]:
+        """Connection ids that the peer wants."""
+        return frozenset() if self.theirs is None else self.theirs.wants
+
+    @property
+    def offers(self) -> FrozenSet[int]:
+        """Connection ids that the peer sends."""
+        return frozenset() if self.theirs is None else self.theirs.sends
+
+    def why_not(self, number: int) -> str:
+        """Why the peer does not want a topic of this side, in words.
+
+        :param number: its connection id
+        """
+        if self.theirs is None or not self._out[Table.LISTS].acknowledged:
+            return 'does not know of it yet: the link loses too much'
+        if number in self.theirs.declines:
+            return 'cannot decode it yet: its log says why'
+        return 'does not receive it: its streams.yaml has another definition'
 
     def renew(self) -> None:
-        """The peer may have forgotten this side, but not the other way round: WANTS is sent at once.
+        """The peer may have forgotten this side, but not the other way round: LISTS is sent at once.
 
-        Its answer shows whether it has; then the TABLE follows.
+        Its answer shows whether it has; then NAMES follows.
         """
-        self._wants_out.forgotten()
+        self._out[Table.LISTS].forgotten()
 
     def deadline(self) -> float:
         """When `messages` has something to send [s]."""
-        if self._answer:
-            return -math.inf
-        return min(self._wants_out.deadline(self._asked_number), self._table_out.deadline(self._local.number))
+        return min(self._answer_due, *(out.due for out in self._out.values()))
 
-    def messages(self, asked: FrozenSet[int], now: float) -> List[Tuple[Table, bytes]]:
-        """What to send to the peer now.
+    def messages(self, asked: FrozenSet[int], size: int, alive: bool, now: float) -> List[Tuple[Table, bytes]]:
+        """What to send to the peer now: each one is a datagram.
 
         :param asked: connection ids that this side wants of it
+        :param size: of the longest [byte]
+        :param alive: whether the peer was heard lately
         """
-        if asked != self._asked or not self._asked_number:
-            self._asked, self._asked_number = asked, self._local.next_number()
-        number, out = self._local.number, []
-        if self._answer:
-            out.append((Table.SEEN, NUMBERS.pack(self._wants_seen, self._table_seen)))
-            self._answer = False
-        if self._wants_out.take(self._asked_number, now):
-            out.append((Table.WANTS, pack_wants(self._asked_number, asked)))
-        if self._table_out.take(number, now):
-            out.append((Table.TABLE, pack_table(number, self._local.entries())))
-        return out
+        self._make(asked, size, now)
+        messages: List[Tuple[Table, bytes]] = []
+        if now >= self._answer_due:
+            self._answered, self._answer_due = now, now + HEARTBEAT
+            messages.append((Table.SEEN, SEEN.pack(*(value for one in self._in.values() for value in one.taken))))
+        for kind, out in self._out.items():
+            messages += [(kind, part) for part in out.take(alive, now)]
+        return messages
 
-    def take(self, kind: int, data: bytes, now: float) -> None:
-        """Take a message of the peer.
+    def _make(self, asked: FrozenSet[int], size: int, now: float) -> None:
+        """Make LISTS and NAMES anew where they have changed."""
+        made = asked, self._local.number, self._in[Table.LISTS].number
+        if made == self._made:
+            return
+        self._made = made
+        received = self._local.ids(Role.RECEIVES)
+        lists = Lists(asked, received - asked, self._local.ids(Role.SENDS))
+        if lists != self._ours or not self._numbers[Table.LISTS]:
+            self._ours = lists
+            self._put(Table.LISTS, pack_lists(lists), size, now)
+        if self.theirs is not None:
+            self._make_names(self.theirs, size, now)
+
+    def _make_names(self, theirs: Lists, size: int, now: float) -> None:
+        known = {Role.SENDS: theirs.wants | theirs.declines, Role.RECEIVES: theirs.sends}
+        entries = [entry for entry in self._local.entries() if entry.topic.id not in known[entry.role]]
+        if entries or self._numbers[Table.NAMES]:
+            names = pack_names(entries, capacity(size))
+            if names != self._names:
+                self._names = names
+                self._put(Table.NAMES, names, size, now)
+
+    def _put(self, kind: Table, data: bytes, size: int, now: float) -> None:
+        self._numbers[kind] = self._local.next_number()
+        self._out[kind].put(self._numbers[kind], data, size, now)
+
+    def take(self, kind: int, data: bytes, now: float) -> bool:
+        """Take a datagram of the peer; returns whether it said something new.
 
         :raises Malformed: if it is none
         """
-        if kind == Table.WANTS:
-            number, ids = parse_wants(data)
-            if number > self._wants_seen and self._changes.take(now):
-                self._wants_seen, self.wants = number, ids
-            self._answer = True
-        elif kind == Table.TABLE and len(data) >= ID.size:
-            if ID.unpack_from(data)[0] > self._table_seen and self._changes.take(now):
-                self._table_seen, self._entries = parse_table(data)
-                self.offers = {topic.id: topic for role, topic in self._entries if role == Role.SENDS}
-            self._answer = True
-        elif kind == Table.SEEN and len(data) == NUMBERS.size:
-            wants, table = NUMBERS.unpack(data)
-            self._wants_out.seen(wants, now)
-            self._table_out.seen(table, now)
-        else:
+        if kind == Table.SEEN and len(data) == SEEN.size:
+            values = SEEN.unpack(data)
+            for out, number, taken in zip(self._out.values(), values[::2], values[1::2]):
+                out.seen(number, taken, now)
+            return False
+        if kind not in self._in or len(data) < PART.size:
             raise Malformed('a message %d of %d bytes' % (kind, len(data)))
+        self._answer_due = min(self._answer_due, self._answered + ANSWER_PERIOD)
+        return self._take_part(Table(kind), data, now)
 
-    def differences(self, peer: str) -> List[str]:
-        """The topics that one side sends, and the other would receive, if they were the same: a sentence for each.
+    def _take_part(self, kind: Table, data: bytes, now: float) -> bool:
+        whole = self._in[kind].add(data, lambda: self._changes.take(now))
+        if whole is None:
+            return False
+        if kind == Table.LISTS:
+            self.theirs = parse_lists(whole)
+        else:
+            self._entries = parse_names(whole)
+        return True
+
+    def differences(self, peer: str) -> Dict[str, str]:
+        """{topic: a sentence} of the topics that one side sends, and the other would receive, if they were the same.
 
         They are looked for where topics have changed only, whatever else the peer sends.
 
         :param peer: the other side, in words; always the same
         """
-        numbers = self._table_seen, self._local.number
+        numbers = self._in[Table.NAMES].number, self._local.number
         if numbers != self._compared:
             self._compared, self._differences = numbers, self._compare(peer)
         return self._differences
 
-    def _compare(self, peer: str) -> List[str]:
-        found = []
+    def _compare(self, peer: str) -> Dict[str, str]:
+        found = {}
         for role, theirs in self._entries:
             ours = self._local.find(Role(1 - role), theirs.name)
             if ours is not None and ours != theirs:
                 verbs = ('sends', 'receives') if role == Role.SENDS else ('receives', 'sends')
-                found.append('%s: %s %s %s, this machine %s %s' % (
-                    theirs.name, peer, verbs[0], theirs.content, verbs[1], ours.content))
+                found[theirs.name] = '%s: %s %s %s, this machine %s %s' % (
+                    theirs.name, peer, verbs[0], theirs.content, verbs[1], ours.content)
         return found

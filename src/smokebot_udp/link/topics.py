@@ -16,7 +16,7 @@ from ..udpros.datagram import IP_UDP_HEADERS, LENGTH, Buffer
 from ..udpros.depacketizer import Arrivals, Arrived, BatchCallback, Depacketizer
 from ..udpros.endpoints import BatchSender
 from ..udpros.frame import Frame, first_messages
-from ..udpros.packetizer import Packetizer
+from ..udpros.packetizer import Limit, Packetizer
 from ..udpros.records import has_header, record_dtype
 from .peer import Peer
 from .tables import Topic
@@ -56,10 +56,11 @@ class PeerSender:
 class Outgoing:
     """A publisher's connection to one peer."""
 
-    def __init__(self, peer: Peer, sender: BatchSender, connection_id: int, max_datagram_size: int) -> None:
+    def __init__(self, peer: Peer, sender: BatchSender, connection_id: int, max_datagram_size: int,
+                 limit: Limit) -> None:
         self.peer, self._socket = peer, sender
         self._sender = PeerSender(peer, sender)
-        self.packetizer = Packetizer(self._sender, connection_id, max_datagram_size)
+        self.packetizer = Packetizer(self._sender, connection_id, max_datagram_size, limit)
 
     def follow(self, max_datagram_size: int, tos: int) -> None:
         """Send like this from now on."""
@@ -69,7 +70,7 @@ class Outgoing:
         """As of udpros.Publisher.connections."""
         packetizer = self.packetizer
         return {'peer': self.peer.name, 'address': self.peer.address, 'connection_id': packetizer.connection_id,
-                'max_datagram_size': packetizer.max_datagram_size, 'datagrams': packetizer.datagrams,
+                'max_datagram_size': packetizer.longest, 'datagrams': packetizer.datagrams,
                 'bytes': packetizer.bytes, 'failures': self._sender.failures}
 
 
@@ -77,14 +78,16 @@ class Publisher:
     """Sends a topic to all peers that want it, see transport.Publisher.
 
     :param listener: whose peer_subscribe is called for each new peer
+    :param why_not: f(connection id, peer), see transport.Publisher.why_not
+    :param limit: of its datagrams, beside the room of each peer
     :param ended: f(publisher), called by `unregister`
     :param tos: second byte of the IP headers, see traffic.py
     """
 
-    def __init__(self, topic: Topic, message_class: Any, listener: Any, ended: Callable[['Publisher'], None],
-                 tos: int = 0) -> None:
-        self.topic, self.resolved_name, self.tos = topic, topic.name, tos
-        self._class, self._listener, self._ended = message_class, listener, ended
+    def __init__(self, topic: Topic, message_class: Any, listener: Any, why_not: Callable[[int, str], str],
+                 limit: Limit, ended: Callable[['Publisher'], None], tos: int = 0) -> None:
+        self.topic, self.resolved_name, self.limit, self.tos = topic, topic.name, limit, tos
+        self._class, self._listener, self._why_not, self._ended = message_class, listener, why_not, ended
         self._connections: Sequence[Outgoing] = ()      # replaced, not changed: other threads iterate
         self._seq = 0
         self._lock = threading.Lock()       # of the numbers; held while sending
@@ -139,6 +142,10 @@ class Publisher:
     def get_num_connections(self) -> int:
         """See transport.Publisher."""
         return len(self._connections)
+
+    def why_not(self, peer: str) -> str:
+        """See transport.Publisher."""
+        return self._why_not(self.topic.id, peer)
 
     def unregister(self) -> None:
         """See transport.Publisher."""

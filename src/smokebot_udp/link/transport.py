@@ -8,7 +8,7 @@ import os
 import socket
 import threading
 import time
-from typing import Any, Callable, Counter, Dict, List, Mapping, Optional, Set
+from typing import Any, Callable, Counter, Dict, List, Mapping, Optional, Set, Tuple
 
 import numpy as np
 import rospy
@@ -19,13 +19,13 @@ from ..transport import PeerStats, TransportStats, always
 from ..udpros.datagram import DEFAULT_MAX_DATAGRAM_SIZE
 from ..udpros.depacketizer import Arrivals, Arrived, BatchCallback
 from ..udpros.loss_emulation import open_receiver
-from .control import FIRST_TOPIC_ID
+from ..udpros.packetizer import no_limit
 from .core import LinkCore
 from .endpoint import Endpoint
 from .operator_core import OperatorCore
 from .packets import Mode, encode_name
 from .peer import Delivery, Event, Joined, Left, Moved, Peer, Refused
-from .peer_topics import PeerTopics
+from .peer_topics import KINDS, PeerTopics
 from .resolver import Resolver
 from .robot_core import RobotCore
 from .tables import Local, Role, Topic
@@ -37,14 +37,20 @@ PERIOD = 0.1
 PROBLEM_AFTER = 2.0
 """A problem that has lasted for this long is reported [s]."""
 
-MAX_TOLD = 1000
-"""Differences of topics that are reported, each once."""
+REPORTED, REPORT_PERIOD = 50, 1.0
+"""Differences of topics are reported so often at once, and then once in this time, in turns of the peers [1, s]."""
 
 LOGGED, LOG_PERIOD = 50, 1.0
 """What happens to peers is logged so often at once, and then once in this time: anybody may join and leave an open link
 again and again [1, s]."""
 
 Report = Callable[[str], None]
+Renewed = Callable[[float], Optional[bytes]]
+
+
+def never(now: float) -> Optional[bytes]:
+    """There is no other key."""
+    return None
 
 
 class LinkTransport:
@@ -54,27 +60,30 @@ class LinkTransport:
     :param port: to bind; 0: any
     :param receive_buffer: requested from the kernel [byte]
     :param tos_mask: of the second byte of IP headers, see traffic.mask
+    :param renewed: f(now [s]) -> a key that replaces the present one, if there is one
     :param report: f(text), called with what somebody has to see to
     :param log: f(text), called with what happens
     :raises OSError: if the port is in use
     """
     own_masters = True
 
-    def __init__(self, core: LinkCore, port: int, receive_buffer: int, tos_mask: int, report: Report,
+    def __init__(self, core: LinkCore, port: int, receive_buffer: int, tos_mask: int, renewed: Renewed, report: Report,
                  log: Report) -> None:
         self.name, self.overhead = encode_name(core.name).decode(), core.overhead       # as the other side has it
-        self.max_datagram_size = core.max_datagram_size - core.overhead
+        self.max_datagram_size = self.room = core.max_datagram_size - core.overhead
         self.sealed = core.mode == Mode.KEYED
-        self._core, self._report, self._log = core, report, log
+        self._core, self._renewed, self._report, self._log = core, renewed, report, log
         self._log_budget = Budget(LOGGED, LOG_PERIOD)
         self._local, self._lock = Local(), threading.Lock()     # the lock: of changes of these three
         self._publishers: Dict[int, Publisher] = {}             # by connection id; replaced, not changed, as are these
         self._subscribers: Dict[int, Subscriber] = {}
         self._peers: Dict[int, PeerTopics] = {}                 # by the peer's number
-        self._told: Set[str] = set()
-        self._differences: List[str] = []
-        self._unknown = self._handshakes = 0        # datagrams of no topic, and handshakes of peers that have left
-        self._changed, self._seen, self._due = True, 0, 0.0
+        self._told: Set[Tuple[int, str]] = set()    # (peer's number, topic)
+        self._differences: List[str] = []           # the first one to each peer
+        self._report_budget = Budget(REPORTED, REPORT_PERIOD)
+        self._unknown = self._unasked = 0           # datagrams of no topic, and of one that was not asked for
+        self._handshakes = 0                        # of peers that have left
+        self._changed, self._seen, self._looked, self._due = True, 0, 0.0, 0.0
         receiver = open_receiver('link', '', core.max_datagram_size, receive_buffer, port)
         self.port = receiver.address[1]
         self._endpoint = Endpoint(core, receiver, self, report)
@@ -83,14 +92,19 @@ class LinkTransport:
 
     # -- transport.Transport --------------------------------------------------------------------------
 
+    def limit(self, room: int) -> None:
+        """See transport.Transport."""
+        self.room = min(room, self.max_datagram_size)
+
     def publisher(self, topic: str, message_class: Any, *, queue_size: int = 10, subscriber_listener: Any = None,
-                  carries: str = '', tos: int = 0) -> Publisher:
+                  carries: str = '', whole: bool = False, tos: int = 0) -> Publisher:
         """See transport.Transport; nothing waits for a peer here, so there is no queue.
 
         :raises ValueError: if the topic is published already, or its name is too long
         """
         publisher = Publisher(Topic(topic, message_class._type, message_class._md5sum, carries), message_class,
-                              subscriber_listener, self._end_publisher, tos & self.tos_mask)
+                              subscriber_listener, self._why_not, no_limit if whole else lambda: self.room,
+                              self._end_publisher, tos & self.tos_mask)
         with self._lock:
             self._local.add(Role.SENDS, publisher.topic)
             self._publishers = {**self._publishers, publisher.topic.id: publisher}
@@ -112,6 +126,11 @@ class LinkTransport:
             self._subscribers = {**self._subscribers, subscriber.topic.id: subscriber}
         return subscriber
 
+    def _why_not(self, number: int, peer: str) -> str:
+        """See Publisher.why_not."""
+        found = (topics.exchange.why_not(number) for topics in self._peers.values() if topics.peer.name == peer)
+        return next(found, 'is not connected')
+
     def _end_publisher(self, publisher: Publisher) -> None:
         with self._lock:
             if self._publishers.get(publisher.topic.id) is publisher:
@@ -128,14 +147,15 @@ class LinkTransport:
     def dropped(self) -> Counter[str]:
         """See transport.Transport."""
         dropped = self._endpoint.dropped()
-        dropped.update({'unknown topic': self._unknown} if self._unknown else {})
+        dropped.update({reason: count for reason, count in (
+            ('unknown topic', self._unknown), ('not asked for', self._unasked)) if count})
         for topics in self._peers.values():
             dropped.update(topics.dropped())
         return dropped
 
     def problem(self) -> Optional[str]:
-        """See transport.Transport."""
-        return next(iter(self._differences), None)
+        """See transport.Transport: a difference to each peer."""
+        return '; '.join(self._differences) or None
 
     def stats(self, now: float) -> Optional[TransportStats]:
         """See transport.Transport."""
@@ -182,6 +202,7 @@ class LinkTransport:
     def _forget(self, peer: Peer) -> None:
         self._peers = without(self._peers, peer.number)
         self._handshakes += peer.handshakes
+        self._told = {(number, topic) for number, topic in self._told if number != peer.number}
         for publisher in self._publishers.values():
             publisher.remove(peer)
         for subscriber in self._subscribers.values():
@@ -208,38 +229,49 @@ class LinkTransport:
         :param rows: of the delivery; `arrivals` counts within them
         """
         datagrams, lengths = delivery.datagrams[rows], delivery.lengths[rows]
+        if number in KINDS:
+            self._changed |= topics.take(number, datagrams, lengths, now)
+            self._due = min(self._due, topics.exchange.deadline())
+            return
         subscriber = self._subscribers.get(number)
-        if subscriber is not None:
-            subscriber.connect(topics.peer).take(datagrams, lengths, arrivals, now)
-        elif number < FIRST_TOPIC_ID and topics.take(number, datagrams, lengths, arrivals, now):
-            self._changed = True
-        else:
+        if subscriber is None:
             self._unknown += len(lengths)
+        elif number not in topics.asked:
+            self._unasked += len(lengths)
+        else:
+            subscriber.connect(topics.peer).take(datagrams, lengths, arrivals, now)
 
     def poll(self, now: float) -> float:
         """See endpoint.Handler."""
+        key = self._renewed(now)
+        if key is not None:
+            self._core.set_key(key, now)
+            self._log('the key was replaced: all operators and robots that have the former one have left')
         number = self._local.number
-        if self._changed or number != self._seen or now >= self._due:
-            self._changed, self._seen, self._due = False, number, now + PERIOD
+        if self._changed or number != self._seen or now >= self._looked + PERIOD:
+            self._changed, self._seen, self._looked = False, number, now
             for topics in self._peers.values():
-                self._exchange(topics, now)
-            self._tell_differences()
+                topics.update_room(self._core.max_datagram_size, now)
+                topics.ask(self._subscribers)
+                topics.serve(self._publishers)
+            self._tell_differences(now)
+            self._due = now
+        if now >= self._due:
+            self._due = self._looked + PERIOD
+            for topics in self._peers.values():
+                topics.send(now)
+                self._due = min(self._due, topics.exchange.deadline())
         return self._due
 
-    def _exchange(self, topics: PeerTopics, now: float) -> None:
-        """Send a peer what it has to know, and what it wants."""
-        topics.update_room(self._core.max_datagram_size, now)
-        topics.send(topics.asked(self._subscribers), now)
-        topics.serve(self._publishers)
-        self._due = min(self._due, topics.exchange.deadline())
-
-    def _tell_differences(self) -> None:
-        self._differences = [sentence for topics in self._peers.values()
-                             for sentence in topics.exchange.differences(topics.peer.name)]
-        for sentence in self._differences:
-            if sentence not in self._told and len(self._told) < MAX_TOLD:
-                self._told.add(sentence)
-                self._report(sentence)
+    def _tell_differences(self, now: float) -> None:
+        """Report what was not reported yet, at most one difference of each peer: a stranger has its turn, no more."""
+        found = {topics.peer.number: topics.exchange.differences(topics.peer.name) for topics in self._peers.values()}
+        self._differences = [next(iter(sentences.values())) for sentences in found.values() if sentences]
+        for number, sentences in found.items():
+            untold = next((topic for topic in sentences if (number, topic) not in self._told), None)
+            if untold is not None and self._report_budget.take(now):
+                self._told.add((number, untold))
+                self._report(sentences[untold])
 
 
 class RobotTransport(LinkTransport):
@@ -252,16 +284,17 @@ class RobotTransport(LinkTransport):
     :param receive_buffer: requested from the kernel [byte]
     :param tos_mask: of the second byte of IP headers, see traffic.mask
     :param name: under which operators know it; None: the node's and the machine's
+    :param renewed: f(now [s]) -> a key that replaces the present one, if there is one
     :param report: f(text), called with what somebody has to see to
     :param log: f(text), called with what happens
     :raises OSError: if the port is in use
     """
 
     def __init__(self, port: int, key: Optional[bytes] = None, *, max_datagram_size: int = DEFAULT_MAX_DATAGRAM_SIZE,
-                 receive_buffer: int = 4 << 20, tos_mask: int = 0, name: Optional[str] = None,
+                 receive_buffer: int = 4 << 20, tos_mask: int = 0, name: Optional[str] = None, renewed: Renewed = never,
                  report: Report = rospy.logerr, log: Report = rospy.loginfo) -> None:
         core = RobotCore(key, os.urandom, max_datagram_size, own_name() if name is None else name)
-        super().__init__(core, port, receive_buffer, tos_mask, report, log)
+        super().__init__(core, port, receive_buffer, tos_mask, renewed, report, log)
         self._endpoint.start()
 
     def _on_refused(self, event: Refused) -> None:
@@ -280,12 +313,13 @@ class OperatorTransport(LinkTransport):
 
     def __init__(self, host: str, port: int, key: Optional[bytes] = None, *,
                  max_datagram_size: int = DEFAULT_MAX_DATAGRAM_SIZE, receive_buffer: int = 4 << 20, tos_mask: int = 0,
-                 name: Optional[str] = None, report: Report = rospy.logerr, log: Report = rospy.loginfo) -> None:
+                 name: Optional[str] = None, renewed: Renewed = never, report: Report = rospy.logerr,
+                 log: Report = rospy.loginfo) -> None:
         self._operator = OperatorCore(key, os.urandom, max_datagram_size, own_name() if name is None else name)
         self._resolver, self._robot_port = Resolver(host), port
         self._troubled: Optional[float] = None      # since when there is a problem
         self._last_problem: Optional[str] = None    # that was reported
-        super().__init__(self._operator, 0, receive_buffer, tos_mask, report, log)
+        super().__init__(self._operator, 0, receive_buffer, tos_mask, renewed, report, log)
         self._endpoint.start()
 
     def problem(self) -> Optional[str]:

@@ -21,17 +21,13 @@ from typing import Any, Callable, Dict, List, Mapping, Tuple
 
 from .channel import Air, Channel
 from .ecn import is_capable, marked
-from .lab import ADDRESSES, DEVICE
+from .lab import DEVICE, side_commands
 from .link_trace import SIDES, changed
 
-MTU = 1500
 CLONE_NEWNET = 0x40000000
 TUNSETIFF, IFF_TUN, IFF_NO_PI = 0x400454ca, 0x0001, 0x1000
 MAX_READS = 32
 """Packets taken from one device before the other one is looked at."""
-
-QUEUE_LENGTH = 10000
-"""Packets that the kernel holds until this process takes them; more than ever accumulate."""
 
 PROTOCOLS = {6: 'tcp', 17: 'udp'}
 """{protocol of an IPv4 packet: the flow that it is counted as}; others are 'other'"""
@@ -42,7 +38,6 @@ NICENESS = -15
 
 def make_side(side: str, congestion_control: str) -> Tuple[int, int]:
     """Move this process into a new namespace with a TUN device: (namespace's fd, device's fd)."""
-    other = next(name for name in SIDES if name != side)
     libc = ctypes.CDLL(None, use_errno=True)
     if libc.unshare(CLONE_NEWNET):
         raise OSError(ctypes.get_errno(), 'unshare: ' + os.strerror(ctypes.get_errno()))
@@ -52,10 +47,7 @@ def make_side(side: str, congestion_control: str) -> Tuple[int, int]:
             file.write('1')
     device = os.open('/dev/net/tun', os.O_RDWR | os.O_NONBLOCK)
     fcntl.ioctl(device, TUNSETIFF, struct.pack('16sH22x', DEVICE.encode(), IFF_TUN | IFF_NO_PI))
-    for line in ('link set lo up', 'addr add %s peer %s dev %s' % (ADDRESSES[side], ADDRESSES[other], DEVICE),
-                 'link set %s mtu %d txqueuelen %d up' % (DEVICE, MTU, QUEUE_LENGTH),
-                 'route replace %s dev %s src %s congctl %s' % (
-                     ADDRESSES[other], DEVICE, ADDRESSES[side], congestion_control)):
+    for line in side_commands(side, congestion_control):
         subprocess.run(['ip', *line.split()], check=True)
     return os.open('/proc/self/ns/net', os.O_RDONLY), device
 

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """One direction of an emulated link, packet by packet: seeded, without I/O; time is an argument.
 
-A packet first waits for transmission (a rate, and a drop-tail queue, or a policer, where nothing waits), then it may be
-lost (a two-state Markov chain: E. N. Gilbert, "Capacity of a Burst-Noise Channel", 1960), and then it propagates
-(delay, jitter, reordering, duplication). Loss comes after the rate because lost packets take air time, too.
+A packet first waits for transmission (a rate, and a drop-tail queue, or a policer, where nothing waits), perhaps until
+the aggregate ends that it is a part of, as over Wi-Fi. Then it may be lost (a two-state Markov chain: E. N. Gilbert,
+"Capacity of a Burst-Noise Channel", 1960), and then it propagates (delay, jitter, reordering, duplication). Loss comes
+after the rate because lost packets take air time, too.
 """
 import collections
 import math
@@ -13,6 +14,10 @@ from typing import Counter, DefaultDict, Optional, Tuple
 
 ROUNDING = 1e-3
 """A packet may exceed the tokens by this: times are rounded, and a bucket of one packet has to pass it [bit]."""
+
+
+AGGREGATE_SPREAD = 1 / 3
+"""How far the time between two aggregates deviates from its mean: 4 to 8 ms where that is 6 ms."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +41,9 @@ class LinkConditions:
     bucket: float = 0.0
     """Depth of the token bucket of a policer (RFC 2697), which replaces the queue: what exceeds the rate by more than
     this is dropped at once, and nothing waits; 0: no policer [byte]."""
+    aggregate: float = 0.0
+    """Mean time between the ends of aggregates (A-MPDUs of IEEE 802.11): what was transmitted meanwhile arrives at
+    once, and nothing else; each time deviates by up to a third. 0: each packet arrives by itself [s]."""
     ecn_threshold: float = 0.0
     """A packet that would wait longer than this in the queue is marked, if its sender sees marks (RFC 3168); 0: none is
     [s]."""
@@ -43,6 +51,8 @@ class LinkConditions:
     """Ratio of packets that skip the delay and overtake others, 0..1."""
     duplicate: float = 0.0
     """Ratio of packets that are delivered twice, 0..1."""
+    longest: float = 0.0
+    """Longer packets are lost, and nobody is told: a tunnel whose ICMP messages are dropped; 0: none are [byte]."""
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -93,8 +103,8 @@ class Air:
 class Channel:
     """One direction of a link. Its `conditions` may change at any time.
 
-    Each effect draws from its own random stream, once a packet: what one effect does to packet n does not depend on the
-    settings of the others.
+    Each effect draws from its own random stream, once a packet, or once an aggregate: what one effect does to packet n
+    does not depend on the settings of the others.
 
     :param air: shared with other channels; None: an air of its own
     """
@@ -108,6 +118,8 @@ class Channel:
         """{time in the queue [ms], rounded down: packets}"""
         self._draws = [random.Random('%s %s' % (seed, effect)).random
                        for effect in ('loss', 'jitter', 'reorder', 'duplicate')]
+        self._draw_aggregate = random.Random('%s aggregate' % seed).random
+        self._aggregate_ends = -math.inf    # of the newest one [s]
         self._losing = False            # state of the Markov chain
         self._air = air or Air()
         self._latest = -math.inf        # delivery of the last packet that is in order [s]
@@ -142,8 +154,9 @@ class Channel:
             counts.dropped += 1
             return ()
         counts.carried += size
+        sent = self._gathered(sent)
         self._losing = loss < conditions.chain[self._losing]
-        if self._losing:
+        if self._losing or 0 < conditions.longest < size:
             counts.lost += 1
             return ()
         if reorder < conditions.reorder:
@@ -172,3 +185,14 @@ class Channel:
         self.waited[int(1e3 * (begins - now))] += 1
         self._air.idle_from = ends
         return ends
+
+    def _gathered(self, sent: float) -> float:
+        """When the aggregate ends of a packet that was transmitted then [s]."""
+        mean = self.conditions.aggregate
+        if not mean:
+            return sent
+        if self._aggregate_ends + 2 * mean <= sent:     # since then, empty ones have ended
+            self._aggregate_ends = sent
+        while self._aggregate_ends <= sent:
+            self._aggregate_ends += mean * (1 + AGGREGATE_SPREAD * (2 * self._draw_aggregate() - 1))
+        return self._aggregate_ends

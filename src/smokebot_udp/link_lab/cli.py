@@ -15,11 +15,13 @@ A direction is named by the side that sends. NAME is one of
     rate       transmission rate [bit/s]; 0: unlimited
     queue      length of the queue at this rate [s]
     bucket     instead of a queue, a policer drops what exceeds this rate and a token bucket of this depth [byte]
+    aggregate  mean time between the ends of Wi-Fi's aggregates: what was transmitted meanwhile arrives at once [s]
     ecn_threshold
                packets that would wait longer than this in the queue are marked (ECN), if their senders see marks [s];
                0: none are
     reorder    ratio of packets that overtake others, 0..1
     duplicate  ratio of packets that are delivered twice, 0..1
+    longest    longer packets are lost, and nobody is told [byte]; 0: none are
 FILE is a link trace: how these values change over time (see link_lab/link_trace.py).
 The robot is 10.77.0.1, the operator 10.77.0.2. `run` sets ROS_IP and ROS_MASTER_URI for its side; the master runs
 on the robot's.

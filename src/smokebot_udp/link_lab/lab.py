@@ -8,23 +8,73 @@ import os
 import subprocess
 import sys
 from types import TracebackType
-from typing import Any, Dict, List, Mapping, Optional, Sequence, Type
+from typing import Any, Dict, List, Mapping, Optional, Sequence, Type, TypeVar
 
 from .link_trace import SIDES
 
 ADDRESSES = {'robot': '10.77.0.1', 'operator': '10.77.0.2'}
 DEVICE = 'air'
-"""Name of the TUN device on either side."""
+"""Name of the device on either side."""
+
+MTU = 1500
+QUEUE_LENGTH = 10000
+"""Packets that the kernel holds until the carrier takes them; more than ever accumulate."""
 
 MASTER = 'http://%s:11311' % ADDRESSES['robot']
 """The ROS master runs on the robot's side."""
+
+
+Own = TypeVar('Own', bound='TwoSides')
 
 
 class LabError(Exception):
     """The lab cannot be built here; the message says why."""
 
 
-class Lab:
+def side_commands(side: str, congestion_control: str) -> List[str]:
+    """Arguments of `ip` that give a side's end of the link its addresses, in the side's namespace.
+
+    :param congestion_control: of TCP
+    """
+    other = ADDRESSES[next(name for name in SIDES if name != side)]
+    return ['link set lo up', 'addr add %s peer %s dev %s' % (ADDRESSES[side], other, DEVICE),
+            'link set %s mtu %d txqueuelen %d up' % (DEVICE, MTU, QUEUE_LENGTH),
+            'route replace %s dev %s src %s congctl %s' % (other, DEVICE, ADDRESSES[side], congestion_control)]
+
+
+class TwoSides:
+    """Runs commands in two network namespaces. A context manager.
+
+    :param namespaces: {side: path}
+    """
+
+    def __init__(self, namespaces: Mapping[str, str]) -> None:
+        self._namespaces = dict(namespaces)
+
+    def command(self, side: str, arguments: Sequence[str]) -> List[str]:
+        """The command line that runs a command on a side."""
+        return ['nsenter', '--net=' + self._namespaces[side], *arguments]
+
+    def run(self, side: str, arguments: Sequence[str], **options: Any) -> Any:
+        """subprocess.run on a side."""
+        return subprocess.run(self.command(side, arguments), **options)
+
+    def popen(self, side: str, arguments: Sequence[str], **options: Any) -> Any:
+        """subprocess.Popen on a side."""
+        return subprocess.Popen(self.command(side, arguments), **options)
+
+    def close(self) -> None:
+        """Remove the link."""
+
+    def __enter__(self: Own) -> Own:
+        return self
+
+    def __exit__(self, kind: Optional[Type[BaseException]], error: Optional[BaseException],
+                 traceback: Optional[TracebackType]) -> None:
+        self.close()
+
+
+class Lab(TwoSides):
     """The link, and a way to run commands on its two sides. A context manager.
 
     :param seed: of the link's random effects
@@ -41,7 +91,7 @@ class Lab:
             stderr=subprocess.PIPE, universal_newlines=True,
             env=dict(os.environ, PYTHONPATH=os.pathsep.join(sys.path)))
         answer = self._request({'seed': seed, 'congestion_control': congestion_control, 'shared_air': shared_air})
-        self._namespaces = {side: '/proc/%d/fd/%d' % (self._process.pid, answer[side]) for side in SIDES}
+        super().__init__({side: '/proc/%d/fd/%d' % (self._process.pid, answer[side]) for side in SIDES})
 
     def _request(self, message: Mapping[str, Any]) -> Dict[str, Any]:
         assert self._process.stdin and self._process.stdout and self._process.stderr
@@ -85,18 +135,6 @@ class Lab:
             answer[side]['missed'] = int(counters.split(DEVICE + ':')[1].split()[11])
         return answer
 
-    def command(self, side: str, arguments: Sequence[str]) -> List[str]:
-        """The command line that runs a command on a side."""
-        return ['nsenter', '--net=' + self._namespaces[side], *arguments]
-
-    def run(self, side: str, arguments: Sequence[str], **options: Any) -> Any:
-        """subprocess.run on a side."""
-        return subprocess.run(self.command(side, arguments), **options)
-
-    def popen(self, side: str, arguments: Sequence[str], **options: Any) -> Any:
-        """subprocess.Popen on a side."""
-        return subprocess.Popen(self.command(side, arguments), **options)
-
     def close(self) -> None:
         assert self._process.stdin and self._process.stdout and self._process.stderr
         self._process.stdin.close()
@@ -107,13 +145,6 @@ class Lab:
             self._process.wait()
         self._process.stdout.close()
         self._process.stderr.close()
-
-    def __enter__(self) -> 'Lab':
-        return self
-
-    def __exit__(self, kind: Optional[Type[BaseException]], error: Optional[BaseException],
-                 traceback: Optional[TracebackType]) -> None:
-        self.close()
 
 
 def environment(side: str) -> Dict[str, str]:

@@ -13,6 +13,9 @@ LINK_STATUS, ROBOT_STATUS = STATUS_TYPES = 'smokebot_udp/LinkStatus', 'smokebot_
 EXCHANGES = frozenset({'action', 'command', 'service'})
 """Types of streams without encoder and assembler: what operators send the robot, and its answers."""
 
+SMALLEST = 1e-6
+"""What dialogs offer beyond a limit that is itself not allowed: a micrometre, a microsecond."""
+
 TYPE_NAMES = {str: 'a text', bool: 'true or false', int: 'a whole number', float: 'a number'}
 
 
@@ -37,6 +40,11 @@ class Parameter:
     def kind(self) -> Type[Any]:
         """str, bool, int or float."""
         return str if self.default is None else type(self.default)
+
+    @property
+    def minimum(self) -> Optional[float]:
+        """The smallest number that dialogs offer: it is allowed; None: there is no limit."""
+        return self.least if self.above is None else self.above + SMALLEST
 
     def check(self, value: Any) -> Any:
         """The value in the parameter's type; whole numbers are numbers, too.

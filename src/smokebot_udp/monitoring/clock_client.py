@@ -19,7 +19,7 @@ class EchoClient:
     """Estimates the clock of the machine that answers. Each question is answered once; other answers are refused."""
 
     def __init__(self) -> None:
-        self._clock = ClockOffset()
+        self._clock = ClockOffset(any_rate=True)
         self._open: Deque[int] = collections.deque(maxlen=MAX_QUESTIONS)
         self._asked = -math.inf
 
@@ -58,6 +58,11 @@ class EchoClient:
     def estimate(self, now: float) -> Optional[ClockEstimate]:
         """The estimate of the other clock; None without a recent answer."""
         return self._clock.estimate(now)
+
+    @property
+    def refuted(self) -> bool:
+        """Whether the clock is unknown because its answers contradict each other."""
+        return self._clock.refuted
 
     @property
     def counts(self) -> Dict[str, int]:

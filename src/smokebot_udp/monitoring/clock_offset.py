@@ -10,6 +10,8 @@ import collections
 import math
 from typing import Counter, Deque, List, NamedTuple, Optional
 
+from .clock_rate import EXCHANGES, ClockLine, Sample, clock_line
+
 DRIFT = 1e-4
 """Maximum relative drift of two clocks: 50 ppm each, typical of cheap crystals [s/s]."""
 
@@ -20,6 +22,9 @@ CONFIRMATIONS = 3
 """Number of consecutive exchanges that contradict the estimate, but not one another, that prove a clock jump."""
 
 MAX_EXCHANGES = 128
+
+MAX_EXTRAPOLATION = 10.0
+"""The offset of a clock of another rate is unknown this long after an exchange [s]."""
 
 
 class Exchange(NamedTuple):
@@ -57,10 +62,11 @@ class ClockOffset:
     :param window: maximum age of an exchange, and validity of the estimate [s]
     :param max_round_trip: exchanges with a longer round trip are refused: a clock jumped meanwhile, or they are
         useless [s]
+    :param any_rate: whether the clocks may run at different rates, as a simulation's does
     """
 
-    def __init__(self, window: float = 60.0, max_round_trip: float = 10.0) -> None:
-        self.window, self.max_round_trip = window, max_round_trip
+    def __init__(self, window: float = 60.0, max_round_trip: float = 10.0, any_rate: bool = False) -> None:
+        self.window, self.max_round_trip, self._any_rate = window, max_round_trip, any_rate
         self.refused: Counter[str] = collections.Counter()
         """Exchanges without effect, by reason: no time, order, round trip, contradiction."""
         self.jumps = 0
@@ -68,6 +74,14 @@ class ClockOffset:
         self._exchanges: Deque[Exchange] = collections.deque(maxlen=MAX_EXCHANGES)
         self._contradicting: List[Exchange] = []
         self._best: Optional[Exchange] = None
+        self._last: Deque[Sample] = collections.deque(maxlen=EXCHANGES)     # also those that contradict
+        self._line: Optional[ClockLine] = None
+        self._refuted = 0       # exchanges in a row that contradict the estimate
+
+    @property
+    def refuted(self) -> bool:
+        """Whether the last exchanges contradict all that could be an estimate."""
+        return self._refuted >= CONFIRMATIONS and self._line is None
 
     @property
     def offset(self) -> Optional[float]:
@@ -94,8 +108,11 @@ class ClockOffset:
         return self._best.uncertainty(now) if self._best else math.inf
 
     def estimate(self, now: float) -> Optional[ClockEstimate]:
-        """The estimate; None without a good exchange in the window."""
-        if self._best is None or not 0 <= now - self._exchanges[-1].at <= self.window:
+        """The estimate; None without a good exchange in the window, or where the last ones refute it."""
+        line = self._line
+        if line is not None and now - line.newest <= MAX_EXTRAPOLATION:
+            return ClockEstimate(line.offset_at(now), 2 * self._last[-1].error, line.error_at(now))
+        if self._best is None or self.refuted or not 0 <= now - self._exchanges[-1].at <= self.window:
             return None
         return ClockEstimate(self._best.offset, self._best.round_trip, self._best.uncertainty(now))
 
@@ -123,6 +140,15 @@ class ClockOffset:
         return None
 
     def _use(self, exchange: Exchange, now: float) -> bool:
+        used = self._fits(exchange, now)
+        self._refuted = 0 if used else self._refuted + 1
+        if self._any_rate:
+            self._last.append(Sample(exchange.at, exchange.offset, exchange.round_trip / 2))
+            self._line = clock_line(self._last)
+        return used or self._line is not None
+
+    def _fits(self, exchange: Exchange, now: float) -> bool:
+        """Whether an exchange is one of a clock of about this rate; the estimate then follows it."""
         while self._exchanges and now - self._exchanges[0].at > self.window:
             self._exchanges.popleft()
         if self._exchanges and self._best is not None and exchange.contradicts(self._best):

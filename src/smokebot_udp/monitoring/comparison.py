@@ -28,18 +28,29 @@ class Images(NamedTuple):
     """Of each image that was compared; infinite: exact [dB]."""
     ages: Sequence[float]
     """When each one was received [s]."""
+    unlike: str = ''
+    """Why some were not compared; empty: all that were received had an original."""
 
     @property
-    def good(self) -> bool:
+    def verdict(self) -> str:
+        """good, poor, or unknown: none could be compared."""
         lossy = self._lossy()
-        return bool(self.ages and np.median(self.ages) <= GOOD_AGE and (not lossy or np.mean(lossy) >= GOOD_PSNR))
+        if not self.ages or np.median(self.ages) > GOOD_AGE or (lossy and np.mean(lossy) < GOOD_PSNR):
+            return 'poor'
+        return 'good' if self.psnr else 'unknown'
 
     def __str__(self) -> str:
         if not self.ages:
             return ''
+        return '%s, age p50 %.0f ms, p99 %.0f ms' % (self._quality(), *(1e3 * np.percentile(self.ages, (50, 99))))
+
+    def _quality(self) -> str:
+        """How good they are, and of which this is known."""
         lossy = self._lossy()
+        if not self.psnr:
+            return 'not compared: %s' % (self.unlike or 'no original has their stamps')
         quality = 'PSNR %.1f dB' % np.mean(lossy) if lossy else 'all exact'
-        return '%s, age p50 %.0f ms, p99 %.0f ms' % (quality, *(1e3 * np.percentile(self.ages, (50, 99))))
+        return '%s of %d compared (%s)' % (quality, len(self.psnr), self.unlike) if self.unlike else quality
 
     def _lossy(self) -> List[float]:
         return [value for value in self.psnr if not math.isinf(value)]
@@ -70,9 +81,10 @@ class Compared(NamedTuple):
         if self.settings.get('latch'):
             return self.name, '', 'latched', '', 'yes' if self.came else 'no', 'good' if self.came else 'poor', ''
         expected = self.expected(loss)
-        good = self.received >= GOOD_SHARE * expected and (self.images is None or self.images.good)
+        verdict = 'poor' if self.received < GOOD_SHARE * expected else \
+            'good' if self.images is None else self.images.verdict
         rates = ('%.1f Hz' % rate for rate in (self.source, self.settings['rate'], expected, self.received))
-        return (self.name, *rates, 'good' if good else 'poor', '' if self.images is None else str(self.images))
+        return (self.name, *rates, verdict, '' if self.images is None else str(self.images))
 
 
 def table(streams: Sequence[Compared], loss: float) -> List[str]:

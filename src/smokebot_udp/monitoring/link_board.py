@@ -2,7 +2,7 @@
 """The newest reports of all nodes, for the table of link_top."""
 import collections
 import math
-from typing import Dict, List, Mapping, NamedTuple, Optional, OrderedDict, Sequence, Set, Tuple
+from typing import Dict, Iterable, List, Mapping, NamedTuple, Optional, OrderedDict, Sequence, Set, Tuple
 
 from .status import ROBOT
 
@@ -112,26 +112,27 @@ class Board:
 
     def age(self, now: float) -> Optional[float]:
         """Time since the last report [s]; None without any."""
-        return min((now - when for when, _ in self._known(now).values()), default=None)
+        return min((now - when for reports in self._known(now).values() for when, _ in reports), default=None)
 
     def statuses(self, now: float) -> List[NodeStatus]:
         """All statuses, sorted by their nodes' names; those that are too old are STALE."""
         return [status if now - when <= STALE_AFTER
                 else status._replace(level=STALE, message='silent for %.0f s' % (now - when))
-                for _, (when, statuses) in sorted(self._known(now).items()) for status in statuses]
+                for _, reports in sorted(self._known(now).items()) for when, statuses in reports for status in statuses]
 
-    def _known(self, now: float) -> Dict[str, Report]:
-        """{node: its report}; what was relayed of a robot counts where its own report is missing or too old."""
-        known = dict(self._reports)
+    def _known(self, now: float) -> Dict[str, List[Report]]:
+        """{node: its report}; what was relayed of a robot counts where its own report is missing or too old, and of
+        each part from when that came."""
+        known = {node: [report] for node, report in self._reports.items()}
         for operator, parts in self._relayed.items():
             robot = self._robot_of(operator)
             if now - parts.get(DIAGNOSTICS, (-math.inf, []))[0] <= STALE_AFTER:
                 parts = {DIAGNOSTICS: parts[DIAGNOSTICS]}
-            when = max(came for came, _ in parts.values())
+            newest = max(came for came, _ in parts.values())
             fresh = robot in self._reports and now - self._reports[robot][0] <= STALE_AFTER
-            if robot not in known or (not fresh and when > known[robot][0]):
-                known[robot] = when, [status._replace(node=robot) for _, statuses in parts.values()
-                                      for status in statuses]
+            if robot not in known or (not fresh and newest > max(came for came, _ in known[robot])):
+                # old diagnostics last: what the others have is newer
+                known[robot] = _merged(robot, [parts[part] for part in sorted(parts, key=DIAGNOSTICS.__eq__)])
         return known
 
     def _robot_of(self, operator: str) -> str:
@@ -140,3 +141,19 @@ class Board:
         robots = [node for node, (_, reported) in self._reports.items()
                   if any(status.values['side'] == ROBOT for status in reported)]
         return peers[0] if peers else robots[0] if len(robots) == 1 else UNKNOWN_ROBOT
+
+
+def _merged(robot: str, parts: Iterable[Report]) -> List[Report]:
+    """The parts of what is relayed of a robot, without what a part before has."""
+    merged: List[Report] = []
+    replaced: Set[Tuple[str, ...]] = set()
+    for when, statuses in parts:
+        left = [status._replace(node=robot) for status in statuses if _subject(status) not in replaced]
+        merged.append((when, left))
+        replaced.update(map(_subject, left))
+    return merged
+
+
+def _subject(status: NodeStatus) -> Tuple[str, ...]:
+    """What a status is about."""
+    return status.kind, status.stream, status.values.get('peer', '')

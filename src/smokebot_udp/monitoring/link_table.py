@@ -117,7 +117,14 @@ def _link_line(status: NodeStatus, whose: str) -> Line:
                  'round trip %s ms; %s' % (
                      whose, sent, rate, wanted, capacity, status.number('queue delay [ms]', 0),
                      status.number('loss [%]', 0), status.number('round trip [ms]', 0),
-                     status.message if status.level == STALE else status.values['state']))
+                     status.message if status.level == STALE else _with_problem(status)))
+
+
+def _with_problem(status: NodeStatus) -> str:
+    """The state of the link, and what is wrong."""
+    state = status.values['state']
+    return state if not status.level else status.message if state in status.message else '; '.join(
+        (state, status.message))
 
 
 def _clock_line(status: NodeStatus, whose: str) -> Line:
@@ -130,7 +137,7 @@ def _clock_line(status: NodeStatus, whose: str) -> Line:
 
 def _wifi_line(status: NodeStatus) -> Line:
     values = status.values
-    text = '-' if values['wifi'] == '-' or status.level == STALE else \
+    text = '-' if values['wifi'] == '-' or status.level == STALE else status.message if status.level else \
         '%s%s: signal %s dBm, noise %s dBm; sends at %s, receives at %s Mbit/s; %s retries/s, %s failed/s' % (
             values['wifi'], ' in %s' % values['ssid'] if 'ssid' in values else '', *(
                 status.number(key, digits) for key, digits in (

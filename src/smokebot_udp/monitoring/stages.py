@@ -39,6 +39,33 @@ class Mark(NamedTuple):
         return '%s\t%d\t%s\t%.6f\n' % self
 
 
+class Sized(NamedTuple):
+    """What decided the size of a message."""
+    stream: str
+    stamp: int
+    """Of the message [ns]."""
+    time: float
+    """When it was encoded, by the machine's steady clock [s]; the others as of streams.encoder.Sizing."""
+    coding: str
+    granted: float
+    used: int
+    bound: str
+    error: float
+
+    def line(self) -> str:
+        """As it is written into a file; read_marks leaves it out."""
+        return '%s\t%d\t%.6f\t%s\t%.0f\t%d\t%s\t%.3f\n' % self
+
+
+def read_sizes(lines: Iterable[str]) -> Iterator[Sized]:
+    """The lines of images' sizes in a file; others are left out."""
+    for line in lines:
+        fields = line.rstrip('\n').split('\t')
+        if len(fields) == len(Sized._fields):
+            stream, stamp, time, coding, granted, used, bound, error = fields
+            yield Sized(stream, int(stamp), float(time), coding, float(granted), int(used), bound, float(error))
+
+
 def read_marks(lines: Iterable[str]) -> Iterator[Mark]:
     """The marks of a file's lines; those that are none, as where a process was killed, are left out."""
     for line in lines:

@@ -102,6 +102,8 @@ class LinkStats:
     """[s]"""
     round_trip: float = math.nan
     """[s]"""
+    longest: Optional[int] = None
+    """Longer datagrams do not pass to an operator; None: all pass [byte of UDP payload]."""
     operator: Optional[str] = None
     """The operator that counts; None: none has reported yet."""
     silence: float = math.nan

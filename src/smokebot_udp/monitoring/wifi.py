@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Dict, NamedTuple, Optional, Sequence
 
 from . import wifi_texts
-from .status import OK, Status
+from .status import OK, WARN, Status
 from .wifi_texts import Station
 from .windows import Rate
 
@@ -33,6 +33,8 @@ class WifiState:
     """Frames that are given up after all retries [1/s]."""
     beacon_loss: float = math.nan
     """Beacons of the access point that are missed [1/s]."""
+    missing: bool = False
+    """It is the one that was configured, and there is none of this name."""
 
 
 class WifiTexts(NamedTuple):
@@ -51,17 +53,14 @@ class WifiTexts(NamedTuple):
     """/proc/net/arp"""
 
 
-def choose_interface(wireless: Sequence[str], routes: str, peers: Sequence[str], forced: str = '') -> Optional[str]:
+def choose_interface(wireless: Sequence[str], routes: str, peers: Sequence[str]) -> Optional[str]:
     """The interface to show: that of the route to the first peer that has a wireless one, else the only one.
 
     :param wireless: names of this machine's wireless interfaces
     :param routes: /proc/net/route
     :param peers: IPv4 addresses of the other side
-    :param forced: the name that was configured; empty: none
     :return: None where it is unknown
     """
-    if forced:
-        return forced if forced in wireless else None
     routed = [wifi_texts.route_interface(routes, peer) for peer in peers]
     return next((name for name in routed if name in wireless), wireless[0] if len(wireless) == 1 else None)
 
@@ -115,5 +114,8 @@ def wifi_status(state: WifiState, side: str) -> Status:
     values = {'signal [dBm]': state.signal, 'noise [dBm]': state.noise, 'tx bitrate [Mbit/s]': state.tx_bitrate,
               'rx bitrate [Mbit/s]': state.rx_bitrate, 'retries [1/s]': state.retries, 'failed [1/s]': state.failed,
               'beacon loss [1/s]': state.beacon_loss}
-    return Status('wifi', OK, 'fine' if state.interface else 'no wireless interface', {
+    level, message = OK, 'fine' if state.interface else 'no wireless interface'
+    if state.missing:
+        level, message = WARN, 'there is no wireless interface %s' % state.interface
+    return Status('wifi', level, message, {
         'side': side, 'wifi': state.interface or '-', **({'ssid': state.ssid} if state.ssid else {}), **values})

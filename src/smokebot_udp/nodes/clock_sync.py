@@ -3,6 +3,7 @@
 
 The clocks compared are rospy's, from which stamps come: the machine's clock, or a simulation's.
 """
+import math
 import threading
 import time
 from typing import Any, Dict, Optional
@@ -57,9 +58,10 @@ class ClockClient:
             return self._echoes.estimate(time.monotonic())
 
     def offset(self) -> float:
-        """The robot's clock minus this machine's [s]; 0 if it is unknown."""
-        estimate = self.estimate
-        return estimate.offset if estimate else 0.0
+        """The robot's clock minus this machine's [s]; 0 if it was not measured, NaN if the answers contradict it."""
+        with self._lock:
+            estimate, refuted = self._echoes.estimate(time.monotonic()), self._echoes.refuted
+        return estimate.offset if estimate else math.nan if refuted else 0.0
 
     @property
     def counts(self) -> Dict[str, int]:

@@ -34,6 +34,7 @@ class ImageComparison:
         self._pair: Optional[Tuple[Any, UInt8Array]] = None     # a sent message, and its view
         self._psnr: List[float] = []
         self._ages: List[float] = []
+        self._unlike = ''
         self._waiting: collections.OrderedDict[Any, Any] = collections.OrderedDict()   # {stamp: message}
         self._lock = threading.Lock()
         self._subscribers = [
@@ -58,10 +59,16 @@ class ImageComparison:
             self.came = True
             self._ages.append(age)
             source = self._waiting.get(message.header.stamp)
-        if source is not None:
-            quality = psnr(_pixels(source), _pixels(message))
-            with self._lock:
+        if source is None:
+            return
+        sent, received = _pixels(source), _pixels(message)
+        alike = (sent.shape, sent.dtype) == (received.shape, received.dtype)
+        quality = psnr(sent, received) if alike else math.nan
+        with self._lock:
+            if alike:
                 self._psnr.append(quality)
+            else:
+                self._unlike = '%s is sent, %s comes' % (_kind(source), _kind(message))
 
     def _on_view(self, view: Any) -> None:
         with self._lock:
@@ -73,13 +80,14 @@ class ImageComparison:
         """Start counting anew."""
         with self._lock:
             self.sent = self.received = 0
+            self._unlike = ''
             del self._psnr[:], self._ages[:]
 
     def compared(self, seconds: float) -> Compared:
         """The result after `seconds` of comparison."""
         with self._lock:
             return Compared(self.name, self._settings, self.sent / seconds, self.received / seconds, self.came,
-                            Images(tuple(self._psnr), tuple(self._ages)))
+                            Images(tuple(self._psnr), tuple(self._ages), self._unlike))
 
     def picture(self) -> Optional[UInt8Array]:
         """(height, width, 3) uint8 BGR: the newest image as it was sent, beside its view; None: there was none."""
@@ -96,6 +104,10 @@ class ImageComparison:
 
 def _pixels(message: Any) -> Array:
     return as_pixels(message.data, message.height, message.width, message.step, message.encoding, message.is_bigendian)
+
+
+def _kind(message: Any) -> str:
+    return '%d x %d %s' % (message.width, message.height, message.encoding)
 
 
 def _of_height(image: UInt8Array, height: int) -> UInt8Array:

@@ -65,10 +65,11 @@ class Diagnostics:
     """Publishes statuses from its own thread: a simulated clock that stops must not stop it.
 
     :param sources: functions of the time [s] that return statuses; if one fails the others are still published
+    :param types: what they ask the master for
     """
 
-    def __init__(self, sources: Sequence[Callable[[float], List[Status]]]) -> None:
-        self._sources, self._log_error = sources, log_error('diagnostics')
+    def __init__(self, sources: Sequence[Callable[[float], List[Status]]], types: 'MasterTypes') -> None:
+        self._sources, self._types, self._log_error = sources, types, log_error('diagnostics')
         # only the Updater's publish: its list of tasks is fixed, but connections come and go
         self._updater = diagnostic_updater.Updater()
         self._worker = PeriodicWorker('diagnostics', self._publish, self._log_error, PERIOD)
@@ -86,6 +87,26 @@ class Diagnostics:
 
     def close(self) -> None:
         self._worker.stop()
+        self._types.close()
+
+
+class MasterTypes(SourceTypes):
+    """Asks the master from its own thread: over a link that is cut it takes seconds to find that it does not answer."""
+
+    def __init__(self) -> None:
+        self._worker = PeriodicWorker('topic types', self._update, log_error('the types of topics'), None)
+        super().__init__(self._worker.wake)
+        self._worker.start()
+
+    def _update(self) -> None:
+        try:
+            self.types = dict(rpc.call(rosgraph.get_master_uri(), 'getTopicTypes'))
+        except (rpc.Unreachable, rpc.Refused):
+            self.types = {}
+
+    def close(self) -> None:
+        """End the thread."""
+        self._worker.stop()
 
 
 def robot_diagnostics(streams: Mapping[str, Any], way_back: WayBack, link: Any, parameters: Any, problems: Any,
@@ -99,7 +120,7 @@ def robot_diagnostics(streams: Mapping[str, Any], way_back: WayBack, link: Any, 
     :param problems: problems.Problems
     :return: to be closed before the streams and the transport
     """
-    types, requests = SourceTypes(_topic_types), RequestMonitor(ROBOT)
+    types, requests = MasterTypes(), RequestMonitor(ROBOT)
 
     def update(stream: Any, monitor: StreamMonitor, now: float) -> List[Status]:
         return monitor.update(_stats_with_type(stream, monitor, types, now), now)
@@ -108,7 +129,8 @@ def robot_diagnostics(streams: Mapping[str, Any], way_back: WayBack, link: Any, 
         return [link_status(link.stats(now)), wifi_status(link.wifi.state, ROBOT), *way_back.statuses(now),
                 _settings_status(problems, ROBOT, now), requests.update(udpros.refused_requests(), now),
                 *_transport_status(transport, ROBOT, now)]
-    return Diagnostics(_sources(ROBOT, {**streams, **way_back.streams}, parameters, update) + [update_node])
+    return Diagnostics(_sources(ROBOT, {**streams, **way_back.streams}, parameters, update) + [update_node],
+                       types)
 
 
 def operator_diagnostics(streams: Mapping[str, Any], way_back: WayBack, clock: Any, parameters: Any, problems: Any,
@@ -125,7 +147,7 @@ def operator_diagnostics(streams: Mapping[str, Any], way_back: WayBack, clock: A
     :param wifi: f() -> the state of this machine's Wi-Fi
     :return: to be closed before the streams, the clock and the transport
     """
-    types, requests = SourceTypes(_topic_types), RequestMonitor(OPERATOR)
+    types, requests = MasterTypes(), RequestMonitor(OPERATOR)
 
     def update(stream: Any, monitor: StreamMonitor, now: float) -> List[Status]:
         stats, robot, estimate = stream.stats(), sent().get(stream.name), clock.estimate
@@ -141,7 +163,7 @@ def operator_diagnostics(streams: Mapping[str, Any], way_back: WayBack, clock: A
                 _settings_status(problems, OPERATOR, now), requests.update(udpros.refused_requests(), now),
                 *_transport_status(transport, OPERATOR, now)]
     return Diagnostics(_sources(OPERATOR, streams, parameters, update)
-                       + _sources(OPERATOR, way_back.streams, parameters, update_back) + [update_node])
+                       + _sources(OPERATOR, way_back.streams, parameters, update_back) + [update_node], types)
 
 
 def _stats_with_type(stream: Any, monitor: StreamMonitor, types: SourceTypes, now: float) -> StreamStats:
@@ -158,17 +180,6 @@ def _sources(side: str, streams: Mapping[str, Any], parameters: Any,
     thresholds, now = read_thresholds(streams, parameters), time.monotonic()
     return [functools.partial(update, stream, StreamMonitor(side, name, stream.topic, thresholds[name], now))
             for name, stream in streams.items()]
-
-
-def _topic_types() -> Any:
-    """[(topic, type), ...] as the master knows them.
-
-    :raises OSError: without an answer
-    """
-    try:
-        return rpc.call(rosgraph.get_master_uri(), 'getTopicTypes')
-    except (rpc.Unreachable, rpc.Refused) as error:
-        raise OSError(str(error)) from error
 
 
 def _settings_status(problems: Any, side: str, now: float) -> Status:

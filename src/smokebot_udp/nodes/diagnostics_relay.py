@@ -11,6 +11,7 @@ from typing import Any, Dict, Mapping, Optional, Sequence
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
+from ..limited_log import logerr
 from ..packed import pack
 from ..reliable.carousel import Carousel, Kept
 from ..serialised import serialised
@@ -150,4 +151,4 @@ class DiagnosticsSink(Sink):
 
     def _report(self, problem: Any) -> None:
         if not rospy.is_shutdown():
-            rospy.logerr_throttle_identical(5, "stream '%s': %s" % (self.name, problem))
+            logerr("stream '%s'" % self.name, problem)

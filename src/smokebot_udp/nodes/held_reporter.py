@@ -19,7 +19,7 @@ class HeldReporter:
     """Sends the reports of a node's streams; lives as long as the node."""
 
     def __init__(self, transport: Transport) -> None:
-        self._max_datagram_size = transport.max_datagram_size
+        self._transport = transport
         self._schedule = HeldSchedule()
         self._streams: Dict[str, Callable[[], Optional[Holding]]] = {}
         self._publisher = transport.publisher(TOPIC, Held, queue_size=QUEUE_SIZE, tos=EXPEDITED)
@@ -46,4 +46,4 @@ class HeldReporter:
     def _report(self, name: str) -> None:
         holding = self._streams[name]()
         if holding is not None:
-            self._publisher.publish(to_message(holding, name, self._max_datagram_size))
+            self._publisher.publish(to_message(holding, name, self._transport.room))

@@ -3,8 +3,7 @@
 import collections
 from typing import Any, Counter, Mapping, Optional
 
-import rospy
-
+from ..limited_log import logwarn
 from ..msg import Held
 from ..streams.held import TOPIC, from_message
 from ..transport import Transport
@@ -32,7 +31,7 @@ class HeldReports:
         reason = self._refused(report, report._connection_header['callerid'])
         if reason is not None:
             self.dropped[reason] += 1
-            rospy.logwarn_throttle(60, 'a report of what an operator holds is not used: %s' % reason)
+            logwarn('a report of what an operator holds is not used', reason)
 
     def _refused(self, report: Any, sender: str) -> Optional[str]:
         """Pass a report on; the reason why it is not used, or None.

@@ -10,6 +10,7 @@ from std_msgs.msg import Header
 
 from ..codecs.wire import compressed
 from ..codecs.wire.pixels import as_pixels
+from ..limited_log import logerr
 from ..mission.settings import SettingsStore
 from ..streams.image.assembled import ShownImage
 from ..streams.image.camera_info import info_topic
@@ -57,7 +58,8 @@ class ViewOutput:
         """Publish the view of an image soon."""
         image = assembled.message
         pixels = as_pixels(image.data, image.height, image.width, image.step, image.encoding, image.is_bigendian)
-        self._view.show(pixels, image.encoding, image.header, assembled.known_ratio, error=assembled.error)
+        self._view.show(pixels, image.encoding, image.header, assembled.known_ratio, error=assembled.error,
+                        arrival=assembled.arrival)
 
     def close(self) -> None:
         self._notice.unsubscribe(self._view.set_notice)
@@ -115,7 +117,7 @@ class CompressedOutput:
         try:
             description, data = compressed.encode(pixels, image.encoding)
         except ValueError as error:
-            rospy.logerr_throttle_identical(5, '%s: an image is not published: %s' % (self._publisher.name, error))
+            logerr(self._publisher.name, 'an image is not published: %s' % error)
             return
         header = Header(stamp=image.header.stamp, frame_id=image.header.frame_id)
         self._publisher.publish(CompressedImage(header=header, format=description, data=data))

@@ -6,7 +6,8 @@ from typing import Any, Optional, Sequence, Tuple
 import numpy as np
 import rospy
 
-from ..arrays import Float32Array
+from ..arrays import FloatArray
+from ..frame_names import frame_name
 from ..streams.virtual_scan.fans import rotation
 
 
@@ -18,19 +19,23 @@ class TransformLookup:
         self._buffer: Any = None
         self._listener: Any = None
 
-    def __call__(self, frame: str, header: Any) -> Optional[Tuple[Float32Array, Float32Array]]:
+    def __call__(self, frame: str, header: Any) -> Optional[Tuple[FloatArray, FloatArray]]:
         """(3, 3) rotation and (3,) translation [m] into a frame, from a std_msgs/Header's at its stamp, or else the
         latest; None where tf does not know it."""
         import tf2_ros  # takes a second
         self.listen()
         for stamp in (header.stamp, rospy.Time(0)):    # the mount hardly moves, so the latest transform is good too
             try:
-                found = self._buffer.lookup_transform(frame, header.frame_id, stamp).transform
+                found = self._buffer.lookup_transform(frame_name(frame), frame_name(header.frame_id), stamp).transform
             except tf2_ros.TransformException:
                 continue
             q, t = found.rotation, found.translation
-            return rotation(q.x, q.y, q.z, q.w), np.array([t.x, t.y, t.z], np.float32)
+            return rotation(q.x, q.y, q.z, q.w), np.array([t.x, t.y, t.z])
         return None
+
+    def prepare(self) -> None:
+        """Listen to tf soon: the first call needs what was published before."""
+        threading.Thread(target=self.listen, name='tf', daemon=True).start()
 
     def listen(self) -> None:
         """Listen to tf from now on."""
@@ -47,7 +52,7 @@ class TransformLookup:
         self.listen()
         for frame in frames:
             try:
-                return self._buffer.lookup_transform(frame, header.frame_id, header.stamp)
+                return self._buffer.lookup_transform(frame_name(frame), frame_name(header.frame_id), header.stamp)
             except tf2_ros.TransformException:
                 continue
         return None

@@ -17,10 +17,12 @@ from ..congestion.packet_scheduler import PacketScheduler
 from ..monitoring.stats import LinkStats
 from ..monitoring.wifi import WifiState
 from ..msg import LinkReport, LinkStatus, WifiStatus
-from ..streams.outlook import Outlook, StreamLosses
+from ..streams.outlook import Outlook, Rooms, StreamLosses
 from ..units import MBIT
 from .link_reporter import TOPIC
 from .logging import log_error
+from .outbox import Departed
+from .path_monitor import PathMonitor
 from .robot_stream import RobotLink, RobotStream
 from .wifi_monitor import WifiMonitor
 from .worker import PeriodicWorker
@@ -42,6 +44,8 @@ class SharedController:
 
     def __init__(self, controller: Controller) -> None:
         self._controller, self._lock = controller, threading.Lock()
+        self.sent: Departed = lambda *_: None
+        """Called with what left, too."""
 
     def __enter__(self) -> Controller:
         self._lock.acquire()
@@ -60,6 +64,7 @@ class SharedController:
         """As Controller.on_sent, for the outbox."""
         with self as controller:
             controller.on_sent(stream, seq, count, size, now, limits)
+        self.sent(stream, seq, count, size, now, limits)
 
 
 class LinkControl:
@@ -79,7 +84,9 @@ class LinkControl:
                  further: Callable[[float], Mapping[str, Demand]] = lambda capacity: {}) -> None:
         self._controller, self._link, self._streams, self._reported = controller, link, streams, reported
         self._further, self._capacity = further, 0.0
-        self._losses = StreamLosses()
+        self._losses, self._rooms = StreamLosses(), Rooms()
+        self._paths = PathMonitor(link.transport, link.outbox)
+        controller.sent = self._paths.sent
         with controller as unshared:
             unshared.on_arrivals = self._losses.add
         self.shares: Dict[str, float] = {}
@@ -100,7 +107,8 @@ class LinkControl:
     def stats(self, now: float) -> LinkStats:
         """The link as it is now, by time.monotonic()."""
         with self._controller as controller:
-            return controller.stats(now)
+            stats = controller.stats(now)
+        return dataclasses.replace(stats, longest=self._paths.hole)
 
     def _on_report(self, report: Any) -> None:
         """Take a report; the transport's thread."""
@@ -108,6 +116,7 @@ class LinkControl:
         with self._controller as controller:
             header = report._connection_header      # one object for each connection
             train = controller.on_report(header['callerid'], report, now, id(header))
+        self._paths.reported(header['callerid'], report, now)
         self._reported(header['callerid'], report.header.seq)
 
         def follow(scheduler: PacketScheduler) -> None:
@@ -121,13 +130,14 @@ class LinkControl:
         demands = {**{name: stream.demand(now) for name, stream in self._streams.items()},
                    **self._further(self._capacity)}
         self._count_operators()
+        self._paths.tick(now)
         with self._controller as controller:
             plan = controller.tick(now, {name: demand for name, demand in demands.items() if demand is not None},
                                    self._link.outbox.protected)
-            stats = controller.stats(now)
+            stats = dataclasses.replace(controller.stats(now), longest=self._paths.hole)
             self._capacity = stats.capacity if math.isfinite(stats.capacity) else plan.rate or 0.0
             self._give_outlooks(plan, now)
-        self._link.datagram_size, self.shares = plan.datagram_size, plan.shares
+        self._link.datagram_size, self.shares = min(plan.datagram_size, self._link.transport.room), plan.shares
         grant(plan, self._streams, self._capacity)
 
         def follow(scheduler: PacketScheduler) -> None:
@@ -141,10 +151,11 @@ class LinkControl:
 
     def _give_outlooks(self, plan: Plan, now: float) -> None:
         """Pass on to the encoders what to expect of the link, under the controller's lock: reports change it."""
+        rooms = self._rooms.update(plan.rooms)
         for name, stream in self._streams.items():
             if stream.encoder.FORESEES:
                 stream.encoder.outlook = Outlook(self._losses.air(name, stream.subscribers, now),
-                                                 plan.rooms.get(name, math.inf) / self._link.expansion)
+                                                 rooms.get(name, math.inf) / self._link.expansion)
 
     def _count_operators(self) -> None:
         """Pass on who subscribes to the streams now; any thread."""
@@ -155,8 +166,9 @@ class LinkControl:
     def _set_rate(self, scheduler: PacketScheduler, now: float) -> None:
         """Set the present rate, under the outbox's lock: a report may have changed it since the plan was made."""
         with self._controller as controller:
-            rate = controller.rate(now)
+            rate, tokens = controller.rate(now), controller.tokens(now)
         scheduler.set_rate(None if rate is not None and rate > UNPACED else rate, now)
+        scheduler.set_tokens(*tokens, now)
 
     def _hosts(self) -> List[str]:
         """The hosts of the operators that report."""
@@ -165,6 +177,7 @@ class LinkControl:
     def close(self) -> None:
         """Stop; the outbox keeps its last rate."""
         self._ticks.stop()
+        self._paths.close()
         self.wifi.close()
         self._reports.unregister()
         self._status.unregister()
@@ -204,4 +217,5 @@ def as_message(stats: LinkStats, wifi: WifiState) -> LinkStatus:
     return LinkStatus(
         state=stats.state, rate=(stats.rate or 0.0) / MBIT, sent=stats.sent / MBIT, wanted=stats.wanted / MBIT,
         capacity=stats.capacity / MBIT, loss=stats.loss, queue_delay=stats.queue_delay, round_trip=stats.round_trip,
+        longest_datagram=stats.longest or 0,
         wifi=WifiStatus(**dataclasses.asdict(wifi)))

@@ -24,6 +24,7 @@ from ..mission.parameters import EXCHANGES
 from ..monitoring.control_status import control_text
 from ..monitoring.link_board import LEVELS, STALE, Board, NodeStatus, printable
 from ..monitoring.link_snapshot import Tree, snapshot
+from ..monitoring.link_status import HOLE
 from ..monitoring.link_table import Line, render
 from ..monitoring.status import OK, OPERATOR, ROBOT, WARN
 from ..monitoring.wifi import WifiState, wifi_status
@@ -64,7 +65,9 @@ def relayed_link(message: Any) -> List[NodeStatus]:
     state = printable(message.state)
     wifi = wifi_status(WifiState(**{field.name: getattr(message.wifi, field.name) for field in fields(WifiState)}),
                        ROBOT)
-    return [NodeStatus('', WARN if state.startswith('no reports') else OK, state, {
+    problems = [state] * state.startswith('no reports')
+    problems += [HOLE % message.longest_datagram] if message.longest_datagram else []
+    return [NodeStatus('', WARN if problems else OK, ', '.join(problems) or state, {
         'side': ROBOT, 'state': state,
         **{'%s [Mbit/s]' % name: str(getattr(message, name)) for name in ('sent', 'rate', 'wanted', 'capacity')},
         'loss [%]': str(100 * message.loss), 'queue delay [ms]': str(1e3 * message.queue_delay),

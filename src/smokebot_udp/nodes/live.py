@@ -4,10 +4,9 @@
 Whichever way a value comes, a SettingsStore checks it and holds it, it takes effect at once, and the other way shows
 it. What rosparam sets wrongly is reported and set back; dynamic_reconfigure clamps, as it always does.
 """
-import contextlib
 import threading
 from types import SimpleNamespace
-from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Set
+from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Set, Tuple
 
 import rospy
 from dynamic_reconfigure.encoding import decode_config, encode_config, encode_groups, group_dict
@@ -15,10 +14,11 @@ from dynamic_reconfigure.server import Server
 from rospy.impl.paramserver import get_param_server_cache
 
 from .. import udpros
+from ..limited_log import logerr
 from ..mission.mirror import Mirror
 from ..mission.parameters import FORMER_NAMES, Parameter, Table, current_names
 from ..mission.settings import SettingsStore
-from ..udpros.master import keep_parameters
+from ..udpros.master import keep_parameters, write_parameters
 from .logging import log_error
 from .parameters import DIAGNOSTICS
 
@@ -39,8 +39,7 @@ def config_type(name: str, table: Table) -> SimpleNamespace:
     """What dynamic_reconfigure's generator would make of a table {name: Parameter}: a server's `type`."""
     low, high = {}, {}
     for key, parameter in table.items():
-        least = parameter.above if parameter.above is not None else parameter.least
-        low[key] = LIMITS[parameter.kind][0] if least is None else parameter.kind(least)
+        low[key] = LIMITS[parameter.kind][0] if parameter.minimum is None else parameter.kind(parameter.minimum)
         high[key] = LIMITS[parameter.kind][1] if parameter.most is None else parameter.kind(parameter.most)
     parameters = [_described(key, parameter) for key, parameter in table.items()]
     return SimpleNamespace(
@@ -96,28 +95,9 @@ class LiveSettings:
         """
         return self._mirror.read(found.get(self.name, {}) if self.name else found)
 
-    def adopt(self, found: Dict[str, Any]) -> None:
-        """Take values that were set before the node started.
-
-        :param found: what is in the node's namespace; it is changed to what has to be there
-        """
-        self.read(found)
-        mine = found
-        if self.name:
-            mine = found[self.name] = dict(found[self.name]) if isinstance(found.get(self.name), dict) else {}
-        for name in self._mirror.to_delete():
-            del mine[name]
-        mine.update(self.values)
-        self._mirror.written(self.values)
-        self._mirror.deleted()
-
-    def replace(self) -> None:
-        """Write all values to the parameter server, whatever is there; PUBLISHING is held."""
-        if self.name:
-            rospy.set_param(self.namespace, self.values)
-            self._mirror.written(self.values)
-        else:
-            self.publish()
+    def publish(self) -> None:
+        """Write values that differ to the parameter server; PUBLISHING is held."""
+        publish_all([self])
 
     def serve(self) -> None:
         """Begin to serve dynamic_reconfigure."""
@@ -149,17 +129,13 @@ class LiveSettings:
             self._report('%s: %s: no such setting' % (self.namespace, ', '.join(unknown)))
         return {name: value for name, value in wanted.items() if name in self.store.table}
 
-    def publish(self) -> None:
-        """Write values that differ to the parameter server; PUBLISHING is held."""
-        for name, value in self._mirror.to_write().items():
-            rospy.set_param('%s/%s' % (self.namespace, name), value)
-            self._mirror.written({name: value})
-        for name in self._mirror.to_delete():
-            key = '%s/%s' % (self.namespace, name)
-            with contextlib.suppress(KeyError):     # it was deleted already
-                rospy.delete_param(key)
-            with contextlib.suppress(KeyError):     # rospy leaves it in its cache
-                get_param_server_cache().delete(key)
+    def to_publish(self) -> Tuple[Dict[str, Any], List[str]]:
+        """({name: value} that differs on the parameter server, names that are to be deleted there)"""
+        return self._mirror.to_write(), self._mirror.to_delete()
+
+    def published(self, values: Mapping[str, Any]) -> None:
+        """The parameter server has {name: value} now, and no longer the names that were to be deleted."""
+        self._mirror.written(values)
         self._mirror.deleted()
 
     def _warn(self, warning: str) -> None:
@@ -167,6 +143,16 @@ class LiveSettings:
         if warning not in self._warnings:
             self._warnings.add(warning)
             rospy.logwarn('%s', warning)
+
+
+def publish_all(parts: Sequence[LiveSettings]) -> None:
+    """Write the values that differ to the parameter server, in one call, and nothing else; PUBLISHING is held."""
+    news = [(part, *part.to_publish()) for part in parts]
+    write_parameters({'%s/%s' % (part.namespace, name): value for part, values, _ in news
+                      for name, value in values.items()},
+                     ['%s/%s' % (part.namespace, name) for part, _, gone in news for name in gone])
+    for part, values, _ in news:
+        part.published(values)
 
 
 class _Server(Server):
@@ -230,7 +216,7 @@ class _Server(Server):
             self._change_config(self.config, 0)
 
     def _copy_from_parameter_server(self) -> None:
-        self.config.update(self._settings.values)    # LiveSettings.adopt has read the parameter server
+        self.config.update(self._settings.values)    # ParameterWatch has read the parameter server
 
     def _copy_to_parameter_server(self) -> None:
         self._settings.publish()
@@ -273,10 +259,11 @@ class ParameterWatch:
         return True
 
     def _adopt(self) -> None:
-        found = _found(self._node)
-        for part in self._parts:
-            part.adopt(found)
-        rospy.set_param(self._node, found)
+        with PUBLISHING:
+            found = _found(self._node)
+            for part in self._parts:
+                part.read(found)
+            publish_all(self._parts)
         self._follow()
         with udpros.registered_together():
             for part in self._parts:
@@ -286,8 +273,7 @@ class ParameterWatch:
     def _start_late(self) -> None:
         late = list(self._late)
         with PUBLISHING:
-            for part in late:
-                part.replace()
+            publish_all(late)
         self._follow()
         with udpros.registered_together():
             for part in late:
@@ -338,8 +324,7 @@ class ParameterWatch:
                 if not self._ended:
                     self._read()
             except Exception as error:
-                if not rospy.is_shutdown():
-                    rospy.logerr_throttle_identical(5, 'the parameters cannot be read: %s' % error)
+                logerr('the parameters cannot be read', error)
 
     def _read(self) -> None:
         with PUBLISHING:    # otherwise values that this node is about to write would look like another node's

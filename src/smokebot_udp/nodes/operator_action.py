@@ -11,7 +11,7 @@ from actionlib_msgs.msg import GoalID, GoalStatus
 from ..mission.settings import SettingsStore
 from ..monitoring.stats import StreamStats
 from ..serialised import serialised
-from ..streams.action.goal_watch import GoalWatch
+from ..streams.action.goal_watch import GoalWatch, Lost
 from ..streams.action.missing_goals import MissingGoals
 from ..streams.frame_prefix import add_prefix, strip_prefix
 from ..streams.message_types import action_types
@@ -50,7 +50,7 @@ class OperatorAction:
         self._link: ReliableLink = way.reliable
         self._watch = GoalWatch(self._max_age + ANSWER_TIME)
         self._missing = MissingGoals()
-        self._worker: DeadlineWorker[str] = DeadlineWorker(
+        self._worker: DeadlineWorker[Lost] = DeadlineWorker(
             name, self._watch.poll, self._watch.deadline, self._lose, log_error("stream '%s'" % name))
         self._dropped: Counter[str] = collections.Counter()
         self._goals = self._results = 0
@@ -99,33 +99,35 @@ class OperatorAction:
             self._end(message.goal_id, GoalStatus.REJECTED, self._refused)
             return
         self._goals += 1
+        status, why = GoalStatus.LOST, NOBODY
         try:
             sent = self._channels['/goal'].send(GOAL + serialised(strip_prefix(message, self._prefix)))
         except ValueError as error:
-            self._end(message.goal_id, GoalStatus.REJECTED, str(error))
-            return
-        if sent:
-            with self._worker.changing():
-                self._watch.sent(message.goal_id.id, time.monotonic())
-        else:
-            self._end(message.goal_id, GoalStatus.LOST, NOBODY)
+            sent, status, why = False, GoalStatus.REJECTED, str(error)
+        with self._worker.changing():
+            if sent:
+                self._watch.sent(message.goal_id.id, message.goal_id.stamp.to_sec(), time.monotonic())
+            else:
+                why += _replaced(self._watch.failed(time.monotonic()))
+        if not sent:
+            self._end(message.goal_id, status, why)
 
     def _cancel(self, message: Any) -> None:
         if self._refused is not None:
             return
-        if message.id or not message.stamp:     # else those that are older than the stamp, which the robot knows
-            with self._worker.changing():
-                self._watch.cancelled(message.id, time.monotonic())
+        with self._worker.changing():
+            self._watch.cancelled(message.id, message.stamp.to_sec(), time.monotonic())
         self._send_cancel(message)
 
     def _send_cancel(self, message: Any) -> None:
         self._channels['/goal'].send(CANCEL + serialised(message))
 
-    def _lose(self, goal: str) -> None:
+    def _lose(self, lost: Lost) -> None:
         """Tell the client of a goal that the robot does not have, as far as is known."""
-        reason = 'the goal was not taken up within %g s: %s' % (self._watch.patience, self._silence())
+        reason = 'the goal was not taken up within %g s: %s%s' % (
+            self._watch.patience, self._silence(), _replaced(lost.replaced))
         rospy.logwarn("stream '%s': %s", self.name, reason)
-        self._end(GoalID(id=goal), GoalStatus.LOST, reason)
+        self._end(GoalID(id=lost.goal), GoalStatus.LOST, reason)
 
     def _silence(self) -> str:
         """Why nothing is heard of a goal."""
@@ -154,17 +156,20 @@ class OperatorAction:
         Goals that are on their way are added, and those whose results are.
         """
         statuses, now = {status.goal_id.id: status for status in message.status_list}, time.monotonic()
+        final = _with(statuses, FINAL)
         with self._worker.changing():
             self._watch.heard(statuses)
+            self._watch.ended(final)
             cancelled = self._watch.to_cancel(_with(statuses, PURSUED), now)
             on_their_way = self._watch.unheard
-            missing = self._missing.update(statuses, _with(statuses, FINAL), now)
+            missing = self._missing.update(statuses, final, now)
+            self._watch.ended(missing.lost)
         # for a client that has cancelled its goal, a status without the goal means that it is lost
         message.status_list += [GoalStatus(goal_id=GoalID(id=goal), status=GoalStatus.PENDING) for goal in on_their_way]
         message.status_list += missing.added
         for goal in cancelled:
-            rospy.logwarn("stream '%s': a goal that was taken for lost is cancelled: %s", self.name, goal)
-            self._cancel(GoalID(id=goal))
+            rospy.logwarn("stream '%s': a goal that nobody follows any more is cancelled: %s", self.name, goal)
+            self._send_cancel(GoalID(id=goal))
         for goal in missing.lost:
             self._end(GoalID(id=goal), GoalStatus.LOST, 'its result has not come from the robot')
 
@@ -177,6 +182,7 @@ class OperatorAction:
         self._feedback(message)
         with self._worker.changing():
             self._missing.ended(message.status.goal_id.id)
+            self._watch.ended([message.status.goal_id.id])
 
     def _joined(self, peer: str) -> None:
         self._unknown = False
@@ -185,6 +191,11 @@ class OperatorAction:
         self._unknown = True
 
 
-def _with(statuses: Mapping[str, Any], values: Tuple[int, ...]) -> List[str]:
-    """The goals with one of these values of actionlib_msgs/GoalStatus."""
-    return [goal for goal, status in statuses.items() if status.status in values]
+def _with(statuses: Mapping[str, Any], values: Tuple[int, ...]) -> Dict[str, float]:
+    """{goal: stamp of its id} of those with one of these values of actionlib_msgs/GoalStatus."""
+    return {goal: status.goal_id.stamp.to_sec() for goal, status in statuses.items() if status.status in values}
+
+
+def _replaced(goals: List[str]) -> str:
+    """What is added to why a goal was not taken up."""
+    return '; the robot is told to give up what it was to replace: %s' % ', '.join(goals) if goals else ''

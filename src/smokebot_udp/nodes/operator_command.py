@@ -4,25 +4,27 @@
 teleop/command_sender.py decides when which copy is sent, teleop/interlock.py whether the operator may command at all.
 """
 import collections
+import math
 import time
-from typing import Any, Counter, Mapping, Optional
+from typing import Any, Counter, Mapping, Optional, Tuple
 
 import rospy
 
 from ..budget import Budget
+from ..limited_log import logerr
 from ..mission.parameters import live
 from ..mission.settings import Settings, SettingsStore
 from ..monitoring.stats import ConnectionStats, StreamStats
 from ..msg import Command
 from ..serialised import serialised
-from ..streams.command.parameters import OPERATOR
+from ..streams.command.parameters import OPERATOR, timeout_message
 from ..streams.message_types import message_class
 from ..streams.relay.parts import carried
 from ..streams.segments import wire_topic
 from ..teleop.command_copy import Copy
 from ..teleop.command_sender import CommandSender
-from ..teleop.interlock import Interlock
-from ..teleop.zero import is_zero
+from ..teleop.interlock import START_FROM_NEUTRAL, Interlock
+from ..teleop.neutral import Neutral
 from ..traffic import EXPEDITED
 from ..transport import Publisher
 from .common import operator_topic
@@ -30,6 +32,10 @@ from .robot_command import COMMANDS
 from .way import OperatorWay
 from .worker import DeadlineWorker
 
+NEW = 1.0
+"""A message that came longer ago does not say where the sticks are [s]."""
+
+HINT = '. Where the sticks are at rest, call ~set_neutral, or set on_timeout of the stream to what they show'
 LOG_PERIOD = 5.0
 """A reason why commands are not sent is logged this often at most [s]."""
 
@@ -49,7 +55,10 @@ class OperatorCommand:
         self._class = message_class(settings['message_type'])
         self._sender = CommandSender(way.control.session, self._class._md5sum, settings['max_age'])
         self._view = settings['require_fresh']
-        self._interlock = Interlock(self._view, settings['max_view_age'])
+        on_timeout = timeout_message(settings)
+        self._neutral = Neutral(on_timeout)
+        self._newest: Tuple[Any, float] = None, -math.inf       # message, when it came
+        self._interlock = Interlock(self._view, settings['max_view_age'], on_timeout is not None)
         self._dropped: Counter[str] = collections.Counter()
         self._received = self._sent = 0
         self._problem: Optional[str] = None
@@ -70,7 +79,7 @@ class OperatorCommand:
         self._publisher = self._way.transport.publisher(wire_topic(self.name, COMMANDS), Command, queue_size=1,
                                                         carries=carried(self._class), tos=EXPEDITED)
         self._worker.start()
-        self._way.control.add_lock(self.name, self._lock)
+        self._way.control.add_commands(self.name, self._lock, self._rest)
         self._subscriber = rospy.Subscriber(self.topic, self._class, self._receive, queue_size=1, tcp_nodelay=True)
 
     def close(self) -> None:
@@ -98,10 +107,20 @@ class OperatorCommand:
         return self._way.view_age(self._view, now) if self._view else None
 
     def _lock(self, now: float) -> Optional[str]:
-        """Why no command would leave now, see OperatorControl.add_lock."""
-        known, refusal, age = self._way.control.robot_time(now), self._way.control.refusal(now), self._view_age(now)
+        """Why no command would leave now, see OperatorControl.add_commands. A neutral one is asked for only where
+        commands come."""
+        outlook, age = self._way.control.outlook(now), self._view_age(now)
         with self._worker.adding():
-            return self._follow(self._interlock.look(age, self._sender.accepts(known), refusal))
+            reason = self._follow(self._interlock.look(age, self._sender.accepts(outlook.time), outlook.refusal,
+                                                       outlook.releases))
+            silent = now - self._newest[1] >= NEW
+        return None if silent and reason is not None and reason.startswith(START_FROM_NEUTRAL) else reason
+
+    def _rest(self, now: float) -> Optional[str]:
+        """The sticks are at rest, see OperatorControl.add_commands."""
+        with self._worker.lock:
+            message, came = self._newest
+            return self._neutral.rests(message) if now - came < NEW and self._interlock.awaits_neutral else None
 
     def _follow(self, reason: Optional[str]) -> Optional[str]:
         """Note why no command leaves, and send no copies of the last one then; the lock is held."""
@@ -116,25 +135,27 @@ class OperatorCommand:
             self._report(ValueError('it is %s, must be %s' % (message._type, self.source_type)))
             return
         now = time.monotonic()
-        known, refusal, age = self._way.control.robot_time(now), self._way.control.refusal(now), self._view_age(now)
+        outlook, age = self._way.control.outlook(now), self._view_age(now)
         data = serialised(message)
         with self._worker.changing():
             self._received += 1
-            clock_known = self._sender.accepts(known)
-            reason = self._follow(self._interlock.may_send(is_zero(message), age, clock_known, refusal))
+            self._newest = message, now
+            reason = self._follow(self._interlock.may_send(
+                self._neutral.deviation(message), age, self._sender.accepts(outlook.time), outlook.refusal,
+                outlook.releases))
             problem = None
             if reason is not None:
                 self._dropped['locked'] += 1
             else:
-                problem = self._put(data, known, now)
+                problem = self._put(data, outlook, now)
         if problem is not None:
             self._report(problem)
         self._warn(reason, now)
 
-    def _put(self, data: bytes, made: Any, now: float) -> Optional[ValueError]:
+    def _put(self, data: bytes, outlook: Any, now: float) -> Optional[ValueError]:
         """Send a command; the lock is held. Returns why it is not sent."""
         try:
-            self._sender.put(data, made, now)
+            self._sender.put(data, outlook.time, outlook.releases, now)
         except ValueError as error:
             self._dropped['too long'] += 1
             return error
@@ -146,7 +167,8 @@ class OperatorCommand:
             self._warned = False
         elif not self._warned and self._log_budget.take(now):
             self._warned = True
-            rospy.logwarn("stream '%s': commands are not sent: %s", self.name, reason)
+            rospy.logwarn("stream '%s': commands are not sent: %s%s", self.name, reason,
+                          HINT if reason.startswith(START_FROM_NEUTRAL) else '')
 
     def _poll(self, now: float) -> Optional[Copy]:
         self._sender.loss = self._way.control.loss
@@ -159,5 +181,4 @@ class OperatorCommand:
             self._sent += 1
 
     def _report(self, error: Exception) -> None:
-        rospy.logerr_throttle_identical(LOG_PERIOD, "stream '%s': a message of %s is not sent: %s" % (
-            self.name, self.topic, error))
+        logerr("stream '%s'" % self.name, 'a message of %s is not sent: %s' % (self.topic, error))

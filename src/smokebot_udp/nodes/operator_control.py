@@ -1,19 +1,21 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The operator's side of control: asks the robot for control and for the emergency stop, and follows its clock.
 
-teleop/control_client.py decides. Services: ~take_control, ~release_control, ~estop (true: engage, false: release). The
-topic operator/estop engages it, too. operator/control (latched) shows the state in words, as the views do.
+teleop/control_client.py decides. Services: ~take_control, ~release_control, ~estop (true: engage, false: release),
+~set_neutral. The topic operator/estop engages it, too, and never releases it. operator/control (latched) shows the
+state in words, as the views do.
 """
 import math
 import random
 import threading
 import time
-from typing import Any, Callable, Dict, Mapping, Optional, Tuple
+from typing import Any, Callable, Dict, Mapping, NamedTuple, Optional, Tuple
 
 import rospy
 from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 
+from ..limited_log import logerr
 from ..monitoring.control_status import operator_control_status
 from ..monitoring.status import Status
 from ..msg import ControlRequest, ControlStatus
@@ -21,6 +23,7 @@ from ..teleop import records
 from ..teleop.command_copy import MICROSECONDS
 from ..teleop.control_client import ControlClient
 from ..teleop.estop_input import EstopInput
+from ..teleop.interlock import START_FROM_NEUTRAL
 from ..teleop.records import Wish
 from ..teleop.robot_clock import RobotClock, RobotTime
 from ..teleop.stall import Stall
@@ -50,6 +53,19 @@ IN_CONTROL = 'in control'
 Lock = Callable[[float], Optional[str]]
 """f(now) -> why a command stream would not send now, None: it would; by time.monotonic() [s]"""
 
+Rest = Callable[[float], Optional[str]]
+"""f(now) -> what a command stream's sticks show, which is neutral from now on, None: it does not wait for that"""
+
+
+class Outlook(NamedTuple):
+    """What the robot makes of commands, as this operator knows it."""
+    refusal: str
+    """Why it does not take them; empty: it does."""
+    time: Optional[RobotTime]
+    """Its steady clock; None: unknown."""
+    releases: Optional[int]
+    """How often the emergency stop was released; None: unknown."""
+
 
 class OperatorControl:
     """Lives as long as its node. Any thread may use it.
@@ -62,7 +78,8 @@ class OperatorControl:
         """Of this node."""
         self._client, self._clock, self._input = ControlClient(self.session), RobotClock(), EstopInput()
         self._notice, self._stall = notice, Stall()
-        self._locks: Dict[str, Lock] = {}       # by command stream
+        self._locks: Dict[str, Lock] = {}       # by command stream, as are these
+        self._rests: Dict[str, Rest] = {}
         self._answered = threading.Condition()
         self._state = ''
         log = log_error('control of the robot')
@@ -77,6 +94,7 @@ class OperatorControl:
         rospy.Service('~take_control', Trigger, lambda _: TriggerResponse(*self._ask(Wish.TAKE_CONTROL)))
         rospy.Service('~release_control', Trigger, lambda _: TriggerResponse(*self._ask(Wish.RELEASE_CONTROL)))
         rospy.Service('~estop', SetBool, self._serve_estop)
+        rospy.Service('~set_neutral', Trigger, lambda _: TriggerResponse(*self._set_neutral()))
         self._estop = rospy.Subscriber(operator_topic(ESTOP_TOPIC), Bool, self._pressed, queue_size=10,
                                        tcp_nodelay=True)
         self._statuses = transport.subscriber(STATUS, ControlStatus, self._receive)
@@ -123,17 +141,19 @@ class OperatorControl:
         with self._worker.lock:
             return self._clock.robot_time(now)
 
-    def refusal(self, now: float) -> str:
-        """Why this operator must not send commands now; empty: it may.
+    def outlook(self, now: float) -> Outlook:
+        """Whether this operator may send commands now.
 
         To be called for each command, by the time at which it came, and ten times a second besides.
         """
         with self._worker.lock:
-            return self._stall.look(now) or self._client.refusal(now)
+            status = self._client.status
+            return Outlook(self._stall.look(now) or self._client.refusal(now), self._clock.robot_time(now),
+                           status.releases if status else None)
 
-    def add_lock(self, name: str, lock: Lock) -> None:
-        """Show the state of a command stream, too."""
-        self._locks = {**self._locks, name: lock}
+    def add_commands(self, name: str, lock: Lock, rest: Rest) -> None:
+        """Show the state of a command stream, too, and have ~set_neutral serve it."""
+        self._locks, self._rests = {**self._locks, name: lock}, {**self._rests, name: rest}
 
     def status(self, now: float) -> Status:
         """For diagnostics."""
@@ -165,7 +185,7 @@ class OperatorControl:
         try:
             status = records.Status.of(message)
         except ValueError as error:
-            rospy.logerr_throttle(5, 'a status of the robot is not used: %s' % error)
+            logerr('a status of the robot is not used', error)
             return
         with self._worker.changing():
             now = time.monotonic()
@@ -183,17 +203,19 @@ class OperatorControl:
         """Serve SetBool."""
         return SetBoolResponse(*self._ask(Wish.ENGAGE_ESTOP if asked.data else Wish.RELEASE_ESTOP))
 
+    def _set_neutral(self) -> Tuple[bool, str]:
+        """The sticks are at rest: (whether any stream waited for that, in words)."""
+        now = time.monotonic()
+        found = {name: rest(now) for name, rest in self._rests.items()}
+        shown = ['%s: %s' % item for item in found.items() if item[1] is not None]
+        return bool(shown), '; '.join(shown) or 'no command stream gets commands and waits for neutral ones'
+
     def _pressed(self, message: Any) -> None:
         """A message on the topic."""
-        with self._worker.changing():
-            wish = self._input.update(message._connection_header['callerid'], bool(message.data), self._client.estop,
-                                      time.monotonic())
-        if wish is None:
-            return
-        try:
-            self._begin(wish)
-        except ValueError as error:
-            rospy.logerr_throttle(5, '%s: %s' % (self._estop.name, error))
+        with self._worker.lock:
+            press = self._input.is_press(message._connection_header['callerid'], bool(message.data), time.monotonic())
+        if press:
+            self._begin(Wish.ENGAGE_ESTOP)
 
     def _ask(self, wish: Wish) -> Tuple[bool, str]:
         """Ask the robot, and wait for its answer: (whether it does it, in words)."""
@@ -232,7 +254,7 @@ class OperatorControl:
         now = time.monotonic()
         notice = self._notice_text(now)
         self._notice.show(notice)
-        state = notice or self.refusal(now) or (IN_CONTROL if self._locks else 'no command stream')
+        state = notice or self.outlook(now).refusal or (IN_CONTROL if self._locks else 'no command stream')
         if state != self._state and not rospy.is_shutdown():
             self._state = state
             self._states.publish(state)
@@ -251,12 +273,12 @@ class OperatorControl:
 
 
 def lock_text(reasons: Mapping[str, Optional[str]]) -> str:
-    """Which command streams are locked, and why; empty: none is.
+    """Which command streams are locked, and why; empty: none is. A stick that has to be let go of comes first.
 
     :param reasons: {stream: why it is locked, None: it is not}
     """
     locked = {name: reason for name, reason in reasons.items() if reason}
     if not locked:
         return ''
-    name, reason = next(iter(locked.items()))
+    name, reason = min(locked.items(), key=lambda item: not item[1].startswith(START_FROM_NEUTRAL))
     return 'LOCKED: ' + (reason if len(locked) == len(reasons) else '%s: %s' % (name, reason))

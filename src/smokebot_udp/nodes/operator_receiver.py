@@ -19,6 +19,7 @@ from ..monitoring.status import OPERATOR
 from ..msg import RobotStatus
 from ..srv import SetFocus
 from ..streams import classified, live_tables
+from ..streams.frame_prefix import with_prefix
 from . import garbage, malloc_tuning
 from .clock_sync import ClockClient
 from .common import Parameters, operator_topic, read_streams, start_streams
@@ -36,6 +37,7 @@ from .operator_control import OperatorControl
 from .operator_stream import OperatorLink, OperatorStream
 from .overlay import Overlay
 from .parameters import OPERATOR_RECEIVER
+from .path_monitor import PathAnswers
 from .problems import Problems
 from .robot_markers import RobotMarkers
 from .settings_mirror import SettingsMirror
@@ -56,6 +58,7 @@ class OperatorReceiver:
         udpros.emulate_loss(parameters['loss'], parameters['loss_seed'])
         definitions = classified(read_streams(parameters))
         self._transport = operator_transport(parameters)
+        self._path = PathAnswers(self._transport)
         notice = Notice()
         with udpros.registered_together():
             self._motion = MotionListener(operator_topic(parameters['odom_topic']), parameters['cmd_vel_topic'])
@@ -99,7 +102,7 @@ class OperatorReceiver:
         """Start what rviz shows beside the streams."""
         self._stale = StaleStreams(
             self.streams, self._focus.sent, operator_topic(parameters['stale_topic']),
-            parameters['frame_prefix'] + parameters['base_frame'], parameters['stale_after'],
+            with_prefix(parameters['base_frame'], parameters['frame_prefix']), parameters['stale_after'],
             parameters['clear_stale'])
         self._markers = RobotMarkers(parameters)
         self._overlay = Overlay(self.streams, self._focus, control, operator_topic(parameters['overlay_topic']),
@@ -138,6 +141,7 @@ class OperatorReceiver:
         self._held.close()
         self._codec.close()
         self._reporter.close()
+        self._path.close()
         self._clock.close()
         self._transport.close()
 

@@ -2,6 +2,7 @@
 """Runs the operator's side of one stream: from its segments' topic to the operator's topic."""
 import collections
 import functools
+import math
 import threading
 import time
 from dataclasses import dataclass, field
@@ -11,19 +12,21 @@ import rospy
 
 from ..arrays import BoolArray, Records
 from ..codecs.video.pyav import installed
+from ..limited_log import logerr, logwarn
 from ..mission.parameters import live
 from ..mission.settings import Settings, SettingsStore
 from ..monitoring import stages
 from ..monitoring.stats import ConnectionStats, Shown, StreamStats
 from ..streams import assembler_class
-from ..streams.assembler import Assembled, Assembler
+from ..streams.assembler import Assembled, Assembler, Work
 from ..streams.blank import blank, has_blank
 from ..streams.frame_assembler import Frame
 from ..streams.frame_prefix import add_prefix
 from ..streams.held import Holding
 from ..streams.image.camera_info import CAMERA_INFO
-from ..streams.relay.transforms import QUEUE
+from ..streams.relay.contents import QUEUE
 from ..streams.segments import INFO, reported_name, wire_topic
+from ..streams.source_clock import Epoch
 from ..transport import Subscriber, Transport
 from .common import operator_topic
 from .compiled_codec import CompiledCodec
@@ -92,6 +95,7 @@ class OperatorStream:
         self._last: Any = None      # the message published last, while blank ones can take its place
         self._cleared: Optional[float] = None   # when the first one did [s]
         self._link = link
+        self._epoch = Epoch()       # of relayed messages
         self._shown: Deque[Shown] = collections.deque(maxlen=MAX_SHOWN)
         self._publisher: Any = None     # made by start(), as are these
         self._subscribers: Dict[str, Subscriber] = {}   # by part
@@ -99,13 +103,12 @@ class OperatorStream:
         self._misses_decoder = False    # likewise, where there is none
         self._outputs: List[Any] = []
         self._renew: Optional[Callable[[], None]] = None    # publishes calibrations that came after their images
-        self._worker: DeadlineWorker[Any] = DeadlineWorker(
-            name, self.assembler.poll, self.assembler.deadline, self._show, self._report)
+        self._worker: DeadlineWorker[Callable[[], None]] = DeadlineWorker(
+            name, self._next_job, self.assembler.deadline, lambda job: job(), self._report)
         self.settings.subscribe(self._configure)
 
     def start(self) -> None:
         """Begin to receive."""
-        # of images only the newest count; the messages of a relay may come many at once
         self._publisher = self._make_publisher()
         self._outputs = list(self._make_outputs())
         if not self.assembler.FORWARDS:
@@ -120,7 +123,7 @@ class OperatorStream:
             from .map_publisher import MapPublisher  # imports map_msgs, for maps only
             return MapPublisher(self.topic, self.assembler.MESSAGE)
         return rospy.Publisher(self.topic, self.assembler.MESSAGE, latch=self.assembler.LATCH,
-                               queue_size=QUEUE if self.assembler.FORWARDS else 2, tcp_nodelay=True)
+                               queue_size=self.assembler.QUEUE_SIZE, tcp_nodelay=True)
 
     def _subscribe(self, part: str) -> Subscriber:
         options: Dict[str, Any]
@@ -228,8 +231,6 @@ class OperatorStream:
         """Take a batch of segments, in the transport's thread."""
         with self._worker.adding():
             self.assembler.receive(records, mask, time.monotonic(), part)
-        if part in self.assembler.HELD:
-            self._report_held()
         if part == INFO and self._renew is not None:
             self._renew()
 
@@ -259,6 +260,22 @@ class OperatorStream:
         finally:
             self._log_warnings()
 
+    def _next_job(self, now: float) -> Optional[Callable[[], None]]:
+        finished = self.assembler.poll(now)
+        if finished is not None:
+            return functools.partial(self._show, finished)
+        work = self.assembler.work()
+        return None if work is None else functools.partial(self._do, work)
+
+    def _do(self, work: Work) -> None:
+        """Do what takes time before a message can be finished, in the worker's thread."""
+        try:
+            work.do()
+        finally:
+            with self._worker.lock:
+                work.done()
+        self._report_held()
+
     def _show(self, finished: Any) -> None:
         """Assemble and publish one message, in the worker's thread."""
         self.received += 1
@@ -271,6 +288,8 @@ class OperatorStream:
                 self._report_held()
             if assembled is None:
                 return
+            if isinstance(finished, Frame):
+                assembled.arrival = finished.head.arrival
             done = time.monotonic()
             self._publish(assembled)    # the outputs, too, show the frames that are published
             if TRACE.on and isinstance(finished, Frame):
@@ -282,9 +301,9 @@ class OperatorStream:
         finally:
             self._log_warnings()
 
-    def _trace(self, frame: Frame[Any], taken: float, assembled: float) -> None:
+    def _trace(self, frame: Frame[Any], taken: float, done: float) -> None:
         """Trace a message that was published just now; times by time.monotonic() [s]."""
-        for point, when in ((stages.ARRIVED, frame.latest), (stages.TAKEN, taken), (stages.ASSEMBLED, assembled),
+        for point, when in ((stages.ARRIVED, frame.latest), (stages.TAKEN, taken), (stages.ASSEMBLED, done),
                             (stages.PUBLISHED, None)):
             TRACE.mark(self.name, frame.head.stamp, point, when)
 
@@ -305,19 +324,28 @@ class OperatorStream:
         with self._publishing:
             self._publisher.publish(assembled.message)
             self.published += 1
-            age = (rospy.Time.now().to_nsec() - assembled.stamp) / 1e9 if assembled.stamp else None
+            age = self._age_of(assembled)
             self._last_age, self.last_shown = age, time.monotonic()     # in this order, see `age`
             self._last = assembled.message if has_blank(self.assembler.MESSAGE) else None
             self._cleared = None
             self.last_stamp = assembled.stamp
         self._shown.append(Shown(age, assembled.completeness, assembled.error))
 
+    def _age_of(self, assembled: Assembled) -> Optional[float]:
+        """The age of a message but for the offset of the robot's clock [s]; None: unknown, as that of a relayed one of
+        another epoch, which crosses without its arrival."""
+        taken, now = assembled.arrival or assembled.stamp, int(rospy.Time.now().to_nsec())
+        offset = self._link.clock_offset()
+        if self.assembler.FORWARDS and taken and math.isfinite(offset):
+            self._epoch.look(taken, now + int(1e9 * offset))
+        return (now - taken) / 1e9 if taken and not self._epoch.other else None
+
     def _prefixed(self, message: Any) -> Any:
         return add_prefix(message, self._link.frame_prefix)
 
     def _log_warnings(self) -> None:
         while self.assembler.warnings:
-            rospy.logwarn_throttle_identical(60, "stream '%s': %s" % (self.name, self.assembler.warnings.pop(0)))
+            logwarn("stream '%s'" % self.name, self.assembler.warnings.pop(0))
 
     def _report(self, error: Exception) -> None:
-        rospy.logerr_throttle_identical(5, "stream '%s': a message is not published: %s" % (self.name, error))
+        logerr("stream '%s'" % self.name, 'a message is not published: %s' % error)

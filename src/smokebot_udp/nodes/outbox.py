@@ -12,6 +12,7 @@ from ..transport import Publisher
 from ..udpros.datagram import IP_UDP_HEADERS
 from ..udpros.frame import Frame
 from .trace import TRACE
+from .worker import RETRY_PERIOD
 
 MAX_BACKLOG = 0.02
 """A newer message of a stream waits for the rest of the one before if that leaves within this time, unless its encoder
@@ -101,6 +102,11 @@ class Outbox:
         with self._changed:
             return self._scheduler.sending(stream) is not None
 
+    def takes(self, stream: str) -> float:
+        """How long it takes until what is left of a stream's message has left [s]."""
+        with self._changed:
+            return self._scheduler.takes(stream)
+
     def publish(self, stream: str, publisher: Publisher, frame: Frame) -> None:
         """Send a frame at once, before everything that waits."""
         now = time.monotonic()      # before it leaves: it may arrive at once
@@ -145,7 +151,13 @@ class Outbox:
 
     def _run(self) -> None:
         while True:
-            chunk = self._await_chunk()
+            try:
+                chunk = self._await_chunk()
+            except Exception as error:      # at once it would fail again
+                self._on_error('outbox', error)
+                with self._changed:
+                    self._changed.wait_for(lambda: self._ended, RETRY_PERIOD)
+                continue
             if chunk is None:
                 return
             try:

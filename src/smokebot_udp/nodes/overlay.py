@@ -64,7 +64,7 @@ class Overlay:
         if link is not None:
             signals = [value for value in (link.wifi.signal, self._signal()) if math.isfinite(value)]
             values.update(sent=link.sent, capacity=link.capacity, loss=link.loss, round_trip=link.round_trip,
-                          signal=min(signals, default=math.nan))
+                          longest=link.longest_datagram, signal=min(signals, default=math.nan))
         if battery is not None:
             values.update(charge=battery.percentage, voltage=battery.voltage)
         if robot is not None:

@@ -5,8 +5,7 @@ import threading
 import time
 from typing import Any, Deque, Dict, Tuple
 
-import rospy
-
+from ..limited_log import logerr
 from ..monitoring.status import OK, WARN
 
 REMEMBERED = 5
@@ -14,6 +13,10 @@ REMEMBERED = 5
 
 RECENT = 60.0
 """Time for which a problem makes diagnostics WARN [s]."""
+
+
+AGAIN = 1.0
+"""Problems of one kind are logged this far apart: a person may try another value, a program many [s]."""
 
 
 class Problems:
@@ -26,7 +29,7 @@ class Problems:
 
     def report(self, problem: str) -> None:
         """Report a problem."""
-        rospy.logerr('%s', problem)
+        logerr('', problem, AGAIN)
         with self._lock:
             self.count += 1
             self._last.append((time.monotonic(), problem))

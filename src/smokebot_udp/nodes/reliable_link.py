@@ -154,7 +154,7 @@ class ReliableLink(rospy.SubscribeListener):
         self._transport, self._outbox, self._report = transport, outbox, report
         self._direction = SIDES[side]
         self._other = TO_ROBOT if self._direction == TO_OPERATOR else TO_OPERATOR
-        size = transport.max_datagram_size
+        size = transport.room
         self._headers = size - room(ReliableSegment, size) + transport.overhead + IP_UDP_HEADERS
         self._peers = Peers(lambda: random.SystemRandom().randint(1, 2 ** 32 - 1), room(ReliableSegment, size),
                             self._headers)
@@ -294,7 +294,7 @@ class ReliableLink(rospy.SubscribeListener):
 
     def _follow(self, rate: float) -> None:
         """Adapt to the link's rate [byte/s]: short datagrams, and few at once, for those that wait behind."""
-        pace, longest = self._peers.pace, self._transport.max_datagram_size
+        pace, longest = self._peers.pace, self._transport.room
         pace.limit = min(MAX_RATE, max(LINK_SHARE * rate, min(MIN_LIMIT, MOST_SHARE * rate)))
         pace.most_burst = BURST_DURATION * rate
         self._peers.set_room(room(ReliableSegment, datagram_size(rate, longest)))

@@ -11,16 +11,17 @@ from typing import Any, Callable, Dict, Mapping, Optional
 import rospy
 
 from .. import udpros
+from ..limited_log import ERROR_PERIOD, logerr, logwarn
 from ..mission.settings import SettingsStore
 from ..monitoring.stats import StreamStats
 from ..packed import pack, unpack
 from ..reliable.bounds import Bounds
-from ..reliable.newest import Newest
 from ..serialised import serialised
 from ..streams import live_tables
 from ..streams.message_types import message_class
+from ..streams.relay.contents import QUEUE, Contents, kept_together, publisher_of
 from ..streams.relay.parameters import LEVELS, LOG, TO_OPERATOR, TO_ROBOT
-from ..streams.relay.transforms import QUEUE, TF_TYPES, TransformSet
+from ..streams.relay.turns import Turns
 from .reliable_link import Channel, ReliableLink
 from .worker import PeriodicWorker
 
@@ -101,7 +102,8 @@ class ReliableRelay:
 class Source(ReliableRelay):
     """The side that sends: subscribes the topic.
 
-    Transforms that are latched come from many publishers: they are merged, so that the last message has them all.
+    Transforms, for one, that are latched come from many publishers: they are merged, so that the last message has them
+    all.
 
     :param rewrite: see Rewrite
     """
@@ -113,8 +115,8 @@ class Source(ReliableRelay):
         self._rewrite = rewrite
         self._is_log = settings['message_type'] == LOG
         self._level = LEVEL_VALUES.get(settings['level'], 0)
-        merges = self._latch and settings['message_type'] in TF_TYPES
-        self._transforms = TransformSet() if merges else None
+        self._together = self._latch and kept_together(self._class)
+        self._kept: Optional[Contents] = None       # what was latched until now, with _together
         self._latched: Optional[bytes] = None
         self._latched_at = 0.0
         self._received = self._invalid = self._nobody = 0
@@ -142,7 +144,7 @@ class Source(ReliableRelay):
         if message._type != self.source_type:
             self._report('it is %s, must be %s' % (message._type, self.source_type))
             return
-        publisher = message._connection_header['callerid']
+        publisher = publisher_of(message)
         source = message.name if self._is_log else publisher
         if not self._wanted(source):
             if source == publisher:     # what it publishes crosses the link by TCP for nothing
@@ -173,29 +175,40 @@ class Source(ReliableRelay):
         channel = self._channel
         assert channel is not None
         with self._lock:
-            if self._transforms is not None:
-                message = self._merged(message)
-            data = self._packed(message)
+            data = self._packed_with_kept(message) if self._together else self._packed(message)
             if self._latch:
                 self._latched, self._latched_at = data, time.monotonic()
             if not channel.send(data):
                 self._nobody += not self._latch
 
-    def _packed(self, message: Any) -> bytes:
-        """:raises ValueError: where it is too long"""
+    def _check(self, message: Any) -> bytes:
+        """A message, serialised.
+
+        :raises ValueError: where it is too long
+        """
         data = serialised(message)
         if len(data) > self._bounds.bytes:
             raise ValueError('it has %d bytes, max_bytes is %d' % (len(data), self._bounds.bytes))
-        return pack(data)
+        return data
 
-    def _merged(self, message: Any) -> Any:
-        """All transforms until now.
+    def _packed(self, message: Any) -> bytes:
+        """:raises ValueError: where it is too long"""
+        return pack(self._check(message))
 
-        :raises ValueError: where there are too many
+    def _packed_with_kept(self, message: Any) -> bytes:
+        """All content until now. What makes it too long is not kept, so that it does not keep out what comes later.
+
+        :raises ValueError: where it is too long
         """
-        assert self._transforms is not None
-        self._transforms.add(message)
-        return self._class(transforms=self._transforms.transforms)
+        contents = Contents(self._class)
+        if self._kept is not None:
+            contents.update(self._kept)
+        problem = contents.add(message)
+        data = self._packed(contents.merged())
+        self._kept = contents
+        if problem:
+            self._report(problem)
+        return data
 
     def _joined(self, peer: str) -> None:
         """A new node of the other side gets what is latched, the robot only if it is not old; the link's thread."""
@@ -217,14 +230,12 @@ class Source(ReliableRelay):
 
     def _report(self, problem: Any) -> None:
         self._invalid += 1
-        if not rospy.is_shutdown():
-            rospy.logerr_throttle_identical(5, "stream '%s': a message of %s is not sent: %s" % (
-                self.name, self.topic, problem))
+        logerr("stream '%s'" % self.name, 'a message of %s is not sent: %s' % (self.topic, problem))
 
 
 class NewestSource(Source):
-    """With `newest`: the newest message of each publisher, once the one before has arrived and a small part of the link
-    has room for it.
+    """With `newest`: the newest content of each name, once the one before has arrived and a small part of the link has
+    room for it; the contents take turns.
 
     Where both sides share a master, an operator's own messages are not sent back to it.
     """
@@ -232,7 +243,7 @@ class NewestSource(Source):
     def __init__(self, name: str, settings: Mapping[str, Any], link: ReliableLink, topic: str,
                  rewrite: Rewrite = lambda message: message) -> None:
         super().__init__(name, settings, link, topic, rewrite)
-        self._states: Dict[str, Newest] = {}    # {peer: what waits for it}
+        self._states: Dict[str, Turns] = {}     # {peer: what waits for it}
         self._turns = PeriodicWorker(name, self._take_turns, self._report, TURN_PERIOD)
 
     def start(self) -> None:
@@ -249,21 +260,24 @@ class NewestSource(Source):
         return source not in self._link.peers()
 
     def _send(self, message: Any, source: str) -> None:
-        data, peers = self._packed(message), self._link.peers()
+        self._check(message)
+        peers = self._link.peers()
         with self._lock:
-            self._states = {peer: self._states.get(peer) or Newest() for peer in peers}
-            for states in self._states.values():
-                states.put(source, data)
+            self._states = {peer: self._states.get(peer) or Turns(self._class) for peer in peers}
+            problems = [states.add(message, source) for states in self._states.values()]
         self._nobody += not peers
         self._turns.wake()
+        if any(problems):
+            self._report(max(problems))
 
     def _take_turns(self) -> None:
-        """Send the next message to each peer that has got the one before."""
+        """Send what waits next to each peer that has got the message before."""
         channel = self._channel
         assert channel is not None
         rate, now = self._link.part_of_rate(STATES_SHARE), time.monotonic()
         with self._lock:
-            due = [(peer, states.take(rate, now)) for peer, states in self._states.items() if not channel.waiting(peer)]
+            due = [(peer, states.due(self._packed, rate, now)) for peer, states in self._states.items()
+                   if not channel.waiting(peer)]
         for peer, data in due:
             if data is not None:
                 channel.send(data, peer)
@@ -303,15 +317,13 @@ class Sink(ReliableRelay):
         refusal = self._refusal(peer)
         if refusal is not None:
             self._refused += 1
-            rospy.logwarn_throttle_identical(5, "stream '%s': a message of %s is refused: %s" % (
-                self.name, peer, refusal))
+            logwarn("stream '%s'" % self.name, 'a message of %s is refused: %s' % (peer, refusal), ERROR_PERIOD)
             return
         try:
             message = self._class().deserialize(unpack(data, self._bounds.bytes))
         except Exception:   # genpy's readers raise DeserializationError, UnicodeError, ... on hostile bytes
             self._invalid += 1
-            rospy.logerr_throttle_identical(5, "stream '%s': what %s sent is no %s" % (
-                self.name, peer, self._class._type))
+            logerr("stream '%s'" % self.name, 'what %s sent is no %s' % (peer, self._class._type))
             return
         self._show(message)
         self._published += 1

@@ -2,14 +2,16 @@
 """Runs the robot's side of an action stream: an action client of the robot's server for all operators."""
 import collections
 import time
-from typing import Any, Counter, Dict, List, Mapping, Optional, Tuple
+from typing import Any, Counter, Dict, List, Mapping, Optional, OrderedDict, Tuple
 
 import rospy
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 
+from ..limited_log import logerr
 from ..mission.settings import SettingsStore
 from ..monitoring.stats import StreamStats
 from ..serialised import serialised
+from ..streams.action.goal_watch import MAX_GOALS
 from ..streams.action.throttle import Throttle
 from ..streams.message_types import action_types
 from .action_channels import CANCEL, PURSUED, action_channels, ended, read_request
@@ -41,8 +43,9 @@ class RobotAction:
         self.settings = SettingsStore({}, settings)
         self._max_age, self._control = settings['max_age'], way.control
         self._link: ReliableLink = way.reliable
-        self._stopped = False       # by the emergency stop
+        self._stopped = False, 0        # whether the emergency stop is engaged, how often it was released
         self._cancelled = 0.0       # when all goals were cancelled last
+        self._senders: OrderedDict[str, str] = collections.OrderedDict()    # {goal that has not ended: operator}
         self._throttles = {part: Throttle(settings['feedback_rate']) for part in ('/status', '/feedback')}
         self._worker: DeadlineWorker[Tuple[str, bytes]] = DeadlineWorker(
             name, self._poll, self._deadline, self._send, log_error("stream '%s'" % name))
@@ -75,14 +78,23 @@ class RobotAction:
 
     def _follow(self) -> None:
         """The emergency stop may have been engaged: it cancels every goal of the action server, whoever sent it."""
-        before, self._stopped = self._stopped, self._control.standing.estop
-        if self._stopped and not before:
+        standing, (engaged, releases) = self._control.standing, self._stopped
+        self._stopped = standing.estop, standing.releases
+        if self._stopped not in ((engaged, releases), (False, releases + engaged)):     # nor was it just released
             self._cancel_all()
 
     def _cancel_all(self) -> None:
         self._cancelled = time.monotonic()
         if self._publishers:
             self._publishers['/cancel'].publish(GoalID())
+
+    def _cancel_of(self, operator: str) -> str:
+        """Cancel the goals of an operator that a refused one was to replace, and nobody follows; in words."""
+        goals = [goal for goal, sender in self._senders.items() if sender == operator and goal]
+        for goal in goals:
+            self._senders.pop(goal)
+            self._publishers['/cancel'].publish(GoalID(id=goal))
+        return '; what it was to replace is cancelled: %s' % ', '.join(goals) if goals else ''
 
     def _refusal(self, operator: str) -> Optional[str]:
         """Why a goal of this operator is not published; None: it is."""
@@ -115,9 +127,13 @@ class RobotAction:
         reason = self._refusal(peer)
         if reason is None:
             self._goals += 1
+            self._senders[message.goal_id.id] = peer
+            if len(self._senders) > MAX_GOALS:
+                self._senders.popitem(last=False)
             self._publishers['/goal'].publish(message)
         else:
             self._dropped['refused'] += 1
+            reason += self._cancel_of(peer)
             self._answer(ended(self._types, message.goal_id, GoalStatus.REJECTED, reason, rospy.Time.now()), peer)
 
     def _status(self, message: Any) -> None:
@@ -136,6 +152,7 @@ class RobotAction:
 
     def _result(self, message: Any) -> None:
         self._results += 1
+        self._senders.pop(message.status.goal_id.id, None)
         self._answer(message)
 
     def _answer(self, result: Any, peer: Optional[str] = None) -> None:
@@ -143,8 +160,7 @@ class RobotAction:
         try:
             self._channels['/result'].send(serialised(result), peer)
         except ValueError as error:
-            rospy.logerr_throttle_identical(5, "stream '%s': a result of %s is not sent: %s" % (
-                self.name, self.topic, error))
+            logerr("stream '%s'" % self.name, 'a result of %s is not sent: %s' % (self.topic, error))
 
     def _poll(self, now: float) -> Optional[Tuple[str, bytes]]:
         for part, throttle in self._throttles.items():

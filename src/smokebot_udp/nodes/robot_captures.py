@@ -4,7 +4,6 @@
 Pieces leave as a stream of the outbox: they are paced with all others, and link reports name them. Its share of the
 link is `capture_share`, and whatever the other streams leave over.
 """
-import threading
 import time
 from typing import Any, Dict, Mapping, Union
 
@@ -16,6 +15,7 @@ from ..capture.sending import Piece, piece_length
 from ..capture.transfers import MAX_RATE, Batch, Load, Request, Transfers
 from ..congestion.controller import Demand
 from ..congestion.operating_points import OperatingPoint
+from ..limited_log import ERROR_PERIOD, logwarn
 from ..msg import CapturePiece, CaptureRequest
 from ..streams.image.source import raw_image
 from ..streams.segments import room
@@ -65,8 +65,7 @@ class RobotCaptures:
         self._subscriber = link.transport.subscriber(REQUESTS, CaptureRequest, self._receive, queue_size=20)
         self._worker.start()
         if any(stream.settings.current.requested.get('history') for stream in streams.values()):
-            # tf takes a second to load, and later it would not know the poses of what is kept
-            threading.Thread(target=lookup.listen, name='tf', daemon=True).start()
+            lookup.prepare()
 
     def demands(self, capacity: float) -> Dict[str, Demand]:
         """What the transfers would send, as a stream beside the others; any thread.
@@ -113,15 +112,17 @@ class RobotCaptures:
 
     def _load(self, load: Load) -> None:
         usual, most = (room(CapturePiece, size) for size in (
-            self._link.datagram_size, self._link.transport.max_datagram_size))
+            self._link.datagram_size, self._link.transport.room))
         try:
             content = self._content(load.request)
             length = piece_length(len(content), usual, most)
             rospy.loginfo("stream '%s': %s fetches an original, %.0f kB", load.request.stream, load.operator,
                           len(content) / 1e3)
-        except ValueError as error:
-            rospy.logwarn("a capture of %s is refused: %s", load.operator, error)
-            content = refusal(str(error))
+        except Exception as error:      # whatever it is, the operator must not wait in silence
+            reason = str(error) if isinstance(error, ValueError) else 'the robot cannot send it: %s: %s' % (
+                type(error).__name__, error)
+            logwarn('a capture of %s is refused' % load.operator, reason, ERROR_PERIOD)
+            content = refusal(reason)
             length = piece_length(len(content), usual, most)
         with self._worker.changing():
             self._transfers.loaded(load, content, length, time.monotonic())

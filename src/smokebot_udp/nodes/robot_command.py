@@ -11,6 +11,7 @@ from typing import Any, Counter, Deque, Mapping, Optional
 
 import rospy
 
+from ..limited_log import logerr
 from ..mission.parameters import live
 from ..mission.settings import Settings, SettingsStore
 from ..monitoring.stats import ConnectionStats, Shown, StreamStats
@@ -60,7 +61,7 @@ class RobotCommand:
         self._timeout = CommandTimeout(settings['timeout'], settings['rate'], settings['hold'])
         self._dropped: Counter[str] = collections.Counter()
         self._received = self._published = 0
-        self._driver = 0        # session of who drives
+        self._ruled = 0, 0      # session of who drives, releases of the emergency stop
         self._suspension = Suspension()
         self._ages: Deque[Shown] = collections.deque(maxlen=MAX_SHOWN)
         self._publisher: Any = None     # made by start(), as is this
@@ -84,7 +85,7 @@ class RobotCommand:
         if self._subscriber is not None:
             self._subscriber.unregister()
         with self._worker.changing():
-            self._gate.rule(0, False, time.monotonic())     # nor is taken what another thread is about to take
+            self._gate.rule(0, False, 0, time.monotonic())     # nor is taken what another thread is about to take
             driven = self._timeout.state is State.DRIVING
             self._timeout.interrupt(time.monotonic())
             self._poll(time.monotonic())
@@ -119,9 +120,9 @@ class RobotCommand:
         """Who drives may have changed, or the emergency stop; any thread."""
         with self._worker.changing():
             now, standing = time.monotonic(), self._way.control.standing
-            self._gate.rule(standing.session, standing.estop, now)
-            if standing.session != self._driver:
-                self._driver = standing.session
+            self._gate.rule(standing.session, standing.estop, standing.releases, now)
+            if (standing.session, standing.releases) != self._ruled:    # also after a stop that was ended at once
+                self._ruled = standing.session, standing.releases
                 self._timeout.interrupt(now)
             self._timeout.set_estop(standing.estop, now)
             self._poll(now)     # a stop is published at once, before a command of the new driver
@@ -142,8 +143,8 @@ class RobotCommand:
             self._accept(Copy.of(message), time.monotonic())
             differ = self._gate.dropped['type'] - differ
         if differ:
-            rospy.logerr_throttle(10, "stream '%s': the commands of %s are not carried out: they are no %s as it is "
-                                  'installed here' % (self.name, operator, self._class._type))
+            logerr("stream '%s'" % self.name, 'the commands of %s are not carried out: they are no %s as it is '
+                   'installed here' % (operator, self._class._type), 10.0)
 
     def _look_for_suspension(self) -> None:
         """Stop after the machine was suspended; the lock is held, or nothing is taken yet."""

@@ -14,10 +14,11 @@ import rospy
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool, SetBoolResponse
 
+from ..limited_log import logerr
 from ..monitoring.control_status import robot_control_status
 from ..monitoring.status import Status
 from ..msg import ControlPeer, ControlRequest, ControlStatus
-from ..streams.relay.transforms import size_of
+from ..streams.relay.contents import size_of
 from ..teleop import records
 from ..teleop.control_server import ControlServer
 from ..traffic import EXPEDITED
@@ -57,6 +58,8 @@ class Standing(NamedTuple):
     """Whether the emergency stop is engaged."""
     estop_by: str = ''
     """Who engaged it last."""
+    releases: int = 0
+    """How often it was released."""
     operators: Tuple[str, ...] = ()
     """Names of all that are present."""
 
@@ -158,7 +161,7 @@ class RobotControl:
         """Update `standing`, under the lock; whether it has changed."""
         before, driver, estop = self._standing, self._server.control.driver, self._server.estop
         self._standing = Standing(driver.name if driver else '', driver.session if driver else 0, estop.engaged,
-                                  estop.by, tuple(one.name for one in self._server.control.operators))
+                                  estop.by, estop.releases, tuple(one.name for one in self._server.control.operators))
         return self._standing != before
 
     def _tell(self) -> None:
@@ -172,7 +175,7 @@ class RobotControl:
         try:
             request = records.Request.of(message)
         except ValueError as error:
-            rospy.logerr_throttle(5, 'a request of %s is not served: %s' % (name, error))
+            logerr('a request of %s is not served' % name, error)
             return
         with self._changing():
             self._server.receive(name, message.header.seq, request, time.monotonic())
@@ -235,4 +238,6 @@ def call_each(listeners: Iterable[Callable[[], None]], on_error: Callable[[Excep
 def status_message(status: Any) -> Any:
     """The ControlStatus of a records.Status."""
     fields: Dict[str, Any] = status.fields()
-    return ControlStatus(**{**fields, 'operators': [ControlPeer(**peer.fields()) for peer in fields['operators']]})
+    for name in 'operators', 'others':
+        fields[name] = [ControlPeer(**peer.fields()) for peer in fields[name]]
+    return ControlStatus(**fields)

@@ -11,6 +11,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from ..codecs.display.driven_path import DrivenPath
 from ..mission.footprint import DEFAULT_FOOTPRINT, Footprint, read_footprint
+from ..streams.frame_prefix import with_prefix
 from .common import Parameters, operator_topic
 from .logging import log_error
 from .worker import PeriodicWorker
@@ -39,7 +40,7 @@ class RobotMarkers:
         self._odometry = rospy.Subscriber(operator_topic(parameters['odom_topic']), Odometry, self._take, queue_size=1)
         self._worker = PeriodicWorker('driven path', self._publish, log_error('driven path'), PERIOD)
         self._footprint.publish(MarkerArray(outline(
-            self._outline(parameters), parameters['frame_prefix'] + parameters['base_frame'])))
+            self._outline(parameters), with_prefix(parameters['base_frame'], parameters['frame_prefix']))))
         self._worker.start()
 
     @staticmethod

@@ -25,6 +25,7 @@ from ..capture.history import Histories
 from ..congestion.controller import Controller
 from ..congestion.estimator import Limits
 from ..congestion.packet_scheduler import PacketScheduler
+from ..limited_log import logerr
 from ..mission import focus
 from ..monitoring.status import ROBOT
 from ..streams import Definitions, classified, encoder_class
@@ -127,6 +128,7 @@ class _StreamMaker:
         shared: Dict[str, Any] = {}
         if kind == 'virtual_scan':
             shared = {'fans': self._fans[rospy.resolve_name(settings['robot_topic'])]}
+            self.lookup.prepare()
         elif kind in ('image', 'grid'):
             shared = {'codec': self._codec, 'clock': time.monotonic}
         if kind == 'grid':
@@ -149,8 +151,7 @@ def _rates(parameters: Parameters) -> Tuple[Limits, bool]:
 
 
 def _log(stream: str, error: Exception) -> None:
-    if not rospy.is_shutdown():
-        rospy.logerr_throttle(5, "stream '%s' cannot be sent: %s" % (stream, error))
+    logerr("stream '%s' cannot be sent" % stream, error)
 
 
 def main() -> None:

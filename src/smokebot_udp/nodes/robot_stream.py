@@ -9,7 +9,7 @@ encoder (streams/encoder.py) decides how messages are encoded, the outbox (outbo
 import functools
 import time
 from dataclasses import dataclass
-from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Set
+from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence, Set, Tuple
 
 import rospy
 from rospy import AnyMsg
@@ -18,6 +18,8 @@ from .. import traffic
 from ..capture.history import Histories
 from ..congestion.controller import Demand
 from ..congestion.operating_points import OperatingPoint
+from ..frame_names import frame_name
+from ..limited_log import logerr, logwarn
 from ..mission.parameters import live
 from ..mission.settings import Settings, SettingsStore
 from ..monitoring import stages
@@ -26,8 +28,10 @@ from ..monitoring.windows import Rate
 from ..streams.encoder import Encoder
 from ..streams.held import Holding
 from ..streams.rate import RateLimiter
+from ..streams.recent import Recent
 from ..streams.schedule import Schedule
-from ..streams.segments import reported_name, wire_topic
+from ..streams.segments import ARRIVAL, reported_name, wire_topic
+from ..streams.source_clock import SourceClock
 from ..transport import Publisher, Transport
 from ..udpros.datagram import IP_UDP_HEADERS
 from ..udpros.frame import Frame
@@ -42,6 +46,14 @@ SOURCE_RATE_OVER = 2.0
 
 READ_SIZE = 1 << 18
 """What rospy reads at once from a source; for each read, however short, it allocates this much [byte]."""
+
+
+class _Waiting(NamedTuple):
+    """What waits to be encoded."""
+    message: Any
+    """From `merge`."""
+    arrival: int = 0
+    """That crosses with it, see streams.source_clock [ns]."""
 
 
 @dataclass
@@ -87,17 +99,18 @@ class RobotStream(rospy.SubscribeListener):
         self._make_subscriber, self._make_local_publisher = subscriber, local_publisher
         self._publishers: Dict[str, Publisher] = {}   # of the parts advertised
         self._part_of = {class_: part for part, class_ in encoder.SEGMENTS.items()}
-        encoder.heard, encoder.operators = self._complete, self._subscribers_of
-        encoder.longest_datagram = link.transport.max_datagram_size
+        encoder.heard, encoder.operators, encoder.why_not = self._complete, self._subscribers_of, self._why_not
         self._inputs: List[Any] = []    # subscribers, made by start(), as is this
         self._local_publisher: Any = None
         self._invalid = 0
         self._stamp: Any = None         # of the last message encoded
-        self._last: Any = None          # the last message, where the encoder encodes it again
+        self._derived: Tuple[Any, str] = None, ''   # stamp and frame of the last message derived
+        self._source_clocks: Recent[SourceClock] = Recent(SourceClock)     # by the names of frames
+        self._last: Optional[_Waiting] = None   # the last message, where the encoder encodes it again
         self._source = Rate(SOURCE_RATE_OVER)
         current = self.settings.current
         # however slow the link is, derived messages are published at the requested rate: they are limited twice
-        self._schedule: Schedule[Any] = Schedule(
+        self._schedule: Schedule[_Waiting] = Schedule(
             self._encoding_rate(current), encoder.repeat_period(current), encoder.STEADY)
         self._sending_limiter = RateLimiter(current['rate'])
         self._worker: DeadlineWorker[Callable[[], None]] = DeadlineWorker(
@@ -164,6 +177,10 @@ class RobotStream(rospy.SubscribeListener):
         publisher = self._publishers.get(part)
         return set() if publisher is None else {connection['peer'] for connection in publisher.connections()}
 
+    def _why_not(self, part: str, operator: str) -> str:
+        publisher = self._publishers.get(part)
+        return 'is not offered it' if publisher is None else publisher.why_not(operator)
+
     def _complete(self, part: str) -> bool:
         """Whether a part has subscribers now, all of those that other parts are sent to as datagrams among them."""
         publisher = self._publishers.get(part)
@@ -184,13 +201,14 @@ class RobotStream(rospy.SubscribeListener):
         :param now: by a steady clock [s]
         """
         self._source.read(self.received, now)
-        self.encoder.source_rate = self._source.per_second or None
+        sources = self._schedule.active(now)
+        self.encoder.source_rate = (self._source.per_second or 0.0) / sources or None
         settings = self.settings.current
         requested = settings.requested
         if self.encoder.PROTECTED or not requested['enabled'] or not self.heard:
             return None
         rate = min(requested['rate'], self.encoder.source_rate or requested['rate'])
-        points, expansion = self.encoder.operating_points(rate, settings), self.link.expansion
+        points, expansion = self.encoder.operating_points(rate, settings), sources * self.link.expansion
         return Demand([OperatingPoint(point.settings, expansion * point.cost) for point in points],
                       requested['weight'], requested['min_bitrate'] * KBIT, rate,
                       lambda point, spare: self.encoder.refine(point, spare / expansion),
@@ -203,7 +221,7 @@ class RobotStream(rospy.SubscribeListener):
                        for part, publisher in self._publishers.items() for found in publisher.connections()]
         return StreamStats(
             self.received, self.sent, settings['enabled'], settings['rate'], self.encoder.STEADY,
-            {'replaced': self._schedule.replaced, 'invalid': self._invalid,
+            {'replaced': self._schedule.replaced + self.encoder.replaced, 'invalid': self._invalid,
              'datagrams of replaced messages': self.link.outbox.dropped(self.name)},
             connections=connections,
             problem='the link is too slow for it and the other streams' if settings.paused else None)
@@ -243,13 +261,33 @@ class RobotStream(rospy.SubscribeListener):
 
     def _put(self, message: Any) -> None:
         """:raises ValueError: saying what is wrong with the message"""
+        encoder, name, arrival = self.encoder, '', 0
         with self._worker.adding():
-            merged = self.encoder.merge(self._schedule.waiting, message)
+            if encoder.STAMPED:
+                name = frame_name(message.header.frame_id)
+                arrival = self._identify(name, message.header)
+            before = self._schedule.waiting(name)
+            merged = encoder.merge(None if before is None else before.message, message)
             if merged is None:
                 return
-            if self.encoder.REENCODES:
-                self._last = merged
-            self._schedule.put(merged, time.monotonic())
+            waiting = before if before is not None and merged is before.message else _Waiting(merged, arrival)
+            if encoder.REENCODES:
+                self._last = waiting
+            self._schedule.put(waiting, time.monotonic(), name)
+
+    def _identify(self, name: str, header: Any) -> int:
+        """The arrival that crosses with a message, see SourceClock.take. One without a stamp gets the time of now.
+
+        :param name: of its frame
+        """
+        now = rospy.Time.now()
+        if header.stamp.is_zero():
+            header.stamp = now
+        warnings: List[str] = []
+        try:
+            return self._source_clocks.of(name).take(header.stamp.to_nsec(), now.to_nsec(), warnings)
+        finally:
+            self.encoder.warnings.extend('frame %r: %s' % (name, warning) for warning in warnings)     # logged soon
 
     def held(self, operator: str, holding: Holding) -> bool:
         """An operator reported what it holds.
@@ -274,7 +312,6 @@ class RobotStream(rospy.SubscribeListener):
         with self._worker.changing():
             self._schedule.set_rate(self._encoding_rate(settings))
             self._schedule.repeat_period = self.encoder.repeat_period(settings)
-            self._sending_limiter.rate = settings['rate']
             if changed and self._last is not None:
                 self._schedule.put(self._last, time.monotonic())
         if not settings['enabled']:
@@ -287,9 +324,9 @@ class RobotStream(rospy.SubscribeListener):
     # -- the worker's thread -----------------------------------------------------------------------
 
     def _next_job(self, now: float) -> Optional[Callable[[], None]]:
-        message = self._schedule.take(now)
-        if message is not None:
-            return functools.partial(self._encode, message)
+        waiting = self._schedule.take(now)
+        if waiting is not None:
+            return functools.partial(self._encode, waiting)
         return self._repeat if self._schedule.take_repeat(now) else None
 
     def _work(self, job: Callable[[], None]) -> None:
@@ -297,40 +334,73 @@ class RobotStream(rospy.SubscribeListener):
             job()
         finally:
             while self.encoder.warnings:
-                rospy.logwarn_throttle_identical(60, "stream '%s', %s: %s" % (
-                    self.name, self.topic, self.encoder.warnings.popleft()))
+                logwarn("stream '%s', %s" % (self.name, self.topic), self.encoder.warnings.popleft())
 
-    def _encode(self, message: Any) -> None:
-        encoder, settings = self.encoder, self.settings.current
+    def _encode(self, waiting: _Waiting) -> None:
+        encoder, settings, message, arrival = self.encoder, self.settings.current, waiting.message, waiting.arrival
         self._advertise(settings)
         if encoder.STAMPED:
-            self._check_stamp(message)
+            self._stamp = message.header.stamp
         if self._local_publisher is not None:
             message = encoder.derive(message, settings)
             self._local_publisher.publish(message)
-            now = time.monotonic()
-            if not self.wanted or self._sending_limiter.due > now:
+            if not self.wanted or not self._may_send(settings):
                 return
-            self._sending_limiter.take(now)
+            arrival = self._identify_derived(message.header, arrival)
         elif encoder.WHOLE and not encoder.PROTECTED:
             self.link.outbox.await_rest(self.name, True)
-        began = time.monotonic()
-        frames = encoder.encode(message, settings, self._datagram_size)
-        if TRACE.on and encoder.STAMPED:
-            TRACE.mark(self.name, self._stamp.to_nsec(), stages.STARTED, began)
-            TRACE.mark(self.name, self._stamp.to_nsec(), stages.ENCODED)
+        encoder.longest_datagram = self.link.transport.room
+        frames = _with_arrival(self._frames(message, settings), arrival)
         beside, encoder.beside = encoder.beside, []
         self._follow_repeats()
         if not frames:
             return
-        if not (encoder.WHOLE or encoder.PROTECTED or encoder.DERIVED):     # the rest has left while this was encoded
-            self.link.outbox.await_rest(self.name, False, MAX_BACKLOG if encoder.backlog is None else encoder.backlog)
+        self._await_rest()
         with self._worker.adding():
             self._schedule.sent(time.monotonic())
         if self.wanted:
             self._send_at_once(beside)
             self._send(frames)
             self.sent += not encoder.PROTECTED
+
+    def _frames(self, message: Any, settings: Settings) -> List[Frame]:
+        """The frames of a message; their making is traced."""
+        encoder = self.encoder
+        if encoder.FORESEES:
+            encoder.waiting = self.link.outbox.takes(self.name) / self._dip
+        began = time.monotonic()
+        frames = encoder.encode(message, settings, self._datagram_size)
+        if TRACE.on and encoder.STAMPED:
+            TRACE.mark(self.name, self._stamp.to_nsec(), stages.STARTED, began)
+            TRACE.mark(self.name, self._stamp.to_nsec(), stages.ENCODED)
+        if encoder.sizing is not None and frames:
+            rospy.logdebug("stream '%s': %s, %.0f bytes granted, %d used, bound: %s, rms error %.2f", self.name,
+                           *encoder.sizing)
+            TRACE.write(stages.Sized(self.name, self._stamp.to_nsec(), time.monotonic(), *encoder.sizing))
+        return frames
+
+    def _may_send(self, settings: Settings) -> bool:
+        """Whether a derived message is sent: it is published more often where the link is slow."""
+        now = time.monotonic()
+        self._sending_limiter.rate = self._schedule.active(now) * settings['rate']
+        if self._sending_limiter.due > now:
+            return False
+        self._sending_limiter.take(now)
+        return True
+
+    def _await_rest(self) -> None:
+        """Wait until a new message may take the place of what is left of the one before: part of that has left while
+        the new one was encoded. A message of another source is none of its versions, and leaves as a whole."""
+        encoder, whole = self.encoder, self._schedule.active(time.monotonic()) > 1
+        if whole or not (encoder.WHOLE or encoder.PROTECTED or encoder.DERIVED):
+            backlog = MAX_BACKLOG if encoder.backlog is None else encoder.backlog
+            self.link.outbox.await_rest(self.name, whole, self._dip * backlog)
+
+    @property
+    def _dip(self) -> float:
+        """By what the present rate is below what the stream may use: that soon passes, as after a pause. At least 1."""
+        rate = self.link.outbox.rate
+        return 1.0 if rate is None or not self.encoder.FORESEES else max(self.encoder.outlook.room / rate, 1.0)
 
     def _repeat(self) -> None:
         if self.encoder.backlog is not None:
@@ -348,23 +418,15 @@ class RobotStream(rospy.SubscribeListener):
             with self._worker.changing():
                 self._schedule.repeat_period = period
 
-    def _check_stamp(self, message: Any) -> None:
-        """Segments are assigned to a message by its stamp: one without gets the time of now, none may come twice.
-
-        :raises ValueError: where the stamp is the last one's
-        """
-        if message.header.stamp.is_zero():
-            message.header.stamp = rospy.Time.now()
-        stamp = message.header.stamp
-        if stamp == self._stamp:
-            raise ValueError("its stamp is %d.%09d like the last one's: they cannot be told apart" % (
-                stamp.secs, stamp.nsecs))
-        self._stamp = stamp
+    def _identify_derived(self, header: Any, arrival: int) -> int:
+        """The arrival that crosses with a derived message: sources of different frames may become one."""
+        before, self._derived = self._derived, (header.stamp, header.frame_id)
+        return arrival or (rospy.Time.now().to_nsec() if before == self._derived else 0)
 
     @property
     def _datagram_size(self) -> int:
         # short messages need no second datagram, however slow the link is
-        return self.link.transport.max_datagram_size if self.encoder.PROTECTED else self.link.datagram_size
+        return self.link.transport.room if self.encoder.PROTECTED else self.link.datagram_size
 
     def _send(self, frames: Sequence[Frame]) -> None:
         """Hand over the frames that carry one message, or the messages of a PROTECTED stream."""
@@ -390,6 +452,11 @@ class RobotStream(rospy.SubscribeListener):
 
     def _report(self, error: Exception, topic: Optional[str] = None) -> None:
         self._invalid += 1
-        if not rospy.is_shutdown():
-            rospy.logerr_throttle_identical(5, "stream '%s': a message of %s is not sent: %s" % (
-                self.name, topic or self.topic, error))
+        logerr("stream '%s'" % self.name, 'a message of %s is not sent: %s' % (topic or self.topic, error))
+
+
+def _with_arrival(frames: List[Frame], arrival: int) -> List[Frame]:
+    """The frames of a message, with the arrival that crosses with it [ns]."""
+    for frame in frames if arrival else ():
+        frame.records[ARRIVAL]['secs'], frame.records[ARRIVAL]['nsecs'] = divmod(arrival, 10 ** 9)
+    return frames

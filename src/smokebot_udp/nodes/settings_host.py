@@ -11,6 +11,7 @@ from typing import Any, Callable
 
 import rospy
 
+from ..limited_log import logerr
 from ..mission.control import MissionControl
 from ..mission.remote import PartState, Request
 from ..mission.settings_server import SettingsServer
@@ -70,7 +71,7 @@ class SettingsHost(rospy.SubscribeListener):
         try:
             request = request_of(message)
         except ValueError as error:
-            rospy.logerr_throttle(5, 'a request for settings of %s is not served: %s' % (operator, error))
+            logerr('a request for settings of %s is not served' % operator, error)
             return
         with self._worker.changing():
             wanted = self._server.take(request, time.monotonic())

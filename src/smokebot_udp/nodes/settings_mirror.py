@@ -9,8 +9,7 @@ import random
 import time
 from typing import Any, Callable, Dict, Mapping, Optional
 
-import rospy
-
+from ..limited_log import logerr
 from ..mission.parameters import Table
 from ..mission.remote import Request
 from ..mission.settings_client import SettingsClient
@@ -59,7 +58,7 @@ class SettingsMirror:
         try:
             state = state_of(message)
         except ValueError as error:
-            rospy.logerr_throttle(5, "a state of the robot's settings is not shown: %s" % error)
+            logerr("a state of the robot's settings is not shown", error)
             return
         with self._worker.changing():
             self._client.receive(state)

@@ -14,6 +14,7 @@ from geometry_msgs.msg import Point, Pose, PoseStamped, Twist
 from move_base_msgs.msg import MoveBaseAction, MoveBaseActionGoal, MoveBaseFeedback
 from std_srvs.srv import Trigger, TriggerResponse
 
+from ..frame_names import frame_name
 from ..simulation.odometry import Odometry
 from ..simulation.pose import Pose as PlanarPose
 from ..simulation.pose import compose
@@ -152,7 +153,7 @@ class MoveBase:
 
         :raises ValueError: where it is in another frame than the robot's, or no pose
         """
-        pose, time, frame = planar(goal.pose), self._now(), goal.header.frame_id.lstrip('/')
+        pose, time, frame = planar(goal.pose), self._now(), frame_name(goal.header.frame_id)
         if frame == 'map':
             return pose
         if frame == 'odom':

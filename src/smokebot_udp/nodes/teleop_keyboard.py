@@ -21,8 +21,10 @@ from std_srvs.srv import SetBool, Trigger
 
 from .. import udpros
 from ..monitoring.link_board import printable
-from ..teleop.keyboard import STOP, Keyboard, Velocity, Wish, keys_of
+from ..teleop.keyboard import MOVES, STOP, Keyboard, StopKey, Velocity, Wish
 from ..teleop.keyboard_screen import HELP, status_lines
+from ..teleop.keys import Keys
+from ..teleop.stall import Stall
 from .common import Parameters
 from .parameters import TELEOP_KEYBOARD
 from .terminal import fail, is_terminal, master_answers, run_node, single_keys
@@ -63,9 +65,10 @@ class Services:
         self._running: Dict[str, threading.Thread] = {}
 
     def call(self, wish: Wish) -> None:
-        """Call the service that does this, unless it is being called."""
+        """Call the service that does this, unless it is being called: once more later would count as meant later."""
         name, type_, arguments = self.NAMES[wish]
         if name in self._running and self._running[name].is_alive():
+            self._say('%s: the last one is not answered yet' % name)
             return
         self._say('%s ...' % name)
         self._running[name] = threading.Thread(target=self._call, args=(name, type_, arguments), daemon=True)
@@ -93,7 +96,7 @@ class TeleopKeyboard:
         self._control = ''
         self._note, self._noted = '', -math.inf     # the last event, when [s]
         self._shown: List[str] = []
-        self._stops_all = False     # whether the last key was that of the emergency stop
+        self._keys, self._stop_key, self._stall = Keys(), StopKey(), Stall()
         self._services = Services(self._say)
         with udpros.registered_together():
             self._commands = rospy.Publisher('operator/cmd_vel', Twist, queue_size=1, tcp_nodelay=True)
@@ -105,14 +108,14 @@ class TeleopKeyboard:
         print(HELP.format(topic=self._commands.resolved_name))
         while not rospy.is_shutdown():
             now = time.monotonic()
+            self._stall.look(now)
+            self._stop_all(now)
             command = self._keyboard.poll(now)
             if command is not None:
                 self._commands.publish(twist(command))
-                if self._stops_all:
-                    self._stop_all()
             self._draw()
-            due = self._keyboard.deadline()
-            wait = REFRESH_PERIOD if due is None else min(REFRESH_PERIOD, max(0.0, due - now))
+            due = min(self._stop_key.deadline(), self._keyboard.deadline() or math.inf)
+            wait = min(REFRESH_PERIOD, max(0.0, due - now))
             if select.select([self._terminal], [], [], wait)[0] and not self._read():
                 return
 
@@ -129,18 +132,27 @@ class TeleopKeyboard:
             typed = os.read(self._terminal, READ_SIZE)
         except OSError:     # it was closed
             return False
-        for key in keys_of(typed.decode(errors='replace')):
-            wish = self._keyboard.press(key, time.monotonic())
-            self._stops_all = wish is Wish.EMERGENCY_STOP
-            if wish is not None and not self._stops_all:
+        now = time.monotonic()
+        waited = bool(self._stall.look(now))
+        for key in self._keys.take(typed.decode(errors='replace'), now):
+            wish = self._keyboard.press(' ' if waited and key in MOVES else key, now)
+            if wish is Wish.EMERGENCY_STOP:
+                self._stop_key.press(now)
+                self._stop_all(now)
+            elif wish is not None and not waited:   # what was asked while this program stood still is no longer meant
+                if wish is Wish.RELEASE_EMERGENCY_STOP:
+                    self._stop_key.release()
                 self._services.call(wish)
         return bool(typed)
 
-    def _stop_all(self) -> None:
-        """Engage the emergency stop, with each stop after the key: a subscriber may be just connecting."""
-        self._estop.publish(True)
-        self._say('emergency stop' if self._estop.get_num_connections() else
-                  'NOBODY RECEIVES the emergency stop, ' + self._estop.resolved_name)
+    def _stop_all(self, now: float) -> None:
+        """Engage the emergency stop if it was pressed."""
+        receivers = self._estop.get_num_connections()
+        if self._stop_key.poll(bool(receivers), now):
+            self._estop.publish(True)
+            self._commands.publish(twist(STOP))
+            self._say('emergency stop' if receivers else
+                      'NOBODY RECEIVES the emergency stop, %s, yet' % self._estop.resolved_name)
 
     def _take_state(self, state: Any) -> None:
         self._control = printable(state.data)

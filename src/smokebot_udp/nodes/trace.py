@@ -5,11 +5,11 @@ Off unless the environment names a file; then each mark is one short write, whic
 """
 import os
 import time
-from typing import Optional
+from typing import Optional, Union
 
 import rospy
 
-from ..monitoring.stages import Mark
+from ..monitoring.stages import Mark, Sized
 
 VARIABLE = 'SMOKEBOT_TRACE'
 """Environment variable: the file that marks are appended to."""
@@ -37,10 +37,13 @@ class Trace:
         :param stamp: of the message [ns]
         :param when: by time.monotonic(); None: now [s]
         """
+        self.write(Mark(stream, stamp, point, time.monotonic() if when is None else when))
+
+    def write(self, mark: Union[Mark, Sized]) -> None:
+        """Append a line; any thread."""
         if self.on:
             try:
-                line = Mark(stream, stamp, point, time.monotonic() if when is None else when).line()
-                os.write(self._file, line.encode())
+                os.write(self._file, mark.line().encode())
             except OSError as error:
                 self._fail(error)
 

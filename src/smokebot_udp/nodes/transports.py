@@ -3,6 +3,7 @@
 
 This is the only place that knows which transports there are.
 """
+import functools
 import os
 import sys
 import time
@@ -11,8 +12,9 @@ from typing import Any, Callable, Optional, Tuple
 import rospy
 
 from .. import traffic
-from ..link.keys import read_key
-from ..link.transport import OperatorTransport, RobotTransport
+from ..limited_log import logerr
+from ..link.keys import KeyFile
+from ..link.transport import OperatorTransport, RobotTransport, never
 from ..transport import Transport
 from ..udpros.transport import UdprosTransport
 from .common import Parameters
@@ -41,10 +43,11 @@ def robot_transport(parameters: Parameters) -> Transport:
     if not port and not parameters['key_file']:
         return UdprosTransport(size, tos_mask=tos_mask)
 
-    def listen(key: Optional[bytes]) -> Transport:
+    def listen(key: Optional[KeyFile]) -> Transport:
         _check_link(port, 'link_port')
         try:
-            return RobotTransport(port, key, max_datagram_size=size, tos_mask=tos_mask)
+            return RobotTransport(port, key.key if key else None, max_datagram_size=size, tos_mask=tos_mask,
+                                  renewed=key.renewed if key else never, report=functools.partial(logerr, ''))
         except OSError as error:
             raise ValueError('UDP port %d cannot be used: %s' % (port, error.strerror)) from None
     return _patiently(parameters, 'the link', listen)
@@ -60,10 +63,11 @@ def operator_transport(parameters: Parameters) -> Transport:
     if not robot and not parameters['key_file']:
         return UdprosTransport(size, buffer, tos_mask)
 
-    def connect(key: Optional[bytes]) -> Transport:
+    def connect(key: Optional[KeyFile]) -> Transport:
         _check_link(robot, 'robot')
-        return OperatorTransport(*host_and_port(robot), key, max_datagram_size=size, receive_buffer=buffer,
-                                 tos_mask=tos_mask, report=lambda problem: rospy.logerr('%s: %s', robot, problem))
+        return OperatorTransport(*host_and_port(robot), key.key if key else None, max_datagram_size=size,
+                                 receive_buffer=buffer, tos_mask=tos_mask, renewed=key.renewed if key else never,
+                                 report=functools.partial(logerr, robot))
     # a desk with several robots shows the messages of all on one terminal
     return _patiently(parameters, 'the link to %s' % robot if robot else 'the link', connect)
 
@@ -74,12 +78,14 @@ def host_and_port(text: str) -> Tuple[str, int]:
     :raises ValueError: where it is not that
     """
     host, colon, port = text.rpartition(':')
+    if ':' in host:
+        raise ValueError('robot is %r: the link uses IPv4 only, give an IPv4 address or a name that has one' % text)
     if not (host and colon and port.isascii() and port.isdigit() and 0 < int(port) < 65536):
         raise ValueError('robot is %r, must be HOST:PORT, such as 10.0.0.7:17001' % text)
     return host, int(port)
 
 
-def _patiently(parameters: Parameters, link: str, make: Callable[[Optional[bytes]], Transport]) -> Transport:
+def _patiently(parameters: Parameters, link: str, make: Callable[[Optional[KeyFile]], Transport]) -> Transport:
     """make(key), as soon as that is possible: who has to use a key must not do without.
 
     :param link: what the log calls it
@@ -101,10 +107,10 @@ def _patiently(parameters: Parameters, link: str, make: Callable[[Optional[bytes
     sys.exit(0)
 
 
-def _key(parameters: Parameters) -> Optional[bytes]:
+def _key(parameters: Parameters) -> Optional[KeyFile]:
     """:raises ValueError: where there is no key in the file"""
     path = parameters['key_file']
-    return read_key(os.path.expanduser(path)) if path else None
+    return KeyFile(os.path.expanduser(path), rospy.logerr) if path else None
 
 
 def _check_link(value: Any, name: str) -> None:

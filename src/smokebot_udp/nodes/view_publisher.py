@@ -9,6 +9,7 @@ from std_msgs.msg import Header
 
 from ..arrays import Array
 from ..image_error import ImageError
+from ..limited_log import logerr
 from ..streams.image.view import View, ViewedImage
 from .common import operator_topic
 from .worker import DeadlineWorker
@@ -48,7 +49,7 @@ class ViewPublisher:
             self._view.set_notice(text)
 
     def show(self, pixels: Array, encoding: str, header: Any, completeness: float,
-             now: Optional[float] = None, error: Optional[ImageError] = None) -> None:
+             now: Optional[float] = None, error: Optional[ImageError] = None, arrival: int = 0) -> None:
         """Publish the view of an image soon, in a thread of its own.
 
         :param pixels: (height, width) or (height, width, channels) array, see codecs.wire.pixels.as_pixels; it is kept
@@ -57,12 +58,13 @@ class ViewPublisher:
         :param completeness: share of the pixels that are not concealed, 0..1
         :param now: by the operator's ROS clock; None: now [s]
         :param error: of an image that was coded with loss
+        :param arrival: as of Assembled [ns]
         """
         now = rospy.get_time() if now is None else now
-        age = now + self._clock_offset() - header.stamp.to_sec()
+        age = now + self._clock_offset() - (1e-9 * arrival if arrival else header.stamp.to_sec())
         with self._worker.changing():
             self._view.add(ViewedImage(header, completeness, age, time.monotonic(), pixels, encoding,
-                                       error=error))
+                                       error=error, at_least=bool(arrival)))
 
     def close(self) -> None:
         self._worker.close()
@@ -76,4 +78,4 @@ class ViewPublisher:
                                           step=view.strides[0], data=view.tobytes()))
 
     def _report(self, error: Exception) -> None:
-        rospy.logerr_throttle_identical(5, '%s: an image is not shown: %s' % (self._publisher.name, error))
+        logerr(self._publisher.name, 'an image is not shown: %s' % error)

@@ -57,10 +57,12 @@ class WifiMonitor:
 
     def _read(self) -> WifiState:
         wireless = self._interfaces()
+        if self._forced and self._forced not in wireless:
+            return WifiState(self._forced, missing=True)
         if not wireless:
             return WifiState()
         peers = [address for address in map(_address, self._peers()) if address]
-        name = choose_interface(wireless, self._file('proc/net/route'), peers, self._forced)
+        name = self._forced or choose_interface(wireless, self._file('proc/net/route'), peers)
         if name is None:
             return WifiState()
         texts = WifiTexts(_iw(), _iw(name, 'link'), _iw(name, 'station', 'dump'), _iw(name, 'survey', 'dump'),

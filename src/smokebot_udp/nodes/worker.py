@@ -8,6 +8,9 @@ from typing import Any, Callable, ContextManager, Generic, Iterator, Optional, T
 
 Item = TypeVar('Item')
 
+RETRY_PERIOD = 0.1
+"""A `poll` or `deadline` that raises is called again after this time, or after a change [s]."""
+
 
 class DeadlineWorker(Generic[Item]):
     """Takes items from `poll` and works on them, one after the other, once it is started.
@@ -65,10 +68,24 @@ class DeadlineWorker(Generic[Item]):
         while not self._closed:
             try:
                 item = self._await_item()
-                if item is not None:
-                    self._work(item)
-            except Exception as error:      # the next item may be good
+            except Exception as error:      # what it has to do stays due
                 self._on_error(error)
+                self._pause()
+                continue
+            if item is not None:
+                self._attempt(item)
+
+    def _attempt(self, item: Item) -> None:
+        try:
+            self._work(item)
+        except Exception as error:      # the next item may be good
+            self._on_error(error)
+
+    def _pause(self) -> None:
+        """Wait for a change, or RETRY_PERIOD."""
+        with self._changed:
+            if not self._closed:
+                self._changed.wait(RETRY_PERIOD)
 
     def _await_item(self) -> Optional[Item]:
         """The next item; None: the thread is to end."""

@@ -9,7 +9,8 @@ class Bounds(NamedTuple):
     bytes: int = 1 << 20
     """Of all messages together, and so of the longest one [byte]."""
     age: float = 10.0
-    """[s]"""
+    """Of a message, or of one of many segments since one of them was acknowledged; beyond the time that it takes at
+    pace.MIN_RATE it is given up all the same [s]."""
     keeps_last: bool = False
     """Whether the newest message is not given up by its age: a state, which is not old before there is another one."""
 

@@ -151,7 +151,7 @@ class Conversation:
             return
         if len(segment.received) > WINDOW // 8:
             raise ValueError('malformed')
-        sender.acknowledge(segment.next, segment.received)
+        sender.acknowledge(segment.next, segment.received, now)
         departed = self._departures.pop(segment.echo, None)
         if departed is not None:
             self.round_trip.add(now - departed)

@@ -10,6 +10,7 @@ import math
 from typing import Counter, Deque, Dict, List, Optional, Tuple
 
 from .bounds import Bounds
+from .pace import MIN_RATE
 from .segment import WINDOW, Kind, Segment
 
 COPY_SPACING = 0.008
@@ -21,10 +22,11 @@ REFUSED_PERIOD = 1.0
 
 class _Message:
     """One that was not acknowledged yet."""
-    __slots__ = ('data', 'made', 'room', 'start', 'parts', 'taken', 'left')
+    __slots__ = ('data', 'made', 'moved', 'room', 'start', 'parts', 'taken', 'left')
 
     def __init__(self, data: bytes, made: float, room: int) -> None:
         self.data, self.made, self.room = data, made, room
+        self.moved = made               # when it was made, or a segment of it was acknowledged last
         self.start = 0                  # number of its first segment, 0: none was sent
         self.parts = self.left = max(1, -(-len(data) // room))      # segments: all; that were not acknowledged
         self.taken = 0                  # segments that were sent
@@ -124,7 +126,7 @@ class ReliableSender:
         """The peer does not have the channel, maybe not yet."""
         self._pause, self._advance_due = now + REFUSED_PERIOD, math.inf
 
-    def acknowledge(self, next_: int, received: bytes) -> None:
+    def acknowledge(self, next_: int, received: bytes, now: float) -> None:
         """Take an acknowledgement, see msg/ReliableSegment.
 
         :raises ValueError: where it is of segments that were never sent
@@ -137,7 +139,7 @@ class ReliableSender:
             return
         for number in [number for number in self._flights
                        if number < next_ or (number > next_ and bits >> (number - next_ - 1) & 1)]:
-            self._arrived(self._land(number).message)
+            self._arrived(self._land(number).message, now)
         self._peer_next = max(self._peer_next, next_)
 
     def _land(self, number: int) -> _Flight:
@@ -146,10 +148,11 @@ class ReliableSender:
         self.flying -= flight.size
         return flight
 
-    def _arrived(self, message: _Message) -> None:
+    def _arrived(self, message: _Message, now: float) -> None:
         """A segment of a message was acknowledged."""
         message.left -= 1
         if message.left:
+            message.moved = now
             return
         self.acknowledged += 1
         self._forget(message)
@@ -211,7 +214,8 @@ class ReliableSender:
         """When `expire` has something to give up next [s]; infinite: never."""
         if len(self._messages) <= self.bounds.keeps_last:
             return math.inf
-        return self._messages[0].made + self.bounds.age
+        oldest = self._messages[0]
+        return self.bounds.age + min(oldest.moved, oldest.made + len(oldest.data) / MIN_RATE)
 
     def _next_due(self) -> Optional[float]:
         """When a segment is sent again next."""

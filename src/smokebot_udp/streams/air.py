@@ -20,8 +20,9 @@ LOSSES: FloatArray = np.array([
     0.74, 0.82, 0.89, 0.95])
 """The grid of packet-loss ratios."""
 
-TIMEOUT = 1.0
-"""Without reports for this long nothing is known [s]."""
+TIMEOUT, FORGOTTEN = 1.0, 10.0
+"""Without reports for this long the link may have become another one: what is known and UNKNOWN are equally likely, as
+where much is lost, reports are, too. After the other time nothing is known [s]."""
 
 UNKNOWN_LOSS = 0.7
 """Then all losses up to this one are equally likely;"""
@@ -101,7 +102,7 @@ class LossBeliefs:
         :param now: when the report came, by a steady clock [s]
         """
         passed = now - self._heard
-        if not 0 <= passed <= TIMEOUT:
+        if not 0 <= passed <= FORGOTTEN:
             self._forget()
             passed = 0.0
         self._heard = now
@@ -119,14 +120,17 @@ class LossBeliefs:
     def air(self, now: float) -> Air:
         """What to expect of an image that is sent now [s]."""
         passed = now - self._heard
-        if not 0 <= passed <= TIMEOUT:
+        if not 0 <= passed <= FORGOTTEN:
             return UNKNOWN
         ahead = self._ahead(passed + HORIZON)
         burst, dispersion = None, self._dispersion
         if dispersion >= INDEPENDENT:
             # of a Gilbert channel's long counts: (1 + m) / (1 - m) with memory m; recovery is (1 - loss) (1 - m)
             burst = _rounded((dispersion + 1) / 2 / (1 - float(ahead @ LOSSES)))
-        return _air(ahead @ _MIXTURE, burst, True)
+        expected: FloatArray = ahead @ _MIXTURE
+        if passed > TIMEOUT:
+            return _air((expected + list(UNKNOWN.losses.values())) / 2, burst, False)
+        return _air(expected, burst, True)
 
     def _forget(self) -> None:
         self._probabilities = self._usual = _ANY
@@ -151,12 +155,13 @@ def merged(airs: Sequence[Air]) -> Air:
 
     Operators whose losses are unknown count only where all are.
     """
-    known = sorted((air for air in airs if air.known), key=lambda air: air.loss)
+    known = sorted([air for air in airs if air.known] or airs, key=lambda air: air.loss)
     if len(known) < 2:
         return known[0] if known else UNKNOWN
     losses = np.array([list(air.losses.values()) for air in known])
     bursts = [air.burst for air in known if air.burst is not None]
-    return _air(BEST_WEIGHT * losses[0] + (1 - BEST_WEIGHT) * losses[1:].mean(axis=0), max(bursts, default=None), True)
+    return _air(BEST_WEIGHT * losses[0] + (1 - BEST_WEIGHT) * losses[1:].mean(axis=0), max(bursts, default=None),
+                known[0].known)
 
 
 def _air(probabilities: FloatArray, burst: Optional[float], known: bool) -> Air:

@@ -4,8 +4,9 @@
 A kind derives from Assembler. The runner (nodes/operator_stream.py) owns the subscription, the publishers, the worker
 thread and the settings:
 
-    receive(records, ...)    under its lock, for each batch of segments
+    receive(records, ...)    under its lock, for each batch of segments, in the transport's thread: it takes no time
     deadline(), poll(now)    under its lock, in the worker thread
+    work()                   likewise, where `poll` has nothing; then Work.do without the lock, and Work.done under it
     assemble(finished, ...)  without the lock, in the worker thread, once for each result of `poll`
     settle(finished, ...)    likewise, after the message is published
 
@@ -13,7 +14,20 @@ A kind whose messages need no work (FORWARDS) implements `join` and `forward` in
 """
 import collections
 from dataclasses import dataclass, field
-from typing import Any, Callable, ClassVar, Counter, FrozenSet, Generic, List, Mapping, Optional, Sequence, TypeVar
+from typing import (
+    Any,
+    Callable,
+    ClassVar,
+    Counter,
+    FrozenSet,
+    Generic,
+    List,
+    Mapping,
+    Optional,
+    Protocol,
+    Sequence,
+    TypeVar,
+)
 
 from ..arrays import BoolArray, Records
 from ..image_error import ImageError
@@ -40,6 +54,8 @@ class Assembled:
     """Of the source, by the robot's clock; 0: unknown [ns]."""
     completeness: Optional[float]
     """Received share of it, 0..1; None: unknown."""
+    arrival: int = field(default=0, init=False)
+    """When it came to robot_sender, by the robot's clock, where its stamp does not say how old it is; else 0 [ns]."""
     changed: Optional[float] = field(default=None, init=False)
     """Of images: share of their cells that differ from the image before, 0..1; None: not compared."""
     camera_info: Optional[Callable[[], Any]] = field(default=None, init=False)
@@ -47,6 +63,16 @@ class Assembled:
     wanted."""
     error: Optional[ImageError] = field(default=None, init=False)
     """Of images that were coded with loss; None: what was received is exact, or, of video, nothing is known."""
+
+
+class Work(Protocol):
+    """What takes time before a message can be finished, as decoding does."""
+
+    def do(self) -> None:
+        """Do it, without the lock; in the thread that calls `poll`, `work` and `assemble`."""
+
+    def done(self) -> None:
+        """Take the result, under the lock."""
 
 
 Finished = TypeVar('Finished')
@@ -72,10 +98,8 @@ class Assembler(Generic[Finished, Result]):
     DECODED: ClassVar[FrozenSet[str]] = frozenset()
     """Parts whose segments need a decoder of video. The runner discards them where there is none; otherwise it passes
     one to the constructor, as `decoder`."""
-    HELD: ClassVar[FrozenSet[str]] = frozenset()
-    """Parts whose segments the robot repeats until `holding` lists them: it is reported after each batch."""
     HOLDS_SHOWN: ClassVar[bool] = False
-    """Whether `holding` is reported after each call of `assemble` instead."""
+    """Whether `holding` is reported after each call of `assemble`; it always is after Work."""
     REPORT_INTERVAL: ClassVar[float] = COALESCED
     """Reports of what is held are this far apart at least [s]."""
     PARAMETERS: ClassVar[Mapping[str, Parameter]] = OPERATOR
@@ -84,6 +108,8 @@ class Assembler(Generic[Finished, Result]):
     """Whether late subscribers receive the last message."""
     STEADY: bool = True
     """Whether silence is a fault."""
+    QUEUE_SIZE: ClassVar[int] = 2
+    """Of the publisher: of most messages only the newest counts."""
     FORWARDS: ClassVar[bool] = False
     """Whether messages are published in the transport's thread. Then only `configure`, `join`, `forward` and `problem`
     are called."""
@@ -116,12 +142,17 @@ class Assembler(Generic[Finished, Result]):
         raise NotImplementedError
 
     def deadline(self) -> Optional[float]:
-        """When `poll` returns something next, unless more is received; None: never. In the past: at once [s]."""
+        """When `poll` or `work` returns something next, unless more is received; None: never. In the past: at once [s].
+        """
         raise NotImplementedError
 
     def poll(self, now: float) -> Optional[Finished]:
         """The next finished one, in order of time; None: nothing is finished yet."""
         raise NotImplementedError
+
+    def work(self) -> Optional[Work]:
+        """What is to be done now; None: nothing."""
+        return None
 
     def assemble(self, finished: Finished, settings: Settings, still: bool, now: float) -> Optional[Result]:
         """Make the message; None if it equals the one published last.

@@ -53,7 +53,7 @@ class Carousel(Generic[Map]):
         """Take m segments of one cycle.
 
         :param head: the fields that they repeat; `head.stamp` is the map's [ns]
-        :param place: what identifies a map: frame, size, resolution, origin, depth; compared by value
+        :param place: what identifies a map; one that is equal goes on with its cells
         :param parts: arguments of PartialFrame.add; the first has length m
         :param now: by any steady clock [s]
         """

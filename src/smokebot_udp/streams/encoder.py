@@ -5,7 +5,21 @@ To add a kind, derive from Encoder. The runner (nodes/robot_stream.py) owns the 
 thread and the settings; it passes settings in and sends the frames that come out.
 """
 import collections
-from typing import Any, Callable, ClassVar, Collection, Deque, Dict, Generic, List, Mapping, Optional, Sequence, TypeVar
+from typing import (
+    Any,
+    Callable,
+    ClassVar,
+    Collection,
+    Deque,
+    Dict,
+    Generic,
+    List,
+    Mapping,
+    NamedTuple,
+    Optional,
+    Sequence,
+    TypeVar,
+)
 
 from .. import traffic
 from ..congestion.operating_points import OperatingPoint, rate_points
@@ -15,10 +29,24 @@ from ..udpros.frame import Frame
 from .held import Holding
 from .outlook import Outlook
 from .parameters import ROBOT
+from .recent import MAX_SOURCES
 from .segments import MAIN_PART
 
 Message = TypeVar('Message')
 """What `merge` returns and `encode` takes: mostly a ROS message."""
+
+class Sizing(NamedTuple):
+    """What decided the size of a message, for the log and the trace."""
+    coding: str
+    granted: float
+    """What it might have taken on the air; inf: there was no limit [byte]."""
+    used: int
+    """What it takes on the air [byte]."""
+    bound: str
+    """What decided, for images a value of image_size.Bound."""
+    error: float
+    """Its rms error once all of it has come, as the encoder estimates it [count]; NaN: it does not."""
+
 
 class Encoder(Generic[Message]):
     """Makes frames of the messages of one stream.
@@ -56,8 +84,8 @@ class Encoder(Generic[Message]):
     """Whether the last message is encoded again when settings change; `encode` returns [] where nothing changes."""
     FORESEES: ClassVar[bool] = False
     """Whether `outlook` is used: it costs some computing for each report."""
-    QUEUE_SIZE: ClassVar[int] = 1
-    """Queue size of the subscription."""
+    QUEUE_SIZE: ClassVar[int] = MAX_SOURCES
+    """Queue size of the subscription: of messages that come together, those of all sources are to be seen."""
     DERIVED: ClassVar[Any] = None
     """Class of the messages that `derive` makes for use on the robot; None: there are none. They are published at the
     requested rate on the topic that the setting `scan_topic` names."""
@@ -72,11 +100,18 @@ class Encoder(Generic[Message]):
         """As Demand.wished, of the last message [byte/s]."""
         self.warnings: Deque[str] = collections.deque(maxlen=16)
         """For the log: problems of messages that were encoded nevertheless. The runner removes them."""
+        self.replaced = 0
+        """Messages that `merge` gave up for newer ones, where what it returned is the same object as before."""
         self.beside: List[Frame] = []
         """Frames of other parts, which leave at once before those that `encode` returned. The runner removes them."""
         self.backlog: Optional[float] = None
         """A newer message waits for the rest of the last one if that leaves within this time; None: as the outbox
         decides [s]."""
+        self.waiting = 0.0
+        """How long what is left of the last message takes to leave at what the stream may use. Where outlooks are used,
+        the runner replaces it before it calls `encode` [s]."""
+        self.sizing: Optional[Sizing] = None
+        """Of the last message; None: its kind says nothing."""
         self.base = 1
         """Datagrams of the last message that show something of it, at least: they leave before the rest of others."""
         self.outlook = Outlook()
@@ -85,11 +120,13 @@ class Encoder(Generic[Message]):
         """Of the source as measured, however many of its messages are encoded [Hz]. The runner replaces it; None: it is
         not known."""
         self.longest_datagram = 0
-        """What the transport carries, however slow the link is; the runner replaces it [byte of UDP payload]."""
+        """What passes, however slow the link is; the runner replaces it [byte of UDP payload]."""
         self.heard: Callable[[str], bool] = lambda part: True
         """Whether all operators that receive the stream receive this part of it now. The runner replaces it."""
         self.operators: Callable[[str], Collection[str]] = lambda part: ()
         """Names of the operators that this part of the stream is sent to now. The runner replaces it."""
+        self.why_not: Callable[[str, str], str] = lambda part, operator: 'does not receive it'
+        """Why this part of the stream is not sent to an operator, in words. The runner replaces it."""
 
     @staticmethod
     def check(settings: Mapping[str, Any]) -> None:

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Which frame is finished when: a jitter buffer of one frame in progress, without clock or ROS (D6.3, section 4.2).
 
-A frame is the segments of one message: they have the same stamp. It is finished when all that was sent of it has been
-received; when what is still missing is no longer expected, or would not change anything (frame_end.py); when a segment
-of a newer frame is received; or max_wait after its first segment. Segments of a finished frame are late, or not needed
-if it was complete, and change nothing but how long the next frame is waited for.
+A frame is the segments of one message: they have the same frame_id and stamp, and arrival, which tells messages apart
+whose stamps do not. Sources that differ in their frame_id are assembled each for itself. A frame is finished when all
+that was sent of it has been received; when what is still missing is no longer expected, or would not change anything
+(frame_end.py); when a segment of a newer frame is received; or max_wait after its first segment. Segments of a finished
+frame are late, or not needed if it was complete, and change nothing but how long the next frame is waited for.
 
 A frame is finished once: what is received later does not bring out a better version of it. Two messages of one stamp
 would look like two images to whoever counts or records them.
@@ -13,12 +14,14 @@ import collections
 import math
 from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import Any, Callable, Counter, Deque, Generic, Optional, Protocol, Tuple, TypeVar
+from typing import Any, Callable, Counter, Deque, Dict, Generic, Optional, Protocol, Tuple, TypeVar
 
 import numpy as np
 
 from ..arrays import BoolArray, IntArray
+from ..frame_names import frame_name
 from .frame_end import FrameEnd
+from .recent import MAX_SOURCES
 
 RESTART = 2.0
 """A stamp that is older than the newest one by more is not late: the source's clock was set back, or a recording
@@ -70,7 +73,7 @@ Partial = TypeVar('Partial', bound=PartialFrame)
 class Frame(Generic[Partial]):
     """A frame, in progress or finished."""
     head: SimpleNamespace
-    """The fields that all of its segments repeat, see segments.head_of; `head.stamp` identifies the frame [ns]."""
+    """The fields that all of its segments repeat, see segments.head_of."""
     content: Partial
     began: float
     """When its first segment was received [s]."""
@@ -85,22 +88,32 @@ class FrameAssembler(Generic[Partial]):
 
     :param begin: f(head) -> PartialFrame, empty; raises ValueError if the head is impossible
     :param max_wait: may be changed at any time [s]
+    :param began: f(head), called for each frame that begins, as a segment fits it; heads alone may be forged
+    :param dropped: to be added to; None: it has its own
     """
 
-    def __init__(self, begin: Callable[[SimpleNamespace], Partial], max_wait: float) -> None:
+    def __init__(self, begin: Callable[[SimpleNamespace], Partial], max_wait: float,
+                 began: Callable[[SimpleNamespace], None] = lambda head: None,
+                 dropped: Optional[Counter[str]] = None) -> None:
         self.max_wait = max_wait
         self.max_finished = MAX_FINISHED
         """May be changed at any time."""
-        self.dropped: Counter[str] = collections.Counter()
-        """Segments that changed nothing, by reason: late, not needed, contradiction, impossible head."""
-        self._begin = begin
-        self._newest: Optional[int] = None      # stamp of the frame in progress, or of the last one finished
+        self.dropped: Counter[str] = collections.Counter() if dropped is None else dropped
+        """Segments that changed nothing, by reason: late, not needed, contradiction, impossible head. Frames that were
+        finished, but newer ones came before they were taken: overtaken frame."""
+        self._begin, self._began = begin, began
+        self._newest: Optional[int] = None      # order of the frame in progress, or of the last one finished
         self._surplus = 'late'                  # what further segments of the last finished frame are
         self._accepted = -math.inf              # when a segment was accepted last
         self._current: Optional[Frame[Partial]] = None
         self._last: Optional[Frame[Partial]] = None     # the frame in progress, or the last one finished
         self._end = FrameEnd()
         self._finished: Deque[Frame[Partial]] = collections.deque()
+
+    @property
+    def busy_until(self) -> float:
+        """Until when a frame is in progress, or a segment of the last one may come [s]."""
+        return self._accepted + MAX_REORDERING if self.deadline() is None else math.inf
 
     def deadline(self) -> Optional[float]:
         """When `poll` returns a frame next, unless more is added; None: never [s]."""
@@ -118,19 +131,20 @@ class FrameAssembler(Generic[Partial]):
             self._finish()
         return self._finished.popleft()
 
-    def add(self, head: SimpleNamespace, parts: Tuple[Any, ...], now: float) -> None:
+    def add(self, head: SimpleNamespace, parts: Tuple[Any, ...], now: float, order: Optional[int] = None) -> None:
         """Take m segments of one frame.
 
         :param head: the fields that they repeat
         :param parts: arguments of PartialFrame.add; the first has length m
         :param now: by any steady clock [s]
+        :param order: a time that identifies the frame and grows from frame to frame; None: its stamp [ns]
         """
-        count, stamp = len(parts[0]), head.stamp
-        older = self._newest is not None and 0 < self._newest - stamp < RESTART * 1e9
+        count, order = len(parts[0]), head.stamp if order is None else order
+        older = self._newest is not None and 0 < self._newest - order < RESTART * 1e9
         if older and now - self._accepted <= MAX_REORDERING:
             self.dropped['late'] += count
-        elif stamp != self._newest:
-            self._add_new(head, parts, now)
+        elif order != self._newest:
+            self._add_new(head, parts, now, order)
         elif self._last is not None and self._last.head != head:
             self.dropped['contradiction'] += count
         elif self._current is None:
@@ -141,7 +155,7 @@ class FrameAssembler(Generic[Partial]):
             if good.any():
                 self._expect(self._current, parts, good, now)
 
-    def _add_new(self, head: SimpleNamespace, parts: Tuple[Any, ...], now: float) -> None:
+    def _add_new(self, head: SimpleNamespace, parts: Tuple[Any, ...], now: float, order: int) -> None:
         try:
             content = self._begin(head)
         except ValueError:
@@ -152,9 +166,10 @@ class FrameAssembler(Generic[Partial]):
         if good.any():
             if self._current is not None:
                 self._finish()
-            self._newest = head.stamp
+            self._newest = order
             self._current = self._last = Frame(head, content, now, now)
             self._end.begin()
+            self._began(head)
             self._expect(self._current, parts, good, now)
 
     def _fit(self, content: Partial, parts: Tuple[Any, ...]) -> BoolArray:
@@ -186,4 +201,64 @@ class FrameAssembler(Generic[Partial]):
         self._finished.append(self._current)
         while len(self._finished) > self.max_finished:
             self._finished.popleft()
+            self.dropped['overtaken frame'] += 1
         self._current = None
+
+
+class FrameAssemblers(Generic[Partial]):
+    """A FrameAssembler for each of the sources of one stream.
+
+    There are at most MAX_SOURCES. A new one takes the place of one that is idle, or none: forged segments must not end
+    a true frame.
+
+    :param begin, max_wait, began: as of FrameAssembler
+    """
+
+    def __init__(self, begin: Callable[[SimpleNamespace], Partial], max_wait: float,
+                 began: Callable[[SimpleNamespace], None] = lambda head: None) -> None:
+        self.dropped: Counter[str] = collections.Counter()
+        """As of FrameAssembler, of all together."""
+        self._max_wait, self._max_finished = max_wait, MAX_FINISHED
+        self._begin, self._began = begin, began
+        self._sources: Dict[str, FrameAssembler[Partial]] = {}
+
+    def _source(self, name: str, now: float) -> Optional[FrameAssembler[Partial]]:
+        """That of a source; None: there are too many."""
+        if name not in self._sources:
+            if len(self._sources) == MAX_SOURCES:
+                idle = min(self._sources, key=lambda other: self._sources[other].busy_until)
+                if self._sources[idle].busy_until > now:
+                    return None
+                del self._sources[idle]
+            made = self._sources[name] = FrameAssembler(self._begin, self._max_wait, self._began, self.dropped)
+            made.max_finished = self._max_finished
+        return self._sources[name]
+
+    def configure(self, max_wait: Optional[float] = None, max_finished: Optional[int] = None) -> None:
+        """Change what is not None, as of FrameAssembler."""
+        self._max_wait = self._max_wait if max_wait is None else max_wait
+        self._max_finished = self._max_finished if max_finished is None else max_finished
+        for source in self._sources.values():
+            source.max_wait, source.max_finished = self._max_wait, self._max_finished
+
+    def deadline(self) -> Optional[float]:
+        """As of FrameAssembler."""
+        deadlines = [source.deadline() for source in self._sources.values()]
+        return min((deadline for deadline in deadlines if deadline is not None), default=None)
+
+    def poll(self, now: float) -> Optional[Frame[Partial]]:
+        """As of FrameAssembler; of several sources that which is due first."""
+        due = [(deadline, source) for source in self._sources.values()
+               for deadline in [source.deadline()] if deadline is not None]
+        return min(due, key=lambda one: one[0])[1].poll(now) if due else None
+
+    def add(self, head: SimpleNamespace, parts: Tuple[Any, ...], now: float, order: Optional[int] = None) -> None:
+        """As of FrameAssembler.
+
+        :param head: `frame_id` names the source
+        """
+        source = self._source(frame_name(head.frame_id), now)
+        if source is None:
+            self.dropped['too many sources'] += len(parts[0])
+        else:
+            source.add(head, parts, now, order)

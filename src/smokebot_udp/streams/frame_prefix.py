@@ -2,13 +2,15 @@
 """A prefix of all frames of a robot, such as `ugv1/`: the frames of several robots at one desk do not clash.
 
 It goes before the frame_id and child_frame_id of a message and of all messages in it. An empty frame stays empty. A
-frame that has the prefix already gets no second one, so a robot's own frames must not begin with its prefix. The slash
-with which some ROS 1 drivers still begin a frame is dropped: tf2 takes `/map` for `map`, but not `ugv1//map`.
+frame that has the prefix already gets no second one, so a robot's own frames must not begin with its prefix. Frames and
+prefix are taken by their names, without a slash at the beginning, see frame_names.
 """
 import functools
 from typing import Any, Callable, List, Optional, Tuple
 
 from genpy.message import get_message_class
+
+from ..frame_names import frame_name
 
 FIELDS = frozenset(['frame_id', 'child_frame_id'])
 """Strings of these names are frames."""
@@ -25,7 +27,7 @@ def add_prefix(message: Any, prefix: str) -> Any:
 
     :param message: of any type; it is not changed, and the result shares with it what has no frames
     """
-    return _rewritten(message, lambda frame: _with_prefix(frame, prefix)) if prefix else message
+    return _rewritten(message, lambda frame: with_prefix(frame, prefix)) if prefix else message
 
 
 def strip_prefix(message: Any, prefix: str) -> Any:
@@ -33,14 +35,15 @@ def strip_prefix(message: Any, prefix: str) -> Any:
     return _rewritten(message, lambda frame: _without_prefix(frame, prefix)) if prefix else message
 
 
-def _with_prefix(frame: str, prefix: str) -> str:
-    if not frame or frame.startswith(prefix):
-        return frame
-    return prefix + frame.lstrip('/')
+def with_prefix(frame: str, prefix: str) -> str:
+    """A frame with the prefix."""
+    name, prefix = frame_name(frame), frame_name(prefix)
+    return name if not name or name.startswith(prefix) else prefix + name
 
 
 def _without_prefix(frame: str, prefix: str) -> str:
-    return frame[len(prefix):] if frame.startswith(prefix) else frame
+    name, prefix = frame_name(frame), frame_name(prefix)
+    return name[len(prefix):] if name.startswith(prefix) else frame
 
 
 def _rewritten(message: Any, rename: Rename) -> Any:

@@ -8,6 +8,9 @@ import bisect
 import math
 from typing import Iterable, List, Mapping, NamedTuple, Optional, Tuple
 
+import numpy as np
+
+from ..arrays import BoolArray, IntArray
 from ..msg import Held
 from .segments import room
 
@@ -70,6 +73,17 @@ class Holding(NamedTuple):
     def contains(self, number: int) -> bool:
         """Whether a number is held."""
         return self._run_of(number) is not None
+
+    def among(self, numbers: IntArray) -> BoolArray:
+        """(n,): which of these numbers are held.
+
+        :param numbers: (n,) int64
+        """
+        runs = np.array(self.runs, np.int64).reshape(-1, 2)
+        at = np.searchsorted(runs[:, 0], numbers, 'right') - 1
+        held: BoolArray = at >= 0
+        held[held] = numbers[held] < runs[at[held]].sum(axis=1)
+        return held
 
     def layers_of(self, number: int) -> int:
         """How many layers of an image are held; 0: none."""

@@ -1,9 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What the encoder of a stream may expect of the link, and how that follows from the operators' reports."""
+import collections
 import math
-from typing import Any, Collection, Dict, Mapping, NamedTuple
+import statistics
+from typing import Any, Collection, Deque, Dict, Mapping, NamedTuple
 
 from .air import UNKNOWN, Air, LossBeliefs, merged
+
+COMPARED = 3
+"""Estimates of the room of a stream."""
 
 
 class Outlook(NamedTuple):
@@ -11,7 +16,7 @@ class Outlook(NamedTuple):
     air: Air = UNKNOWN
     """What becomes of its datagrams."""
     room: float = math.inf
-    """What the stream may use, at most, while the other streams use what they use now [byte/s]."""
+    """What the stream may use, at most, while the other streams use what they use now: see Rooms [byte/s]."""
 
     def loss(self, probability: float) -> float:
         """The packet-loss ratio that is not exceeded with a probability below 1."""
@@ -22,13 +27,28 @@ class Outlook(NamedTuple):
                 break
         return loss
 
-    def in_air_time(self, settings: Mapping[str, Any], most: float = math.inf) -> float:
-        """What a stream may send within `air_time` [byte].
+    def in_air_time(self, settings: Mapping[str, Any]) -> float:
+        """What a stream may send within `air_time` [byte]."""
+        return settings['air_time'] * self.room if settings['air_time'] else math.inf
 
-        :param most: air time where the setting is 0, and at most [s]
+
+class Rooms:
+    """What each stream may use of the link: the median of the latest estimates, so that a single one that is wrong
+    changes nothing, and a link that has changed is followed with the second one."""
+
+    def __init__(self) -> None:
+        self._latest: Dict[str, Deque[float]] = {}
+
+    def update(self, rooms: Mapping[str, float]) -> Dict[str, float]:
+        """Take the newest estimates; streams without one are forgotten.
+
+        :param rooms: {stream: byte/s}
+        :return: {stream: byte/s}
         """
-        duration = min(settings['air_time'] or math.inf, most)
-        return math.inf if math.isinf(duration) else duration * self.room
+        self._latest = {name: self._latest.get(name) or collections.deque(maxlen=COMPARED) for name in rooms}
+        for name, room in rooms.items():
+            self._latest[name].append(room)
+        return {name: statistics.median_low(latest) for name, latest in self._latest.items()}
 
 
 class StreamLosses:

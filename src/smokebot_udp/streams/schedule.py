@@ -7,6 +7,7 @@ import math
 from typing import Generic, Optional, TypeVar
 
 from .rate import RateLimiter
+from .recent import Recent
 
 Item = TypeVar('Item')
 
@@ -17,16 +18,39 @@ next one, which is fresh, is awaited instead,"""
 PATIENCE = 1.3
 """until it is late by more than a part of that time."""
 
+ACTIVE = 5.0
+"""A source that put nothing for longer is not counted any more [s]."""
+
+
+class _Source(Generic[Item]):
+    """What waits of one source, and when it was put."""
+
+    def __init__(self, rate: float) -> None:
+        self.waiting: Optional[Item] = None
+        self.limiter = RateLimiter(rate)
+        self.put, self.gap = -math.inf, 0.0     # when the newest item was put, and how long after the one before
+
+    def due(self, steady: bool) -> float:
+        """When what waits is due; infinite: nothing waits [s]."""
+        if self.waiting is None:
+            return math.inf
+        due = self.limiter.due
+        if not steady or due - self.put <= MAX_AGE * self.gap:
+            return due
+        return max(due, self.put + PATIENCE * min(self.gap, 1 / self.limiter.rate))
+
 
 class Schedule(Generic[Item]):
-    """Holds the newest item that waits; older ones are replaced, there is no backlog.
+    """Holds the newest item of each source that waits; older ones are replaced, there is no backlog.
+
+    Most streams have one source; those that share a stream have a name each, and its rate.
 
     A repeat is due one period after something was sent, by :meth:`sent`, or repeated, and after each :meth:`wake`.
 
     A source may have just the maximum rate. If one of its items had to wait for its turn, then so would all later ones,
     for as long. Leaving out one of them ends that.
 
-    :param rate: maximum rate of items [Hz]
+    :param rate: maximum rate of the items of a source [Hz]
     :param repeat_period: [s]; None: never
     :param steady: whether a newer item can be expected
     """
@@ -34,31 +58,40 @@ class Schedule(Generic[Item]):
     def __init__(self, rate: float, repeat_period: Optional[float] = None, steady: bool = False) -> None:
         self.repeat_period = repeat_period
         """May change at any time [s]."""
-        self.waiting: Optional[Item] = None
         self.replaced = 0
         """Number of items that were replaced by newer ones."""
-        self._limiter = RateLimiter(rate)
-        self._steady = steady
-        self._put, self._gap = -math.inf, 0.0   # when the newest item was put, and how long after the one before
+        self._rate, self._steady = rate, steady
+        self._sources: Recent[_Source[Item]] = Recent(lambda: _Source(self._rate))
         self._sent: Optional[float] = None      # when something was sent last; -inf: a repeat is due now
 
     def set_rate(self, rate: float) -> None:
         """Change the maximum rate of items [Hz]; what was taken before still counts."""
-        self._limiter.rate = rate
+        self._rate = rate
+        for source in self._sources.all():
+            source.limiter.rate = rate
 
-    def put(self, item: Item, now: float) -> None:
-        """An item is to be taken, in place of the one that waits."""
-        self.replaced += self.waiting is not None and self.waiting is not item
-        self.waiting = item
-        self._put, self._gap = now, max(0.0, now - self._put)
+    def waiting(self, name: str = '') -> Optional[Item]:
+        """What waits of a source."""
+        return self._sources.of(name).waiting
+
+    def active(self, now: float) -> int:
+        """How many sources put something not long ago; at least 1."""
+        return max(1, sum(now - source.put < ACTIVE for source in self._sources.all()))
+
+    def put(self, item: Item, now: float, name: str = '') -> None:
+        """An item of a source is to be taken, in place of the one that waits."""
+        source = self._sources.of(name)
+        self.replaced += source.waiting is not None and source.waiting is not item
+        source.waiting = item
+        source.put, source.gap = now, max(0.0, now - source.put)
 
     def take(self, now: float) -> Optional[Item]:
-        """The waiting item where it is due."""
-        item = self.waiting
-        if item is None or self._item_due() > now:
+        """The waiting item where it is due; of several sources that which was due first."""
+        source = self._first()
+        if source is None or source.due(self._steady) > now:
             return None
-        self._limiter.take(now)
-        self.waiting = None
+        source.limiter.take(now)
+        item, source.waiting = source.waiting, None
         return item
 
     def sent(self, now: float) -> None:
@@ -78,14 +111,14 @@ class Schedule(Generic[Item]):
 
     def deadline(self) -> Optional[float]:
         """When `take` or `take_repeat` has something next; None: not before something is put [s]."""
-        due = min(self._repeat_due(), math.inf if self.waiting is None else self._item_due())
+        source = self._first()
+        due = min(self._repeat_due(), math.inf if source is None else source.due(self._steady))
         return None if due == math.inf else due
 
-    def _item_due(self) -> float:
-        due = self._limiter.due
-        if not self._steady or due - self._put <= MAX_AGE * self._gap:
-            return due
-        return max(due, self._put + PATIENCE * min(self._gap, 1 / self._limiter.rate))
+    def _first(self) -> Optional[_Source[Item]]:
+        """The source whose item is due first; None: there is no source."""
+        sources = self._sources.all()
+        return min(sources, key=lambda source: (source.due(self._steady), source.put)) if sources else None
 
     def _repeat_due(self) -> float:
         return math.inf if self._sent is None or self.repeat_period is None else self._sent + self.repeat_period

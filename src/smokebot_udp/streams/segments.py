@@ -3,7 +3,7 @@
 one message repeat (its head)."""
 import functools
 from types import SimpleNamespace
-from typing import Any, Iterable, Sequence, Tuple, Union
+from typing import Any, Iterable, List, Sequence, Tuple, Union
 
 import numpy as np
 
@@ -20,6 +20,9 @@ LAYERS = 'layers'
 
 VIDEO = 'video'
 """The part of a stream of images that carries slices of H.264."""
+
+ARRIVAL = 'arrival'
+"""The field of segments that says when their message came, where its stamp does not say how old it is, or which."""
 
 INFO = 'camera_info'
 """The part of a stream of images that carries their calibration."""
@@ -83,6 +86,22 @@ def stamps_of(records: Records, rows: IntArray) -> IntArray:
     return nanoseconds
 
 
+def frames_of(records: Records, rows: IntArray) -> List[IntArray]:
+    """The rows of each message, as far as they follow each other: they have one stamp, frame_id and arrival.
+
+    :param records: (n,) structured array of segments
+    :param rows: (m,) indexes, m >= 1
+    """
+    places = _places(records.dtype, (ARRIVAL,), True)
+    identities = records.view((np.uint8, records.dtype.itemsize))[rows[:, np.newaxis], places]
+    return np.split(rows, np.flatnonzero((identities[1:] != identities[:-1]).any(axis=1)) + 1)
+
+
+def nanoseconds(time: Tuple[int, int]) -> int:
+    """Of a time as `head_of` has it: seconds and nanoseconds."""
+    return time[0] * 10 ** 9 + time[1]
+
+
 def head_of(record: Any, segment_class: Any, fields: Sequence[str]) -> SimpleNamespace:
     """The head of one segment: stamp [ns], frame_id and the fields named, as attributes.
 
@@ -115,11 +134,11 @@ def same_head(records: Records, rows: IntArray, fields: Sequence[str]) -> BoolAr
 
 
 @functools.lru_cache(maxsize=64)
-def _places(dtype: Any, fields: Tuple[str, ...]) -> IntArray:
-    """(k,) int: offsets of the bytes of frame_id and these fields in a record."""
+def _places(dtype: Any, fields: Tuple[str, ...], stamp: bool = False) -> IntArray:
+    """(k,) int: offsets of the bytes of frame_id and these fields in a record, and of the header's stamp."""
     header, at = dtype.fields['header'][:2]
-    frame_id, within = header.fields['frame_id'][:2]
-    parts = [(frame_id, at + within)] + [dtype.fields[field][:2] for field in fields]
+    parts = [(header.fields[name][0], at + header.fields[name][1]) for name in ['frame_id'] + ['stamp'] * stamp]
+    parts += [dtype.fields[field][:2] for field in fields]
     return np.concatenate([np.arange(at, at + part.itemsize) for part, at in parts])
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Assemblers whose segments make one message for each stamp of the source: images, clouds, scans."""
+"""Assemblers whose segments make one message for each stamp of a source: images, clouds, scans."""
 from types import SimpleNamespace
 from typing import Any, ClassVar, Mapping, Optional, Tuple, TypeVar
 
@@ -11,9 +11,9 @@ from ..arrays import BoolArray, Records
 from ..mission.parameters import Parameter
 from ..mission.settings import Settings
 from .assembler import Assembled, Assembler, Clock, no_clock
-from .frame_assembler import MAX_WAIT, Frame, FrameAssembler, PartialFrame
+from .frame_assembler import MAX_WAIT, Frame, FrameAssemblers, PartialFrame
 from .parameters import OPERATOR
-from .segments import MAIN_PART, head_of, picked, same_head, stamps_of
+from .segments import ARRIVAL, MAIN_PART, frames_of, head_of, nanoseconds, picked, same_head
 
 Partial = TypeVar('Partial', bound=PartialFrame)
 Result = TypeVar('Result', bound=Assembled)
@@ -22,7 +22,7 @@ Result = TypeVar('Result', bound=Assembled)
 class StampedAssembler(Assembler[Frame[Partial], Result]):
     """Makes one message of each stamp's segments.
 
-    A kind derives from it, with HEADS, `begin`, `parts` and `assemble`. All segments of a stamp are of one part.
+    A kind derives from it, with HEADS, `begin`, `parts` and `assemble`. All segments of a message are of one part.
     """
     HEADS: ClassVar[Mapping[str, Tuple[str, ...]]] = {}
     """{part: the fields that are equal in all segments of one stamp, besides the header}"""
@@ -34,35 +34,40 @@ class StampedAssembler(Assembler[Frame[Partial], Result]):
 
     def __init__(self, settings: Mapping[str, Any], clock: Clock = no_clock) -> None:
         super().__init__(settings, clock)
-        self._frames = FrameAssembler(self.begin, settings['max_wait'])
+        self._frames = FrameAssemblers(self.begin, settings['max_wait'], self.began)
         self.dropped = self._frames.dropped
 
     def begin(self, head: SimpleNamespace) -> Partial:
-        """An empty frame.
+        """An empty frame. Nothing else may change: the head may be forged.
 
-        :param head: stamp, frame_id and HEADS of its segments, see segments.head_of, and their `part`
+        :param head: stamp, frame_id, arrival [ns] and HEADS of its segments, see segments.head_of, and their `part`
         :raises ValueError: the head is impossible
         """
         raise NotImplementedError
+
+    def began(self, head: SimpleNamespace) -> None:
+        """Note that a frame begins: a segment fits it.
+
+        :param head: as of `begin`
+        """
 
     def parts(self, records: Records, part: str) -> Tuple[Any, ...]:
         """The arguments of PartialFrame.add for (m,) segments of one part and layout."""
         raise NotImplementedError
 
     def configure(self, settings: Settings, changed: Mapping[str, Any]) -> None:
-        self._frames.max_wait = settings['max_wait']
+        self._frames.configure(max_wait=settings['max_wait'])
 
     def receive(self, records: Records, mask: BoolArray, now: float, part: str = MAIN_PART) -> None:
         rows = np.flatnonzero(mask)
         if not len(rows):
             return
-        starts = np.flatnonzero(np.diff(stamps_of(records, rows))) + 1
-        for of_stamp in np.split(rows, starts):
-            head = head_of(records[of_stamp[0]], self.SEGMENTS[part], self.HEADS[part])
-            head.part = part
-            same = same_head(records, of_stamp, self.HEADS[part])
+        for of_frame in frames_of(records, rows):
+            head = head_of(records[of_frame[0]], self.SEGMENTS[part], (ARRIVAL, *self.HEADS[part]))
+            head.part, head.arrival = part, nanoseconds(head.arrival)
+            same = same_head(records, of_frame, self.HEADS[part])
             self.dropped['contradiction'] += int(np.count_nonzero(~same))
-            self._frames.add(head, self.parts(picked(records, of_stamp[same]), part), now)
+            self._frames.add(head, self.parts(picked(records, of_frame[same]), part), now, head.arrival or head.stamp)
 
     def deadline(self) -> Optional[float]:
         return self._frames.deadline()

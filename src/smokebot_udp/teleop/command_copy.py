@@ -21,6 +21,8 @@ class Copy(NamedTuple):
     """When the operator's node received the command, by the robot's steady clock [us]."""
     uncertainty: int
     """Maximum error of `made` [us]."""
+    releases: int
+    """Of the emergency stop, as the operator's node knew."""
     checksum: int
     """checksum.typed_checksum of `data`."""
     data: bytes

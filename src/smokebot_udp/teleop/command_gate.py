@@ -4,8 +4,8 @@
 A copy takes effect if all of this holds:
 
 - It was made for this session of the robot's node, carries a message of the expected type, and is not too long.
-- Its operator drives, the emergency stop is not engaged, and it was made after both became so, and after the machine
-  was suspended last.
+- Its operator drives, the emergency stop is not engaged, and it was made after both became so, by an operator who knew
+  of the stop's last release, and after the machine was suspended last.
 - Its age, by the robot's clock, is at most `max_age` even if its stamp has the largest error that it admits. A stamp
   of the future is refused as well: no honest clock gives one, and it would prolong the command's life.
 - No copy of it or of a newer command took effect. Numbers compare in serial arithmetic (RFC 1982). A copy that was
@@ -53,20 +53,21 @@ class CommandGate:
         self.dropped: Counter[str] = collections.Counter()
         """Refused copies by reason. With loss, 'repeated' and 'older than a newer one' are no fault."""
         self._robot, self._md5sum = robot, md5sum
-        self._driver, self._estop, self._since = 0, False, 0.0
+        self._driver, self._estop, self._releases, self._since = 0, False, 0, 0.0
         self._newest: Optional[int] = None      # number of the command that took effect last
         self._took_effect = 0.0
         self._latest = 0.0                      # the latest `now`
 
-    def rule(self, driver: int, estop: bool, now: float) -> None:
+    def rule(self, driver: int, estop: bool, releases: int, now: float) -> None:
         """Say who may command from now on. A change makes all commands that were made before it void.
 
         :param driver: session of the operator who drives; 0: nobody
         :param estop: whether the emergency stop is engaged
+        :param releases: how often it was released
         """
         self._latest = max(self._latest, now)
-        if (driver, estop) != (self._driver, self._estop):
-            self._driver, self._estop, self._since = driver, estop, self._latest
+        if (driver, estop, releases) != (self._driver, self._estop, self._releases):
+            self._driver, self._estop, self._releases, self._since = driver, estop, releases, self._latest
 
     def void(self, now: float) -> None:
         """All commands that were made until now are void: they may have waited while the machine was suspended."""
@@ -103,7 +104,8 @@ class CommandGate:
             return 'emergency stop'
         if not self._driver or copy.session != self._driver:
             return 'not in control'
-        return None if _earliest(copy) > self._since + TOLERANCE else 'made before control'
+        known = copy.releases == self._releases
+        return None if known and _earliest(copy) > self._since + TOLERANCE else 'made before control'
 
     def _not_newer(self, copy: Copy) -> Optional[str]:
         """Why it is superseded."""

@@ -95,18 +95,19 @@ class CommandSender:
         """
         return time is not None and time.uncertainty / MICROSECONDS < self.max_age
 
-    def put(self, data: bytes, made: RobotTime, now: float) -> None:
+    def put(self, data: bytes, made: RobotTime, releases: int, now: float) -> None:
         """A new command replaces the last one; its first copy is due at once.
 
         :param data: the serialised message
         :param made: the robot's time at `now`
+        :param releases: of the emergency stop, as far as they are known
         :raises ValueError: if it is longer than MAX_COMMAND_SIZE; the last command is withdrawn then
         """
         self.withdraw()
         if len(data) > MAX_COMMAND_SIZE:
             raise ValueError('it has %d bytes; a command must have %d at most' % (len(data), MAX_COMMAND_SIZE))
         self._number = (self._number + 1) % NUMBERS
-        self._copy = Copy(self._session, made.robot, self._number, made.made, made.uncertainty,
+        self._copy = Copy(self._session, made.robot, self._number, made.made, made.uncertainty, releases,
                           typed_checksum(self._md5sum, data), data)
         self._made, self._uncertainty = now, made.uncertainty / MICROSECONDS
         self._free = min(self._free, now + MEAN_GAP)    # a clock that went back delays nothing

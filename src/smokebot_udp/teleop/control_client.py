@@ -4,7 +4,7 @@
 Call `poll` after every other method and at `deadline`, and send the request that it returns.
 """
 import math
-from typing import Optional
+from typing import Optional, Sequence
 
 from .estop import EstopClient
 from .records import MAX_OPERATORS, PeerStatus, Request, Status, Wish
@@ -17,10 +17,6 @@ Link reports and commands show its presence, too."""
 
 STATUS_LEASE = 5.0
 """While other datagrams of the robot come, the last status is in force for this long [s]."""
-
-UNLISTED_TIMEOUT = 1.0
-"""An operator that the robot does not list, because there are too many, stops asking for an emergency stop this long
-after it has begun, if the robot tells all that it is engaged [s]."""
 
 
 class ControlClient:
@@ -48,7 +44,7 @@ class ControlClient:
     @property
     def own(self) -> Optional[PeerStatus]:
         """What the robot knows of this operator; None: it did not list it in its newest status."""
-        return self._listed(self.status) if self.status else None
+        return self._of_this(self.status.operators) if self.status else None
 
     @property
     def loss(self) -> Optional[float]:
@@ -58,17 +54,18 @@ class ControlClient:
 
     def receive(self, status: Status, now: float) -> bool:
         """Take a status; returns whether it is news: not late, nor of a node that the robot had before."""
-        own = self._listed(status)
+        own = self._of_this(status.operators)
         if not self._robot.take(status.session, now, own is not None and now - own.echo <= LEASE):
             return False
         if self.status and self.status.session == status.session and status.clock <= self.status.clock:
             return False
         self.status, self._came = status, now
-        answered, refusal = (own.answered, own.refusal) if own else (self._unlisted(status, now), '')
-        wish = self._requests.answered(answered, refusal)
-        if wish is not None:
-            self._estop.answered(wish, refusal, status.session)
-        self._estop.heard(status, own.name if own else '', now)
+        answer = own or self._of_this(status.others)
+        if answer is not None:
+            wish = self._requests.answered(answer.answered, answer.refusal)
+            if wish is not None:
+                self._estop.answered(wish, answer.refusal, status.session)
+        self._estop.heard(status, answer.name if answer else '', now)
         return True
 
     def ask(self, wish: Wish, now: float, robot_time: Optional[float]) -> int:
@@ -135,15 +132,8 @@ class ControlClient:
         """A robot that was restarted has to hear soon that the emergency stop is engaged."""
         return self._shown + (PERIOD if self.estop else IDLE_PERIOD)
 
-    def _listed(self, status: Status) -> Optional[PeerStatus]:
-        return next((peer for peer in status.operators if peer.session == self.session), None)
-
-    def _unlisted(self, status: Status, now: float) -> int:
-        """Id of the emergency stop that the robot has heard of, though it cannot answer this operator; 0: none."""
-        pending = self._requests.pending
-        if pending is None or pending.wish != Wish.ENGAGE_ESTOP or not status.estop:
-            return 0
-        return pending.id if now - pending.asked > UNLISTED_TIMEOUT else 0
+    def _of_this(self, peers: Sequence[PeerStatus]) -> Optional[PeerStatus]:
+        return next((peer for peer in peers if peer.session == self.session), None)
 
     def _silence(self, now: float) -> str:
         if self.status is None:

@@ -6,12 +6,12 @@ Call `poll` after every other method and at `deadline`, and send the status that
 import collections
 import dataclasses
 import math
-from typing import Any, Counter, Dict, List, Optional, Tuple
+from typing import Any, Counter, Dict, List, Optional, OrderedDict, Tuple
 
 from .control import Control
 from .estop import EstopLatch
 from .loss import LossMeter
-from .records import PeerStatus, Request, Status, Wish
+from .records import MAX_OTHERS, PeerStatus, Request, Status, Wish
 from .requests import Answers, untimely
 from .sessions import LEASE
 
@@ -32,6 +32,9 @@ REQUESTS, REPORTS = 'requests', 'reports'
 MAX_SESSIONS = 64
 """Remembered, those that have ended included."""
 
+TELLING = 2.0
+"""Who is no operator is told the answer to its request for this long after a copy of it came [s]."""
+
 
 @dataclasses.dataclass
 class _Peer:
@@ -42,7 +45,6 @@ class _Peer:
     """Of its newest request, by its own clock [s]."""
     came: float = 0.0
     """When that came [s]."""
-    answers: Answers = dataclasses.field(default_factory=Answers)
     loss: LossMeter = dataclasses.field(default_factory=LossMeter)
 
 
@@ -60,6 +62,7 @@ class ControlServer:
         self.dropped: Counter[str] = collections.Counter()
         """{reason: count} of the datagrams of those who are no operators."""
         self._peers: Dict[Tuple[str, int], _Peer] = {}      # {(name, session): of it}
+        self._answers: OrderedDict[Tuple[str, int], Answers] = collections.OrderedDict()    # who asked last is last
         self._sent = -math.inf      # when the status was sent last
         self._busy = -math.inf      # when a command, a request or a change came last
         self._prompted = True       # whether it is to be sent at once
@@ -67,8 +70,8 @@ class ControlServer:
 
     @property
     def remembered(self) -> int:
-        """Sessions of operators that are remembered."""
-        return len(self._peers)
+        """Sessions that are remembered."""
+        return max(len(self._peers), len(self._answers))
 
     def receive(self, name: str, seq: int, request: Request, now: float) -> None:
         """Take an operator's request.
@@ -76,17 +79,17 @@ class ControlServer:
         :param name: of its node, as the transport knows it
         :param seq: of the message's header
         """
-        peer = self._heard(name, request.session, REQUESTS, seq, now)
-        if peer is None:
-            if request.wish == Wish.ENGAGE_ESTOP:   # anybody may, even one too many
-                self.estop.engage(name, now)
-            return
-        if request.clock > peer.clock:
-            peer.clock, peer.came = request.clock, now
+        stranger = self._heard(name, request.session, REQUESTS, seq, now)
+        if stranger is None:
+            peer = self._peers[name, request.session]
+            if request.clock > peer.clock:
+                peer.clock, peer.came = request.clock, now
         if request.id:
             self._prompted, self._busy = True, now
-            if peer.answers.take(request.id):
-                peer.answers.answer(request.id, self._carry_out(name, request, now))
+            answers = self._answers_to(name, request.session)
+            answers.asked = now
+            if answers.take(request.id):
+                answers.answer(request.id, self._carry_out(name, request, stranger, now))
 
     def command(self, name: str, session: int, topic: str, seq: int, now: float) -> Optional[str]:
         """A command came; its operator's lease is renewed.
@@ -95,7 +98,7 @@ class ControlServer:
         :param seq: of the message's header
         :return: None, or why its operator may not drive now
         """
-        if self._heard(name, session, topic, seq, now) is None:
+        if self._heard(name, session, topic, seq, now) is not None:
             return NO_OPERATOR
         self._busy = now
         if self.estop.engaged:
@@ -123,9 +126,18 @@ class ControlServer:
 
     def operators(self, now: float) -> List[PeerStatus]:
         """What is known of those that are present."""
-        return [PeerStatus(session, name, peer.clock, now - peer.came if peer.clock else 0.0, peer.answers.answered,
-                           peer.answers.refusal, peer.loss.loss(now))
-                for name, session in self._present() for peer in (self._peers[name, session],)]
+        return [PeerStatus(session, name, peer.clock, now - peer.came if peer.clock else 0.0, answers.answered,
+                           answers.refusal, peer.loss.loss(now))
+                for name, session in self._present() for peer, answers in (
+                    (self._peers[name, session], self._answers.get((name, session), Answers())),)]
+
+    def others(self, now: float) -> List[PeerStatus]:
+        """The answers to those that are no operators, who may all the same engage the emergency stop."""
+        present = self._present()
+        asking = [PeerStatus(session, name, 0.0, 0.0, answers.answered, answers.refusal)
+                  for (name, session), answers in self._answers.items()
+                  if now - answers.asked < TELLING and (name, session) not in present]
+        return asking[-MAX_OTHERS:]
 
     def deadline(self) -> float:
         """When `poll` has something to do [s]."""
@@ -142,7 +154,8 @@ class ControlServer:
             self._busy = now
         self._sent, self._prompted, self._told = now, False, news
         return Status(self.session, now, driver.name if driver else '', driver.session if driver else 0,
-                      self.estop.engaged, self.estop.by, tuple(self.operators(now)))
+                      self.estop.engaged, self.estop.by, self.estop.releases, tuple(self.operators(now)),
+                      tuple(self.others(now)))
 
     def _due(self) -> float:
         if self._prompted or self._news() != self._told:
@@ -152,22 +165,31 @@ class ControlServer:
     def _news(self) -> Any:
         """What operators are told at once where it changes."""
         driver = self.control.driver
-        return driver and (driver.name, driver.session), self.estop.engaged, self.estop.by, self._present()
+        return (driver and (driver.name, driver.session), self.estop.engaged, self.estop.by, self.estop.releases,
+                self._present())
 
-    def _heard(self, name: str, session: int, topic: str, seq: int, now: float) -> Optional[_Peer]:
-        """The operator that a datagram came from; None: none, which is counted."""
+    def _heard(self, name: str, session: int, topic: str, seq: int, now: float) -> Optional[str]:
+        """Why a datagram comes from no operator, which is counted; None: it comes from one of `_peers`."""
         refusal = self.control.heard(name, session, now)
         if refusal is not None:
             self.dropped[refusal] += 1
-            return None
+            return refusal
         peer = self._peers.setdefault((name, session), _Peer(now))
         peer.heard = now
         peer.loss.add(topic, seq, now)
         self._forget(now)
-        return peer
+        return None
+
+    def _answers_to(self, name: str, session: int) -> Answers:
+        """The requests of a session, whether of an operator or not."""
+        answers = self._answers.setdefault((name, session), Answers())
+        self._answers.move_to_end((name, session))
+        while len(self._answers) > MAX_SESSIONS:
+            self._answers.popitem(last=False)
+        return answers
 
     def _forget(self, now: float) -> None:
-        """Forget sessions that have ended so long ago that whatever still comes of them is refused for its age."""
+        """Forget sessions that have ended."""
         present = set(self._present())
         for key, peer in list(self._peers.items()):
             if key not in present and (now - peer.heard > LEASE or len(self._peers) > MAX_SESSIONS):
@@ -177,13 +199,17 @@ class ControlServer:
         """(name, session) of the operators that are present."""
         return [(operator.name, operator.session) for operator in self.control.operators]
 
-    def _carry_out(self, name: str, request: Request, now: float) -> Optional[str]:
-        """Carry out a request; returns None, or why it is refused."""
-        if request.wish == Wish.ENGAGE_ESTOP:
+    def _carry_out(self, name: str, request: Request, stranger: Optional[str], now: float) -> Optional[str]:
+        """Carry out a request; returns None, or why it is refused.
+
+        :param stranger: why it comes from no operator; None: it comes from one
+        """
+        if request.wish == Wish.ENGAGE_ESTOP:   # anybody may, even one too many
             self.estop.engage(name, now)
             return None
-        if self.closed or request.robot != self.session:
-            return self.closed or 'the robot was restarted'
+        refusal = stranger or self.closed or ('' if request.robot == self.session else 'the robot was restarted')
+        if refusal:
+            return refusal
         if request.wish == Wish.RELEASE_ESTOP:
             return self.estop.release(request.made, now)
         late = untimely(request.made, now)

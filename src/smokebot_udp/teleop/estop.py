@@ -21,6 +21,8 @@ class EstopLatch:
         self.engaged = False
         self.by = ''
         """Who engaged it last."""
+        self.releases = 0
+        """How often it was released."""
         self._since = 0.0
 
     def engage(self, by: str, now: float) -> None:
@@ -36,7 +38,7 @@ class EstopLatch:
         if reason is None and self.engaged and made <= self._since:
             reason = '%s engaged it after that' % self.by
         if reason is None:
-            self.engaged = False
+            self._end()
         return reason
 
     def set_locally(self, engaged: bool, by: str, now: float) -> None:
@@ -44,7 +46,11 @@ class EstopLatch:
         if engaged:
             self.engage(by, now)
         else:
-            self.engaged = False
+            self._end()
+
+    def _end(self) -> None:
+        self.releases += self.engaged
+        self.engaged = False
 
 
 class EstopClient:

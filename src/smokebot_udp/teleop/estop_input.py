@@ -1,22 +1,20 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What a topic of std_msgs/Bool asks of the emergency stop.
+"""What a topic of std_msgs/Bool asks of the emergency stop: True engages it, and False does nothing.
 
-True engages it. False releases it only if the same publisher has sent True before: many joystick nodes publish the
-state of a button all the time, and such a False must not release what somebody else has engaged.
+Many joystick nodes publish the state of a button all the time. To let go of it is no decision to go on, so a False
+releases nothing: a release is an act of its own, a call of the service.
 
-A publisher that goes on repeating True while the stop is engaged asks for nothing new: otherwise the last repetition
-would come to the robot after the release was made, and void it. A press after a pause always asks.
+A publisher that repeats True holds the button, or presses it again: each is a press, as somebody may have released the
+stop in between, unheard. So the stop stays in force for as long as the button is held.
 """
 import collections
-from typing import Optional
+import math
 
-from .records import Wish
-
-MAX_PAUSE = 0.5
-"""Of a publisher that repeats True while a button is held [s]."""
+MIN_INTERVAL = 0.1
+"""No person presses a button twice within this time, but a node may publish it at any rate [s]."""
 
 MAX_SOURCES = 16
-"""Publishers that are remembered; of others the one that pressed first is forgotten, and cannot release."""
+"""Publishers that are remembered."""
 
 
 class EstopInput:
@@ -24,24 +22,20 @@ class EstopInput:
 
     def __init__(self) -> None:
         self._pressed: collections.OrderedDict[str, float] = collections.OrderedDict()
-        """{publisher: when its last True came}"""
+        """{publisher: when its last press began, while it publishes True}"""
 
-    def update(self, source: str, pressed: bool, engaged: bool, now: float) -> Optional[Wish]:
-        """Take a message; returns what it asks, if anything.
+    def is_press(self, source: str, pressed: bool, now: float) -> bool:
+        """Take a message; returns whether the stop is to be engaged, or once more.
 
         :param source: name of the publishing node
-        :param engaged: whether the stop is engaged already, as far as it is known
         :param now: by a steady clock [s]
         """
-        if pressed:
-            held = source in self._pressed and now - self._pressed[source] <= MAX_PAUSE
-            self._pressed[source] = now
-            if held and engaged:
-                return None
-            while len(self._pressed) > MAX_SOURCES:
-                self._pressed.popitem(last=False)
-            return Wish.ENGAGE_ESTOP
-        if source not in self._pressed:
-            return None
-        del self._pressed[source]
-        return Wish.RELEASE_ESTOP
+        if not pressed:
+            self._pressed.pop(source, None)
+            return False
+        if now - self._pressed.get(source, -math.inf) < MIN_INTERVAL:
+            return False
+        self._pressed[source] = now
+        while len(self._pressed) > MAX_SOURCES:
+            self._pressed.popitem(last=False)
+        return True

@@ -8,7 +8,7 @@ that others can drive.
 """
 import enum
 import math
-from typing import Dict, Iterator, NamedTuple, Optional
+from typing import Dict, NamedTuple, Optional
 
 KEY_TIMEOUT = 0.7
 """From the first press of a key on; terminals repeat a key that is held after 0.25 to 0.66 s [s]."""
@@ -62,19 +62,6 @@ SPEEDS = {'q': (STEP_UP, STEP_UP), 'z': (STEP_DOWN, STEP_DOWN), 'w': (STEP_UP, 1
 
 STOP = Velocity(0.0, 0.0, 0.0, 0.0)
 
-ESCAPE = '\x1b'
-
-
-def keys_of(typed: str) -> Iterator[str]:
-    """The keys of what a terminal has given at once.
-
-    Arrow and function keys are an escape character and letters, some of which have a meaning: they are one key.
-    """
-    simple, escape, sequence = typed.partition(ESCAPE)
-    yield from simple
-    if escape:
-        yield escape + sequence
-
 
 class Keyboard:
     """The command to send, from the keys that were pressed.
@@ -91,9 +78,10 @@ class Keyboard:
         self._held_until = self._silent_from = self._due = -math.inf
 
     def press(self, key: str, now: float) -> Optional[Wish]:
-        """Take a key, in the order and at the time [s] at which it was pressed; returns what it asks for besides.
+        """Take a key, see keys.py, in the order and at the time [s] at which it was pressed; returns what it asks for.
 
-        Any key without a meaning stops the robot.
+        Any key without a meaning stops the robot. That of the emergency stop is never lost: it counts also with Caps
+        Lock, and after an escape character that was no beginning of a sequence. No usual key's sequence ends with it.
         """
         if key in SPEEDS:
             speed, turn = SPEEDS[key]
@@ -106,6 +94,8 @@ class Keyboard:
                 self._key, self._due = key, now
             return None
         self._stop(now)
+        if key == 'S' or key.endswith(Wish.EMERGENCY_STOP.value):
+            return Wish.EMERGENCY_STOP
         return next((wish for wish in Wish if wish.value == key), None)
 
     def poll(self, now: float) -> Optional[Velocity]:
@@ -138,3 +128,36 @@ class Keyboard:
 
 def _limited(speed: float) -> float:
     return max(MIN_SPEED, min(speed, MAX_SPEED))
+
+
+class StopKey:
+    """Repeats the emergency stop until somebody receives it, and for STOP_DURATION after that: a subscriber may be just
+    connecting, as a node that is restarted."""
+
+    def __init__(self) -> None:
+        self._due = math.inf
+        self._until = math.inf
+
+    def press(self, now: float) -> None:
+        """The key was pressed [s]."""
+        self._due, self._until = now, math.inf
+
+    def release(self) -> None:
+        """The stop is released on purpose."""
+        self._due = math.inf
+
+    def poll(self, received: bool, now: float) -> bool:
+        """Whether to publish the stop now.
+
+        :param received: whether there is a subscriber
+        """
+        if now < self._due:
+            return False
+        if received:
+            self._until = min(self._until, now + STOP_DURATION)
+        self._due = now + PERIOD if now < self._until else math.inf
+        return now < self._until
+
+    def deadline(self) -> float:
+        """When `poll` has something to do [s]; infinity: not before the key is pressed."""
+        return self._due

@@ -13,6 +13,9 @@ from .command_copy import MICROSECONDS
 MAX_OPERATORS = 8
 """Operators that are present at a time."""
 
+MAX_OTHERS = 4
+"""Others to whom a status answers."""
+
 MAX_TEXT = 200
 """Length of a name or reason; longer ones are cut [characters]."""
 
@@ -104,8 +107,12 @@ class Status(NamedTuple):
     estop: bool = False
     estop_by: str = ''
     """Who engaged it last."""
+    releases: int = 0
+    """How often it was released."""
     operators: Tuple[PeerStatus, ...] = ()
     """Those that are present."""
+    others: Tuple[PeerStatus, ...] = ()
+    """Those that are not, and have asked for something: too many, for example."""
 
     @classmethod
     def of(cls, message: Any) -> 'Status':
@@ -115,14 +122,15 @@ class Status(NamedTuple):
         """
         if not message.session:
             raise ValueError('a status without a session')
-        if len(message.operators) > MAX_OPERATORS:
-            raise ValueError('a status of %d operators' % len(message.operators))
+        if len(message.operators) > MAX_OPERATORS or len(message.others) > MAX_OTHERS:
+            raise ValueError('a status of %d operators and %d others' % (len(message.operators), len(message.others)))
         return cls(message.session, _seconds(message.clock), _text(message.driver), message.driver_session,
-                   bool(message.estop), _text(message.estop_by), tuple(map(PeerStatus.of, message.operators)))
+                   bool(message.estop), _text(message.estop_by), message.releases,
+                   tuple(map(PeerStatus.of, message.operators)), tuple(map(PeerStatus.of, message.others)))
 
     def fields(self) -> Dict[str, Any]:
-        """The fields of a ControlStatus, without its header; `operators` are PeerStatus."""
-        return {**self._asdict(), 'clock': microseconds(self.clock), 'operators': list(self.operators)}
+        """The fields of a ControlStatus, without its header; `operators` and `others` are PeerStatus."""
+        return {**self._asdict(), 'clock': microseconds(self.clock)}
 
 
 def microseconds(seconds: float) -> int:

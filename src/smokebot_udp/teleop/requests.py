@@ -4,11 +4,14 @@
 The ids of an operator's requests grow. The robot carries out a request only if its id is higher than all before from
 that session, so neither a repeated nor a late one has any effect. A request that was made too long ago is refused: it
 may have been made about another situation. Only an emergency stop is never too old.
+
+Whoever asks for the same once more means it once more: the situation may have changed since, unheard. So each asking
+has an id and a time of its own, also while the one before waits for its answer.
 """
 import collections
 import dataclasses
 import math
-from typing import Deque, Optional
+from typing import Deque, Optional, Tuple
 
 from .records import Wish
 
@@ -30,9 +33,6 @@ INTERVAL = 0.02
 TIMEOUT = 3.0
 """A request that is not answered for this long is given up, except for an emergency stop [s]."""
 
-MAX_WAITING = 8
-"""Requests that wait for those before them."""
-
 MAX_OUTCOMES = 64
 """That are remembered."""
 
@@ -49,6 +49,8 @@ class Answers:
         """Id of the last request; 0: none."""
         self.refusal = ''
         """Why that was refused."""
+        self.asked = 0.0
+        """When a copy of a request came last, by the robot's steady clock [s]."""
 
     def take(self, request: int) -> bool:
         """Whether a request is to be carried out, and `answer` called; otherwise it is repeated or late."""
@@ -87,6 +89,8 @@ class Pending:
     """By this clock [s]."""
     due: float
     """When it is sent next [s]."""
+    replaced: Tuple[int, ...] = ()
+    """Ids of the same wish asked before, whose outcome is this one's."""
     copies: int = 0
     """That were sent."""
 
@@ -98,7 +102,7 @@ class RequestClient:
     """
 
     def __init__(self) -> None:
-        self._waiting: Deque[Pending] = collections.deque()     # the first one is sent
+        self._waiting: Deque[Pending] = collections.deque()     # of each wish one at most; the first one is sent
         self._outcomes: collections.OrderedDict[int, str] = collections.OrderedDict()
         self._last = 0
 
@@ -108,27 +112,26 @@ class RequestClient:
         return self._waiting[0] if self._waiting else None
 
     def ask(self, wish: Wish, robot: int, made: float, now: float) -> int:
-        """Ask for something; the same as was asked last and waits is not asked twice.
+        """Ask for something. It takes the place of the same wish that waits, and an emergency stop of all others.
 
         :param robot: session of the robot's node; 0: unknown
         :param made: now by the robot's clock [s]; 0: unknown
         :return: id of the request, see `outcome`
-        :raises ValueError: where too many wait
         """
-        if self._waiting and self._waiting[-1].wish == wish and self._waiting[-1].robot == robot:
-            return self._waiting[-1].id
-        if wish == Wish.ENGAGE_ESTOP:
-            while self._waiting:
-                self._end(SUPERSEDED)
-        if len(self._waiting) >= MAX_WAITING:
-            raise ValueError('%d requests wait for the robot already' % MAX_WAITING)
+        replaced: Tuple[int, ...] = ()
+        same = next((pending for pending in self._waiting if pending.wish == wish), None)
+        if same is not None:
+            self._waiting.remove(same)
+            replaced = (*same.replaced, same.id)[-MAX_OUTCOMES:]
+        while self._waiting and wish == Wish.ENGAGE_ESTOP:
+            self._end(SUPERSEDED)
         self._last += 1
-        self._waiting.append(Pending(self._last, wish, robot, made, now, now))
+        self._waiting.append(Pending(self._last, wish, robot, made, now, now, replaced))
         return self._last
 
     def outcome(self, request: int) -> Optional[str]:
         """None while a request waits, '' when it was carried out, otherwise why it was not."""
-        if any(pending.id == request for pending in self._waiting):
+        if any(request in (pending.id, *pending.replaced) for pending in self._waiting):
             return None
         return self._outcomes.get(request, UNANSWERED)
 
@@ -160,6 +163,7 @@ class RequestClient:
         return math.inf if first.wish == Wish.ENGAGE_ESTOP else first.asked + TIMEOUT
 
     def _end(self, outcome: str) -> None:
-        self._outcomes[self._waiting.popleft().id] = outcome
+        ended = self._waiting.popleft()
+        self._outcomes.update((request, outcome) for request in (*ended.replaced, ended.id))
         while len(self._outcomes) > MAX_OUTCOMES:
             self._outcomes.popitem(last=False)

@@ -19,6 +19,7 @@ from .callers import MAX_AGE, Bus, Callers, is_home
 from .datagram import MIN_MAX_DATAGRAM_SIZE, ROSCPP_MAX_DATAGRAM_SIZE
 from .endpoints import is_own, number_of, path_payload
 from .negotiation import Refused, Reply, Request, other_type
+from .packetizer import no_limit
 from .presence import SETTLED, Node, Presence
 from .rospy_transports import PublisherTransport, UdpPublisherImpl, udpros_connections
 
@@ -97,7 +98,9 @@ class Acceptor:
             admission.check_room(place, others)
             self._growing.append(place)
         try:
-            connection = PublisherTransport(impl.resolved_name, request, next(self._ids), size, lambda: _tos(impl))
+            limit = impl.options.limit if isinstance(impl, UdpPublisherImpl) else no_limit
+            connection = PublisherTransport(impl.resolved_name, request, next(self._ids), size, limit,
+                                            lambda: _tos(impl))
             connection.caller_uri = uri
             added = _add(impl, connection)
         finally:

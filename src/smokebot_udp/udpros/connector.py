@@ -18,6 +18,7 @@ import rospy.names
 from rospy.impl.registration import get_topic_manager
 from rospy.impl.tcpros import get_tcpros_handler
 
+from ..limited_log import logerr, logwarn
 from . import rpc
 from .endpoints import DatagramReceiver, addresses_of
 from .gathered_calls import GatheredCalls
@@ -109,7 +110,7 @@ class Connector:
                 return negotiation.attempt()
             except Refused as refusal:
                 period = OTHER_TYPE_PERIOD if is_other_type(refusal) else 10
-                rospy.logerr_throttle_identical(period, '[%s]: %s refuses: %s' % (impl.resolved_name, uri, refusal))
+                logerr('[%s]' % impl.resolved_name, '%s refuses: %s' % (uri, refusal), period)
                 return 0, str(refusal), 0
             except (rpc.Unreachable, OSError) as error:     # OSError: such as EMFILE, here
                 rospy.logdebug('[%s]: no connection to %s, retrying: %s', impl.resolved_name, uri, error)
@@ -222,9 +223,8 @@ def _receiver(impl: UdpSubscriberImpl) -> DatagramReceiver:
     receiver = open_receiver(impl.resolved_name, rosgraph.network.get_bind_address(), options.max_datagram_size,
                              options.receive_buffer)
     if receiver.receive_buffer < 2 * options.receive_buffer:   # the kernel adds its own overhead: twice the size
-        rospy.logwarn_throttle_identical(60, (
-            'the kernel grants a receive buffer of %d bytes only, so bursts may be lost here: '
-            'sudo sysctl -w net.core.rmem_max=%d') % (receiver.receive_buffer // 2, options.receive_buffer))
+        logwarn('the kernel grants a receive buffer that is too short for bursts', '%d bytes only, '
+                'sudo sysctl -w net.core.rmem_max=%d' % (receiver.receive_buffer // 2, options.receive_buffer))
     return receiver
 
 

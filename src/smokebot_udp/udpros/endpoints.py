@@ -38,7 +38,15 @@ SEND_TIMEOUT = 0.05
 """How long a call waits for room in the socket before it drops the rest [s]."""
 
 NO_GSO = (errno.EINVAL, errno.EIO, errno.EMSGSIZE, errno.ENOPROTOOPT, errno.EOPNOTSUPP)
-"""GSO is not available on this kernel or device, or the path MTU has shrunk; plain sends are fragmented instead."""
+"""GSO is not available on this kernel or device, or the datagrams exceed the path MTU; plain sends are fragmented
+instead."""
+
+GSO_RETRY = 5.0
+"""Datagrams that are as long are sent one by one for this time: then the path may have changed [s]."""
+
+PLAIN_PERIOD = 5.0
+"""With GSO datagrams leave without the bit DF, and no router says that they are too long: it cuts them. So each
+PLAIN_PERIOD one burst is sent one by one, from which the kernel learns the path MTU [s]."""
 
 MAX_QUEUEING = 1.0
 """A datagram that seems to have waited longer in this machine did not: the clock was set [s]."""
@@ -68,6 +76,10 @@ Address = Tuple[str, int]
 
 class PeerGone(Exception):
     """The peer's host reports that the port is closed (ICMP port unreachable)."""
+
+
+class _NoGso(Exception):
+    """The kernel does not send many datagrams in one call now: they are sent one by one."""
 
 
 def path_payload(host: str, port: int) -> int:
@@ -115,16 +127,22 @@ class BatchSender:
         self.failures: Counter[str] = collections.Counter()
         """Datagrams that could not be sent, by the error's name. EPERM: a local firewall; EAGAIN: the network device is
         too slow; ENETUNREACH, EHOSTUNREACH: no route, such as a pulled cable."""
-        self.gso = gso
-        """Whether GSO is in use; becomes False when the kernel refuses it."""
+        self._gso = gso
+        self._refused_size, self._refused_until = 0, 0.0    # of datagrams for which the kernel refused GSO
+        self._plain_due = time.monotonic() + PLAIN_PERIOD
         self._poll = select.poll()
         self._poll.register(sock, select.POLLOUT)
 
     def another(self, tos: int) -> 'BatchSender':
         """A sender of the same socket, with a `tos` and counts of its own."""
-        other = BatchSender(self.socket, self.gso)
+        other = BatchSender(self.socket, self._gso)
         other.tos, other._shared = tos, self._shared
         return other
+
+    @property
+    def gso(self) -> bool:
+        """Whether GSO is in use, and was not refused lately."""
+        return self._gso and time.monotonic() > self._refused_until
 
     def send_one(self, *parts: Union[Buffer, UInt8Array], to: Optional[Address] = None) -> int:
         """Send one datagram, given in parts.
@@ -153,17 +171,23 @@ class BatchSender:
 
     def _send_burst(self, datagrams: memoryview, size: int, deadline: float, to: Optional[Address]) -> int:
         """Send at most MAX_SEGMENTS datagrams."""
-        if len(datagrams) > size and self.gso:
+        if len(datagrams) > size and deadline > self._plain_due:
+            self._plain_due = deadline + PLAIN_PERIOD
+        elif len(datagrams) > size and self._gso and (size < self._refused_size or deadline > self._refused_until):
             segment = [(socket.IPPROTO_UDP, UDP_SEGMENT, struct.pack('=H', size))]
-            sent = self._try_to_send((datagrams,), segment, -(-len(datagrams) // size), deadline, to)
-            if self.gso:
-                return sent
+            try:
+                return self._try_to_send((datagrams,), segment, -(-len(datagrams) // size), deadline, to)
+            except _NoGso:
+                self._refused_size, self._refused_until = size, deadline + GSO_RETRY
         return sum(self._try_to_send((datagrams[start:start + size],), (), 1, deadline, to)
                    for start in range(0, len(datagrams), size))
 
     def _try_to_send(self, parts: Sequence[Any], control: Sequence[Tuple[int, int, bytes]], count: int,
                      deadline: float, to: Optional[Address]) -> int:
-        """One sendmsg call with `count` datagrams; returns how many were sent: all, or none."""
+        """One sendmsg call with `count` datagrams; returns how many were sent: all, or none.
+
+        :raises _NoGso: if the kernel refuses the control message, which asks for GSO
+        """
         while True:
             try:
                 with self._shared.lock:
@@ -180,11 +204,10 @@ class BatchSender:
                 return 0
             except OSError as error:
                 if control and error.errno in NO_GSO:
-                    self.gso = False    # the caller sends one by one
-                elif error.errno == errno.EBADF:
+                    raise _NoGso from error
+                if error.errno == errno.EBADF:
                     raise
-                else:
-                    self.failures[errno.errorcode.get(error.errno or 0, str(error.errno))] += count
+                self.failures[errno.errorcode.get(error.errno or 0, str(error.errno))] += count
                 return 0
 
 

@@ -13,7 +13,7 @@ import contextlib
 import math
 import threading
 import time
-from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Dict, Iterator, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import rosgraph
 import rospy
@@ -200,7 +200,7 @@ def register_node(manager: Any) -> bool:
 
     :param manager: rospy's RegManager
     :return: whether all are registered
-    :raises Unreachable, Refused: if the parameters cannot be written
+    :raises Unreachable: if the parameters cannot be written
     """
     with registering:
         registrations = _of_node()
@@ -228,17 +228,49 @@ def _take_over(namespace: str, values: Any) -> None:
     """Update the cached parameters of a namespace that have other values at the master, and write those back that it
     does not have.
 
-    :raises Unreachable, Refused: if they cannot be written
+    :raises Unreachable: if they cannot be written
     """
     cache, values = get_param_server_cache(), values if isinstance(values, dict) else {}
     cached = cache.get(namespace)
-    cached = {name: value for name, value in cached.items() if value != {}} if isinstance(cached, dict) else {}
+    cached = cached if isinstance(cached, dict) else {}
+    missing = dict(_missing(namespace, cached, values))
     for name, value in values.items():
         with contextlib.suppress(KeyError):
             if cached.get(name) != value:
                 cache.update('%s/%s' % (namespace, name), value)
-    if not set(cached) <= set(values):
-        rpc.call(rosgraph.get_master_uri(), 'setParam', namespace, {**cached, **values})
+    write_parameters(missing)
+
+
+def _missing(namespace: str, cached: Mapping[str, Any], values: Mapping[str, Any]) -> Iterator[Tuple[str, Any]]:
+    """(name, value) of the cached parameters that a master does not have; an empty namespace is none."""
+    for name, value in cached.items():
+        key = '%s/%s' % (namespace, name)
+        if isinstance(value, dict) and isinstance(values.get(name), dict):
+            yield from _missing(key, value, values[name])
+        elif name not in values and value != {}:
+            yield key, value
+
+
+def write_parameters(values: Mapping[str, Any], gone: Sequence[str] = ()) -> None:
+    """Set some parameters, and delete others, in one call. All others stay, also those that somebody is just setting
+    in the same namespace.
+
+    :param values: {resolved name: value}
+    :param gone: resolved names
+    :raises Unreachable: if the master does not answer
+    """
+    if not values and not gone:
+        return
+    node, cache = rospy.get_caller_id(), get_param_server_cache()
+    rpc.call_all(rosgraph.get_master_uri(), [
+        *({'methodName': 'setParam', 'params': [node, name, value]} for name, value in values.items()),
+        *({'methodName': 'deleteParam', 'params': [node, name]} for name in gone)], MULTICALL_TIMEOUT)
+    for name, value in values.items():
+        with contextlib.suppress(KeyError):     # it is not cached
+            cache.update(name, value)
+    for name in gone:
+        with contextlib.suppress(KeyError):
+            cache.delete(name)
 
 
 def ask_together(registrations: Sequence[Registration], node: str, uri: str

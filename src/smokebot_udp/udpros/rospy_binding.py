@@ -25,6 +25,7 @@ from rospy.impl.registration import RegManager, get_registration_listeners, get_
 from rospy.impl.transport import ProtocolHandler
 
 from ..budget import Budget
+from ..limited_log import logwarn
 from .acceptor import Acceptor
 from .connector import ApiResult, Connector
 from .master import log_without_master
@@ -78,7 +79,7 @@ class UdprosHandler(ProtocolHandler):
         except Refused as refusal:
             if self._log_budget.take(time.monotonic()):
                 period = OTHER_TYPE_PERIOD if refusal.reason == 'type' else 10
-                rospy.logwarn_throttle_identical(period, '[%s]: a UDPROS subscriber is refused: %s' % (topic, refusal))
+                logwarn('[%s]' % topic, 'a UDPROS subscriber is refused: %s' % refusal, period)
             return 0, str(refusal), []
 
 

@@ -20,11 +20,12 @@ from rospy.impl.transport import INBOUND, OUTBOUND, Transport
 from rospy.topics import _PublisherImpl, _SubscriberImpl, _TopicImpl
 
 from ..arrays import BoolArray, Records
+from ..limited_log import logerr
 from .depacketizer import Arrived, BatchCallback
 from .endpoints import Address, DatagramReceiver, DatagramSender, PeerGone
 from .frame import Frame, first_messages
 from .negotiation import PROTOCOL, Fallbacks, Reply, Request
-from .packetizer import Packetizer
+from .packetizer import Limit, Packetizer, no_limit
 from .records import LayoutError, lengths_of, record_dtype
 from .silence import Renegotiation, Silence
 from .subscription import Subscription
@@ -37,6 +38,8 @@ class PublisherOptions:
     """Protocols offered, best first."""
     max_datagram_size: int
     """The longest datagram sent [byte of UDP payload]."""
+    limit: Limit = no_limit
+    """Of it, as long as the path is known to carry no longer ones."""
     tos: int = 0
     """Second byte of the IP headers, see traffic.py."""
 
@@ -79,13 +82,14 @@ class UdpTransport(Transport):
 class PublisherTransport(UdpTransport):
     """A publisher's connection to one subscriber.
 
+    :param limit: of the datagrams, beside max_datagram_size
     :param tos: f() -> second byte of the IP headers, see traffic.py
     :raises OSError: if the subscriber's host is unknown or unreachable
     :raises UnicodeError: if it is not a host name
     """
 
     def __init__(self, topic: str, request: Request, connection_id: int, max_datagram_size: int,
-                 tos: Callable[[], int] = lambda: 0) -> None:
+                 limit: Limit = no_limit, tos: Callable[[], int] = lambda: 0) -> None:
         super().__init__(OUTBOUND, name=topic)
         self.endpoint_id = request.header['callerid']
         self.connection_id = connection_id
@@ -95,7 +99,7 @@ class PublisherTransport(UdpTransport):
         """When it was made, by time.monotonic() [s]."""
         self.sender = DatagramSender(request.host, request.port)
         self._tos = tos
-        self.packetizer = Packetizer(self.sender, connection_id, max_datagram_size)
+        self.packetizer = Packetizer(self.sender, connection_id, max_datagram_size, limit)
         self._fileno = self.sender.socket.fileno()
         self.local_endpoint, self.remote_endpoint = self.sender.local, self.sender.remote
         self._lock = threading.Lock()
@@ -183,7 +187,7 @@ class SubscriberTransport(UdpTransport):
         try:
             self.subscription.run()
         except Exception:   # a bug of ours must not leave a connection that only looks alive
-            rospy.logerr('[%s]: receiving from %s failed: %s', self.name, self.callerid_pub, traceback.format_exc())
+            logerr('[%s]' % self.name, 'receiving from %s failed: %s' % (self.callerid_pub, traceback.format_exc()))
         finally:
             self.close()
 

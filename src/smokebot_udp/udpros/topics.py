@@ -10,6 +10,7 @@ from rospy.topics import DEFAULT_BUFF_SIZE
 from .datagram import DEFAULT_MAX_DATAGRAM_SIZE, MIN_MAX_DATAGRAM_SIZE, UDP_MAX_PAYLOAD
 from .depacketizer import Arrived, BatchCallback
 from .frame import Frame
+from .packetizer import Limit, no_limit
 from .records import record_dtype
 from .rospy_binding import install
 from .rospy_transports import (
@@ -64,6 +65,7 @@ class Publisher(rospy.Publisher):
     :param transport: 'prefer_udp' (whatever the subscriber requests), 'udp' or 'tcp'
     :param max_datagram_size: longest datagram to send, also limited by the subscriber's and the path's
         [byte of UDP payload]
+    :param limit: f() -> the longest datagram that passes now, as far as is known [byte of UDP payload]
     :param tos: second byte of the datagrams' IP headers: DSCP and ECN
     :raises ValueError: if the transport is unknown or the size is out of range
     :raises rospy.ROSException: if the topic already has a plain rospy.Publisher in this process
@@ -72,9 +74,9 @@ class Publisher(rospy.Publisher):
     def __init__(self, name: str, data_class: Any, subscriber_listener: Any = None, tcp_nodelay: bool = False,
                  latch: bool = False, headers: Optional[Dict[str, str]] = None, queue_size: Optional[int] = 10,
                  transport: str = 'prefer_udp', max_datagram_size: int = DEFAULT_MAX_DATAGRAM_SIZE,
-                 tos: int = 0) -> None:
+                 limit: Limit = no_limit, tos: int = 0) -> None:
         _check(transport, max_datagram_size)
-        options = PublisherOptions(PROTOCOLS[transport], max_datagram_size, tos)
+        options = PublisherOptions(PROTOCOLS[transport], max_datagram_size, limit, tos)
         _ensure_impl(name, Registration.PUB, UdpPublisherImpl,
                      lambda resolved: UdpPublisherImpl(resolved, data_class, options))
         super().__init__(name, data_class, subscriber_listener, tcp_nodelay, latch, headers, queue_size)
@@ -122,19 +124,23 @@ class Publisher(rospy.Publisher):
                 raise ValueError('[%s] publishes %s, not %s' % (
                     self.resolved_name, self.data_class._type, frame.message_class._type))
 
+    def why_not(self, peer: str) -> str:
+        """Why it does not send to a node, in words: the master does not say more."""
+        return 'is not connected: its log says what it lacks, if anything'
+
     def connections(self) -> List[Dict[str, Any]]:
         """Statistics of the UDPROS connections, one dictionary each; after `unregister` there are none.
 
         * peer (str): the subscriber's node name
         * address (str, int): the subscriber's host and UDP port
         * connection_id (int)
-        * max_datagram_size (int): as negotiated [byte of UDP payload]
+        * max_datagram_size (int): the longest that is sent now [byte of UDP payload]
         * datagrams, bytes (int): sent [datagrams, byte of messages]
         * failures ({str: int}): datagrams that could not be sent, by the name of the error
         """
         impl = self.impl        # once: another thread may unregister
         return [{'peer': c.endpoint_id, 'address': c.remote_endpoint, 'connection_id': c.connection_id,
-                 'max_datagram_size': c.packetizer.max_datagram_size, 'datagrams': c.packetizer.datagrams,
+                 'max_datagram_size': c.packetizer.longest, 'datagrams': c.packetizer.datagrams,
                  'bytes': c.packetizer.bytes, 'failures': dict(c.sender.failures)}
                 for c in (impl.connections if impl else ()) if isinstance(c, PublisherTransport)]
 

@@ -8,6 +8,7 @@ import rospy
 from ..transport import TransportStats, always
 from .datagram import DEFAULT_MAX_DATAGRAM_SIZE
 from .depacketizer import Arrived, BatchCallback
+from .packetizer import no_limit
 from .topics import Publisher, Subscriber
 
 
@@ -25,14 +26,19 @@ class UdprosTransport:
     def __init__(self, max_datagram_size: int = DEFAULT_MAX_DATAGRAM_SIZE, receive_buffer: int = 4 << 20,
                  tos_mask: int = 0) -> None:
         self.name: str = rospy.get_name()
-        self.tos_mask = tos_mask
-        self.max_datagram_size, self._receive_buffer = max_datagram_size, receive_buffer
+        self.tos_mask, self._receive_buffer = tos_mask, receive_buffer
+        self.max_datagram_size = self.room = max_datagram_size
+
+    def limit(self, room: int) -> None:
+        """See transport.Transport."""
+        self.room = min(room, self.max_datagram_size)
 
     def publisher(self, topic: str, message_class: Any, *, queue_size: int = 10, subscriber_listener: Any = None,
-                  carries: str = '', tos: int = 0) -> Publisher:
+                  carries: str = '', whole: bool = False, tos: int = 0) -> Publisher:
         """See transport.Transport; a relay's segments have a checksum of what they carry, so it is not compared."""
         return Publisher(topic, message_class, subscriber_listener, queue_size=queue_size,
-                         max_datagram_size=self.max_datagram_size, tos=tos & self.tos_mask)
+                         max_datagram_size=self.max_datagram_size, limit=no_limit if whole else lambda: self.room,
+                         tos=tos & self.tos_mask)
 
     def subscriber(self, topic: str, message_class: Any, callback: Optional[Callable[[Any], None]] = None, *,
                    queue_size: Optional[int] = None, batch_callback: Optional[BatchCallback] = None,

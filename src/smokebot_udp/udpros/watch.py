@@ -15,6 +15,7 @@ import rospy.core
 import rospy.names
 from rospy.impl.registration import get_topic_manager
 
+from ..limited_log import logerr
 from . import rpc
 from .bus_info import OUTBOUND, BusEntry, udpros_entries
 from .connector import Connector
@@ -162,7 +163,7 @@ class Watch:
             except (rpc.Unreachable, Refused) as error:
                 rospy.logdebug('the master does not answer: %s', error)
             except Exception:   # a bug of ours must not end the watch
-                rospy.logerr_throttle(60, 'watching the topics failed: %s' % traceback.format_exc())
+                logerr('watching the topics failed', traceback.format_exc(), 60.0)
             hurry = self._doubtful or self._former or self._lost_address is not None
             self._pause(MIN_QUESTION_PERIOD if hurry else PERIOD)
             self._wake.clear()

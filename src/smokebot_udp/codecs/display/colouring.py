@@ -185,5 +185,13 @@ def numbers(values: FloatArray) -> Tuple[str, ...]:
     """(n,) ascending numbers as texts, each with the fewest digits that distinguish it from its neighbours."""
     steps = np.diff(values)
     steps = np.minimum(np.append(steps, steps[-1]), np.append(steps[0], steps))
-    digits = [min(max(-math.floor(math.log10(step)), 0), 4) if step > 0 else 0 for step in steps]
-    return tuple('%.*f' % (few, value) if abs(value) < 1e5 else '%.2g' % value for few, value in zip(digits, values))
+    return tuple(map(_number, values.tolist(), steps.tolist()))
+
+
+def _number(value: float, step: float) -> str:
+    """A number as text, with the digits that distinguish it from one that is a step away."""
+    place = math.floor(math.log10(step)) if step > 0 else 0
+    text = '%.*f' % (min(max(-place, 0), 4), value)
+    if abs(value) < 1e5 or len(text) <= 7:
+        return text
+    return '%.*g' % (min(max(math.floor(math.log10(abs(value))) - place + 1, 2), 9), value)

@@ -75,6 +75,8 @@ class OperatorStatus:
     """Whether this operator's commands leave and are obeyed."""
     estop: bool = False
     """Whether the emergency stop is engaged."""
+    longest: int = 0
+    """Longer datagrams do not pass; 0: all pass [byte of UDP payload]."""
 
 
 class Tile(NamedTuple):
@@ -145,7 +147,10 @@ def _link(status: OperatorStatus) -> Tile:
     if math.isnan(silence) or math.isnan(status.sent):
         return Tile('LINK', '-', UNKNOWN)
     of: List[float] = [status.sent] + ([status.capacity] if math.isfinite(status.capacity) else [])
-    return Tile('LINK [Mbit/s]', ' of '.join('%.3g' % value if value < 100 else '%.0f' % value for value in of), GOOD)
+    rates = ' of '.join('%.3g' % value if value < 100 else '%.0f' % value for value in of)
+    if status.longest:
+        return Tile('LINK [Mbit/s]', '%s: > %d B do not pass' % (rates, status.longest), ATTENTION)
+    return Tile('LINK [Mbit/s]', rates, GOOD)
 
 
 def _battery(status: OperatorStatus) -> Tile:

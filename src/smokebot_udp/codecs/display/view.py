@@ -76,7 +76,7 @@ def layout(height: int, width: int) -> Layout:
 
 
 def framed(coloured: Coloured, age: float, completeness: float, limits: Limits, silence: float = 0.0,
-           error: Optional[ImageError] = None, notice: str = '') -> UInt8Array:
+           error: Optional[ImageError] = None, notice: str = '', at_least: bool = False) -> UInt8Array:
     """The view: an image in a frame whose colour shows whether it is live, with its age in the strip.
 
     :param age: time since the image was taken [s]; below 0 if the clocks disagree; infinite: there was no image yet
@@ -84,6 +84,7 @@ def framed(coloured: Coloured, age: float, completeness: float, limits: Limits, 
     :param silence: time since it was received [s]; it is at least this old, whatever the clocks say
     :param error: of an image that was coded with loss, shown in place of the completeness
     :param notice: text in place of the scale; empty: none
+    :param at_least: whether the image is older than `age`, by a time that nobody knows: the strip marks that
     :return: (height, width, 3) uint8, bgr; see layout
     :raises ValueError: completeness is not from 0 to 1
     """
@@ -99,7 +100,7 @@ def framed(coloured: Coloured, age: float, completeness: float, limits: Limits, 
     view = _surrounded(coloured.pixels if state != FROZEN else _dimmed(coloured.pixels), place, COLOURS[state])
     strip = view[-place.strip:]
     _draw_texts(strip, state, (
-        (duration(age), not 0 <= age < limits.old_after),
+        ('> ' * at_least + duration(age), not 0 <= age < limits.old_after),
         (quality, not good)))
     if notice:
         _draw_notice(strip[:-place.border, :-place.border], notice)

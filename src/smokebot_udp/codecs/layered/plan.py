@@ -86,7 +86,8 @@ def best_plan(ends: IntArray, values: FloatArray, budget: int, losses: Mapping[f
     :raises ValueError: the budget or the room is too small for one useful datagram
     """
     curve = upper_hull(np.concatenate([[0.0], ends]), values)
-    smallest, sure = _fewest(budget, head, room), _sure(budget, losses, burst, head)
+    sure = min(_sure_count(losses, burst), int(budget * MOST_HEADS / max(head, MIN_PIECES)))
+    smallest = _fewest(budget, head, room)
     best: Tuple[float, Optional[Plan]] = -math.inf, None
     tried = 0
     for fineness in FINENESS:
@@ -115,14 +116,22 @@ def _fewest(budget: int, head: int, room: int) -> int:
     return fewest if budget // fewest - head >= MIN_PIECES else max(budget // (head + room), 1)
 
 
-def _sure(budget: int, losses: Mapping[float, float], burst: Optional[float], head: int) -> int:
-    """The number of datagrams of which one nearly always comes, or as many as MOST_HEADS allows."""
+def sure_size(losses: Mapping[float, float], burst: Optional[float], head: int) -> float:
+    """With this budget an image has so many datagrams that one of them nearly always comes [byte].
+
+    :param losses, burst, head: as of best_plan
+    """
+    return _sure_count(losses, burst) * max(head, MIN_PIECES) / MOST_HEADS
+
+
+def _sure_count(losses: Mapping[float, float], burst: Optional[float]) -> int:
+    """The number of datagrams of which one nearly always comes."""
     total = 0.0
     for loss in sorted(losses):
         total += losses[loss]
         if total >= PESSIMISM:
             break
-    return min(sure_count(min(loss, MOST_LOSS), burst), int(budget * MOST_HEADS / max(head, MIN_PIECES)))
+    return sure_count(min(loss, MOST_LOSS), burst)
 
 
 def _sure_first(layers: List[Layer], likely: FloatArray, least: int) -> List[Layer]:

@@ -1,29 +1,30 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Numbers of a map's cells that do not change when the map grows or its origin moves by whole cells."""
+"""Where the cells of a map lie in its frame, and by how many cells one map lies beside another."""
 import math
 from typing import Any, NamedTuple, Optional, Tuple
 
 MAX_NUMBER = 1 << 30
 """Largest column and row of a map's first cell, either way."""
 SAME_RESOLUTION = 1e-6
-"""Largest difference between the resolutions of one lattice, relative."""
-SAME_PHASE = 0.01
-"""Largest difference between the phases of one lattice [cell]."""
+"""Largest difference between resolutions that are the same, relative."""
+SAME_PLACE = 0.01
+"""Largest difference between places that are the same, or whole cells apart [cell]."""
 SAME_ORIENTATION = 1e-6
-"""Largest difference between parts of the quaternions of one lattice; and of heights [m]."""
+"""Largest difference between parts of quaternions that are the same."""
 
 
 class Lattice(NamedTuple):
-    """Where the cells of a map may lie. Columns go along the x axis of the map's origin, rows along its y axis."""
+    """The place of a map's first cell. Columns go along the x axis of the map's origin, rows along its y axis."""
     frame_id: str
     resolution: float
     """[m/cell]"""
     orientation: Tuple[float, float, float, float]
     """Of the map's origin: x, y, z, w; of length 1, with w >= 0."""
+    column: float
+    row: float
+    """Of the outer corner of the first cell, from the zero of the frame [cell]."""
     height: float
-    """Of the origin above the cells' plane through the frame's zero, along the plane's normal [m]."""
-    phase: Tuple[float, float]
-    """Of the corners of cells along x and y, -0.5..0.5 [cell]."""
+    """Of the cells' plane above the zero of the frame, along the plane's normal [cell]."""
 
     @classmethod
     def of(cls, frame_id: str, info: Any) -> 'Lattice':
@@ -36,30 +37,34 @@ class Lattice(NamedTuple):
         if not (math.isfinite(resolution) and resolution > 0):
             raise ValueError('resolution is %r m, must be above 0' % resolution)
         orientation = _orientation(info.origin.orientation)
-        x, y, height = _turned_back(orientation, info.origin.position)
-        columns, rows = x / resolution, y / resolution
-        if not (abs(columns) <= MAX_NUMBER and abs(rows) <= MAX_NUMBER and math.isfinite(height)):
+        column, row, height = (part / resolution for part in _turned_back(orientation, info.origin.position))
+        if not (abs(column) <= MAX_NUMBER and abs(row) <= MAX_NUMBER and math.isfinite(height)):
             raise ValueError('origin.position is (%r, %r, %r) m, more than %d cells away' % (
                 info.origin.position.x, info.origin.position.y, info.origin.position.z, MAX_NUMBER))
-        return cls(frame_id, resolution, orientation, height, (columns - round(columns), rows - round(rows)))
+        return cls(frame_id, resolution, orientation, column, row, height)
 
-    def corner(self, info: Any) -> Optional[Tuple[int, int]]:
-        """Column and row of the first cell of a map in the same frame; None: its cells are not on this lattice.
+    @property
+    def corner(self) -> Tuple[int, int]:
+        """Column and row of the first cell in whole numbers."""
+        return round(self.column), round(self.row)
 
-        :raises ValueError: as `of`
-        """
-        other = Lattice.of(self.frame_id, info)
-        if not self._like(other):
+    def to(self, other: 'Lattice') -> Optional[Tuple[float, float]]:
+        """Columns and rows from the first cell of this map to that of another one; None: their cells differ in size,
+        or they are in different frames."""
+        if other.frame_id != self.frame_id or abs(
+                other.resolution - self.resolution) > SAME_RESOLUTION * self.resolution:
             return None
-        x, y, _ = _turned_back(other.orientation, info.origin.position)
-        # by this lattice's phase: at a phase of 0.5, rounding errors would else make a cell of difference
-        return (round(x / other.resolution - self.phase[0]), round(y / other.resolution - self.phase[1]))
+        return other.column - self.column, other.row - self.row
 
-    def _like(self, other: 'Lattice') -> bool:
-        return (abs(other.resolution - self.resolution) <= SAME_RESOLUTION * self.resolution
-                and abs(other.height - self.height) <= SAME_ORIENTATION
-                and all(abs(a - b) <= SAME_ORIENTATION for a, b in zip(other.orientation, self.orientation))
-                and all(abs(math.remainder(a - b, 1.0)) <= SAME_PHASE for a, b in zip(other.phase, self.phase)))
+    def turned(self, other: 'Lattice') -> bool:
+        """Whether another map is turned against this one."""
+        return any(abs(a - b) > SAME_ORIENTATION for a, b in zip(other.orientation, self.orientation))
+
+    def same(self, other: 'Lattice') -> bool:
+        """Whether another map of this size lies in the same place."""
+        moved = self.to(other)
+        return (moved is not None and max(map(abs, moved)) <= SAME_PLACE and not self.turned(other)
+                and abs(other.height - self.height) <= SAME_PLACE)
 
 
 def _orientation(quaternion: Any) -> Tuple[float, float, float, float]:

@@ -10,6 +10,10 @@ class Rectangle(NamedTuple):
     width: int
     height: int
 
+    def moved(self, columns: int, rows: int) -> 'Rectangle':
+        """One of the same size beside it."""
+        return Rectangle(self.column + columns, self.row + rows, self.width, self.height)
+
     def within(self, other: 'Rectangle') -> 'Rectangle':
         """What both have in common; its sides are 0 or less where that is nothing."""
         column, row = max(self.column, other.column), max(self.row, other.row)

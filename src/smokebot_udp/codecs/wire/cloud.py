@@ -40,11 +40,13 @@ class PointFormat:
     step: float = 0.0
     """Of the offsets [m]; 0: float32 coordinates."""
     origin: Tuple[int, int, int] = (0, 0, 0)
-    """[step]"""
+    """[step]; without offsets [m]"""
     bits: Tuple[int, int, int] = (0, 0, 0)
     """Size of each axis' offsets."""
     intensity_min: float = 0.0
     intensity_step: float = 0.0
+    is_double: bool = False
+    """Whether points are float64. Without offsets they are written as float32, relative to the origin."""
 
     def __post_init__(self) -> None:
         if not np.isfinite(self.step) or self.step < 0:
@@ -65,16 +67,17 @@ class PointFormat:
             return 16 if self.has_intensity else 12
         return max(1, -(-self._width // 8))
 
-    def write(self, points: Float32Array, intensity: Optional[Float32Array] = None) -> UInt8Array:
+    def write(self, points: Array, intensity: Optional[Float32Array] = None) -> UInt8Array:
         """Encode points.
 
-        :param points: (n, 3) float32 [m]
+        :param points: (n, 3) float32, or float64 with is_double [m]
         :param intensity: (n,) float32, ignored without has_intensity; in 8 bits, NaN becomes the minimum
         :return: (n, size) uint8
         """
         if not self.has_intensity:
             intensity = None
         if not self.step:
+            points = points - np.array(self.origin) if self.is_double else points
             values = points if intensity is None else np.column_stack([points, intensity])
             return np.ascontiguousarray(values, '<f4').view(np.uint8).reshape(len(points), self.size)
         words, shift = np.zeros(len(points), np.uint64), 0
@@ -86,15 +89,16 @@ class PointFormat:
             words |= self.levels(intensity).astype(np.uint64) << np.uint64(shift)
         return words.astype('<u8').view(np.uint8).reshape(len(points), 8)[:, :self.size]
 
-    def read(self, data: UInt8Array) -> Tuple[Float32Array, Optional[Float32Array]]:
+    def read(self, data: UInt8Array) -> Tuple[Array, Optional[Float32Array]]:
         """The inverse of write.
 
         :param data: (n, size) uint8
-        :return: (n, 3) float32 points [m], and (n,) float32 intensities or None
+        :return: (n, 3) points [m], and (n,) float32 intensities or None
         """
         if not self.step:
             values = np.ascontiguousarray(data).view('<f4')
-            return values[:, :3], values[:, 3] if self.has_intensity else None
+            points = values[:, :3] + np.array(self.origin, np.float64) if self.is_double else values[:, :3]
+            return points, values[:, 3] if self.has_intensity else None
         padded = np.zeros((len(data), 8), np.uint8)
         padded[:, :self.size] = data
         words = padded.view('<u8').reshape(-1)
@@ -105,15 +109,16 @@ class PointFormat:
         points = self.points(offsets)
         return points, self.intensities((words >> np.uint64(shift)) & np.uint64(255)) if self.has_intensity else None
 
-    def offsets(self, points: Float32Array) -> IntArray:
-        """(n, 3) int: the offsets of (n, 3) float32 points [m]."""
+    def offsets(self, points: Array) -> IntArray:
+        """(n, 3) int: the offsets of (n, 3) points [m]."""
         steps: IntArray = np.rint(points.astype(np.float64) / self.step).astype(np.int64) - np.array(self.origin)
         return steps
 
-    def points(self, offsets: IntArray) -> Float32Array:
-        """(n, 3) float32: the points of (n, 3) int offsets [m]."""
+    def points(self, offsets: IntArray) -> Array:
+        """(n, 3) float32, or float64 with is_double: the points of (n, 3) int offsets [m]."""
         with np.errstate(over='ignore', invalid='ignore'):     # a forged step
-            points: Float32Array = ((offsets + np.array(self.origin)) * self.step).astype(np.float32)
+            points: Array = ((offsets + np.array(self.origin)) * self.step).astype(
+                np.float64 if self.is_double else np.float32)
         return points
 
     def levels(self, intensity: Float32Array) -> IntArray:
@@ -142,34 +147,43 @@ class Chunks(NamedTuple):
         return len(self.data) * (len(self.codes) + self.data.shape[1])
 
 
-def plain(has_intensity: bool) -> PointFormat:
-    """The exact format: float32 coordinates."""
-    return PointFormat(has_intensity)
+def plain(has_intensity: bool, datum: Optional[IntArray] = None) -> PointFormat:
+    """The exact format: float32 coordinates.
+
+    :param datum: (3,) int, of float64 points, see points.Cloud
+    """
+    if datum is None:
+        return PointFormat(has_intensity)
+    x, y, z = datum.tolist()
+    return PointFormat(has_intensity, origin=(x, y, z), is_double=True)
 
 
-def packed(points: Float32Array, bound: float, intensity: Optional[Float32Array] = None) -> PointFormat:
+def packed(points: Array, bound: float, intensity: Optional[Float32Array] = None, datum: Optional[IntArray] = None
+           ) -> PointFormat:
     """The smallest format in which no coordinate is off by more than `bound`.
 
     If the cloud spans too much for offsets, that is float32.
 
-    :param points: (n, 3) float32 [m], n >= 1
+    :param points: (n, 3) float32, or float64 with a datum [m], n >= 1
     :param bound: [m], > 0; float32's own rounding is added to it
+    :param datum: as of `plain`
     :param intensity: (n,) float32 or None; encoded in 8 bits from its least to its greatest finite value
     """
     step = float(np.float32(2 * bound))
     if not step:
-        return plain(intensity is not None)
+        return plain(intensity is not None, datum)
     ends = np.rint(bounding_box(points).astype(np.float64) / step)
     x, y, z = (int(side).bit_length() for side in ends[1] - ends[0])
     too_long = x + y + z + INTENSITY_BITS * (intensity is not None) > WORD
     if max(x, y, z) > MAX_BITS or too_long or np.abs(ends).max() >= 2 ** 31:
-        return plain(intensity is not None)
+        return plain(intensity is not None, datum)
     origin = int(ends[0, 0]), int(ends[0, 1]), int(ends[0, 2])
     if intensity is None:
-        return PointFormat(False, step, origin, (x, y, z))
+        return PointFormat(False, step, origin, (x, y, z), is_double=datum is not None)
     finite = intensity[np.isfinite(intensity)]
     low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 0.0)
-    return PointFormat(True, step, origin, (x, y, z), float(np.float32(low)), float(np.float32((high - low) / 255)))
+    return PointFormat(True, step, origin, (x, y, z), float(np.float32(low)), float(np.float32((high - low) / 255)),
+                       datum is not None)
 
 
 def deal(points: Array, chunks: int) -> Array:
@@ -243,14 +257,14 @@ class CloudParts(ReceivedParts):
             self.have[indexes[good]] = True
         return good
 
-    def merge(self) -> Tuple[Float32Array, Optional[Float32Array]]:
+    def merge(self) -> Tuple[Array, Optional[Float32Array]]:
         """The points received, in the cloud's order, without forged ones that are not finite.
 
-        :return: (n, 3) float32 points [m], and (n,) float32 intensities or None
+        :return: (n, 3) points [m], and (n,) float32 intensities or None
         """
         return self.merge_with_fields()[:2]
 
-    def merge_with_fields(self) -> Tuple[Float32Array, Optional[Float32Array], UInt8Array]:
+    def merge_with_fields(self) -> Tuple[Array, Optional[Float32Array], UInt8Array]:
         """As merge, with (n, extra) uint8, the points' further fields."""
         chunks = np.flatnonzero(self.have)
         dealt = self._dealt[chunks].reshape(len(chunks), self._dealt.shape[1] // self._size, self._size)

@@ -20,6 +20,7 @@ import numpy as np
 
 from ...arrays import Array, Buffer, UInt8Array
 from .interleave import MAX_SIDE
+from .pixels import pixel_type
 
 MAX_PIXELS = 1 << 24
 """Larger images are not decoded: MAX_SIDE x MAX_SIDE."""
@@ -53,6 +54,8 @@ class Decoded(NamedTuple):
     """(height, width) or (height, width, channels), C-contiguous, in native byte order."""
     encoding: str
     """As in sensor_msgs/Image."""
+    problem: str = ''
+    """How the format contradicts the pixels, which decide; empty: it does not."""
 
 
 def decode(data: Buffer, description: str) -> Decoded:
@@ -70,11 +73,30 @@ def decode(data: Buffer, description: str) -> Decoded:
     if names is None:
         raise ValueError('format is %r with %d channels %s, must be one of 8 or 16 bits, or 3 or 4 of 8 bits' % (
             description, channels, pixels.dtype.name))
+    problem = _contradiction(description, pixels, channels)
     if named in names or channels == 1 and named.startswith(BAYER) and named.endswith(names[0][len('mono'):]):
-        return Decoded(pixels, named)
+        return Decoded(pixels, named, problem)
     # what was not converted before it was compressed has its own order, which OpenCV took for blue, green, red
     swapped = compression and named in SWAPPED.values() and 'compressed bgr' not in compression
-    return Decoded(pixels, SWAPPED.get(names[0], names[0]) if swapped else names[0])
+    return Decoded(pixels, SWAPPED.get(names[0], names[0]) if swapped else names[0], problem)
+
+
+def _contradiction(description: str, pixels: Array, channels: int) -> str:
+    """How the format of an image contradicts its pixels; empty: it does not, or names no encoding that is known here.
+
+    What image_transport converted before it compressed an image has the encoding that follows `compressed`.
+    """
+    named, _, compression = (part.strip() for part in description.partition(';'))
+    converted = compression.partition('compressed')[2].strip()
+    try:
+        dtype, expected = pixel_type(converted or named)
+    except ValueError:
+        return ''
+    if (dtype.itemsize, expected) == (pixels.dtype.itemsize, channels):
+        return ''
+    lost = '; what was above 255 is lost: 16 bits have to be compressed as png' * (dtype.itemsize > pixels.itemsize)
+    return 'format is %r, but the data have %d channel%s of %d bits, which count%s' % (
+        description, channels, 's' * (channels > 1), 8 * pixels.itemsize, lost)
 
 
 def encode(pixels: Array, encoding: str) -> Tuple[str, bytes]:
@@ -151,18 +173,20 @@ def _pixels(data: bytes, description: str) -> Array:
 
 
 def _depth(data: bytes, named: str, description: str) -> Decoded:
-    """A compressed depth image: 16UC1 [mm] as it is, 32FC1 [m] from its quantised inverse.
+    """A compressed depth image: 16 bits [mm] as they are, 32FC1 [m] from its quantised inverse.
 
     :raises ValueError: saying what is wrong with it
     """
-    if len(data) <= DEPTH.size or not data.startswith(PNG, DEPTH.size) or named not in ('16UC1', '32FC1'):
-        raise ValueError("format is %r, must be 16UC1 or 32FC1 as PNG: set compressed_depth_image_transport's format "
-                         'to png, or use the raw topic' % description)
+    if named not in (*PNG_ENCODINGS, '32FC1'):
+        raise ValueError('format is %r, must begin with %s or 32FC1' % (description, ', '.join(PNG_ENCODINGS)))
+    if len(data) <= DEPTH.size or not data.startswith(PNG, DEPTH.size):
+        raise ValueError("format is %r, but the data are no PNG: set compressed_depth_image_transport's format to png, "
+                         'or use the raw topic' % description)
     _, a, b = DEPTH.unpack_from(data)
     counts = _pixels(data[DEPTH.size:], description)
     if counts.dtype != np.uint16 or counts.ndim != 2:
         raise ValueError('format is %r, but its PNG is not of one channel of 16 bits' % description)
-    if named == '16UC1':
+    if named in PNG_ENCODINGS:
         return Decoded(counts, named)
     with np.errstate(divide='ignore', invalid='ignore'):
         metres = np.float32(a) / (counts.astype(np.float32) - np.float32(b))

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """An image or a map that is received in segments of some subimages each (D6.3, section 4.2)."""
+import copy
 from typing import Callable, Optional
 
 import numpy as np
@@ -97,6 +98,12 @@ class PartialImage:
             self._per_segment = max(self._per_segment, count)
             self._received = None
         return good
+
+    def copy(self) -> 'PartialImage':
+        """What was received until now: it does not change when more is added."""
+        copied = copy.copy(self)
+        copied.have, copied._subimages = self.have.copy(), self._subimages.copy()
+        return copied
 
     def items(self, fill: FillMethod, channel: Optional[DType] = None) -> Array:
         """The image, its missing pixels filled.

@@ -41,7 +41,7 @@ def as_pixels(data: Buffer, height: int, width: int, step: int, encoding: str, i
     :raises ValueError: names the wrong field and its value
     """
     dtype, channels = pixel_type(encoding, is_bigendian)
-    _check(data, height, width, step, encoding, channels * dtype.itemsize)
+    step = row_length(data, height, width, step, encoding)
     shape = (height, width) + (channels,) * (channels > 1)
     return np.ndarray(shape, dtype, data, 0, (step, channels * dtype.itemsize, dtype.itemsize)[:len(shape)])
 
@@ -52,8 +52,7 @@ def as_items(data: Buffer, height: int, width: int, step: int, encoding: str) ->
     :return: (height, width) array of `item_type`, a view of data
     :raises ValueError: names the wrong field and its value
     """
-    dtype = item_type(encoding)
-    _check(data, height, width, step, encoding, dtype.itemsize)
+    dtype, step = item_type(encoding), row_length(data, height, width, step, encoding)
     return np.ndarray((height, width), dtype, data, 0, (step, dtype.itemsize))
 
 
@@ -95,13 +94,19 @@ def whole(pixels: Array) -> Array:
     return pixels.view(_item(size)).reshape(pixels.shape[:2])
 
 
-def _check(data: Buffer, height: int, width: int, step: int, encoding: str, pixel_size: int) -> None:
+def row_length(data: Buffer, height: int, width: int, step: int, encoding: str) -> int:
+    """Distance between the rows of a sensor_msgs/Image [byte]: its step; where the data contradict that, and have rows
+    without padding, the length of a row.
+
+    :raises ValueError: names the wrong field and its value
+    """
     for name, side in (('height', height), ('width', width)):
         if not 1 <= side <= MAX_SIDE:
             raise ValueError('%s is %d, must be from 1 to %d' % (name, side, MAX_SIDE))
-    if step < width * pixel_size:
-        raise ValueError('step is %d, a row of %d pixels %s has %d bytes' % (
-            step, width, encoding, width * pixel_size))
-    if len(data) < height * step:
-        raise ValueError('data has %d bytes, height x step is %d x %d = %d' % (
-            len(data), height, step, height * step))
+    row = width * item_type(encoding).itemsize
+    if step >= row and len(data) >= (height - 1) * step + row:      # the last row need not be padded
+        return step
+    if len(data) == height * row:
+        return row
+    raise ValueError('data has %d bytes, height x step is %d x %d; a row of %d pixels %s has %d bytes' % (
+        len(data), height, step, width, encoding, row))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A laser scan in parts, even and odd indexes, in the fewest bytes that keep it exact (D6.3, section 6.2)."""
+"""A laser scan in parts, even and odd indexes, in the fewest bytes that keep its values (D6.3, section 6.2)."""
 from typing import Optional, Tuple
 
 import numpy as np
@@ -23,13 +23,20 @@ GAPS = 'nan', 'thin'
 """What replaces missing parts: NaN, or nothing: a scan with fewer ranges and a wider step."""
 
 
+def _meaning(values: Float32Array) -> Float32Array:
+    """(n,) float32: the same values, of NaNs and zeros one each: their signs mean nothing, but would cost bytes."""
+    with np.errstate(invalid='ignore'):     # signalling NaNs
+        meaning: Float32Array = np.where(np.isnan(values), np.float32('nan'), values + np.float32(0))
+    return meaning
+
+
 def write_ranges(ranges: Float32Array) -> UInt8Array:
     """Encode ranges: in 2 bytes each if that decodes to the same floats, else in 4.
 
     :param ranges: (n,) float32 [m]
     :return: (n, 2) or (n, 4) uint8
     """
-    ranges = np.ascontiguousarray(ranges, np.float32)
+    ranges = _meaning(ranges)
     with np.errstate(invalid='ignore', over='ignore'):
         counts = np.rint(ranges / MILLIMETRE)
     counts = np.select([np.isnan(ranges), ranges == np.inf, ranges == -np.inf], [NAN, PLUS_INF, MINUS_INF], counts)
@@ -59,7 +66,7 @@ def in_millimetres(counts: Array) -> Float32Array:
 
 def write_intensities(intensities: Float32Array) -> UInt8Array:
     """(n,) float32 -> (n, size) uint8: in 1 or 2 bytes each if all are such whole numbers, else in 4."""
-    intensities = np.ascontiguousarray(intensities, np.float32)
+    intensities = _meaning(intensities)
     for dtype in ('<u1', '<u2'):
         with np.errstate(invalid='ignore', over='ignore'):
             whole = np.clip(np.nan_to_num(intensities), 0, np.iinfo(dtype).max).astype(dtype)
@@ -86,7 +93,7 @@ def fit(total: int, size: int, room: int) -> int:
         raise ValueError('%d ranges are more than %d' % (total, MAX_RANGES))
     if room < size:
         raise ValueError('a range of %d bytes does not fit in %d' % (size, room))
-    parts = min(2, total)
+    parts = max(1, min(2, total))
     while -(-total // parts) * size > room:
         parts = min(2 * parts, total)
     return parts
@@ -103,8 +110,8 @@ class ScanParts(ReceivedParts):
     """
 
     def __init__(self, total: int, parts: int, range_size: int, intensity_size: int) -> None:
-        if not 1 <= parts <= total <= MAX_RANGES:
-            raise ValueError('%d ranges in %d parts; there are from 1 to %d' % (total, parts, MAX_RANGES))
+        if not 1 <= parts <= max(1, total) <= MAX_RANGES:
+            raise ValueError('%d ranges in %d parts; there are up to %d' % (total, parts, MAX_RANGES))
         if range_size not in (SHORT, FLOAT) or intensity_size not in (NONE, BYTE, SHORT, FLOAT):
             raise ValueError('no range has %d bytes, no intensity %d' % (range_size, intensity_size))
         super().__init__(parts)

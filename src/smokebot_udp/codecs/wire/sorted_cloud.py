@@ -96,11 +96,11 @@ def can_sort(point_format: PointFormat) -> bool:
     return bool(point_format.step) and sum(point_format.bits) <= MAX_KEY
 
 
-def encode(points: Float32Array, intensity: Optional[Float32Array], point_format: PointFormat,
+def encode(points: Array, intensity: Optional[Float32Array], point_format: PointFormat,
            room: int, least: int = 1) -> Optional[Chunks]:
     """The fewest chunks found that fit.
 
-    :param points: (n, 3) float32 [m], 1 <= n <= MAX_POINTS
+    :param points: (n, 3) [m], 1 <= n <= MAX_POINTS
     :param intensity: (n,) float32, or None
     :param point_format: that has offsets
     :param room: in a datagram for a chunk and the codes [byte]

@@ -71,13 +71,13 @@ class SortedParts(ReceivedParts):
         counts: IntArray = (self._points - 1 - indexes) // len(self.have) + 1
         return counts
 
-    def merge(self) -> Tuple[Float32Array, Optional[Float32Array]]:
+    def merge(self) -> Tuple[Array, Optional[Float32Array]]:
         """The points received, without those of broken chunks and forged ones that are not finite.
 
-        :return: (n, 3) float32 points [m], and (n,) float32 intensities or None
+        :return: (n, 3) points [m], and (n,) float32 intensities or None
         """
         blocks = [self._decoded(np.array(block)) for block in self._blocks()]
-        nothing = np.zeros((0, 3), np.float32), np.zeros(0, np.float32)
+        nothing = self._format.points(np.zeros((0, 3), int)), np.zeros(0, np.float32)
         points, intensity = (np.concatenate(parts) for parts in zip(nothing, *blocks))
         return points, intensity if self._format.has_intensity else None
 
@@ -95,7 +95,7 @@ class SortedParts(ReceivedParts):
         if block:
             yield block
 
-    def _decoded(self, indexes: IntArray) -> Tuple[Float32Array, Float32Array]:
+    def _decoded(self, indexes: IntArray) -> Tuple[Array, Float32Array]:
         """The points of some chunks, (n, 3), and their intensities, (n,): minima where there are none.
 
         :param indexes: (m,) int, m >= 1, received

@@ -7,15 +7,16 @@ from typing import Any, Deque, Mapping, NamedTuple, Optional, Tuple, Union
 import numpy as np
 from sensor_msgs.msg import PointCloud2, PointField
 
-from ...arrays import Float32Array, Records, UInt8Array
+from ...arrays import Array, Float32Array, Records, UInt8Array
 from ...codecs.wire.cloud import CloudParts, PointFormat
-from ...codecs.wire.cloud_fields import Fields, bytes_dtype, read_fields
+from ...codecs.wire.cloud_fields import COORDINATES, CloudField, Fields, bytes_dtype, read_fields
 from ...codecs.wire.sorted_parts import SortedParts
 from ...mission.parameters import Parameter
 from ...mission.settings import Settings
 from ...msg import CloudChunk
 from ..assembler import Assembled, Clock, no_clock
 from ..frame_assembler import Frame
+from ..recent import MAX_SOURCES
 from ..segments import MAIN_PART
 from ..stamped_assembler import StampedAssembler, header_of
 
@@ -28,8 +29,8 @@ class Points(NamedTuple):
     received: float
     """[s]"""
     frame_id: str
-    xyz: Float32Array
-    """(n, 3) [m]"""
+    xyz: Array
+    """(n, 3) float32 or float64 [m]"""
     intensity: Optional[Float32Array]
     """(n,)"""
     extra: UInt8Array
@@ -44,7 +45,8 @@ Content = Union[CloudParts, SortedParts]
 class CloudAssembler(StampedAssembler[Content, Assembled]):
     """Makes one cloud of each stamp's chunks."""
     MESSAGE, SEGMENTS = PointCloud2, {MAIN_PART: CloudChunk}
-    HEADS = {MAIN_PART: ('points', 'chunks', 'has_intensity', 'step', 'origin', 'bits', 'intensity_min',
+    QUEUE_SIZE = MAX_SOURCES
+    HEADS = {MAIN_PART: ('points', 'chunks', 'has_intensity', 'is_double', 'step', 'origin', 'bits', 'intensity_min',
                          'intensity_step', 'fields', 'codes')}
     PARAMETERS = {
         **StampedAssembler.PARAMETERS,
@@ -59,7 +61,7 @@ class CloudAssembler(StampedAssembler[Content, Assembled]):
 
     def begin(self, head: SimpleNamespace) -> Content:
         point_format = PointFormat(bool(head.has_intensity), head.step, head.origin, head.bits, head.intensity_min,
-                                   head.intensity_step)
+                                   head.intensity_step, bool(head.is_double))
         fields = read_fields(head.fields)
         if fields and (head.codes or (head.has_intensity and 'intensity' in [field.name for field in fields])):
             raise ValueError('fields of sorted points, or a second intensity')
@@ -108,14 +110,23 @@ class CloudAssembler(StampedAssembler[Content, Assembled]):
 
 
 def _message(head: SimpleNamespace, points: Points) -> PointCloud2:
-    names = ['x', 'y', 'z'] + ['intensity'] * (points.intensity is not None)
-    values = points.xyz if points.intensity is None else np.column_stack([points.xyz, points.intensity])
-    data = np.ascontiguousarray(values, '<f4').view(np.uint8).reshape(len(values), 4 * len(names))
-    fields, step = [PointField(name, 4 * i, PointField.FLOAT32, 1) for i, name in enumerate(names)], data.shape[1]
-    for field in points.fields:
+    is_double = points.xyz.dtype == np.float64
+    fields, columns, step = [], [_bytes(points.xyz, '<f8' if is_double else '<f4')], 0
+    named = [CloudField(name, PointField.FLOAT64 if is_double else PointField.FLOAT32) for name in COORDINATES]
+    if points.intensity is not None:
+        named.append(CloudField('intensity', PointField.FLOAT32))
+        columns.append(_bytes(points.intensity, '<f4'))
+    if points.fields:
+        columns.append(points.extra)
+    for field in (*named, *points.fields):
         fields.append(PointField(field.name, step, field.datatype, 1))
         step += bytes_dtype((field,)).itemsize
-    if points.fields:
-        data = np.hstack([data, points.extra])
-    return PointCloud2(header=header_of(head), height=1, width=len(values), point_step=step,
-                       row_step=step * len(values), is_dense=True, fields=fields, data=data.tobytes())
+    data = columns[0] if len(columns) == 1 else np.hstack(columns)
+    return PointCloud2(header=header_of(head), height=1, width=len(data), point_step=step,
+                       row_step=step * len(data), is_dense=True, fields=fields, data=data.tobytes())
+
+
+def _bytes(values: Array, dtype: str) -> UInt8Array:
+    """(n, k) uint8: the bytes of each row of (n, ...) values."""
+    written = np.ascontiguousarray(values, dtype)
+    return written.view(np.uint8).reshape(len(values), written.itemsize * (3 if values.ndim > 1 else 1))

@@ -7,7 +7,7 @@ from typing import Any, Iterable, List, Mapping, Optional, Set, Tuple
 import numpy as np
 from sensor_msgs.msg import PointCloud2
 
-from ...arrays import BoolArray, Float32Array
+from ...arrays import Array, BoolArray
 from ...codecs.perception.voxel import filter_with_fields, voxel_filter
 from ...codecs.wire import cloud, sorted_cloud
 from ...codecs.wire.cloud_fields import COORDINATES, CloudField, names_of, write_fields
@@ -85,17 +85,21 @@ class CloudEncoder(Encoder[Any]):
 
     def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Frame]:
         reduced = _reduced(message, settings)
-        self._tell(message.fields, reduced, settings)
+        self.warnings += reduced.problems
+        if message.width:
+            self._tell(message.fields, reduced, settings)
         fields = tuple(map(CloudField, reduced.extra.dtype.names or (), reduced.datatypes))
-        point_format = (cloud.packed(reduced.points, settings['error_bound'], reduced.intensity)
+        point_format = (cloud.packed(reduced.points, settings['error_bound'], reduced.intensity, reduced.datum)
                         if settings['encoding'] != 'float32' and len(reduced.points)
-                        else cloud.plain(reduced.intensity is not None))
+                        else cloud.plain(reduced.intensity is not None, reduced.datum))
         texts = message.header.frame_id.encode(), write_fields(fields)
         chunks = _chunks(reduced, point_format, settings, room(CloudChunk, max_datagram_size, *texts),
                          _least_chunks(self.outlook))
         frame = _frame(message, texts, len(reduced.points), point_format, chunks)
         # of a cloud at the requested leaf size: a LiDAR sees surfaces, so points are as many as 1 / leaf_size ** 2
         leaf, requested = settings['leaf_size'], settings.requested['leaf_size']
+        if not len(reduced.points) and self.message_size is not None:
+            return [frame]      # it says nothing of what a cloud takes
         self.message_size = size_on_air([frame]) * ((leaf / requested) ** 2 if requested else 1.0)
         return [frame]
 
@@ -129,7 +133,7 @@ def _chunks(reduced: Cloud, point_format: cloud.PointFormat, settings: Settings,
     :param least: number of chunks that are sorted
     :raises ValueError: there are more points or chunks than a receiver accepts
     """
-    points, intensity, extra, _ = reduced
+    points, intensity, extra = reduced.points, reduced.intensity, reduced.extra
     if settings['encoding'] == 'sorted' and not extra.dtype.names:
         ordered = sorted_cloud.encode(points, intensity, point_format, left, least)
         if ordered is not None and ordered.size < len(points) * point_format.size:
@@ -158,8 +162,7 @@ def _frame(message: Any, texts: Tuple[bytes, bytes], points: int, point_format: 
     records = frame.records
     write_header(records, message.header)
     records['points'], records['chunks'], records['index'] = points, len(order), order
-    records['has_intensity'] = point_format.has_intensity
-    for field in ('step', 'origin', 'bits', 'intensity_min', 'intensity_step'):
+    for field in ('has_intensity', 'is_double', 'step', 'origin', 'bits', 'intensity_min', 'intensity_step'):
         records[field] = getattr(point_format, field)
     records['fields'] = as_bytes(texts[1])
     records['codes'], records['data'] = as_bytes(chunks.codes), chunks.data[order]
@@ -167,32 +170,35 @@ def _frame(message: Any, texts: Tuple[bytes, bytes], points: int, point_format: 
 
 
 def _reduced(message: Any, settings: Settings) -> Cloud:
-    """The points of a PointCloud2 within the crop box and beyond min_range, after the voxel grid filter.
+    """The points of a PointCloud2 within the crop box and beyond min_range, after the voxel grid filter; those of a
+    cloud with a datum are float64 and absolute.
 
-    :raises ValueError: where the layout is wrong, or no point is finite
+    :raises ValueError: where the layout is wrong
     """
     found = read_cloud(message.data, message.fields, message.height, message.width, message.point_step,
                        message.row_step, message.is_bigendian, settings['intensity'], names_of(settings['fields']))
-    points, intensity, extra, datatypes = found
-    if not len(points):
-        raise ValueError('none of its %d points is finite' % (message.height * message.width))
-    kept = _cropped(points, settings)
+    points, intensity, extra = found.points, found.intensity, found.extra
+    kept = _cropped(points if found.datum is None else points + found.datum, settings)
     if kept is not None:
         points, intensity = points[kept], None if intensity is None else intensity[kept]
         extra = extra[kept]
     leaf = settings['leaf_size']
-    if not leaf or not len(points):
-        return Cloud(points, intensity, extra, datatypes)
-    if not extra.dtype.names:
-        return Cloud(*voxel_filter(points, leaf, intensity), extra, datatypes)
-    return Cloud(*filter_with_fields(points, leaf, intensity, extra), datatypes)
+    if leaf and len(points):
+        if extra.dtype.names:
+            points, intensity, extra = filter_with_fields(points, leaf, intensity, extra)
+        else:
+            points, intensity = voxel_filter(points, leaf, intensity)
+    if found.datum is not None:
+        points = points + found.datum
+    return found._replace(points=points, intensity=intensity, extra=extra)
 
 
-def _cropped(points: Float32Array, settings: Settings) -> Optional[BoolArray]:
+def _cropped(points: Array, settings: Settings) -> Optional[BoolArray]:
     """(n,) bool: which points are kept; None: all of them."""
     low, high = (np.array([settings['%s_%s' % (side, axis)] for axis in 'xyz'], np.float32) for side in ('min', 'max'))
     near = settings['min_range']
-    if near == 0 and (low == -FAR).all() and (high == FAR).all():
+    low[low == -FAR], high[high == FAR] = -np.inf, np.inf
+    if near == 0 and np.isinf(low).all() and np.isinf(high).all():
         return None
     inside = ((points >= low) & (points <= high)).all(axis=1)
     kept: BoolArray = inside & (np.einsum('ij,ij->i', points, points) >= np.float32(near) ** 2)

@@ -63,7 +63,7 @@ def check(settings: Mapping[str, Any]) -> None:
 
 
 def timeout_message(settings: Mapping[str, Any]) -> Optional[Any]:
-    """The message that on_timeout stands for; None: nothing. Stamps are zero.
+    """The message that on_timeout stands for, as it arrives; None: nothing. Stamps are zero.
 
     :raises ValueError: as of `check`
     """
@@ -72,8 +72,8 @@ def timeout_message(settings: Mapping[str, Any]) -> Optional[Any]:
         return None
     try:
         fill_message_args(message, [{} if value == STOP else value])
-        serialised(message)
+        crossed = message_class(settings['message_type'])().deserialize(serialised(message))
     except (MessageException, SerializationError, ValueError, TypeError, AttributeError) as error:
         raise ValueError('on_timeout is %r, must be stop, nothing, or fields of a %s: %s' % (
             value, settings['message_type'], error)) from None
-    return message
+    return crossed

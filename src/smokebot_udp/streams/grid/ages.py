@@ -7,7 +7,7 @@ from geometry_msgs.msg import Point, Pose
 
 from ...arrays import Array
 from ...codecs.tiles.rectangle import Rectangle
-from .placed import moved
+from .placed import moved, renumbered
 from .snapshot import grid_message
 
 SHIFT = 4
@@ -39,6 +39,13 @@ class Ages:
         blocks = area.blocks(SHIFT)
         self._cells, self._coarse = (moved(times, self.blocks, blocks, np.nan) for times in (self._cells, self._coarse))
         self.area, self.blocks = area, blocks
+
+    def renumber(self, columns: int, rows: int) -> None:
+        """Number the cells by as many more."""
+        self._cells, self._coarse = (renumbered(times, self.area, columns, rows, SHIFT)
+                                     for times in (self._cells, self._coarse))
+        self.area = self.area.moved(columns, rows)
+        self.blocks = self.area.blocks(SHIFT)
 
     def received(self, place: Rectangle, now: float) -> None:
         """Note that cells were received."""

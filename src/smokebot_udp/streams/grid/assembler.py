@@ -11,6 +11,7 @@ import numpy as np
 
 from ...arrays import BoolArray, Records
 from ...codecs.concealment.fill import nearest
+from ...codecs.tiles.lattice import Lattice
 from ...codecs.tiles.rectangle import Rectangle
 from ...codecs.wire.grid import unknown
 from ...codecs.wire.partial_image import PartialImage
@@ -18,13 +19,13 @@ from ...codecs.wire.pixels import item_type
 from ...mission.parameters import Parameter
 from ...mission.settings import Settings
 from ...msg import GridSegment, MapTile
-from ..assembler import Assembled, Assembler, Clock, no_clock
+from ..assembler import Assembled, Assembler, Clock, Work, no_clock
 from ..carousel import Carousel
 from ..held import Holding
 from ..parameters import OPERATOR, ROBOT
 from ..segments import MAIN_PART, TILES, head_of, same_head, stamps_of
 from .ages import age_message, uniform
-from .snapshot import MESSAGE, GridSnapshot, grid_message
+from .snapshot import MESSAGE, GridSnapshot, grid_message, info_message
 from .tiles_assembler import TilesAssembler
 
 CELL = item_type('mono8')
@@ -43,10 +44,31 @@ class _Interleaved(NamedTuple):
     """When a segment of it was received last [s]."""
 
 
+class _Place:
+    """Of an interleaved map. Maps of one size whose origins are less than a cell apart complete each other: an origin
+    may move with each map, and cells that did not come are rather those of the map before than unknown."""
+
+    def __init__(self, head: SimpleNamespace) -> None:
+        _, *self._exact = head.info     # not the load time: the same map may be loaded anew
+        self._size = head.frame_id, head.depth, head.info[2:4]
+        try:
+            self._lattice: Optional[Lattice] = Lattice.of(head.frame_id, info_message(head.info))
+        except ValueError:      # `begin` refuses most of them
+            self._lattice = None
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, _Place) or self._size != other._size:
+            return False
+        if self._lattice is None or other._lattice is None:
+            return bool(self._exact == other._exact)
+        way = self._lattice.to(other._lattice)
+        return way is not None and max(map(abs, way)) < 1 and not self._lattice.turned(other._lattice)
+
+
 class GridAssembler(Assembler[GridSnapshot, Assembled]):
     """Makes a map of the segments; it is latched."""
     MESSAGE, SEGMENTS = MESSAGE, {MAIN_PART: GridSegment, TILES: MapTile}
-    COMPILED = HELD = frozenset([TILES])
+    COMPILED = frozenset([TILES])
     LATCH, STEADY = True, False
     HEAD = 'info', 'depth'
     PARAMETERS = {
@@ -94,8 +116,6 @@ class GridAssembler(Assembler[GridSnapshot, Assembled]):
             self._receive_interleaved(records, mask, now)
             return
         self._tiles.receive(records, mask, now)
-        if self._interleaved is not None and self._tiles.heard == now:
-            self._tiles.show(now)
 
     def _receive_interleaved(self, records: Records, mask: BoolArray, now: float) -> None:
         rows = np.flatnonzero(mask)
@@ -104,14 +124,22 @@ class GridAssembler(Assembler[GridSnapshot, Assembled]):
             same = same_head(records, rows, self.HEAD) & (stamps == stamps[0])
             head = head_of(records[rows[0]], GridSegment, self.HEAD)
             segments = records[rows[same]]
-            _, *place = head.info       # not the load time: the same map may be loaded anew
-            self._carousel.add(head, (head.frame_id, head.depth, place), (
+            self._carousel.add(head, _Place(head), (
                 segments['index'].astype(int), segments['count'], segments['data'].view(np.uint8)), now)
             rows = rows[~same]
 
     def deadline(self) -> Optional[float]:
+        if self._tiles.waiting:
+            return -math.inf
         deadlines = [found for found in (self._tiles.deadline(), self._interleaved_deadline()) if found is not None]
         return min(deadlines, default=None)
+
+    def work(self) -> Optional[Work]:
+        heard = self._tiles.heard
+        work = self._tiles.work()
+        if self._interleaved is not None and self._tiles.heard > heard:
+            self._tiles.show(self._tiles.heard)
+        return work
 
     def _interleaved_deadline(self) -> Optional[float]:
         deadline = self._carousel.deadline()
@@ -128,12 +156,13 @@ class GridAssembler(Assembler[GridSnapshot, Assembled]):
         found = None if deadline is None or now < deadline else self._carousel.poll(now)
         if found is None:
             return None
-        head, grid = found      # receive() goes on changing the grid
-        self._interleaved = _Interleaved(head, self._carousel.latest)
-        return GridSnapshot(head, grid.items(self._fill).view(np.int8), grid.completeness)
+        self._interleaved = _Interleaved(found[0], self._carousel.latest)
+        grid, fill = found[1].copy(), self._fill    # receive() goes on changing the grid
+        return GridSnapshot(found[0], lambda: (grid.items(fill).view(np.int8), grid.completeness))
 
     def assemble(self, finished: GridSnapshot, settings: Settings, still: bool, now: float) -> Optional[Assembled]:
-        head, cells, completeness = finished
+        head = finished.head
+        cells, completeness = finished.drawn()
         content = head.frame_id, head.info, zlib.crc32(cells.data)
         if content == self._last:
             return None     # refresh cycles repeat it

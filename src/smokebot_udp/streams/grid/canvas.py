@@ -86,6 +86,10 @@ class Canvas:
         self.known = int(np.count_nonzero(self.numbers))
         self._held = {revision: held for revision, held in self._held.items() if area.holds(held.tile.place)}
 
+    def renumber(self, columns: int, rows: int) -> None:
+        """Number the cells by as many more."""
+        self.area = self.area.moved(columns, rows)
+
     def begin_session(self) -> None:
         """Number anew: all that is known is older than any tile that comes."""
         np.minimum(self.numbers, FORMER, out=self.numbers)

@@ -12,7 +12,7 @@ from ...arrays import Array
 from ...codecs.tiles.rectangle import Rectangle
 from ...codecs.wire.grid import UNKNOWN
 from .canvas import FORMER, NEVER, Canvas
-from .placed import moved
+from .placed import moved, renumbered
 
 NO_CELL = UNKNOWN - 1
 """Below any value."""
@@ -43,6 +43,13 @@ class Coarse:
     def move(self, area: Rectangle) -> None:
         """Change the map's rectangle."""
         self._place(area, self.shift, self._values, self._numbers, self.blocks)
+
+    def renumber(self, columns: int, rows: int) -> None:
+        """Number the cells by as many more."""
+        self._values, self._numbers = (renumbered(values, self.area, columns, rows, self.shift)
+                                       for values in (self._values, self._numbers))
+        self.area = self.area.moved(columns, rows)
+        self.blocks = self.area.blocks(self.shift)
 
     def begin_session(self) -> None:
         """Number anew."""

@@ -34,6 +34,16 @@ def copies(loss: float, residual: float, most: int = MAX_COPIES) -> int:
     return max(1, min(most, math.ceil(math.log(residual) / math.log(_believed(loss)) - 1e-9)))
 
 
+def sent_for(needed: int, loss: float, residual: float, most: int = MAX_COPIES) -> int:
+    """How many datagrams are sent so that fewer than are needed arrive with a probability of `residual` at most."""
+    lost = _believed(loss)
+    count = needed
+    while count < most and sum(math.comb(count, arrived) * (1 - lost) ** arrived * lost ** (count - arrived)
+                               for arrived in range(needed)) > residual:
+        count += 1
+    return count
+
+
 class Pattern(NamedTuple):
     """When copies follow."""
     loss: float

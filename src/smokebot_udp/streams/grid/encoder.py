@@ -10,8 +10,10 @@ from rospy.numpy_msg import numpy_msg
 from std_msgs.msg import Header
 
 from ...arrays import Array
+from ...codecs.tiles.lattice import Lattice
 from ...codecs.wire import grid
 from ...congestion.operating_points import OperatingPoint
+from ...frame_names import unknown_transform
 from ...mission.parameters import Parameter
 from ...mission.settings import Settings
 from ...msg import GridSegment, MapTile
@@ -23,7 +25,7 @@ from ..parameters import ROBOT
 from ..segments import MAIN_PART, TILES
 from .interleaved_encoder import InterleavedMaps
 from .map_info import cell_at, check_origin, check_values
-from .map_updates import updated
+from .map_updates import same_place, updated, with_legal_values
 
 FALLBACK = 2.0
 """A new operator has this time to subscribe to the tiles, before the map crosses interleaved for all [s]."""
@@ -36,6 +38,8 @@ MAX_REPORTS = 64
 
 LOOKUP_PERIOD = 1.0
 """The robot's place is looked up this often [s]."""
+
+LAST_CHANGE = 'the surroundings of the last change are sent first'
 
 TILES_BACKLOG = 0.1
 """Of tiles, the rest of what leaves is waited for this long before more is made [s]."""
@@ -60,7 +64,7 @@ class GridEncoder(Encoder[Any]):
 
     :param codec: of tiles
     :param clock: steady [s]
-    :param lookup: of transforms
+    :param lookup: of transforms; None: there is no tf
     :param session: makes random numbers, uint32
     """
     MESSAGE, SEGMENTS = numpy_msg(OccupancyGrid), {MAIN_PART: GridSegment, TILES: MapTile}
@@ -88,7 +92,7 @@ class GridEncoder(Encoder[Any]):
     }
 
     def __init__(self, settings: Mapping[str, Any], codec: Optional[Codec] = None,
-                 clock: Callable[[], float] = lambda: 0.0, lookup: Lookup = lambda *_: None,
+                 clock: Callable[[], float] = lambda: 0.0, lookup: Optional[Lookup] = None,
                  session: Callable[[], int] = lambda: int.from_bytes(os.urandom(4), 'little')) -> None:
         super().__init__(settings)
         self._codec, self._clock, self._lookup, self._session = codec or ImportedCodec(), clock, lookup, session
@@ -96,6 +100,7 @@ class GridEncoder(Encoder[Any]):
         self._interleaved, self._tiled = InterleavedMaps(), None    # type: InterleavedMaps, Any
         self._used: Union[InterleavedMaps, Any, None] = None        # what sent last
         self._newest: Any = None                    # message, of the thread that merges
+        self._legal_only = settings['coding'] == 'tiles'    # other values, and places far away, cannot be sent
         self._map: Optional[_Map] = None
         self._taken = False                         # whether self._used has the map
         self._fallback_at: Optional[float] = None   # when it is interleaved, as an operator does not receive tiles
@@ -110,15 +115,35 @@ class GridEncoder(Encoder[Any]):
         return [MAIN_PART] if settings['coding'] == 'interleaved' else [MAIN_PART, TILES]
 
     def merge(self, waiting: Optional[Any], message: Any) -> Optional[Any]:
-        """Updates change the newest map; before the first map they say nothing.
+        """Updates change the newest map; before the first map they say nothing. What is wrong does not get into it, as
+        later updates would be of a map that cannot be sent.
 
-        :raises ValueError: an update that is not of the newest map
+        :raises ValueError: a map or an update that cannot be sent, or an update that is not of the newest map
         """
         if message._type == self.MESSAGE._type:
-            self._newest = message
+            self._newest, fault = self._basis(message)
+            if fault is not None:
+                raise fault
         elif self._newest is not None:
-            self._newest = updated(self._newest, message)
+            newest = updated(self._newest, message)
+            if self._legal_only:
+                check_values(message.data)
+            self._newest = newest
         return self._newest
+
+    def _basis(self, message: Any) -> Tuple[Any, Optional[ValueError]]:
+        """What updates change after a map, None: nothing; and what is wrong with the map, None: nothing."""
+        try:
+            cells = self._cells(message)
+        except ValueError as error:
+            same = self._newest is not None and same_place(self._newest, message)
+            return self._newest if same else None, error
+        try:
+            if self._legal_only:
+                check_values(cells)
+        except ValueError as error:
+            return with_legal_values(message), error
+        return message, None
 
     def refine(self, point: Mapping[str, Any], spare: float) -> Dict[str, Any]:
         # the coding may have changed since the point was made
@@ -143,16 +168,27 @@ class GridEncoder(Encoder[Any]):
         return period
 
     def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Frame]:
-        info = message.info
-        cells = grid.as_cells(message.data, info.height, info.width, info.resolution)
-        check_origin(info.origin)
-        if settings['coding'] == 'tiles':
+        self._legal_only = settings['coding'] == 'tiles'
+        cells = self._cells(message)
+        if self._legal_only:
             check_values(cells)
             self._codec.ready()     # it is loaded when the first operator comes
         self._map, self._taken = _Map(message, cells), False
         if not self._anyone():
             self._fallback_at = None
         return self._frames(settings, max_datagram_size) if self._wanted(settings) else []
+
+    def _cells(self, message: Any) -> Array:
+        """(height, width) int8: the cells of a nav_msgs/OccupancyGrid.
+
+        :raises ValueError: naming what is wrong with the map, but for values
+        """
+        info = message.info
+        cells = grid.as_cells(message.data, info.height, info.width, info.resolution)
+        check_origin(info.origin)
+        if self._legal_only:
+            Lattice.of(message.header.frame_id, info)
+        return cells
 
     def repeat(self, settings: Settings, max_datagram_size: int) -> Sequence[Frame]:
         if self._map is None:
@@ -209,10 +245,12 @@ class GridEncoder(Encoder[Any]):
 
     def _robot_at(self, message: Any, now: float) -> Optional[Tuple[float, float]]:
         """Where the robot is, in columns and rows of the map; None: not known."""
-        if not self._robot_frame:
+        if not self._robot_frame or self._lookup is None:
             return None
         if self._looked_up is None or now - self._looked_up >= LOOKUP_PERIOD:
             self._looked_up = now
             found = self._lookup(message.header.frame_id, Header(frame_id=self._robot_frame))
             self._robot = None if found is None else tuple(found[1].tolist())
+            if found is None:
+                self.warnings.append(unknown_transform(self._robot_frame, message.header.frame_id, LAST_CHANGE))
         return None if self._robot is None else cell_at(message.info, *self._robot)

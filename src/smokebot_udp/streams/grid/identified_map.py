@@ -7,7 +7,6 @@ datagrams of it, with none of the present map in between; these are kept, and no
 from typing import Counter, Dict, List, Optional, Tuple
 
 from ...codecs.tiles.lattice import Lattice
-from ...codecs.tiles.rectangle import Rectangle
 from .snapshot import info_message
 from .tile_segment import TileSegment
 
@@ -22,7 +21,7 @@ PATIENCE = 30.0
 
 
 class IdentifiedMap:
-    """A map by its session, frame, lattice and rectangle.
+    """A map by its session, place and rectangle.
 
     :param segment: any of its segments
     :raises ValueError: the map is impossible
@@ -30,38 +29,38 @@ class IdentifiedMap:
 
     def __init__(self, segment: TileSegment) -> None:
         self.session, self.frame_id, self.area = segment.session, segment.frame_id, segment.area
-        info = info_message(segment.info)
-        self._info = segment.info
-        self._lattice = Lattice.of(segment.frame_id, info)
-        # the sender's lattice may be that of an earlier map, whose phase is another one within the tolerance
-        self._offset = _difference(segment.area, self._lattice.corner(info))
+        self._info, self._lattice = segment.info, lattice_of(segment)
 
     def has(self, segment: TileSegment) -> bool:
         """Whether a segment is of this map.
 
         :raises ValueError: its map is impossible
         """
-        return (segment.session == self.session and segment.area == self.area
-                and (self._same_place(segment) or self.on_lattice(segment)))
+        if segment.session != self.session or segment.area != self.area or segment.frame_id != self.frame_id:
+            return False
+        # these very numbers; the load time may differ
+        return segment.info[1:] == self._info[1:] or self._lattice.same(lattice_of(segment))
 
-    def on_lattice(self, segment: TileSegment) -> bool:
-        """Whether the cells of a segment's map have the numbers that they have here.
+    def way(self, segment: TileSegment) -> Optional[Tuple[int, int]]:
+        """Columns and rows from this map's first cell to that of a segment's map; None: nothing of it can be kept.
+
+        The cells of one session have one numbering, even where the map was turned.
 
         :raises ValueError: its map is impossible
         """
-        if segment.frame_id != self.frame_id:
-            return False
-        corner = self._lattice.corner(info_message(segment.info))
-        return corner is not None and _difference(segment.area, corner) == self._offset
-
-    def _same_place(self, segment: TileSegment) -> bool:
-        """Whether a segment has these very numbers: the load time may differ."""
-        return segment.frame_id == self.frame_id and segment.info[1:] == self._info[1:]
+        other = lattice_of(segment)
+        way = self._lattice.to(other)
+        if way is None or (segment.session != self.session and self._lattice.turned(other)):
+            return None
+        return round(way[0]), round(way[1])
 
 
-def _difference(area: Rectangle, corner: Optional[Tuple[int, int]]) -> Tuple[int, int]:
-    column, row = corner or (0, 0)
-    return area.column - column, area.row - row
+def lattice_of(segment: TileSegment) -> Lattice:
+    """Where a segment's map lies.
+
+    :raises ValueError: its map is impossible
+    """
+    return Lattice.of(segment.frame_id, info_message(segment.info))
 
 
 class _Candidate:

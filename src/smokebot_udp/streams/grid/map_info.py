@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A map's nav_msgs/MapMetaData: checked, and written into segments."""
 import math
-from typing import Any, Tuple
+from typing import Any, Sequence, Tuple, Union
+
+import numpy as np
 
 from ...arrays import Array, Records
 
@@ -14,13 +16,18 @@ def check_origin(origin: Any) -> None:
                 raise ValueError('origin.%s is %r' % (axis, getattr(part, axis)))
 
 
-def check_values(cells: Array) -> None:
+LEAST, MOST = -1, 100
+"""Values of an occupancy grid."""
+
+
+def check_values(cells: Union[Sequence[int], Array]) -> None:
     """:raises ValueError: naming a value that is none of an occupancy grid
 
-    :param cells: (height, width) int8, not empty
+    :param cells: int8
     """
-    for value in (int(cells.min()), int(cells.max())):
-        if not -1 <= value <= 100:
+    found = np.asarray(cells, np.int8)
+    for value in (int(found.min(initial=0)), int(found.max(initial=0))):
+        if not LEAST <= value <= MOST:
             raise ValueError('data has the value %d, must be from -1 to 100; coding: interleaved sends any' % value)
 
 

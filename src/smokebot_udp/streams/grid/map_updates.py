@@ -10,6 +10,9 @@ from scipy import ndimage
 
 from ...arrays import Array
 from ...codecs.tiles.rectangle import Rectangle
+from ...codecs.wire.grid import UNKNOWN
+from ...frame_names import frame_name
+from .map_info import LEAST, MOST
 
 UPDATE = numpy_msg(OccupancyGridUpdate)
 
@@ -28,7 +31,7 @@ def updated(grid: Any, update: Any) -> Any:
     :raises ValueError: it is not of this map
     """
     height, width = grid.info.height, grid.info.width
-    if update.header.frame_id != grid.header.frame_id:
+    if frame_name(update.header.frame_id) != frame_name(grid.header.frame_id):
         raise ValueError('an update in frame %r of a map in frame %r' % (update.header.frame_id, grid.header.frame_id))
     if not (0 <= update.x <= update.x + update.width <= width and 0 <= update.y <= update.y + update.height <= height):
         raise ValueError('an update of %d x %d cells at column %d, row %d of a map of %d x %d' % (
@@ -42,13 +45,23 @@ def updated(grid: Any, update: Any) -> Any:
     cells[update.y:update.y + update.height, update.x:update.x + update.width] = np.asarray(
         update.data, np.int8).reshape(update.height, update.width)
     result = copy.copy(grid)
-    result.header, result.data = update.header, cells.reshape(-1)
+    result.header, result.data = copy.copy(update.header), cells.reshape(-1)
+    result.header.frame_id = grid.header.frame_id
+    return result
+
+
+def with_legal_values(grid: Any) -> Any:
+    """A map, as a new message, whose cells that have other values than an occupancy grid's are unknown."""
+    cells = np.array(grid.data, np.int8)
+    cells[(cells < LEAST) | (cells > MOST)] = UNKNOWN
+    result = copy.copy(grid)
+    result.data = cells
     return result
 
 
 def same_place(before: Any, after: Any) -> bool:
     """Whether two nav_msgs/OccupancyGrids have the same cells; some mappers change the load time with each map."""
-    return bool(before.header.frame_id == after.header.frame_id
+    return bool(frame_name(before.header.frame_id) == frame_name(after.header.frame_id)
                 and all(getattr(before.info, name) == getattr(after.info, name)
                         for name in ('resolution', 'width', 'height', 'origin')))
 

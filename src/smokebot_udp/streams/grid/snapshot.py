@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A map as it is at one moment, on the operator's side."""
 from types import SimpleNamespace
-from typing import Any, NamedTuple, Tuple
+from typing import Any, Callable, NamedTuple, Tuple
 
 from genpy import Time
 from geometry_msgs.msg import Point, Pose, Quaternion
@@ -18,10 +18,8 @@ class GridSnapshot(NamedTuple):
     """A map to be shown."""
     head: SimpleNamespace
     """Of its newest segment: stamp [ns], frame_id and info, see segments.head_of."""
-    cells: Array
-    """(height, width) int8"""
-    completeness: float
-    """Received share of the cells, 0..1."""
+    drawn: Callable[[], Tuple[Array, float]]
+    """f() -> (height, width) int8, the cells; and the received share of them, 0..1. It takes time."""
 
 
 def info_message(info: Tuple[Any, ...]) -> MapMetaData:

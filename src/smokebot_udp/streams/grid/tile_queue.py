@@ -7,11 +7,15 @@
 
 Times are by a steady clock [s]. Silent operators get everything again and again, slowly. No operator, whatever it
 reports, gets more than the pace of the stream allows, which is not decided here.
+
+Rows of arrays are tiles: a large map has thousands of them, and they are looked at fifty times a second.
 """
-import math
 from dataclasses import dataclass, field
 from typing import Collection, Dict, Iterable, List, NamedTuple, Optional, Tuple
 
+import numpy as np
+
+from ...arrays import Array, BoolArray, IntArray
 from ...codecs.tiles.rectangle import Rectangle
 from ..held import Holding
 from .copies import Pattern
@@ -21,6 +25,9 @@ SILENCE = 6.0
 
 HEAD = 175
 """Of a segment on the air, about [byte]."""
+
+MOST_TRIES = 400
+"""After more copies of a tile the interval between them is the longest one."""
 
 Focus = Optional[Tuple[float, float]]
 """Column and row on the lattice that are of most interest; None: none."""
@@ -40,36 +47,62 @@ class Item(NamedTuple):
 class _Operator:
     since: float
     """When it came, or reported last [s]."""
-    lacks: Dict[int, int]
-    """{revision: copies sent since it is known to be lacking}"""
+    lacks: BoolArray
+    """(n,): the tiles that it lacks."""
+    tries: IntArray
+    """(n,): copies sent since a tile is known to be lacking."""
     reported: bool = field(default=False)
     """Whether any report came since it came, or was forgotten."""
+
+    def hears(self, now: float) -> bool:
+        """Whether it reports; one who came just now gets the benefit of the doubt."""
+        return now - self.since <= SILENCE
+
+    def lack(self, lacks: BoolArray) -> None:
+        """Set what it lacks."""
+        self.tries[~self.lacks] = 0
+        self.lacks = lacks
 
 
 class TileQueue:
     """The tiles of one session, and which operators lack which of them."""
 
     def __init__(self) -> None:
-        self._items: Dict[int, Item] = {}
-        self._sent: Dict[int, float] = {}           # when a copy left last [s]
+        self._items: List[Item] = []                    # (n), by revision, as all of these
+        self._revisions: IntArray = np.zeros(0, np.int64)
+        self._urgent: BoolArray = np.zeros(0, bool)
+        self._sizes: IntArray = np.zeros(0, np.int64)   # on the air [byte]
+        self._places: Array = np.zeros((0, 4))          # column, row, width, height [cell]
+        self._sent: Array = np.zeros(0)                 # when a copy left last; NaN: never [s]
         self._operators: Dict[str, _Operator] = {}
 
     # -- the map -------------------------------------------------------------------------------------
 
-    def add(self, items: Iterable[Item]) -> None:
-        """Tiles were made: all operators lack them."""
-        for item in items:
-            self._items[item.revision] = item
-            for operator in self._operators.values():
-                operator.lacks[item.revision] = 0
+    def add(self, items: Collection[Item]) -> None:
+        """Tiles were made, newer ones than all before: all operators lack them."""
+        if not items:
+            return
+        self._items += items
+        count = len(items)
+        self._revisions = np.append(self._revisions, [item.revision for item in items])
+        self._urgent = np.append(self._urgent, [item.urgent for item in items])
+        self._sizes = np.append(self._sizes, [len(item.data) + HEAD for item in items])
+        self._places = np.concatenate([self._places, np.array([item.place for item in items], float)])
+        self._sent = np.append(self._sent, np.full(count, np.nan))
+        for operator in self._operators.values():
+            operator.lacks = np.append(operator.lacks, np.ones(count, bool))
+            operator.tries = np.append(operator.tries, np.zeros(count, np.int64))
 
-    def remove(self, revisions: Iterable[int]) -> None:
+    def remove(self, revisions: Collection[int]) -> None:
         """Tiles are not in use any more."""
-        for revision in revisions:
-            del self._items[revision]
-            self._sent.pop(revision, None)
-            for operator in self._operators.values():
-                operator.lacks.pop(revision, None)
+        if not revisions:
+            return
+        kept = ~np.isin(self._revisions, list(revisions))
+        self._items = [item for item, stays in zip(self._items, kept.tolist()) if stays]
+        self._revisions, self._urgent, self._sizes = self._revisions[kept], self._urgent[kept], self._sizes[kept]
+        self._places, self._sent = self._places[kept], self._sent[kept]
+        for operator in self._operators.values():
+            operator.lacks, operator.tries = operator.lacks[kept], operator.tries[kept]
 
     # -- the operators -------------------------------------------------------------------------------
 
@@ -81,10 +114,11 @@ class TileQueue:
         newcomers = [name for name in names if name not in self._operators]
         self._operators = {name: operator for name, operator in self._operators.items() if name in names}
         for name in newcomers:
-            self._operators[name] = _Operator(now, dict.fromkeys(self._items, 0))
+            self._operators[name] = _Operator(now, self._all(), np.zeros(len(self._items), np.int64))
         for operator in self._operators.values():
-            if operator.reported and now - operator.since > SILENCE:
-                operator.reported, operator.lacks = False, {**dict.fromkeys(self._items, 0), **operator.lacks}
+            if operator.reported and not operator.hears(now):
+                operator.reported = False
+                operator.lack(self._all())
         return bool(newcomers)
 
     def held(self, name: str, holding: Optional[Holding], now: float) -> None:
@@ -96,69 +130,83 @@ class TileQueue:
         if operator is None:
             return
         operator.since, operator.reported = now, True
-        held = set() if holding is None else _among(holding, sorted(self._items))
-        operator.lacks = {revision: operator.lacks.get(revision, 0) for revision in self._items if revision not in held}
+        operator.lack(self._all() if holding is None else ~holding.among(self._revisions))
 
     def lacking(self) -> List[Item]:
         """The tiles that any operator may lack."""
-        revisions = set().union(*(operator.lacks for operator in self._operators.values()))
-        return [item for revision, item in self._items.items() if revision in revisions]
+        return self._of(self._lacked(self._operators.values()))
 
     def wanted(self, now: float) -> int:
         """Size on the air of what operators lack who report, or who came just now [byte]."""
-        revisions = set().union(*(operator.lacks for operator in self._operators.values() if _hears(operator, now)))
-        return sum(len(self._items[revision].data) + HEAD for revision in revisions)
+        return int(self._sizes[self._lacked(operator for operator in self._operators.values() if operator.hears(now))
+                               ].sum())
 
     # -- what leaves ---------------------------------------------------------------------------------
 
     def due(self, now: float, pattern: Pattern, focus: Focus) -> List[Item]:
         """What is to leave now, in order: what was never sent first, of it what changed, then what is near; then what
         waits for longest."""
-        when = self._when(now, pattern)
-        due = [self._items[revision] for revision, at in when.items() if at <= now]
-        return sorted(due, key=lambda item: (
-            item.revision in self._sent, not item.urgent, self._sent.get(item.revision, 0.0),
-            _distance(item.place, focus), item.revision))
+        rows = np.flatnonzero(self._when(now, pattern) <= now)
+        sent = self._sent[rows]
+        order = np.lexsort((self._revisions[rows], _distances(self._places[rows], focus), np.nan_to_num(sent),
+                            ~self._urgent[rows], ~np.isnan(sent)))
+        return [self._items[row] for row in rows[order].tolist()]
 
     def next(self, now: float, pattern: Pattern) -> float:
         """When something is due next; infinite: not before something changes."""
-        return min(self._when(now, pattern).values(), default=math.inf)
+        return float(self._when(now, pattern).min(initial=np.inf))
 
     def sent(self, item: Item, now: float) -> None:
         """A copy leaves now."""
-        self._sent[item.revision] = now
+        row = int(np.searchsorted(self._revisions, item.revision))
+        self._sent[row] = now
         for operator in self._operators.values():
-            if item.revision in operator.lacks:
-                operator.lacks[item.revision] += 1
+            operator.tries[row] += operator.lacks[row]
 
-    def _when(self, now: float, pattern: Pattern) -> Dict[int, float]:
-        """{revision: when its next copy is due} of all that is lacking."""
-        when: Dict[int, float] = {}
+    def _when(self, now: float, pattern: Pattern) -> Array:
+        """(n,): when the next copy of each tile is due; infinite: nobody lacks it [s]."""
+        when = np.full(len(self._items), np.inf)
         for operator in self._operators.values():
-            hears = _hears(operator, now)
-            for revision, tries in operator.lacks.items():
-                at = -math.inf
-                if revision in self._sent and (tries or not hears):
-                    interval = pattern.interval(tries, self._items[revision].urgent) if hears else pattern.slow
-                    at = self._sent[revision] + interval
-                when[revision] = min(when.get(revision, math.inf), at)
+            if operator.hears(now):
+                waits = ~np.isnan(self._sent) & (operator.tries > 0)
+                intervals = _intervals(pattern, operator.tries, self._urgent)
+            else:
+                waits, intervals = ~np.isnan(self._sent), np.full(len(when), pattern.slow)
+            at = np.where(waits, self._sent + intervals, -np.inf)
+            np.minimum(when, at, out=when, where=operator.lacks)
         return when
 
+    def _all(self) -> BoolArray:
+        return np.ones(len(self._items), bool)
 
-def _hears(operator: _Operator, now: float) -> bool:
-    """Whether an operator reports; one who came just now gets the benefit of the doubt."""
-    return now - operator.since <= SILENCE
+    def _lacked(self, operators: Iterable[_Operator]) -> BoolArray:
+        """(n,): the tiles that any of some operators lacks."""
+        lacked = np.zeros(len(self._items), bool)
+        for operator in operators:
+            lacked |= operator.lacks
+        return lacked
+
+    def _of(self, rows: BoolArray) -> List[Item]:
+        return [self._items[row] for row in np.flatnonzero(rows).tolist()]
 
 
-def _among(holding: Holding, revisions: List[int]) -> Collection[int]:
-    """The revisions that are held."""
-    return {revision for revision in revisions if holding.contains(revision)}
+def _intervals(pattern: Pattern, tries: IntArray, urgent: BoolArray) -> Array:
+    """(n,): Pattern.interval of each tile [s]."""
+    tries = np.minimum(tries, MOST_TRIES)
+    counts = range(1, int(tries.max(initial=0)) + 1)
+    table = np.array([[0.0, *(pattern.interval(count, hurry) for count in counts)] for hurry in (False, True)])
+    intervals: Array = table[urgent.astype(int), tries]
+    return intervals
 
 
-def _distance(place: Rectangle, focus: Focus) -> float:
-    """Of a rectangle from a point [cell]; 0: the point is in it, or there is none."""
+def _distances(places: Array, focus: Focus) -> Array:
+    """(n,): of rectangles from a point [cell]; 0: the point is in it, or there is none.
+
+    :param places: (n, 4): column, row, width, height
+    """
     if focus is None:
-        return 0.0
-    across = max(place.column - focus[0], 0.0, focus[0] - (place.column + place.width))
-    along = max(place.row - focus[1], 0.0, focus[1] - (place.row + place.height))
-    return math.hypot(across, along)
+        return np.zeros(len(places))
+    first, last = places[:, :2], places[:, :2] + places[:, 2:]
+    beside = np.maximum(np.maximum(first - focus, focus - last), 0.0)
+    distances: Array = np.hypot(beside[:, 0], beside[:, 1])
+    return distances

@@ -19,8 +19,9 @@ from ...udpros.datagram import IP_UDP_HEADERS
 from ...udpros.frame import Frame
 from ...units import KBIT
 from ..held import Holding
-from .copies import Pattern
-from .overview_schedule import OverviewSchedule, datagrams
+from .copies import Pattern, sent_for
+from .numbering import Numbering
+from .overview_schedule import RESIDUAL, OverviewSchedule, datagrams
 from .pace import Pace
 from .tile_book import TileBook
 from .tile_frames import RECTANGLE_SIZE, Source
@@ -65,7 +66,8 @@ class TiledMaps:
 
     def __init__(self, session: Callable[[], int]) -> None:
         self._session = session
-        self._lattice: Optional[Lattice] = None
+        self._numbering = Numbering()
+        self._proven: Optional[Lattice] = None      # where the map was when its place was proven last
         self._source: Optional[Source] = None
         self._cells: Array = np.empty((0, 0), np.int8)
         self._book = TileBook(1)
@@ -91,27 +93,24 @@ class TiledMaps:
         :param cells: (height, width) int8: its data, -1..100
         :raises ValueError: it lies too far from its frame's origin
         """
-        frame_id = message.header.frame_id
-        corner = self._corner(frame_id, message.info)
+        lattice = Lattice.of(message.header.frame_id, message.info)
+        corner = self._numbering.corner(lattice, cells)
         if corner is None:
-            self._begin(Lattice.of(frame_id, message.info))
-            corner = self._corner(frame_id, message.info)
-        assert corner is not None and self._lattice is not None
+            self._begin()
+            corner = self._numbering.corner(lattice, cells)
+        assert corner is not None
         before = self._source
         self._source = Source(message.header, message.info, corner, before.session if before else self._session())
-        if before is None or before.corner != corner or self._cells.shape != cells.shape:
+        if (before is None or self._proven is None or before.corner != corner or self._cells.shape != cells.shape
+                or not self._proven.same(lattice)):
+            self._proven = lattice
             self._prove()
         self._cells = cells
         self._update(max_datagram_size)
 
-    def _corner(self, frame_id: str, info: Any) -> Optional[Tuple[int, int]]:
-        if self._lattice is None or frame_id != self._lattice.frame_id:
-            return None
-        return self._lattice.corner(info)
-
-    def _begin(self, lattice: Lattice) -> None:
+    def _begin(self) -> None:
         """Begin a session."""
-        self._lattice, self._source = lattice, None
+        self._numbering, self._source = Numbering(), None
         self._book, self._queue, self._overview = TileBook(1), TileQueue(), OverviewSchedule()
 
     def _update(self, max_datagram_size: int) -> None:
@@ -201,8 +200,9 @@ class TiledMaps:
             self._source.beat(self._book.revision, pending if told else None, self._datagram_size), now)
 
     def _prove(self) -> None:
-        """Have so many datagrams follow that the proof is likely to arrive."""
-        self._unproven = 1 + math.ceil(PROOF / (1 - min(self._loss, MOST_LOSS)))
+        """Have so many datagrams follow soon that the proof is likely to arrive."""
+        self._next = -math.inf
+        self._unproven = 1 + sent_for(PROOF, self._loss, RESIDUAL)
 
     def _overview_due(self, useful: bool) -> float:
         """When the overview leaves.

@@ -116,13 +116,16 @@ class ImageAssembler(StampedAssembler[Content, ShownImage]):
         super().receive(records, mask, now, part)
 
     def begin(self, head: SimpleNamespace) -> Content:
-        self._frames.max_finished = MAX_FINISHED_VIDEO if head.part == VIDEO else MAX_FINISHED
         if head.part == LAYERS:
             return LayeredImage(head, self._guard, self._received)
         if head.part == VIDEO:
             return VideoImage(head, self._guard, self._received)
-        self._budget.frame_began(head.stamp)
         return PartialImage(head.height, head.width, head.depth, item_type(head.encoding), head.total)
+
+    def began(self, head: SimpleNamespace) -> None:
+        self._frames.configure(max_finished=MAX_FINISHED_VIDEO if head.part == VIDEO else MAX_FINISHED)
+        if head.part == MAIN_PART:
+            self._budget.frame_began(head.stamp)
 
     def parts(self, records: Records, part: str) -> Tuple[Any, ...]:
         if part == LAYERS:
@@ -140,18 +143,21 @@ class ImageAssembler(StampedAssembler[Content, ShownImage]):
 
     def _shown(self, finished: Frame[Content], settings: Settings, still: bool, now: float) -> Optional[ShownImage]:
         head, image = finished.head, finished.content
-        self._held = None   # interleaved images are not reported
+        shown: Optional[ShownImage]
+        holding = None      # interleaved images are not reported
         if isinstance(image, LayeredImage):
-            return self._restored(head, image, settings, now)
-        if isinstance(image, VideoImage):
-            return self._decoded(head, image, now)
-        return self._assembled(head, image, settings, still, now)
+            shown, holding = self._restored(head, image, settings, now), self._images.holding
+        elif isinstance(image, VideoImage):
+            shown, holding = self._decoded(head, image, now), self._video.holding if self._video is not None else None
+        else:
+            shown = self._assembled(head, image, settings, still, now)
+        self._held = holding    # at once: another thread reads it
+        return shown
 
     def _restored(self, head: SimpleNamespace, image: LayeredImage, settings: Settings,
                   now: float) -> Optional[RestoredImage]:
         """The image of the layers that were received; None: it cannot be decoded."""
         pixels, error = self._images.decode(image, now), image.error_byte
-        self._held = self._images.holding
         if pixels is None or error is None:
             return None
         self._guard.good(image.shape.cells, now)
@@ -165,7 +171,7 @@ class ImageAssembler(StampedAssembler[Content, ShownImage]):
         """The image that follows the last video image; None: nothing can be shown."""
         if self._video is None:
             return None
-        pixels, self._held = self._video.decode(head, image), self._video.holding
+        pixels = self._video.decode(head, image)
         if pixels is None:
             return None
         self._guard.good(image.shape.cells, now)

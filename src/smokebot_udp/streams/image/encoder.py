@@ -15,28 +15,26 @@ from ...mission.settings import Settings
 from ...msg import CameraInfoSegment, ImageSegment, LayeredSegment, VideoSlice
 from ...udpros.frame import Frame
 from ..codec import Codec, ImportedCodec
-from ..encoder import Encoder
+from ..encoder import Encoder, Sizing
 from ..held import Holding
 from ..parameters import HISTORY, ROBOT
 from ..segments import INFO, LAYERS, MAIN_PART, VIDEO, size_on_air
 from .camera_info import SETTING, info_topic
 from .coding_choice import CodingChoice, Conditions
 from .held_by_all import HeldByAll
+from .image_size import Grant, grant, period_of
 from .info_sender import InfoSender
 from .interleaved_encoder import InterleavedImages
 from .pixel_layers import cannot_be_layered
 from .region import parse
-from .similarity import Similarity
 from .source import ACCEPTED, SourceImage, source_image
 from .video import cannot_be_video
-from .video_choice import VideoChoice, VideoConditions
 
 MISSING = ('coding is h264, but PyAV is missing here: install python3-av (sudo apt install python3-av) and restart '
            'this node. Until then images are layered')
 BROKEN = ('PyAV cannot be used here: %s: %s. Reinstall python3-av and restart this node. Until then images are not '
           'sent as video')
-UNHEARD = ('%s does not receive video: python3-av or python3-numba is missing there, or its codec is being compiled. '
-           'Until then images are layered')
+UNHEARD = 'video is not sent: %s. Until then images are layered'
 
 NO_ROOM = ('coding is h264, but the link has no room for video of %d x %d pixels. Until it has, images are layered: a '
            'larger scale or a lower rate helps')
@@ -82,10 +80,10 @@ class ImageEncoder(Encoder[Any]):
         'max_subimages': Parameter(0, '', 'interleaved: number of subimages sent of each image, coarse first; 0: all',
                                    least=0, most=65536, live=True),
         'max_bytes': Parameter(0, 'byte', 'layered, h264: maximum size of an image on the air, all headers included; '
-                               '0: what the link allows', least=0, most=1 << 24, live=True),
+                               '0: what the link has room for', least=0, most=1 << 24, live=True),
         'air_time': Parameter(0.0, 's', 'maximum time that an image takes of what the stream may use of the link; what '
-                              'does not fit is not sent; 0: auto, up to 0.8 of the time between images (video: 0.9), '
-                              'but less where the scene moves', least=0.0, most=10.0, live=True),
+                              'does not fit is not sent; 0: auto, up to 0.95 of the time between images, but less '
+                              'where the scene moves fast', least=0.0, most=10.0, live=True),
         'max_quality': Parameter(0.0, 'dB', 'layered: PSNR above which nothing more is sent, of the range of the '
                                  'encoding (255 or 65535 counts); 0: exact', least=0.0, most=150.0, live=True),
         'depth_unit': Parameter(0.0, 'm', 'layered: depth of one count of a 32FC1 image; 0: 32FC1 cannot be layered',
@@ -101,7 +99,7 @@ class ImageEncoder(Encoder[Any]):
         super().__init__(settings)
         self._codec, self._clock, self._session = codec or ImportedCodec(), clock, session
         self._held = HeldByAll()
-        self._choice, self._video_choice, self._similarity = CodingChoice(), VideoChoice(), Similarity()
+        self._choice = CodingChoice()
         self._interleaved, self._layered = InterleavedImages(), None    # type: InterleavedImages, Any
         self._video: Any = None
         self._infos = InfoSender() if settings['camera_info'] else None
@@ -115,7 +113,7 @@ class ImageEncoder(Encoder[Any]):
         parse(settings['region'])
 
     def parts(self, settings: Settings) -> Sequence[str]:
-        further = {'interleaved': [], 'layered': [LAYERS]}.get(settings['coding'], [LAYERS] + [VIDEO] * installed())
+        further = {'interleaved': [], 'h264': [LAYERS] + [VIDEO] * installed()}.get(settings['coding'], [LAYERS])
         return [MAIN_PART, *further, *([INFO] if self._infos is not None else [])]
 
     def sources(self, settings: Mapping[str, Any]) -> Dict[str, Any]:
@@ -132,11 +130,8 @@ class ImageEncoder(Encoder[Any]):
         return points
 
     def refine(self, point: Mapping[str, Any], spare: float) -> Dict[str, Any]:
-        # the coding may have changed since the point was made
-        compressed = self._layered or self._video if self._used is self._interleaved else self._used
-        used = self._interleaved if 'max_subimages' in point else compressed
-        refined: Dict[str, Any] = used.refine(point, spare)
-        return refined
+        # the coding may have changed since the point was made; compressed images take what is left over by themselves
+        return self._interleaved.refine(point, spare) if 'max_subimages' in point else dict(point)
 
     def held(self, operator: str, holding: Holding) -> None:
         self._held.held(operator, holding)
@@ -146,6 +141,8 @@ class ImageEncoder(Encoder[Any]):
     def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Frame]:
         source = source_image(message, settings)
         message = source.message
+        if source.problem:
+            self.warnings.append(source.problem)
         if self._infos is not None:
             self._add_info(self._infos, source, settings['scale'], max(max_datagram_size, self.longest_datagram))
         for_video = max(max_datagram_size, min(self.longest_datagram, VIDEO_DATAGRAM))
@@ -153,18 +150,28 @@ class ImageEncoder(Encoder[Any]):
         self._used = self._chosen(message, settings, for_video)
         began = self._clock()
         self.wished = self._size_wished / AT_ONCE
+        granted = self._grant(settings)
         if self._used is self._interleaved:
             frames: List[Frame] = self._interleaved.encode(message, settings, max_datagram_size,
                                                             self.outlook.in_air_time(settings))
         elif self._used is self._video:
-            frames = self._video.encode(message, settings, for_video, self.outlook, self.operators(VIDEO), began)
+            frames = self._video.encode(message, settings, for_video, self.outlook, granted, self.operators(VIDEO),
+                                        began)
         else:
-            frames = self._layered.encode(message, settings, max_datagram_size, self.outlook,
-                                          (self.operators(LAYERS), began), self._choice.exploring)
+            frames = self._layered.encode(message, settings, max_datagram_size, self.outlook, granted,
+                                          (self.operators(LAYERS), began))
             self._choice.took(self._clock() - began)
         self.backlog, self.base = self._used.BACKLOG, self._used.base
         self.message_size = size_on_air(frames) or self.message_size
+        self.sizing = Sizing(self._used.CODING, granted.size, size_on_air(frames), self._used.bound.value,
+                             self._used.error)
         return frames
+
+    def _grant(self, settings: Settings) -> Grant:
+        """What a compressed image may take on the air."""
+        rest = max(self.waiting - self._used.coding_time, 0.0)      # what is left once this image is coded
+        return grant(settings, self.outlook.room, period_of(settings, self.source_rate or math.inf),
+                     rest if rest <= (self._used.BACKLOG or 0.0) else 0.0)      # what takes longer is not awaited
 
     def _add_info(self, infos: InfoSender, source: SourceImage, scale: int, datagram_size: int) -> None:
         """Have the calibration of an image sent before it, if that is due."""
@@ -177,29 +184,22 @@ class ImageEncoder(Encoder[Any]):
         """The way of coding of an image.
 
         :param for_video: longest datagram of video [byte of UDP payload]
-        :raises ValueError: it must be layered or video, and its encoding cannot be
+        :raises ValueError: its encoding cannot be what it must be
         """
-        coding = settings['coding']
-        video = coding in ('auto', 'h264') and self._may_be_video(message, settings, for_video)
-        if video and coding == 'h264':
+        if settings['coding'] == 'h264' and self._may_be_video(message, settings, for_video):
             return self._video if self._has_room(message, settings) else self._layered
-        layered = coding != 'interleaved' and self._may_be_layered(message, settings)
-        if not (video or layered) or not self._is_better_compressed(message, settings):
-            return self._interleaved
-        if video and (not layered or self._is_better_video(message, settings)):
-            return self._video
-        return self._layered
+        if (settings['coding'] != 'interleaved' and self._may_be_layered(message, settings)
+                and self._is_better_layered(message, settings)):
+            return self._layered
+        return self._interleaved
 
     def _may_be_video(self, message: Any, settings: Settings, datagram_size: int) -> bool:
-        """:raises ValueError: it must be video, and its encoding cannot be"""
+        """:raises ValueError: its encoding cannot be video"""
         reason = cannot_be_video(message, settings['scale'])
         if reason is not None:
-            if settings['coding'] == 'h264':
-                raise ValueError('coding is h264, but ' + reason)
-            return False
+            raise ValueError('coding is h264, but ' + reason)
         if not installed():
-            if settings['coding'] == 'h264':
-                self.warnings.append(MISSING)
+            self.warnings.append(MISSING)
             return False
         if not self._codec.ready() or not self._is_heard():
             return False
@@ -225,7 +225,7 @@ class ImageEncoder(Encoder[Any]):
         self._unheard_since = min(self._unheard_since, now)
         missing = sorted({*self.operators(MAIN_PART), *self.operators(LAYERS)} - set(self.operators(VIDEO)))
         if missing and now - self._unheard_since > CONNECTED:
-            self.warnings.append(UNHEARD % ', '.join(missing))
+            self.warnings.append(UNHEARD % '; '.join('%s %s' % (name, self.why_not(VIDEO, name)) for name in missing))
         return False
 
     def _may_be_layered(self, message: Any, settings: Settings) -> bool:
@@ -242,39 +242,27 @@ class ImageEncoder(Encoder[Any]):
             self._layered = LayeredImages(self._held, self._session, self._clock)
         return True
 
-    def _is_better_compressed(self, message: Any, settings: Settings) -> bool:
+    def _is_better_layered(self, message: Any, settings: Settings) -> bool:
         if settings['coding'] != 'auto':
             return True
         height, width = _reduced(message, settings)
         raw = RAW_OVERHEAD * height * width * pixels.item_type(message.encoding).itemsize
-        most, source_rate = settings.requested['max_bytes'] or math.inf, self.source_rate or math.inf
         conditions = Conditions(
-            raw * min(settings.requested['rate'], source_rate) if raw <= most else math.inf, self.outlook.room,
-            self.outlook.loss(0.5) if self.outlook.air.known else None, 1 / min(settings['rate'], source_rate))
+            raw if raw <= (settings['max_bytes'] or math.inf) else math.inf, self.outlook.room,
+            self.outlook.loss(0.5) if self.outlook.air.known else None,
+            1 / min(settings.requested['rate'], self.source_rate or math.inf))
         self._size_wished = raw if self._choice.is_possible(conditions) else 0.0
         return self._choice.update(conditions, self._clock())
 
     def _has_room(self, message: Any, settings: Settings) -> bool:
         """Whether an image is video because the link has room for it, or because it cannot be layered."""
         height, width = _reduced(message, settings)
-        found = self._video_choice.has_room(self._video.budget(settings, self.outlook), width * height)
-        if found or not self._may_be_layered(message, settings):
+        room: bool = self._video.has_room(self.outlook.room * period_of(settings, self.source_rate or math.inf),
+                                          width * height)
+        if room or not self._may_be_layered(message, settings):
             return True
         self.warnings.append(NO_ROOM % (width, height))
         return False
-
-    def _is_better_video(self, message: Any, settings: Settings) -> bool:
-        if settings['coding'] != 'auto':
-            return False
-        now = self._clock()
-        self._similarity.add(pixels.as_pixels(message.data, message.height, message.width, message.step,
-                                              message.encoding, message.is_bigendian))
-        if self._video_choice.is_due(now):
-            self._layered.measure(message, settings, self.outlook)
-            self._video_choice.measured(now)
-        return self._video_choice.update(VideoConditions(
-            self._similarity.ratio, self._video.budget(settings, self.outlook), self._layered.good_size,
-            message.height * message.width // settings['scale'] ** 2), now)
 
 
 def _reduced(message: Any, settings: Settings) -> Tuple[int, int]:

@@ -5,6 +5,7 @@ It is nearly constant, so it is sent before the first image of which it is, seve
 it; and then once a second. It says from which image on it applies, so it need not come with each of them.
 """
 import copy
+import math
 import threading
 from collections import deque
 from typing import Any, Collection, Deque, List, Optional, Set
@@ -59,12 +60,16 @@ class InfoSender:
         :param operators: names of those that receive it
         :param now: by a steady clock [s]
         :param max_datagram_size: [byte of UDP payload]
-        :raises ValueError: the calibration is not of the image, or is too long
+        :raises ValueError: the calibration is not of the image, is too long, or no numbers
         """
         header = source.message.header
         received = self._of(header.stamp)
         if received is None:
             return []
+        for name in 'D', 'K', 'R', 'P':
+            if not all(map(math.isfinite, getattr(received, name))):
+                raise ValueError('camera_info has %s: %s' % (name, ', '.join('%g' % one for one in getattr(
+                    received, name))))
         info = part_info(received, source.region, (source.height, source.width), scale)
         info.header = Header()
         content = serialised(info)

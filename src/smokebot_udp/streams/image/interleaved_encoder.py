@@ -14,6 +14,7 @@ from ...udpros.datagram import IP_UDP_HEADERS
 from ...udpros.frame import Frame
 from ..segments import as_bytes, room, write_header
 from ..subimages import subimage_frames, write_subimages
+from .image_size import Bound
 
 
 class _Requested(NamedTuple):
@@ -26,10 +27,12 @@ class _Requested(NamedTuple):
 
 class InterleavedImages:
     """Encodes images, and knows the size of the last one. `encode` is called by one thread, the others by any."""
-    BACKLOG, base = None, 1
+    CODING, BACKLOG, base, coding_time, error = 'interleaved', None, 1, 0.0, math.nan
 
     def __init__(self) -> None:
         self._requested: Optional[_Requested] = None
+        self.bound = Bound.EXACT
+        """What decided the size of the last image."""
 
     def operating_points(self, rate: float, settings: Settings) -> List[OperatingPoint]:
         """As Encoder.operating_points."""
@@ -61,6 +64,7 @@ class InterleavedImages:
                             for values in (settings, settings.requested))
         if most < math.inf:
             total = min(total, per_segment * max(1, int(most / (max_datagram_size + IP_UDP_HEADERS))))
+        self.bound = Bound.EXACT if total == len(cut) else Bound.ROOM
         subimages = cut.split(items).reshape(len(cut), -1).view(np.uint8)[:total]
         parts = subimage_frames(ImageSegment, subimages, per_segment, {
             'header.frame_id': len(frame_id), 'encoding': len(encoding)})

@@ -19,7 +19,7 @@ from .held_by_all import HeldByAll
 from .references import CodedImage, References
 
 SAMPLED = 4
-"""Every fourth row says how much neighbours differ."""
+"""Every fourth row is compared."""
 
 MOVED = 1.2
 """Where there was no motion, it is sought again once the mean squared difference has grown by this factor,"""
@@ -36,9 +36,6 @@ LAGS = 16
 
 WORTH_RISK = 0.95
 """An image that may be lost is a reference where its error is at most this part of that of those which are held."""
-
-PAYS = 2.0
-"""A prediction is used where what it leaves has this part of the energy, at most, that neighbours differ by."""
 
 
 class Prediction(NamedTuple):
@@ -163,9 +160,7 @@ class Predictor:
         moved = motion.NONE if same else self._motion.find(reference.pixels, pixels)
         displaced = motion.compensate(reference.pixels, moved)
         found = _prediction(number, layers, reference.checksum, motion.to_bytes(moved), displaced, pixels)
-        if found is None:
-            self._gain.add(0.0)
-        elif same:      # better known than before: else it might seem best for ever
+        if same:        # better known than before: else it might seem best for ever
             self._sent[number].errors[layers - 1] = found.error
         return found
 
@@ -241,16 +236,12 @@ def _least(layers: Mapping[int, int], error: Callable[[Tuple[int, int]], float])
 
 
 def _prediction(number: int, layers: int, checksum: int, moved: bytes, displaced: Array,
-                pixels: Array) -> Optional[Prediction]:
-    """None where the prediction leaves more than neighbours differ by."""
+                pixels: Array) -> Prediction:
     most = 256 ** pixels.itemsize - 1
     counts = np.zeros(2 * most + 1, np.int64)
     tally(flat(pixels), flat(displaced), counts)
     differences = np.flatnonzero(counts)
     counts = counts[differences]
     error = float((counts * np.square(differences - float(most))).sum()) / pixels.size
-    steps = np.square(np.diff(pixels[::SAMPLED].astype(np.float32), axis=1))
-    if error * steps.size > PAYS * float(steps.sum()):
-        return None
     size = float((counts * np.log2(pixels.size / counts)).sum()) / 8
     return Prediction(number, layers, checksum, moved, displaced, error, size)

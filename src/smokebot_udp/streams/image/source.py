@@ -25,6 +25,8 @@ class SourceImage(NamedTuple):
     height: int
     """Of the source's image, as is the width."""
     width: int
+    problem: str = ''
+    """What contradicts the data, which decide; empty: nothing."""
 
 
 def source_image(message: Any, settings: Mapping[str, Any]) -> SourceImage:
@@ -34,18 +36,19 @@ def source_image(message: Any, settings: Mapping[str, Any]) -> SourceImage:
     :param settings: {name: value}, the effective ones
     :raises ValueError: saying what is wrong with the message, or that the region is outside
     """
-    found, encoding, is_bigendian = _pixels(message)
+    found, encoding, is_bigendian, problem = _pixels(message)
     height, width = found.shape[:2]
     mosaic = encoding in bayer.BAYER
     region = (parse(settings['region']) or whole(height, width)).within(height, width, mosaic)
-    if message._type == Image._type and encoding == message.encoding and region == whole(height, width) and not mosaic:
+    if (message._type == Image._type and encoding == message.encoding and region == whole(height, width) and not mosaic
+            and not problem):
         return SourceImage(message, region, height, width)
     part = found[region.y:region.y + region.height, region.x:region.x + region.width]
     if mosaic and _is_kept(settings):
         part, encoding = bayer.to_cells(part), encoding + bayer.CELLS
     elif mosaic:
         part, encoding = bayer.debayered(part, encoding), 'bgr8'
-    return SourceImage(_message(message.header, part, encoding, is_bigendian), region, height, width)
+    return SourceImage(_message(message.header, part, encoding, is_bigendian), region, height, width, problem)
 
 
 def raw_image(message: Any) -> Any:
@@ -57,23 +60,26 @@ def raw_image(message: Any) -> Any:
     if message._type != CompressedImage._type and (
             message._type != Image._type or message.encoding not in bayer.YUV422):
         return message
-    return _message(message.header, *_pixels(message))
+    return _message(message.header, *_pixels(message)[:3])
 
 
-def _pixels(message: Any) -> Tuple[Array, str, bool]:
-    """(height, width) or (height, width, channels) array, encoding, whether it is big-endian. YUV is in colours.
+def _pixels(message: Any) -> Tuple[Array, str, bool, str]:
+    """(height, width) or (height, width, channels) array, encoding, whether it is big-endian, and the problem as of
+    SourceImage. YUV is in colours.
 
     :raises ValueError: saying what is wrong with the message
     """
     if message._type == CompressedImage._type:
-        return (*compressed.decode(message.data, message.format), False)
-    found = pixels.as_pixels(message.data, message.height, message.width, message.step, message.encoding,
-                             message.is_bigendian)
+        decoded = compressed.decode(message.data, message.format)
+        return decoded.pixels, decoded.encoding, False, decoded.problem
+    layout = message.data, message.height, message.width, message.step, message.encoding
+    found, step = pixels.as_pixels(*layout, message.is_bigendian), pixels.row_length(*layout)
+    problem = '' if step == message.step else 'step is %d, by the data it is %d' % (message.step, step)
     if message.encoding not in bayer.YUV422:
-        return found, message.encoding, bool(message.is_bigendian)
+        return found, message.encoding, bool(message.is_bigendian), problem
     if message.width % 2:
         raise ValueError('encoding is %s, but the width of %d pixels is odd' % (message.encoding, message.width))
-    return bayer.from_yuv422(found, message.encoding), 'bgr8', False
+    return bayer.from_yuv422(found, message.encoding), 'bgr8', False, problem
 
 
 def _is_kept(settings: Mapping[str, Any]) -> bool:

@@ -21,7 +21,8 @@ from ..frame_assembler import MAX_WAIT
 from ..held import Holding
 from ..outlook import Outlook
 from ..segments import as_bytes, room, size_on_air, write_header
-from .compressed_images import LEAST_BYTES, CompressedImages
+from .compressed_images import CompressedImages
+from .image_size import LEAST_BYTES, Bound, Grant
 from .pixel_layers import Layerable, layerable
 from .refresh_requests import RefreshRequests
 from .similarity import Similarity
@@ -66,22 +67,23 @@ BEGINNING_PARITY, BEGINNING_MORE = 0.6, 1.25
 """A beginning may have so many parity pieces for each slice, or so many times those of other images if that is more,
 beyond its budget: where it is incomplete, the next images are, too."""
 
+LEAST_BITS, ENOUGH_BITS = 0.01, 0.015
+"""Of an image at the coarsest quantiser, which is refreshed; without room for it images are not sent. Room for so much
+brings them back [bit per pixel]."""
+
 SMOOTHING = 0.3
 """Weight of the error of the newest image."""
 
 
-class _Session:
-    """Images of one shape that are predicted from each other.
+class _Coder:
+    """Codes images of one shape.
 
     :param shape: of the pixels
     :param room: for a slice [byte]
-    :param number: of the session
     """
 
-    def __init__(self, shape: Tuple[int, ...], room: int, number: int) -> None:
-        self.shape, self.room, self.number = shape, room, number
-        self.pictures = 0
-        """Coded until now."""
+    def __init__(self, shape: Tuple[int, ...], room: int) -> None:
+        self.shape, self.room = shape, room
         self.control = video_rate.SizeControl()
         self._openings = video_rate.Openings()
 
@@ -109,14 +111,14 @@ class _Session:
         assert opening is not None
         # libx264 follows later only where it began with the size that it was opened for
         asked = min(max(self.control.asked(size), LEAST_SIZE), opening.size) if self._openings.age else opening.size
-        self.pictures += 1
         return self._encoder.encode(source.pixels, asked, intra)
 
 
 class _Image(NamedTuple):
     """An image as it is sent."""
-    session: _Session
+    session: int
     picture: int
+    refresh: int
     coded: EncodedImage
     pieces: List[bytes]
     """Its slices, and the parity pieces."""
@@ -128,18 +130,18 @@ class VideoImages(CompressedImages):
     :param new_session: makes random numbers, uint32
     :raises ValueError: there is no libx264
     """
-    AIR_PART = 0.9  # images come with jitter
-    BACKLOG = 0.1
-    """The rest of an image is waited for this long: without it, the next ones are worse, too [s]."""
+    CODING = 'h264'
 
     def __init__(self, new_session: Callable[[], int]) -> None:
         check_library()
         super().__init__()
         self._new_session = new_session
-        self._session: Optional[_Session] = None
+        self._coder: Optional[_Coder] = None
+        self._number, self._pictures = 0, 0     # of the session, and images of it until now
         self._coding_error = UNKNOWN_ERROR  # [count^2]
         self._parities: Optional[int] = None    # of the last plan
         self._similarity = Similarity()
+        self._has_room = True
         self._lock = threading.Lock()
         self._requests = RefreshRequests()
 
@@ -160,7 +162,16 @@ class VideoImages(CompressedImages):
             return False
         return True
 
-    def encode(self, message: Any, settings: Settings, max_datagram_size: int, outlook: Outlook,
+    def has_room(self, room: float, area: int) -> bool:
+        """Whether the link has room for the next image.
+
+        :param room: for it [byte on the air]
+        :param area: of it [pixel]
+        """
+        self._has_room = room >= (LEAST_BITS if self._has_room else ENOUGH_BITS) / 8 * area
+        return self._has_room
+
+    def encode(self, message: Any, settings: Settings, max_datagram_size: int, outlook: Outlook, granted: Grant,
                operators: Collection[str], now: float) -> List[Frame]:
         """As Encoder.encode. Empty where an image is too large to arrive in time: the refresh repairs it.
 
@@ -172,55 +183,63 @@ class VideoImages(CompressedImages):
         sizes, link = sizes_of(max_datagram_size, *texts), Link(outlook.air.losses, outlook.air.burst)
         self._similarity.add(source.pixels)
         # the parameter sets are in one datagram
-        budget = self._budget(source, settings, outlook, sizes) - PARAMETER_SETS
+        whole = self._whole(source, outlook, sizes)
+        self.bound = granted.bound if granted.size < whole else Bound.MAX_QUALITY
+        budget = min(granted.size, whole) - PARAMETER_SETS
         plan = video_rate.plan(budget, sizes, self._scene(), link, self._parities)
-        session, self._parities = self._prepared(source, sizes, plan), plan.division.parities
+        coder, self._parities = self._prepared(source, sizes, plan), plan.division.parities
         with self._lock:
             self._requests.serve(operators, now)
             intra = self._requests.wanted()
-        picture, coded = session.pictures, session.encode(source, plan.division.size, intra)
+        coded = coder.encode(source, plan.division.size, intra)
+        beginning = coded.intra and coder.refresh > video_rate.EACH
+        if beginning or not self._pictures:     # who loses it holds nothing that the next ones are predicted from
+            self._number, self._pictures = self._new_session(), 0
         self._coding_error += SMOOTHING * (video_rate.coding_error(coded.qp) - self._coding_error)
         slices = [unit + bytes(-len(unit) % PADDED) for unit in coded.slices]
-        scene, beginning = self._scene(), coded.intra and session.refresh > video_rate.EACH
+        scene = self._scene()
         if beginning:
             scene = scene._replace(change=LOST_BEGINNING, refresh=2 * scene.refresh)
         most = max(MAX_WAIT * outlook.room, TOO_LARGE * budget)
         planned = _beginning_parities(slices, most, sizes, plan.division) if beginning else plan.division.parities
-        image = _Image(session, picture, coded, slices + _parity(slices, budget, planned, sizes, scene, link))
+        image = _Image(self._number, self._pictures, coder.refresh, coded,
+                       slices + _parity(slices, budget, planned, sizes, scene, link))
+        self._pictures += 1
         frames = list(_frames(message, source, image, texts))
         if not beginning:
-            session.control.add(budget, size_on_air(frames))
+            coder.control.add(budget, size_on_air(frames))
         if size_on_air(frames) > most:
             if beginning:
                 with self._lock:
                     self._requests.too_large(now)
             return []
         with self._lock:
-            self._requests.sent(session.number, picture, coded.intra, now)
+            self._requests.sent(image.session, image.picture, coded.intra, now)
         return frames
 
-    def _budget(self, source: Layerable, settings: Settings, outlook: Outlook, sizes: Sizes) -> float:
-        """What the image may take on the air [byte]. Notes what a complete one takes."""
+    def _whole(self, source: Layerable, outlook: Outlook, sizes: Sizes) -> float:
+        """What a complete image takes on the air [byte]; notes it."""
         area = source.pixels.shape[0] * source.pixels.shape[1]
         protected = (1 + sizes.head / sizes.room) / (1 - min(outlook.loss(LIKELY), MOST_LOSS))
         self._fair_size = FAIR_BITS / 8 * area * protected
         whole = max(min(FULL_BITS / 8 * area * protected, MAX_SLICES * (sizes.room + sizes.head), MOST_BYTES),
                     LEAST_BYTES)
         self._note_size(whole)
-        return max(min(whole, self.budget(settings, outlook)), LEAST_BYTES)
+        return whole
 
-    def _prepared(self, source: Layerable, sizes: Sizes, plan: video_rate.Plan) -> _Session:
-        """The session of an image."""
-        session, shape = self._session, source.pixels.shape
-        if session is None or (session.shape, session.room) != (shape, sizes.room):
-            session = self._session = _Session(shape, sizes.room, self._new_session())
-        session.prepare(plan)
-        return session
+    def _prepared(self, source: Layerable, sizes: Sizes, plan: video_rate.Plan) -> _Coder:
+        """What codes an image."""
+        coder, shape = self._coder, source.pixels.shape
+        if coder is None or (coder.shape, coder.room) != (shape, sizes.room):
+            coder, self._pictures = _Coder(shape, sizes.room), 0
+        coder.prepare(plan)
+        self._coder = coder
+        return coder
 
     def _scene(self) -> Scene:
         difference = self._similarity.difference
         return Scene(self._coding_error, UNKNOWN_CHANGE if difference is None else difference,
-                     self._session.refresh if self._session else video_rate.LONG,
+                     self._coder.refresh if self._coder else video_rate.LONG,
                      video_rate.intra_cost(self._similarity.ratio))
 
 
@@ -269,7 +288,7 @@ def _frames(message: Any, source: Layerable, image: _Image, texts: Tuple[bytes, 
     sources, sets = len(image.coded.slices), image.coded.parameter_sets
 
     def layout(index: int) -> Tuple[bool, int, int]:
-        with_sets = index == 0 or image.coded.intra and image.session.refresh > video_rate.EACH
+        with_sets = index == 0 or image.coded.intra and image.refresh > video_rate.EACH
         return index >= sources, len(sets) if with_sets else 0, len(image.pieces[index])
 
     for (_, length, size), group in itertools.groupby(sorted(range(len(image.pieces)), key=layout), layout):
@@ -280,9 +299,9 @@ def _frames(message: Any, source: Layerable, image: _Image, texts: Tuple[bytes, 
         write_header(records, message.header)
         records['height'], records['width'] = source.pixels.shape[:2]
         records['encoding'] = as_bytes(texts[1])
-        records['session'], records['picture'] = image.session.number, image.picture
+        records['session'], records['picture'] = image.session, image.picture
         records['sources'], records['count'], records['index'] = sources, len(image.pieces), indexes
-        records['flags'], records['refresh'] = INTRA if image.coded.intra else 0, image.session.refresh
+        records['flags'], records['refresh'] = INTRA if image.coded.intra else 0, image.refresh
         records['parameter_sets'] = as_bytes(sets[:length])
         records['data'] = [as_bytes(image.pieces[index]) for index in indexes]
         yield frame

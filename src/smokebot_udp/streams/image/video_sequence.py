@@ -2,10 +2,11 @@
 """The images of a video stream in their order: each is predicted from the ones before.
 
 What was lost of an image is missing in those that follow, until the robot has coded all parts anew: at once in an image
-that is not predicted from others, and else little by little, in `refresh` images. What is refreshed in the middle of
-such a cycle is predicted from what is not: so it takes up to two cycles. `refreshed` is the share of the parts that
-have been received anew since a session began, or since as many images as a cycle has were lost in a row. Nothing of a
-session is shown until it is SHOWN: what libavcodec makes of less is grey.
+that is not predicted from others, with which a session begins, and else little by little, in `refresh` images. What is
+refreshed in the middle of such a cycle is predicted from what is not: so it takes up to two cycles. `unknown` is the
+share of the parts that have not been received anew since a session began, or since as many images as a cycle has were
+lost in a row. Then nothing is shown until it is below UNKNOWN: what libavcodec makes of more is grey, or nonsense. The
+last good image stays, with its age.
 
 Images from then on are reported as held. Where they do not go on, the robot sends an image that is not predicted from
 others (refresh_requests.py).
@@ -18,7 +19,7 @@ from ...codecs.video.decoder_request import Request
 from ..held import Holding
 from .video import INTRA, VideoImage
 
-SHOWN = 0.75
+UNKNOWN = 0.1
 """Of the parts."""
 
 CYCLES = 2
@@ -52,8 +53,9 @@ class VideoSequence:
         self.dropped, self._decoder = dropped, decoder
         self._session: Optional[int] = None
         self._picture = 0                       # number of the last image
-        self._refreshed = 0.0                   # see above
-        self._began = False                     # whether images of the session are shown
+        self._missing = 1.0                     # of the parts at the beginning
+        self._renewed = 0.0                     # of these since then
+        self._began = False                     # whether images are shown
         self._parameter_sets = b''              # of the session, as received last
         self.holding: Optional[Holding] = None
         """The newest images that are held; None: there was no image."""
@@ -74,7 +76,6 @@ class VideoSequence:
             head.session, shape.height, shape.width, shape.channels == 3, self._parameter_sets, slices))
         if pixels is None:
             self._begin_anew()
-            self._began = False
             return None
         self._refresh(head, lost, image.completeness)
         if not self._began:
@@ -87,21 +88,24 @@ class VideoSequence:
         self._session, self._picture = head.session, head.picture
         if session != head.session:
             self._begin_anew()
-            self._began, self._parameter_sets = False, b''
+            self._parameter_sets = b''
             return 0
         # the robot numbers them by their stamps: a smaller number is forged, or follows a forged one
         return int(head.picture - last - 1 if head.picture > last else head.refresh)
 
     def _begin_anew(self) -> None:
-        self._refreshed, self.holding = 0.0, Holding(self._session or 0, ())
+        self._missing, self._renewed, self._began = 1.0, 0.0, False
+        self.holding = Holding(self._session or 0, ())
 
     def _refresh(self, head: SimpleNamespace, lost: int, share: float) -> None:
         """Note which share of an image came."""
         if lost >= head.refresh:
             self._begin_anew()
-        intra = head.flags & INTRA
-        self._refreshed = share if intra else min(1.0, self._refreshed + share / (CYCLES * head.refresh))
-        if self._refreshed >= SHOWN:
+        if head.flags & INTRA:
+            self._missing, self._renewed = 1 - share, 0.0
+        else:
+            self._renewed = min(1.0, self._renewed + share / (CYCLES * head.refresh))
+        if self._missing * (1 - self._renewed) <= UNKNOWN:
             self._began = True
             self._hold(head.picture)
 

@@ -55,6 +55,8 @@ class ViewedImage:
     """None until it is drawn."""
     error: Optional[ImageError] = None
     """Of an image that was coded with loss."""
+    at_least: bool = False
+    """Whether it was older by then: its stamp does not say when it was taken, and `age` counts from robot_sender on."""
 
 
 class View:
@@ -138,7 +140,7 @@ class View:
             image.coloured, image.pixels = self._colouring(image.pixels, image.encoding, image.received), None
         silence = now - image.received
         view = framed(image.coloured, image.age + silence, image.completeness, self._limits, silence,
-                      image.error, self._notice)
+                      image.error, self._notice, image.at_least)
         self._drawn = image
         return view
 

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Relayed messages, published as they are; latched transforms together with all earlier ones."""
-import math
+"""Relayed messages, published as they are; latched ones together with all earlier ones, where they make one message."""
 from typing import Any, Mapping, Optional
 
 from ...msg import RelaySegment
@@ -8,18 +7,18 @@ from ..assembler import Assembled, Assembler, Clock, no_clock
 from ..message_types import message_class
 from ..parameters import OPERATOR
 from ..segments import MAIN_PART
+from .contents import QUEUE, Contents, kept_together, stamp_of
 from .parameters import RELAY
 from .parts import PartJoiner, carried
-from .transforms import TF_TYPES, TransformSet, stamp_of
 
 
 class RelayAssembler(Assembler[None, Assembled]):
     """Forwards each message.
 
-    Of latched messages subscribers receive only the last one, so transforms are merged into one message.
+    Of latched messages subscribers receive only the last one, so transforms, for one, are merged into one message.
     """
     SEGMENTS = {MAIN_PART: RelaySegment}
-    FORWARDS = True
+    FORWARDS, QUEUE_SIZE = True, QUEUE
     PARAMETERS = {**OPERATOR, **RELAY}
 
     def __init__(self, settings: Mapping[str, Any], clock: Clock = no_clock) -> None:
@@ -27,11 +26,11 @@ class RelayAssembler(Assembler[None, Assembled]):
         self.MESSAGE = message_class(settings['message_type'])
         self.CARRIES = carried(self.MESSAGE)
         self.LATCH, self.STEADY = settings['latch'], not settings['latch']
-        self._merges = settings['latch'] and settings['message_type'] in TF_TYPES
+        self._merges = self.LATCH and kept_together(self.MESSAGE)
         self._parts = PartJoiner(self.MESSAGE)
         self.dropped = self._parts.dropped
-        self._transforms = TransformSet()
-        self._last: Any = None      # message with all transforms
+        self._contents = Contents(self.MESSAGE)
+        self._last: Any = None      # message with all of them
 
     def join(self, segment: Any) -> Optional[Any]:
         different = self.dropped['checksum']
@@ -56,9 +55,7 @@ class RelayAssembler(Assembler[None, Assembled]):
         return Assembled(message, 0 if stamp is None else stamp.to_nsec(), None)
 
     def _merged(self, message: Any) -> Any:
-        try:
-            self._transforms.add(message)
-        except ValueError as error:
-            self.warnings.append(str(error))
-        merged = self._transforms.messages(self.MESSAGE, math.inf)
-        return merged[0] if merged else self.MESSAGE()
+        problem = self._contents.add(message)
+        if problem:
+            self.warnings.append(problem)
+        return self._contents.merged()

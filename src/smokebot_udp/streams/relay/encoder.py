@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Relay streams: messages of any type as they are: odometry, battery, gas, tf.
 
-Transforms are merged: the newest of each pair of frames is sent, those of many publishers in one message, as many as
-fit a datagram. Latched messages are repeated, for lost datagrams and late subscribers, short ones less and less often.
-Only short messages are sent before all others; a stream of longer ones has a share of the link, as images have.
+The newest content of each name is sent (contents.py): of each publisher and frame the newest message, of diagnostics
+the newest status of each name. Transforms of many publishers go in one message, as many as fit a datagram. Latched
+messages are repeated, for lost datagrams and late subscribers, short ones less and less often. Only short messages are
+sent before all others; a stream of longer ones has a share of the link, as images have.
 """
 from typing import Any, ClassVar, List, Mapping, Optional, Sequence
 
@@ -17,12 +18,12 @@ from ..encoder import Encoder
 from ..message_types import message_class
 from ..parameters import ROBOT
 from ..segments import MAIN_PART, room, size_on_air
+from .contents import QUEUE, Contents, kept_together, publisher_of
 from .parameters import RELAY
 from .parts import carried, relay_frame
-from .transforms import QUEUE, TF_TYPES, TransformSet
 
-MAX_PROTECTED_DATAGRAMS = 4
-"""A stream is PROTECTED until the first message that takes more."""
+MAX_PROTECTED_DATAGRAMS, MAX_PROTECTED_TOGETHER = 4, 32
+"""A stream is PROTECTED until the first message that takes more, and until as many leave together."""
 
 LONGEST_REPEAT = 5.0
 """The time until a message of one datagram is repeated doubles with each repeat, up to this. With a repeat_rate of 1 Hz
@@ -34,10 +35,9 @@ LIMITED_MESSAGES = 20
 """After this many messages in a row at less than the requested rate there is a warning."""
 
 
-class RelayEncoder(Encoder[Any]):
-    """Sends the newest message at most `rate` times a second.
-
-    What waits is a message, or a TransformSet.
+class RelayEncoder(Encoder[Contents]):
+    """Sends the newest content of each name at most `rate` times a second; with `latch` the newest message, or all
+    contents until now where they make one message.
 
     :raises ValueError: where the message type is unknown
     """
@@ -57,21 +57,27 @@ class RelayEncoder(Encoder[Any]):
         self.MESSAGE = message_class(settings['message_type'])
         self.CARRIES = carried(self.MESSAGE)
         self.KEEPS, self.STEADY = settings['latch'], not settings['latch']
-        self._merges = settings['message_type'] in TF_TYPES
-        self._kept: Any = TransformSet() if self._merges else None      # with latch: what is repeated
+        self._kept: Optional[Contents] = None       # with latch: what is repeated
+        self._together = self.KEEPS and kept_together(self.MESSAGE)
         self._repeats = 0               # of the last message, while it takes one datagram
         self._longest_warned = 1        # datagrams of the longest message that was warned of
         self._limited = 0               # messages in a row that left at less than the requested rate
 
-    def merge(self, waiting: Optional[Any], message: Any) -> Any:
-        return self._with(TransformSet() if waiting is None else waiting, message) if self._merges else message
+    def merge(self, waiting: Optional[Contents], message: Any) -> Contents:
+        if waiting is None or (self.KEEPS and not self._together):
+            waiting = Contents(self.MESSAGE)
+        before = waiting.replaced
+        self._warn(waiting.add(message, publisher_of(message)))
+        self.replaced += waiting.replaced - before
+        return waiting
 
-    def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Frame]:
+    def encode(self, message: Contents, settings: Settings, max_datagram_size: int) -> List[Frame]:
+        contents = self._with_kept(message) if self._together else message
+        frames = self._frames(contents, max_datagram_size)
         if self.KEEPS:
-            message = self._kept = self._with(self._kept, message) if self._merges else message
-        frames = self._frames(message, max_datagram_size)
+            self._kept = contents       # what cannot be sent is not kept, either
         self.message_size, self._repeats = size_on_air(frames), 0
-        self._protect(max(map(len, frames), default=0), settings)
+        self._protect(max(map(len, frames), default=0), sum(map(len, frames)), settings)
         return frames
 
     def joined(self) -> None:
@@ -99,26 +105,32 @@ class RelayEncoder(Encoder[Any]):
         return [OperatingPoint({'repeat_rate': point.settings['rate']}, point.cost)
                 for point in rate_points(repeat_rate, self.message_size, self.LEAST['repeat_rate'])]
 
-    def _with(self, transforms: TransformSet, message: Any) -> TransformSet:
-        """A set with the transforms of a message, or of another set, added."""
-        try:
-            transforms.add(message)
-        except ValueError as error:
-            self.warnings.append(str(error))
-        return transforms
+    def _with_kept(self, new: Contents) -> Contents:
+        contents = Contents(self.MESSAGE)
+        for some in (self._kept, new):
+            if some is not None:
+                self._warn(contents.update(some))
+        return contents
 
-    def _frames(self, content: Any, max_datagram_size: int) -> List[Frame]:
+    def _warn(self, problem: str) -> None:
+        if problem:
+            self.warnings.append(problem)
+
+    def _frames(self, contents: Contents, max_datagram_size: int) -> List[Frame]:
         """One frame for each message."""
         longest = room(RelaySegment, max_datagram_size) - UNPACKED
-        messages = content.messages(self.MESSAGE, longest) if self._merges else [content]
+        # of markers, for one, the order matters: those that are kept cross as one message
+        whole = self._together and not (contents.cut or contents.empty)
+        messages = [contents.merged()] if whole else contents.messages(longest)
         return [relay_frame(message, max_datagram_size) for message in messages]
 
-    def _protect(self, datagrams: int, settings: Settings) -> None:
+    def _protect(self, datagrams: int, together: int, settings: Settings) -> None:
         """Warn of a long message, and of a stream whose share of the link is too small; a long one is not PROTECTED.
 
         :param datagrams: of the longest message
+        :param together: of all messages
         """
-        if datagrams > MAX_PROTECTED_DATAGRAMS:
+        if datagrams > MAX_PROTECTED_DATAGRAMS or together > MAX_PROTECTED_TOGETHER:
             self.PROTECTED = False
         if datagrams >= 2 * self._longest_warned:
             self._longest_warned = datagrams

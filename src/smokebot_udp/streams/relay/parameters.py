@@ -25,7 +25,8 @@ RELAY = {
                            'reliable', choices=(TO_OPERATOR, TO_ROBOT)),
     'needs_control': Parameter(False, '', 'with direction to_robot: taken only from the operator who drives, and not '
                                'during an emergency stop: for goals'),
-    'max_age': Parameter(10.0, 's', 'with reliable: a message that was not acknowledged within this time is given up',
+    'max_age': Parameter(10.0, 's', 'with reliable: a message is given up after this time without an acknowledgement; '
+                         'a long one also after this and the time that it takes at 16 kB/s',
                          above=0.0, most=3600.0),
     'max_messages': Parameter(1000, '', 'with reliable: messages that may wait to be acknowledged, for each operator; '
                               'then the oldest is given up', least=1, most=100000),

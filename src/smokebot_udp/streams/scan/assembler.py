@@ -15,6 +15,7 @@ from ...mission.settings import Settings
 from ...msg import ScanSegment
 from ..assembler import Assembled
 from ..frame_assembler import Frame
+from ..recent import MAX_SOURCES
 from ..segments import MAIN_PART
 from ..stamped_assembler import StampedAssembler, header_of
 from .fields import FIXED
@@ -23,6 +24,7 @@ from .fields import FIXED
 class ScanAssembler(StampedAssembler[ScanParts, Assembled]):
     """Makes one scan of each stamp's parts."""
     MESSAGE, SEGMENTS = numpy_msg(LaserScan), {MAIN_PART: ScanSegment}
+    QUEUE_SIZE = MAX_SOURCES
     HEADS = {MAIN_PART: FIXED + ('total', 'parts', 'range_size', 'intensity_size')}
     PARAMETERS = {
         **StampedAssembler.PARAMETERS,

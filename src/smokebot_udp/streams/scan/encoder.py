@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Scan streams: sensor_msgs/LaserScan, even and odd indexes apart (D6.3, section 6.2)."""
 import math
-from typing import Any, List
+from typing import Any, Dict, List, Mapping, Tuple
 
 import numpy as np
 from rospy.numpy_msg import numpy_msg
@@ -17,6 +17,10 @@ from ..parameters import ROBOT
 from ..segments import MAIN_PART, room, size_on_air, write_header
 from .fields import FIXED
 
+ANGLES = 'angle_min', 'angle_max', 'angle_increment'
+NEUTRAL = {'time_increment': 0.0, 'scan_time': 0.0, 'range_min': 0.0, 'range_max': math.inf}
+"""{field: the value that says nothing}"""
+
 
 class ScanEncoder(Encoder[Any]):
     """Sends each scan in two datagrams, each of which covers the whole field of view."""
@@ -27,30 +31,68 @@ class ScanEncoder(Encoder[Any]):
     }
 
     def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Frame]:
-        check(message)
+        message, problems = corrected(message)
+        self.warnings += problems
         frames = scan_frames(message, settings['intensity'], max_datagram_size)
         self.message_size = size_on_air(frames)
         return frames
 
 
-def check(message: Any) -> None:
-    """:raises ValueError: naming the field of a LaserScan that is wrong and its value"""
-    for field in FIXED:
-        value = getattr(message, field)
-        if math.isnan(value) or (math.isinf(value) and field != 'range_max'):
-            raise ValueError('%s is %r' % (field, value))
-    if not len(message.ranges):
-        raise ValueError('it has no ranges')
-    if message.angle_increment == 0 and len(message.ranges) > 1:
-        raise ValueError('angle_increment is 0')
-    if len(message.intensities) not in (0, len(message.ranges)):
-        raise ValueError('it has %d intensities, but %d ranges' % (len(message.intensities), len(message.ranges)))
+def corrected(message: Any) -> Tuple[Any, List[str]]:
+    """A LaserScan whose fields agree with its ranges, and what was wrong with them.
+
+    Where the ranges lie is known by two of angle_min, angle_max and angle_increment, and of a single one by the first.
+    What else is impossible is replaced by what says nothing: times by 0, limits of the ranges by 0 and infinity.
+
+    :return: the message itself where it needs no change
+    :raises ValueError: it is not known where the ranges lie
+    """
+    found = {field: float(getattr(message, field)) for field in FIXED}
+    wanted = {**found, **_angles(found, len(message.ranges))}
+    for field, neutral in NEUTRAL.items():
+        if not math.isfinite(found[field]) and found[field] != neutral:
+            wanted[field] = neutral
+    problems = ['%s is %r, by the ranges it is %g' % (field, found[field], wanted[field]) if field in ANGLES else
+                '%s is %r, %g is sent' % (field, found[field], wanted[field])
+                for field in FIXED if found[field] != wanted[field]]
+    intensities = message.intensities
+    if len(intensities) not in (0, len(message.ranges)):
+        problems.append('it has %d intensities, but %d ranges: no intensity is sent' % (
+            len(intensities), len(message.ranges)))
+        intensities = []
+    if not problems:
+        return message, problems
+    return LaserScan(header=message.header, ranges=message.ranges, intensities=intensities, **wanted), problems
+
+
+def _angles(found: Mapping[str, float], count: int) -> Dict[str, float]:
+    """The angles by which the ranges lie [rad].
+
+    :param found: by name, as the scan has them
+    :raises ValueError: they are not known
+    """
+    low, high, step = (found[field] for field in ANGLES)
+    last = max(count - 1, 0)
+    if last and not (math.isfinite(step) and step):
+        step = (high - low) / last
+    if not math.isfinite(step) or last and not step:
+        if last:
+            raise ValueError('angle_increment is %r' % found['angle_increment'])
+        step = 0.0
+    if not math.isfinite(low):
+        low = high - last * step if count else 0.0
+        if not math.isfinite(low):
+            raise ValueError('angle_min is %r' % found['angle_min'])
+    end = low + last * step
+    # many drivers are off by a step, or count on from turn to turn
+    agrees = math.isfinite(high) and (not last or abs(math.remainder(high - end, 2 * math.pi)) < 1.5 * abs(step))
+    return {'angle_min': low, 'angle_max': high if agrees else end, 'angle_increment': step}
 
 
 def scan_frames(message: Any, with_intensity: bool, max_datagram_size: int) -> List[Frame]:
     """The frames that carry a LaserScan.
 
-    :param message: checked
+    :param message: as of `corrected`
     :param max_datagram_size: [byte of UDP payload]
     :raises ValueError: where one range does not fit in a datagram
     """

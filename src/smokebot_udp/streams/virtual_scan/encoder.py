@@ -65,7 +65,8 @@ class VirtualScanEncoder(Encoder[Any]):
 
     def derive(self, message: Any, settings: Settings) -> Any:
         """The LaserScan of a PointCloud2."""
-        fan, frame = self._fans.fan(message, settings)
+        fan, frame, problems = self._fans.fan(message, settings)
+        self.warnings += problems
         if settings['select'] == 'obstacle':
             ranges = virtual_scan.obstacle_scan(fan, settings['max_height'])
         else:

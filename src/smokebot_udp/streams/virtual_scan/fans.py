@@ -2,83 +2,98 @@
 """Point clouds without their ground, computed once for all virtual scans of one cloud."""
 import math
 import threading
-from typing import Any, Callable, List, Mapping, Optional, Tuple
+from typing import Any, Callable, List, Mapping, NamedTuple, Optional, Tuple
 
 import numpy as np
 
-from ...arrays import Float32Array
+from ...arrays import FloatArray
 from ...codecs.perception import virtual_scan
 from ...codecs.perception.ground import GroundFinder
-from ...codecs.wire.points import as_points
+from ...codecs.wire.points import read_cloud
+from ...frame_names import unknown_transform
 
 FAN_SETTINGS = ('base_frame', 'mount_height', 'mount_roll', 'mount_pitch', 'min_height', 'slope', 'range_min',
                 'range_max')
 """Streams that agree in these settings share the result."""
 
-Lookup = Callable[[str, Any], Optional[Tuple[Float32Array, Float32Array]]]
+BY_THE_MOUNT = 'mount_height, mount_roll and mount_pitch are used'
+
+Lookup = Callable[[str, Any], Optional[Tuple[FloatArray, FloatArray]]]
 """f(frame, header): (3, 3) rotation and (3,) translation [m] into a frame, from that of a std_msgs/Header at its stamp;
 None where they are unknown."""
 
 
-def rotation(x: float, y: float, z: float, w: float) -> Float32Array:
-    """(3, 3) float32 rotation matrix of a unit quaternion."""
+class Levelled(NamedTuple):
+    """A cloud without its ground."""
+    fan: virtual_scan.Fan
+    frame: str
+    """That it is in."""
+    problems: Tuple[str, ...]
+    """Of the cloud, and of tf."""
+
+
+def rotation(x: float, y: float, z: float, w: float) -> FloatArray:
+    """(3, 3) rotation matrix of a unit quaternion."""
     return np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
                      [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-                     [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]], np.float32)
+                     [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]])
 
 
-def mounting(roll: float, pitch: float) -> Float32Array:
-    """(3, 3) float32 rotation from the axes of a tilted sensor to level ones (REP 103: pitch > 0 looks down) [rad]."""
+def mounting(roll: float, pitch: float) -> FloatArray:
+    """(3, 3) rotation from the axes of a tilted sensor to level ones (REP 103: pitch > 0 looks down) [rad]."""
     about_y = rotation(0, math.sin(pitch / 2), 0, math.cos(pitch / 2))
     about_x = rotation(math.sin(roll / 2), 0, 0, math.cos(roll / 2))
-    turn: Float32Array = about_y @ about_x
+    turn: FloatArray = about_y @ about_x
     return turn
 
 
 class FanCache:
     """The last cloud of a topic as a virtual_scan.Fan, shared by the streams of that topic; any thread may call it.
 
-    :param lookup: transforms clouds to `base_frame`; where it knows none, the settings of the mount are used
+    :param lookup: transforms clouds to `base_frame`; where it knows none, the settings of the mount are used; None:
+        there is no tf
     """
 
-    def __init__(self, lookup: Lookup = lambda frame, header: None) -> None:
+    def __init__(self, lookup: Optional[Lookup] = None) -> None:
         self._lookup = lookup
         self._lock = threading.Lock()
         self._message: Any = None
         self._settings: List[Any] = []
-        self._result: Any = None
+        self._result: Optional[Levelled] = None
         self._place: Optional[Tuple[str, float]] = None     # frame and height of its origin above the ground [m]
         self._finder: Any = None                            # the GroundFinder for that place
 
-    def fan(self, message: Any, settings: Mapping[str, Any]) -> Tuple[Any, str]:
-        """The virtual_scan.Fan of a PointCloud2, and the frame it is in.
+    def fan(self, message: Any, settings: Mapping[str, Any]) -> Levelled:
+        """The fan of a PointCloud2.
 
         :raises ValueError: saying what is wrong with the cloud
         """
         mine = [settings[name] for name in FAN_SETTINGS]
         with self._lock:
-            if message is not self._message or mine != self._settings:
+            if self._result is None or message is not self._message or mine != self._settings:
                 self._result = self._compute(message, *mine)
                 self._message, self._settings = message, mine
-            fan, frame = self._result
-            return fan, frame
+            return self._result
 
     def _compute(self, message: Any, base_frame: str, mount_height: float, roll: float, pitch: float,
-                 min_height: float, slope: float, range_min: float, range_max: float) -> Tuple[Any, str]:
-        points, _ = as_points(message.data, message.fields, message.height, message.width, message.point_step,
-                              message.row_step, message.is_bigendian)
-        if not len(points):
-            raise ValueError('none of its %d points is finite' % (message.height * message.width))
-        if not points[:, 0].all():      # drivers write missing returns as (0, 0, 0)
+                 min_height: float, slope: float, range_min: float, range_max: float) -> Levelled:
+        cloud = read_cloud(message.data, message.fields, message.height, message.width, message.point_step,
+                           message.row_step, message.is_bigendian)
+        points, datum, problems = cloud.points, np.zeros(3) if cloud.datum is None else cloud.datum, cloud.problems
+        if cloud.datum is None and not points[:, 0].all():      # drivers write missing returns as (0, 0, 0)
             points = points[points.any(axis=1)]
         place = message.header.frame_id, mount_height
-        known = self._lookup(base_frame, message.header) if base_frame else None
-        if known is not None:
-            turn, shift = known
-            points, place = points @ turn.T + shift, (base_frame, 0.0)
-        elif roll or pitch:
-            points = points @ mounting(roll, pitch).T
+        turn, shift = mounting(roll, pitch), np.zeros(3)
+        if base_frame and self._lookup is not None:
+            known = self._lookup(base_frame, message.header)
+            if known is not None:
+                (turn, shift), place = known, (base_frame, 0.0)
+            else:
+                problems += unknown_transform(message.header.frame_id, base_frame, BY_THE_MOUNT),
+        shift = turn @ datum + shift
+        if shift.any() or (turn != np.eye(3)).any():
+            points = points @ turn.T.astype(np.float32) + shift.astype(np.float32)
         if place != self._place:
             self._place, self._finder = place, GroundFinder(place[1])
-        return virtual_scan.fan(points, self._finder.find(points), tolerance=min_height, slope=slope,
-                                range_min=range_min, range_max=range_max), place[0]
+        return Levelled(virtual_scan.fan(points, self._finder.find(points), tolerance=min_height, slope=slope,
+                                         range_min=range_min, range_max=range_max), place[0], problems)

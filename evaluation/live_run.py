@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""One method on one link of `bench live`: starts both sides, watches the screen and the link, and ends them."""
+import pathlib
+import time
+from typing import Any, Callable, Dict, List, NamedTuple, Sequence, Tuple, Type
+
+import numpy as np
+
+from smokebot_udp.arrays import Array
+from smokebot_udp.link_lab.lab import TwoSides
+from smokebot_udp.monitoring.stages import Sized
+
+from .gst_pipelines import WAYS, bit_rate
+from .live_clip import HEIGHT, WIDTH, Clip
+from .live_methods import GStreamer, Method, Nodes
+from .live_score import Quality, Screen, Told
+from .quality import psnr
+from .shaped_link import ShapedLink
+from .shapers import Shaper
+from .stack import Stack
+
+START_TIMEOUT = 60.0
+"""A method that has shown no image by then never will [s]."""
+
+SAMPLE_PERIOD = 1.0
+"""Of the link [s]."""
+
+OURS: Dict[str, Tuple[str, ...]] = {'ours': (), 'layered': ('_camera/coding:=layered',),
+                                    'h264': ('_camera/coding:=h264',)}
+"""{method: robot_sender's arguments}"""
+
+
+class Cell(NamedTuple):
+    """A link."""
+    shaper: Shaper
+    rates: Tuple[float, ...]
+    """One after the other [bit/s]."""
+    loss: float
+    """Of UDP datagrams to the operator, 0..1."""
+    seconds: float
+    """At each rate, after the first image."""
+
+    @property
+    def name(self) -> str:
+        """For tables and files."""
+        return '%s, %s Mbit/s, %g %%' % (
+            self.shaper.name, '-'.join('%g' % (rate / 1e6) for rate in self.rates), 100 * self.loss)
+
+
+class Outcome(NamedTuple):
+    """What was seen; times by time.time() [s]."""
+    screen: Screen
+    told: Sequence[Told]
+    notes: Dict[int, Sized]
+    """See Method.notes."""
+    moments: List[float]
+    """When the first image appeared, when each further rate was set, and the end."""
+
+
+class LiveRun:
+    """A method's two sides and the link between them; a context manager.
+
+    :param method: one of OURS or of WAYS
+    :param folder: where images are recorded while it lasts
+    :param log: file for the output of both sides; beside it, our nodes' trace is written
+    :param masters: of our nodes: Stack for a shared one, or OwnMasters
+    :param camera: see Nodes
+    :param prepare: f(both sides of the link), called before anything is started there
+    :raises LabError: where the link cannot be made
+    :raises RuntimeError: where a side does not start
+    """
+
+    def __init__(self, cell: Cell, method: str, folder: pathlib.Path, log: pathlib.Path,
+                 masters: Type[Stack] = Stack, camera: bool = True,
+                 prepare: Callable[[TwoSides], Any] = lambda sides: None) -> None:
+        self._cell, self._name = cell, method
+        self._images = folder / 'screen'
+        self._images.write_bytes(b'')
+        log.write_bytes(b'')
+        self.link = ShapedLink(cell.shaper, cell.rates[0], cell.loss)
+        made = masters if method in OURS else Stack
+        self.stack = made(log=log, sides=self.link.sides)
+        try:
+            prepare(self.link.sides)
+            self.method = self._started(method, log, camera)
+        except BaseException:
+            self.stack.close()
+            raise
+
+    def _started(self, method: str, log: pathlib.Path, camera: bool) -> Method:
+        if method in OURS:
+            return Nodes(self.stack, self._images, log.with_name('trace'), OURS[method], camera)
+        way = WAYS[method]
+        return GStreamer(self.stack, self._images, way, bit_rate(way, min(self._cell.rates), self._cell.loss))
+
+    def first_image(self) -> float:
+        """Wait for the first image on the screen; when it appeared by time.time() [s].
+
+        :raises RuntimeError: where none comes
+        """
+        deadline = time.monotonic() + START_TIMEOUT
+        while not self.method.shown():
+            if time.monotonic() > deadline:
+                raise RuntimeError('%s shows no image over %s: see nodes.log' % (self._name, self._cell.name))
+            time.sleep(0.05)
+        return self.method.shown()[0].arrival
+
+    def measure(self) -> Outcome:
+        """Watch from the first image on; at its end, nothing is sent any more.
+
+        :raises RuntimeError: where there is none
+        """
+        begun = self.first_image()
+        moments, told = [begun], []     # type: List[float], List[Told]
+        for rate in self._cell.rates:
+            if told:
+                self.link.set_rate(rate)
+                moments.append(time.time())
+            told += self.watch(rate, moments[-1] + self._cell.seconds)
+        moments.append(time.time())
+        shown = self.method.shown()
+        self.stack.end_all()    # for the machine: what follows takes time
+        return Outcome(Screen(list(self.method.taken), shown, self._quality()), told, self.method.notes(), moments)
+
+    def watch(self, rate: float, until: float) -> List[Told]:
+        """Sample the link until a time.
+
+        :param rate: [bit/s]
+        """
+        told, last = [], self.link.sample()     # type: List[Told], Any
+        while time.time() < until:
+            time.sleep(max(0.0, min(SAMPLE_PERIOD, until - time.time())))
+            now = self.link.sample()
+            carried = 8e-6 * (now.counted.sent - last.counted.sent) / (now.time - last.time)
+            told.append(Told(now.time, rate / 1e6, carried, now.counted.dropped - last.counted.dropped,
+                             self.method.status()))
+            last = now
+        return told
+
+    def _quality(self) -> Quality:
+        clip = Clip()
+        images: Array = np.fromfile(str(self._images), np.uint8)
+        images = images[:len(images) // (HEIGHT * WIDTH) * HEIGHT * WIDTH].reshape(-1, HEIGHT, WIDTH)
+        return remembered(lambda number, place: psnr(clip.image(number), images[place]))
+
+    def close(self) -> None:
+        """End both sides and the link, and delete the recorded images."""
+        self.stack.close()
+        self._images.unlink()
+
+    def __enter__(self) -> 'LiveRun':
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        self.close()
+
+
+def remembered(quality: Quality) -> Quality:
+    """The same function, which computes each value once."""
+    known: Dict[Tuple[int, int], float] = {}
+
+    def found(number: int, place: int) -> float:
+        if (number, place) not in known:
+            known[number, place] = quality(number, place)
+        return known[number, place]
+    return found

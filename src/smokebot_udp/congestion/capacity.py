@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The capacity of a path and how sure it is: a Kalman filter of one value, whose errors are relative.
+
+R. E. Kalman, "A New Approach to Linear Filtering and Prediction Problems", Journal of Basic Engineering 82, 1960. The
+capacity drifts; a measurement over a short time, of few datagrams, or where delays are noisy, counts for little. One
+that contradicts what is known shows that the link has changed, and counts for much.
+"""
+import math
+
+DRIFT = 0.12
+"""The capacity drifts by this standard deviation [1 / sqrt(s)]."""
+
+CONTRADICTION = 3.0
+"""A measurement that differs by this many standard deviations shows that the link has changed."""
+
+TIMING = 2.0
+"""Both ends of the measured time are uncertain by the noise of delays: together by this multiple."""
+
+COUNTING = 0.5
+"""The ends of the measured time may miss this part of a datagram."""
+
+SPREAD_WEIGHT = 0.3
+"""Weight of the newest difference in `spread`."""
+
+UNKNOWN = 1.0
+"""Variance where nothing is known."""
+
+
+class Capacity:
+    """What a path carries.
+
+    :param value: [byte/s]
+    """
+
+    def __init__(self, value: float) -> None:
+        self.value = value
+        """[byte/s]"""
+        self.spread = 0.0
+        """How much measurements differ from the ones before, lately; relative."""
+        self._last = 0.0        # measured [byte/s]
+        self._variance, self._at = UNKNOWN, -math.inf
+
+    def measure(self, rate: float, duration: float, packets: int, noise: float, trust: float, at: float) -> None:
+        """Take a measurement.
+
+        :param rate: carried while the air was busy [byte/s]
+        :param duration: how long it was [s]
+        :param packets: datagrams that arrived meanwhile
+        :param noise: of delays [s]
+        :param trust: how far a lower value is believed, 0..1
+        :param at: when, by a steady clock [s]
+        """
+        self._variance = min(UNKNOWN, self._variance + DRIFT ** 2 * (at - self._at))
+        self._at = at
+        error = (TIMING * noise / duration) ** 2 + (COUNTING / packets) ** 2
+        difference = rate / self.value - 1
+        if difference ** 2 > CONTRADICTION ** 2 * (self._variance + error):
+            self._variance = min(UNKNOWN, difference ** 2)
+        gain = self._variance / (self._variance + error)
+        self._variance *= 1 - gain
+        if self._last:
+            self.spread += SPREAD_WEIGHT * (abs(rate / self._last - 1) - self.spread)
+        self._last = rate
+        self.value += gain * (1.0 if difference > 0 else trust) * (rate - self.value)
+
+    def carries(self, rate: float) -> None:
+        """The path carries at least this [byte/s]: what was measured before no longer counts where that is more."""
+        if rate > self.value:
+            self._variance = max(self._variance, min(UNKNOWN, (rate / self.value - 1) ** 2))
+            self.value = rate
+
+    def is_known_since(self, time: float) -> bool:
+        """Whether it was measured since a time [s]."""
+        return self._at >= time
+
+    def forget(self) -> None:
+        """Nothing that was measured counts any more."""
+        self._variance, self._at = UNKNOWN, -math.inf

@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""A token bucket on the path, as the kernel's tbf: how much passes at once, however slow the path is.
+
+A shaper of rate r and depth b lets b + r T pass in a window T (its arrival curve: Le Boudec, Thiran: "Network
+Calculus", Springer 2001). A short train passes at the line's speed, and shows nothing about r before it exceeds the
+tokens. The depth is learnt where a queue begins: it is what was sent until then beyond r T, less the queue.
+"""
+import collections
+import math
+import statistics
+from typing import Deque, List, NamedTuple, Optional, Tuple
+
+from .feedback import PacketSample
+
+HISTORY = 3.0
+"""What passed since no queue was seen is remembered for this long [s],"""
+
+THINNED = 0.02
+"""at least this far apart [s]."""
+
+MAX_DEPTH = 65536.0
+"""More that was sent beyond the rate shows that the rate has changed: Linux and routers are set to less [byte]."""
+
+USUAL_DEPTH, CALM = 6000.0, 1.0
+"""Where no queue was seen for this long, or ever, the depth is thought to be this at least [byte, s]."""
+
+LEARNT = 3
+"""The depth is the median of what this number of queues show: other traffic makes a bucket appear now and then."""
+
+SPENDS = 0.25
+"""Where this part of the datagrams of a report met no queue, they spent tokens, or nothing else fills the queue."""
+
+
+class Passed(NamedTuple):
+    """A datagram that passed the path."""
+    sample: PacketSample
+    wait: float
+    """Queueing delay [s]."""
+    tokens: float
+    """What could pass at once after it [byte]."""
+
+
+class Shaper:
+    """The depth and the tokens of a token bucket on the path, if there is one."""
+
+    def __init__(self) -> None:
+        self.depth = USUAL_DEPTH
+        """[byte]"""
+        self.level = 0.0
+        """Tokens that are missing after the newest sample; more than `depth`: a queue waits for them [byte]."""
+        self._newest: Optional[PacketSample] = None
+        self._clear: Deque[Passed] = collections.deque()    # since a queue was seen last
+        self._onset: Optional[Passed] = None                # where the present queue began,
+        self._before: List[Passed] = []                     # what passed since the queue before it,
+        self._queued = -math.inf                            # when a queue was seen last [s]
+        self._spends = False                                # whether datagrams of the last report spent tokens
+        self._depths: Deque[float] = collections.deque(maxlen=LEARNT)
+        self._learnt: Optional[PacketSample] = None         # beginning of the queue that the last one is of
+        self._full = self._was_full = False                 # whether the bucket was full since a queue, and then
+
+    def restart(self) -> None:
+        """The receiver's clock restarted: samples before and after are not comparable."""
+        self._clear.clear()
+        self._onset = self._newest = None
+
+    def follow(self, chain: List[PacketSample], waits: List[float], rate: float, noise: float) -> List[Passed]:
+        """Follow the bucket.
+
+        :param chain: samples in sending order, after the newest one known before
+        :param waits: queueing delay of each [s]
+        :param rate: of the path, as known [byte/s]
+        :param noise: shorter waits are no queue [s]
+        :return: these, after those of earlier reports since which no queue was seen
+        """
+        known = [] if waits[0] > noise else [one for one in self._clear if one.sample.sent < chain[0].sent]
+        self._newest = chain[-1]
+        clear = sum(wait <= noise for wait in waits)
+        self._spends = clear >= SPENDS * len(waits)
+        passed = [self._pass(before, sample, wait, rate, noise)
+                  for before, sample, wait in zip([chain[0], *chain], chain, waits)]
+        return known + passed
+
+    def _pass(self, before: PacketSample, sample: PacketSample, wait: float, rate: float, noise: float) -> Passed:
+        if sample is not before:
+            self.level = max(0.0, self.level - rate * (sample.sent - before.sent))
+            self._full |= self.level == 0
+            self.level += sample.total - before.total
+        if wait > noise:
+            self._queued = sample.sent
+            self.level = self.depth + wait * rate
+            if self._onset is None and self._clear:
+                self._onset = Passed(sample, wait, 0.0)
+                self._before, self._was_full = list(self._clear), self._full
+            self._clear.clear()
+            self._full = False
+        else:
+            if sample.sent > self._queued + CALM:
+                self.depth = max(self.depth, USUAL_DEPTH)
+            self.level, self._onset = min(self.level, self.depth), None
+        passed = Passed(sample, wait, max(0.0, self.depth - self.level))
+        if wait <= noise and (not self._clear or sample.sent >= self._clear[-1].sample.sent + THINNED):
+            self._clear.append(passed)
+            while self._clear[0].sample.sent < sample.sent - HISTORY:
+                self._clear.popleft()
+        return passed
+
+    def tokens(self, rate: float, total: float, now: float) -> Tuple[float, float]:
+        """(depth, tokens that are missing now) of a bucket that may be spent at once [byte]: beside a queue that stays,
+        a burst would take the place of others.
+
+        :param rate: of the path, as known [byte/s]
+        :param total: bytes sent so far
+        """
+        if self._newest is None or not self._spends:
+            return 0.0, 0.0
+        sent = total - self._newest.total
+        return self.depth, max(0.0, self.level + sent - rate * (now - self._newest.sent))
+
+    def learn(self, rate: float, error: float) -> None:
+        """The rate was measured beside the present queue.
+
+        :param rate: [byte/s]
+        :param error: its relative standard deviation: what is explained by it shows no token bucket
+        """
+        if self._onset is None:
+            return
+        (onset, wait, _), most = self._onset, (1 + error) * rate
+        excess = max(onset.total - one.total + one.size - most * (onset.sent - one.sent)
+                     for one, _, _ in self._before) - wait * rate
+        if excess <= MAX_DEPTH and (excess > self.depth or self._was_full):
+            if self._learnt is not onset:
+                self._depths.append(0.0)
+            self._learnt, self._depths[-1] = onset, max(0.0, excess)
+            self.depth = statistics.median_low(self._depths)

@@ -1,0 +1,174 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Packet trains: datagrams that are due anyway, sent faster, show what the path carries; padding is never sent.
+
+After GCC's probe clusters (draft-ietf-rmcat-gcc-02) and packet dispersion (Dovrolis et al., 2001). A train exceeds the
+tokens of a shaper, as otherwise it shows the line's speed (shaper.py). Where streams have less to send than a train
+takes, they are planned for more as long as it leaves.
+"""
+import math
+from typing import NamedTuple, Optional
+
+from .feedback import PacketSample
+
+DURATION = 0.025
+"""What a train has beyond the tokens takes this long at the known capacity [s]."""
+
+MIN_PACKETS = 3
+"""Datagrams in a train, at least: two intervals."""
+
+FIRST_GAIN, NEXT_GAIN = 2.0, 4.0
+"""Rate of a first train, in known capacities; that of a train after a successful one, and of one that exceeds the
+tokens of a shaper."""
+
+EXCESS = 1.2
+"""A train exceeds a shaper's tokens by this factor."""
+
+DUE_TIME = 0.1
+"""Streams have as much to send at once as the link carries in this time [s]."""
+
+MAX_PLANNED = 2.0
+"""For a train, streams are planned for this multiple of the capacity at most."""
+
+SUCCESS_FACTOR = 1.3
+"""A train was successful where the queue was empty when it left, and the known capacity has grown by this factor since
+then."""
+
+RETRY_INTERVAL = 0.8
+"""After an unsuccessful train the next one waits this long [s],"""
+
+REFILL_INTERVALS = 4.0
+"""and for this many times what a shaper's tokens take at the capacity, so that mostly there are some,"""
+
+MAX_RETRY_INTERVAL = 30.0
+"""and up to this twice as long each time where streams only wish for more: trains cost a few ms of queue, unless too
+little is due for them [s],"""
+
+QUEUED_RETRY_INTERVAL = 2.0
+"""and this much longer while the queue looks occupied: its delay may be mistaken [s]."""
+
+TIMEOUT = 0.5
+"""A train that has not been reported this long after it should have left is lost [s]."""
+
+
+class Train(NamedTuple):
+    """Datagrams that are due anyway leave faster."""
+    rate: float
+    """[byte/s]"""
+    size: float
+    """How much of them [byte]."""
+
+
+class OnTheWay(NamedTuple):
+    """A train that was not reported yet."""
+    begins: float
+    """Bytes of all streams sent before it,"""
+    ends: float
+    """and with it."""
+    left: float
+    """[s]"""
+    lost: float
+    """When it counts as lost [s]."""
+
+
+class TrainTracker:
+    """Follows one train at a time."""
+
+    def __init__(self) -> None:
+        self.on_the_way: Optional[OnTheWay] = None
+
+    def leave(self, train: Train, newest: PacketSample, unreported: int, now: float, timeout: float) -> None:
+        """A train leaves.
+
+        :param newest: sample of the newest datagram that arrived
+        :param unreported: bytes sent since
+        :param now: by a steady clock [s]
+        :param timeout: after which it counts as lost [s]
+        """
+        begins = newest.total + unreported
+        self.on_the_way = OnTheWay(begins, begins + train.size, now, now + timeout)
+
+    def arrived(self, newest: PacketSample) -> bool:
+        """Whether the train on the way was reported as a whole."""
+        return self.on_the_way is not None and newest.total >= self.on_the_way.ends
+
+    def ended(self, newest: PacketSample, now: float, cut: bool = False) -> Optional[OnTheWay]:
+        """The train that was on the way and now is reported, or lost; None: there is none.
+
+        :param cut: whether its end may have been lost
+        """
+        train = self.on_the_way
+        if train is None or not (cut or self.arrived(newest) or now >= train.lost):
+            return None
+        self.on_the_way = None
+        return train
+
+
+class ProbeController:
+    """Decides when a train leaves: one at a time, while the queue is empty and the streams want more."""
+
+    def __init__(self) -> None:
+        self._trains = TrainTracker()
+        self._capacity, self._empty = math.inf, False   # known when the last one left, and whether the queue was empty
+        self._succeeded = False
+        self._next = -math.inf      # not before [s]
+        self._interval = RETRY_INTERVAL     # after the next unsuccessful train [s]
+        self._wished = -math.inf    # where streams only wish for more: not before [s]
+
+    def planned(self, capacity: float, total: float) -> float:
+        """For what multiple of the capacity streams are planned while a train leaves.
+
+        :param capacity: as known [byte/s]
+        :param total: bytes of all streams sent so far
+        """
+        train = self._trains.on_the_way
+        return min(max(1.0, (train.ends - total) / (DUE_TIME * capacity)), MAX_PLANNED) if train else 1.0
+
+    def retry(self) -> None:
+        """Wait no longer after an unsuccessful train."""
+        self._next = self._wished = -math.inf
+        self._interval = RETRY_INTERVAL
+
+    def next(self, capacity: float, depth: float, empty: bool, wanted: bool, wished: bool, newest: PacketSample,
+             unreported: int, now: float) -> Optional[Train]:
+        """The train that leaves now, if any.
+
+        :param capacity: as known [byte/s]
+        :param depth: of a shaper on the path [byte]
+        :param empty: whether the queue is
+        :param wanted: whether the streams would send more than they may
+        :param wished: whether what they send would be fresher if the link had more
+        :param newest: sample of the newest datagram that arrived
+        :param unreported: bytes sent since
+        :param now: by a steady clock [s]
+        """
+        if self._trains.on_the_way and not self._judge(capacity, depth, newest, now):
+            return None
+        if not (wanted or wished and now >= self._wished) or now < self._next:
+            return None
+        fast = self._succeeded or depth > DURATION * capacity
+        # what leaves at several times the capacity exceeds the tokens by the rest of it only
+        usual = DURATION * capacity + EXCESS * depth * (NEXT_GAIN / (NEXT_GAIN - 1) if fast else FIRST_GAIN)
+        usual += DUE_TIME * capacity * (usual > DUE_TIME * capacity)    # tokens come while it waits for more to send
+        least = MIN_PACKETS * newest.size
+        if not empty and (usual < least or now < self._next + QUEUED_RETRY_INTERVAL):
+            return None
+        train = Train(capacity * (NEXT_GAIN if fast else FIRST_GAIN), max(least, usual))
+        self._capacity, self._empty = capacity, empty
+        self._trains.leave(train, newest, unreported, now, TIMEOUT + train.size / capacity)
+        return train
+
+    def _judge(self, capacity: float, depth: float, newest: PacketSample, now: float) -> bool:
+        """Whether the train on the way has ended; then it is judged."""
+        complete = self._trains.arrived(newest)
+        if self._trains.ended(newest, now) is None:
+            return False
+        # where the queue was not empty others may have paused when it arrived
+        self._succeeded = self._empty and capacity > SUCCESS_FACTOR * self._capacity
+        if self._succeeded:
+            self._interval = RETRY_INTERVAL
+        else:
+            self._next = now + RETRY_INTERVAL + REFILL_INTERVALS * depth / capacity
+            self._wished = now + self._interval
+            if complete:
+                self._interval = min(2 * self._interval, MAX_RETRY_INTERVAL)
+        return True

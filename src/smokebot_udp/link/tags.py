@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The tags of a handshake's packets: who has the key of the link has made them.
+
+They are MACs (keyed BLAKE2s), as mac1 of WireGuard's handshake. One costs a hundredth of the key exchange, and is
+checked before anything else is done for a packet.
+"""
+import hashlib
+import hmac
+from typing import Optional, TypeVar
+
+from .packets import NO_TAG, TAG_SIZE, Cookie, Hello, Init
+
+PURPOSE = b'smokebot_udp link: tags of handshakes'
+"""The key of the MACs follows from the link's: the handshake itself uses that for something else."""
+
+TAG_AT = {Hello: 12, Cookie: 28, Init: 32}
+"""Place of the tag in a packet."""
+
+Tagged = TypeVar('Tagged', Hello, Cookie, Init)
+
+
+class Tags:
+    """Makes and checks tags.
+
+    :param key: of the link, 32 bytes; None: it has none, and tags are zeros
+    """
+
+    def __init__(self, key: Optional[bytes]) -> None:
+        self._key = None if key is None else hashlib.blake2s(PURPOSE, key=key).digest()
+
+    def tagged(self, packet: Tagged) -> Tagged:
+        """The packet with its tag."""
+        return packet._replace(tag=self._tag(packet.pack(), TAG_AT[type(packet)]))
+
+    def is_right(self, packet: Tagged) -> bool:
+        """Whether the tag is that of the packet."""
+        return hmac.compare_digest(packet.tag, self._tag(packet.pack(), TAG_AT[type(packet)]))
+
+    def _tag(self, datagram: bytes, at: int) -> bytes:
+        """:param at: the place of the tag, which is left out"""
+        if self._key is None:
+            return NO_TAG
+        others = datagram[:at] + datagram[at + TAG_SIZE:]
+        return hashlib.blake2s(others, digest_size=TAG_SIZE, key=self._key).digest()

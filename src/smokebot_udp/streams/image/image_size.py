@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""How many bytes an image has: one decision, made twice for each image.
+
+An image on the screen differs from the scene by the error of its coding and by what has moved since. The first falls
+with each byte, along the codec's own curve of this image. The second grows with the time that the image takes until it
+is shown, and so with each byte that is coded, sent and decoded before. The size is the one with the least sum, among
+those that the link has room for until the next image:
+
+    minimise    D(n) + MOTION * G * t(n)            D: mean squared error of n bytes of the stream
+    where       t(n) = n * (overhead / room + coding)    G: growth of that of the scene with time
+    subject to  n * overhead <= granted
+
+`grant` knows the link and the settings, and comes before the image is coded: no more is coded than fits. `choose` knows
+the curve. Each names the bound that decided (`Bound`). The room is the median of the latest estimates (Outlook):
+quality is nearly linear in the logarithm of the size, so what is lost by an image that is too small by some factor
+equals what is lost by one that is too large, whose rest never leaves. The median is what promises most then; a single
+estimate that is wrong changes nothing, and a link that has changed is followed within two.
+"""
+import enum
+from typing import Any, Mapping, NamedTuple, Tuple
+
+import numpy as np
+
+from ...arrays import FloatArray, IntArray
+from ..frame_assembler import MAX_WAIT
+
+FILL, LEAST_FILL = 0.95, 0.5
+"""An image leaves within this part of the time until the next one, as images come with jitter; and takes this part at
+least, where what is left of the last image leaves first."""
+
+LATEST = MAX_WAIT / 2
+"""It leaves within this time at what its stream may use of the link, however rare images are, and what is left of it
+then is waited for as long: its last datagrams come before the operator stops waiting for them, also where the link is
+slower than expected [s]."""
+
+LEAST_BYTES = 600
+"""Of an image on the air: a datagram that is of use [byte]."""
+
+LEAST_ROOM = 1.0
+"""A stream that may use less of the link counts as if it could use this [byte/s]."""
+
+MOTION = 0.03
+"""The squared error of what has moved counts as this part of that of the coding: a sharp image of a moment ago is of
+more use than a blurred one of now."""
+
+CLEARLY = 0.98
+"""Where no further bytes bring the squared error to this part of it, an image is not made shorter for its freshness."""
+
+SPARE = 1.25
+"""Of a scene that moves, no more of an image is coded than this many times the bytes that the last one was worth,"""
+
+MORE = 2.0
+"""or this many times, where all that was coded was worth sending."""
+
+
+class Bound(enum.Enum):
+    """What decided the size of an image."""
+    ROOM = 'room'
+    """What the link has for it until the next image."""
+    MAX_BYTES = 'max_bytes'
+    """The setting."""
+    AIR_TIME = 'air_time'
+    """The setting."""
+    FRESHNESS = 'freshness'
+    """Further bytes gain less than the scene moves meanwhile."""
+    CODING = 'coding'
+    """So little was expected to be worth sending that no more was coded."""
+    MAX_QUALITY = 'max_quality'
+    """The setting, or an error that 8 bits do not show."""
+    EXACT = 'exact'
+    """There is no more."""
+
+
+class Grant(NamedTuple):
+    """What an image may take."""
+    size: float
+    """On the air [byte]; inf: there is no limit."""
+    bound: Bound
+
+
+class Chosen(NamedTuple):
+    """What is sent of an image's stream."""
+    points: int
+    """Truncation points."""
+    bound: Bound
+
+
+class Costs(NamedTuple):
+    """What a byte of an image's stream takes."""
+    overhead: float
+    """Bytes on the air, for its protection and the heads of datagrams."""
+    coding: float
+    """Time in the processors of both sides [s]."""
+    room: float
+    """What the stream may use of the link [byte/s]."""
+
+    @property
+    def duration(self) -> float:
+        """Until it is on the screen [s]."""
+        return self.overhead / max(self.room, LEAST_ROOM) + self.coding
+
+
+def period_of(settings: Mapping[str, Any], source_rate: float) -> float:
+    """The time from an image to the next one, or LATEST if that is less [s].
+
+    :param source_rate: of images; inf: not known [Hz]
+    """
+    rate: float = min(settings['rate'], source_rate)
+    return min(1 / rate, LATEST)
+
+
+def grant(settings: Mapping[str, Any], room: float, period: float, waiting: float = 0.0) -> Grant:
+    """What the next image may take on the air.
+
+    :param settings: air_time and max_bytes as requested
+    :param room: see Costs
+    :param period: see `period_of` [s]
+    :param waiting: how long what is left of the last image takes, once this one is coded [s]
+    """
+    limits = [Grant(room * max(FILL * period - waiting, LEAST_FILL * period), Bound.ROOM)]
+    if settings['air_time']:
+        limits.append(Grant(room * settings['air_time'], Bound.AIR_TIME))
+    if settings['max_bytes']:
+        limits.append(Grant(settings['max_bytes'], Bound.MAX_BYTES))
+    size, bound = min(limits, key=lambda limit: limit.size)
+    return Grant(max(size, LEAST_BYTES), bound)
+
+
+def choose(ends: IntArray, errors: FloatArray, growth: float, costs: Costs) -> Tuple[int, float]:
+    """The number of truncation points with which the screen is best, and the mean squared error then.
+
+    :param ends: (s,) truncation points of a stream, those that the grant has room for [byte]
+    :param errors: (s,) mean squared errors there [count^2]
+    :param growth: of the mean squared error with the age of an image [count^2/s]
+    """
+    best = int(np.argmin(errors + age_cost(growth, costs.duration) * ends))
+    better_later = bool((errors[best + 1:] < CLEARLY * errors[best]).any())
+    points = best + 1 if better_later else len(ends)
+    return points, float(errors[points - 1])
+
+
+def age_cost(growth: float, duration: float) -> float:
+    """What so much time costs, as a mean squared error [count^2]; see `choose`."""
+    return MOTION * growth * duration if growth else 0.0

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The depth of a token bucket on the path, learnt from what passes a real one (evaluation's TokenBucket)."""
+from typing import List, Tuple
+
+import pytest
+
+from evaluation.simulated_paths import TokenBucket
+from smokebot_udp.congestion.feedback import PacketSample
+from smokebot_udp.congestion.shaper import LEARNT, MAX_DEPTH, USUAL_DEPTH, Shaper
+
+RATE, SIZE = 125000.0, 1000
+
+
+class Sent:
+    """Datagrams over a token bucket of 1 Mbit/s, and what a shaper learns of them."""
+
+    def __init__(self, depth: float) -> None:
+        self.path, self.shaper = TokenBucket(8 * RATE, depth, 0.01, 1.0), Shaper()
+        self.now, self.total = 0.0, 0
+        self._newest: List[PacketSample] = []
+
+    def report(self, *bursts: Tuple[float, int]) -> None:
+        """Bursts, each a pause [s] and a number of datagrams."""
+        chain = list(self._newest)
+        for pause, count in bursts:
+            self.now += pause
+            for _ in range(count):
+                self.now += 0.0005
+                self.total += SIZE
+                arrived, = self.path.fate(self.now, SIZE)
+                chain.append(PacketSample(self.now, arrived, SIZE, self.total))
+        self._newest = chain[-1:]
+        waits = [sample.delay - 0.01 for sample in chain]
+        passed = self.shaper.follow(chain, waits, RATE, 0.002)
+        assert all(0 <= one.tokens <= self.shaper.depth for one in passed)
+        if waits[-1] > 0.002:
+            self.shaper.learn(RATE, 0.0)
+
+
+@pytest.mark.parametrize('depth', [3000.0, 6000.0, 32000.0])
+def test_the_depth_is_what_passed_before_a_queue(depth: float) -> None:
+    sent = Sent(depth)
+    assert sent.shaper.depth == USUAL_DEPTH
+    for _ in range(LEARNT):
+        sent.report((0.8, int(depth / SIZE) + 20))
+    assert sent.shaper.depth == pytest.approx(depth, abs=SIZE)
+
+
+def test_without_a_bucket_the_depth_is_a_datagram_at_most() -> None:
+    sent = Sent(SIZE)
+    for _ in range(LEARNT):
+        sent.report((0.5, 20))
+    assert sent.shaper.depth <= SIZE
+
+
+def test_a_rate_that_has_fallen_is_no_bucket() -> None:
+    sent = Sent(SIZE)
+    sent.path.rate = 20 * RATE
+    for _ in range(50):
+        sent.report((0.1, 100))
+    sent.path.rate = RATE
+    for _ in range(4):
+        sent.report((0.1, 30))
+    assert sent.shaper.depth == USUAL_DEPTH < MAX_DEPTH
+
+
+def test_tokens_come_back_with_time() -> None:
+    sent = Sent(6000.0)
+    for _ in range(LEARNT):
+        sent.report((1.0, 30))
+    assert sent.shaper.tokens(RATE, sent.total, sent.now) == (0.0, 0.0)     # nearly all datagrams were queued
+    sent.report((1.0, 4))
+    now, (depth, missing) = sent.now, sent.shaper.tokens(RATE, sent.total, sent.now)
+    assert depth == pytest.approx(6000.0, abs=SIZE)
+    assert missing == pytest.approx(4 * SIZE - 3 * 0.0005 * RATE, abs=SIZE)
+    assert sent.shaper.tokens(RATE, sent.total + 1000, now)[1] == pytest.approx(missing + 1000)
+    assert sent.shaper.tokens(RATE, sent.total, now + 0.1)[1] == 0
+    sent.shaper.restart()
+    assert sent.shaper.tokens(RATE, sent.total, now) == (0.0, 0.0)
+
+
+def test_after_a_calm_the_bucket_is_thought_to_be_of_usual_depth() -> None:
+    sent = Sent(1000.0)
+    for _ in range(LEARNT):
+        sent.report((0.5, 20))
+    assert sent.shaper.depth <= SIZE
+    for _ in range(30):
+        sent.report((0.1, 1))
+    assert sent.shaper.depth == USUAL_DEPTH

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""When packet trains leave, how long and how fast they are."""
+from typing import Optional
+
+import pytest
+
+from smokebot_udp.congestion.feedback import PacketSample
+from smokebot_udp.congestion.trains import (
+    DUE_TIME,
+    DURATION,
+    EXCESS,
+    FIRST_GAIN,
+    MAX_PLANNED,
+    MAX_RETRY_INTERVAL,
+    NEXT_GAIN,
+    REFILL_INTERVALS,
+    RETRY_INTERVAL,
+    TIMEOUT,
+    ProbeController,
+    Train,
+    TrainTracker,
+)
+
+
+def newest(total: int) -> PacketSample:
+    return PacketSample(0.0, 0.0, 1000, total)
+
+
+def due(probes: ProbeController, capacity: float, total: int, now: float, unreported: int = 0, depth: float = 0.0,
+        empty: bool = True, wanted: bool = True, wished: bool = False) -> Optional[Train]:
+    return probes.next(capacity, depth, empty, wanted, wished, newest(total), unreported, now)
+
+
+def test_trains_get_faster_after_success_and_wait_after_failure() -> None:
+    probes, capacity = ProbeController(), 1e6
+    first = due(probes, capacity, 50000, 1.0, 2000)
+    assert first == (FIRST_GAIN * capacity, DURATION * capacity)
+    assert due(probes, capacity, 50000, 1.1, 2000) is None         # it has not come
+    came = 52000 + int(first.size)
+    second = due(probes, 2 * capacity, came, 1.2)
+    assert second == (NEXT_GAIN * 2 * capacity, DURATION * 2 * capacity)
+    came += int(second.size)
+    assert due(probes, 2 * capacity, came, 1.3) is None          # it brought nothing
+    assert due(probes, 2 * capacity, came, 1.2 + RETRY_INTERVAL) is None
+    third = due(probes, 2 * capacity, came, 1.3 + RETRY_INTERVAL)
+    assert third is not None and third.rate == FIRST_GAIN * 2 * capacity
+
+
+def test_no_train_leaves_unless_more_is_wanted() -> None:
+    assert due(ProbeController(), 1e6, 50000, 1.0, wanted=False) is None
+
+
+def test_where_streams_only_wish_for_more_trains_that_bring_nothing_become_rare() -> None:
+    probes, trains, total, now = ProbeController(), [], 0, 0.0
+    for step in range(1200):
+        now, total = 0.1 * step, total + 100000
+        if due(probes, 1e6, total, now, wanted=False, wished=True) is not None:
+            trains.append(now)
+    waits = [later - earlier for earlier, later in zip(trains, trains[1:])]
+    assert waits[0] < 1.5 * RETRY_INTERVAL and waits[1] > 1.5 * waits[0]
+    assert 0.9 * MAX_RETRY_INTERVAL < waits[-1] < 1.1 * MAX_RETRY_INTERVAL
+    probes.retry()
+    assert due(probes, 1e6, total, now + 2 * TIMEOUT, wanted=False, wished=True) is not None
+
+
+@pytest.mark.parametrize('empty, gain, later', [(True, NEXT_GAIN, 0.1), (False, FIRST_GAIN, 0.1 + RETRY_INTERVAL)])
+def test_a_train_beside_a_queue_proves_no_wider_link_as_others_may_have_paused(empty: bool, gain: float,
+                                                                               later: float) -> None:
+    probes = ProbeController()
+    first = due(probes, 1e6, 0, 10.0, empty=empty)
+    assert first is not None and first.rate == FIRST_GAIN * 1e6
+    second = due(probes, 2e6, int(first.size), 10.1)
+    assert (second is not None) == empty
+    second = second or due(probes, 2e6, int(first.size), 10.0 + later)
+    assert second is not None and second.rate == gain * 2e6
+
+
+def test_a_train_exceeds_the_tokens_of_a_shaper_and_streams_are_planned_for_it() -> None:
+    probes, capacity, depth = ProbeController(), 1e5, 6000.0
+    train = due(probes, capacity, 0, 1.0, depth=depth)
+    assert train is not None and train.rate == NEXT_GAIN * capacity
+    # it is too long to be due at once: the tokens that come until then are exceeded, too
+    beyond = train.size * (1 - 1 / NEXT_GAIN)
+    assert beyond > EXCESS * depth and train.size > DUE_TIME * capacity
+    assert probes.planned(capacity, 0) == pytest.approx(min(MAX_PLANNED, train.size / (DUE_TIME * capacity)))
+    assert probes.planned(capacity, train.size - DUE_TIME * capacity / 2) == 1
+    assert due(probes, capacity, int(train.size), 1.3, depth=depth) is None
+    retry = RETRY_INTERVAL + REFILL_INTERVALS * depth / capacity
+    assert due(probes, capacity, int(train.size), 1.25 + retry, depth=depth) is None
+    assert due(probes, capacity, int(train.size), 1.35 + retry, depth=depth) is not None
+    assert ProbeController().planned(capacity, 0) == 1
+
+
+def test_a_train_is_followed_until_it_was_reported_or_is_lost() -> None:
+    trains = TrainTracker()
+    assert trains.ended(newest(0), 0.0) is None
+    trains.leave(Train(1e6, 5000.0), newest(1000), 500, 10.0, 1.0)
+    assert trains.on_the_way is not None and (trains.on_the_way.begins, trains.on_the_way.ends) == (1500, 6500)
+    assert trains.ended(newest(6000), 10.5) is None and not trains.arrived(newest(6000))
+    assert trains.arrived(newest(6500)) and trains.ended(newest(6500), 10.5) is not None and trains.on_the_way is None
+    for cut, now in ((True, 10.1), (False, 11.0)):
+        trains.leave(Train(1e6, 5000.0), newest(0), 0, 10.0, 1.0)
+        assert trains.ended(newest(10), now, cut) is not None
