@@ -19,6 +19,10 @@ from .reliable_link import ReliableLink
 from .reliable_relay import TURN_PERIOD, Rewrite, Sink, Source
 from .worker import PeriodicWorker
 
+SHARE = 0.008
+"""Of the link's rate, to each peer: all statuses of a robot within 10 s on 0.3 Mbit/s, each second from some 3 Mbit/s
+on."""
+
 PUBLISH_PERIOD = 1.0
 """Programs that show diagnostics take a status for stale after 3 s to 5 s [s]."""
 
@@ -77,9 +81,9 @@ class DiagnosticsSource(Source):
         """Send each peer what is due for it."""
         channel, now = self._channel, time.monotonic()
         assert channel is not None
+        rate, room = self._link.part_of_rate(SHARE), self._link.room
         with self._lock:
-            due = {peer: carousel.take(self._link.states_rate, lambda states: len(self._array(states)),
-                                       self._link.room, now)
+            due = {peer: carousel.take(rate, lambda states: len(self._array(states)), room, now)
                    for peer, carousel in self._carousels.items() if channel.waiting(peer) < MAX_WAITING}
             messages = {peer: self._array(states) for peer, states in due.items() if states}
         for peer, data in messages.items():

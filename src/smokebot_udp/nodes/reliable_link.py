@@ -45,9 +45,6 @@ LINK_SHARE, MIN_LIMIT = 0.25, 48e3
 MOST_SHARE = 0.5
 """up to this part of it."""
 
-STATES_SHARE = 0.008
-"""Of the link's rate, for states that are reported again and again, to each peer."""
-
 BURST_DURATION = 0.012
 """What leaves at once occupies the link for this long, as a datagram does, unless it is one [s]."""
 
@@ -230,10 +227,9 @@ class ReliableLink(rospy.SubscribeListener):
         """For data in a datagram now [byte]."""
         return self._peers.room
 
-    @property
-    def states_rate(self) -> float:
-        """What the states of one channel may take, which are reported again and again, to each peer [byte/s]."""
-        return STATES_SHARE * self._rate
+    def part_of_rate(self, share: float) -> float:
+        """A part of the link's rate [byte/s]; infinite: unlimited, or unknown."""
+        return share * self._rate
 
     @property
     def _rate(self) -> float:

@@ -31,6 +31,9 @@ RECENT = 10.0
 LEVEL_VALUES = {level: 1 << index for index, level in enumerate(LEVELS)}
 """{level: its value in rosgraph_msgs/Log}"""
 
+STATES_SHARE = 0.03
+"""Of the link's rate, for the states of one relay with `newest`, to each peer."""
+
 TURN_PERIOD = 0.05
 """How often it is looked whether a peer has got the last message, with `newest` [s]."""
 
@@ -271,7 +274,7 @@ class NewestSource(Source):
         """Send what waits next to each peer that has got the message before."""
         channel = self._channel
         assert channel is not None
-        rate, now = self._link.states_rate, time.monotonic()
+        rate, now = self._link.part_of_rate(STATES_SHARE), time.monotonic()
         with self._lock:
             due = [(peer, states.due(self._packed, rate, now)) for peer, states in self._states.items()
                    if not channel.waiting(peer)]
