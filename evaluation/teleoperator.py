@@ -14,7 +14,7 @@ from typing import Any, List, Sequence, Tuple
 
 import rospy
 from geometry_msgs.msg import Twist
-from std_msgs.msg import Bool, UInt32
+from std_msgs.msg import Bool, Empty, UInt32
 from std_srvs.srv import SetBool
 
 from smokebot_udp.srv import SetFocus
@@ -24,7 +24,8 @@ from .processes import Peer
 from .stack import Stack
 from .way_back_results import Log
 
-COMMANDS, ESTOP, RELEASE = 'operator/cmd_vel', 'operator/estop', 'operator_receiver/estop'
+COMMANDS, ESTOP, ESTOP_RELEASE = 'operator/cmd_vel', 'operator/estop', 'operator/estop_release'
+RELEASE = 'operator_receiver/estop'
 """In the operator's namespace."""
 
 SERVICE = '/operator/counted'
@@ -65,7 +66,7 @@ class Teleoperator:
         return sent
 
     def estop(self, engaged: bool) -> float:
-        """Engage the emergency stop, or release it, and again until it is; when this was asked first."""
+        """Engage or release the emergency stop; when it was published."""
         return float(self._ask('estop', engaged))
 
     def press(self) -> None:
@@ -102,6 +103,7 @@ class Node:
         self._publishers = {topic: rospy.Publisher(topic, UInt32, queue_size=100) for topic in topics}
         self._commands = rospy.Publisher(COMMANDS, Twist, queue_size=10)
         self._estop = rospy.Publisher(ESTOP, Bool, queue_size=10)
+        self._released = rospy.Publisher(ESTOP_RELEASE, Empty, queue_size=1)
         self._sent: List[Tuple[int, float]] = []
         self._number = 0
         self._zeros = 0
@@ -141,8 +143,8 @@ class Node:
         now = time.time()
         if engaged:
             self.press()
-        while not engaged and not self.release()[0]:
-            time.sleep(1 / RATE)
+        else:
+            self._released.publish()
         return now
 
     def press(self) -> None:

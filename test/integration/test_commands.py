@@ -17,7 +17,7 @@ import rostest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Twist, TwistStamped
 from sensor_msgs.msg import Image, Joy
-from std_msgs.msg import Bool, String
+from std_msgs.msg import Bool, Empty, String
 from std_srvs.srv import SetBool, Trigger
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
@@ -229,6 +229,21 @@ class Commands(CommandsCase):
                 stays(self.engaged, 1.0, 'the stop')
             self.assertTrue(stop(False).success)
             wait_for(lambda: not self.engaged(), 2, '~estop')
+
+    @undisturbed()
+    def test_a_release_by_a_topic_is_a_message_of_its_own_that_is_not_latched(self) -> None:
+        stop = rospy.ServiceProxy('/operator_receiver/estop', SetBool)
+        self.addCleanup(stop, False)
+        self.assertTrue(stop(True).success)
+        latched = rospy.Publisher('/operator/estop_release', Empty, queue_size=1, latch=True)
+        wait_for(latched.get_num_connections, START, 'the operator')
+        latched.publish()
+        stays(self.engaged, 1.0, 'the stop')
+        latched.unregister()
+        release = rospy.Publisher('/operator/estop_release', Empty, queue_size=1)
+        wait_for(release.get_num_connections, START, 'the operator')
+        release.publish()
+        wait_for(lambda: not self.engaged(), 2, '~estop')
 
     @undisturbed()
     def test_sticks_that_rest_elsewhere_are_neutral_where_it_was_said_so(self) -> None:

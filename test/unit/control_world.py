@@ -80,7 +80,7 @@ class World:
     def ask(self, name: str, wish: Wish) -> int:
         """A person asks something of the robot; see ControlClient.ask."""
         request = self.desks[name].client.ask(wish, self.desk_now(name), self.robot_time(name))
-        self._flush()
+        self.flush()
         return request
 
     def outcome(self, name: str, request: int) -> Optional[str]:
@@ -91,7 +91,7 @@ class World:
         """Let time pass; returns whether `until` became true [s]."""
         end = self.now + duration
         while True:
-            self._flush()
+            self.flush()
             self.after()
             if until():
                 return True
@@ -102,8 +102,8 @@ class World:
             self.now = following
             while self._flying and self._flying[0][0] <= self.now:
                 _, _, name, datagram = heapq.heappop(self._flying)
-                self._arrive(name, datagram)
-                self._flush()
+                self.arrive(name, datagram)
+                self.flush()
                 self.after()
 
     def _deadline(self) -> float:
@@ -111,7 +111,8 @@ class World:
         arrivals = [self._flying[0][0]] if self._flying else []
         return min([self.server.deadline() + self._starts[self.server.session], *desks, *arrivals])
 
-    def _flush(self) -> None:
+    def flush(self) -> None:
+        """Send what is to be sent now."""
         status = self.server.poll(self.robot_now)
         for name, desk in self.desks.items():
             request = desk.client.poll(self.desk_now(name))
@@ -129,7 +130,8 @@ class World:
                 at = self.now + self.delay + self.jitter * self.random.random() + late
                 heapq.heappush(self._flying, (at, next(self._order), name, datagram))
 
-    def _arrive(self, name: str, datagram: Any) -> None:
+    def arrive(self, name: str, datagram: Any) -> None:
+        """A datagram comes: a Status, or (seq, Request)."""
         if isinstance(datagram, Status):
             self.desks[name].client.receive(datagram, self.desk_now(name))
         else:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What the demo's report compares of images."""
-from typing import Any
+from typing import Any, Callable, Dict
 
 import pytest
 import rospy
@@ -12,9 +12,21 @@ SETTINGS = {'robot_topic': '/thermal', 'operator_topic': '/operator/thermal', 'v
             'rate': 1.0}
 
 
+COME: Dict[str, Callable[[Any], None]] = {}
+"""{topic: what takes its messages}"""
+
+
+def sends(message: Any) -> None:
+    COME['/thermal'](message)
+
+
+def receives(message: Any) -> None:
+    COME['/operator/thermal'](message)
+
+
 @pytest.fixture
 def comparison(monkeypatch: Any) -> ImageComparison:
-    monkeypatch.setattr(rospy, 'Subscriber', lambda *_, **__: None)
+    monkeypatch.setattr(rospy, 'Subscriber', lambda topic, _, callback, **__: COME.update({topic: callback}))
     monkeypatch.setattr(rospy.Time, 'now', lambda: rospy.Time(10.1))
     return ImageComparison('thermal', SETTINGS, False)
 
@@ -27,15 +39,15 @@ def image(width: int, encoding: str = 'mono8', value: int = 7) -> Any:
 
 
 def test_images_that_differ_in_size_or_type_are_not_called_exact(comparison: ImageComparison) -> None:
-    comparison._on_sent(image(4))
-    comparison._on_received(image(2))
+    sends(image(4))
+    receives(image(2))
     result = comparison.compared(1.0)
     assert result.row(0.0)[5:] == (
         'unknown', 'not compared: 4 x 2 mono8 is sent, 2 x 2 mono8 comes, age p50 100 ms, p99 100 ms')
-    comparison._on_received(image(4, 'mono16'))
+    receives(image(4, 'mono16'))
     assert '4 x 2 mono16 comes' in comparison.compared(1.0).row(0.0)[6]
-    comparison._on_received(image(4))
+    receives(image(4))
     assert comparison.compared(1.0).row(0.0)[6].startswith('all exact of 1 compared (')
     comparison.reset()
-    comparison._on_received(image(4, value=17))
+    receives(image(4, value=17))
     assert comparison.compared(1.0).row(0.0)[6].startswith('PSNR 28.1 dB, ')

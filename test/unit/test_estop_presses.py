@@ -47,7 +47,7 @@ class Presses(World):
         except ValueError:      # the robot cannot be asked now, and the person is told so
             return
         self._asked[session, request] = self.now
-        self._flush()
+        self.flush()
 
     def press_at_the_robot(self, engaged: bool) -> None:
         self.server.set_estop(engaged, ROBOT, self.robot_now)
@@ -78,9 +78,9 @@ class Presses(World):
         """Whether a press has come to the robot, or one after it of the same node."""
         return any(session == press.session and request >= press.request for session, request in self._arrived)
 
-    def _arrive(self, name: str, datagram: Any) -> None:
+    def arrive(self, name: str, datagram: Any) -> None:
         before = self.server.estop.engaged
-        super()._arrive(name, datagram)
+        super().arrive(name, datagram)
         if not isinstance(datagram, Status) and datagram[1].id:
             request = datagram[1]
             if request.wish == Wish.ENGAGE_ESTOP:

@@ -274,7 +274,7 @@ class Master:
                             ('logwarn', lambda *_: None)):
             monkeypatch.setattr('rospy.' + name, value)
         monkeypatch.setattr(master.rpc, 'call_all', self.call_all)
-        monkeypatch.setattr(master.rpc, 'call', lambda _, method, *args: self.set(*args))
+        monkeypatch.setattr(master.rpc, 'call', lambda _, method, *args: self.call(method, ('', *args)))
         monkeypatch.setattr(module.udpros, 'registered_together', contextlib.nullcontext)
         monkeypatch.setattr(LiveSettings, 'serve', lambda _: None)
 
@@ -291,18 +291,23 @@ class Master:
             values = values.setdefault(part, {})
         values[last] = copy.deepcopy(value)
 
-    def call_all(self, _: str, calls: Sequence[Any], timeout: float) -> None:
+    def call_all(self, _: str, calls: Sequence[Any], timeout: float) -> List[Any]:
         self.calls += 1
-        for call in calls:
-            _, *arguments = call['params']
-            if call['methodName'] == 'setParam':
-                self.set(*arguments)
-            else:
-                *path, last = arguments[0].strip('/').split('/')
-                values = self.values
-                for part in path:
-                    values = values[part]
-                del values[last]
+        return [self.call(call['methodName'], call['params']) for call in calls]
+
+    def call(self, method: str, params: Sequence[Any]) -> Any:
+        _, *arguments = params
+        if method == 'subscribeParam':
+            return self.read()
+        if method == 'setParam':
+            self.set(*arguments)
+        elif method == 'deleteParam':
+            *path, last = arguments[0].strip('/').split('/')
+            values = self.values
+            for part in path:
+                values = values[part]
+            del values[last]
+        return None
 
 
 def test_what_others_set_while_the_settings_begin_stays(monkeypatch: Any) -> None:
@@ -329,8 +334,7 @@ def test_a_new_master_gets_what_it_lacks_and_nothing_else(monkeypatch: Any) -> N
     cache = SimpleNamespace(get=lambda _: {'thermal': {'rate': 1.0, 'count': 3}, 'map': {'rate': 4.0}, 'gone': {},
                                            'estop_by': ''}, update=lambda *_: None)
     monkeypatch.setattr(master, 'get_param_server_cache', lambda: cache)
-    known = copy.deepcopy(server.values['robot'])       # by the master's answer
-    server.set('/robot/focus', 'slow')
-    master._take_over('/robot', known)
+    server.after_read = lambda: server.set('/robot/focus', 'slow')
+    master.register_together(SimpleNamespace(uri='http://localhost:1'), [master.Registration('/robot', '', 'param')])
     assert server.values['robot'] == {'thermal': {'rate': 2.0, 'count': 3}, 'map': {'rate': 4.0}, 'focus': 'slow',
                                       'estop_by': '/desk'}

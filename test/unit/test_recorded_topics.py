@@ -38,7 +38,7 @@ MOVE = ['cancel', 'feedback', 'goal', 'result', 'status']
     ('robot', {'/camera', '/points', '/cmd', *('/move/' + part for part in MOVE), '/robot_sender/link',
                '/robot_sender/status', '/robot_sender/estop', '/robot_sender/focus/modified', '/tf', '/tf_static'}),
     ('operator', {*('/desk/operator/' + name for name in (
-        'camera', 'points', 'scan', 'cmd', 'link', 'status', 'control', 'estop', 'stale')),
+        'camera', 'points', 'scan', 'cmd', 'link', 'status', 'control', 'estop', 'estop_release', 'stale')),
                   *('/desk/operator/move/' + part for part in MOVE), '/desk/operator_receiver/clock_offset'})])
 def test_all_topics_of_a_side_once(side: str, expected: set) -> None:
     topics = all_topics(recorded(side), side, lambda name: resolve(side, name))

@@ -2,8 +2,8 @@
 """The operator's side of control: asks the robot for control and for the emergency stop, and follows its clock.
 
 teleop/control_client.py decides. Services: ~take_control, ~release_control, ~estop (true: engage, false: release),
-~set_neutral. The topic operator/estop engages it, too, and never releases it. operator/control (latched) shows the
-state in words, as the views do.
+~set_neutral. Topics: operator/estop (Bool) engages it, and never releases it, operator/estop_release (Empty) releases
+it. operator/control (latched) shows the state in words, as the views do.
 """
 import math
 import random
@@ -12,7 +12,7 @@ import time
 from typing import Any, Callable, Dict, Mapping, NamedTuple, Optional, Tuple
 
 import rospy
-from std_msgs.msg import Bool, String
+from std_msgs.msg import Bool, Empty, String
 from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 
 from ..limited_log import logerr
@@ -44,7 +44,7 @@ CLOCK_PERIOD = 0.05
 SHOW_PERIOD = 0.1
 """How often the state is looked at: an image grows old without an event [s]."""
 
-ESTOP_TOPIC, STATE_TOPIC = '/operator/estop', '/operator/control'
+ESTOP_TOPIC, RELEASE_TOPIC, STATE_TOPIC = '/operator/estop', '/operator/estop_release', '/operator/control'
 """Topics of the operator's side, in the node's namespace."""
 
 IN_CONTROL = 'in control'
@@ -97,11 +97,14 @@ class OperatorControl:
         rospy.Service('~set_neutral', Trigger, lambda _: TriggerResponse(*self._set_neutral()))
         self._estop = rospy.Subscriber(operator_topic(ESTOP_TOPIC), Bool, self._pressed, queue_size=10,
                                        tcp_nodelay=True)
+        self._release = rospy.Subscriber(operator_topic(RELEASE_TOPIC), Empty, self._released, queue_size=1,
+                                         tcp_nodelay=True)
         self._statuses = transport.subscriber(STATUS, ControlStatus, self._receive)
 
     def close(self) -> None:
         """End all threads and topics."""
         self._estop.unregister()
+        self._release.unregister()
         self._statuses.unregister()
         self._show.stop()
         self._worker.close()
@@ -217,6 +220,16 @@ class OperatorControl:
         if press:
             self._begin(Wish.ENGAGE_ESTOP)
 
+    def _released(self, message: Any) -> None:
+        """A message on the topic that releases the stop."""
+        if message._connection_header.get('latching') == '1':   # it comes again when this node is restarted
+            rospy.logerr_throttle(5, '%s: a latched message releases nothing: call ~estop' % self._release.name)
+            return
+        try:
+            self._begin(Wish.RELEASE_ESTOP)
+        except ValueError as error:
+            rospy.logerr_throttle(5, '%s: %s' % (self._release.name, error))
+
     def _ask(self, wish: Wish) -> Tuple[bool, str]:
         """Ask the robot, and wait for its answer: (whether it does it, in words)."""
         try:
@@ -235,9 +248,12 @@ class OperatorControl:
         return not outcome, outcome or 'done'
 
     def _begin(self, wish: Wish) -> int:
-        """:raises ValueError: where the robot cannot be asked"""
+        """:raises ValueError: where the robot cannot be asked, or what is asked may have waited here"""
         now = time.monotonic()
         with self._worker.changing():
+            stalled = self._stall.look(now)
+            if stalled and wish != Wish.ENGAGE_ESTOP:
+                raise ValueError(stalled)
             known = self._clock.robot_time(now)
             # the earliest time: what was asked before the robot's situation changed must not seem to be asked after it
             request = self._client.ask(wish, now, None if known is None else known.earliest)

@@ -10,7 +10,8 @@ from .routes import routes_of
 
 OWN_TOPICS: Mapping[str, Sequence[str]] = {
     'robot': ('~link', '~status', '~estop', '~focus/modified', '/tf', '/tf_static'),
-    'operator': ('~clock_offset', '/operator/control', '/operator/estop', '/operator/stale'),
+    'operator': ('~clock_offset', '/operator/control', '/operator/estop', '/operator/estop_release',
+                 '/operator/stale'),
 }
 """{side: topics besides those of the streams}; ~ is the node robot_sender or operator_receiver."""
 
