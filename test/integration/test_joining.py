@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Joining over heavy loss, and paths that drop long datagrams: the nodes in network namespaces of their own."""
 import pathlib
+import subprocess
 import sys
 import tempfile
 import time
@@ -28,6 +29,8 @@ HEAVY = {'loss': 0.8, 'delay': 0.02}
 HOLE, NO_HOLE = {'longest': 1228.0}, {'longest': 0.0}
 """Packets of up to 1200 bytes of UDP payload pass."""
 
+PROBLEM = 'datagrams above 1172 bytes do not pass'
+
 IMAGES, CLOUD = '/operator/camera/image_raw', '/operator/lidar/points'
 PARTS = {'thermal/layers', 'map/tiles'}
 START = 60.0
@@ -36,7 +39,7 @@ START = 60.0
 SOON = 15.0
 """On a quiet machine all is there 5 s after the join in 19 of 20 cases; the diagnostics say so up to 1 s later [s]."""
 
-SIMULATED = '_width:=320', '_height:=240'
+SIMULATED = '_width:=160', '_height:=120'
 
 
 class Joining(unittest.TestCase):
@@ -97,7 +100,8 @@ class Joining(unittest.TestCase):
     def check_a_hole(self, stack: Any) -> None:
         listener = Listener(stack)
         listener.subscribe([[IMAGES, 'any', 'TCPROS'], [CLOUD, 'any', 'TCPROS'],
-                            ['/diagnostics', 'diagnostics', 'TCPROS'], ['/operator/link', 'longest', 'TCPROS']])
+                            ['/operator/diagnostics', 'diagnostics', 'TCPROS'],
+                            ['/operator/link', 'longest', 'TCPROS']])
         wait_for(lambda: {IMAGES, CLOUD} <= {message.topic for message in listener.heard}, START, 'the first messages')
         give_time(5.0)      # all is sent at full length
 
@@ -113,9 +117,12 @@ class Joining(unittest.TestCase):
         wait_for(lambda: {IMAGES, CLOUD} <= {message.topic for message in listener.heard[count:]}, SOON,
                  'images and clouds')
         wait_for(lambda: shown() == 1172, SOON, 'the longest that passes')
-        self.assertIn('datagrams above 1172 bytes do not pass', stack.lab.run(
-            'operator', ['rosrun', 'smokebot_udp', 'link_top', '--once'], env=stack.environment('operator'),
-            stdout=-1, timeout=START).stdout.decode())
+        wait_for(lambda: any(PROBLEM in message.amount for message in listener.heard[count:]
+                             if message.topic == '/operator/diagnostics'), SOON, 'the diagnostics')
+        if isinstance(stack, OwnMasters):       # a shared master's TCP, which link_top uses, does not pass the hole
+            self.assertIn(PROBLEM, stack.lab.run(
+                'operator', ['rosrun', 'smokebot_udp', 'link_top', '--once'], env=stack.environment('operator'),
+                stdout=subprocess.PIPE, timeout=START).stdout.decode())
         stack.lab.set(NO_HOLE)
         wait_for(lambda: shown() == 0, 2 * SOON, 'that the hole has gone')
 
