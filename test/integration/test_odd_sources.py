@@ -190,7 +190,7 @@ class OddSources(unittest.TestCase):
             for message in found.values():
                 np.testing.assert_array_equal(xyz(message), xyz(cloud(grid())))
         self.wait_told("stream 'organised'", 'row_step is', 'by the data it is 360')
-        self.assertEqual(self.told("stream 'organised'", 'row_step is'), 1)      # whatever it is
+        self.assertEqual(self.told("stream 'organised'", 'by the data it is'), 1)      # whatever row_step is
 
     def test_nothing_seen_clears_the_display(self) -> None:
         nothing = np.full((2, 3, 3), np.nan)
@@ -313,21 +313,19 @@ class OddSources(unittest.TestCase):
             self.assertLess(nearest.max(), 0.002)
         self.wait_told("stream 'utm'", 'coordinates of FLOAT64 are rounded')
 
-    def deep(self, data: bytes, description: str) -> Dict[int, Any]:
-        self.shown['deep/image_raw'].clear()
-        return self.send('/deep/image_raw/compressed', 'deep/image_raw', lambda: CompressedImage(
-            header=header(), format=description, data=data), lambda one: True)
+    def deep(self, data: bytes, description: str, test: Callable[[Image], bool]) -> None:
+        self.send('/deep/image_raw/compressed', 'deep/image_raw', lambda: CompressedImage(
+            header=header(), format=description, data=data), test)
 
     def test_formats_that_are_not_those_of_the_pixels(self) -> None:
         pixels = np.random.RandomState(1).randint(0, 65536, (48, 64)).astype(np.uint16)
         white = cv2.imencode('.jpg', pixels)[1].tobytes()       # as image_transport makes it
-        for message in self.deep(white, 'mono16; jpeg compressed ').values():
-            self.assertEqual(message.encoding, 'mono8')
+        self.deep(white, 'mono16; jpeg compressed ', lambda one: one.encoding == 'mono8')
         self.wait_told("stream 'jpeg'", 'mono16; jpeg compressed', 'what was above 255 is lost')
         depth = DEPTH.pack(0, 0.0, 0.0) + cv2.imencode('.png', pixels)[1].tobytes()
-        found = self.deep(depth, 'mono16; compressedDepth png')
-        self.assertEqual({message.encoding for message in found.values()}, {'mono16'})
-        self.assertEqual(np.frombuffer(found[0].data, np.uint16).tolist(), pixels.ravel().tolist())
+        # noise: what is lost is not guessed
+        self.deep(depth, 'mono16; compressedDepth png', lambda one: one.encoding == 'mono16' and bool(
+            (np.frombuffer(one.data, np.uint16) == pixels.ravel()).mean() > 0.6))
 
     # -- the log
 
@@ -338,7 +336,9 @@ class OddSources(unittest.TestCase):
         def faulty(number: int) -> Sequence[Any]:
             points = cloud(grid())
             points.data = points.data[:number]
-            ray = LaserScan(header=header('ray'), ranges=[1.0] * (2 + number), angle_min=number % 2 and float('nan'))
+            bad = float('inf') if number % 2 else 0.0
+            ray = LaserScan(header=header('ray'), ranges=[1.0] * (2 + number), angle_min=bad, angle_max=bad,
+                            angle_increment=0.1 * (number % 2))
             image = CompressedImage(header=header(), format='jpeg', data=bytes([number]) * (1 + number % 7))
             return points, ray, image
         for number, _ in zip(range(100), ticks(10.0)):
@@ -346,7 +346,8 @@ class OddSources(unittest.TestCase):
                 self.sources[topic].publish(message)
         self.wait_told("stream 'organised'", 'data has')
         self.wait_told("stream 'jpeg'", 'neither JPEG nor PNG')
-        self.assertLessEqual(sum(self.warnings.values()) - begun, 4 * 3)
+        self.wait_told("stream 'ray'", 'angle_min is')
+        self.assertLessEqual(sum(self.warnings.values()) - begun, 4 * 4)
 
 
 if __name__ == '__main__':
