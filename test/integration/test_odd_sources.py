@@ -4,7 +4,6 @@
 contradict the data, nothing at all, stamps that say little, frames with a slash, doubles in UTM, formats of other
 pixels."""
 import collections
-import contextlib
 import pathlib
 import sys
 import threading
@@ -22,7 +21,7 @@ from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from waiting import is_sent_here, ticks, undisturbed, wait_for
+from waiting import is_sent_here, ticks, wait_for
 
 from smokebot_udp.codecs.display.view import COLOURS, FRESH, FROZEN
 from smokebot_udp.codecs.wire.compressed import DEPTH
@@ -33,6 +32,11 @@ PLACES = {0: '', 20: '/loss20'}
 
 UTM = 412345.125, 5401234.5, 312.0625
 """[m]"""
+
+NUMBERS, LEAST = 100, 85
+"""Scans that are sent, and shown at 20 % loss: of 4 in 100 both datagrams are lost."""
+
+ECHOES = 'first', 'last', 'strongest'
 
 MOUNT, WALL = 0.9, 5.0
 """Of the sensor above the floor, and a wall from it [m]."""
@@ -186,7 +190,7 @@ class OddSources(unittest.TestCase):
             for message in found.values():
                 np.testing.assert_array_equal(xyz(message), xyz(cloud(grid())))
         self.wait_told("stream 'organised'", 'row_step is', 'by the data it is 360')
-        self.assertEqual(self.told("stream 'organised'", 'row_step is'), 1)      # whatever it is
+        self.assertEqual(self.told("stream 'organised'", 'by the data it is'), 1)      # whatever row_step is
 
     def test_nothing_seen_clears_the_display(self) -> None:
         nothing = np.full((2, 3, 3), np.nan)
@@ -209,37 +213,42 @@ class OddSources(unittest.TestCase):
 
     # -- stamps that say little
 
-    @undisturbed()
-    def test_echoes_of_one_stamp_are_told_apart_by_their_frames(self) -> None:
-        for number, _ in zip(range(100), ticks(10.0)):
-            stamp = rospy.Time.now()
-            for frame_id in ('first', 'last', 'strongest'):
-                self.sources['/echoes'].publish(scan(number, frame_id, stamp))
-        for loss, least in ((0, 99), (20, 90)):
-            def came(at: int = loss) -> Dict[str, int]:
-                found = [(one.header.frame_id, number_of(one)) for one in self.shown['echoes'].at(at)]
-                return collections.Counter(frame_id for frame_id, _ in set(found) if frame_id != 'other')
-            with contextlib.suppress(AssertionError):
-                wait_for(lambda least=least: min(came().values(), default=0) >= least, 5)
-            self.assertEqual(set(came()), {'first', 'last', 'strongest'})
-            self.assertGreaterEqual(min(came().values()), least, (loss, came()))
+    def play(self, topic: str, make: Callable[[int], Sequence[Any]], skipped: int = 0) -> None:
+        """Publish the scans of numbers, as fast as they are shown without loss.
 
-    @undisturbed()
+        :param make: f(number) -> the scans
+        :param skipped: how many of the first numbers need not be shown
+        """
+        for number in range(NUMBERS):
+            scans = make(number)
+            for message in scans:
+                self.sources[topic].publish(message)
+            if number >= skipped:
+                wait_for(lambda scans=scans, number=number: {one.header.frame_id for one in scans} <= {
+                    one.header.frame_id for one in self.shown[topic[1:]].at(0) if number_of(one) == number}, 10,
+                    'scan %d of %s' % (number, topic))
+
+    def numbers(self, name: str, frame_id: str) -> int:
+        """How many scans of a frame were shown at 20 % loss, of which any part came."""
+        return len({number_of(one) for one in self.shown[name].at(20) if one.header.frame_id == frame_id})
+
+    def test_echoes_of_one_stamp_are_told_apart_by_their_frames(self) -> None:
+        def echoes(number: int) -> List[LaserScan]:
+            stamp = rospy.Time.now()
+            return [scan(number, frame_id, stamp) for frame_id in ECHOES]
+        self.play('/echoes', echoes)
+        wait_for(lambda: min(self.numbers('echoes', frame_id) for frame_id in ECHOES) >= LEAST, 20,
+                 '%d of each echo at 20 %%' % LEAST)
+        self.assertEqual(self.told("stream 'echoes'"), 0)
+
     def test_stamps_of_whole_seconds_are_named_once_and_replaced(self) -> None:
-        begun = self.told("stream 'whole_seconds'", 'repeats its stamps')
-        for number, _ in zip(range(100), ticks(20.0)):
-            self.sources['/whole_seconds'].publish(scan(number, 'seconds', rospy.Time(rospy.Time.now().secs)))
-        for loss, least in ((0, 99 - REPEATS), (20, 86)):
-            def came(at: int = loss) -> int:
-                return len({number_of(one) for one in self.shown['whole_seconds'].at(at)
-                            if one.header.frame_id == 'seconds'})
-            with contextlib.suppress(AssertionError):
-                wait_for(lambda least=least: came() >= least, 5)
-            self.assertGreaterEqual(came(), least, loss)
-            self.assertTrue(all(one.header.stamp.nsecs == 0 for one in self.shown['whole_seconds'].at(loss)
-                                if one.header.frame_id == 'seconds'))
-        self.assertLessEqual(self.told("stream 'whole_seconds'", 'repeats its stamps') - begun, 1)
+        self.play('/whole_seconds', lambda number: [scan(number, 'seconds', rospy.Time(rospy.Time.now().secs))],
+                  REPEATS + 1)
+        wait_for(lambda: self.numbers('whole_seconds', 'seconds') >= LEAST, 20, '%d scans at 20 %%' % LEAST)
         self.assertEqual(self.told("stream 'whole_seconds'", 'repeats its stamps'), 1)
+        for loss in PLACES:
+            self.assertEqual({one.header.stamp.nsecs for one in self.shown['whole_seconds'].at(loss)
+                              if one.header.frame_id == 'seconds'}, {0})
 
     def test_a_source_that_counts_from_its_start_is_fresh(self) -> None:
         begun, pixels = rospy.Time.now() - rospy.Duration(1234), np.full((48, 64), 90, np.uint8)
@@ -304,21 +313,19 @@ class OddSources(unittest.TestCase):
             self.assertLess(nearest.max(), 0.002)
         self.wait_told("stream 'utm'", 'coordinates of FLOAT64 are rounded')
 
-    def deep(self, data: bytes, description: str) -> Dict[int, Any]:
-        self.shown['deep/image_raw'].clear()
-        return self.send('/deep/image_raw/compressed', 'deep/image_raw', lambda: CompressedImage(
-            header=header(), format=description, data=data), lambda one: True)
+    def deep(self, data: bytes, description: str, test: Callable[[Image], bool]) -> None:
+        self.send('/deep/image_raw/compressed', 'deep/image_raw', lambda: CompressedImage(
+            header=header(), format=description, data=data), test)
 
     def test_formats_that_are_not_those_of_the_pixels(self) -> None:
         pixels = np.random.RandomState(1).randint(0, 65536, (48, 64)).astype(np.uint16)
         white = cv2.imencode('.jpg', pixels)[1].tobytes()       # as image_transport makes it
-        for message in self.deep(white, 'mono16; jpeg compressed ').values():
-            self.assertEqual(message.encoding, 'mono8')
+        self.deep(white, 'mono16; jpeg compressed ', lambda one: one.encoding == 'mono8')
         self.wait_told("stream 'jpeg'", 'mono16; jpeg compressed', 'what was above 255 is lost')
         depth = DEPTH.pack(0, 0.0, 0.0) + cv2.imencode('.png', pixels)[1].tobytes()
-        found = self.deep(depth, 'mono16; compressedDepth png')
-        self.assertEqual({message.encoding for message in found.values()}, {'mono16'})
-        self.assertEqual(np.frombuffer(found[0].data, np.uint16).tolist(), pixels.ravel().tolist())
+        # noise: what is lost is not guessed
+        self.deep(depth, 'mono16; compressedDepth png', lambda one: one.encoding == 'mono16' and bool(
+            (np.frombuffer(one.data, np.uint16) == pixels.ravel()).mean() > 0.6))
 
     # -- the log
 
@@ -329,7 +336,9 @@ class OddSources(unittest.TestCase):
         def faulty(number: int) -> Sequence[Any]:
             points = cloud(grid())
             points.data = points.data[:number]
-            ray = LaserScan(header=header('ray'), ranges=[1.0] * (2 + number), angle_min=number % 2 and float('nan'))
+            bad = float('inf') if number % 2 else 0.0
+            ray = LaserScan(header=header('ray'), ranges=[1.0] * (2 + number), angle_min=bad, angle_max=bad,
+                            angle_increment=0.1 * (number % 2))
             image = CompressedImage(header=header(), format='jpeg', data=bytes([number]) * (1 + number % 7))
             return points, ray, image
         for number, _ in zip(range(100), ticks(10.0)):
@@ -337,7 +346,8 @@ class OddSources(unittest.TestCase):
                 self.sources[topic].publish(message)
         self.wait_told("stream 'organised'", 'data has')
         self.wait_told("stream 'jpeg'", 'neither JPEG nor PNG')
-        self.assertLessEqual(sum(self.warnings.values()) - begun, 4 * 3)
+        self.wait_told("stream 'ray'", 'angle_min is')
+        self.assertLessEqual(sum(self.warnings.values()) - begun, 4 * 4)
 
 
 if __name__ == '__main__':

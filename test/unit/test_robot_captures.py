@@ -90,6 +90,14 @@ def test_an_original_is_sent_to_its_operator_until_it_is_held(side: Any) -> None
     assert captures.demands(1e5) == {}      # all is held
 
 
+def test_a_capture_without_a_pose_says_so(side: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    logged: List[str] = []
+    monkeypatch.setattr('rospy.logwarn', lambda text, *values: logged.append(text % values))
+    side[1].ask(id=9, stream='thermal')
+    wait_for(lambda: logged)
+    assert logged == ["stream 'thermal': tf knows no transform from '' to 'map or odom': a capture has no pose"]
+
+
 def test_a_refusal_is_sent_likewise(side: Any) -> None:
     captures, topic, _ = side
     topic.ask(id=8, stream='camera')

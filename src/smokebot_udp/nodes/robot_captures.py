@@ -15,6 +15,7 @@ from ..capture.sending import Piece, piece_length
 from ..capture.transfers import MAX_RATE, Batch, Load, Request, Transfers
 from ..congestion.controller import Demand
 from ..congestion.operating_points import OperatingPoint
+from ..frame_names import unknown_transform
 from ..limited_log import ERROR_PERIOD, logwarn
 from ..msg import CapturePiece, CaptureRequest
 from ..streams.image.source import raw_image
@@ -135,7 +136,11 @@ class RobotCaptures:
             raise ValueError('the robot keeps no originals')
         found = self._link.histories.find(request.stream, request.stamp)
         message = cropped(raw_image(found.message), request.region)
-        return pack(message, self._lookup.pose(FIXED_FRAMES, message.header), request.layered and self._codec.ready())
+        pose = self._lookup.pose(FIXED_FRAMES, message.header)
+        if pose is None:
+            logwarn("stream '%s'" % request.stream, unknown_transform(
+                message.header.frame_id, ' or '.join(FIXED_FRAMES), 'a capture has no pose'), ERROR_PERIOD)
+        return pack(message, pose, request.layered and self._codec.ready())
 
     def _send(self, batch: Batch) -> None:
         self._link.outbox.put(NAME, self._publisher, [as_frame(batch.id, piece) for piece in batch.pieces],
