@@ -216,7 +216,7 @@ def test_short_messages_are_repeated_less_and_less_often() -> None:
     assert periods(3) == [1.0, 2.0, 4.0]
     encoder.joined()
     assert periods(2000)[:4] == [1.0, 2.0, 4.0, 5.0]
-    encoder.encode(String(noise(3000)), settings, 1472)     # useless without all of its datagrams
+    encoder.encode(encoder.merge(None, String(noise(3000))), settings, 1472)     # useless without all of its datagrams
     for _ in range(5):
         assert encoder.repeat_period(settings) == 1.0 and len(encoder.repeat(settings, 1472)[0]) == 2
     encoder, slow = relay('std_msgs/String', latch=True, repeat_rate=0.1)

@@ -10,6 +10,9 @@ from .shaper import Shaper
 LONG_QUEUE = 0.06
 """A longer queue is drained; and datagrams lost beside it may never have been on the air [s]."""
 
+DROPPING = 2.0
+"""A queue that was longer than this many long ones for a moment may have dropped datagrams, too."""
+
 MIN_BUSY = 0.01, 0.25
 """A rate is measured where the air was busy for this long, and for this part of the time [s, 1]."""
 
@@ -55,7 +58,7 @@ class Observation(NamedTuple):
     @property
     def was_long(self) -> bool:
         """Whether it was so long for some of the datagrams, so that some may have been dropped."""
-        return max(self.waits) > LONG_QUEUE
+        return self.is_long or max(self.waits) > DROPPING * LONG_QUEUE
 
     @property
     def duration(self) -> float:
