@@ -12,7 +12,13 @@ from robot_stream_case import Make, Recorder, logged, make, scan
 from sensor_msgs.msg import LaserScan
 
 from smokebot_udp.mission.settings import Settings
+from smokebot_udp.monitoring.stages import ENCODED, STARTED, read_marks, read_sizes
 from smokebot_udp.msg import ScanSegment
+from smokebot_udp.nodes.trace import Trace
+from smokebot_udp.streams.encoder import Sizing
+from smokebot_udp.streams.outlook import Outlook
+from smokebot_udp.udpros.datagram import IP_UDP_HEADERS
+from smokebot_udp.udpros.frame import Frame
 
 __all__ = ['logged', 'make']
 
@@ -147,6 +153,48 @@ def test_a_stream_that_is_turned_off_stops_in_the_middle(make: Make) -> None:
     wait_for(lambda: made.link.outbox.sending('scan'))
     made.stream.settings.request({'enabled': False})
     assert not made.link.outbox.sending('scan') and made.stream.stats().dropped['datagrams of replaced messages'] == 1
+
+
+class Foreseeing(Recorder):
+    """Keeps how long the rest of the last message takes."""
+    FORESEES = True
+
+    def __init__(self, settings: Any) -> None:
+        super().__init__(settings)
+        self.backlog, self.waited = 0.1, []     # type: float, List[float]
+
+    def encode(self, message: Any, settings: Any, max_datagram_size: int) -> List[Any]:
+        self.waited.append(self.waiting)
+        self.sizing = Sizing('layered', 900.0, 800, 'room', 1.5)
+        super().encode(message, settings, max_datagram_size)
+        return [Frame(ScanSegment, 10, {})]
+
+
+def test_a_rest_that_leaves_once_a_dip_of_the_rate_is_over_is_not_dropped(make: Make) -> None:
+    """At the present rate it takes a second, at what the stream may use 50 ms."""
+    made = make(Foreseeing)
+    size = 10 * (Frame(ScanSegment, 1, {}).datagram_size + IP_UDP_HEADERS)
+    made.stream.encoder.outlook = Outlook(room=20.0 * size)
+    made.link.outbox.change(lambda scheduler: scheduler.set_rate(1.0 * size, time.monotonic()))
+    made.stream.receive(scan(1))
+    wait_for(lambda: made.link.outbox.sending('scan'))
+    made.stream.receive(scan(2))
+    wait_for(lambda: len(made.stream.encoder.waited) == 2)
+    assert 0.0 < made.stream.encoder.waited[1] <= 0.05 and made.stream.encoder.waited[0] == 0.0
+    made.link.outbox.change(lambda scheduler: scheduler.set_rate(20.0 * size, time.monotonic()))
+    wait_for(lambda: len(made.segments.published) == 20)
+    assert made.stream.stats().dropped.get('datagrams of replaced messages', 0) == 0
+
+
+def test_what_decided_the_size_of_a_message_is_traced(make: Make, tmp_path: Any, monkeypatch: Any) -> None:
+    path = tmp_path / 'trace'
+    monkeypatch.setattr('smokebot_udp.nodes.robot_stream.TRACE', Trace(str(path)))
+    made = make(Foreseeing)
+    made.stream.receive(scan(1, 7))
+    wait_for(lambda: made.segments.published)
+    one, = read_sizes(path.read_text().splitlines())
+    assert one[:2] == ('scan', 7 * 10 ** 9) and one[3:] == ('layered', 900.0, 800, 'room', 1.5)
+    assert {mark.point for mark in read_marks(path.read_text().splitlines())} >= {STARTED, ENCODED}
 
 
 # what the link controller asks
