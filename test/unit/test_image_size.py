@@ -8,6 +8,7 @@ import pytest
 
 from smokebot_udp.streams.image.image_size import (
     FILL,
+    GOOD_BITS,
     LATEST,
     LEAST_BYTES,
     LEAST_FILL,
@@ -50,20 +51,22 @@ def test_what_is_left_of_the_last_image_leaves_first() -> None:
     assert grant(settings, math.inf, 0.1).size == math.inf
 
 
-def test_bytes_are_sent_while_they_gain_more_than_the_scene_moves_meanwhile() -> None:
-    """2000 bytes more save 25; on a link of 1e5 byte/s they take 20 ms, and with as much coding 40 ms."""
+@pytest.mark.parametrize('good, motion', [(10000, MOTION), (1000, 1.0)])
+def test_bytes_are_sent_while_they_gain_more_than_the_scene_moves_meanwhile(good: int, motion: float) -> None:
+    """2000 bytes more save 25; on a link of 1e5 byte/s they take 20 ms, and with as much coding 40 ms. Beyond a good
+    image both errors count alike."""
     link, processors = Costs(1.0, 0.0, 1e5), Costs(1.0, 1e-5, 1e5)
-    worth = 25 / 0.02 / MOTION
+    worth, cells = 25 / 0.02 / motion, int(good * 8 / GOOD_BITS)
     for growth, costs, points in ((0.0, link, 4), (0.99 * worth, link, 4), (1.01 * worth, link, 3),
                                   (0.99 * worth, processors, 3), (worth, Costs(2.0, 0.0, 1e5), 3),
                                   (1e9, link, 1), (1e3, Costs(1.0, 0.0, 0.0), 1)):
-        assert choose(ENDS, ERRORS, growth, costs) == (points, ERRORS[points - 1])
-    assert choose(ENDS, ERRORS, 0.0, Costs(1.0, 0.0, math.inf)) == (4, 25.0)
+        assert choose(ENDS, ERRORS, cells, growth, costs) == (points, ERRORS[points - 1])
+    assert choose(ENDS, ERRORS, cells, 0.0, Costs(1.0, 0.0, math.inf)) == (4, 25.0)
 
 
 def test_what_gains_nothing_makes_no_image_short() -> None:
     errors = np.array([400.0, 100.0, 50.0, 49.9])
-    assert choose(ENDS, errors, 100.0, Costs(1.0, 0.0, 1e5)) == (4, 49.9)
+    assert choose(ENDS, errors, 76800, 100.0, Costs(1.0, 0.0, 1e5)) == (4, 49.9)
 
 
 def test_the_room_is_followed_with_the_second_estimate_and_not_with_the_first() -> None:

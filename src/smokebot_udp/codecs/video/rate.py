@@ -103,7 +103,7 @@ def plan(budget: float, sizes: Sizes, scene: Scene, link: Link, usual: Optional[
 def intra_cost(difference: Optional[float]) -> float:
     """The coding error if no image were predicted, relative to that with a long cycle.
 
-    :param difference: Similarity.ratio; None: unknown
+    :param difference: of successive images in terms of that of independent ones; None: unknown
     """
     if difference is None:
         return ALIKE_COST

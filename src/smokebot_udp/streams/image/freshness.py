@@ -10,8 +10,9 @@ from ...arrays import Array, UInt8Array
 SAMPLED = 4
 """Every fourth row and column is compared."""
 
-SMOOTHING = 0.3
-"""Weight of the newest measurement."""
+MEASURED = 2.0
+"""Motion is the mean of what was measured for this long: a scene that stands for a moment has images like the others,
+and one that stands for longer becomes exact [s]."""
 
 SIGNIFICANCE = 3.0
 """Growth is motion where it is larger than this many of its standard deviations, and else noise."""
@@ -27,6 +28,7 @@ class MotionMeter:
         self.growth = 0.0
         """Of the mean squared difference from the scene, without noise [count^2/s]."""
         self._last: Deque[Tuple[float, Array]] = deque(maxlen=2)
+        self._found: Deque[Tuple[float, float]] = deque()      # (stamp, growth)
 
     def add(self, pixels: Array, stamp: float, classes: Optional[UInt8Array] = None) -> None:
         """Compare an image with the two before, where all three are finite; elsewhere they count as alike.
@@ -42,13 +44,17 @@ class MotionMeter:
             image[classes[::SAMPLED, ::SAMPLED] > 0] = np.nan
         if self._last and (self._last[-1][1].shape != image.shape or not 0 < stamp - self._last[-1][0] < MAX_GAP):
             self._last.clear()
+            self._found.clear()
             self.growth = 0.0
         if len(self._last) == 2:
             (first, earlier), (second, later) = self._last
             growths = np.square(image - earlier) - np.square(image - later)
             growth, deviation = np.nansum(growths) / growths.size, np.sqrt(np.nansum(np.square(growths))) / growths.size
             found = float(growth) / (second - first) if growth > SIGNIFICANCE * deviation else 0.0
-            self.growth += SMOOTHING * (found - self.growth)
+            self._found.append((stamp, found))
+            while self._found[0][0] <= stamp - MEASURED:
+                self._found.popleft()
+            self.growth = sum(growth for _, growth in self._found) / len(self._found)
         self._last.append((stamp, image))
 
 

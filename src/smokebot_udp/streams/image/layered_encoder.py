@@ -109,7 +109,7 @@ class LayeredImages(CompressedImages):
         ends, errors = _useful(stream, settings['max_quality'], source.pixels.itemsize)
         self._estimate(source, prediction, stream, int(ends[-1]), datagrams, outlook)
         costs = Costs(datagrams.protected(outlook.loss(LIKELY)), self._time.per_byte, outlook.room)
-        points, square = choose(ends, np.maximum(errors, 0) / stream.cells, growth, costs)
+        points, square = choose(ends, np.maximum(errors, 0) / stream.cells, stream.cells, growth, costs)
         self.error = math.sqrt(square)
         self.bound = _bound_of(stream, points, len(ends), useful, granted)
         needed = float(ends[points - 1])
@@ -180,7 +180,7 @@ class LayeredImages(CompressedImages):
     def _estimate(self, source: Layerable, prediction: Optional[Prediction], stream: image.LayeredStream, useful: int,
                   datagrams: 'Datagrams', outlook: Outlook) -> None:
         """Estimate the size of a complete image."""
-        size = _complete(stream, useful, prediction and prediction.exact_size)
+        size = _complete(stream, useful)
         # one that saves little is like none: the images after it are coded without
         self._stream_size, self._was_predicted = size / (1 - stream.saved), stream.saved >= SAVES
         protected = datagrams.protected(outlook.loss(RESERVE))
@@ -258,26 +258,18 @@ def _coded(source: Layerable, prediction: Optional[Prediction], stream: image.La
                       [end - before for end in ends_of(plan.layers, plan.count)])
 
 
-def _complete(stream: image.LayeredStream, useful: int, exact: Optional[float]) -> float:
+def _complete(stream: image.LayeredStream, useful: int) -> float:
     """The estimated length of a complete stream [byte].
 
     :param useful: what is useful of this one [byte]
-    :param exact: of a predicted image, see Prediction.exact_size
     """
-    if useful < len(stream.data) or stream.errors[-1] == 0:
-        return float(useful + stream.missing)
-    if exact is not None and stream.errors[-1] <= UNIFORM_ERROR ** 2 * stream.cells:
-        return max(useful, exact) + stream.missing
-    return _length_at(stream, UNIFORM_ERROR) + stream.missing
-
-
-def _length_at(stream: image.LayeredStream, error: float) -> float:
-    """The length of a stream with this rms error, estimated where it is longer [byte]."""
     variances = np.maximum(stream.errors, 0) / stream.cells
-    fine = np.flatnonzero(variances <= error ** 2)
-    if len(fine):
-        return float(stream.ends[fine[0]])
-    return float(stream.ends[-1] + stream.cells * max(math.log2(math.sqrt(float(variances[-1])) / error), 0.0) / 8)
+    fine = np.flatnonzero(variances <= UNIFORM_ERROR ** 2)
+    if len(fine) and variances[-1] > 0:
+        useful = min(useful, int(stream.ends[fine[0]]))
+    elif not len(fine) and useful == len(stream.data):
+        useful += int(stream.cells * math.log2(math.sqrt(variances[-1]) / UNIFORM_ERROR) / 8)
+    return float(useful + stream.missing)
 
 
 def _error_of(max_quality: float, itemsize: int) -> float:

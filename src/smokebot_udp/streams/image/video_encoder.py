@@ -8,6 +8,9 @@ import math
 import threading
 from typing import Any, Callable, Collection, Iterable, List, NamedTuple, Optional, Tuple
 
+import numpy as np
+
+from ...arrays import Array
 from ...codecs.video import rate as video_rate
 from ...codecs.video.decoder_request import MAX_BYTES
 from ...codecs.video.encoder import LEAST_ROOM, LEAST_SIZE, EncodedImage, VideoEncoder, check_library
@@ -25,7 +28,6 @@ from .compressed_images import CompressedImages
 from .image_size import LEAST_BYTES, Bound, Grant
 from .pixel_layers import Layerable, layerable
 from .refresh_requests import RefreshRequests
-from .similarity import Similarity
 from .video import INTRA
 
 PARAMETER_SETS = 48
@@ -72,7 +74,10 @@ LEAST_BITS, ENOUGH_BITS = 0.01, 0.015
 brings them back [bit per pixel]."""
 
 SMOOTHING = 0.3
-"""Weight of the error of the newest image."""
+"""Weight of the newest image."""
+
+SAMPLED = 8
+"""Every eighth row and column is compared with the last image's."""
 
 
 class _Coder:
@@ -140,7 +145,9 @@ class VideoImages(CompressedImages):
         self._number, self._pictures = 0, 0     # of the session, and images of it until now
         self._coding_error = UNKNOWN_ERROR  # [count^2]
         self._parities: Optional[int] = None    # of the last plan
-        self._similarity = Similarity()
+        self._last: Optional[Array] = None      # the last image, sampled
+        self._change: Optional[float] = None    # mean squared difference of two successive ones [count^2]
+        self._ratio: Optional[float] = None     # that in terms of two independent ones
         self._has_room = True
         self._lock = threading.Lock()
         self._requests = RefreshRequests()
@@ -181,7 +188,7 @@ class VideoImages(CompressedImages):
         source = layerable(message, settings['scale'], 0.0)
         texts = message.header.frame_id.encode(), source.encoding.encode()
         sizes, link = sizes_of(max_datagram_size, *texts), Link(outlook.air.losses, outlook.air.burst)
-        self._similarity.add(source.pixels)
+        self._compare(source.pixels[::SAMPLED, ::SAMPLED].astype(np.float32))
         # the parameter sets are in one datagram
         whole = self._whole(source, outlook, sizes)
         self.bound = granted.bound if granted.size < whole else Bound.MAX_QUALITY
@@ -236,11 +243,19 @@ class VideoImages(CompressedImages):
         self._coder = coder
         return coder
 
+    def _compare(self, image: Array) -> None:
+        """Measure how much the scene changes from one image to the next one."""
+        last, self._last = self._last, image
+        if last is None or last.shape != image.shape:
+            self._change = self._ratio = None
+            return
+        change = float(np.square(image - last).mean())
+        self._change = change if self._change is None else self._change + SMOOTHING * (change - self._change)
+        self._ratio = self._change / max(2 * float(image.var()), 1e-9)
+
     def _scene(self) -> Scene:
-        difference = self._similarity.difference
-        return Scene(self._coding_error, UNKNOWN_CHANGE if difference is None else difference,
-                     self._coder.refresh if self._coder else video_rate.LONG,
-                     video_rate.intra_cost(self._similarity.ratio))
+        return Scene(self._coding_error, UNKNOWN_CHANGE if self._change is None else self._change,
+                     self._coder.refresh if self._coder else video_rate.LONG, video_rate.intra_cost(self._ratio))
 
 
 def _beginning_parities(slices: List[bytes], most: float, sizes: Sizes, usual: Division) -> int:
