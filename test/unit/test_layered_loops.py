@@ -100,8 +100,36 @@ def test_the_folder_is_the_one_that_numba_uses(tmp_path) -> None:
     assert folder == numbas and folder.startswith(str(tmp_path / 'home')) and filled == 'True'
 
 
+def test_on_a_read_only_disk_the_folder_is_a_temporary_one_of_this_user_alone(tmp_path) -> None:
+    package, file, temporary = tmp_path / 'smokebot_udp', tmp_path / 'file', tmp_path / 'tmp'
+    shutil.copytree(str(cache.FOLDER.parents[1]), str(package), ignore=shutil.ignore_patterns('__pycache__'))
+    for name in 'layered', 'tiles':
+        (package / 'codecs' / name / '__pycache__').touch()
+    file.touch()
+    temporary.mkdir()
+    program = ('from smokebot_udp.codecs.layered import cache, range_coder; '
+               'from smokebot_udp.codecs.tiles import cells; cache.remember(); '
+               'print(cache.cache_folder(), range_coder.begin.stats.cache_path, cache.compiled(), '
+               'cells.decode_cells.stats.cache_path)')
+    environment = {**os.environ, 'PYTHONPATH': str(tmp_path), 'XDG_CACHE_HOME': str(file), 'HOME': str(file),
+                   'TMPDIR': str(temporary)}
+    del environment['NUMBA_CACHE_DIR']
+
+    def said() -> Any:
+        done = subprocess.run([sys.executable, '-B', '-c', program], env=environment, capture_output=True)
+        return done.stdout.decode().split() or done.stderr.decode()
+    folder, numbas, filled, tiles = said()
+    own = temporary / ('smokebot_udp_%d' % os.getuid())
+    assert folder == numbas and filled == 'True' and {str(pathlib.Path(one).parent) for one in (folder, tiles)} == {
+        str(own)}
+    assert own.stat().st_mode & 0o777 == 0o700
+    own.chmod(0o777)        # others may have written there
+    assert 'cannot cache function' in said()
+
+
 def test_where_no_folder_can_be_written_nothing_is_compiled_ahead(tmp_path, monkeypatch) -> None:
     sources(tmp_path / 'layered', monkeypatch)
+    monkeypatch.setattr(cache.tempfile, 'tempdir', str(tmp_path / 'file'))
     (tmp_path / 'file').touch()
     (tmp_path / 'layered' / '__pycache__').touch()
     monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path / 'file'))

@@ -6,6 +6,7 @@ import hashlib
 import os
 import pathlib
 import platform
+import stat
 import sys
 import sysconfig
 import tempfile
@@ -29,8 +30,8 @@ _CPU = ('vendor_id', 'cpu family', 'model', 'model name', 'flags', 'CPU implemen
 def cache_folder(package: Optional[pathlib.Path] = None) -> Optional[pathlib.Path]:
     """The folder where numba keeps the compiled loops of a package (None: this one), which is made.
 
-    It is the first that can be written into of NUMBA_CACHE_DIR, the folder beside the sources, and the user's cache;
-    None: there is none.
+    It is the first that can be written into of NUMBA_CACHE_DIR, the folder beside the sources, the user's cache, and
+    `temporary_folder`, as on a robot whose disk is read-only; None: there is none.
     """
     package = package or FOLDER
     name = '%s_%s' % (package.name, hashlib.sha1(str(package).encode()).hexdigest())
@@ -39,14 +40,41 @@ def cache_folder(package: Optional[pathlib.Path] = None) -> Optional[pathlib.Pat
     told = os.environ.get('NUMBA_CACHE_DIR')
     if told:
         folders.insert(0, pathlib.Path(told, name))
-    for folder in folders:
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            tempfile.TemporaryFile(dir=str(folder)).close()
+    found = next(filter(_can_be_written, folders), None)
+    if found is None:
+        temporary = temporary_folder()
+        found = temporary / name if temporary is not None and _can_be_written(temporary / name) else None
+    return found
+
+
+def told_folder() -> Optional[str]:
+    """What numba has to be told as NUMBA_CACHE_DIR; None: it finds `cache_folder` itself, or there is none."""
+    folder = cache_folder()
+    return str(folder.parent) if folder is not None and folder.parent == temporary_folder() else None
+
+
+def temporary_folder() -> Optional[pathlib.Path]:
+    """This user's folder for files that need not outlive the machine's next start, which is made; None: there is none.
+
+    Nobody else may write into it: machine code is loaded from it.
+    """
+    folder = pathlib.Path(tempfile.gettempdir(), 'smokebot_udp_%d' % os.getuid())
+    with contextlib.suppress(OSError):
+        folder.mkdir(mode=0o700, exist_ok=True)
+        status = folder.lstat()
+        if stat.S_ISDIR(status.st_mode) and status.st_uid == os.getuid() and not status.st_mode & 0o077:
             return folder
-        except OSError:
-            continue
     return None
+
+
+def _can_be_written(folder: pathlib.Path) -> bool:
+    """Whether files can be made in a folder, which is made."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=str(folder)).close()
+    except OSError:
+        return False
+    return True
 
 
 def remove_stale() -> None:

@@ -9,7 +9,7 @@ from typing import Any, Callable, TypeVar, cast
 import numba
 import numpy as np
 
-from .cache import remove_stale
+from .cache import remove_stale, told_folder
 
 int32: Any = np.int32
 int64: Any = np.int64
@@ -23,6 +23,7 @@ FORCED = {'forceinline': True} if numba.version_info.short >= (0, 53) else {}
 Function = TypeVar('Function', bound=Callable[..., Any])
 
 remove_stale()
+numba.config.CACHE_DIR = told_folder() or numba.config.CACHE_DIR
 
 
 def compiled(function: Function) -> Function:
