@@ -2,6 +2,8 @@
 """Files of originals: what is read is what the message holds."""
 import os
 import pathlib
+import subprocess
+import sys
 from typing import Any
 
 import cv2
@@ -99,3 +101,22 @@ def test_the_description_is_beside_the_file(tmp_path: pathlib.Path) -> None:
     assert described(message, None, {})['pose'] == 'unknown'
     with pytest.raises(OSError):
         save(path, 'thermal', '.png', b'', {})      # a file is no folder
+
+
+def test_on_a_full_disk_there_is_neither_file(tmp_path: pathlib.Path) -> None:
+    """Files may have 100 kB here: what is longer fails as on a full disk, after a part of it was written."""
+    program = '''
+import resource, signal, sys
+from smokebot_udp.capture.files import save
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (100000, 100000))
+save(sys.argv[1], 'good', '.png', bytes(1000), {})
+for content, description in ((bytes(200000), {}), (bytes(1000), {'long': 'x' * 200000})):
+    try:
+        save(sys.argv[1], 'bad', '.png', content, description)
+    except OSError as error:
+        print(error.strerror)
+'''
+    said = subprocess.run([sys.executable, '-c', program, str(tmp_path)], stdout=subprocess.PIPE, check=True)
+    assert said.stdout == b'File too large\n' * 2
+    assert sorted(os.listdir(tmp_path)) == ['good.png', 'good.yaml']

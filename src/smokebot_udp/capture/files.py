@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Originals as files: PNG (8 and 16 bits), TIFF (32FC1) or PCD, with a description in YAML beside it. Nothing is
 rounded: reading a file gives the values of the message."""
+import contextlib
 import os
 import re
 import tempfile
-from typing import Any, Dict, List, Mapping, Tuple
+from typing import Any, Dict, Iterator, List, Mapping, Tuple
 
 import cv2
 import numpy as np
@@ -117,26 +118,32 @@ def described(message: Any, pose: Any, more: Mapping[str, Any]) -> Dict[str, Any
 
 
 def save(folder: str, name: str, end: str, content: bytes, description: Mapping[str, Any]) -> str:
-    """Write both files; no file is ever there in part.
+    """Write both files, or none; no file is ever there in part, also after a power failure.
 
     :return: path of the first one
     :raises OSError: they cannot be written
     """
     os.makedirs(folder, exist_ok=True)
-    path = os.path.join(folder, name + end)
     text = yaml.safe_dump({'file': name + end, **description}, sort_keys=False, allow_unicode=True)
-    _write(os.path.join(folder, name + '.yaml'), text.encode())
-    _write(path, content)
-    return path
+    with contextlib.ExitStack() as stack:
+        written = [(stack.enter_context(_temporary(folder, data)), os.path.join(folder, name + ending))
+                   for ending, data in ((end, content), ('.yaml', text.encode()))]
+        for temporary, path in reversed(written):   # who sees the first one finds its description
+            os.replace(temporary, path)
+    return written[0][1]
 
 
-def _write(path: str, content: bytes) -> None:
-    with tempfile.NamedTemporaryFile(dir=os.path.dirname(path), prefix='.', delete=False) as file:
-        try:
+@contextlib.contextmanager
+def _temporary(folder: str, content: bytes) -> Iterator[str]:
+    """A file with this content, which is removed unless it gets another name meanwhile."""
+    file = tempfile.NamedTemporaryFile(dir=folder, prefix='.', delete=False)
+    try:
+        with file:
             file.write(content)
             file.flush()
-            os.chmod(file.name, 0o644)
-            os.replace(file.name, path)
-        except BaseException:
+            os.fsync(file.fileno())
+        os.chmod(file.name, 0o644)
+        yield file.name
+    finally:
+        with contextlib.suppress(FileNotFoundError):
             os.unlink(file.name)
-            raise
