@@ -102,7 +102,8 @@ class BlackBox:
 
     def _step(self) -> None:
         for name in self._store.prune():
-            rospy.loginfo('black box: %s is deleted: all bags together have reached their limit, or the disk is nearly full', name)
+            rospy.loginfo('black box: %s is deleted: all bags together have reached their limit, or the disk is nearly '
+                          'full', name)
         problem = self._store.problem()
         if problem != self._problem and (not problem or not self._problem):
             if problem:
