@@ -56,10 +56,11 @@ class Commands(CommandsCase):
             listener.clear()
 
     def let_go(self) -> None:
-        """Let go of the stick, so that the robot obeys it again after an emergency stop."""
+        """Let go of the stick, so that the robot obeys it again after an emergency stop; it stands then."""
         self.driver.clear()
         with Drive(self.stick, twist(0.0)):
             wait_for(lambda: self.driver.came, START, 'the neutral command')
+        self.wait_for_silence()
 
     def drive(self, speed: float, seconds: float = 1.0) -> float:
         """Drive; returns when the last command was given [s]."""
@@ -98,10 +99,14 @@ class Commands(CommandsCase):
     def test_on_timeout_may_be_any_message_and_has_a_stamp(self) -> None:
         message = TwistStamped()
         message.twist.linear.x = 0.1
+        neutral = TwistStamped()
+        neutral.twist.angular.z = 0.25
         publisher = rospy.Publisher('/operator/arm', TwistStamped, queue_size=1)
         wait_for(publisher.get_num_connections, START, 'the operator')
-        with Drive(publisher, message):
-            wait_for(lambda: self.arm.came, START, 'the command')
+        for command, speed in ((neutral, 0.0), (message, 0.1)):     # an emergency stop may have been before it
+            with Drive(publisher, command):
+                wait_for(lambda speed=speed: self.arm.came and self.arm.came[-1].message.twist.linear.x == speed,
+                         START, 'the command')
         wait_for(lambda: self.arm.came[-1].message.twist.angular.z == 0.25, 5, 'on_timeout')
         self.assertLess(abs((rospy.Time.now() - self.arm.came[-1].message.header.stamp).to_sec()), 1.0)
 
@@ -216,6 +221,7 @@ class Commands(CommandsCase):
             wait_for(lambda data=data: self.engaged() == (data == 'true'), 5, '~estop')
             self.wait_for_state(self.state, 'EMERGENCY STOP' if data == 'true' else 'LOCKED: seeing')
             self.state.clear()
+        self.let_go()
 
     @undisturbed()
     def test_to_let_go_of_the_button_releases_nothing_and_each_press_counts(self) -> None:
@@ -229,6 +235,7 @@ class Commands(CommandsCase):
                 stays(self.engaged, 1.0, 'the stop')
             self.assertTrue(stop(False).success)
             wait_for(lambda: not self.engaged(), 2, '~estop')
+        self.let_go()
 
     @undisturbed()
     def test_a_release_by_a_topic_is_a_message_of_its_own_that_is_not_latched(self) -> None:
@@ -244,6 +251,7 @@ class Commands(CommandsCase):
         wait_for(release.get_num_connections, START, 'the operator')
         release.publish()
         wait_for(lambda: not self.engaged(), 2, '~estop')
+        self.let_go()
 
     @undisturbed()
     def test_sticks_that_rest_elsewhere_are_neutral_where_it_was_said_so(self) -> None:
