@@ -34,7 +34,10 @@ SUCCESS_FACTOR = 1.3
 then."""
 
 RETRY_INTERVAL = 0.8
-"""After an unsuccessful train the next one waits this long [s],"""
+"""After an unsuccessful train the next one waits this long [s];"""
+
+CLEAR_RETRY_INTERVAL = 0.3
+"""this long where it left no queue, as then too much of it was lost to show a rate, or too little was due [s],"""
 
 REFILL_INTERVALS = 4.0
 """and for this many times what a shaper's tokens take at the capacity, so that mostly there are some,"""
@@ -141,7 +144,7 @@ class ProbeController:
         :param unreported: bytes sent since
         :param now: by a steady clock [s]
         """
-        if self._trains.on_the_way and not self._judge(capacity, depth, newest, now):
+        if self._trains.on_the_way and not self._judge(capacity, depth, empty, newest, now):
             return None
         if not (wanted or wished and now >= self._wished) or now < self._next:
             return None
@@ -157,7 +160,7 @@ class ProbeController:
         self._trains.leave(train, newest, unreported, now, TIMEOUT + train.size / capacity)
         return train
 
-    def _judge(self, capacity: float, depth: float, newest: PacketSample, now: float) -> bool:
+    def _judge(self, capacity: float, depth: float, empty: bool, newest: PacketSample, now: float) -> bool:
         """Whether the train on the way has ended; then it is judged."""
         complete = self._trains.arrived(newest)
         if self._trains.ended(newest, now) is None:
@@ -167,7 +170,8 @@ class ProbeController:
         if self._succeeded:
             self._interval = RETRY_INTERVAL
         else:
-            self._next = now + RETRY_INTERVAL + REFILL_INTERVALS * depth / capacity
+            queued = RETRY_INTERVAL + REFILL_INTERVALS * depth / capacity
+            self._next = now + (CLEAR_RETRY_INTERVAL if empty else queued)
             self._wished = now + self._interval
             if complete:
                 self._interval = min(2 * self._interval, MAX_RETRY_INTERVAL)
