@@ -6,6 +6,7 @@ import pytest
 
 from smokebot_udp.congestion.feedback import PacketSample
 from smokebot_udp.congestion.trains import (
+    CLEAR_RETRY_INTERVAL,
     DUE_TIME,
     DURATION,
     EXCESS,
@@ -40,10 +41,20 @@ def test_trains_get_faster_after_success_and_wait_after_failure() -> None:
     second = due(probes, 2 * capacity, came, 1.2)
     assert second == (NEXT_GAIN * 2 * capacity, DURATION * 2 * capacity)
     came += int(second.size)
-    assert due(probes, 2 * capacity, came, 1.3) is None          # it brought nothing
+    assert due(probes, 2 * capacity, came, 1.3, empty=False) is None     # it brought nothing but a queue
     assert due(probes, 2 * capacity, came, 1.2 + RETRY_INTERVAL) is None
     third = due(probes, 2 * capacity, came, 1.3 + RETRY_INTERVAL)
     assert third is not None and third.rate == FIRST_GAIN * 2 * capacity
+
+
+def test_a_train_that_left_no_queue_is_followed_soon() -> None:
+    """As after the loss of most of it: it cost nothing, and showed nothing."""
+    probes, capacity = ProbeController(), 1e6
+    first = due(probes, capacity, 0, 1.0)
+    assert first is not None
+    assert due(probes, capacity, int(first.size), 1.1) is None
+    assert due(probes, capacity, int(first.size), 1.05 + CLEAR_RETRY_INTERVAL) is None
+    assert due(probes, capacity, int(first.size), 1.15 + CLEAR_RETRY_INTERVAL) is not None
 
 
 def test_no_train_leaves_unless_more_is_wanted() -> None:

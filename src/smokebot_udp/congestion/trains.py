@@ -34,10 +34,11 @@ SUCCESS_FACTOR = 1.3
 then."""
 
 RETRY_INTERVAL = 0.8
-"""After an unsuccessful train the next one waits this long [s];"""
+"""After an unsuccessful train the next one waits this long [s],"""
 
 CLEAR_RETRY_INTERVAL = 0.3
-"""this long where it left no queue, as then too much of it was lost to show a rate, or too little was due [s],"""
+"""only this long where it left no queue, and not in a shaper's tokens: too much of it was lost to show a rate, or too
+little was due [s],"""
 
 REFILL_INTERVALS = 4.0
 """and for this many times what a shaper's tokens take at the capacity, so that mostly there are some,"""
@@ -170,8 +171,8 @@ class ProbeController:
         if self._succeeded:
             self._interval = RETRY_INTERVAL
         else:
-            queued = RETRY_INTERVAL + REFILL_INTERVALS * depth / capacity
-            self._next = now + (CLEAR_RETRY_INTERVAL if empty else queued)
+            self._next = now + (CLEAR_RETRY_INTERVAL if empty and not depth else
+                                RETRY_INTERVAL + REFILL_INTERVALS * depth / capacity)
             self._wished = now + self._interval
             if complete:
                 self._interval = min(2 * self._interval, MAX_RETRY_INTERVAL)
