@@ -103,7 +103,7 @@ class Commands(CommandsCase):
         neutral.twist.angular.z = 0.25
         publisher = rospy.Publisher('/operator/arm', TwistStamped, queue_size=1)
         wait_for(publisher.get_num_connections, START, 'the operator')
-        for command, speed in ((neutral, 0.0), (message, 0.1)):     # an emergency stop may have been before it
+        for command, speed in ((neutral, 0.0), (message, 0.1)):     # after an emergency stop the first is to be neutral
             with Drive(publisher, command):
                 wait_for(lambda speed=speed: self.arm.came and self.arm.came[-1].message.twist.linear.x == speed,
                          START, 'the command')

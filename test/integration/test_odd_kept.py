@@ -177,7 +177,7 @@ class OddKept(unittest.TestCase):
             wait_for(lambda at=loss: [found[-1] for found in self.beats(at).values()] == NODELETS * [BEATS], 30,
                      'the last diagnostics of each at %d %%' % loss)
             came = {name: [beat for beat in found if beat] for name, found in sorted(self.beats(loss).items())}
-            counts = [len(set(found)) for found in came.values()]   # the newest is repeated lest it look stale
+            counts = [len(set(found)) for found in came.values()]   # each array has all statuses that are known
             print('%d %% loss: of %d each came %s' % (loss, BEATS, counts), file=sys.stderr)
             self.assertGreaterEqual(min(counts), 0.6 * max(counts))
             for found in came.values():

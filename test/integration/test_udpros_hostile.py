@@ -66,7 +66,7 @@ class Hostile(unittest.TestCase):
                 (0, b'\xff\xff\xff\xff', 'ends within'), (0, 7, 'not base64')):
             bad = list(good)
             bad[place] = value
-            limited_log.forget()    # several are of one kind, of which one is logged in a minute
+            limited_log.forget()    # the log limiter would leave out a refusal of the same kind as the one before
             with xmlrpc.client.ServerProxy(rospy.get_node_uri()) as proxy:
                 code, text, _ = proxy.requestTopic('/someone', '/asked', [['UDPROS'] + bad])
             self.assertEqual(code, 0)

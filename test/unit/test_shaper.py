@@ -46,11 +46,11 @@ def test_the_depth_is_what_passed_before_a_queue(depth: float) -> None:
     assert sent.shaper.depth == pytest.approx(min(depth, MAX_DURATION * RATE), abs=SIZE)
 
 
-def test_without_a_bucket_the_depth_is_a_datagram_at_most() -> None:
+def test_where_one_datagram_passes_at_once_there_is_no_bucket() -> None:
     sent = Sent(SIZE)
     for _ in range(LEARNT):
         sent.report((0.5, 20))
-    assert sent.shaper.depth <= SIZE
+    assert sent.shaper.depth == 0
 
 
 def test_a_rate_that_has_fallen_is_no_bucket() -> None:

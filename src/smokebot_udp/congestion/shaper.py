@@ -129,5 +129,5 @@ class Shaper:
             self._learnt, self._depths[-1] = onset, max(0.0, excess)
             usual = statistics.median(self._depths)
             agree = len(self._depths) == LEARNT and max(abs(one - usual) for one in self._depths) <= AGREEMENT * usual
-            # each path lets one datagram pass at once
+            # without a bucket, too, a path lets one datagram pass at once
             self.depth = min(usual, MAX_DURATION * rate) if agree and usual > onset.size else 0.0
