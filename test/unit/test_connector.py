@@ -7,6 +7,7 @@ import xmlrpc.server
 from typing import Any, Iterator, List
 
 import pytest
+import rosgraph.network
 import rospy
 from std_msgs.msg import String
 
@@ -86,6 +87,20 @@ def test_a_publisher_that_did_not_answer_is_asked_for_the_same_port(publisher: P
     assert len(publisher.ports) == 3 and len(set(publisher.ports)) == 1
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(('', publisher.ports[0]))
+
+
+@pytest.mark.parametrize('address', ['0.0.0.0', '127.0.0.1', '::', '::1'])
+def test_datagrams_cross_by_ipv4_where_ros_uses_ipv6(address: str, publisher: Publisher, monkeypatch: Any) -> None:
+    """See ROS_IPV6: rosgraph then names an IPv6 address to bind to."""
+    monkeypatch.setattr(rosgraph.network, 'get_bind_address', lambda: address)
+    monkeypatch.setattr(rpc, 'MAX_RETRY_PERIOD', 0.01)
+    impl = subscriber(publisher, lambda: True, monkeypatch)
+    timer = threading.Timer(5.0, impl.close)        # it would be tried for ever
+    timer.start()
+    assert Connector(lambda *_: (0, 'by TCPROS', 0)).connect_topic('/topic', publisher.uri) == (
+        0, 'requestTopic: not today', 0)
+    timer.cancel()
+    assert len(publisher.ports) == 1
 
 
 def test_a_topic_that_is_wanted_late_is_asked_for_soon(publisher: Publisher, monkeypatch: Any) -> None:

@@ -263,7 +263,13 @@ def test_why_a_topic_is_not_wanted() -> None:
     assert 'does not know of it yet' in robot.exchange.why_not(IMAGE.id)    # it has not acknowledged
     run(robot, operator, 0.0, 1.0)
     assert 'cannot decode it' in robot.exchange.why_not(IMAGE.id)
-    assert 'does not receive it' in robot.exchange.why_not(RELAY.id)
+    assert 'does not receive it: its log says why' in robot.exchange.why_not(RELAY.id)
+    operator.local.add(Role.RECEIVES, RELAY._replace(md5='0'))
+    run(robot, operator, 1.0, 2.0)
+    assert 'does not receive it: its streams.yaml has another definition' in robot.exchange.why_not(RELAY.id)
+    operator.local.remove(Role.RECEIVES, IMAGE)     # as where PyAV cannot be loaded
+    run(robot, operator, 2.0, 3.0)
+    assert 'does not receive it: its log says why' in robot.exchange.why_not(IMAGE.id)
 
 
 def test_an_older_message_changes_nothing() -> None:

@@ -272,7 +272,11 @@ class Exchange:
             return 'does not know of it yet: the link loses too much'
         if number in self.theirs.declines:
             return 'cannot decode it yet: its log says why'
-        return 'does not receive it: its streams.yaml has another definition'
+        name = next((topic.name for role, topic in self._local.entries()
+                     if role == Role.SENDS and topic.id == number), None)
+        if Role.RECEIVES in (role for role, theirs in self._entries if theirs.name == name):
+            return 'does not receive it: its streams.yaml has another definition'
+        return 'does not receive it: its log says why, or its streams.yaml lacks it'
 
     def renew(self) -> None:
         """The peer may have forgotten this side, but not the other way round: LISTS is sent at once.

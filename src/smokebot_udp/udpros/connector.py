@@ -34,6 +34,9 @@ GONE_AFTER = 10.0
 MAX_DRAINED = 64
 """Batches of old datagrams that are dropped before another attempt; a stranger may send more and more."""
 
+IPV4 = {'::': '0.0.0.0', '::1': '127.0.0.1'}
+"""What datagrams are bound to, as they cross by IPv4, where rospy binds to IPv6 addresses (ROS_IPV6)."""
+
 ApiResult = Tuple[int, str, Any]
 """Status code (1: success), status message and value of a method of the ROS slave API."""
 
@@ -220,7 +223,8 @@ class _Negotiation:
 
 def _receiver(impl: UdpSubscriberImpl) -> DatagramReceiver:
     options = impl.options
-    receiver = open_receiver(impl.resolved_name, rosgraph.network.get_bind_address(), options.max_datagram_size,
+    address = rosgraph.network.get_bind_address()
+    receiver = open_receiver(impl.resolved_name, IPV4.get(address, address), options.max_datagram_size,
                              options.receive_buffer)
     if receiver.receive_buffer < 2 * options.receive_buffer:   # the kernel adds its own overhead: twice the size
         logwarn('the kernel grants a receive buffer that is too short for bursts', '%d bytes only, '
