@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Bad segments of layered images on the operator's side: refused, counted, and bound in memory."""
 import math
+import random
 import subprocess
 import sys
 import threading
@@ -175,6 +176,23 @@ def test_a_source_may_change_its_size() -> None:
     for records, now in ((larger[2], 20.0 + PROOF), (segments(scene(), 23), 21.1), (larger[0], 30.0)):
         assembled, = operator(records, now)
     assert assembled.message.height == 96
+
+
+def test_a_source_may_change_its_size_again_and_again() -> None:
+    """Every 0.5 s another random size: something is shown of each second, as a size that is not larger is not held."""
+    guard, chance = SizeGuard(), random.Random(1)
+    shown = 0.0
+    for step in range(8 * 600):     # ten minutes at 8 Hz
+        now = step / 8
+        if step % 4 == 0:
+            cells = chance.randint(1, 800) * chance.randint(1, 600) * chance.choice((1, 1, 1, 3, 3))
+        try:
+            guard.check(cells, now)
+        except ValueError:
+            assert now - shown < 1.0
+        else:
+            guard.good(cells, now + 0.05)
+            shown = now
 
 
 def test_an_image_above_the_first_bound_is_shown_after_a_while() -> None:

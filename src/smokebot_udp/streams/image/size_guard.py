@@ -9,6 +9,8 @@ forged datagram could announce millions of pixels. So sizes are bound by what is
 * A larger size is accepted where it is announced twice at least, PROOF apart, and no good image of the bound's size
   comes in between: a source that changes its size falls silent in the former one, and a forger beside it has no such
   silence. As segments of a refused size begin no image, they do not disturb the good ones.
+* It is accepted, too, where only larger sizes were announced for PROOF, and no good image at all came: a source may
+  change its size more often than PROOF.
 * Nothing above MAX_CELLS is accepted.
 """
 import math
@@ -37,6 +39,7 @@ class SizeGuard:
         self._largest = 0                       # of the good images since then
         self._claimed: Optional[int] = None     # the larger size announced last
         self._since = -math.inf                 # when it was announced first [s]
+        self._silent_since = math.inf           # when a larger size was announced first since a good image [s]
 
     def check(self, cells: int, now: float) -> None:
         """Note the size that the head of a new image announces.
@@ -52,7 +55,8 @@ class SizeGuard:
                 return
             if cells != self._claimed:
                 self._claimed, self._since = cells, now
-            if now - self._since < PROOF:
+            self._silent_since = min(self._silent_since, now)
+            if now - min(self._since, self._silent_since) < PROOF:
                 raise ValueError('%d cells, where images have %d' % (cells, self._bound))
 
     def good(self, cells: int, now: float) -> None:
@@ -60,6 +64,7 @@ class SizeGuard:
         with self._lock:
             self._confirmed = min(self._confirmed, now)
             self._largest = max(self._largest, cells)
+            self._silent_since = math.inf
             if cells >= self._bound or now - self._confirmed > MEMORY:
                 self._bound, self._confirmed, self._largest = self._largest, now, 0
                 self._claimed = None
