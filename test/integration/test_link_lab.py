@@ -126,7 +126,9 @@ class LinkLab(unittest.TestCase):
                               ('flood of the operator', {'forged', 'replayed data', 'malformed'}),
                               ('uninvited operators', REFUSALS)):
             self.assertLessEqual(reasons, set(phases[name].dropped), name)
-        self.assertEqual(phases['half-open handshakes'].sent['INIT'], 1000)
+        sent = phases['half-open handshakes'].sent
+        self.assertEqual(sent['HELLO'], 1000)
+        self.assertNotIn('INIT', sent, 'who has a wrong key gets no cookie')
 
     @undisturbed()
     def test_a_bad_link_to_one_robot_leaves_the_other_as_it_was(self) -> None:
