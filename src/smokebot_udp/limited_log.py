@@ -78,23 +78,26 @@ def forget() -> None:
     _limiter = LogLimiter()
 
 
-def logerr(subject: str, problem: Any, period: float = ERROR_PERIOD) -> None:
+def logerr(subject: str, problem: Any, period: float = ERROR_PERIOD) -> bool:
     """Log an error, `subject: problem`, unless the node shuts down or it is left out.
 
     :param subject: what has the problem; empty: the text says it
     :param problem: an exception or a text
     :param period: see LogLimiter.admit [s]
+    :return: whether it is logged
     """
-    _log(rospy.logerr, subject, str(problem), period)
+    return _log(rospy.logerr, subject, str(problem), period)
 
 
-def logwarn(subject: str, problem: Any, period: float = WARNING_PERIOD) -> None:
+def logwarn(subject: str, problem: Any, period: float = WARNING_PERIOD) -> bool:
     """Likewise, a warning."""
-    _log(rospy.logwarn, subject, str(problem), period)
+    return _log(rospy.logwarn, subject, str(problem), period)
 
 
-def _log(log: Callable[..., None], subject: str, problem: str, period: float) -> None:
+def _log(log: Callable[..., None], subject: str, problem: str, period: float) -> bool:
     left_out = None if rospy.is_shutdown() else _limiter.admit(subject, problem, period, time.monotonic())
-    if left_out is not None:
-        text = ': '.join(filter(None, (subject, problem)))
-        log('%s%s', text, ' (and %d more like it)' % left_out if left_out else '')
+    if left_out is None:
+        return False
+    text = ': '.join(filter(None, (subject, problem)))
+    log('%s%s', text, ' (and %d more like it)' % left_out if left_out else '')
+    return True

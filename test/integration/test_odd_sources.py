@@ -299,6 +299,19 @@ class OddSources(unittest.TestCase):
                   lambda one: one.header.frame_id == '/nowhere')
         self.wait_told("stream 'slashed'", "tf knows no transform from 'nowhere' to 'base_link'")
 
+    def test_a_frame_with_a_slash_gets_no_second_prefix(self) -> None:
+        shown: List[str] = []
+        subscriber = rospy.Subscriber('/prefixed/operator/ray', LaserScan, lambda one: shown.append(
+            one.header.frame_id))
+        self.addCleanup(subscriber.unregister)
+
+        def comes() -> bool:
+            for frame_id in ('/robot_0/own', '/bare'):
+                self.sources['/ray'].publish(scan(0, frame_id))
+            return {'robot_0/own', 'robot_0/bare'} <= set(shown)
+        wait_for(comes, 60, 'frames with a prefix, not only %s' % shown)
+        self.assertNotIn('robot_0/robot_0/own', shown)
+
     # -- precision, and formats of other pixels
 
     def test_doubles_in_utm_keep_their_precision(self) -> None:

@@ -108,10 +108,11 @@ def test_regions_are_clipped(region: Region, even: bool, wanted: Region) -> None
     assert region.within(8, 10, even) == wanted
 
 
-@pytest.mark.parametrize('region, even', [(Region(10, 0, 4, 4), False), (Region(0, 8, 4, 4), False),
-                                          (Region(0, 0, 1, 4), True)])
-def test_regions_outside_are_refused(region: Region, even: bool) -> None:
-    with pytest.raises(ValueError, match='nothing of it is in an image of 10 x 8 pixels'):
+@pytest.mark.parametrize('region, even, problem', [
+    (Region(10, 0, 4, 4), False, 'nothing'), (Region(0, 8, 4, 4), False, 'nothing'),
+    (Region(10, 0, 4, 4), True, 'nothing'), (Region(0, 0, 1, 4), True, 'no whole cell of 2 x 2 pixels')])
+def test_regions_outside_are_refused(region: Region, even: bool, problem: str) -> None:
+    with pytest.raises(ValueError, match=problem + ' of it is in an image of 10 x 8 pixels'):
         region.within(8, 10, even)
 
 

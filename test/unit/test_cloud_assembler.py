@@ -223,6 +223,17 @@ def test_points_persist_while_the_robot_stands_still() -> None:
     assert published([0.0, 0.4], [True, True], persistence=0.0) == [1, 1]
 
 
+def test_points_persist_in_one_frame_with_and_without_a_slash() -> None:
+    assembler, values = operator_side('cloud', persistence=1.0)
+    shown = []
+    for number, frame_id in enumerate(['lidar', '/lidar', 'other']):
+        message = cloud_message(np.ones(1, POINT), stamp=number + 1)
+        message.header.frame_id = frame_id
+        assembled, = assemble_all(assembler, values, [frame_of(message, leaf_size=0.0).records], 0.1 * number, True)
+        shown.append((assembled.message.header.frame_id, assembled.message.width))
+    assert shown == [('lidar', 1), ('/lidar', 2), ('other', 1)]
+
+
 def test_persistent_points_are_bounded_and_the_oldest_go_first() -> None:
     count = MAX_PERSISTENT_POINTS // 4
     assembler, values = operator_side('cloud', persistence=3600.0)

@@ -55,9 +55,11 @@ def test_images_in_words(psnr: Sequence[float], ages: Sequence[float], text: str
 def test_nothing_is_called_exact_that_was_not_compared() -> None:
     unlike = '640 x 480 mono16 is sent, 320 x 240 mono16 comes'
     assert str(Images((), (0.25,))) == 'not compared: no original has their stamps, age p50 250 ms, p99 250 ms'
-    assert str(Images((), (0.25,), unlike)) == 'not compared: %s, age p50 250 ms, p99 250 ms' % unlike
-    assert str(Images(EXACT, (0.25, 0.25), unlike)) == (
-        'all exact of 1 compared (%s), age p50 250 ms, p99 250 ms' % unlike)
+    assert str(Images((), (0.25,), 1, unlike)) == 'not compared: %s, age p50 250 ms, p99 250 ms' % unlike
+    assert str(Images(EXACT, (0.25, 0.25), 1, unlike)) == (
+        'all exact of 1 compared, 1 not compared: %s, age p50 250 ms, p99 250 ms' % unlike)
+    assert str(Images(2 * EXACT, 5 * (0.25,), 3)) == (
+        'all exact of 2 compared, 3 not compared: no original has their stamps, age p50 250 ms, p99 250 ms')
 
 
 def test_the_columns_are_aligned() -> None:

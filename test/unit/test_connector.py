@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """When a publisher is asked for a connection: a real XML-RPC server, no master."""
+import errno
 import socket
 import threading
 import time
@@ -101,6 +102,25 @@ def test_datagrams_cross_by_ipv4_where_ros_uses_ipv6(address: str, publisher: Pu
         0, 'requestTopic: not today', 0)
     timer.cancel()
     assert len(publisher.ports) == 1
+
+
+@pytest.mark.parametrize('failures, told', [(connector.TRANSIENT, False), (20, True)])
+def test_what_lasts_and_is_this_machines_fault_is_told_once(
+        failures: int, told: bool, publisher: Publisher, monkeypatch: Any) -> None:
+    left, lines, opened = [failures], [], connector.open_receiver
+
+    def no_sockets(*given: Any) -> Any:
+        left[0] -= 1
+        if left[0] >= 0:
+            raise OSError(errno.EMFILE, 'Too many open files')
+        return opened(*given)
+    subscriber(publisher, lambda: True, monkeypatch)
+    monkeypatch.setattr(rpc, 'MAX_RETRY_PERIOD', 0.01)
+    monkeypatch.setattr(rospy, 'logerr', lambda text, *values: lines.append(text % values))
+    monkeypatch.setattr(connector, 'open_receiver', no_sockets)
+    Connector(lambda *_: (0, 'by TCPROS', 0)).connect_topic('/topic', publisher.uri)
+    assert [line for line in lines if 'refuses' not in line] == told * [
+        '[/topic]: no connection to %s, retrying: [Errno 24] Too many open files' % publisher.uri]
 
 
 def test_a_topic_that_is_wanted_late_is_asked_for_soon(publisher: Publisher, monkeypatch: Any) -> None:

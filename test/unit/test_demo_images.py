@@ -47,7 +47,22 @@ def test_images_that_differ_in_size_or_type_are_not_called_exact(comparison: Ima
     receives(image(4, 'mono16'))
     assert '4 x 2 mono16 comes' in comparison.compared(1.0).row(0.0)[6]
     receives(image(4))
-    assert comparison.compared(1.0).row(0.0)[6].startswith('all exact of 1 compared (')
+    assert comparison.compared(1.0).row(0.0)[6].startswith(
+        'all exact of 1 compared, 2 not compared: 4 x 2 mono8 is sent, 4 x 2 mono16 comes, ')
     comparison.reset()
     receives(image(4, value=17))
     assert comparison.compared(1.0).row(0.0)[6].startswith('PSNR 28.1 dB, ')
+
+
+def test_images_without_an_original_are_counted(comparison: ImageComparison) -> None:
+    sends(image(4))
+    receives(image(4))
+    for _ in range(3):
+        other = image(4)
+        other.header.stamp = rospy.Time(9)
+        receives(other)
+    assert comparison.compared(1.0).row(0.0)[6].startswith(
+        'all exact of 1 compared, 3 not compared: no original has their stamps, ')
+    comparison.reset()
+    receives(image(4))
+    assert comparison.compared(1.0).row(0.0)[6].startswith('all exact, ')

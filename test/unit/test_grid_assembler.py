@@ -89,6 +89,17 @@ def test_a_map_that_moves_by_a_part_of_a_cell_keeps_what_came_of_it(columns: flo
     assert (shown.message.data == some_cells().ravel()).all() == kept
 
 
+def test_a_slash_before_its_frame_makes_no_other_map() -> None:
+    assembler, values = operator_side('grid', fill='unknown')
+    again = grid_message(some_cells())
+    again.header.frame_id = '/' + again.header.frame_id
+    parts = segments(some_cells(), max_cells=100)
+    assemble_all(assembler, values, [part[::2] for part in parts], now=1.0)
+    parts = [frame.records for frame in Sender('grid', coding='interleaved', max_cells=100).frames(again)]
+    shown, = assemble_all(assembler, values, [part[1::2] for part in parts], now=2.0)
+    assert (shown.message.header.frame_id, shown.completeness) == (again.header.frame_id, 1.0)
+
+
 def test_settings_apply_to_the_map_that_is_there() -> None:
     assembler, values = operator_side('grid', fill='unknown')
     part = segments(some_cells(), max_cells=100)[0][::2]

@@ -122,6 +122,10 @@ def test_a_region_of_a_mosaic_keeps_its_pattern() -> None:
 
 @pytest.mark.parametrize('message, settings, problem', [
     (image(noise((120, 160)), 'mono8'), {'region': '160, 0, 5, 5'}, 'region is 160, 0, 5, 5: nothing of it'),
+    (image(noise((121, 161)), 'bayer_rggb8'), {'region': '160, 0, 5, 5'},
+     'region is 160, 0, 5, 5: no whole cell of 2 x 2 pixels of it is in an image of 161 x 121'),
+    (image(noise((48, 1)), 'bayer_rggb8'), {}, 'encoding is bayer_rggb8, but the image is 1 x 48 pixels'),
+    (image(noise((1, 64)), 'bayer_gbrg8'), {'region': '0, 0, 9, 9'}, 'but the image is 64 x 1 pixels, less than one'),
     (image(noise((4, 3, 2)), 'yuv422'), {}, 'encoding is yuv422, but the width of 3 pixels is odd'),
     (CompressedImage(format='jpeg', data=b'\xff\xd8'), {}, 'truncated')])
 def test_bad_images_are_refused(message: Any, settings: Any, problem: str) -> None:

@@ -1,11 +1,38 @@
 # SPDX-License-Identifier: BSD-3-Clause
-from typing import Any, List
+import ast
+import pathlib
+from typing import Any, Iterator, List
 
 import pytest
 import rospy
 
 from smokebot_udp import limited_log
 from smokebot_udp.limited_log import BURST, ERROR_PERIOD, MAX_REMEMBERED, PERIOD, LogLimiter, kind_of, logerr, logwarn
+
+SOURCE = pathlib.Path(__file__).resolve().parents[2] / 'src' / 'smokebot_udp'
+
+DIRECT = {
+    # once in the life of a process, a link or a stream
+    'nodes/black_box.py', 'nodes/common.py', 'nodes/compiled_codec.py', 'nodes/demo_report.py',
+    'nodes/operator_stream.py', 'nodes/trace.py', 'nodes/transports.py', 'udpros/rospy_binding.py', 'link/transport.py',
+    # once for each name, peer or outage, which they remember
+    'nodes/live.py', 'nodes/namesake.py', 'nodes/reliable_link.py', 'udpros/connector.py', 'udpros/rpc.py',
+    # a child process has ended; they wait longer and longer before the next start
+    'nodes/launches.py', 'nodes/rviz_keeper.py',
+    # the answer to a goal of a person, who sees no other
+    'nodes/simulated_driving.py',
+}
+"""Modules that log warnings or errors by rospy itself."""
+
+
+def direct_logging(path: pathlib.Path) -> Iterator[str]:
+    """What a module uses of rospy that logs warnings and errors."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == 'rospy':
+            if node.attr.startswith(('logwarn', 'logerr', 'logfatal')):
+                yield node.attr
+        elif isinstance(node, ast.ImportFrom) and node.module == 'rospy':
+            assert not any(alias.name.startswith('log') for alias in node.names), path
 
 
 @pytest.fixture(name='lines')
@@ -92,4 +119,17 @@ def test_a_new_start_logs_all_again(lines: List[str], clock: List[float]) -> Non
     for _ in range(2):
         logerr('stream', 'broken')
         limited_log.forget()
+    assert len(lines) == 2
+
+
+def test_problems_that_may_repeat_are_logged_by_the_limiter_only() -> None:
+    """rospy's own throttles count by the line of code: one stream silences the others."""
+    found = {str(path.relative_to(SOURCE)): set(direct_logging(path)) for path in SOURCE.rglob('*.py')
+             if path != SOURCE / 'limited_log.py'}
+    assert not {path: names for path, names in found.items() if names - {'logwarn', 'logerr'}}
+    assert {path for path, names in found.items() if names} == DIRECT
+
+
+def test_the_caller_learns_whether_it_is_logged(lines: List[str], clock: List[float]) -> None:
+    assert logerr('stream', 'broken') and not logerr('stream', 'broken') and logwarn('other', 'broken')
     assert len(lines) == 2

@@ -61,7 +61,7 @@ def test_where_nothing_can_be_kept_a_session_begins() -> None:
     begin = lattice(), WORLD
     assert corners([begin, (lattice(turn=0.1), turned)]) == [(0, 0), None]
     assert corners([begin, (lattice(resolution=0.1), WORLD)]) == [(0, 0), None]
-    assert corners([begin, (lattice()._replace(frame_id='odom'), WORLD)]) == [(0, 0), None]
+    assert corners([begin, (lattice()._replace(frame='odom'), WORLD)]) == [(0, 0), None]
     unknown = np.full(WORLD.shape, -1, np.int8)
     assert corners([begin, (lattice(turn=0.1), unknown)]) == [(0, 0), None]
 

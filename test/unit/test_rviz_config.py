@@ -24,7 +24,7 @@ PREFIXED = """\
 
 
 def test_the_names_of_frames_have_the_prefix_and_nothing_else() -> None:
-    assert with_prefix(TEXT, 'ugv1/') == PREFIXED and with_prefix(TEXT, '') == TEXT
+    assert with_prefix(TEXT, 'ugv1/') == with_prefix(TEXT, '/ugv1/') == PREFIXED and with_prefix(TEXT, '') == TEXT
 
 
 def test_the_operators_configuration() -> None:

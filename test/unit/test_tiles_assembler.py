@@ -221,6 +221,16 @@ def test_a_map_that_moves_by_a_part_of_a_cell_is_shown_there_with_all_its_cells(
         assert operator.assembler.ages(operator.now).data.max() == 0
 
 
+def test_a_slash_before_its_frame_makes_no_other_map(robot: TileSender, operator: Operator) -> None:
+    changed = rooms()
+    changed[50, 60] = 100 - changed[50, 60]
+    tile, = robot.update(changed, info_of(rooms(), (-3.0, 2.0)), '/map')
+    operator.receive([tile])        # no proof is needed
+    operator.show()
+    np.testing.assert_array_equal(operator.cells, changed)
+    assert operator.shown.message.header.frame_id == '/map'
+
+
 @pytest.mark.parametrize('columns, rows', [(0, 0), (7, -20), (-16, 32)])
 def test_a_robot_that_starts_again_and_numbers_its_map_otherwise(operator: Operator, columns: int, rows: int) -> None:
     info = info_of(rooms(), (-3.0 + 0.05 * (columns + 0.3), 2.0 + 0.05 * (rows + 0.3)))

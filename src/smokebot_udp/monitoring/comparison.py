@@ -28,8 +28,10 @@ class Images(NamedTuple):
     """Of each image that was compared; infinite: exact [dB]."""
     ages: Sequence[float]
     """When each one was received [s]."""
+    uncompared: int = 0
+    """Images that were received, and not compared."""
     unlike: str = ''
-    """Why some were not compared; empty: all that were received had an original."""
+    """Why some were not; empty: no original had their stamps."""
 
     @property
     def verdict(self) -> str:
@@ -46,11 +48,13 @@ class Images(NamedTuple):
 
     def _quality(self) -> str:
         """How good they are, and of which this is known."""
-        lossy = self._lossy()
+        lossy, why = self._lossy(), self.unlike or 'no original has their stamps'
         if not self.psnr:
-            return 'not compared: %s' % (self.unlike or 'no original has their stamps')
+            return 'not compared: %s' % why
         quality = 'PSNR %.1f dB' % np.mean(lossy) if lossy else 'all exact'
-        return '%s of %d compared (%s)' % (quality, len(self.psnr), self.unlike) if self.unlike else quality
+        if not self.uncompared:
+            return quality
+        return '%s of %d compared, %d not compared: %s' % (quality, len(self.psnr), self.uncompared, why)
 
     def _lossy(self) -> List[float]:
         return [value for value in self.psnr if not math.isinf(value)]

@@ -19,6 +19,7 @@ import rospy
 from std_msgs.msg import String
 
 from .. import udpros
+from ..limited_log import logerr
 from ..streams.recorded_topics import RecordedStream, all_topics, recorded_streams
 from ..udpros import rpc
 from ..udpros.master import MasterWatch
@@ -85,7 +86,7 @@ class BlackBox:
         self._store, self._command = store, command
         self._launch: Optional[Launch] = None
         self._master = MasterWatch(rosgraph.get_master_uri(), rospy.get_node_uri())
-        self._problem = ''
+        self._told = False      # that it does not record
         self._log_error = log_error('the black box')
 
     def run(self) -> None:
@@ -105,12 +106,11 @@ class BlackBox:
             rospy.loginfo('black box: %s is deleted: all bags together have reached their limit, or the disk is nearly '
                           'full', name)
         problem = self._store.problem()
-        if problem != self._problem and (not problem or not self._problem):
-            if problem:
-                rospy.logerr('the black box does not record: %s. It goes on when that has changed', problem)
-            else:
-                rospy.loginfo('the black box records again')
-            self._problem = problem
+        if problem and not self._told:
+            self._told = logerr('the black box does not record', problem + '. It goes on when that has changed')
+        elif not problem and self._told:
+            rospy.loginfo('the black box records again')
+            self._told = False
         if problem or self._master_is_new():
             self._end()
         if not problem:

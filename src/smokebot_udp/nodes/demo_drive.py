@@ -20,6 +20,7 @@ from std_msgs.msg import String
 
 from ..simulation.drive import ahead
 from ..streams import classified
+from ..streams.frame_prefix import with_prefix
 from ..streams.relay.parameters import TO_ROBOT
 from ..udpros import rpc
 from .foreign_publishers import published_at
@@ -111,7 +112,7 @@ class DemoDrive:
     """
 
     def __init__(self, topics: Topics, frame_prefix: str) -> None:
-        self._topics, self._frame = topics, frame_prefix + 'map'
+        self._topics, self._frame = topics, with_prefix('map', frame_prefix)
         self._sent: List[float] = []
         self._arrived: List[Tuple[float, int]] = []
         self._goal = 'no goal was sent'

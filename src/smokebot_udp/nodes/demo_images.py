@@ -34,7 +34,7 @@ class ImageComparison:
         self._pair: Optional[Tuple[Any, UInt8Array]] = None     # a sent message, and its view
         self._psnr: List[float] = []
         self._ages: List[float] = []
-        self._unlike = ''
+        self._uncompared, self._unlike = 0, ''
         self._waiting: collections.OrderedDict[Any, Any] = collections.OrderedDict()   # {stamp: message}
         self._lock = threading.Lock()
         self._subscribers = [
@@ -59,6 +59,7 @@ class ImageComparison:
             self.came = True
             self._ages.append(age)
             source = self._waiting.get(message.header.stamp)
+            self._uncompared += source is None
         if source is None:
             return
         sent, received = _pixels(source), _pixels(message)
@@ -68,6 +69,7 @@ class ImageComparison:
             if alike:
                 self._psnr.append(quality)
             else:
+                self._uncompared += 1
                 self._unlike = '%s is sent, %s comes' % (_kind(source), _kind(message))
 
     def _on_view(self, view: Any) -> None:
@@ -80,14 +82,14 @@ class ImageComparison:
         """Start counting anew."""
         with self._lock:
             self.sent = self.received = 0
-            self._unlike = ''
+            self._uncompared, self._unlike = 0, ''
             del self._psnr[:], self._ages[:]
 
     def compared(self, seconds: float) -> Compared:
         """The result after `seconds` of comparison."""
         with self._lock:
             return Compared(self.name, self._settings, self.sent / seconds, self.received / seconds, self.came,
-                            Images(tuple(self._psnr), tuple(self._ages), self._unlike))
+                            Images(tuple(self._psnr), tuple(self._ages), self._uncompared, self._unlike))
 
     def picture(self) -> Optional[UInt8Array]:
         """(height, width, 3) uint8 BGR: the newest image as it was sent, beside its view; None: there was none."""

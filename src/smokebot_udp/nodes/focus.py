@@ -14,6 +14,7 @@ from dynamic_reconfigure.encoding import encode_config
 from dynamic_reconfigure.msg import DoubleParameter
 from std_msgs.msg import Bool
 
+from ..limited_log import ERROR_PERIOD, logwarn
 from ..mission.control import MissionControl, State
 from ..mission.focus import Profile
 from ..mission.settings import Settings, SettingsStore
@@ -80,7 +81,7 @@ class FocusControl:
         rospy.loginfo('focus: %s', focus)
         warning = self.control.warning(focus)
         if warning:
-            rospy.logwarn('%s', warning)
+            logwarn('', warning, ERROR_PERIOD)
 
     def _show_all(self) -> None:
         self._publish()

@@ -8,6 +8,7 @@ from typing import Any, Callable, Counter, Dict, List, Mapping, Optional, Tuple
 import rospy
 from actionlib_msgs.msg import GoalID, GoalStatus
 
+from ..limited_log import ERROR_PERIOD, logwarn
 from ..mission.settings import SettingsStore
 from ..monitoring.stats import StreamStats
 from ..serialised import serialised
@@ -126,7 +127,7 @@ class OperatorAction:
         """Tell the client of a goal that the robot does not have, as far as is known."""
         reason = 'the goal was not taken up within %g s: %s%s' % (
             self._watch.patience, self._silence(), _replaced(lost.replaced))
-        rospy.logwarn("stream '%s': %s", self.name, reason)
+        logwarn("stream '%s'" % self.name, reason, ERROR_PERIOD)
         self._end(GoalID(id=lost.goal), GoalStatus.LOST, reason)
 
     def _silence(self) -> str:
@@ -168,7 +169,8 @@ class OperatorAction:
         message.status_list += [GoalStatus(goal_id=GoalID(id=goal), status=GoalStatus.PENDING) for goal in on_their_way]
         message.status_list += missing.added
         for goal in cancelled:
-            rospy.logwarn("stream '%s': a goal that nobody follows any more is cancelled: %s", self.name, goal)
+            logwarn("stream '%s'" % self.name, 'a goal that nobody follows any more is cancelled: %s' % goal,
+                    ERROR_PERIOD)
             self._send_cancel(GoalID(id=goal))
         for goal in missing.lost:
             self._end(GoalID(id=goal), GoalStatus.LOST, 'its result has not come from the robot')

@@ -16,6 +16,7 @@ from ..capture import files
 from ..capture.content import Captured, Refused, unpack
 from ..capture.receiving import Receiving
 from ..capture.sending import Piece
+from ..limited_log import ERROR_PERIOD, logwarn
 from ..monitoring.link_board import printable
 from ..msg import CapturePiece, CaptureProgress, CaptureRequest
 from ..srv import Capture, CaptureResponse
@@ -43,7 +44,7 @@ CAPTURED = 'sensor_msgs/Image', 'sensor_msgs/PointCloud2'
 
 
 class _Failed(Exception):
-    """A capture failed: the reason, in one sentence."""
+    """A capture failed: what is wrong, said of the stream."""
 
 
 class OperatorCapture:
@@ -96,9 +97,11 @@ class OperatorCapture:
         try:
             return self._capture(asked)
         except _Failed as failure:
-            self._show(asked.stream, str(failure))
-            rospy.logwarn('%s', failure)
-            return CaptureResponse(False, str(failure), '')
+            subject = "stream '%s'" % asked.stream
+            text = '%s %s' % (subject, failure)
+            self._show(asked.stream, text)
+            logwarn(subject, failure, ERROR_PERIOD)
+            return CaptureResponse(False, text, '')
         finally:
             self._fetching.release()
 
@@ -106,15 +109,14 @@ class OperatorCapture:
         """:raises _Failed: saying why there is no capture"""
         stream = self._streams.get(asked.stream)
         if stream is None or stream.assembler.MESSAGE._type not in CAPTURED:
-            raise _Failed("stream '%s' cannot be captured: there is no such stream of type image or cloud"
-                          % asked.stream)
+            raise _Failed('cannot be captured: there is no such stream of type image or cloud')
         begun = time.monotonic()
         content = self._fetch(asked, stream)
         size, took = len(content), time.monotonic() - begun
         try:
             captured = self._prefixed(unpack(content, stream.assembler.MESSAGE))
         except (Refused, ValueError) as error:
-            raise _Failed("stream '%s' cannot be captured: %s" % (asked.stream, printable(str(error)))) from None
+            raise _Failed('cannot be captured: %s' % printable(str(error))) from None
         self._output(stream).publish(captured.message)
         path = self._save(asked, stream, captured)
         self._show(asked.stream, 'done', size)
@@ -140,7 +142,7 @@ class OperatorCapture:
                     request.received, request.order = self._receiving.received, self._receiving.order
                     if content is not None:
                         return content
-                    self._check(asked.stream, deadline)
+                    self._check(deadline)
                 self._requests.publish(request)
                 self._show(asked.stream, 'receiving' if self._receiving.size else 'waiting')
                 with self._changed:
@@ -158,23 +160,23 @@ class OperatorCapture:
             with self._changed:
                 self._id, dropped = 0, self._receiving.dropped
             if dropped:
-                rospy.logwarn("stream '%s': %d impossible pieces of a capture were dropped", request.stream, dropped)
+                logwarn("stream '%s'" % request.stream, '%d impossible pieces of a capture were dropped' % dropped)
             for _ in range(LAST_COPIES):
                 self._requests.publish(CaptureRequest(id=request.id, done=True))
                 time.sleep(LAST_SPACING)
 
-    def _check(self, name: str, deadline: float) -> None:
+    def _check(self, deadline: float) -> None:
         """:raises _Failed: the robot is silent, or it is too late"""
         now, receiving = time.monotonic(), self._receiving
         if rospy.is_shutdown():
-            raise _Failed("stream '%s' cannot be captured: this node ends" % name)
+            raise _Failed('cannot be captured: this node ends')
         if now - self._came > min(SILENCE, self._timeout):
-            raise _Failed("stream '%s' cannot be captured: %s" % (name, (
+            raise _Failed('cannot be captured: %s' % (
                 'the robot did not answer for %.0f s' % (now - self._came) if self._requests.get_num_connections()
-                else 'no robot is connected')))
+                else 'no robot is connected'))
         if now > deadline:
-            raise _Failed("stream '%s' cannot be captured: in %g s only %.0f of %.0f kB came; a region is smaller" % (
-                name, self._timeout, receiving.held / 1e3, receiving.size / 1e3))
+            raise _Failed('cannot be captured: in %g s only %.0f of %.0f kB came; a region is smaller' % (
+                self._timeout, receiving.held / 1e3, receiving.size / 1e3))
 
     def _show(self, name: str, state: str, size: Optional[int] = None) -> None:
         receiving = self._receiving
@@ -220,5 +222,5 @@ class OperatorCapture:
             end, content = files.file_of(message)
             return files.save(self._folder, name, end, content, files.described(message, captured.pose, more))
         except (OSError, ValueError) as error:
-            raise _Failed("stream '%s' was captured and published, but is not saved in %s: %s" % (
-                stream.name, self._folder, error)) from None
+            raise _Failed('was captured and published, but is not saved in %s: %s' % (
+                self._folder, error)) from None

@@ -10,8 +10,7 @@ from typing import Any, Counter, Mapping, Optional, Tuple
 
 import rospy
 
-from ..budget import Budget
-from ..limited_log import logerr
+from ..limited_log import ERROR_PERIOD, logerr, logwarn
 from ..mission.parameters import live
 from ..mission.settings import Settings, SettingsStore
 from ..monitoring.stats import ConnectionStats, StreamStats
@@ -36,8 +35,6 @@ NEW = 1.0
 """A message that came longer ago does not say where the sticks are [s]."""
 
 HINT = '. Where the sticks are at rest, call ~set_neutral, or set on_timeout of the stream to what they show'
-LOG_PERIOD = 5.0
-"""A reason why commands are not sent is logged this often at most [s]."""
 
 
 class OperatorCommand:
@@ -62,7 +59,7 @@ class OperatorCommand:
         self._dropped: Counter[str] = collections.Counter()
         self._received = self._sent = 0
         self._problem: Optional[str] = None
-        self._log_budget, self._warned = Budget(1, LOG_PERIOD), False
+        self._warned = False
         self._publisher: Optional[Publisher] = None     # made by start(), as is this
         self._subscriber: Any = None
         self._worker: DeadlineWorker[Copy] = DeadlineWorker(name, self._poll, self._sender.deadline, self._send,
@@ -150,7 +147,7 @@ class OperatorCommand:
                 problem = self._put(data, outlook, now)
         if problem is not None:
             self._report(problem)
-        self._warn(reason, now)
+        self._warn(reason)
 
     def _put(self, data: bytes, outlook: Any, now: float) -> Optional[ValueError]:
         """Send a command; the lock is held. Returns why it is not sent."""
@@ -161,14 +158,13 @@ class OperatorCommand:
             return error
         return None
 
-    def _warn(self, reason: Optional[str], now: float) -> None:
+    def _warn(self, reason: Optional[str]) -> None:
         """Say once that commands are not sent, until one is sent."""
         if reason is None:
             self._warned = False
-        elif not self._warned and self._log_budget.take(now):
-            self._warned = True
-            rospy.logwarn("stream '%s': commands are not sent: %s%s", self.name, reason,
-                          HINT if reason.startswith(START_FROM_NEUTRAL) else '')
+        elif not self._warned:
+            self._warned = logwarn("stream '%s'" % self.name, 'commands are not sent: %s%s' % (
+                reason, HINT if reason.startswith(START_FROM_NEUTRAL) else ''), ERROR_PERIOD)
 
     def _poll(self, now: float) -> Optional[Copy]:
         self._sender.loss = self._way.control.loss

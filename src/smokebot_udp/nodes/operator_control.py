@@ -223,12 +223,12 @@ class OperatorControl:
     def _released(self, message: Any) -> None:
         """A message on the topic that releases the stop."""
         if message._connection_header.get('latching') == '1':   # it comes again when this node is restarted
-            rospy.logerr_throttle(5, '%s: a latched message releases nothing: call ~estop' % self._release.name)
+            logerr(self._release.name, 'a latched message releases nothing: call ~estop')
             return
         try:
             self._begin(Wish.RELEASE_ESTOP)
         except ValueError as error:
-            rospy.logerr_throttle(5, '%s: %s' % (self._release.name, error))
+            logerr(self._release.name, error)
 
     def _ask(self, wish: Wish) -> Tuple[bool, str]:
         """Ask the robot, and wait for its answer: (whether it does it, in words)."""

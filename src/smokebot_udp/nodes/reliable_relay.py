@@ -225,8 +225,8 @@ class Source(ReliableRelay):
         quiet = self._lost_at is None or now - self._lost_at >= RECENT + self._bounds.age
         self._lost_at = now
         self._problem = 'messages to %s are given up: %s' % (peer, REASONS.get(reason, reason))
-        if quiet and not rospy.is_shutdown():
-            rospy.logwarn("stream '%s': %s", self.name, self._problem)
+        if quiet:
+            logwarn("stream '%s'" % self.name, self._problem, ERROR_PERIOD)
 
     def _report(self, problem: Any) -> None:
         self._invalid += 1

@@ -420,7 +420,7 @@ class RobotStream(rospy.SubscribeListener):
 
     def _identify_derived(self, header: Any, arrival: int) -> int:
         """The arrival that crosses with a derived message: sources of different frames may become one."""
-        before, self._derived = self._derived, (header.stamp, header.frame_id)
+        before, self._derived = self._derived, (header.stamp, frame_name(header.frame_id))
         return arrival or (rospy.Time.now().to_nsec() if before == self._derived else 0)
 
     @property

@@ -3,7 +3,6 @@
 
 This is the only place that knows which transports there are.
 """
-import functools
 import os
 import sys
 import time
@@ -12,7 +11,7 @@ from typing import Any, Callable, Optional, Tuple
 import rospy
 
 from .. import traffic
-from ..limited_log import logerr
+from ..limited_log import ERROR_PERIOD
 from ..link.keys import KeyFile
 from ..link.transport import OperatorTransport, RobotTransport, never
 from ..transport import Transport
@@ -47,7 +46,7 @@ def robot_transport(parameters: Parameters) -> Transport:
         _check_link(port, 'link_port')
         try:
             return RobotTransport(port, key.key if key else None, max_datagram_size=size, tos_mask=tos_mask,
-                                  renewed=key.renewed if key else never, report=functools.partial(logerr, ''))
+                                  renewed=key.renewed if key else never, report=log_error('', ERROR_PERIOD))
         except OSError as error:
             raise ValueError('UDP port %d cannot be used: %s' % (port, error.strerror)) from None
     return _patiently(parameters, 'the link', listen)
@@ -67,7 +66,7 @@ def operator_transport(parameters: Parameters) -> Transport:
         _check_link(robot, 'robot')
         return OperatorTransport(*host_and_port(robot), key.key if key else None, max_datagram_size=size,
                                  receive_buffer=buffer, tos_mask=tos_mask, renewed=key.renewed if key else never,
-                                 report=functools.partial(logerr, robot))
+                                 report=log_error(robot, ERROR_PERIOD))
     # a desk with several robots shows the messages of all on one terminal
     return _patiently(parameters, 'the link to %s' % robot if robot else 'the link', connect)
 
@@ -110,7 +109,7 @@ def _patiently(parameters: Parameters, link: str, make: Callable[[Optional[KeyFi
 def _key(parameters: Parameters) -> Optional[KeyFile]:
     """:raises ValueError: where there is no key in the file"""
     path = parameters['key_file']
-    return KeyFile(os.path.expanduser(path), rospy.logerr) if path else None
+    return KeyFile(os.path.expanduser(path), log_error('', ERROR_PERIOD)) if path else None
 
 
 def _check_link(value: Any, name: str) -> None:

@@ -18,7 +18,7 @@ import rospy.names
 from rospy.impl.registration import get_topic_manager
 from rospy.impl.tcpros import get_tcpros_handler
 
-from ..limited_log import logerr, logwarn
+from ..limited_log import WARNING_PERIOD, logerr, logwarn
 from . import rpc
 from .endpoints import DatagramReceiver, addresses_of
 from .gathered_calls import GatheredCalls
@@ -30,6 +30,9 @@ TCPROS = 'TCPROS'
 
 GONE_AFTER = 10.0
 """A publisher's node that has ended is not asked for longer than this; the watch asks the master again [s]."""
+
+TRANSIENT = 3
+"""Attempts in a row that may fail by this machine's fault, such as a lack of sockets, before that is told."""
 
 MAX_DRAINED = 64
 """Batches of old datagrams that are dropped before another attempt; a stranger may send more and more."""
@@ -104,7 +107,7 @@ class Connector:
 
     def _persist(self, impl: UdpSubscriberImpl, uri: str, negotiation: '_Negotiation') -> ApiResult:
         """Attempt until the publisher answers, publishes no longer, or has ended."""
-        period, begun = rpc.RETRY_PERIOD, time.monotonic()
+        period, begun, failures = rpc.RETRY_PERIOD, time.monotonic(), 0
         while uri in impl.publishers and not impl.closed and not self._ended.is_set():
             if not impl.options.wanted():       # that is known here: the period does not grow
                 self._ended.wait(rpc.RETRY_PERIOD)
@@ -115,7 +118,12 @@ class Connector:
                 period = OTHER_TYPE_PERIOD if is_other_type(refusal) else 10
                 logerr('[%s]' % impl.resolved_name, '%s refuses: %s' % (uri, refusal), period)
                 return 0, str(refusal), 0
-            except (rpc.Unreachable, OSError) as error:     # OSError: such as EMFILE, here
+            except OSError as error:    # such as EMFILE, here
+                failures += 1
+                if failures > TRANSIENT:
+                    logerr('[%s]: no connection to %s, retrying' % (impl.resolved_name, uri), error, WARNING_PERIOD)
+            except rpc.Unreachable as error:
+                failures = 0
                 rospy.logdebug('[%s]: no connection to %s, retrying: %s', impl.resolved_name, uri, error)
                 if isinstance(error, rpc.Gone) and time.monotonic() > begun + GONE_AFTER:
                     return 0, '%s has ended' % uri, 0

@@ -3,6 +3,8 @@
 import math
 from typing import List, Sequence, Tuple
 
+from ...frame_names import frame_name
+
 Position = Tuple[float, float, float]
 """(x, y, z) [m]"""
 
@@ -38,6 +40,7 @@ class DrivenPath:
         """
         if not all(map(math.isfinite, position)):
             return False
+        frame = frame_name(frame)
         if frame != self._frame or self._positions and math.dist(position, self._positions[-1]) > max(
                 MAX_STEP, 2 * self._spacing):
             self._frame, self._positions, self._spacing = frame, [], self._first_spacing

@@ -3,6 +3,8 @@
 import math
 from typing import Any, NamedTuple, Optional, Tuple
 
+from ...frame_names import frame_name
+
 MAX_NUMBER = 1 << 30
 """Largest column and row of a map's first cell, either way."""
 SAME_RESOLUTION = 1e-6
@@ -15,7 +17,8 @@ SAME_ORIENTATION = 1e-6
 
 class Lattice(NamedTuple):
     """The place of a map's first cell. Columns go along the x axis of the map's origin, rows along its y axis."""
-    frame_id: str
+    frame: str
+    """See frame_names."""
     resolution: float
     """[m/cell]"""
     orientation: Tuple[float, float, float, float]
@@ -41,7 +44,7 @@ class Lattice(NamedTuple):
         if not (abs(column) <= MAX_NUMBER and abs(row) <= MAX_NUMBER and math.isfinite(height)):
             raise ValueError('origin.position is (%r, %r, %r) m, more than %d cells away' % (
                 info.origin.position.x, info.origin.position.y, info.origin.position.z, MAX_NUMBER))
-        return cls(frame_id, resolution, orientation, column, row, height)
+        return cls(frame_name(frame_id), resolution, orientation, column, row, height)
 
     @property
     def corner(self) -> Tuple[int, int]:
@@ -51,8 +54,7 @@ class Lattice(NamedTuple):
     def to(self, other: 'Lattice') -> Optional[Tuple[float, float]]:
         """Columns and rows from the first cell of this map to that of another one; None: their cells differ in size,
         or they are in different frames."""
-        if other.frame_id != self.frame_id or abs(
-                other.resolution - self.resolution) > SAME_RESOLUTION * self.resolution:
+        if other.frame != self.frame or abs(other.resolution - self.resolution) > SAME_RESOLUTION * self.resolution:
             return None
         return other.column - self.column, other.row - self.row
 

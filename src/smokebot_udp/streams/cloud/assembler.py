@@ -11,6 +11,7 @@ from ...arrays import Array, Float32Array, Records, UInt8Array
 from ...codecs.wire.cloud import CloudParts, PointFormat
 from ...codecs.wire.cloud_fields import COORDINATES, CloudField, Fields, bytes_dtype, read_fields
 from ...codecs.wire.sorted_parts import SortedParts
+from ...frame_names import frame_name
 from ...mission.parameters import Parameter
 from ...mission.settings import Settings
 from ...msg import CloudChunk
@@ -28,7 +29,8 @@ class Points(NamedTuple):
     """Points that were published."""
     received: float
     """[s]"""
-    frame_id: str
+    frame: str
+    """See frame_names."""
     xyz: Array
     """(n, 3) float32 or float64 [m]"""
     intensity: Optional[Float32Array]
@@ -80,7 +82,7 @@ class CloudAssembler(StampedAssembler[Content, Assembled]):
             self.dropped['broken'] += cloud.broken
         else:
             xyz, intensity, extra = cloud.merge_with_fields()
-        points = Points(now, head.frame_id, xyz, intensity, extra, read_fields(head.fields))
+        points = Points(now, frame_name(head.frame_id), xyz, intensity, extra, read_fields(head.fields))
         if not cloud.have.any():    # nothing can be read
             return None
         persistence = settings['persistence']
@@ -96,7 +98,7 @@ class CloudAssembler(StampedAssembler[Content, Assembled]):
         if not still:
             earlier.clear()
         while earlier and (points.received - earlier[0].received > persistence
-                           or earlier[0].frame_id != points.frame_id
+                           or earlier[0].frame != points.frame
                            or (earlier[0].intensity is None) != (points.intensity is None)
                            or earlier[0].fields != points.fields):
             earlier.popleft()

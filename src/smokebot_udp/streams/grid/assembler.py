@@ -16,6 +16,7 @@ from ...codecs.tiles.rectangle import Rectangle
 from ...codecs.wire.grid import unknown
 from ...codecs.wire.partial_image import PartialImage
 from ...codecs.wire.pixels import item_type
+from ...frame_names import frame_name
 from ...mission.parameters import Parameter
 from ...mission.settings import Settings
 from ...msg import GridSegment, MapTile
@@ -50,7 +51,7 @@ class _Place:
 
     def __init__(self, head: SimpleNamespace) -> None:
         _, *self._exact = head.info     # not the load time: the same map may be loaded anew
-        self._size = head.frame_id, head.depth, head.info[2:4]
+        self._size = frame_name(head.frame_id), head.depth, head.info[2:4]
         try:
             self._lattice: Optional[Lattice] = Lattice.of(head.frame_id, info_message(head.info))
         except ValueError:      # `begin` refuses most of them

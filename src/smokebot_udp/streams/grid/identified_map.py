@@ -7,6 +7,7 @@ datagrams of it, with none of the present map in between; these are kept, and no
 from typing import Counter, Dict, List, Optional, Tuple
 
 from ...codecs.tiles.lattice import Lattice
+from ...frame_names import frame_name
 from .snapshot import info_message
 from .tile_segment import TileSegment
 
@@ -28,7 +29,7 @@ class IdentifiedMap:
     """
 
     def __init__(self, segment: TileSegment) -> None:
-        self.session, self.frame_id, self.area = segment.session, segment.frame_id, segment.area
+        self.session, self.frame, self.area = segment.session, frame_name(segment.frame_id), segment.area
         self._info, self._lattice = segment.info, lattice_of(segment)
 
     def has(self, segment: TileSegment) -> bool:
@@ -36,7 +37,8 @@ class IdentifiedMap:
 
         :raises ValueError: its map is impossible
         """
-        if segment.session != self.session or segment.area != self.area or segment.frame_id != self.frame_id:
+        if (segment.session != self.session or segment.area != self.area
+                or frame_name(segment.frame_id) != self.frame):
             return False
         # these very numbers; the load time may differ
         return segment.info[1:] == self._info[1:] or self._lattice.same(lattice_of(segment))

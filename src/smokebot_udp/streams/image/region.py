@@ -17,15 +17,16 @@ class Region(NamedTuple):
 
         :param even: whether it begins and ends between the 2 x 2 cells of a mosaic: it then grows at its upper left,
             and shrinks at its lower right, by at most a pixel
-        :raises ValueError: nothing of it is in the image
+        :raises ValueError: nothing of it, or no such cell, is in the image
         """
         x, y = (self.x & ~1, self.y & ~1) if even else (self.x, self.y)
         right, below = min(self.x + self.width, width), min(self.y + self.height, height)
         if even:
             right, below = right & ~1, below & ~1
         if right <= x or below <= y:
-            raise ValueError('region is %d, %d, %d, %d: nothing of it is in an image of %d x %d pixels' % (
-                *self, width, height))
+            inside = self.x < width and self.y < height
+            raise ValueError('region is %d, %d, %d, %d: %s of it is in an image of %d x %d pixels' % (
+                *self, 'no whole cell of 2 x 2 pixels' if inside else 'nothing', width, height))
         return Region(x, y, right - x, below - y)
 
 

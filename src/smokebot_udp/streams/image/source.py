@@ -39,6 +39,9 @@ def source_image(message: Any, settings: Mapping[str, Any]) -> SourceImage:
     found, encoding, is_bigendian, problem = _pixels(message)
     height, width = found.shape[:2]
     mosaic = encoding in bayer.BAYER
+    if mosaic and min(height, width) < 2:
+        raise ValueError('encoding is %s, but the image is %d x %d pixels, less than one cell of 2 x 2' % (
+            encoding, width, height))
     region = (parse(settings['region']) or whole(height, width)).within(height, width, mosaic)
     if (message._type == Image._type and encoding == message.encoding and region == whole(height, width) and not mosaic
             and not problem):

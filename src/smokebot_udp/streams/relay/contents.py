@@ -9,6 +9,8 @@ import copy
 import io
 from typing import Any, Callable, Dict, Hashable, Iterable, List, Mapping, NamedTuple, Optional, OrderedDict, Tuple
 
+from ...frame_names import frame_name
+
 QUEUE = 100
 """Queue size of subscribers: small messages of many publishers."""
 
@@ -32,12 +34,12 @@ class _Kind(NamedTuple):
 
 
 def _frame(message: Any, publisher: str) -> Hashable:
-    return publisher, message.header.frame_id if message._has_header else ''
+    return publisher, frame_name(message.header.frame_id) if message._has_header else ''
 
 
 def _child(transform: Any, publisher: str) -> Hashable:
-    # tf2: a frame has one parent, whoever says so; and /laser is laser
-    return str(transform.child_frame_id).lstrip('/')
+    # tf2: a frame has one parent, whoever says so
+    return frame_name(transform.child_frame_id)
 
 
 def _status(status: Any, publisher: str) -> Hashable:

@@ -10,7 +10,7 @@ from ...arrays import FloatArray
 from ...codecs.perception import virtual_scan
 from ...codecs.perception.ground import GroundFinder
 from ...codecs.wire.points import read_cloud
-from ...frame_names import unknown_transform
+from ...frame_names import frame_name, unknown_transform
 
 FAN_SETTINGS = ('base_frame', 'mount_height', 'mount_roll', 'mount_pitch', 'min_height', 'slope', 'range_min',
                 'range_max')
@@ -82,18 +82,19 @@ class FanCache:
         points, datum, problems = cloud.points, np.zeros(3) if cloud.datum is None else cloud.datum, cloud.problems
         if cloud.datum is None and not points[:, 0].all():      # drivers write missing returns as (0, 0, 0)
             points = points[points.any(axis=1)]
-        place = message.header.frame_id, mount_height
+        frame, height = message.header.frame_id, mount_height
         turn, shift = mounting(roll, pitch), np.zeros(3)
         if base_frame and self._lookup is not None:
             known = self._lookup(base_frame, message.header)
             if known is not None:
-                (turn, shift), place = known, (base_frame, 0.0)
+                (turn, shift), frame, height = known, base_frame, 0.0
             else:
                 problems += unknown_transform(message.header.frame_id, base_frame, BY_THE_MOUNT),
         shift = turn @ datum + shift
         if shift.any() or (turn != np.eye(3)).any():
             points = points @ turn.T.astype(np.float32) + shift.astype(np.float32)
+        place = frame_name(frame), height
         if place != self._place:
-            self._place, self._finder = place, GroundFinder(place[1])
+            self._place, self._finder = place, GroundFinder(height)
         return Levelled(virtual_scan.fan(points, self._finder.find(points), tolerance=min_height, slope=slope,
-                                         range_min=range_min, range_max=range_max), place[0], problems)
+                                         range_min=range_min, range_max=range_max), frame, problems)
