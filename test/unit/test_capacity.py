@@ -4,7 +4,7 @@ import random
 
 import pytest
 
-from smokebot_udp.congestion.capacity import Capacity
+from smokebot_udp.congestion.capacity import CONFIRMED, Capacity
 
 
 def test_the_first_measurement_counts_for_nearly_all() -> None:
@@ -52,3 +52,26 @@ def test_what_is_carried_raises_the_capacity_and_makes_it_uncertain() -> None:
     assert capacity.value == 3e5
     capacity.measure(2e5, 0.1, 20, 0.01, 1.0, 5.1)
     assert capacity.value == pytest.approx(2e5, rel=0.1)
+
+
+def test_a_single_lower_measurement_does_not_count_where_no_queue_follows() -> None:
+    """A datagram that was late for another reason, as a busy machine, looks like a queue once."""
+    capacity = Capacity(1e6)
+    for number in range(10):
+        capacity.measure(1e6, 0.1, 20, 0.0, 1.0, 0.1 * number)
+    capacity.measure(5e5, 0.1, 20, 0.0, 1.0, 1.0)
+    assert capacity.value < 6e5
+    capacity.recall(1.0 + CONFIRMED / 2)
+    assert capacity.value < 6e5
+    capacity.recall(1.01 + CONFIRMED)
+    assert capacity.value == pytest.approx(1e6, rel=0.05)
+
+
+def test_a_lower_capacity_that_is_measured_twice_stays() -> None:
+    capacity = Capacity(1e6)
+    for number in range(10):
+        capacity.measure(1e6, 0.1, 20, 0.0, 1.0, 0.1 * number)
+    for number in range(2):
+        capacity.measure(5e5, 0.1, 20, 0.0, 1.0, 1.0 + 0.1 * number)
+    capacity.recall(2.0)
+    assert capacity.value < 6e5

@@ -6,9 +6,12 @@ import pytest
 
 from evaluation.simulated_paths import TokenBucket
 from smokebot_udp.congestion.feedback import PacketSample
-from smokebot_udp.congestion.shaper import LEARNT, MAX_DURATION, Shaper
+from smokebot_udp.congestion.shaper import MAX_DURATION, SAME_RATE, Shaper
 
 RATE, SIZE = 125000.0, 1000
+
+QUEUES = 3
+"""The first one shows the rate, the second one a depth."""
 
 
 class Sent:
@@ -41,14 +44,14 @@ class Sent:
 def test_the_depth_is_what_passed_before_a_queue(depth: float) -> None:
     sent = Sent(depth)
     assert sent.shaper.depth == 0
-    for _ in range(LEARNT):
+    for _ in range(QUEUES):
         sent.report((0.8, int(depth / SIZE) + 20))
-    assert sent.shaper.depth == pytest.approx(min(depth, MAX_DURATION * RATE), abs=SIZE)
+    assert sent.shaper.depth == pytest.approx(depth, abs=SIZE)
 
 
 def test_where_one_datagram_passes_at_once_there_is_no_bucket() -> None:
     sent = Sent(SIZE)
-    for _ in range(LEARNT):
+    for _ in range(QUEUES):
         sent.report((0.5, 20))
     assert sent.shaper.depth == 0
 
@@ -66,7 +69,7 @@ def test_a_rate_that_has_fallen_is_no_bucket() -> None:
 
 def test_tokens_come_back_with_time() -> None:
     sent = Sent(6000.0)
-    for _ in range(LEARNT):
+    for _ in range(QUEUES):
         sent.report((1.0, 30))
     assert sent.shaper.tokens(RATE, sent.total, sent.now) == (0.0, 0.0)     # nearly all datagrams were queued
     sent.report((1.0, 4))
@@ -79,11 +82,37 @@ def test_tokens_come_back_with_time() -> None:
     assert sent.shaper.tokens(RATE, sent.total, now) == (0.0, 0.0)
 
 
-def test_queues_that_show_different_depths_show_no_bucket() -> None:
+def test_no_more_is_spent_at_once_than_passes_within_a_moment() -> None:
+    sent = Sent(32000.0)
+    for _ in range(QUEUES):
+        sent.report((1.0, 60))
+    sent.report((1.0, 4))
+    assert sent.shaper.tokens(RATE, sent.total, sent.now)[0] == pytest.approx(MAX_DURATION * RATE)
+
+
+def test_a_queue_that_began_while_the_bucket_was_not_full_leaves_its_depth() -> None:
     sent = Sent(6000.0)
-    for _ in range(LEARNT):
+    for _ in range(QUEUES):
         sent.report((0.5, 30))
-    assert sent.shaper.depth > 0
     sent.report((0.5, 30), (0.001, 1))
-    sent.report((0.13, 30))     # it was not full
-    assert sent.shaper.depth in (0.0, pytest.approx(6000.0, abs=SIZE))
+    sent.report((0.13, 30))
+    assert sent.shaper.depth == pytest.approx(6000.0, abs=SIZE)
+
+
+def test_a_path_with_another_rate_has_another_bucket() -> None:
+    sent = Sent(6000.0)
+    for _ in range(QUEUES):
+        sent.report((0.5, 30))
+    sent.shaper.learn((1 + SAME_RATE / 2) * RATE, 0.0)      # one measurement may be wrong
+    sent.shaper.learn(2 * RATE, 0.0)
+    assert sent.shaper.depth > 0
+    sent.shaper.learn(2 * RATE, 0.0)
+    assert sent.shaper.depth == 0
+
+
+def test_what_no_sample_tells_of_was_sent_evenly() -> None:
+    """An image of 20 kB was paced between two samples: the bucket is as full as before."""
+    shaper = Shaper()
+    shaper.depth = 6000.0
+    first, last = (PacketSample(now, now + 0.01, SIZE, total) for now, total in ((1.0, 1000), (1.2, 22000)))
+    assert shaper.follow([first, last], [0.0, 0.0], RATE, 0.002)[-1].tokens == 6000.0 - SIZE

@@ -6,14 +6,17 @@ import pytest
 
 from smokebot_udp.congestion.feedback import PacketSample
 from smokebot_udp.congestion.trains import (
+    AT_ONCE,
+    BEYOND,
     CLEAR_RETRY_INTERVAL,
     DUE_TIME,
     DURATION,
-    EXCESS,
     FIRST_GAIN,
+    GROWTH,
     MAX_PLANNED,
     MAX_RETRY_INTERVAL,
     NEXT_GAIN,
+    REACHED,
     REFILL_INTERVALS,
     RETRY_INTERVAL,
     TIMEOUT,
@@ -89,10 +92,11 @@ def test_a_train_beside_a_queue_proves_no_wider_link_as_others_may_have_paused(e
 def test_a_train_exceeds_the_tokens_of_a_shaper_and_streams_are_planned_for_it() -> None:
     probes, capacity, depth = ProbeController(), 1e5, 6000.0
     train = due(probes, capacity, 0, 1.0, depth=depth)
-    assert train is not None and train.rate == NEXT_GAIN * capacity
-    # it is too long to be due at once: the tokens that come until then are exceeded, too
-    beyond = train.size * (1 - 1 / NEXT_GAIN)
-    assert beyond > EXCESS * depth and train.size > DUE_TIME * capacity
+    assert train is not None and train.rate == AT_ONCE * capacity
+    # beside the message that was planned before it, one has the tokens, those that come meanwhile, and enough beyond
+    message = train.size - DUE_TIME * capacity
+    assert message * (1 - 1 / AT_ONCE) == pytest.approx(depth + BEYOND * capacity)
+    assert message < REACHED * MAX_PLANNED * DUE_TIME * capacity
     assert probes.planned(capacity, 0) == pytest.approx(min(MAX_PLANNED, train.size / (DUE_TIME * capacity)))
     assert probes.planned(capacity, train.size - DUE_TIME * capacity / 2) == 1
     assert due(probes, capacity, int(train.size), 1.3, depth=depth) is None
@@ -100,6 +104,16 @@ def test_a_train_exceeds_the_tokens_of_a_shaper_and_streams_are_planned_for_it()
     assert due(probes, capacity, int(train.size), 1.25 + retry, depth=depth) is None
     assert due(probes, capacity, int(train.size), 1.35 + retry, depth=depth) is not None
     assert ProbeController().planned(capacity, 0) == 1
+
+
+def test_a_train_for_a_deep_bucket_is_as_long_as_it_takes_to_empty_it() -> None:
+    capacity, depth = 4e4, 32000.0
+    train = due(ProbeController(), capacity, 0, 1.0, depth=depth)
+    assert train is not None and train.rate == NEXT_GAIN * capacity
+    size = train.size - DUE_TIME * capacity
+    duration = size / (REACHED * MAX_PLANNED * capacity)
+    assert (size - depth) / duration == pytest.approx(GROWTH * capacity)
+
 
 
 def test_a_train_is_followed_until_it_was_reported_or_is_lost() -> None:

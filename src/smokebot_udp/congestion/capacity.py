@@ -13,6 +13,9 @@ DRIFT = 0.12
 CONTRADICTION = 3.0
 """A measurement that differs by this many standard deviations shows that the link has changed."""
 
+CONFIRMED = 0.3
+"""A lower capacity is measured again within this time, by the queue that it causes [s]."""
+
 TIMING = 2.0
 """Both ends of the measured time are uncertain by the noise of delays: together by this multiple."""
 
@@ -39,6 +42,7 @@ class Capacity:
         """How much measurements differ from the ones before, lately; relative."""
         self._last = 0.0        # measured [byte/s]
         self._variance, self._at = UNKNOWN, -math.inf
+        self._doubted = 0.0     # what one measurement has contradicted, and none confirmed yet [byte/s]
 
     def measure(self, rate: float, duration: float, packets: int, noise: float, trust: float, at: float) -> None:
         """Take a measurement.
@@ -54,7 +58,9 @@ class Capacity:
         self._at = at
         error = (TIMING * noise / duration) ** 2 + (COUNTING / packets) ** 2
         difference = rate / self.value - 1
-        if difference ** 2 > CONTRADICTION ** 2 * (self._variance + error):
+        contradicts = difference ** 2 > CONTRADICTION ** 2 * (self._variance + error)
+        self._doubted = self.value if contradicts and difference < 0 else 0.0
+        if contradicts:
             self._variance = min(UNKNOWN, difference ** 2)
         gain = self._variance / (self._variance + error)
         self._variance *= 1 - gain
@@ -62,6 +68,11 @@ class Capacity:
             self.spread += SPREAD_WEIGHT * (abs(rate / self._last - 1) - self.spread)
         self._last = rate
         self.value += gain * (1.0 if difference > 0 else trust) * (rate - self.value)
+
+    def recall(self, now: float) -> None:
+        """No queue is seen: a lower value that a single measurement showed was no capacity, but a late datagram."""
+        if self._doubted and now - self._at > CONFIRMED:
+            self.value, self._doubted = self._doubted, 0.0
 
     def carries(self, rate: float) -> None:
         """The path carries at least this [byte/s]: what was measured before no longer counts where that is more."""

@@ -32,6 +32,11 @@ PLANNING_SHARE = 0.96
 """Part of the capacity that is allocated. An image that needs the whole frame period to leave is cut off by the next
 one; and the estimate fluctuates."""
 
+REFILL_SHARE, REFILL_TIME = 0.9, 0.02
+"""The same where the path has a token bucket that takes this long to fill: what is left fills it, and what fits into it
+passes at once. At 0.96 an image of 0.1 s at 0.3 Mbit/s takes 40 to 60 ms to pass a bucket of 6 kB, at 0.88 one
+(evaluation/simulated_paths.py) [1, s]."""
+
 RATE_LIMIT_FACTOR = 0.95
 """A granted rate above this part of the requested rate (or of the source's) is no limit."""
 
@@ -329,12 +334,17 @@ class Controller:
         counting = self._counting(now) if self._adapt else []
         return self._planned(counting)[1].estimator.planned(self._history.total) if counting else 1.0
 
+    def _planning_share(self, capacity: float, now: float) -> float:
+        counting = self._counting(now) if self._adapt else []
+        depth = self._planned(counting)[1].estimator.depth if counting else 0.0
+        return REFILL_SHARE if depth > REFILL_TIME * capacity else PLANNING_SHARE
+
     def _divide(self, capacity: Optional[float], demands: Mapping[str, Demand], protected: float,
                 now: float) -> Tuple[Dict[str, float], Dict[str, float], Dict[str, Optional[Dict[str, Any]]]]:
         """(shares, rooms, grants) as in a Plan."""
         if capacity is None:
             return {}, {}, {name: {} for name in demands}
-        budget = PLANNING_SHARE * capacity * self._gain(now)
+        budget = self._planning_share(capacity, now) * capacity * self._gain(now)
         allocated = self._allocator.allocate(budget, demands, protected, now)
         limited = {name for name, grant in allocated.items()
                    if grant.point is not None and grant.point < len(demands[name].points) - 1}

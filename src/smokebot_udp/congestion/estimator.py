@@ -244,6 +244,11 @@ class Estimator:
         """
         return self._probes.planned(self.link.capacity, total)
 
+    @property
+    def depth(self) -> float:
+        """Of a token bucket on the path; 0: none is known [byte]."""
+        return self._path.shaper.depth
+
     def tokens(self, total: float, now: float) -> Tuple[float, float]:
         """(depth of a token bucket on the path, tokens that are missing in it now) [byte].
 
@@ -372,11 +377,13 @@ class Estimator:
         return queue < target_delay(self.link.capacity) / 2 + self._path.delay.allowance
 
     def _trust(self, seen: Observation) -> float:
-        """How far a lower capacity is believed: at a short queue, less was offered, or jitter is taken for it."""
-        if seen.queue > self._target():
+        """How far a lower capacity is believed: at a short queue, less was offered, or jitter is taken for it. Where
+        there is a token bucket, most of what a report tells of may have passed at once, and the longest wait counts."""
+        longest = max(seen.waits) if self._path.shaper.depth else seen.queue
+        if longest > self._target():
             return 1.0
         noisy = self._path.delay.allowance >= MAX_TRUSTED_NOISE * target_delay(self.link.capacity)
-        return 0.0 if self._empty(seen.queue) or noisy else 0.5
+        return 0.0 if self._empty(longest) or noisy else 0.5
 
     def _update_loss(self, feedback: Feedback, uncongested: bool) -> None:
         if feedback.received:
@@ -403,6 +410,8 @@ class Estimator:
             self._capacity.measure(measured, seen.busy, len(seen.chain), noise, self._trust(seen), seen.newest.sent)
             self._path.shaper.learn(measured, self._capacity.spread)
             self._before_timeout, self._silence = min(self._before_timeout, self._capacity.value), 0.0
+        elif self._empty(seen.queue):
+            self._capacity.recall(seen.newest.sent)
         if not seen.is_long and not self._loss.excess:
             self._capacity.carries(seen.bound)
         self._set_capacity(self._capacity.value)

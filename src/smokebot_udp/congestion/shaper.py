@@ -23,9 +23,12 @@ MAX_DEPTH = 65536.0
 MAX_DURATION = 0.12
 """What passes at once is thought to be no more than the path carries in this time, as a mistake becomes a queue [s]."""
 
-LEARNT, AGREEMENT = 3, 0.25
-"""A bucket is known where this number of queues in a row show the same depth, within this part of it: other traffic
-makes buckets of all depths appear."""
+QUEUES = 12
+"""The depth is the greatest that so many queues have shown: others began while the bucket was not full."""
+
+SAME_RATE, RATES = 0.3, 3
+"""Where the median of so many rates differs from before by this part the path has changed: the present queue, and what
+was learnt before, show no depth."""
 
 SPENDS = 0.25
 """Where this part of the datagrams of a report met no queue, they spent tokens, or nothing else fills the queue."""
@@ -53,7 +56,9 @@ class Shaper:
         self._onset: Optional[Passed] = None                # where the present queue began,
         self._before: List[Passed] = []                     # what passed since the queue before it,
         self._spends = False                                # whether datagrams of the last report spent tokens
-        self._depths: Deque[float] = collections.deque(maxlen=LEARNT)
+        self._depths: Deque[float] = collections.deque(maxlen=QUEUES)
+        self._rates: Deque[float] = collections.deque(maxlen=RATES)     # measured last,
+        self._rate = 0.0                                                # and since when depths are learnt [byte/s]
         self._learnt: Optional[PacketSample] = None         # beginning of the queue that the last one is of
         self._full = self._was_full = False                 # whether the bucket was full since a queue, and then
 
@@ -81,9 +86,11 @@ class Shaper:
 
     def _pass(self, before: PacketSample, sample: PacketSample, wait: float, rate: float, noise: float) -> Passed:
         if sample is not before:
-            self.level = max(0.0, self.level - rate * (sample.sent - before.sent))
+            # what was sent between them, of which nothing is known, was spread evenly
+            between = sample.total - before.total - sample.size
+            self.level = max(0.0, self.level + between - rate * (sample.sent - before.sent))
             self._full |= self.level == 0
-            self.level += sample.total - before.total
+            self.level += sample.size
         if wait > noise:
             self.level = self.depth + wait * rate
             if self._onset is None and self._clear:
@@ -110,7 +117,7 @@ class Shaper:
         if self._newest is None or not self._spends:
             return 0.0, 0.0
         sent = total - self._newest.total
-        return self.depth, max(0.0, self.level + sent - rate * (now - self._newest.sent))
+        return min(self.depth, MAX_DURATION * rate), max(0.0, self.level + sent - rate * (now - self._newest.sent))
 
     def learn(self, rate: float, error: float) -> None:
         """The rate was measured beside the present queue.
@@ -120,14 +127,19 @@ class Shaper:
         """
         if self._onset is None:
             return
+        self._rates.append(rate)
+        usual = statistics.median(self._rates)
+        if abs(usual - self._rate) > SAME_RATE * self._rate:
+            self._rate, self.depth, self._onset = usual, 0.0, None
+            self._depths.clear()
+            return
         (onset, wait, _), most = self._onset, (1 + error) * rate
-        excess = max(onset.total - one.total + one.size - most * (onset.sent - one.sent)
-                     for one, _, _ in self._before) - wait * rate
+        spent = [onset.total - one.total + one.size - most * (onset.sent - one.sent) for one, _, _ in self._before]
+        excess = max(spent) - wait * rate
         if excess <= MAX_DEPTH and (excess > self.depth or self._was_full):
             if self._learnt is not onset:
                 self._depths.append(0.0)
             self._learnt, self._depths[-1] = onset, max(0.0, excess)
-            usual = statistics.median(self._depths)
-            agree = len(self._depths) == LEARNT and max(abs(one - usual) for one in self._depths) <= AGREEMENT * usual
+            deepest = max(self._depths)
             # without a bucket, too, a path lets one datagram pass at once
-            self.depth = min(usual, MAX_DURATION * rate) if agree and usual > onset.size else 0.0
+            self.depth = deepest if deepest > onset.size else 0.0
