@@ -41,9 +41,6 @@ SLOWEST = 1000.0
 QUIET = 5.0
 """[s]"""
 
-WARM_UP = 20.0
-"""Nodes load codecs and fill caches in their first seconds: that is no growth [s]."""
-
 REFUSALS = {'refused: wrong key', 'refused: needs key'}
 """Reasons that the robot's node reports."""
 
@@ -71,11 +68,13 @@ class HostileLink:
     :param folder: for files
     :param count, rate: of bad datagrams to each side, and a second
     :param half_open: number of handshakes that are not ended
+    :param kept: see kept_memory [s]
     :raises LabError: as Lab
     """
 
-    def __init__(self, folder: pathlib.Path, count: int, rate: float, half_open: int, seed: int = 1) -> None:
-        self._folder, self._patience = folder, max(count, half_open) / SLOWEST + STARTING
+    def __init__(self, folder: pathlib.Path, count: int, rate: float, half_open: int, seed: int = 1,
+                 kept: float = KEPT) -> None:
+        self._folder, self._kept, self._patience = folder, kept, max(count, half_open) / SLOWEST + STARTING
         key_file = folder / 'link.key'
         make_key(str(key_file))
         self.stack = OwnMasters(seed, folder / 'nodes.log', key_file)
@@ -101,7 +100,7 @@ class HostileLink:
         nodes = {'robot': self.stack.start_sender(), 'operator': self.stack.start_receiver()}
         if not self._listener.first([IMAGE], STARTING):
             raise RuntimeError('no image comes: see nodes.log')
-        self._memory = KeptMemory({side: node.pid for side, node in nodes.items()})
+        self._memory = KeptMemory({side: node.pid for side, node in nodes.items()}, self._kept)
         recording.join()
         self._strangers['operator'] = self._stranger('operator', '%s:%d' % (ADDRESSES['operator'], self._port()))
         self._strangers['operator'].ask('record 5')
@@ -137,17 +136,18 @@ class HostileLink:
         :param attack: returns what was sent, as of Phase
         """
         began = time.monotonic()
-        before, memory, heard = self._dropped(side), self._memory.since(began - KEPT), len(self._listener.heard)
+        before, heard = self._dropped(side), len(self._listener.heard)
+        memory = self._memory.since(began - self._memory.kept)
         sent = attack()
         took, images = time.monotonic() - began, self._listener.heard[heard:]
-        time.sleep(KEPT)    # diagnostics come, too
+        time.sleep(self._memory.kept)   # diagnostics come, too
         growth = {each: after - memory[each] for each, after in self._memory.since(began).items()}
         age = float(np.percentile([image.age for image in images], 99)) if images else float('nan')
         return Phase(name, took, len(images) / took, age, growth, sent, self._newly_dropped(side, before))
 
     def phases(self) -> List[Phase]:
         """All attacks, one after the other, with quiet before and after."""
-        time.sleep(WARM_UP)
+        self._memory.await_steady()     # nodes load codecs and fill caches at first: that is no growth
         return [self.watch('quiet', 'robot', quiet), self.watch('half-open handshakes', 'robot', self._half_open),
                 self.watch('flood of the robot', 'robot', lambda: self._flood('robot')),
                 self.watch('flood of the operator', 'operator', lambda: self._flood('operator')),

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Joining over heavy loss, and paths that drop long datagrams: the nodes in network namespaces of their own."""
+"""Joining over heavy loss, paths that drop long datagrams, and a cut: the nodes in network namespaces of their own."""
 import pathlib
 import subprocess
 import sys
@@ -13,7 +13,7 @@ import rostest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
-from waiting import give_time, wait_for
+from waiting import give_time, undisturbed, wait_for
 
 from evaluation.joins import HEAVY, PARTS, with_relays
 from evaluation.listener import Listener
@@ -40,6 +40,9 @@ NOTICED, FOLLOWS = 3.0, 2.0
 
 GONE = 9.0
 """Longer datagrams are tried each 3 s, two lengths in turns, and what is found is shown up to 0.5 s later [s]."""
+
+CUT = 20.0
+"""Longer than a call to the master waits; diagnostics come once a second [s]."""
 
 SIMULATED = '_width:=160', '_height:=120'
 
@@ -134,6 +137,33 @@ class Joining(unittest.TestCase):
         stack.start_node('robot', 'robot_sender')
         stack.start_node('operator', 'operator_receiver')
         self.check_a_hole(stack)
+
+    @undisturbed()
+    def test_the_operators_diagnostics_go_on_in_a_cut_between_own_masters(self) -> None:
+        stack = self.own_masters()
+        stack.start_sender()
+        stack.wait_for_port()
+        self.check_diagnostics_in_a_cut(stack)
+
+    @undisturbed()
+    def test_the_operators_diagnostics_go_on_in_a_cut_from_a_shared_master(self) -> None:
+        stack = self.start(Stack)
+        stack.start_sender()
+        self.check_diagnostics_in_a_cut(stack)
+
+    def check_diagnostics_in_a_cut(self, stack: Any) -> None:
+        stack.start_receiver()
+        listener = Listener(stack)
+        listener.subscribe([[IMAGES, 'any', 'TCPROS'], ['/diagnostics', 'any', 'TCPROS']])
+        wait_for(lambda: {IMAGES, '/diagnostics'} <= {message.topic for message in listener.heard}, START,
+                 'the first messages')
+        stack.lab.set({'loss': 1.0})
+        give_time(2.0)      # what was on its way has come: what comes now is the operator's own
+        times = [message.arrival for message in listener.during(CUT) if message.topic == '/diagnostics']
+        longest = max((after - before for before, after in zip(times, times[1:])), default=CUT)
+        print('%d diagnostics in %g s of a cut, longest gap %.2f s' % (len(times), CUT, longest), file=sys.stderr)
+        self.assertGreaterEqual(len(times), CUT - 2)
+        self.assertLess(longest, 2.0)
 
 
 if __name__ == '__main__':
