@@ -2,7 +2,8 @@
 """What a link between own masters costs, open and sealed, beside UDPROS over a shared master: CPU time for 1.4 kB.
 
 * Whole transports in two processes, by the frame, at the same rates as in benchmarks/udpros.py; they take turns.
-* Sealing and opening alone, in one process, with this interpreter's `cryptography` and with that of Debian's python3.
+* Sealing and opening alone, in one process, with this interpreter's `cryptography` and with that of Debian's python3;
+  and what the tables of a stranger cost the robot of an open link.
 """
 import contextlib
 import json
@@ -93,6 +94,10 @@ def table(results: Dict[str, Any]) -> str:
         lines += ['Python %(python)s, cryptography %(cryptography)s' % each]
         lines += ['    %-22s %10.2f %10.2f' % (link, cost['send'], cost['receive'])
                   for link, cost in each['links'].items()]
+        stranger = each['stranger']
+        lines.append('    to the robot of an open link, from a stranger: %s (%.1f times the first)' % (
+            ', '.join('%s %.1f' % item for item in stranger.items()),
+            stranger[link_cost.FLOODED] / stranger[link_cost.UNKNOWN]))
     return '\n'.join(lines)
 
 

@@ -1,24 +1,31 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What sealing and opening a datagram costs, with this interpreter's `cryptography`: prints JSON, see `costs`.
+"""What sealing and opening a datagram costs, with this interpreter's `cryptography`, and what a stranger's table costs
+the robot of an open link: prints JSON, see `costs`.
 
     PYTHONPATH=src:. python3 -m benchmarks.link_cost
 """
 import json
 import platform
 import time
-from typing import Any, Dict, List, Tuple
+from typing import Any, Callable, Dict, List, Tuple
 
 import cryptography
 import numpy as np
 
-from evaluation.link_pair import ROBOT, joined, received
+from evaluation.link_pair import OPERATOR, ROBOT, joined, received
 from smokebot_udp.link.packets import Suite
+from smokebot_udp.link.parts import PART
+from smokebot_udp.link.tables import CHANGE_PERIOD, Entry, Exchange, Local, Role, Table, Topic, pack_names
 from smokebot_udp.udpros.datagram import HEADER, Op
 
 SIZE, FRAME = 1400, 50
 """Bytes of a datagram's payload, and datagrams sent or received at a time."""
 
+TABLE, FLOOD = 100, 1e4
+"""Topics in a stranger's table, and how many of these it sends a second."""
+
 ROUNDS, BATCHES = 9, 20
+UNKNOWN, FLOODED = 'unknown session', 'table, in a flood'
 TOPIC = 4711
 KEY = b'k' * 32
 
@@ -45,10 +52,46 @@ def cost(link: str) -> Dict[str, float]:
             for name, column in zip(('send', 'receive'), zip(*times))}
 
 
+def stranger_costs() -> Dict[str, float]:
+    """The mean processor time of the robot of an open link for a datagram of somebody who has joined it, each with
+    another table of TABLE topics: {UNKNOWN, 'table, read', FLOODED} [us].
+
+    The first one is the same datagram of a session that there is not. Of a flood some tables are read, see
+    tables.CHANGES.
+    """
+    robot, operator, now = joined(*LINKS['open'])
+    names = pack_names([Entry(Role.SENDS, Topic('/topic%d' % number, 'x/Y', '%032x' % number))
+                        for number in range(TABLE)], SIZE - PART.size)
+    exchange, number = Exchange(Local()), 0
+
+    def take(batch: Any, at: float) -> None:
+        for delivery in robot.receive(*batch, at):
+            for datagram, length in zip(delivery.datagrams, delivery.lengths.tolist()):
+                if exchange.take(Table.NAMES, datagram[HEADER.size:length].tobytes(), at):
+                    exchange.differences('a stranger')
+
+    def mean(change: Callable[[bytes], bytes], count: int, period: float) -> float:
+        """[us], of `count` datagrams at a time, one each period [s]"""
+        nonlocal number, now
+        total = 0.0
+        for _ in range(ROUNDS * BATCHES):
+            packets = [operator.peers[0].seal_one(HEADER.pack(Table.NAMES, Op.DATA0, 1, 1), PART.pack(
+                number + one, 0, 1), names) for one in range(1, count + 1)]
+            batch = received([(OPERATOR, change(packet)) for packet in packets])
+            number, now = number + count, now + count * period
+            begun = time.process_time()
+            take(batch, now)
+            total += time.process_time() - begun
+        return round(1e6 * total / (ROUNDS * BATCHES * count), 3)
+
+    return {UNKNOWN: mean(lambda packet: packet[:4] + bytes(4) + packet[8:], FRAME, 1 / FLOOD),
+            'table, read': mean(bytes, 1, CHANGE_PERIOD), FLOODED: mean(bytes, FRAME, 1 / FLOOD)}
+
+
 def costs() -> Dict[str, Any]:
-    """{'python', 'cryptography': versions, 'links': {link: cost}}"""
+    """{'python', 'cryptography': versions, 'links': {link: cost}, 'stranger': stranger_costs}"""
     return {'python': platform.python_version(), 'cryptography': cryptography.__version__,
-            'links': {link: cost(link) for link in LINKS}}
+            'links': {link: cost(link) for link in LINKS}, 'stranger': stranger_costs()}
 
 
 if __name__ == '__main__':

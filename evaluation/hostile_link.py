@@ -2,7 +2,7 @@
 """A sealed link between own masters under attack: what the operator sees meanwhile, and what it costs the nodes.
 
 A stranger hears everything that crosses, and sends to both sides, see link_attack. Beside it, two operators try to
-join: one has another key, one has none.
+join: one has another key, one has none. Memory grows where nodes keep more of it than before, see kept_memory.
 """
 import json
 import pathlib
@@ -13,12 +13,12 @@ from dataclasses import dataclass
 from typing import Any, Callable, Dict, List, Mapping
 
 import numpy as np
-import psutil
 
 from smokebot_udp.link.keys import make_key
 from smokebot_udp.link_lab.lab import ADDRESSES
 
 from . import TOP
+from .kept_memory import KEPT, KeptMemory
 from .link_run import AIR
 from .listener import Listener
 from .own_masters import RECEIVER, ROBOT, OwnMasters
@@ -41,12 +41,6 @@ SLOWEST = 1000.0
 QUIET = 5.0
 """[s]"""
 
-WARM_UP = 20.0
-"""Nodes load codecs and fill caches in their first seconds: that is no growth [s]."""
-
-REPORTING = 2.5
-"""Diagnostics come each second [s]."""
-
 REFUSALS = {'refused: wrong key', 'refused: needs key'}
 """Reasons that the robot's node reports."""
 
@@ -61,7 +55,7 @@ class Phase:
     age: float
     """Of images, at p99; NaN: none came [s]."""
     growth: Dict[str, float]
-    """{side: memory of its node, more than before [byte]}"""
+    """{side: memory that its node keeps, more than before [byte]}"""
     sent: Dict[str, int]
     """{kind: datagrams of the stranger}"""
     dropped: Dict[str, int]
@@ -74,11 +68,13 @@ class HostileLink:
     :param folder: for files
     :param count, rate: of bad datagrams to each side, and a second
     :param half_open: number of handshakes that are not ended
+    :param kept: see kept_memory [s]
     :raises LabError: as Lab
     """
 
-    def __init__(self, folder: pathlib.Path, count: int, rate: float, half_open: int, seed: int = 1) -> None:
-        self._folder, self._patience = folder, max(count, half_open) / SLOWEST + STARTING
+    def __init__(self, folder: pathlib.Path, count: int, rate: float, half_open: int, seed: int = 1,
+                 kept: float = KEPT) -> None:
+        self._folder, self._kept, self._patience = folder, kept, max(count, half_open) / SLOWEST + STARTING
         key_file = folder / 'link.key'
         make_key(str(key_file))
         self.stack = OwnMasters(seed, folder / 'nodes.log', key_file)
@@ -101,9 +97,10 @@ class HostileLink:
         self._strangers['robot'] = self._stranger('robot', ROBOT)
         recording = threading.Thread(target=self._strangers['robot'].ask, args=('record %g' % RECORDING,))
         recording.start()
-        self._nodes = {'robot': self.stack.start_sender(), 'operator': self.stack.start_receiver()}
+        nodes = {'robot': self.stack.start_sender(), 'operator': self.stack.start_receiver()}
         if not self._listener.first([IMAGE], STARTING):
             raise RuntimeError('no image comes: see nodes.log')
+        self._memory = KeptMemory({side: node.pid for side, node in nodes.items()}, self._kept)
         recording.join()
         self._strangers['operator'] = self._stranger('operator', '%s:%d' % (ADDRESSES['operator'], self._port()))
         self._strangers['operator'].ask('record 5')
@@ -133,25 +130,24 @@ class HostileLink:
         return {reason: count - before.get(reason, 0) for reason, count in self._dropped(side).items()
                 if count > before.get(reason, 0)}
 
-    def _memory(self) -> Dict[str, float]:
-        return {side: float(psutil.Process(node.pid).memory_info().rss) for side, node in self._nodes.items()}
-
     def watch(self, name: str, side: str, attack: Callable[[], Dict[str, int]]) -> Phase:
         """Watch while a side is attacked.
 
         :param attack: returns what was sent, as of Phase
         """
-        before, memory, heard, begun = self._dropped(side), self._memory(), len(self._listener.heard), time.time()
+        began = time.monotonic()
+        before, heard = self._dropped(side), len(self._listener.heard)
+        memory = self._memory.since(began - self._memory.kept)
         sent = attack()
-        took, images = time.time() - begun, self._listener.heard[heard:]
-        growth = {each: after - memory[each] for each, after in self._memory().items()}
-        time.sleep(REPORTING)
+        took, images = time.monotonic() - began, self._listener.heard[heard:]
+        time.sleep(self._memory.kept)   # diagnostics come, too
+        growth = {each: after - memory[each] for each, after in self._memory.since(began).items()}
         age = float(np.percentile([image.age for image in images], 99)) if images else float('nan')
         return Phase(name, took, len(images) / took, age, growth, sent, self._newly_dropped(side, before))
 
     def phases(self) -> List[Phase]:
         """All attacks, one after the other, with quiet before and after."""
-        time.sleep(WARM_UP)
+        self._memory.await_steady()     # nodes load codecs and fill caches at first: that is no growth
         return [self.watch('quiet', 'robot', quiet), self.watch('half-open handshakes', 'robot', self._half_open),
                 self.watch('flood of the robot', 'robot', lambda: self._flood('robot')),
                 self.watch('flood of the operator', 'operator', lambda: self._flood('operator')),

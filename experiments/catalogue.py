@@ -39,6 +39,7 @@ EXPERIMENTS = {
     'link_cut': Experiment('link', 5),
     'start_up': Experiment('link', 4),
     'own_masters': Experiment('link', 30, only_by_name=True),
+    'joins': Experiment('link', 5, only_by_name=True),
     'hostile': Experiment('link', 5, only_by_name=True),
     'way_back': Experiment('link', 75, only_by_name=True),
     'drive': Experiment('link', 6, only_by_name=True),

@@ -6,6 +6,7 @@ import pathlib
 from typing import Any, Dict, List, Union
 
 from evaluation.hostile_link import IMAGE_RATE, SIDES, HostileLink, Phase
+from evaluation.kept_memory import KEPT, QUICK_KEPT
 
 from ..runner import Figure, Run, Table
 
@@ -35,7 +36,7 @@ def run(run: Run) -> None:
     """Write phases.json."""
     quick = run.quick
     with HostileLink(run.folder, QUICK_COUNT if quick else COUNT, RATE, QUICK_HALF_OPEN if quick else HALF_OPEN,
-                     run.seed) as link:
+                     run.seed, QUICK_KEPT if quick else KEPT) as link:
         phases = [dataclasses.asdict(phase) for phase in link.phases()]
     (run.folder / 'phases.json').write_text(json.dumps(phases, indent=1))
 

@@ -214,6 +214,16 @@ def test_starts(tmp_path: pathlib.Path) -> None:
     assert len(load('own_masters').plot(tmp_path)) == 2
 
 
+def test_joins(tmp_path: pathlib.Path) -> None:
+    table.write(tmp_path / 'joins.csv', [
+        {'join': number, 'HELLO': -1.0, 'thermal/layers': 2.0, 'map/tiles': wait, '/operator/camera/image_raw': 1.0}
+        for number, wait in enumerate([1.0] * 18 + [4.0, None])])
+    found = made('joins', 'times', tmp_path).rows
+    assert found[3:] == [['layers and tiles', 20, '2.0', '4.0', 'inf', '19 of 20'],
+                         ['layers and tiles, from its first datagram', 20, '3.0', '5.0', 'inf', '19 of 20']]
+    assert load('joins').missed(tmp_path) == []
+
+
 def test_an_attack(tmp_path: pathlib.Path) -> None:
     (tmp_path / 'phases.json').write_text(json.dumps([
         {'name': 'flood', 'seconds': 49.6, 'rate': 9.94, 'age': 0.1611, 'growth': {'robot': 3.84e6, 'operator': -1e5},

@@ -153,6 +153,17 @@ def test_a_second_operator_gets_everything_and_the_first_one_nothing_new() -> No
     assert sorted(tiles) == sorted({one.revision for one in first.tiles})
 
 
+@pytest.mark.parametrize('silence', [1.0, 60.0], ids=['heard lately', 'silent'])
+def test_an_operator_that_is_replaced_by_one_of_its_name_gets_the_map_at_once(silence: float) -> None:
+    robot, _ = served(building())
+    robot.wait(silence)
+    robot.encoder.joined()      # it reports nothing, as nothing has arrived
+    left = [one for _ in range(4) for one in segments_of(robot.encoder.repeat(robot.settings, 1472))
+            + robot.wait(0.25)]
+    tiles = [one.revision for one in left if one.size[0] and not one.shift]
+    assert all(tiles.count(revision) >= 3 for revision in set(tiles)) and len(set(tiles)) > 1
+
+
 def test_an_operator_without_tiles_makes_it_interleaved_for_all_but_not_while_it_subscribes() -> None:
     robot = Robot()
     robot.parts['segments'] = ['/op', '/old']

@@ -105,6 +105,7 @@ class GridEncoder(Encoder[Any]):
         self._taken = False                         # whether self._used has the map
         self._fallback_at: Optional[float] = None   # when it is interleaved, as an operator does not receive tiles
         self._reports: Deque[Tuple[str, Holding]] = collections.deque(maxlen=MAX_REPORTS)    # new ones
+        self._joined = False                        # whether somebody came since tiles left last
         self._robot: Optional[Tuple[float, ...]] = None    # in the map's frame [m]
         self._looked_up: Optional[float] = None
 
@@ -155,6 +156,9 @@ class GridEncoder(Encoder[Any]):
     def operating_points(self, rate: float, settings: Settings) -> List[OperatingPoint]:
         points: List[OperatingPoint] = [] if self._used is None else self._used.operating_points(settings)
         return points
+
+    def joined(self) -> None:
+        self._joined = True
 
     def held(self, operator: str, holding: Holding) -> None:
         self._reports.append((operator, holding))
@@ -220,6 +224,10 @@ class GridEncoder(Encoder[Any]):
             return [] if taken else self._interleaved.encode(message, cells, settings, max_datagram_size)
         if not taken:
             self._tiled.take(message, cells, max_datagram_size)
+        if self._joined:
+            self._joined = False    # first: who comes from now on is for the next time
+            self._reports.clear()
+            self._tiled.forget_operators(now)
         frames: List[Frame] = self._tiled.frames(self._conditions(message, now), settings, max_datagram_size, now)
         return frames
 

@@ -162,6 +162,11 @@ class TiledMaps:
         self.need = self._needed(now)
         return frames
 
+    def forget_operators(self, now: float) -> None:
+        """Somebody came, who may have the name of one who has left meanwhile, but holds nothing, and reports nothing
+        before it has received something. What goes to it goes to all, so nobody's reports are of use now."""
+        self._queue.attend((), now)
+
     def period(self, now: float, reported: bool = False) -> float:
         """How long after the last call of `frames` the next one is useful [s].
 
