@@ -2,7 +2,7 @@
 """A sealed link between own masters under attack: what the operator sees meanwhile, and what it costs the nodes.
 
 A stranger hears everything that crosses, and sends to both sides, see link_attack. Beside it, two operators try to
-join: one has another key, one has none. Memory grows where nodes keep more of it than before, see kept_memory.
+join: one has another key, one has none. Memory grows where nodes keep more of it than ever before, see kept_memory.
 """
 import json
 import pathlib
@@ -55,7 +55,7 @@ class Phase:
     age: float
     """Of images, at p99; NaN: none came [s]."""
     growth: Dict[str, float]
-    """{side: memory that its node keeps, more than before [byte]}"""
+    """{side: memory that its node keeps, more than ever before [byte]}"""
     sent: Dict[str, int]
     """{kind: datagrams of the stranger}"""
     dropped: Dict[str, int]
@@ -137,7 +137,7 @@ class HostileLink:
         """
         began = time.monotonic()
         before, heard = self._dropped(side), len(self._listener.heard)
-        memory = self._memory.since(began - self._memory.kept)
+        memory = self._memory.since(0.0)
         sent = attack()
         took, images = time.monotonic() - began, self._listener.heard[heard:]
         time.sleep(self._memory.kept)   # diagnostics come, too

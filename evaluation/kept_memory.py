@@ -2,8 +2,9 @@
 """How much memory nodes keep.
 
 Between two returns of freed memory to the kernel (smokebot_udp/nodes/garbage.py), their resident memory rises by up to
-35 MB and falls again, with nobody attacking them: one sample says nothing. The least of 12 s still varies by 13 MB, as
-what images need depends on what they show, that of 25 s by 7 to 9 MB. In their first 40 s nodes grow by 15 MB.
+35 MB and falls again, with nobody attacking them: one sample says nothing. The least of 25 s still varied by 20 MB in
+400 s without an attack, and once by 30 MB, on both sides at the same time; it had no trend after the first 40 s, in
+which nodes grow by 15 MB. So what is kept is to be compared with the most that was kept before, not with the last time.
 """
 import bisect
 import contextlib
