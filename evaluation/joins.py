@@ -3,7 +3,7 @@
 import pathlib
 import re
 import time
-from typing import Any, Callable, Dict, Optional
+from typing import Any, Dict, Optional
 
 import yaml
 
@@ -14,6 +14,7 @@ from . import TOP
 from .listener import Heard, Listener
 from .own_masters import PORT, OwnMasters
 from .tap import Tap
+from .way_back_nodes import wait_for
 
 RELAYS = 40
 """Beside the streams of streams.yaml."""
@@ -85,11 +86,11 @@ class Joins:
         """
         begun, logged, count = time.time(), self._log.stat().st_size, len(self._listener.heard)
         node = self.stack.start_receiver(self._streams)
-        joined = self._awaited(lambda: JOIN.search(self._written(logged)), JOIN_TIMEOUT)
+        joined = wait_for(lambda: JOIN.search(self._written(logged)), JOIN_TIMEOUT, POLLING)
         if joined is None:
             raise RuntimeError('the operator does not join: see nodes.log')
         since = float(joined.group(1))
-        self._awaited(lambda: len(self._seen(count)) == 1 + len(PARTS), TIMEOUT)
+        wait_for(lambda: len(self._seen(count)) == 1 + len(PARTS), TIMEOUT, POLLING)
         found = {HELLO: self._tap.first(Kind.HELLO, begun).time, **self._seen(count)}
         self.stack.end(node)
         time.sleep(DOWN_TIME)
@@ -103,16 +104,6 @@ class Joins:
         def names(heard: Heard) -> Any:
             return [heard.topic] if heard.topic == IMAGE else [name for name in PARTS if heard.amount.get(name)]
         return {name: heard.arrival for heard in self._listener.heard[count:][::-1] for name in names(heard)}
-
-    def _awaited(self, condition: Callable[[], Any], timeout: float) -> Any:
-        """The first true value of condition(); None: it does not come in time [s]."""
-        deadline = time.monotonic() + timeout
-        while time.monotonic() < deadline:
-            value = condition()
-            if value:
-                return value
-            time.sleep(POLLING)
-        return None
 
     def __enter__(self) -> 'Joins':
         return self

@@ -202,12 +202,16 @@ def key_of(folder: pathlib.Path) -> pathlib.Path:
     return path
 
 
-def wait_for(found: Callable[[], Any], timeout: float = PATIENCE) -> Optional[Any]:
-    """The first true value; None: none comes in time."""
+def wait_for(found: Callable[[], Any], timeout: float = PATIENCE, polling: float = POLLING) -> Optional[Any]:
+    """The first true value; None: none comes in time.
+
+    :param timeout: [s]
+    :param polling: between two looks [s]
+    """
     deadline = time.monotonic() + timeout
     while time.monotonic() < deadline:
         value = found()
         if value:
             return value
-        time.sleep(POLLING)
+        time.sleep(polling)
     return None

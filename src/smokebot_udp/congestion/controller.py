@@ -319,6 +319,11 @@ class Controller:
             return max(counting, key=lambda item: item[1].estimator.link.capacity)
         return min(near, key=lambda item: item[1].estimator.link.capacity)
 
+    def _estimator(self, now: float) -> Optional[Estimator]:
+        """Of the link that the streams are planned for; None: the rate does not follow any."""
+        counting = self._counting(now) if self._adapt else []
+        return self._planned(counting)[1].estimator if counting else None
+
     def _initial_rate(self) -> Optional[float]:
         """Without reports [byte/s]; None: unlimited."""
         limits = self._limits
@@ -327,17 +332,17 @@ class Controller:
 
     def _capacity(self, now: float) -> Optional[float]:
         """[byte/s]; None: unlimited."""
-        counting = self._counting(now) if self._adapt else []
-        return self._planned(counting)[1].estimator.link.capacity if counting else self._initial_rate()
+        estimator = self._estimator(now)
+        return estimator.link.capacity if estimator else self._initial_rate()
 
     def _gain(self, now: float) -> float:
-        counting = self._counting(now) if self._adapt else []
-        return self._planned(counting)[1].estimator.planned(self._history.total) if counting else 1.0
+        estimator = self._estimator(now)
+        return estimator.planned(self._history.total) if estimator else 1.0
 
     def _planning_share(self, capacity: float, now: float) -> float:
-        counting = self._counting(now) if self._adapt else []
-        depth = self._planned(counting)[1].estimator.depth if counting else 0.0
-        return REFILL_SHARE if depth > REFILL_TIME * capacity else PLANNING_SHARE
+        """Part of the capacity that is allocated."""
+        estimator = self._estimator(now)
+        return REFILL_SHARE if estimator and estimator.depth > REFILL_TIME * capacity else PLANNING_SHARE
 
     def _divide(self, capacity: Optional[float], demands: Mapping[str, Demand], protected: float,
                 now: float) -> Tuple[Dict[str, float], Dict[str, float], Dict[str, Optional[Dict[str, Any]]]]:

@@ -377,9 +377,9 @@ class Estimator:
         return queue < target_delay(self.link.capacity) / 2 + self._path.delay.allowance
 
     def _trust(self, seen: Observation) -> float:
-        """How far a lower capacity is believed: at a short queue, less was offered, or jitter is taken for it. Where
-        there is a token bucket, most of what a report tells of may have passed at once, and the longest wait counts."""
-        longest = max(seen.waits) if self._path.shaper.depth else seen.queue
+        """How far a lower capacity is believed: at a short queue, less was offered, or jitter is taken for it. A token
+        bucket lets most datagrams pass at once: where there is one, the longest wait in a report is the queue."""
+        longest = max(seen.waits) if self.depth else seen.queue
         if longest > self._target():
             return 1.0
         noisy = self._path.delay.allowance >= MAX_TRUSTED_NOISE * target_delay(self.link.capacity)
@@ -451,7 +451,7 @@ class Estimator:
         emptied = empty and now - self._occupied < PROBE_HOLDOFF
         if self._pause.active(now - PROBE_HOLDOFF) or emptied or bounded:
             return None
-        return self._probes.next(self.link.capacity, self._path.shaper.depth, empty, wanted > self.rate,
+        return self._probes.next(self.link.capacity, self.depth, empty, wanted > self.rate,
                                  wished > self.rate, seen.newest, seen.feedback.unreported, now)
 
 

@@ -24,11 +24,12 @@ MAX_DURATION = 0.12
 """What passes at once is thought to be no more than the path carries in this time, as a mistake becomes a queue [s]."""
 
 QUEUES = 12
-"""The depth is the greatest that so many queues have shown: others began while the bucket was not full."""
+"""The depth is the greatest that this many queues have shown, the last ones: a queue that begins while the bucket is not
+full shows a smaller one."""
 
 SAME_RATE, RATES = 0.3, 3
-"""Where the median of so many rates differs from before by this part the path has changed: the present queue, and what
-was learnt before, show no depth."""
+"""The path has changed where the median of the last RATES measured rates differs by this part from the rate at which
+depths are learnt. The present queue began at the old rate, and shows no depth; the old depths do not count [1, 1]."""
 
 SPENDS = 0.25
 """Where this part of the datagrams of a report met no queue, they spent tokens, or nothing else fills the queue."""
@@ -86,7 +87,7 @@ class Shaper:
 
     def _pass(self, before: PacketSample, sample: PacketSample, wait: float, rate: float, noise: float) -> Passed:
         if sample is not before:
-            # what was sent between them, of which nothing is known, was spread evenly
+            # no sample tells of the bytes between the two: they count as sent evenly
             between = sample.total - before.total - sample.size
             self.level = max(0.0, self.level + between - rate * (sample.sent - before.sent))
             self._full |= self.level == 0
@@ -134,8 +135,8 @@ class Shaper:
             self._depths.clear()
             return
         (onset, wait, _), most = self._onset, (1 + error) * rate
-        spent = [onset.total - one.total + one.size - most * (onset.sent - one.sent) for one, _, _ in self._before]
-        excess = max(spent) - wait * rate
+        excess = max(onset.total - one.total + one.size - most * (onset.sent - one.sent)
+                     for one, _, _ in self._before) - wait * rate
         if excess <= MAX_DEPTH and (excess > self.depth or self._was_full):
             if self._learnt is not onset:
                 self._depths.append(0.0)

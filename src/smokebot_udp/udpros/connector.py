@@ -32,7 +32,7 @@ GONE_AFTER = 10.0
 """A publisher's node that has ended is not asked for longer than this; the watch asks the master again [s]."""
 
 TRANSIENT = 3
-"""Attempts in a row that may fail by this machine's fault, such as a lack of sockets, before that is told."""
+"""An attempt may fail on this machine, for lack of sockets, for example. It is logged after this many in a row."""
 
 MAX_DRAINED = 64
 """Batches of old datagrams that are dropped before another attempt; a stranger may send more and more."""
