@@ -24,8 +24,8 @@ MAX_DURATION = 0.12
 """What passes at once is thought to be no more than the path carries in this time, as a mistake becomes a queue [s]."""
 
 QUEUES = 12
-"""The depth is the greatest that this many queues have shown, the last ones: a queue that begins while the bucket is not
-full shows a smaller one."""
+"""The depth is the greatest that this many queues, the last ones, have shown: a queue that begins while the bucket is
+not full shows a smaller one."""
 
 SAME_RATE, RATES = 0.3, 3
 """The path has changed where the median of the last RATES measured rates differs by this part from the rate at which
