@@ -75,3 +75,18 @@ def test_a_lower_capacity_that_is_measured_twice_stays() -> None:
         capacity.measure(5e5, 0.1, 20, 0.0, 1.0, 1.0 + 0.1 * number)
     capacity.recall(2.0)
     assert capacity.value < 6e5
+
+
+@pytest.mark.parametrize('after', ['forgotten', 'more was carried'])
+def test_a_value_that_was_contradicted_does_not_come_back_once_it_is_out_of_date(after: str) -> None:
+    capacity = Capacity(1e6)
+    for number in range(10):
+        capacity.measure(1e6, 0.1, 20, 0.0, 1.0, 0.1 * number)
+    capacity.measure(5e5, 0.1, 20, 0.0, 1.0, 1.0)
+    if after == 'forgotten':
+        capacity.forget()
+    else:
+        capacity.carries(2e6)
+    value = capacity.value
+    capacity.recall(1.01 + CONFIRMED)
+    assert capacity.value == value

@@ -72,7 +72,7 @@ class Capacity:
     def recall(self, now: float) -> None:
         """No queue is seen: a lower value that a single measurement showed was no capacity, but a late datagram."""
         if self._doubted and now - self._at > CONFIRMED:
-            self.value, self._doubted = self._doubted, 0.0
+            self.value, self._doubted = max(self.value, self._doubted), 0.0
 
     def carries(self, rate: float) -> None:
         """The path carries at least this [byte/s]: what was measured before no longer counts where that is more."""
@@ -86,4 +86,4 @@ class Capacity:
 
     def forget(self) -> None:
         """Nothing that was measured counts any more."""
-        self._variance, self._at = UNKNOWN, -math.inf
+        self._variance, self._at, self._doubted = UNKNOWN, -math.inf, 0.0
