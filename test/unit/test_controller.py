@@ -23,6 +23,19 @@ def test_the_rate_follows_what_arrives() -> None:
     assert state.sent == pytest.approx(2 * MBIT, rel=0.2) and state.wanted == pytest.approx(30 * 64 * SIZE)
 
 
+def test_the_rate_falls_where_an_operator_never_reports() -> None:
+    robot = Robot()
+    robot.controller.on_operators({'/op': 3}, robot.now)
+    robot.drive([], 0.4)
+    assert robot.rate == LIMITS.start_rate
+    robot.drive([], 0.4)
+    assert robot.rate == pytest.approx(LIMITS.start_rate / 2, rel=0.11)
+    robot.drive([], 2.0)
+    assert robot.rate == pytest.approx(LIMITS.min_rate, rel=0.11)
+    robot.drive([Receiver('/op', 5 * MBIT)], 4.0)
+    assert robot.rate > 0.8 * 5 * MBIT
+
+
 def test_a_report_may_ask_for_a_train() -> None:
     robot, fixed = Robot(), Robot(adapt=False)
     robot.drive([Receiver('/op', 5 * MBIT)], 2.0)

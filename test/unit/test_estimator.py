@@ -12,6 +12,7 @@ from smokebot_udp.congestion.estimator import (
     REPORT_TIMEOUT,
     Estimator,
     Limits,
+    Mode,
     target_delay,
 )
 from smokebot_udp.congestion.feedback import (
@@ -99,6 +100,16 @@ def test_silence_says_nothing_where_little_is_sent_and_is_answered_at_once_where
     assert estimator.link.capacity == limits.min_rate
 
 
+@pytest.mark.parametrize('unreported, capacity', [(5000, 100000), (5001, 10000)])
+def test_a_report_in_which_nothing_of_much_has_come_is_no_answer(unreported: int, capacity: float) -> None:
+    """As where a subscriber's address is known, and it cannot receive yet: 0.5 s of min_rate are much."""
+    estimator = Estimator(0.0, Limits(min_rate=10000.0, start_rate=100000.0))
+    for k in range(1, 40):
+        estimator.on_feedback(Feedback([], math.nan, 0, 0, unreported, False), 0.1 * k)
+        estimator.poll(0.1 * k + 0.05, 20000.0)
+    assert estimator.link.capacity == capacity and bool(estimator.timeouts) == (unreported > 5000)
+
+
 def single(number: int, late: float = 0.0) -> Feedback:
     """Of one short datagram each half second."""
     sent = 0.5 * number
@@ -126,6 +137,17 @@ def burst(now: float, total: int, late: float = 0.0) -> Feedback:
     chain = [PacketSample(sent, sent + 5.02 + late, 1000, total + 1000 * at)
              for at, sent in enumerate(now - 0.1 + 0.01 * at for at in range(10))]
     return Feedback(chain, 0.04, 10, 10, 0, False)
+
+
+@pytest.mark.parametrize('expected, mode', [(12, Mode.FIRST), (11, Mode.FOLLOW)])
+def test_much_loss_before_the_first_pause_is_a_reason_to_drain(expected: int, mode: Mode) -> None:
+    """The delays so far may be those of a full queue. 1 of 11 is not much."""
+    estimator, modes = Estimator(0.0, Limits(start_rate=1e5)), []
+    for number in range(1, 20):
+        estimator.on_feedback(burst(0.1 * number, 10000 * number - 9000)._replace(expected=expected), 0.1 * number)
+        modes.append(estimator.mode)
+    assert modes[:2] == 2 * [Mode.FOLLOW] and modes[2] is mode and modes[-1] is Mode.FOLLOW
+    assert modes.count(Mode.FIRST) < 4      # one pause, no more
 
 
 def test_what_the_link_carried_before_a_timeout_is_known_until_a_short_queue_shows() -> None:

@@ -194,12 +194,12 @@ def test_an_operator_with_a_slower_link_gets_a_part(make) -> None:
 
 
 def test_what_is_sent_besides_is_charged(make) -> None:
-    scheduler = PacketScheduler(1e3, 1000)
-    outbox = make(scheduler, overhead=16)
+    scheduler, besides = PacketScheduler(1e3, 1000), []
+    outbox = make(scheduler, overhead=16, besides=besides.append)
     before = time.monotonic()
     outbox.charge(2, 200)
     passed = time.monotonic() - before
-    assert outbox.protected == 200 + 2 * (28 + 16)
+    assert besides == [outbox.protected] == [200 + 2 * (28 + 16)]
     outbox.change(lambda used: used.put('stream', ('stream', None, ()), [(1, 1000)]))
     waits = []
     outbox.change(lambda used: waits.append(used.wait(before)))

@@ -78,3 +78,14 @@ def test_old_bursts_are_forgotten_but_for_the_last_ones() -> None:
     assert history.find('map', 3 * MIN_BURSTS + 1) is not None
     assert history.find('map', 2 * MIN_BURSTS) is None
     assert history.totals('thermal') == (2000, 20000)
+
+
+def test_what_no_report_names_is_between_the_datagrams_of_streams() -> None:
+    """A rate is measured by all bytes that the path carried between two samples."""
+    history = SentHistory()
+    history.add('image', 1, 1, 100, 0.0)
+    history.add_besides(50)
+    history.add('image', 2, 1, 100, 0.1)
+    found = history.find('image', 2)
+    assert found is not None and found.total == history.total == 250
+    assert history.totals('image') == (2, 200)

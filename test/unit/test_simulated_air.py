@@ -183,6 +183,18 @@ def test_the_rate_falls_without_reports_and_recovers() -> None:
     assert not robot.controller.stats(robot.robot_time).timeout
 
 
+@pytest.mark.parametrize('seed', [1, 2, 3])
+@pytest.mark.parametrize('silence', [0.5, 0.7, 1.2])
+def test_a_queue_that_is_full_before_the_first_report_is_drained(silence: float, seed: int) -> None:
+    """As where start_rate is beyond the link's rate: the delay in the first report is not the path's."""
+    events, there = Events(), Channel(LinkConditions(rate=0.3e6, delay=0.02, queue=0.2), seed)
+    back = Interrupted(Channel(LinkConditions(delay=0.02), seed + 1), 0.0, silence)
+    robot = Robot(events, there, back, Greedy(), seed)
+    events.run(silence + 4)
+    assert np.median(sent(robot, silence + 1.5, silence + 4)[:, 2]) <= 0.06
+    assert used(robot, 0.3, silence + 2, silence + 4) >= 0.85
+
+
 def alone(path: Any, rate: float, seed: int) -> Tuple[float, float]:
     """(utilisation, part of what was sent that the path dropped) of a greedy robot, from 5 to 20 s [Mbit/s]."""
     events = Events()

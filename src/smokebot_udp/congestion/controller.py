@@ -167,6 +167,13 @@ class Controller:
             if number < count:
                 state.reader.sent.leave_out(stream, seq + number, count - number, size, now)
 
+    def on_sent_besides(self, size: int) -> None:
+        """Record what was sent to all operators and is in no report: it shares the air, too.
+
+        :param size: on the air, IP and UDP headers included [byte]
+        """
+        self._history.add_besides(size)
+
     def on_operators(self, connections: Mapping[str, int], now: float) -> None:
         """Take the operators that the streams are sent to now; the others no longer count.
 
@@ -325,10 +332,15 @@ class Controller:
         return self._planned(counting)[1].estimator if counting else None
 
     def _initial_rate(self) -> Optional[float]:
-        """Without reports [byte/s]; None: unlimited."""
+        """Before an operator has reported [byte/s]; None: unlimited. It is halved where reports fail to come, as
+        later."""
         limits = self._limits
-        rate = min(limits.start_rate, limits.max_rate) if self._adapt else limits.max_rate
-        return rate if rate < math.inf else None
+        if not self._adapt:
+            return limits.max_rate if limits.max_rate < math.inf else None
+        start = min(limits.start_rate, limits.max_rate)
+        waiting = [state.estimator.rate for name, state in self._operators.items()
+                   if not self._connections or name in self._connections]
+        return min(start, max(waiting, default=start))
 
     def _capacity(self, now: float) -> Optional[float]:
         """[byte/s]; None: unlimited."""

@@ -54,7 +54,7 @@ from .feedback import Feedback
 from .loss import MAX_AIR_LOSS, Loss
 from .loss_ceiling import LossCeiling
 from .path import Observation, Path
-from .pause import CHECK, DIP, DRAIN, MAX_BASE_STEP, Pause
+from .pause import CHECK, DIP, DRAIN, FIRST, MAX_BASE_STEP, Pause
 from .trains import ProbeController, Train
 
 REFERENCE_TARGET = 0.005
@@ -85,6 +85,10 @@ pass."""
 
 CARRIED_MEMORY = 0.99
 """With each report what was carried lately counts for this part of before."""
+
+DOUBTFUL_COUNT, DOUBTFUL_LOSS, DOUBTFUL_RATE = 3, 0.1, 2.0
+"""Where so many datagrams, and this part, were lost before any pause, and the capacity is no more than this many
+start_rates, the first delays may be those of a full queue [1, 1, 1]."""
 
 QUEUE_MEMORY = 0.5
 """A queue that was long dropped what is lost until this long after [s]."""
@@ -136,6 +140,7 @@ class Mode(enum.Enum):
     FOLLOW = 'sends what the path carries, and keeps a queue of a few ms'
     DIP = 'sends less for a moment, to measure the base delay'
     DRAIN = 'sends much less, until a long queue is gone'
+    FIRST = 'sends much less, until the delay no longer falls'
     COMPETE = 'sends its part beside a flow that fills the queue'
     SILENT = 'halves its rate repeatedly, as no reports come'
 
@@ -215,6 +220,9 @@ class Estimator:
         :param wished: what the link should have so that what they send is as fresh as it can be [byte/s]
         :return: a train for the packet scheduler, if one is due
         """
+        if not (feedback.samples or feedback.restarted) and feedback.unreported > REPORT_TIMEOUT * self.limits.min_rate:
+            self._update_loss(feedback, False)      # of all that was sent nothing has come: as if no report had
+            return None
         if self.mode is Mode.SILENT:
             self._back, self._silence = now, now - self._reported
             self._ceiling.interrupt(now)
@@ -314,6 +322,11 @@ class Estimator:
     def is_queue_long(self, seen: Observation) -> bool:
         """Whether the queue is to be drained: it is long, or has been longer than wanted for some time."""
         return (seen.is_long or seen.now - self._last_short > STANDING_TIME) and not self._idle(seen)
+
+    def is_base_doubtful(self, _: Observation) -> bool:
+        """Whether much is lost at the first rates, before any pause: the delays so far may be those of a full queue."""
+        return (not self._pause.ever and self._loss.lost >= DOUBTFUL_COUNT and self._loss.recent > DOUBTFUL_LOSS
+                and self.link.capacity <= DOUBTFUL_RATE * self.limits.start_rate)
 
     def is_base_old(self, seen: Observation) -> bool:
         """Whether the base delay is to be measured again. An idle sender needs no pause for that."""
@@ -457,13 +470,14 @@ class Estimator:
 
 Event = Callable[[Estimator, Observation], bool]
 
-PAUSES: Mapping[Mode, Any] = {Mode.DIP: DIP, Mode.DRAIN: DRAIN}
+PAUSES: Mapping[Mode, Any] = {Mode.DIP: DIP, Mode.DRAIN: DRAIN, Mode.FIRST: FIRST}
 
 TRANSITIONS: Mapping[Mode, Sequence[Tuple[Event, Mode]]] = {
     Mode.FOLLOW: [(Estimator.competes, Mode.COMPETE), (Estimator.is_queue_long, Mode.DRAIN),
-                  (Estimator.is_base_old, Mode.DIP)],
+                  (Estimator.is_base_doubtful, Mode.FIRST), (Estimator.is_base_old, Mode.DIP)],
     Mode.DIP: [(Estimator.competes, Mode.COMPETE), (Estimator.is_pause_over, Mode.FOLLOW)],
     Mode.DRAIN: [(Estimator.competes, Mode.COMPETE), (Estimator.is_pause_over, Mode.FOLLOW)],
+    Mode.FIRST: [(Estimator.competes, Mode.COMPETE), (Estimator.is_pause_over, Mode.FOLLOW)],
     Mode.COMPETE: [(Estimator.is_alone, Mode.FOLLOW)],
 }
 """{mode: [(what a report shows, mode then), ...]}: the first that holds counts. Without reports any becomes SILENT; the

@@ -34,6 +34,8 @@ class Loss:
         """Of all loss since `answered` was called last."""
         self.recent = 0.0
         """Of all loss."""
+        self.lost = 0
+        """Datagrams, ever."""
         self.dispersion = 1.0
         """Variance of the number lost, compared with that of independent losses, at least 1: of bursts it is more."""
         self._count = self._evidence = self._uncongested = self._uncongested_lost = 0.0
@@ -47,6 +49,7 @@ class Loss:
         count, lost = feedback.expected, feedback.lost
         if not count:
             return
+        self.lost += lost
         self._count = min(self._count + count, AVERAGING_WINDOW)
         self._measure_dispersion(count, lost)
         self._evidence = min(self._evidence + count, EVIDENCE_WINDOW)

@@ -2,8 +2,10 @@
 """Pauses in which less is sent, to learn what the path is like without a queue of one's own.
 
 A *dip* is short and is BBR's ProbeRTT: it measures the base delay. A *drain* is for a queue that has become long: it is
-deeper, goes on while the delay still falls, and takes the remaining delay for the path's. A *check* is made beside a
-competitor, to see whether it is still there (competition.py).
+deeper, goes on while the delay still falls, and takes the remaining delay for the path's. The *first* pause may be a
+drain of a queue that was full when the first report came. It goes on while the least delay so far falls, too; where
+several robots share the air, that would make all drains too long. A *check* is made beside a competitor, to see whether
+it is still there (competition.py).
 """
 import math
 from typing import NamedTuple, Optional
@@ -18,9 +20,13 @@ class Kind(NamedTuple):
     """Part of the rate that is sent meanwhile."""
     duration: float
     """It ends after this long [s]."""
+    drains: bool = False
+    """Whether it goes on while the delay changes, and what delay it leaves is the path's."""
+    doubts: bool = False
+    """Whether it goes on where the least delay so far falls, too."""
 
 
-DIP, DRAIN, CHECK = Kind(0.5, 0.2), Kind(0.25, 0.6), Kind(0.6, 0.6)
+DIP, DRAIN, FIRST, CHECK = Kind(0.5, 0.2), Kind(0.25, 0.6, True), Kind(0.25, 0.6, True, True), Kind(0.6, 0.6)
 
 MAX_BASE_STEP = 0.004
 """A dip raises the base delay by this at most, and by what jitter may have made it short: clocks drift, and datagrams
@@ -51,6 +57,11 @@ class Pause:
     def active(self, now: float) -> bool:
         """Whether less is to be sent now."""
         return now < self._ends
+
+    @property
+    def ever(self) -> bool:
+        """Whether there was one."""
+        return self._began > -math.inf
 
     def gain(self, now: float) -> float:
         """Part of the rate that may be sent now."""
@@ -83,23 +94,24 @@ class Pause:
         :param now: by a steady clock [s]
         """
         if sample.sent >= self._began and (self.active(now) or self._least is not None):
-            if self.kind is DRAIN:
-                self._schedule_end(sample, queue, target, now)
+            if self.kind.drains:
+                self._schedule_end(sample, queue, target, delay, now)
             if self._least is None or sample.delay < self._least.delay:
                 self._least = sample
         if self.active(now) or self._least is None:
             return
-        if self.kind is DRAIN:
+        if self.kind.drains:
             delay.set_base(self._least, now)        # what is left is the path
         else:
             delay.raise_base(self._least, MAX_BASE_STEP, now)
         self._least = None
 
-    def _schedule_end(self, sample: PacketSample, queue: float, target: float, now: float) -> None:
-        """Extend a drain while the delay changes; end it when the queue is gone."""
+    def _schedule_end(self, sample: PacketSample, queue: float, target: float, delay: QueueDelay, now: float) -> None:
+        """Extend a drain while the delay changes; end it when the queue is gone, unless the base itself still falls."""
         elapsed = now - self._began
         changed = self._least is not None and abs(sample.delay - self._least.delay) > SAME_DELAY
         if changed and elapsed < MAX_DRAIN_DURATION:
             self._ends = max(self._ends, now + DRAIN_EXTENSION)
-        if queue < target and elapsed > MIN_DRAIN_DURATION:
+        falls = changed and self.kind.doubts and delay.base is sample
+        if queue < target and elapsed > MIN_DRAIN_DURATION and not falls:
             self._ends = min(self._ends, now)

@@ -71,7 +71,7 @@ class SentHistory:
 
     def __init__(self) -> None:
         self.total = 0
-        """Bytes of all streams sent so far."""
+        """Bytes sent so far: of all streams, and besides."""
         self._streams: Dict[str, _Stream] = {}
 
     def add(self, stream: str, first: int, count: int, size: int, now: float) -> None:
@@ -85,6 +85,13 @@ class SentHistory:
         """
         self._streams.setdefault(stream, _Stream()).add(first, _Burst(count, size, now, self.total))
         self.total += count * size
+
+    def add_besides(self, size: int) -> None:
+        """Record what no report names: it counts in `total` only.
+
+        :param size: on the air, IP and UDP headers included [byte]
+        """
+        self.total += size
 
     def find(self, stream: str, seq: int) -> Optional[SentPacket]:
         """Look a datagram up; None: it was never sent, or too long ago.

@@ -21,11 +21,11 @@ from ..mission.settings import Settings, SettingsStore
 from ..msg import FocusRequest, RobotStatus, StreamStatus
 from ..srv import SetFocus, SetFocusResponse
 from ..streams import classified
-from ..transport import Transport
 from ..units import KBIT
 from .live import LiveSettings, ParameterWatch
 from .logging import log_error
 from .robot_control import Standing
+from .robot_stream import RobotLink
 from .settings_host import SettingsHost
 from .worker import PeriodicWorker
 
@@ -47,13 +47,13 @@ class FocusControl:
     :param shares: f() -> {stream: its share of the link [byte/s]}
     :param switched: f(), called after each switch of the focus
     :param report: f(problem), called with what is refused
-    :param transport: over which operators request a focus, and settings where they have masters of their own
+    :param link: over which operators request a focus, and settings where they have masters of their own
     :param standing: f() -> who drives now
     """
 
     def __init__(self, stores: Mapping[str, SettingsStore], profiles: Mapping[str, Profile],
                  shares: Callable[[], Mapping[str, float]], switched: Callable[[], None],
-                 report: Callable[[str], None], transport: Transport,
+                 report: Callable[[str], None], link: RobotLink,
                  standing: Callable[[], Standing] = Standing) -> None:
         self._shares, self._forget, self._report, self._standing = shares, switched, report, standing
         self._status = rospy.Publisher('~status', RobotStatus, queue_size=1, latch=True)
@@ -63,7 +63,7 @@ class FocusControl:
         self._present: FrozenSet[str] = frozenset()     # operators
         self._show = PeriodicWorker('settings', self._show_all, log_error('settings'), None)
         self.control = MissionControl(stores, profiles, report, self._switched, self._show.wake)
-        self._host = SettingsHost(self.control, transport, report) if transport.own_masters else None
+        self._host = SettingsHost(self.control, link, report) if link.transport.own_masters else None
         self._parts = [LiveSettings('', self.control.focus_store, report, self.control.request_focus)]
         self._parts += [LiveSettings(name, store, report, functools.partial(self.control.request, name))
                         for name, store in stores.items()]
@@ -73,7 +73,7 @@ class FocusControl:
         self._changes = PeriodicWorker('status', self._publish_changes, log_error('status'), CHANGES_PERIOD)
         self._changes.start()
         rospy.Service('~set_focus', SetFocus, self._serve)
-        self._requests = transport.subscriber(REQUESTS, FocusRequest, self._requested, queue_size=5)
+        self._requests = link.transport.subscriber(REQUESTS, FocusRequest, self._requested, queue_size=5)
         self._publish()
 
     def _switched(self, focus: str) -> None:

@@ -66,6 +66,11 @@ class SharedController:
             controller.on_sent(stream, seq, count, size, now, limits)
         self.sent(stream, seq, count, size, now, limits)
 
+    def on_sent_besides(self, size: int) -> None:
+        """As Controller.on_sent_besides, for the outbox."""
+        with self as controller:
+            controller.on_sent_besides(size)
+
 
 class LinkControl:
     """Runs a controller; lives as long as its node.

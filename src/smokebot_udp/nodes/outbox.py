@@ -8,8 +8,9 @@ from typing import Any, Callable, Mapping, Optional, Sequence
 from ..congestion.packet_scheduler import Chunk, PacketScheduler
 from ..congestion.sent_history import stream_of
 from ..monitoring import stages
+from ..streams.relay.contents import size_of
 from ..transport import Publisher
-from ..udpros.datagram import IP_UDP_HEADERS
+from ..udpros.datagram import IP_UDP_HEADERS, OVERHEAD
 from ..udpros.frame import Frame
 from .trace import TRACE
 from .worker import RETRY_PERIOD
@@ -45,13 +46,15 @@ class Outbox:
     :param on_error: f(stream, exception), called where sending fails; the other streams go on
     :param conforming: see Conforming; called for all datagrams that wait for their turn
     :param overhead: of the transport, in each datagram [byte]
+    :param besides: f(size [byte]), called with what is charged: no link report names it
     """
 
     def __init__(self, scheduler: Optional[PacketScheduler] = None, departed: Departed = lambda *_: None,
                  on_error: Callable[[str, Exception], None] = lambda *_: None,
-                 conforming: Conforming = lambda *_: {}, overhead: int = 0) -> None:
+                 conforming: Conforming = lambda *_: {}, overhead: int = 0,
+                 besides: Callable[[int], None] = lambda size: None) -> None:
         self._scheduler = scheduler or PacketScheduler()
-        self._departed, self._on_error, self._conforming = departed, on_error, conforming
+        self._departed, self._on_error, self._conforming, self._besides = departed, on_error, conforming, besides
         self._headers = IP_UDP_HEADERS + overhead
         self.protected = 0
         """What ever left at once [byte of IP packets]."""
@@ -126,6 +129,13 @@ class Outbox:
         with self._changed:
             self.protected += total
             self._scheduler.charge(total, time.monotonic())
+            self._besides(total)
+
+    def publish_message(self, publisher: Publisher, message: Any) -> None:
+        """Send a message to all at once, and charge it."""
+        publisher.publish(message)
+        datagrams = publisher.get_num_connections()
+        self.charge(datagrams, datagrams * (size_of(message) + OVERHEAD))
 
     @property
     def rate(self) -> Optional[float]:

@@ -60,7 +60,7 @@ ROBOT_SENDER = {
     'dscp': _DSCP,
     'ecn': Parameter(True, '', 'whether networks may mark datagrams where a queue builds up, instead of dropping them '
                      '(ECT(0) in IP headers): the rate follows the marks that operators report'),
-    'start_rate': Parameter(0.5, 'Mbit/s', 'rate until the first report', least=0.01),
+    'start_rate': Parameter(0.5, 'Mbit/s', 'rate until the first report, halved while none comes', least=0.01),
     'focus': FOCUS,
     'wifi_interface': _WIFI_INTERFACE,
     'history_memory': Parameter(200, 'MB', 'memory for the originals that all streams keep by their setting history',

@@ -18,13 +18,11 @@ from ..limited_log import logerr
 from ..monitoring.control_status import robot_control_status
 from ..monitoring.status import Status
 from ..msg import ControlPeer, ControlRequest, ControlStatus
-from ..streams.relay.contents import size_of
 from ..teleop import records
 from ..teleop.control_server import ControlServer
 from ..traffic import EXPEDITED
 from ..transport import Transport
 from ..udpros import rpc
-from ..udpros.datagram import OVERHEAD
 from .logging import log_error
 from .outbox import Outbox
 from .worker import DeadlineWorker, PeriodicWorker
@@ -192,10 +190,7 @@ class RobotControl:
             self._tell()
         if status is None:
             return
-        message = status_message(status)
-        self._statuses.publish(message)
-        datagrams = self._statuses.get_num_connections()
-        self._outbox.charge(datagrams, datagrams * (size_of(message) + OVERHEAD))
+        self._outbox.publish_message(self._statuses, status_message(status))
 
     def _watch_peers(self) -> None:
         """Note whose link has ended."""

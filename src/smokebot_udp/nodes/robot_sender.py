@@ -77,7 +77,7 @@ class RobotSender:
         self._codec = CompiledCodec()
         with udpros.registered_together():
             link = RobotLink(transport, Outbox(scheduler, shared.on_sent, _log, shared.conforming,
-                                               transport.overhead),
+                                               transport.overhead, shared.on_sent_besides),
                              histories=Histories(parameters['history_memory'] * MEGABYTE))
             link.outbox.start()
             self._outbox, self._transport = link.outbox, transport
@@ -90,7 +90,7 @@ class RobotSender:
                                      parameters['wifi_interface'], self._captures.demands)
             stores = {name: stream.settings for name, stream in self.streams.items()}
             self.focus = FocusControl({**stores, **self._way_back.stores}, profiles, lambda: self._link.shares,
-                                      self._link.forget, problems.report, transport, lambda: control.standing)
+                                      self._link.forget, problems.report, link, lambda: control.standing)
             control.subscribe(self.focus.standing_changed)
             self._clock, self._held = ClockServer(transport), HeldReports(self.streams, transport)
             self._diagnostics = robot_diagnostics(self.streams, self._way_back, self._link, parameters, problems,

@@ -17,8 +17,8 @@ from ..mission.remote import PartState, Request
 from ..mission.settings_server import SettingsServer
 from ..msg import SettingsRequest, SettingsState
 from ..traffic import SENSORS
-from ..transport import Transport
 from .logging import log_error
+from .robot_stream import RobotLink
 from .settings_messages import REQUESTS, STATES, request_of, state_message
 from .worker import DeadlineWorker
 
@@ -27,21 +27,22 @@ class SettingsHost(rospy.SubscribeListener):
     """Lives as long as its node.
 
     :param control: all requests for settings go through it
+    :param link: to the operators
     :param report: f(problem), called with what is refused
     """
 
-    def __init__(self, control: MissionControl, transport: Transport, report: Callable[[str], None]) -> None:
+    def __init__(self, control: MissionControl, link: RobotLink, report: Callable[[str], None]) -> None:
         super().__init__()
-        self._control, self._report = control, report
+        self._control, self._outbox, self._report = control, link.outbox, report
         self._server = SettingsServer(random.randint(1, 2 ** 32 - 1), control.profiles)
         self._updating = threading.Lock()   # otherwise an older state might replace a newer one; the outermost lock
         self._worker: DeadlineWorker[PartState] = DeadlineWorker(
             'settings across the link', self._server.poll, self._server.deadline, self._send,
             log_error('settings across the link'))
         self.update()
-        self._states = transport.publisher(STATES, SettingsState, subscriber_listener=self, tos=SENSORS)
+        self._states = link.transport.publisher(STATES, SettingsState, subscriber_listener=self, tos=SENSORS)
         self._worker.start()
-        self._requests = transport.subscriber(REQUESTS, SettingsRequest, self._receive)
+        self._requests = link.transport.subscriber(REQUESTS, SettingsRequest, self._receive)
 
     def update(self) -> None:
         """Settings may have changed; any thread that holds no lock of theirs."""
@@ -92,4 +93,4 @@ class SettingsHost(rospy.SubscribeListener):
         return ''
 
     def _send(self, state: PartState) -> None:
-        self._states.publish(state_message(state))
+        self._outbox.publish_message(self._states, state_message(state))
