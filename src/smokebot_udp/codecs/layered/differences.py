@@ -60,7 +60,8 @@ def mean_square(pixels: Array, others: Array, step: int = 1) -> float:
     :param others: of the same shape and type
     """
     length = pixels[0].size
-    return _sum_of_squares(flat(pixels), flat(others), length, step) / (length * -(-len(pixels) // step))
+    total: int = _sum_of_squares(flat(pixels), flat(others), length, step)
+    return float(total / (length * -(-len(pixels) // step)))
 
 
 def entropy(pixels: Array, others: Array, step: int = 1) -> float:
