@@ -31,6 +31,28 @@ def test_indexes_out_of_range_are_found_in_these_tests() -> None:
         element(np.array([5, 6]), 2)
 
 
+def test_loops_free_what_they_allocate() -> None:
+    # functions that do not count references must not make arrays, nor call those that do
+    from numba.core.runtime import rtsys
+
+    from smokebot_udp.codecs.layered import motion
+    image_, other = (np.random.RandomState(1).randint(0, 256, (61, 83)).astype(np.uint8).repeat(2, 0)[:64, k:k + 70]
+                     for k in (0, 1))
+    moved = motion.Motion(np.full((5, 5, 2), 40, np.int16), True)
+
+    def work() -> None:
+        stream = image.encode(image_, False, 2000, None, motion.compensate(other, moved))
+        motion.estimate(other, image_)
+        stream.prefixes.pixels(1000)
+        image.decode(stream.data, *image_.shape, 1, 1, motion.compensate(other, moved))
+    work()
+    before = rtsys.get_allocation_stats()
+    for _ in range(3):
+        work()
+    after = rtsys.get_allocation_stats()
+    assert after.alloc - before.alloc > 10 and after.alloc - after.free == before.alloc - before.free
+
+
 def sources(folder: pathlib.Path, monkeypatch: Any) -> pathlib.Path:
     """A source that stands for all, and a cache of its own."""
     folder.mkdir()

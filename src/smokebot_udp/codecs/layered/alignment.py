@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import solveh_banded
 
 from ...arrays import Array, Float32Array, FloatArray
-from .loops import compiled, float32
+from .loops import compiled, float32, summed, uint64
 
 COARSEST = 20
 """The shorter side of the coarsest images is not halved below this [pixel]."""
@@ -37,30 +37,42 @@ COARSE = 4
 """The usual difference at first is taken from each COARSE-th of the rows."""
 RUN = 4
 """Pixels that are displaced alike."""
+ONE, HALF, QUARTER = uint64(1), float32(0.5), float32(0.25)
+# what is observed in a row of a cell: squared errors by their weights, roots of roots of squared differences, number of
+# runs; sums of the products of slopes and differences, plain and times u, the place in the cell; sums of the products
+# yy, yx, xx of slopes, plain, times u and times its square
+ERROR, ROOTS, COUNT, PULLS, PRODUCTS = 0, 1, 2, 3, 7
 
 
 @compiled
 def _luma(pixels: Array, result: Array) -> None:
-    """(height, width, 3) to (height, width) float32."""
-    for y in range(pixels.shape[0]):
-        for x in range(pixels.shape[1]):
-            result[y, x] = (float32(pixels[y, x, 0]) + float32(pixels[y, x, 2])) * float32(0.25) + float32(
-                pixels[y, x, 1]) * float32(0.5)
+    """(3 n,) to (n,) float32."""
+    for i in range(uint64(len(result))):
+        at = i + i + i
+        result[i] = (float32(pixels[at]) + float32(pixels[at + ONE + ONE])) * QUARTER + float32(pixels[at + ONE]) * HALF
 
 
 @compiled
-def _halve(image: Array, result: Array) -> None:
-    """Means of 2 x 2 pixels, float32; an odd last row or column is left out."""
-    for y in range(result.shape[0]):
-        above, below = image[2 * y], image[2 * y + 1]
-        for x in range(result.shape[1]):
-            result[y, x] = (float32(above[2 * x]) + float32(above[2 * x + 1]) + float32(below[2 * x]) + float32(
-                below[2 * x + 1])) * float32(0.25)
+def _halve_row(image: Array, above: int, below: int, result: Array, at: int, count: int) -> None:
+    """Means of 2 x 2 pixels; the numbers are uint64."""
+    for i in range(count):
+        left, right = i + i, i + i + ONE
+        result[at + i] = (float32(image[above + left]) + float32(image[above + right]) + float32(
+            image[below + left]) + float32(image[below + right])) * QUARTER
+
+
+@compiled
+def _halve(image: Array, width: int, result: Array) -> None:
+    """Half of a flat image, (height, width) float32; an odd last row or column is left out."""
+    flat, columns = result.reshape(-1), uint64(result.shape[1])
+    for y in range(uint64(result.shape[0])):
+        above = (y + y) * uint64(width)
+        _halve_row(image, above, above + uint64(width), flat, y * columns, columns)
 
 
 def _half(image: Array) -> Float32Array:
     result = np.empty((image.shape[0] // 2, image.shape[1] // 2), np.float32)
-    _halve(image, result)
+    _halve(image.reshape(-1), image.shape[1], result)
     return result
 
 
@@ -71,8 +83,8 @@ def _pyramid(pixels: Array, large: bool) -> List[Float32Array]:
     """
     grey = np.require(pixels, requirements=['C', 'A', 'W'])
     if pixels.ndim == 3:
-        grey = np.empty(pixels.shape[:2], np.float32)
-        _luma(np.require(pixels, requirements=['C', 'A', 'W']), grey)
+        colours, grey = grey, np.empty(pixels.shape[:2], np.float32)
+        _luma(colours.reshape(-1), grey.reshape(-1))
     images = [_half(grey) if large else grey.astype(np.float32)]
     images[0] -= images[0].mean()
     while min(images[-1].shape) >= 2 * COARSEST:
@@ -80,36 +92,56 @@ def _pyramid(pixels: Array, large: bool) -> List[Float32Array]:
     return images
 
 
+@summed
+def _apart(image: Array, at: int, reference: Array, there: int, count: int) -> float:
+    """The sum of the roots of how much pixels of two flat images differ; the numbers are uint64."""
+    total = float32(0)
+    for i in range(count):
+        total += math.sqrt(abs(image[at + i] - reference[there + i]))
+    return float(total)
+
+
 @compiled
-def _best_shift(image: Array, reference: Array, down: int, right: int) -> Tuple[int, int]:
-    """The shift, -down..down and -right..right, with the least error a pixel (of which the roots are added)."""
-    height, width = image.shape
-    best, least = (0, 0), np.inf
-    for dy in range(-down, down + 1):
-        for dx in range(-right, right + 1):
-            total = float32(0)
-            for y in range(max(-dy, 0), min(height - dy, height)):
-                for x in range(max(-dx, 0), min(width - dx, width)):
-                    total += math.sqrt(abs(image[y, x] - reference[y + dy, x + dx]))
-            mean = total / ((height - abs(dy)) * (width - abs(dx)))
-            if mean < least:
-                best, least = (dy, dx), mean
+def _error(image: Array, reference: Array, height: int, width: int, dy: int, dx: int, most: float) -> float:
+    """Of a shift, a pixel of the flat images; or one that is not below `most`."""
+    columns = width - abs(dx)
+    total, limit = 0.0, most * (height - abs(dy)) * columns
+    for y in range(max(-dy, 0), min(height - dy, height)):
+        total += _apart(image, uint64(y * width + max(-dx, 0)), reference, uint64((y + dy) * width + max(dx, 0)),
+                        uint64(columns))
+        if total >= limit:
+            break
+    return total / ((height - abs(dy)) * columns)
+
+
+@compiled
+def _best_shift(image: Array, reference: Array, height: int, width: int, down: int, right: int) -> Tuple[int, int]:
+    """The shift, -down..down and -right..right, with the least error, of flat images; small ones are tried first."""
+    best, least = (0, 0), _error(image, reference, height, width, 0, 0, np.inf)
+    for ring in range(1, max(down, right) + 1):
+        for dy in range(-min(ring, down), min(ring, down) + 1):
+            for dx in range(-min(ring, right), min(ring, right) + 1):
+                if max(abs(dy), abs(dx)) == ring:
+                    error = _error(image, reference, height, width, dy, dx, least)
+                    if error < least:
+                        best, least = (dy, dx), error
     return best
 
 
 @compiled
-def _sums(image: Array, reference: Array, y: int, x: int, row: int, column: int, below: float, behind: float
+def _sums(image: Array, at: int, width: int, reference: Array, there: int, below: float, behind: float
           ) -> Tuple[float, float, float, float, float, float]:
-    """Over RUN pixels from (y, x) on: products of the image's slopes, down and right, with each other and with the
-    difference to the reference at (row + below, column + behind); and the squared difference."""
-    yy, yx, xx, ye, xe, ee = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for k in range(RUN):
-        down = (image[y + 1, x + k] - image[y - 1, x + k]) * float32(0.5)
-        right = (image[y, x + k + 1] - image[y, x + k - 1]) * float32(0.5)
-        i = column + k
-        above = reference[row, i] + (reference[row, i + 1] - reference[row, i]) * behind
-        under = reference[row + 1, i] + (reference[row + 1, i + 1] - reference[row + 1, i]) * behind
-        difference = image[y, x + k] - (above + (under - above) * below)
+    """Over RUN pixels of flat images: products of the image's slopes, down and right, with each other and with the
+    difference to the reference `below` and `behind` its pixel `there`; and the squared difference."""
+    yy, yx, xx, ye, xe, ee = (float32(0), float32(0), float32(0), float32(0), float32(0), float32(0))
+    for k in range(uint64(RUN)):
+        here, there_too = at + k, there + k
+        down = (image[here + width] - image[here - width]) * HALF
+        right = (image[here + ONE] - image[here - ONE]) * HALF
+        above = reference[there_too] + (reference[there_too + ONE] - reference[there_too]) * behind
+        under = reference[there_too + width] + (
+            reference[there_too + width + ONE] - reference[there_too + width]) * behind
+        difference = image[here] - (above + (under - above) * below)
         yy += down * down
         yx += down * right
         xx += right * right
@@ -120,9 +152,61 @@ def _sums(image: Array, reference: Array, y: int, x: int, row: int, column: int,
 
 
 @compiled
-def _observe(image: Array, reference: Array, nodes: Array, step: int, usual: float, products: Array, pulls: Array
-             ) -> Tuple[float, float]:
-    """The normal equations of each `step`-th row.
+def _observe_cell(image: Array, reference: Array, height: int, width: int, y: int, first: int, last: int, left: Array,
+                  right: Array, place: float, pace: float, usual: float, sums: Array) -> None:
+    """Add up what is observed in a row of a cell of the mesh.
+
+    :param first: column of the first run of RUN pixels; `last` is behind the last one
+    :param left: (2,) displacement of the cell's left side, down and right [pixel]; `right`: likewise
+    :param place: of the first run between them, 0..1; each next one is `pace` farther
+    :param sums: (16,) float64, see ERROR and the others; is added to
+    """
+    for x in range(first, last, RUN):
+        u = place + (x - first) * pace
+        at_y, at_x = y + left[0] + u * (right[0] - left[0]), x + left[1] + u * (right[1] - left[1])
+        if not (at_y >= 0 and at_x >= 0 and at_y < height - 1 and at_x < width - RUN):
+            continue
+        i, j = int(at_y), int(at_x)
+        yy, yx, xx, ye, xe, ee = _sums(image, uint64(y * width + x), uint64(width), reference, uint64(i * width + j),
+                                       float32(at_y - i), float32(at_x - j))
+        trust = usual / (usual + ee * (1 / RUN)) if usual < np.inf else 1.0
+        sums[ERROR] += trust * ee
+        sums[ROOTS] += math.sqrt(math.sqrt(ee * (1 / RUN)))
+        sums[COUNT] += 1
+        ye, xe = trust * ye, trust * xe
+        sums[PULLS] += ye
+        sums[PULLS + 1] += xe
+        sums[PULLS + 2] += u * ye
+        sums[PULLS + 3] += u * xe
+        for k in range(3):
+            sums[PRODUCTS + k] += trust * yy
+            sums[PRODUCTS + 3 + k] += trust * yx
+            sums[PRODUCTS + 6 + k] += trust * xx
+            trust *= u
+
+
+@compiled
+def _distribute(sums: Array, v: float, products: Array, pulls: Array, row: int, cell: int) -> None:
+    """Add what was observed in a row of a cell, at v between its upper and its lower side, to the normal equations."""
+    for k, down in ((0, (1 - v) * (1 - v)), (1, (1 - v) * v), (2, v * v)):
+        for slopes in range(3):
+            plain, once, twice = sums[PRODUCTS + 3 * slopes], sums[PRODUCTS + 3 * slopes + 1], sums[
+                PRODUCTS + 3 * slopes + 2]
+            products[row, cell, k, 0, slopes] += down * (plain - 2 * once + twice)
+            products[row, cell, k, 1, slopes] += down * (once - twice)
+            products[row, cell, k, 2, slopes] += down * twice
+    for k in range(2):
+        plain, once = sums[PULLS + k], sums[PULLS + 2 + k]
+        pulls[row, cell, k] += (1 - v) * (plain - once)
+        pulls[row, cell + 1, k] += (1 - v) * once
+        pulls[row + 1, cell, k] += v * (plain - once)
+        pulls[row + 1, cell + 1, k] += v * once
+
+
+@compiled
+def _observe(image: Array, reference: Array, height: int, width: int, nodes: Array, step: int, usual: float,
+             products: Array, pulls: Array) -> Tuple[float, float]:
+    """The normal equations of each `step`-th row of flat images.
 
     :param nodes: (n, n, 2) float64: displacements down and right [pixel]
     :param products: (n - 1, n - 1, 3, 3, 3) float64, is added to: of each cell; by the nodes that share it: above with
@@ -131,45 +215,25 @@ def _observe(image: Array, reference: Array, nodes: Array, step: int, usual: flo
     :param usual: squared difference; pixels of much larger ones have less weight
     :returns: the squared error of all pixels, by their weights, and a usual one
     """
-    height, width = image.shape
     cells = nodes.shape[0] - 1
-    error, roots, count = 0.0, 0.0, 0
+    error, roots, count, sums = 0.0, 0.0, 0.0, np.empty(16)
     for y in range(1 + step // 2, height - 1, step):
         v = (y + 0.5) * cells / height
         row = min(int(v), cells - 1)
         v -= row
-        upper, lower = nodes[row], nodes[row + 1]
-        for x in range(1, width - RUN, RUN):
-            u = (x + 0.5 * RUN) * cells / width
-            cell = min(int(u), cells - 1)
-            u -= cell
-            a, b, c, d = (1 - v) * (1 - u), (1 - v) * u, v * (1 - u), v * u
-            at_y = y + a * upper[cell, 0] + b * upper[cell + 1, 0] + c * lower[cell, 0] + d * lower[cell + 1, 0]
-            at_x = x + a * upper[cell, 1] + b * upper[cell + 1, 1] + c * lower[cell, 1] + d * lower[cell + 1, 1]
-            if not (at_y >= 0 and at_x >= 0 and at_y < height - 1 and at_x < width - RUN):
-                continue
-            i, j = int(at_y), int(at_x)
-            yy, yx, xx, ye, xe, ee = _sums(image, reference, y, x, i, j, float32(at_y - i), float32(at_x - j))
-            trust = 1 / (1 + ee / (RUN * usual))
-            error += trust * ee
-            roots += math.sqrt(math.sqrt(ee / RUN))
-            count += 1
-            ye, xe = trust * ye, trust * xe
-            for k, down in ((0, (1 - v) * (1 - v)), (1, (1 - v) * v), (2, v * v)):
-                for m, across in ((0, (1 - u) * (1 - u)), (1, (1 - u) * u), (2, u * u)):
-                    weight = down * across * trust
-                    products[row, cell, k, m, 0] += weight * yy
-                    products[row, cell, k, m, 1] += weight * yx
-                    products[row, cell, k, m, 2] += weight * xx
-            pulls[row, cell, 0] += a * ye
-            pulls[row, cell, 1] += a * xe
-            pulls[row, cell + 1, 0] += b * ye
-            pulls[row, cell + 1, 1] += b * xe
-            pulls[row + 1, cell, 0] += c * ye
-            pulls[row + 1, cell, 1] += c * xe
-            pulls[row + 1, cell + 1, 0] += d * ye
-            pulls[row + 1, cell + 1, 1] += d * xe
-    return error, (roots / max(count, 1)) ** 4
+        sides = (1 - v) * nodes[row] + v * nodes[row + 1]
+        x = 1
+        for cell in range(cells):
+            # runs whose middle is in the cell
+            behind = width - RUN if cell == cells - 1 else min(int((cell + 1) * width / cells - 0.5 * RUN), width - RUN)
+            last = x + max(behind - x + RUN - 1, 0) // RUN * RUN
+            sums[:] = 0
+            _observe_cell(image, reference, height, width, y, x, last, sides[cell], sides[cell + 1],
+                          (x + 0.5 * RUN) * cells / width - cell, cells / width, usual, sums)
+            _distribute(sums, v, products, pulls, row, cell)
+            error, roots, count = error + sums[ERROR], roots + sums[ROOTS], count + sums[COUNT]
+            x = last
+    return error, (roots / max(count, 1.0)) ** 4
 
 
 @compiled
@@ -213,9 +277,10 @@ def _bind(matrix: Array, i: int, j: int, price: float) -> None:
 def _refined(image: Float32Array, reference: Float32Array, nodes: FloatArray) -> FloatArray:
     """The mesh after a Gauss-Newton step."""
     size, rows = len(nodes), max(image.size // SAMPLES, 1)
-    _, usual = _observe(image, reference, nodes, COARSE * rows, np.inf, *_nothing(size))
+    one, other, height, width = image.reshape(-1), reference.reshape(-1), image.shape[0], image.shape[1]
+    _, usual = _observe(one, other, height, width, nodes, COARSE * rows, np.inf, *_nothing(size))
     products, pulls = _nothing(size)
-    error, _ = _observe(image, reference, nodes, rows, OUTLIER * usual + 1e-6, products, pulls)
+    error, _ = _observe(one, other, height, width, nodes, rows, OUTLIER * usual + 1e-6, products, pulls)
     price = STIFFNESS * error / size ** 2
     matrix = np.zeros((2 * (size + 2), nodes.size))
     _assemble(products, price, matrix)
@@ -248,7 +313,8 @@ def aligned(reference: Array, image: Array, level: int) -> FloatArray:
     images, references = _pyramid(image, large), _pyramid(reference, large)
     height, width = images[-1].shape
     down, right = min(height // REACH, MOST_SHIFT), min(width // REACH, MOST_SHIFT)
-    nodes = np.zeros((2, 2, 2)) + _best_shift(images[-1], references[-1], down, right)
+    nodes = np.zeros((2, 2, 2)) + _best_shift(images[-1].reshape(-1), references[-1].reshape(-1), height, width, down,
+                                              right)
     for number in reversed(range(1, len(images))):
         nodes = 2 * _refined(images[number], references[number], nodes)
         if len(nodes) < 1 + (1 << level) // 2:

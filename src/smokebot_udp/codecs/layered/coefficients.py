@@ -3,53 +3,46 @@
 
 Coefficients on a canvas are integers in the unit of the channels, 2^-fraction counts.
 """
-from typing import Tuple
+from typing import Optional, Tuple
 
 import numpy as np
 
-from ...arrays import Array, IntArray
-from . import colour, wavelet
-from .layout import COLUMNS, HH, HL, LH, LL, MAX_PLANES, ORIGIN, RATE, RATE_BITS, ROWS, STEP, STEP_BITS, Layout
-from .loops import compiled, int32, int64
-from .passes import FOUND, GUESS_BITS, OLD, PLANE, REFINED, TOP, Work
+from ...arrays import Array, FloatArray, IntArray
+from . import colour, prediction, wavelet
+from .layout import COLUMNS, HL, LH, MAX_PLANES, ORIGIN, RATE, RATE_BITS, ROWS, SIDE, STEP, STEP_BITS, Layout
+from .loops import compiled, int32, int64, uint64
+from .passes import FOUND, GUESS_BITS, OLD, PLANE, REFINED
 
 CENTRE = round(0.45 * 2 ** GUESS_BITS)
 """Where in its interval a coefficient is thought to be [2^-GUESS_BITS]: smaller ones are likelier."""
 STEPS = {True: wavelet.STEPS_5_3, False: wavelet.STEPS_9_7}
 """By `lossless`."""
+EXACT = 0, 0, 0
+"""No rounding, see colour.rounding."""
 
 
 @compiled
-def _source_row(kind: int, row: int) -> int:
-    """Of a band's row in a split image: its rows are interleaved; LL comes alone."""
-    if kind == LL:
-        return row
-    return 2 * row if kind == HL else 2 * row + 1
-
-
-@compiled
-def _source_column(kind: int, columns: int) -> int:
-    """Of a band's first coefficient in a split image."""
-    return 0 if kind in (LH, LL) else (columns + 1) // 2
-
-
-@compiled
-def _store(x: Array, kind: int, band: Array, stride: int, canvas: Array) -> None:
-    """Copy a band of a split image to the canvas."""
-    first = _source_column(kind, x.shape[1])
+def _store(x: Array, offset: int, fraction: int, band: Array, stride: int, canvas: Array) -> None:
+    """Store LL on the canvas: (rows, columns) int32 or pixels, see wavelet.scaled."""
     for y in range(band[ROWS]):
-        at = band[ORIGIN] + y * stride
-        canvas[at:at + band[COLUMNS]] = x[_source_row(kind, y), first:first + band[COLUMNS]]
+        for column in range(band[COLUMNS]):
+            canvas[band[ORIGIN] + y * stride + column] = wavelet.scaled(x[y, column], int32(offset), int32(fraction))
 
 
 @compiled
-def _low_half(x: Array) -> Array:
-    """LL of a split image."""
-    rows, columns = (x.shape[0] + 1) // 2, (x.shape[1] + 1) // 2
-    low = np.empty((rows, columns), x.dtype)
-    for y in range(rows):
-        low[y] = x[2 * y, :columns]
-    return low
+def _load(canvas: Array, band: Array, stride: int, x: Array) -> None:
+    """Load LL from the canvas: (rows, columns) int32."""
+    for y in range(band[ROWS]):
+        for column in range(band[COLUMNS]):
+            x[y, column] = canvas[band[ORIGIN] + y * stride + column]
+
+
+@compiled
+def _round(x: Array, shift: int, fraction: int, most: int, pixels: Array) -> None:
+    """Of an image that is not split: (rows, columns) int32 to pixels, see wavelet.rounded."""
+    for y in range(x.shape[0]):
+        for column in range(x.shape[1]):
+            pixels[y, column] = wavelet.rounded(x[y, column], int32(shift), int32(fraction), int32(most))
 
 
 def analyse(pixels: Array, plan: Layout, offset: int) -> Array:
@@ -57,64 +50,82 @@ def analyse(pixels: Array, plan: Layout, offset: int) -> Array:
 
     :param offset: is subtracted from the first channel [count]
     """
-    canvas, number = np.zeros(plan.cells, np.int32), 0
-    for x in colour.to_channels(pixels, offset, plan.fraction):
-        for level in range(plan.levels):
-            wavelet.split(x, STEPS[plan.lossless])
-            for kind in (HL, LH, HH):
-                _store(x, kind, plan.bands[number + 1 + 3 * (plan.levels - 1 - level) + kind], plan.stride, canvas)
-            x = _low_half(x)
-        _store(x, LL, plan.bands[number], plan.stride, canvas)
+    canvas, number = np.empty(plan.cells, np.int32), 0      # nobody reads the margins of its bands
+    for x, subtracted, fraction in colour.to_channels(pixels, offset, plan.fraction):
+        for level in range(plan.levels - 1, -1, -1):
+            low = np.empty(((x.shape[0] + 1) // 2, (x.shape[1] + 1) // 2), np.int32)
+            wavelet.split(x.reshape(-1), (x.shape[0], x.shape[1]), subtracted, fraction, STEPS[plan.lossless],
+                          low.reshape(-1), canvas, _bands_of(plan, number, level), plan.stride)
+            x, subtracted, fraction = low, 0, 0
+        _store(x, subtracted, fraction, plan.bands[number], plan.stride, canvas)
         number += 1 + 3 * plan.levels
     return canvas
 
 
+def _bands_of(plan: Layout, number: int, level: int) -> Array:
+    """Of a level of the channel that begins with the band `number`: (3, ...): HL, LH and HH."""
+    first = number + 1 + 3 * level
+    bands: Array = plan.bands[first:first + 3]
+    return bands
+
+
 @compiled
-def _quantise_row(canvas: Array, rate: int, half: int, values: Array) -> Tuple[int, int]:
-    """All bits of the magnitudes of a row, and the sum of their squares."""
-    bits, energy = int64(0), int64(0)
-    for i in range(len(canvas)):
-        value = canvas[i]
-        magnitude = (int64(abs(value)) * rate + half) >> RATE_BITS
-        values[i] = magnitude * 2 + (1 if value < 0 else 0)
-        bits |= magnitude
-        energy += magnitude * magnitude
+def _quantise_row(values: Array, at: int, count: int, rate: int, half: int) -> Tuple[int, int]:
+    """All bits of the magnitudes of a row, and the sum of their squares; at and count are uint64, rate is int32."""
+    bits, energy = int32(0), int64(0)
+    for i in range(count):
+        value = values[at + i]
+        negative = int32(value >> 31)
+        magnitude = int32((int64(int32(int32(value ^ negative) - negative)) * rate + half) >> RATE_BITS)
+        values[at + i] = int32(int32(magnitude << 1) - negative)
+        bits = int32(bits | magnitude)
+        energy += int64(magnitude) * int64(magnitude)
     return bits, energy
 
 
 @compiled
-def _quantise(canvas: Array, band: Array, stride: int, half: int, values: Array, counts: Array) -> float:
-    """Quantise a band; note its planes and return the sum of squares.
+def _quantise(values: Array, reference: Array, bands: Array, flags_at: Array, stride: int, weights: Array, flags: Array,
+              half: int, planes: Array, energies: Array) -> None:
+    """Quantise all bands, less their predictions; note their planes and the sums of squares.
 
+    :param flags_at: where the flags of each band begin
     :param half: what is added before magnitudes are rounded down [2^-RATE_BITS]
     """
-    bits, energy = int64(0), int64(0)
-    for y in range(band[ROWS]):
-        first = band[ORIGIN] + y * stride
-        last = first + band[COLUMNS]
-        some, squares = _quantise_row(canvas[first:last], int32(band[RATE]), half, values[first:last])
-        bits |= some
-        energy += squares
-    planes = 0
-    while bits >> planes:
-        planes += 1
-    counts[TOP] = planes
-    return float(energy)
+    for number in range(len(bands)):
+        columns, first = bands[number, COLUMNS], flags_at[number]
+        mask, bits, energy, some = np.zeros(columns, np.int32), int64(0), int64(0), False
+        for y in range(bands[number, ROWS]):
+            at = uint64(bands[number, ORIGIN] + y * stride)
+            if weights[number] and y % SIDE == 0:
+                some = prediction.fill_mask(flags, first + y // SIDE * ((columns + SIDE - 1) // SIDE), columns, mask)
+            if some:
+                prediction.subtract_row(values, reference, at, int32(weights[number]), mask)
+            its_bits, squares = _quantise_row(values, at, uint64(columns), int32(bands[number, RATE]), half)
+            bits |= its_bits
+            energy += squares
+        planes[number] = 0
+        while bits >> planes[number]:
+            planes[number] += 1
+        energies[number] = energy
 
 
-def quantise(canvas: Array, plan: Layout, work: Work) -> int:
-    """Quantise all coefficients; the number of planes of the largest magnitude."""
-    half = 0 if plan.lossless else 1 << (RATE_BITS - 1)
-    for number, band in enumerate(plan.bands):
-        energy = _quantise(canvas, band, plan.stride, half, work.values, work.counts[number])
-        work.error[0] += float(plan.weights[number]) ** 2 * energy
-    return int(work.counts[:, TOP].max())
+def quantise(canvas: Array, plan: Layout, reference: Optional[Array], how: prediction.Prediction
+             ) -> Tuple[IntArray, FloatArray]:
+    """Quantise all coefficients of a canvas, in place: see passes.Work.values.
+
+    :param reference: its canvas, from which they are predicted
+    :returns: (bands,): the planes of the largest magnitudes, and the sums of squared magnitudes
+    """
+    planes, energies = np.zeros(len(plan.bands), np.int64), np.zeros(len(plan.bands))
+    _quantise(canvas, canvas if reference is None else reference, plan.bands, plan.flag_firsts, plan.stride,
+              how.weights, how.flags, 0 if plan.lossless else 1 << (RATE_BITS - 1), planes, energies)
+    return planes, energies
 
 
 @compiled
 def _estimate(bands: Array, counts: Array, firsts: Array, places: Array, values: Array, guesses: Array, canvas: Array
               ) -> None:
-    """Write what is thought of significant coefficients into a canvas of zeros.
+    """Add what is thought of significant coefficients to a canvas.
 
     Of a band the first REFINED of those found before the last plane are known down to it, the other old ones to the one
     above.
@@ -127,28 +138,7 @@ def _estimate(bands: Array, counts: Array, firsts: Array, places: Array, values:
             value = int64(values[first + i])
             low = own[PLANE] + (1 if own[REFINED] <= i < own[OLD] else 0)
             magnitude = (((value >> (low + 1) << (low + GUESS_BITS)) + guesses[low]) * step + half) >> shift
-            canvas[places[first + i]] = -magnitude if value & 1 else magnitude
-
-
-@compiled
-def _load(x: Array, canvas: Array, kind: int, band: Array, stride: int) -> None:
-    """Copy a band from the canvas to its place in a split image."""
-    first = _source_column(kind, x.shape[1])
-    for y in range(band[ROWS]):
-        at = band[ORIGIN] + y * stride
-        x[_source_row(kind, y), first:first + band[COLUMNS]] = canvas[at:at + band[COLUMNS]]
-
-
-@compiled
-def _enlarged(low: Array, canvas: Array, bands: Array, stride: int) -> Array:
-    """A split image of a level: LL and its three bands."""
-    rows, columns = low.shape[0] + bands[LH, ROWS], low.shape[1] + bands[HL, COLUMNS]
-    x = np.empty((rows, columns), low.dtype)
-    for y in range(low.shape[0]):
-        x[2 * y, :low.shape[1]] = low[y]
-    for kind in range(3):
-        _load(x, canvas, kind, bands[kind], stride)
-    return x
+            canvas[places[first + i]] += -magnitude if value & 1 else magnitude
 
 
 def guesses_of(lossless: bool) -> IntArray:
@@ -157,26 +147,35 @@ def guesses_of(lossless: bool) -> IntArray:
     return guesses >> GUESS_BITS << GUESS_BITS if lossless else guesses - CENTRE
 
 
-def estimated(plan: Layout, firsts: IntArray, places: Array, values: Array, counts: Array) -> Array:
-    """(cells,) int32: the canvas of what is known of significant coefficients; see prefixes.Prefixes.
+def add_estimates(canvas: Array, plan: Layout, firsts: IntArray, places: Array, values: Array, counts: Array) -> None:
+    """Add what is known of significant coefficients to a canvas; see prefixes.Prefixes.
 
     :param counts: (bands, 9) int64, see passes.Work: how many are known, and down to which plane
     """
-    canvas = np.zeros(plan.cells, np.int32)
     _estimate(plan.bands, counts, firsts, places, values, guesses_of(plan.lossless), canvas)
-    return canvas
 
 
 def synthesise(canvas: Array, plan: Layout, offset: int, itemsize: int) -> Array:
     """The inverse of analyse: the pixels of a canvas."""
-    steps, parts, number = wavelet.inverse(STEPS[plan.lossless]), [], 0
-    for _ in range(plan.channels):
-        x = np.empty((plan.bands[number, ROWS], plan.bands[number, COLUMNS]), canvas.dtype)
-        _load(x, canvas, LL, plan.bands[number], plan.stride)
-        for level in range(plan.levels):
-            first = number + 1 + 3 * level
-            x = _enlarged(x, canvas, plan.bands[first:first + 3], plan.stride)
-            wavelet.join(x, steps)
-        parts.append(x)
-        number += 1 + 3 * plan.levels
-    return colour.from_channels(parts, offset, plan.fraction, itemsize)
+    rounding = colour.rounding(offset, plan.fraction, itemsize)
+    if plan.channels == 1:
+        return _joined(canvas, plan, 0, rounding, np.uint8 if itemsize == 1 else np.uint16)
+    parts = [_joined(canvas, plan, number, EXACT, np.int32)
+             for number in range(0, len(plan.bands), 1 + 3 * plan.levels)]
+    return colour.from_channels(parts, *rounding[:2])
+
+
+def _joined(canvas: Array, plan: Layout, number: int, rounding: Tuple[int, int, int], kind: type) -> Array:
+    """(height, width) of this type: the channel that begins with the band `number`."""
+    steps = wavelet.inverse(STEPS[plan.lossless])
+    x = np.empty((plan.bands[number, ROWS], plan.bands[number, COLUMNS]), np.int32)
+    _load(canvas, plan.bands[number], plan.stride, x)
+    for level in range(plan.levels):
+        bands, is_last = _bands_of(plan, number, level), level == plan.levels - 1
+        low, size = x.reshape(-1), (x.shape[0] + bands[LH, ROWS], x.shape[1] + bands[HL, COLUMNS])
+        x = np.empty(size, kind if is_last else np.int32)
+        wavelet.join(low, canvas, bands, plan.stride, steps, rounding if is_last else EXACT, x.reshape(-1), size)
+    if not plan.levels and rounding != EXACT:
+        values, x = x, np.empty(x.shape, kind)
+        _round(values, *rounding, x)
+    return x

@@ -3,7 +3,7 @@
 
 Channels are integers of 2^-fraction counts. With a fraction of 0 halves are rounded down; from 2 on they are exact.
 """
-from typing import List
+from typing import List, Tuple
 
 import numpy as np
 
@@ -12,65 +12,55 @@ from .loops import compiled, int32, int64
 
 
 @compiled
-def _grey(pixels: Array, offset: int, fraction: int, result: Array) -> None:
-    for y in range(pixels.shape[0]):
-        for x in range(pixels.shape[1]):
-            result[y, x] = (int32(pixels[y, x]) - int32(offset)) << fraction
-
-
-@compiled
 def _split_colours(pixels: Array, offset: int, fraction: int, luma: Array, orange: Array, green: Array) -> None:
-    for y in range(pixels.shape[0]):
-        for x in range(pixels.shape[1]):
-            b, g, r = int32(pixels[y, x, 0]), int32(pixels[y, x, 1]), int32(pixels[y, x, 2])
-            co = (r - b) << fraction
-            t = (b << fraction) + (co >> 1)
-            cg = (g << fraction) - t
-            luma[y, x] = t + (cg >> 1) - (offset << fraction)
-            orange[y, x] = co
-            green[y, x] = cg
+    """Of all pixels: (3 n,) uint8 to (n,) int32."""
+    subtracted = int32(offset << fraction)
+    for i in range(len(luma)):
+        b, g, r = int32(pixels[3 * i]), int32(pixels[3 * i + 1]), int32(pixels[3 * i + 2])
+        co = int32(int32(r - b) << int32(fraction))
+        t = int32(int32(b << int32(fraction)) + int32(co >> 1))
+        cg = int32(int32(g << int32(fraction)) - t)
+        luma[i] = int32(int32(t + int32(cg >> 1)) - subtracted)
+        orange[i] = co
+        green[i] = cg
 
 
-def to_channels(pixels: Array, offset: int, fraction: int) -> List[Array]:
-    """Y, or Y, Co and Cg: (height, width) int32 [2^-fraction]; the first one less the offset."""
+def to_channels(pixels: Array, offset: int, fraction: int) -> List[Tuple[Array, int, int]]:
+    """Of each channel, Y or Y, Co and Cg: (height, width) pixels or int32; what is still to be subtracted of it; and
+    the log2 of what it is then to be multiplied by, to be in 2^-fraction counts; the first one less the offset."""
     # views of messages are read-only: numba would compile all of it for them as well
     pixels = np.require(pixels, requirements=['C', 'A', 'W'])
-    parts = [np.empty(pixels.shape[:2], np.int32) for _ in range(3 if pixels.ndim == 3 else 1)]
-    if len(parts) == 1:
-        _grey(pixels, offset, fraction, parts[0])
-    else:
-        _split_colours(pixels, offset, fraction, parts[0], parts[1], parts[2])
-    return parts
+    if pixels.ndim == 2:
+        return [(pixels, offset, fraction)]
+    parts = [np.empty(pixels.shape[:2], np.int32) for _ in range(3)]
+    luma, orange, green = (part.reshape(-1) for part in parts)
+    _split_colours(pixels.reshape(-1), offset, fraction, luma, orange, green)
+    return [(part, 0, 0) for part in parts]
+
+
+def rounding(offset: int, fraction: int, itemsize: int) -> Tuple[int, int, int]:
+    """How values of 2^-fraction counts less an offset become pixels, see wavelet.rounded: shift, fraction, most."""
+    return (offset << fraction) + ((1 << fraction) >> 1), fraction, 256 ** itemsize - 1
 
 
 @compiled
-def _from_grey(values: Array, offset: int, fraction: int, most: int, result: Array) -> None:
-    shift = (offset << fraction) + ((1 << fraction) >> 1)
-    for y in range(values.shape[0]):
-        for x in range(values.shape[1]):
-            result[y, x] = min(max((values[y, x] + shift) >> fraction, int64(0)), int64(most))
+def _join_colours(luma: Array, orange: Array, green: Array, shift: int, fraction: int, result: Array) -> None:
+    """Of all pixels: (n,) int32 to (3 n,) uint8."""
+    for i in range(len(luma)):
+        co, cg = int64(orange[i]), int64(green[i])
+        t = luma[i] + shift - (cg >> 1)
+        b = t - (co >> 1)
+        result[3 * i] = min(max(b >> fraction, int64(0)), int64(255))
+        result[3 * i + 1] = min(max((cg + t) >> fraction, int64(0)), int64(255))
+        result[3 * i + 2] = min(max((b + co) >> fraction, int64(0)), int64(255))
 
 
-@compiled
-def _join_colours(luma: Array, orange: Array, green: Array, offset: int, fraction: int, result: Array) -> None:
-    shift = (offset << fraction) + ((1 << fraction) >> 1)
-    for y in range(luma.shape[0]):
-        for x in range(luma.shape[1]):
-            co, cg = int64(orange[y, x]), int64(green[y, x])
-            t = luma[y, x] + shift - (cg >> 1)
-            b = t - (co >> 1)
-            result[y, x, 0] = min(max(b >> fraction, int64(0)), int64(255))
-            result[y, x, 1] = min(max((cg + t) >> fraction, int64(0)), int64(255))
-            result[y, x, 2] = min(max((b + co) >> fraction, int64(0)), int64(255))
+def from_channels(parts: List[Array], shift: int, fraction: int) -> Array:
+    """The pixels of three channels, clipped to what they can hold: (height, width, 3) uint8.
 
-
-def from_channels(parts: List[Array], offset: int, fraction: int, itemsize: int) -> Array:
-    """The pixels, clipped to what they can hold."""
-    height, width = parts[0].shape
-    if len(parts) == 1:
-        grey = np.empty((height, width), np.uint8 if itemsize == 1 else np.uint16)
-        _from_grey(parts[0], offset, fraction, 256 ** itemsize - 1, grey)
-        return grey
-    colours = np.empty((height, width, 3), np.uint8)
-    _join_colours(parts[0], parts[1], parts[2], offset, fraction, colours)
+    :param shift: see rounding
+    """
+    colours = np.empty((*parts[0].shape, 3), np.uint8)
+    luma, orange, green = (part.reshape(-1) for part in parts)
+    _join_colours(luma, orange, green, shift, fraction, colours.reshape(-1))
     return colours

@@ -17,7 +17,7 @@ def compile_all() -> None:
     import numpy as np
 
     from ..tiles import coder
-    from . import depth, erasure, image, plan, prediction
+    from . import depth, differences, erasure, image, plan
     for pixels in (np.zeros((40, 40), np.uint8), np.zeros((40, 40), np.uint16), np.zeros((40, 40, 3), np.uint8)):
         pixels[5:, 7:] = 200
         for lossless in (False, True):
@@ -26,7 +26,8 @@ def compile_all() -> None:
             image.decode(stream.data, 40, 40, 3 if pixels.ndim == 3 else 1, pixels.itemsize, pixels[::-1])
             stream.prefixes.pixels(len(stream.data))
         _compile_motion(pixels)
-        prediction.tally(pixels.reshape(-1), pixels.reshape(-1), np.zeros(2 * 65536, np.int64))
+        differences.entropy(pixels, pixels)
+        differences.mean_square(pixels, pixels)
     plan.best_plan(stream.ends, plan.worth(stream.errors, stream.cells, None), 4000, {0.1: 1.0}, None, 100, 1300)
     depth.to_counts(np.full((2, 2), np.nan, np.float32), 1.0)
     erasure.extend(np.zeros((2, 9), np.uint8), 3)

@@ -79,16 +79,18 @@ class Read(NamedTuple):
     """As of Decoded."""
 
 
-def _new_work(plan: layout.Layout, data: UInt8Array) -> passes.Work:
+def _new_work(plan: layout.Layout, data: UInt8Array, values: Array) -> passes.Work:
+    """:param values: see passes.Work"""
     counted = int((plan.bands[:, layout.ROWS] * plan.bands[:, layout.COLUMNS]).sum())
     counts = np.zeros((len(plan.bands), 9), np.int64)
     counts[:, passes.BLOCKS] = np.diff(plan.firsts)
-    lists = [np.empty(counted, np.int32) for _ in range(3)]
+    live, quiet, found, known = (np.empty(counted, np.int32) for _ in range(4))
     log, marks = np.empty((len(plan.steps) // 3 * 5 + 1, 5), np.int32), np.full(len(data) // 2 + 16, -1, np.int32)
-    return passes.Work(np.zeros(plan.cells, np.int32), np.zeros(plan.cells, np.uint8), np.zeros(plan.cells, np.int8),
-                       lists[0], lists[1], lists[2], plan.blocks.copy(), plan.firsts, np.zeros(plan.places, np.uint8),
-                       counts, contexts.initial_odds(len(plan.bands)), np.zeros(1),
-                       coefficients.guesses_of(plan.lossless), data, log, marks)
+    return passes.Work(values, np.zeros(plan.cells, np.uint8), np.zeros(plan.cells, np.int8), live, quiet, found, known,
+                       np.arange(len(plan.blocks), dtype=np.int32), plan.blocks.reshape(-1), plan.firsts,
+                       np.zeros(plan.places, np.uint8), np.zeros(plan.places, np.uint8), counts,
+                       contexts.initial_odds(len(plan.bands)), np.zeros(1), coefficients.guesses_of(plan.lossless),
+                       data, log, marks)
 
 
 def _rounded(variance: float) -> float:
@@ -150,8 +152,8 @@ def _code_map(classes: UInt8Array, data: UInt8Array, most: int) -> Optional[_Cod
 
 def _code_prediction(canvas: Array, reference: Optional[Array], plan: layout.Layout, offset: int, data: UInt8Array,
                      beginning: _CodedMap, budget: int) -> Tuple[_CodedMap, Optional[Predicted], float]:
-    """Code how a reference predicts the image, behind the map of classes, and subtract that from the canvas; None: it
-    does not pay. And about what it saves [bit].
+    """Code how a reference predicts the image, behind the map of classes; None: it does not pay. And about what it
+    saves [bit].
 
     :param reference: its pixels
     """
@@ -166,7 +168,6 @@ def _code_prediction(canvas: Array, reference: Optional[Array], plan: layout.Lay
     if not complete or end > budget or size > PREDICTION_PART * budget or 8 * size * WORTH > saved:
         return beginning, None, 0.0
     data[:at] = room[:at]
-    prediction.add(-1, canvas, other, plan, chosen)
     return beginning._replace(state=(low, interval, at), end=end), Predicted(reference, chosen, other), saved
 
 
@@ -217,8 +218,11 @@ def _encode(pixels: Array, lossless: bool, budget: int, classes: Optional[UInt8A
     flags |= lossless * _LOSSLESS | (channels == 3) * _COLOUR | (pixels.itemsize == 2) * _WIDE
     beginning, predicted, saved = _code_prediction(canvas, reference, plan, offset, data, beginning, budget)
     flags |= 0 if predicted is None else _REFERENCE
-    work = _new_work(plan, data[:room + 4])
-    planes = coefficients.quantise(canvas, plan, work)
+    tops, energies = coefficients.quantise(canvas, plan, *((None, prediction.nothing(plan)) if predicted is None else
+                                                           (predicted.canvas, predicted.how)))
+    work = _new_work(plan, data[:room + 4], canvas)
+    work.counts[:, passes.TOP], planes = tops, int(tops.max())
+    work.error[0] = float((plan.weights ** 2 * energies).sum())
     low, interval, at = beginning.state
     ends, errors = np.zeros(2000, np.int64), np.zeros(2000)
     ends[0], errors[0] = beginning.end, work.error[0]
@@ -303,7 +307,7 @@ def read(data: bytes, height: int, width: int, channels: int, itemsize: int, ref
             return None
         predicted = Predicted(used, chosen, coefficients.analyse(used, plan, offset))
     begun = at if flags & (_CLASSES | _REFERENCE) else _HEAD.size
-    work = _new_work(plan, stream)
+    work = _new_work(plan, stream, np.zeros(0, np.int32))
     nothing: List[Array] = [np.zeros(1, np.int64), np.zeros(1)]
     _, _, logged, _, _, _ = passes.code_planes(
         False, work, plan.bands, plan.weights, plan.steps, plan.stride, planes, _part(height, width), nothing[0],

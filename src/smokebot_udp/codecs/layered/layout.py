@@ -28,6 +28,8 @@ None of 16 bits takes more than 30 bits.
 STEP_BITS, RATE_BITS = 16, 30
 BLOCK = 4
 """Side of the blocks that are coded as one while all their coefficients are zero."""
+SIDE = 8
+"""Of the blocks of a band that are predicted or not [coefficient]; the last ones of rows and columns are smaller."""
 HL, LH, HH, LL = range(4)
 """Orientations: of the columns' and rows' high halves."""
 SCALE_9_7 = 0.869864451624781
@@ -42,7 +44,7 @@ DELAYS = {NEAR: 0.0, REFINEMENT: 0.5, FAR: 0.51}
 """A byte of these passes reduces the error as much as one of near passes that number of planes lower."""
 
 # columns of the table of bands
-ORIGIN, ROWS, COLUMNS, CHILD, START, KIND, ALIVE_STRIDE, HAS_CHILDREN, STEP, RATE = range(10)
+(ORIGIN, ROWS, COLUMNS, CHILD, START, KIND, MAP_STRIDE, MAP_ORIGIN, CHILDREN, STEP, RATE) = range(11)
 # columns of the table of blocks: first cell, place in the blocks' map, parent cell or -1, rows * 8 + columns
 CELL, PLACE, PARENT, SHAPE = range(4)
 
@@ -59,7 +61,8 @@ class Layout(NamedTuple):
     cells: int
     """Of the canvas."""
     bands: Array
-    """(n, 10) int64: flat ORIGIN, ROWS, COLUMNS, CHILD, START in lists of coefficients, KIND, ...; STEP of quantised
+    """(n, 11) int64: flat ORIGIN, ROWS, COLUMNS, CHILD, START in lists of coefficients, KIND; MAP_STRIDE of rows of
+    blocks in their map, and MAP_ORIGIN of the first block; CHILDREN: the band of the children or -1; STEP of quantised
     coefficients [2^-STEP_BITS of the unit of channels], and RATE, its reciprocal [2^-RATE_BITS]"""
     weights: Array
     """(n,) float64: a coefficient's squared error counts weight^2 times."""
@@ -71,6 +74,8 @@ class Layout(NamedTuple):
     """(n + 1,)"""
     places: int
     """Of the map of blocks, margins included."""
+    flag_firsts: IntArray
+    """(n + 1,) where the flags of each band's prediction begin, see prediction.Prediction"""
 
 
 def levels_of(height: int, width: int) -> int:
@@ -130,10 +135,14 @@ def _steps(bands: Array, weights: List[float], order: List[int]) -> Array:
 
 
 def _blocks_of(origin: int, rows: int, columns: int, stride: int, parent: int, place: int) -> Array:
-    """(n, 4) int32: the blocks of a band; `parent` is the flat origin of the parents' band or -1."""
+    """(n, 4) int32: the blocks of a band.
+
+    :param parent: the flat origin of the parents' band or -1
+    :param place: of the first block in the map
+    """
     y, x = np.mgrid[0:rows:BLOCK, 0:columns:BLOCK]
     high, wide = np.minimum(rows - y, BLOCK), np.minimum(columns - x, BLOCK)
-    places = place + (y // BLOCK + 1) * (-(-columns // BLOCK) + 2) + x // BLOCK + 1
+    places = place + y // BLOCK * (-(-columns // BLOCK) + 2) + x // BLOCK
     parents = parent + (y // 2) * stride + x // 2 if parent >= 0 else np.full(y.shape, -1)
     table = np.stack([origin + y * stride + x, places, parents, high * 8 + wide], -1)
     return np.asarray(table.reshape(-1, 4), np.int32)
@@ -158,18 +167,21 @@ def layout_of(height: int, width: int, channels: int, lossless: bool) -> Layout:
             origin = top + y * stride + x
             if o in parents:
                 bands[parents[o]][CHILD] = origin - 2 * bands[parents[o]][ORIGIN]
-                bands[parents[o]][HAS_CHILDREN] = 1
+                bands[parents[o]][CHILDREN] = len(bands)
             along = -(-columns // BLOCK) + 2
             blocks.append(_blocks_of(origin, rows, columns, stride, bands[parents[o]][ORIGIN] if o in parents else -1,
-                                     places))
-            places += (-(-rows // BLOCK) + 2) * along
+                                     places + along + 1))
             if o != LL:
                 parents[o] = len(bands)
-            bands.append([origin, rows, columns, 0, start, o, along, 0, *_step(levels, level, o, lossless)])
+            bands.append([origin, rows, columns, 0, start, o, along, places + along + 1, -1,
+                          *_step(levels, level, o, lossless)])
+            places += (-(-rows // BLOCK) + 2) * along
             firsts.append(firsts[-1] + len(blocks[-1]))
             weights.append(factor * norms[level, o])
             order.append(-level)
             start += rows * columns
     table = np.array(bands, np.int64)
+    flags = -(-table[:, ROWS] // SIDE) * -(-table[:, COLUMNS] // SIDE)
     return Layout(levels, channels, lossless, 0 if lossless else FRACTION, stride, channels * canvas * stride, table,
-                  np.array(weights), _steps(table, weights, order), np.concatenate(blocks), np.array(firsts), places)
+                  np.array(weights), _steps(table, weights, order), np.concatenate(blocks), np.array(firsts), places,
+                  np.concatenate([[0], np.cumsum(flags)]).astype(np.int64))

@@ -20,6 +20,10 @@ float32: Any = np.float32
 FORCED = {'forceinline': True} if numba.version_info.short >= (0, 53) else {}
 """Options of numba; older versions have none for it, and are slower."""
 
+UNCOUNTED = {'_nrt': False}
+"""Options of numba (0.48 to 0.65): references to arrays are not counted. Else each call, also an inlined one, counts
+those of its arguments by atomic instructions, which takes longer than coding a symbol."""
+
 Function = TypeVar('Function', bound=Callable[..., Any])
 
 remove_stale()
@@ -34,11 +38,24 @@ def compiled(function: Function) -> Function:
     return cast(Function, numba.njit(cache=True, nogil=True)(function))
 
 
+def borrowing(function: Function) -> Function:
+    """A decorator: as `compiled`, of a function that makes no arrays, calls none that does, and returns none: those
+    that it is given stay its callers'. For what is called often."""
+    return cast(Function, numba.njit(cache=True, nogil=True, **UNCOUNTED)(function))
+
+
 def inlined(function: Function) -> Function:
     """A decorator: compiled into each of its callers. What runs once a symbol, without arrays: a call costs more."""
     return cast(Function, numba.njit(inline='always')(function))
 
 
+def summed(function: Function) -> Function:
+    """A decorator: as `compiled`, but floating-point sums are in any order: the compiler makes vectors of them. Their
+    last digits differ between machines."""
+    return cast(Function, numba.njit(cache=True, nogil=True, fastmath=True)(function))
+
+
 def specialised(function: Function) -> Function:
-    """A decorator: compiled into each of its callers, for the constants that these pass; faster than one for all."""
-    return cast(Function, numba.njit(nogil=True, **FORCED)(function))
+    """A decorator: as `borrowing`, but compiled into each of its callers, for the constants that these pass: faster
+    than one for all."""
+    return cast(Function, numba.njit(nogil=True, **UNCOUNTED, **FORCED)(function))

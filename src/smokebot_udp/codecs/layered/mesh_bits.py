@@ -6,6 +6,7 @@ Then come the nodes that each next level adds, as the difference to the mean of 
 differences of a level and a direction are in a Rice code (Rice 1979) of the parameter that suits them, which precedes
 them in 4 bits.
 """
+import functools
 from typing import List, Tuple
 
 import numpy as np
@@ -43,11 +44,12 @@ class BitReader:
 
         :raises ValueError: there are fewer bits, or its prefix is longer than MAX_PREFIX
         """
-        prefix = 0
-        while self.number(1):
-            prefix += 1
-            if prefix > MAX_PREFIX:
-                raise ValueError('a displacement is too long')
+        end = self._bits.find('0', self._at)
+        prefix = (len(self._bits) if end < 0 else end) - self._at
+        if prefix > MAX_PREFIX:
+            raise ValueError('a displacement is too long')
+        self._at += prefix
+        self.number(1)      # the end of the prefix
         return prefix << parameter | self.number(parameter)
 
 
@@ -60,6 +62,7 @@ def prolonged(nodes: IntArray) -> IntArray:
     return finer
 
 
+@functools.lru_cache(maxsize=8)
 def _added(size: int) -> Tuple[IntArray, IntArray]:
     """Rows and columns of the nodes of a mesh of size x size that the next coarser one has not."""
     rows, columns = np.indices((size, size))
@@ -69,10 +72,16 @@ def _added(size: int) -> Tuple[IntArray, IntArray]:
 
 def _rice(numbers: List[int]) -> str:
     """Bits of numbers: the parameter that suits them best, and their code."""
-    parameters = [k for k in range(1 << PARAMETER_BITS) if max(numbers) >> k <= MAX_PREFIX]
-    k = min(parameters, key=lambda k: sum((number >> k) + 1 + k for number in numbers))
+    k = (max(numbers) // (MAX_PREFIX + 1)).bit_length()     # the least one without too long prefixes
+    while k + 1 < 1 << PARAMETER_BITS and _length(numbers, k + 1) < _length(numbers, k):
+        k += 1
     code = ['1' * (number >> k) + '0' + (f'{number & ((1 << k) - 1):0{k}b}' if k else '') for number in numbers]
     return f'{k:0{PARAMETER_BITS}b}' + ''.join(code)
+
+
+def _length(numbers: List[int], k: int) -> int:
+    """Of the code of numbers with a parameter, which is a convex function of it [bit]."""
+    return sum([number >> k for number in numbers]) + k * len(numbers)
 
 
 def write(nodes: IntArray) -> bytes:

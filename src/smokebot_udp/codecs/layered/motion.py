@@ -9,6 +9,7 @@ import numpy as np
 
 from ...arrays import Array, IntArray
 from . import alignment, mesh_bits, warp
+from .differences import flat
 
 LEVEL = 2
 """A mesh has 2^LEVEL cells down and across. Finer ones are hardly better on recordings of robots and drones."""
@@ -98,18 +99,8 @@ def _rest(reference: Array, motion: Motion, image: Array) -> float:
     That is what it differs by within a few pixels: bytes hardly depend on what is wide, such as brightness and drift.
     Roots are added: a few large differences cost less than many small ones.
     """
-    step = max(len(image) // ROWS, 1)
-    if not motion:
-        rows = slice(step // 2, None, step)
-        difference = image[rows].astype(np.float32) - reference[rows]
-        return float(np.sqrt(np.abs(difference[:, warp.APART:] - difference[:, :-warp.APART])).sum())
     return float(warp.roughness(flat(reference), _size(reference), motion.nodes, _filters(motion.smooth),
-                                _most(reference), flat(image), step))
-
-
-def flat(pixels: Array) -> Array:
-    """All values; writable, as numba would compile all again for others."""
-    return np.require(pixels, requirements=['C', 'A', 'W']).reshape(-1)
+                                _most(reference), flat(image), max(len(image) // ROWS, 1)))
 
 
 def _size(pixels: Array) -> Tuple[int, int, int]:
@@ -117,7 +108,7 @@ def _size(pixels: Array) -> Tuple[int, int, int]:
 
 
 def _filters(smooth: bool) -> IntArray:
-    return warp.SMOOTH if smooth else warp.SHARP
+    return (warp.SMOOTH if smooth else warp.SHARP).reshape(-1)
 
 
 def _most(pixels: Array) -> int:

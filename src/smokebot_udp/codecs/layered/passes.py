@@ -12,7 +12,6 @@ from typing import NamedTuple, Tuple
 
 from ...arrays import Array, UInt8Array
 from .contexts import (
-    ACTIVITIES,
     BAND_CONTEXT,
     BLOCK_CONTEXT,
     CONTEXTS,
@@ -22,29 +21,33 @@ from .contexts import (
     SIGN_CONTEXT,
 )
 from .layout import (
-    ALIVE_STRIDE,
-    BLOCK,
     CELL,
     CHILD,
+    CHILDREN,
     FAR,
-    HAS_CHILDREN,
     HL,
     KIND,
     LH,
+    MAP_ORIGIN,
+    MAP_STRIDE,
     NEAR,
+    ORIGIN,
     PARENT,
     PLACE,
     REFINEMENT,
     SHAPE,
     START,
 )
-from .loops import compiled, int64, specialised, uint64
-from .range_coder import AHEAD, END, LEAST, code, decide, decide_at, refill, unknown_of
+from .loops import borrowing, int64, specialised, uint64
+from .range_coder import AHEAD, END, LEAST, after_one, after_zero, bound_of, code, decide, refill, unknown_of
 
 BLOCKS_PASS = 3
 GUESS_BITS = 10
 GUESS_UNIT = 2.0 ** -GUESS_BITS
-ONE, TWO, THREE = uint64(1), uint64(2), uint64(3)
+ONE = uint64(1)
+ROW_BITS = 40
+"""Rows of the canvas are found by a product with 2^ROW_BITS / stride, not by a division: exactly, as places have 23
+bits, and strides 13."""
 # columns of the counts of a band
 TOP, ALIVE, LIVE, QUIET, FOUND, OLD, REFINED, BLOCKS, PLANE = range(9)
 # columns of the log: bytes that a decoder has read before the pass, band, plane, kind, coefficients found until its end
@@ -54,9 +57,9 @@ LOG_AT, LOG_BAND, LOG_PLANE, LOG_KIND, LOG_FOUND = range(5)
 class Work(NamedTuple):
     """The arrays of an image."""
     values: Array
-    """(cells,) int32: twice the magnitude, and 1 of negative ones; the decoder's as far as known"""
+    """(cells,) int32: twice the magnitude, and 1 of negative ones; the decoder has none"""
     activity: UInt8Array
-    """(cells,)"""
+    """(cells,), at most twice the sum of all neighbours and a parent: 34"""
     signs: Array
     """(cells,) int8: 0 insignificant, 1, -1"""
     live: Array
@@ -65,12 +68,18 @@ class Work(NamedTuple):
     """(coefficients,) int32: those of them that the far pass will code"""
     found: Array
     """(coefficients,) int32: significant ones, in the order in which they became so"""
+    known: Array
+    """(coefficients,) int32: their values; the decoder's as far as known"""
+    closed: Array
+    """(b,) int32: which blocks are without activity"""
     blocks: Array
-    """(b, 4) int32: those without activity"""
+    """(4 b,) int32: the table of layout.Layout, row by row"""
     firsts: Array
     """(bands + 1,) where the blocks of each band begin"""
     alive: UInt8Array
-    """(places,) 1: a block that is no more in `blocks`"""
+    """(places,) 1: a block that is no more in `closed`"""
+    touched: UInt8Array
+    """(places,) 1: a block any of whose coefficients has activity, or one that is alive"""
     counts: Array
     """(bands, 9) int64: TOP: planes that are not empty (encoder); ALIVE; lengths of lists; OLD: found before this
     plane; REFINED: of them, in this plane; PLANE: the one that was begun last"""
@@ -94,39 +103,55 @@ class Band(NamedTuple):
     number: int
     plane: int
     stride: int
-    child: int
-    """0: it has no children."""
     beside: int
     above: int
+    origin: int
+    map_origin: int
+    map_stride: int
+    child: int
+    child_map_origin: int
+    """-1: it has no children."""
+    child_map_stride: int
     odds: int
     start: int
     weight: float
     """squared"""
 
 
-@compiled
-def _spread(activity: UInt8Array, place: int, stride: int, child: int, beside: int, above: int) -> None:
+@specialised
+def _spread(work: Work, band: Band, place: int) -> None:
     """A coefficient became significant or was refined for the first time: it adds to its neighbours and children."""
+    activity, touched = work.activity, work.touched
     here = uint64(place)
-    up, down = here - uint64(stride), here + uint64(stride)
+    up, down = here - uint64(band.stride), here + uint64(band.stride)
     activity[up - ONE] += 1
-    activity[up] += above
+    activity[up] += band.above
     activity[up + ONE] += 1
-    activity[here - ONE] += beside
-    activity[here + ONE] += beside
+    activity[here - ONE] += band.beside
+    activity[here + ONE] += band.beside
     activity[down - ONE] += 1
-    activity[down] += above
+    activity[down] += band.above
     activity[down + ONE] += 1
-    if child:
-        first = uint64(2 * place + child)
-        second = first + uint64(stride)
+    y = ((place - band.origin) * ((1 << ROW_BITS) // band.stride + 1)) >> ROW_BITS
+    x = place - band.origin - y * band.stride
+    upper = band.map_origin + ((y - 1) >> 2) * band.map_stride
+    lower = band.map_origin + ((y + 1) >> 2) * band.map_stride
+    left, right = (x - 1) >> 2, (x + 1) >> 2
+    touched[uint64(upper + left)] = 1
+    touched[uint64(upper + right)] = 1
+    touched[uint64(lower + left)] = 1
+    touched[uint64(lower + right)] = 1
+    if band.child_map_origin >= 0:
+        first = uint64(2 * place + band.child)
+        second = first + uint64(band.stride)
         activity[first] += 3
         activity[first + ONE] += 3
         activity[second] += 3
         activity[second + ONE] += 3
+        touched[uint64(band.child_map_origin + (y >> 1) * band.child_map_stride + (x >> 1))] = 1
 
 
-@compiled
+@borrowing
 def _sign_context(signs: Array, place: int, stride: int) -> int:
     """-4..4, from the signs beside and above; that of the opposite signs is the negative."""
     here = uint64(place)
@@ -135,72 +160,104 @@ def _sign_context(signs: Array, place: int, stride: int) -> int:
     return int(3 * ((beside > 0) - (beside < 0)) + (above > 0) - (above < 0))
 
 
-@compiled
+@borrowing
 def _mark(marks: Array, at: int, progress: int) -> None:
     """The next two bytes are needed, when a decoder has read `at` of them."""
     marks[min((at >> 1) + 1, len(marks) - 1)] = progress
 
 
 @specialised
+def _zeros(encoding: bool, near: bool, work: Work, plane: int, context: int, first: int, last: int, kept: int,
+           waiting: int, low: int, width: int, unknown: int) -> Tuple[int, int, int, int, int]:
+    """Code the members from `first` on that stay insignificant, until one does not, or bytes are needed.
+
+    Nine of ten symbols are coded here: in a loop with few variables, which all are in registers.
+
+    :param kept: where the live list ends; `waiting`: the quiet one
+    :returns: how far it came, the new ends of the lists, and width; and 1: the next one becomes significant, END: the
+        stream ends, or 0
+    """
+    members, activity, odds = work.live if near else work.quiet, work.activity, work.odds
+    for i in range(first, last):
+        place = members[i]
+        active = int64(activity[uint64(place)])
+        if near and active == 0:
+            work.quiet[uint64(waiting)] = place
+            waiting += 1
+            continue
+        at_odds = uint64(context + active)
+        odd = int64(odds[at_odds])
+        bound = bound_of(odd, width)
+        if (int64(work.values[uint64(place)]) >> (plane + 1)) & 1 if encoding else low >= bound:
+            return i, kept, waiting, width, 1
+        if not encoding and low + unknown > bound:
+            return i, kept, waiting, bound, END
+        odds[at_odds] = after_zero(odd)
+        work.live[uint64(kept)] = place
+        kept += 1
+        width = bound
+        if width < LEAST:
+            return i + 1, kept, waiting, width, 0
+    return last, kept, waiting, width, 0
+
+
+@specialised
+def _sign(encoding: bool, sign: int, work: Work, place: int, stride: int, context: int, low: int, width: int,
+          unknown: int) -> Tuple[int, int, int]:
+    """Code a sign: 1 of negative ones; the sign or END, and the new low and width."""
+    around = _sign_context(work.signs, place, stride)
+    flip, at_odds = 1 if around < 0 else 0, context + abs(around)
+    odd = int64(work.odds[at_odds])
+    symbol, low, width = decide(encoding, sign ^ flip, bound_of(odd, width), low, width, unknown)
+    work.odds[at_odds] = after_one(odd) if symbol > 0 else after_zero(odd)
+    return symbol if symbol < 0 else symbol ^ flip, low, width
+
+
+@specialised
 def _significance(encoding: bool, near: bool, work: Work, band: Band, first: int, last: int, low: int, width: int,
                   at: int) -> Tuple[int, int, int, int]:
     """The near pass over a part of the live list, or the far pass over a part of the quiet ones."""
-    values, activity, signs, odds, data = work.values, work.activity, work.signs, work.odds, work.data
-    live, quiet, found, counts, marks = work.live, work.quiet, work.found, work.counts[band.number], work.marks
-    ahead = AHEAD if encoding else 0
-    plane, stride, child, beside, above = band.plane, band.stride, band.child, band.beside, band.above
+    values, odds, data, marks, counts = work.values, work.odds, work.data, work.marks, work.counts[band.number]
+    ahead, plane = AHEAD if encoding else 0, band.plane
     context = band.odds + (NEAR_CONTEXT if near else FAR_CONTEXT)
-    sign_context = band.odds + SIGN_CONTEXT
     kept, waiting, end = band.start + counts[LIVE], band.start + counts[QUIET], band.start + counts[FOUND]
     guess, gain, one = work.guesses[plane] * GUESS_UNIT, 0.0, 1 << plane
-    members = live if near else quiet
-    symbol, unknown = 0, unknown_of(data, at)
-    for i in range(first, last):
-        place = members[i]
-        here = uint64(place)
-        active = int64(activity[here])
-        if near and active == 0:
-            quiet[uint64(waiting)] = place
-            waiting += 1
-            continue
-        value = int64(values[here]) if encoding else int64(0)
-        at_odds = uint64(context + min(active, ACTIVITIES - 1))
-        symbol, odd, low, width = decide(encoding, (value >> (plane + 1)) & 1, int64(odds[at_odds]), low, width,
-                                         unknown)
-        odds[at_odds] = odd
+    members = work.live if near else work.quiet
+    symbol, unknown, i = 0, unknown_of(data, at), first
+    while i < last:
+        i, kept, waiting, width, symbol = _zeros(encoding, near, work, plane, context, i, last, kept, waiting, low,
+                                                 width, unknown)
+        place = members[min(i, last - 1)]
+        if symbol > 0:
+            at_odds = context + int64(work.activity[place])
+            odd = int64(odds[at_odds])
+            _, low, width = decide(encoding, 1, bound_of(odd, width), low, width, unknown)
+            odds[at_odds] = after_one(odd)
         if width < LEAST:
             _mark(marks, at + ahead, end - band.start)
             low, width, at, unknown = refill(encoding, data, low, width, at)
-        if symbol == 0:
-            live[uint64(kept)] = place
-            kept += 1
-            if unknown:
-                continue
         if symbol < 0 or unknown == 0:
             symbol = END
             break
-        around = _sign_context(signs, place, stride)
-        flip = 1 if around < 0 else 0
-        at_odds = sign_context + abs(around)
-        sign, odd, low, width = decide(encoding, (value & 1) ^ flip, int64(odds[at_odds]), low, width, unknown)
-        odds[at_odds] = odd
+        if symbol == 0:
+            continue
+        sign, low, width = _sign(encoding, values[place] & 1 if encoding else 0, work, place, band.stride,
+                                 band.odds + SIGN_CONTEXT, low, width, unknown)
         if width < LEAST:
             _mark(marks, at + ahead, end - band.start)
             low, width, at, unknown = refill(encoding, data, low, width, at)
         if sign < 0 or unknown == 0:
             symbol = END
             break
-        sign ^= flip
-        signs[place] = 1 - 2 * sign
         if encoding:
-            magnitude = float(value >> 1)
+            magnitude = float(values[place] >> 1)
             rest = magnitude - one - guess
             gain += magnitude * magnitude - rest * rest
-        else:
-            values[place] = 2 * one + sign
-        _spread(activity, place, stride, child, beside, above)
-        found[end] = place
+        work.signs[place] = 1 - 2 * sign
+        work.found[end], work.known[end] = place, values[place] if encoding else 2 * one + sign
         end += 1
+        _spread(work, band, place)
+        i += 1
     counts[LIVE], counts[QUIET], counts[FOUND] = kept - band.start, waiting - band.start, end - band.start
     work.error[0] -= band.weight * gain
     return symbol, low, width, at
@@ -210,27 +267,27 @@ def _significance(encoding: bool, near: bool, work: Work, band: Band, first: int
 def _refine(encoding: bool, work: Work, band: Band, first: int, last: int, low: int, width: int, at: int
             ) -> Tuple[int, int, int, int]:
     """One more bit of a part of the significant coefficients."""
-    values, activity, odds, data, found = work.values, work.activity, work.odds, work.data, work.found
+    activity, odds, data, found, values = work.activity, work.odds, work.data, work.found, work.known
     marks, ahead = work.marks, AHEAD if encoding else 0
-    plane, stride, child, beside, above = band.plane, band.stride, band.child, band.beside, band.above
-    context = band.odds + REFINEMENT_CONTEXT
+    plane, context = band.plane, band.odds + REFINEMENT_CONTEXT
     before, after = work.guesses[plane + 1] * GUESS_UNIT, work.guesses[plane] * GUESS_UNIT
     gain = 0.0
     symbol, unknown = 0, unknown_of(data, at)
     for i in range(first, last):
-        place = found[i]
-        value = int64(values[place])
+        value = int64(values[i])
         known = value >> (plane + 2)
         bit = (value >> (plane + 1)) & 1
         if known < 4:
             at_odds = context + 3
             if known == 1:
+                place = found[i]
                 at_odds = context + min(int64(activity[place]) >> 3, 2)
-                _spread(activity, place, stride, child, beside, above)
-            symbol, odd, low, width = decide(encoding, bit, int64(odds[at_odds]), low, width, unknown)
-            odds[at_odds] = odd
+                _spread(work, band, place)
+            odd = int64(odds[at_odds])
+            symbol, low, width = decide(encoding, bit, bound_of(odd, width), low, width, unknown)
+            odds[at_odds] = after_one(odd) if symbol > 0 else after_zero(odd)
         else:
-            symbol, low, width = decide_at(encoding, bit, width >> 1, low, width, unknown)
+            symbol, low, width = decide(encoding, bit, width >> 1, low, width, unknown)
         if width < LEAST:
             _mark(marks, at + ahead, i - band.start)
             low, width, at, unknown = refill(encoding, data, low, width, at)
@@ -243,101 +300,132 @@ def _refine(encoding: bool, work: Work, band: Band, first: int, last: int, low: 
             old -= before
             gain += old * old - new * new
         else:
-            values[place] = value | symbol << (plane + 1)
+            values[i] = value | symbol << (plane + 1)
     work.error[0] -= band.weight * gain
     work.counts[band.number, REFINED] = last - band.start
     return symbol, low, width, at
 
 
-@compiled
-def _block_context(alive: UInt8Array, activity: UInt8Array, place: int, along: int, parent: int, stride: int) -> int:
-    """From the four blocks beside it, and from its parents."""
-    context = (int64(alive[place - 1]) + int64(alive[place + 1]) + int64(alive[place - along])
-               + int64(alive[place + along]))
-    if parent >= 0 and (activity[parent] | activity[parent + 1] | activity[parent + stride]
-                        | activity[parent + stride + 1]):
-        context += 5
-    return int(context)
-
-
-@compiled
-def _united(cells: Array, first: int, rows: int, columns: int, stride: int) -> int:
-    """All bits that are in any cell of a block."""
+@borrowing
+def _united(values: Array, cell: int, shape: int, stride: int) -> int:
+    """All bits that are in any value of a block."""
     bits = int64(0)
-    if rows == BLOCK and columns == BLOCK:
-        at = uint64(first)
-        for _ in range(BLOCK):
-            bits |= int64(cells[at] | cells[at + ONE] | cells[at + TWO] | cells[at + THREE])
-            at += uint64(stride)
-        return int(bits)
-    for y in range(rows):
-        for i in range(first + y * stride, first + y * stride + columns):
-            bits |= int64(cells[i])
+    for y in range(shape >> 3):
+        at = uint64(cell + y * stride)
+        for x in range(uint64(shape & 7)):
+            bits |= int64(values[at + x])
     return int(bits)
 
 
 @specialised
-def _blocks(encoding: bool, work: Work, band: Band, along: int, first: int, last: int, low: int, width: int, at: int
+def _block_context(work: Work, place: int, along: int, parent: int, stride: int) -> int:
+    """From the four blocks beside it, and from its parents."""
+    alive, activity, here = work.alive, work.activity, uint64(place)
+    context = (int64(alive[here - ONE]) + int64(alive[here + ONE]) + int64(alive[here - uint64(along)])
+               + int64(alive[here + uint64(along)]))
+    if parent >= 0:
+        first, second = uint64(parent), uint64(parent + stride)
+        if activity[first] | activity[first + ONE] | activity[second] | activity[second + ONE]:
+            context += 5
+    return int(context)
+
+
+@specialised
+def _closed(encoding: bool, work: Work, band: Band, first: int, last: int, kept: int, low: int, width: int,
+            unknown: int) -> Tuple[int, int, int, int, int]:
+    """Code the blocks from `first` on that stay closed, until one does not, or bytes are needed.
+
+    :param kept: where the list of closed blocks ends
+    :returns: how far it came, the new end of the list, and width; 1: a symbol opens the next one, 2: its activity does,
+        END: the stream ends, or 0; and the context of the symbol
+    """
+    closed, blocks, odds, plane, stride = work.closed, work.blocks, work.odds, band.plane, band.stride
+    for i in range(first, last):
+        block = 4 * int64(closed[uint64(i)])
+        place = int64(blocks[uint64(block + PLACE)])
+        if work.touched[uint64(place)]:
+            return i, kept, width, 2, 0
+        at_odds = band.odds + BLOCK_CONTEXT + _block_context(work, place, band.map_stride,
+                                                             int64(blocks[uint64(block + PARENT)]), stride)
+        odd = int64(odds[uint64(at_odds)])
+        bound = bound_of(odd, width)
+        if (_united(work.values, int64(blocks[uint64(block + CELL)]), int64(blocks[uint64(block + SHAPE)]), stride)
+                >> (plane + 1) if encoding else low >= bound):
+            return i, kept, width, 1, at_odds
+        if not encoding and low + unknown > bound:
+            return i, kept, bound, END, 0
+        odds[uint64(at_odds)] = after_zero(odd)
+        closed[uint64(kept)] = block >> 2
+        kept += 1
+        width = bound
+        if width < LEAST:
+            return i + 1, kept, width, 0, 0
+    return last, kept, width, 0, 0
+
+
+@borrowing
+def _open(work: Work, block: int, waiting: int, stride: int) -> int:
+    """Put the coefficients of a block into the quiet list, whose new end is returned."""
+    work.alive[uint64(work.blocks[uint64(block + PLACE)])] = 1
+    shape = int64(work.blocks[uint64(block + SHAPE)])
+    for y in range(shape >> 3):
+        first = work.blocks[uint64(block + CELL)] + y * stride
+        for x in range(first, first + (shape & 7)):
+            work.quiet[uint64(waiting)] = x
+            waiting += 1
+    return waiting
+
+
+@specialised
+def _blocks(encoding: bool, work: Work, band: Band, first: int, last: int, low: int, width: int, at: int
             ) -> Tuple[int, int, int, int]:
     """The far pass over a part of the blocks; those that are opened go to the quiet list, to be coded next."""
-    values, activity, odds, data = work.values, work.activity, work.odds, work.data
-    blocks, alive, quiet, counts = work.blocks, work.alive, work.quiet, work.counts[band.number]
-    stride, plane, context = band.stride, band.plane, band.odds + BLOCK_CONTEXT
+    odds, data, counts = work.odds, work.data, work.counts[band.number]
     kept, waiting = work.firsts[band.number] + counts[BLOCKS], band.start + counts[QUIET]
-    symbol, unknown = 0, unknown_of(data, at)
-    for block in range(first, last):
-        cell, place = int64(blocks[block, CELL]), int64(blocks[block, PLACE])
-        rows, columns = int64(blocks[block, SHAPE]) >> 3, int64(blocks[block, SHAPE]) & 7
-        if _united(activity, cell, rows, columns, stride) == 0:
-            bits = _united(values, cell, rows, columns, stride) if encoding else 0
-            at_odds = context + _block_context(alive, activity, place, along, int64(blocks[block, PARENT]), stride)
-            symbol, odd, low, width = decide(encoding, 1 if bits >> (plane + 1) else 0, int64(odds[at_odds]), low,
-                                             width, unknown)
-            odds[at_odds] = odd
-            if width < LEAST:
-                low, width, at, unknown = refill(encoding, data, low, width, at)
-            if symbol < 0 or unknown == 0:
-                symbol = END
-                break
-            if symbol == 0:
-                for i in range(4):
-                    blocks[kept, i] = blocks[block, i]
-                kept += 1
-                continue
-        alive[place] = 1
-        for y in range(rows):
-            for x in range(cell + y * stride, cell + y * stride + columns):
-                quiet[waiting] = x
-                waiting += 1
+    symbol, unknown, i = 0, unknown_of(data, at), first
+    while i < last:
+        i, kept, width, symbol, at_odds = _closed(encoding, work, band, i, last, kept, low, width, unknown)
+        if symbol == 1:
+            odd = int64(odds[at_odds])
+            _, low, width = decide(encoding, 1, bound_of(odd, width), low, width, unknown)
+            odds[at_odds] = after_one(odd)
+        if width < LEAST:
+            low, width, at, unknown = refill(encoding, data, low, width, at)
+        if symbol < 0 or unknown == 0:
+            symbol = END
+            break
+        if symbol > 0:
+            waiting = _open(work, 4 * int64(work.closed[i]), waiting, band.stride)
+            i += 1
     counts[BLOCKS], counts[QUIET] = kept - work.firsts[band.number], waiting - band.start
     return symbol, low, width, at
 
 
 @specialised
-def _part(encoding: bool, kind: int, work: Work, band: Band, along: int, first: int, last: int, low: int, width: int,
+def _part(encoding: bool, kind: int, work: Work, band: Band, first: int, last: int, low: int, width: int,
           at: int) -> Tuple[int, int, int, int]:
     if kind == REFINEMENT:
         return _refine(encoding, work, band, first, last, low, width, at)
     if kind == BLOCKS_PASS:
-        return _blocks(encoding, work, band, along, first, last, low, width, at)
+        return _blocks(encoding, work, band, first, last, low, width, at)
     if kind == NEAR:
         return _significance(encoding, True, work, band, first, last, low, width, at)
     return _significance(encoding, False, work, band, first, last, low, width, at)
 
 
-@compiled
-def _encode_part(kind: int, work: Work, band: Band, along: int, first: int, last: int, low: int, width: int, at: int
+@borrowing
+def _encode_part(kind: int, work: Work, band: Band, first: int, last: int, low: int, width: int, at: int
                  ) -> Tuple[int, int, int, int]:
-    return _part(True, kind, work, band, along, first, last, low, width, at)
+    return _part(True, kind, work, band, first, last, low, width, at)
 
 
-@compiled
-def _decode_part(kind: int, work: Work, band: Band, along: int, first: int, last: int, low: int, width: int, at: int
+@borrowing
+def _decode_part(kind: int, work: Work, band: Band, first: int, last: int, low: int, width: int, at: int
                  ) -> Tuple[int, int, int, int]:
-    return _part(False, kind, work, band, along, first, last, low, width, at)
+    return _part(False, kind, work, band, first, last, low, width, at)
 
 
-@compiled
+@borrowing
 def _band(bands: Array, weights: Array, number: int, plane: int, stride: int) -> Band:
     row = bands[number]
     kind = row[KIND]
@@ -346,16 +434,18 @@ def _band(bands: Array, weights: Array, number: int, plane: int, stride: int) ->
         above = 3
     elif kind == LH:
         beside = 3
-    return Band(number, plane, stride, row[CHILD] if row[HAS_CHILDREN] else 0, beside, above, number * CONTEXTS,
+    children = row[CHILDREN]
+    return Band(number, plane, stride, beside, above, row[ORIGIN], row[MAP_ORIGIN], row[MAP_STRIDE], row[CHILD],
+                bands[children, MAP_ORIGIN] if children >= 0 else -1, bands[children, MAP_STRIDE], number * CONTEXTS,
                 row[START], weights[number] * weights[number])
 
 
-@compiled
+@borrowing
 def _begin_pass(entry: Array, at: int, band: Band, kind: int) -> None:
     entry[LOG_AT], entry[LOG_BAND], entry[LOG_PLANE], entry[LOG_KIND] = at, band.number, band.plane, kind
 
 
-@compiled
+@borrowing
 def _record(work: Work, ends: Array, errors: Array, count: int, at: int) -> int:
     """Note a truncation point, unless the last one is near; how many there are."""
     end = at + AHEAD
@@ -366,8 +456,8 @@ def _record(work: Work, ends: Array, errors: Array, count: int, at: int) -> int:
     return count
 
 
-@compiled
-def _pass(encoding: bool, work: Work, band: Band, kind: int, along: int, part: int, ends: Array, errors: Array,
+@borrowing
+def _pass(encoding: bool, work: Work, band: Band, kind: int, part: int, ends: Array, errors: Array,
           points: int, low: int, width: int, at: int) -> Tuple[int, int, int, int, int]:
     """One pass of a plane of a band, in parts, each with a truncation point at its end."""
     counts = work.counts[band.number]
@@ -386,9 +476,9 @@ def _pass(encoding: bool, work: Work, band: Band, kind: int, along: int, part: i
     for first in range(start, last, part):
         end = min(first + part, last)
         if encoding:
-            symbol, low, width, at = _encode_part(kind, work, band, along, first, end, low, width, at)
+            symbol, low, width, at = _encode_part(kind, work, band, first, end, low, width, at)
         else:
-            symbol, low, width, at = _decode_part(kind, work, band, along, first, end, low, width, at)
+            symbol, low, width, at = _decode_part(kind, work, band, first, end, low, width, at)
         if symbol < 0:
             break
         if encoding:
@@ -407,19 +497,19 @@ def code_planes(encoding: bool, work: Work, bands: Array, weights: Array, steps:
     return _code_planes(encoding, bands, weights, steps, stride, planes, part, ends, errors, low, width, at, *work)
 
 
-@compiled
+@borrowing
 def _code_planes(encoding: bool, bands: Array, weights: Array, steps: Array, stride: int, planes: int, part: int,
                  ends: Array, errors: Array, low: int, width: int, at: int, values: Array, activity: Array,
-                 signs: Array, live: Array, quiet: Array, found: Array, blocks: Array, firsts: Array, alive: Array,
-                 counts: Array, odds: Array, error: Array, guesses: Array, data: Array, log: Array, marks: Array
-                 ) -> Tuple[int, int, int, int, int, int]:
+                 signs: Array, live: Array, quiet: Array, found: Array, known: Array, closed: Array, blocks: Array,
+                 firsts: Array, alive: Array, touched: Array, counts: Array, odds: Array, error: Array, guesses: Array,
+                 data: Array, log: Array, marks: Array) -> Tuple[int, int, int, int, int, int]:
     """As code_planes, with the arrays of Work one by one.
 
     numba 0.56 caches the types of arguments by a fingerprint, and that of a tuple is wrong where it is longer than 40
     bytes: each call would add an entry to the cache.
     """
-    work = Work(values, activity, signs, live, quiet, found, blocks, firsts, alive, counts, odds, error, guesses, data,
-                log, marks)
+    work = Work(values, activity, signs, live, quiet, found, known, closed, blocks, firsts, alive, touched, counts,
+                odds, error, guesses, data, log, marks)
     points, symbol, logged = 1, 0, 0
     for step in range(len(steps)):
         number, plane, kind = steps[step, 0], steps[step, 1], steps[step, 2]
@@ -438,8 +528,8 @@ def _code_planes(encoding: bool, bands: Array, weights: Array, steps: Array, str
         for turn in range(3 if kind == FAR else 1):     # the blocks between two far passes
             one = BLOCKS_PASS if turn == 1 else kind
             _begin_pass(log[logged], at + (AHEAD if encoding else 0), band, one)
-            symbol, points, low, width, at = _pass(encoding, work, band, one, bands[number, ALIVE_STRIDE], part, ends,
-                                                   errors, points, low, width, at)
+            symbol, points, low, width, at = _pass(encoding, work, band, one, part, ends, errors,
+                                                   points, low, width, at)
             log[logged, LOG_FOUND] = own[FOUND]
             logged += 1
             if symbol < 0:

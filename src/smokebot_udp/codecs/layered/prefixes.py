@@ -66,12 +66,14 @@ class Prefixes(NamedTuple):
         return self._shown(self.counts)
 
     def _shown(self, counts: Array) -> Array:
-        canvas = coefficients.estimated(self.plan, self.firsts, self.places, self.values, counts)
-        if self.predicted is not None:
+        if self.predicted is None:
+            canvas = np.zeros(self.plan.cells, np.int32)
+        else:
             reference = self.predicted.canvas
             if reference is None:
                 reference = coefficients.analyse(self.predicted.reference, self.plan, self.offset)
-            prediction.add(1, canvas, reference, self.plan, self.predicted.how)
+            canvas = prediction.predicted(reference, self.plan, self.predicted.how)
+        coefficients.add_estimates(canvas, self.plan, self.firsts, self.places, self.values, counts)
         return coefficients.synthesise(canvas, self.plan, self.offset, self.itemsize)
 
 
@@ -94,13 +96,11 @@ def count_until(log: Array, marks: Array, end: int, counts: Array) -> None:
 
 
 @compiled
-def _gather(starts: Array, firsts: Array, found: Array, values: Array, places: Array, result: Array) -> None:
-    """The significant coefficients, band by band."""
+def _gather(starts: Array, firsts: Array, lists: Array, result: Array) -> None:
+    """What a list has of each band, one after the other."""
     for number in range(len(starts)):
-        for i in range(firsts[number + 1] - firsts[number]):
-            place = found[starts[number] + i]
-            places[firsts[number] + i] = place
-            result[firsts[number] + i] = values[place]
+        first, count = firsts[number], firsts[number + 1] - firsts[number]
+        result[first:first + count] = lists[starts[number]:starts[number] + count]
 
 
 def prefixes_of(plan: Layout, work: Work, logged: int, offset: int, itemsize: int, begun: int, length: int,
@@ -111,7 +111,9 @@ def prefixes_of(plan: Layout, work: Work, logged: int, offset: int, itemsize: in
     """
     firsts = np.concatenate([[0], np.cumsum(work.counts[:, FOUND])])
     places, values = np.empty(firsts[-1], np.int32), np.empty(firsts[-1], np.int32)
-    _gather(np.ascontiguousarray(plan.bands[:, START]), firsts, work.found, work.values, places, values)
+    starts = np.ascontiguousarray(plan.bands[:, START])
+    _gather(starts, firsts, work.found, places)
+    _gather(starts, firsts, work.known, values)
     if predicted is not None and plan.cells > KEPT:
         predicted = predicted._replace(canvas=None)
     # the encoder's marks are for all the bytes that it may write

@@ -9,7 +9,7 @@ mean is used. A stream may end anywhere: the decoder stops at the first symbol t
 from typing import Tuple
 
 from ...arrays import Array
-from .loops import compiled, inlined, int64
+from .loops import borrowing, inlined, int64
 
 State = Tuple[int, int, int]
 
@@ -25,7 +25,7 @@ END = -1
 """In place of a symbol: the stream ends here, or the encoder's room."""
 
 
-@compiled
+@borrowing
 def begin(encoding: bool, data: Array, at: int) -> State:
     """The state at the byte `at`."""
     if encoding:
@@ -36,7 +36,7 @@ def begin(encoding: bool, data: Array, at: int) -> State:
     return low, FULL, at + AHEAD
 
 
-@compiled
+@borrowing
 def _carry(data: Array, at: int) -> None:
     """Add 1 to the number that ends before byte `at`. The sum of all intervals is below 1: it ends within `data`."""
     i = at - 1
@@ -47,37 +47,33 @@ def _carry(data: Array, at: int) -> None:
 
 
 @inlined
-def decide(encoding: bool, symbol: int, odds: int, low: int, width: int, unknown: int) -> Tuple[int, int, int, int]:
-    """Code a symbol, 0 or 1, and adapt its context; the decoder ignores the given one. `refill` comes next.
-
-    It takes no arrays, as numba would count references to them at each symbol.
+def bound_of(odds: int, width: int) -> int:
+    """The part of the width that 0 has, above 0 and below the width.
 
     :param odds: the two estimates of the probability of 0 [2^-16], fast << 16 | slow
-    :returns: the symbol or END, and the new odds, low and width
     """
-    fast, slow = odds >> 16, odds & 65535
-    bound = (width >> 16) * ((fast + slow) >> 1)
-    if not encoding:
-        symbol = 1 if low >= bound else 0
-        if symbol == 0 and low + unknown > bound:
-            symbol = END
-    if symbol > 0:
-        low += bound if encoding else -bound
-        width -= bound
-        fast -= fast >> FAST
-        slow -= slow >> SLOW
-    else:
-        width = bound
-        fast += (65536 - fast) >> FAST
-        slow += (65536 - slow) >> SLOW
-    return symbol, fast << 16 | slow, low, width
+    return (width >> 16) * (((odds >> 16) + (odds & 65535)) >> 1)
 
 
 @inlined
-def decide_at(encoding: bool, symbol: int, bound: int, low: int, width: int, unknown: int) -> Tuple[int, int, int]:
-    """Code a symbol by a probability that is not adapted here. `refill` comes next.
+def after_zero(odds: int) -> int:
+    """The estimates after a 0."""
+    fast, slow = odds >> 16, odds & 65535
+    return (fast + ((65536 - fast) >> FAST)) << 16 | (slow + ((65536 - slow) >> SLOW))
 
-    What it shares with `decide` is not a function: 6 % slower.
+
+@inlined
+def after_one(odds: int) -> int:
+    """The estimates after a 1."""
+    fast, slow = odds >> 16, odds & 65535
+    return (fast - (fast >> FAST)) << 16 | (slow - (slow >> SLOW))
+
+
+@inlined
+def decide(encoding: bool, symbol: int, bound: int, low: int, width: int, unknown: int) -> Tuple[int, int, int]:
+    """Code a symbol, 0 or 1; the decoder ignores the given one. Its context is adapted and `refill` comes next.
+
+    It takes no arrays, as numba would count references to them at each symbol.
 
     :param bound: the part of the width that 0 has, above 0 and below the width
     :returns: the symbol or END, and the new low and width
@@ -94,7 +90,7 @@ def decide_at(encoding: bool, symbol: int, bound: int, low: int, width: int, unk
     return symbol, low, width
 
 
-@compiled
+@borrowing
 def refill(encoding: bool, data: Array, low: int, width: int, at: int) -> Tuple[int, int, int, int]:
     """Where the width is below LEAST: write or read two bytes.
 
@@ -115,13 +111,13 @@ def refill(encoding: bool, data: Array, low: int, width: int, at: int) -> Tuple[
     return (low & (LEAST - 1)) << 16, width << 16, at + 2, 1
 
 
-@compiled
+@borrowing
 def unknown_of(data: Array, at: int) -> int:
     """1 where all bytes before `at` are known, 256 where one is not, ..."""
     return 1 << 8 * min(max(at - len(data), 0), 6)
 
 
-@compiled
+@borrowing
 def refilled(encoding: bool, data: Array, symbol: int, low: int, width: int, at: int) -> Tuple[int, int, int, int]:
     """After a symbol: the symbol, END where the encoder has no room, and the state."""
     if width < LEAST:
@@ -131,19 +127,20 @@ def refilled(encoding: bool, data: Array, symbol: int, low: int, width: int, at:
     return symbol, low, width, at
 
 
-@compiled
+@borrowing
 def code(encoding: bool, data: Array, odds: Array, context: int, symbol: int, low: int, width: int, at: int
          ) -> Tuple[int, int, int, int]:
     """Code one symbol, all in one; END also where the encoder has no room.
 
     :param odds: (contexts,) uint32
     """
-    symbol, odd, low, width = decide(encoding, symbol, int64(odds[context]), low, width, unknown_of(data, at))
-    odds[context] = odd
+    odd = int64(odds[context])
+    symbol, low, width = decide(encoding, symbol, bound_of(odd, width), low, width, unknown_of(data, at))
+    odds[context] = after_one(odd) if symbol > 0 else after_zero(odd)
     return refilled(encoding, data, symbol, low, width, at)
 
 
-@compiled
+@borrowing
 def finish(data: Array, low: int, width: int, at: int) -> int:
     """Write the fewest bytes that determine all symbols; the end of the stream."""
     for missing in range(7):

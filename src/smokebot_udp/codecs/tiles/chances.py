@@ -11,7 +11,7 @@ import numpy as np
 
 from ...arrays import Array
 from ..layered.loops import compiled, int64
-from ..layered.range_coder import decide_at, refilled, unknown_of
+from ..layered.range_coder import decide, refilled, unknown_of
 
 CLASS_BITS = 2
 """Of each neighbour in a context, the nearest first."""
@@ -52,7 +52,7 @@ def _code(encoding: bool, data: Array, chance: int, symbol: int, low: int, width
           ) -> Tuple[int, int, int, int]:
     probability = min(max(chance >> 16, LEAST_CHANCE), 65536 - LEAST_CHANCE)
     bound = (width >> 16) * probability
-    symbol, low, width = decide_at(encoding, symbol, bound, low, width, unknown_of(data, at))
+    symbol, low, width = decide(encoding, symbol, bound, low, width, unknown_of(data, at))
     return refilled(encoding, data, symbol, low, width, at)
 
 

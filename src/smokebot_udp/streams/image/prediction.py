@@ -8,18 +8,17 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Callable, Collection, Deque, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
-import numpy as np
-
 from ...arrays import Array, Records
-from ...codecs.layered import motion
-from ...codecs.layered.motion import flat
-from ...codecs.layered.prediction import tally
+from ...codecs.layered import differences, motion
 from .coded_shape import shape_of
 from .held_by_all import HeldByAll
 from .references import CodedImage, References
 
 SAMPLED = 4
 """Every fourth row is compared."""
+
+LARGE = 1 << 17
+"""Of images of more values every fourth row says what their differences take, too."""
 
 MOVED = 1.2
 """Where there was no motion, it is sought again once the mean squared difference has grown by this factor,"""
@@ -80,7 +79,7 @@ class _MotionFinder:
 
     def find(self, reference: Array, pixels: Array) -> motion.Motion:
         """The motion from a reference to an image."""
-        difference = float(np.square(reference[::SAMPLED].astype(np.float32) - pixels[::SAMPLED]).mean())
+        difference = differences.mean_square(reference, pixels, SAMPLED)
         if self._still is not None and difference <= MOVED * self._still and self._skipped < SKIPPED:
             self._skipped += 1
             return motion.NONE
@@ -237,11 +236,6 @@ def _least(layers: Mapping[int, int], error: Callable[[Tuple[int, int]], float])
 
 def _prediction(number: int, layers: int, checksum: int, moved: bytes, displaced: Array,
                 pixels: Array) -> Prediction:
-    most = 256 ** pixels.itemsize - 1
-    counts = np.zeros(2 * most + 1, np.int64)
-    tally(flat(pixels), flat(displaced), counts)
-    differences = np.flatnonzero(counts)
-    counts = counts[differences]
-    error = float((counts * np.square(differences - float(most))).sum()) / pixels.size
-    size = float((counts * np.log2(pixels.size / counts)).sum()) / 8
+    error = differences.mean_square(pixels, displaced)
+    size = differences.entropy(pixels, displaced, SAMPLED if pixels.size > LARGE else 1)
     return Prediction(number, layers, checksum, moved, displaced, error, size)
