@@ -4,12 +4,15 @@
 tools/golden.py makes the files, only where the wire format changes on purpose: then its number changes as well.
 """
 import json
+import pathlib
+import shutil
 from typing import Any
 
 import needs_numba  # noqa: F401
 import pytest
 
 from smokebot_udp.msg import LayeredSegment
+from smokebot_udp.version import WIRE_FORMAT
 from tools import golden
 
 EXPECTED = json.loads(golden.EXPECTED.read_text())
@@ -56,6 +59,30 @@ def test_messages_have_the_golden_md5sums(name: str) -> None:
     assert golden.messages()[name] == EXPECTED['messages'][name]
 
 
+def test_the_files_are_those_of_this_wire_format() -> None:
+    assert EXPECTED['wire_format'] == WIRE_FORMAT
+
+
+def test_a_changed_wire_format_needs_a_new_number(monkeypatch: pytest.MonkeyPatch, tmp_path: pathlib.Path,
+                                                  capsys: Any) -> None:
+    name = 'cloud_float32'
+    for wanted in (golden.EXPECTED, golden.FOLDER / (name + '.bin')):
+        shutil.copy(str(wanted), str(tmp_path))
+    monkeypatch.setattr(golden, 'FOLDER', tmp_path)
+    monkeypatch.setattr(golden, 'EXPECTED', tmp_path / golden.EXPECTED.name)
+    changed = {**EXPECTED, 'messages': {**EXPECTED['messages'], 'Held': 'another'},
+               'shown': {name: EXPECTED['shown'][name]}, 'computed': {}, 'sources': {}}
+    golden.EXPECTED.write_text(json.dumps(changed))
+    monkeypatch.setattr(golden, 'STREAMS', {name: golden.STREAMS[name]})
+    monkeypatch.setattr(golden, 'COMPUTED', {})
+    assert golden.main(['--check']) == golden.main([]) == 1
+    assert 'messages of Held' in capsys.readouterr().out
+    assert json.loads(golden.EXPECTED.read_text()) == changed
+    monkeypatch.setattr(golden, 'WIRE_FORMAT', WIRE_FORMAT + 1)
+    assert golden.main([]) == golden.main(['--check']) == 0
+    assert json.loads(golden.EXPECTED.read_text())['wire_format'] == WIRE_FORMAT + 1
+
+
 def test_golden_images_are_predicted_and_datagrams_are_lost() -> None:
     """What the files are for is in them."""
     predicted = {name: sum(head.reference != head.picture for head in layered_heads(name)) for name in LAYERED}
@@ -72,7 +99,8 @@ def test_golden_images_are_predicted_and_datagrams_are_lost() -> None:
 
 def test_golden_files_are_those_of_the_streams_and_small() -> None:
     files = list(golden.FOLDER.iterdir())
-    assert sorted(path.name for path in files) == sorted([name + '.bin' for name in golden.STREAMS] + ['expected.json'])
+    assert sorted(path.name for path in files) == sorted([name + '.bin' for name in golden.STREAMS]
+                                                      + ['expected.json', 'link_handshake.json'])
     assert sum(path.stat().st_size for path in files) < 300000
 
 

@@ -27,7 +27,7 @@ LAYERS = {
 """Each package, and the packages and modules below it that it may import."""
 
 EVERYWHERE = {'arrays', 'budget', 'checksum', 'frame_names', 'image_error', 'packed', 'serialised', 'traffic',
-              'transport', 'units'}
+              'transport', 'units', 'version'}
 PURE = {'capture', 'codecs', 'congestion', 'mission', 'mission_report', 'monitoring', 'reliable', 'simulation',
         'streams', 'teleop'}
 """Packages without threads, sockets, topics or a clock."""
