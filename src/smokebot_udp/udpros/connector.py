@@ -126,8 +126,8 @@ class Connector:
             try:
                 return negotiation.attempt()
             except Refused as refusal:
-                if is_other_format(refusal):        # one line for all topics
-                    logerr('', refusal, OTHER_VERSION_PERIOD)
+                if is_other_format(refusal):        # one line for all topics, whichever side refuses
+                    logerr('', str(refusal).split('requestTopic: ')[-1], OTHER_VERSION_PERIOD)
                 else:
                     logerr('[%s]' % impl.resolved_name, '%s refuses: %s' % (uri, refusal),
                            OTHER_VERSION_PERIOD if is_other_version(refusal) else 10)
