@@ -20,6 +20,7 @@ from smokebot_udp.codecs.wire.prefix_code import best_code
 from smokebot_udp.link.tables import Topic
 from smokebot_udp.packed import unpack
 from smokebot_udp.reliable.calls import type_checksum
+from smokebot_udp.streams.image.references import checksum_of
 
 from .golden_streams import noise, occupancy, points, scene
 
@@ -55,9 +56,10 @@ def _layered(lossless: bool) -> Iterator[Any]:
             kept = half.prefixes.pixels(450)
             assert kept is not None
             yield kept
-            nodes = np.zeros((2, 3, 4), np.int16) + np.arange(-11, 13, dtype=np.int16).reshape(2, 3, 4)
-            reference = motion.compensate(decoded.pixels, motion.Motion(nodes, bool(moved)))
-            yield reference
+            nodes = (np.arange(2 * motion.NODES ** 2) * 37 % 101 - 40).reshape(motion.NODES, motion.NODES, 2)
+            coded = motion.to_bytes(motion.Motion(nodes.astype(np.int16), bool(moved)))
+            reference = motion.compensate(decoded.pixels, motion.from_bytes(coded))
+            yield from (coded, reference, str(checksum_of(reference)).encode())
 
 
 def _pieces() -> Iterator[Any]:
