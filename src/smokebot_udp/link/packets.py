@@ -35,6 +35,7 @@ from typing import Any, Dict, NamedTuple, Tuple, Type, Union
 
 import numpy as np
 
+from ..arrays import DType
 from ..version import MAX_RELEASE, OURS, printable
 
 VERSION = OURS.wire_format
@@ -69,7 +70,7 @@ LONG_REFUSE = struct.Struct('<BBBBQ%ds' % MAX_RELEASE)
 
 UNKNOWN = struct.Struct('<BBBBI')
 DATA = struct.Struct('<BxxxIQ')
-DATA_DTYPE = np.dtype([('kind', 'u1'), ('zero', 'u1', (3,)), ('index', '<u4'), ('counter', '<u8')])
+DATA_DTYPE: DType = np.dtype([('kind', 'u1'), ('zero', 'u1', (3,)), ('index', '<u4'), ('counter', '<u8')])
 """The head of DATA; `counter` is the token where the session is open."""
 
 REQUEST = struct.Struct('<16sHIB128s')
