@@ -254,7 +254,7 @@ def stats(sent: Sequence[float], arrived: Iterable[Entry], whole: int, window: T
     begin, end_ = window
     count = sum(begin <= stamp < end_ for stamp in sent)
     seen = [entry for entry in arrived if begin <= entry[0] < end_]
-    ages = np.percentile([age for _, age, _ in seen], (50, 99)).tolist() if seen else (None, None)
+    ages: Any = np.percentile([age for _, age, _ in seen], (50, 99)).tolist() if seen else (None, None)
     return {'sent': count, 'came': len(seen), 'rate': len(seen) / (end_ - begin),
             'whole': sum(amount for _, _, amount in seen) / (whole * count) if count else None,
             'p50': ages[0], 'p99': ages[1]}

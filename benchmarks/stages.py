@@ -146,7 +146,7 @@ def summary(times: Sequence[float]) -> Optional[Dict[str, float]]:
     """{'p50', 'p99'} of some times; None: there are none."""
     if not times:
         return None
-    p50, p99 = np.percentile(times, (50, 99)).tolist()
+    p50, p99 = np.asarray(np.percentile(times, (50, 99))).tolist()
     return {'p50': p50, 'p99': p99}
 
 

@@ -68,7 +68,7 @@ class Receiver:
         self.count, self.ages = 0, []
 
     def report(self) -> Dict[str, Any]:
-        ages = np.percentile(self.ages, (50, 99)) if self.ages else (None, None)
+        ages: Any = np.percentile(self.ages, (50, 99)) if self.ages else (None, None)
         return {'received': self.count, 'p50': ages[0], 'p99': ages[1]}
 
 

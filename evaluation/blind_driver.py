@@ -115,7 +115,7 @@ class Driver:
                     motion = (0.0, 0.0) if reached else steer(seen.pose, target, seen.obstacle)
             self._publish(*motion)
             due += 1 / RATE
-        columns = [tuple(np.percentile(column, (50, 99)).tolist()) for column in zip(*ages)]
+        columns = [tuple(np.asarray(np.percentile(column, (50, 99))).tolist()) for column in zip(*ages)]
         return Leg(reached, time.monotonic() - begun, blind, self._least, *columns)
 
     def _look(self) -> Tuple[Optional[Seen], Ages]:

@@ -4,6 +4,7 @@
 It counts what it passes, and keeps what else was tried. It needs nftables.
 """
 import json
+import socket
 import subprocess
 from typing import Any, Dict, List
 
@@ -45,6 +46,9 @@ ANSWERS = 'udp sport %(port)d ct state established'
 DIRECTIONS = {'robot': {'in': REQUESTS, 'out': ANSWERS}, 'operator': {'in': ANSWERS, 'out': REQUESTS}}
 
 
+PROTOCOLS = {socket.IPPROTO_TCP: 'tcp', socket.IPPROTO_UDP: 'udp'}
+
+
 class Firewall:
     """In force from its construction until the lab is closed.
 
@@ -62,8 +66,9 @@ class Firewall:
                 check=True)
 
     def _listed(self) -> List[Dict[str, Any]]:
-        done = self._lab.run(self._side, ['nft', '--json', 'list', 'table', 'ip', TABLE], stdout=subprocess.PIPE,
-                             check=True)
+        # by numbers: the names are those of /etc/protocols, which a machine may lack
+        done = self._lab.run(self._side, ['nft', '--json', '--numeric', 'list', 'table', 'ip', TABLE],
+                             stdout=subprocess.PIPE, check=True)
         listed: List[Dict[str, Any]] = json.loads(done.stdout)['nftables']
         return listed
 
@@ -74,4 +79,5 @@ class Firewall:
     def tried(self) -> List[str]:
         """What was refused, as 'tcp port 11311': its protocol and the port of its destination."""
         elements = [element for entry in self._listed() if 'set' in entry for element in entry['set'].get('elem', ())]
-        return sorted('%s port %s' % tuple(element['concat']) for element in elements)
+        return sorted('%s port %s' % (PROTOCOLS.get(int(protocol), protocol), port)
+                      for protocol, port in (element['concat'] for element in elements))

@@ -105,5 +105,6 @@ def _bounced(images: Clip, count: int, step: int = 1) -> Clip:
 
 
 def _scaled(images: Clip) -> List[UInt8Array]:
-    low, high = np.percentile(np.concatenate([image[::8, ::8].ravel() for image in images]), (0.5, 99.5))
+    some = np.concatenate([image[::8, ::8].ravel() for image in images])
+    low, high = np.asarray(np.percentile(some, (0.5, 99.5)))
     return [np.clip(np.rint((image - low) * (255 / (high - low))), 0, 255).astype(np.uint8) for image in images]

@@ -131,7 +131,7 @@ def watch(clip: Clip, way: Way, conditions: Conditions, seed: object, rate: floa
 
     :param rate: of the stream before the clip began, when only reports came [bit/s]
     """
-    value_range = None if clip[0].itemsize == 1 else float(max(map(np.max, clip)) - min(map(np.min, clip)))
+    value_range = None if clip[0].itemsize == 1 else float(np.ptp([(image.min(), image.max()) for image in clip]))
     channel, reports = Channel(conditions(0.0), seed=seed), Reports()
     for number in range(int(-REPORTED * RATE), 0):
         reports.count(delivered(channel, math.ceil(rate / 8 / RATE / MTU)), number / RATE)

@@ -92,7 +92,7 @@ def rates_table(folder: pathlib.Path) -> Table:
 def points_table(folder: pathlib.Path) -> Table:
     """Points of the clouds that arrive."""
     rows, losses, found = cells_of(folder, 'amount')
-    means = {name: [np.mean([found[name, delay, loss] or 0.0 for way, delay in rows if way == name])
+    means = {name: [float(np.mean([found[name, delay, loss] or 0.0 for way, delay in rows if way == name]))
                     for loss in losses] for name in (OURS, SORTED)}
     return Table('Points of the clouds that arrive, mean. Over the loss the points of *%s* lie on a straight line with '
                  'R² = %.4f.' % (OURS, linear_fit(losses, means[OURS])[2]),

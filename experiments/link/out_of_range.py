@@ -63,7 +63,7 @@ def ages_table(folder: pathlib.Path) -> Table:
     for method, images in found.items():
         ages = traces.shown(images.stamps, images.arrivals, times)[1]
         rows.append([method, len(images.stamps),
-                     *('%.2f' % age for age in np.nanpercentile(ages, (50, 90, 100)))])
+                     *('%.2f' % age for age in np.asarray(np.nanpercentile(ages, (50, 90, 100))))])
     sent = RATE * table.read(folder / 'link.csv')[-1]['at [s]']
     return Table('What the operator looks at, over the whole trace:',
                  ['method', 'images, of %.0f' % sent, 'age, median [s]', 'age, p90 [s]', 'age, worst [s]'],

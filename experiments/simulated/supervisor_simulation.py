@@ -88,7 +88,7 @@ def judged(robot: Robot, number: int) -> Dict[str, float]:
     sent = np.array(robot.sent)
     sent = sent[(sent[:, 0] >= since) & (sent[:, 0] < until)]
     return {'used': sent[:, 1].sum() * 8e-6 / (until - since) / STEPS[number],
-            'queue_p95': 1e3 * np.percentile(sent[:, 2], 95)}
+            'queue_p95': 1e3 * float(np.percentile(sent[:, 2], 95))}
 
 
 def judged_streams(robot: Robot, streams: Streams, number: int) -> Dict[str, float]:

@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     UInt8Array = NDArray[np.uint8]
     Records = NDArray[np.void]
     DType = np.dtype[Any]
+    Buffer = Union[bytes, bytearray, memoryview, NDArray[Any]]
 else:
     Array = BoolArray = IntArray = FloatArray = Float32Array = UInt8Array = Records = np.ndarray
     DType = np.dtype
-
-Buffer = Union[bytes, bytearray, memoryview, Array]
-"""Bytes of a message's field, as rospy or rospy.numpy_msg reads it."""
+    Buffer = Union[bytes, bytearray, memoryview, np.ndarray]
+"""Buffer: bytes of a message's field, as rospy or rospy.numpy_msg reads it."""

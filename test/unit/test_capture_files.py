@@ -39,6 +39,14 @@ def test_images_are_read_as_they_were(encoding: str, bigendian: bool) -> None:
     np.testing.assert_array_equal(found, wanted)
 
 
+def test_the_level_of_a_png_is_not_that_of_this_opencv(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its default is 1 or 3, by the version."""
+    encode, options = cv2.imencode, []
+    monkeypatch.setattr(cv2, 'imencode', lambda *arguments: options.extend(arguments[2:]) or encode(*arguments))
+    file_of(image('mono16'))
+    assert list(*options) == [cv2.IMWRITE_PNG_COMPRESSION, 1]
+
+
 def test_what_opencv_cannot_write_is_refused() -> None:
     message = Image(height=2, width=2, encoding='yuv422', step=4, data=bytes(8))
     with pytest.raises(ValueError, match='cannot write an image yuv422 as .png'):

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Compressed images as image_transport writes them, and what looks like one."""
+import math
 import struct
 import zlib
 from typing import Any
@@ -71,6 +72,20 @@ def test_compressed_depth() -> None:
     depth = decode(DEPTH.pack(0, 3000.0, -500.0) + png(counts), '32FC1; compressedDepth png')
     assert depth.encoding == '32FC1' and depth.pixels.dtype == np.float32
     assert np.isnan(depth.pixels[0, 0]) and depth.pixels[0, 1] == 2.0
+
+
+@pytest.mark.parametrize('description', ['32FC1 compressedDepth png', '32FC1;compressedDepth', '32FC1 compressedDepth',
+                                         ' 32FC1 ;  compressedDepth png'])
+def test_compressed_depth_without_a_semicolon_is_read(description: str) -> None:
+    depth = decode(DEPTH.pack(0, 3000.0, -500.0) + png(np.uint16([[0, 1000]])), description)
+    assert depth.encoding == '32FC1' and depth.pixels[0, 1] == 2.0
+
+
+@pytest.mark.parametrize('parameters', [(0.0, 0.0), (3000.0, -500.0)])
+def test_compressed_depth_without_any_depth_is_nan(parameters: Any) -> None:
+    """A sensor that sees nothing has no range to quantise."""
+    depth = decode(DEPTH.pack(0, *parameters) + png(np.zeros((3, 4), np.uint16)), '32FC1; compressedDepth png')
+    assert np.isnan(depth.pixels).all() and not depth.problem
 
 
 def test_compressed_depth_may_be_called_mono16() -> None:
@@ -146,8 +161,19 @@ def test_jpegs_of_cameras() -> None:
         assert np.abs(decode(data, 'jpeg').pixels.astype(int) - smooth()).mean() < 4
 
 
+SEVEN = png(np.uint16([[0, 7]]))
+
+
 @pytest.mark.parametrize('data, description, problem', [
-    (b'', 'jpeg', 'neither JPEG nor PNG'), (b'GIF89a', 'gif', 'neither JPEG nor PNG'),
+    (b'', 'jpeg', "format is 'jpeg', but there are no data"), (b'', '', "format is '', but there are no data"),
+    (b'', '16UC1; compressedDepth png', 'but there are no data'), (b'GIF89a', 'gif', 'neither JPEG nor PNG'),
+    (bytes(99), '16UC1; compressedDepth png', 'all 99 bytes of the data are 0'),
+    (bytes(99), 'rgb8; jpeg compressed bgr8', 'all 99 bytes of the data are 0'),
+    (DEPTH.pack(0, 0.0, 0.0) + SEVEN, '32FC1; compressedDepth png', 'quantisation is 0 and 0'),
+    (DEPTH.pack(0, math.nan, 1.0) + SEVEN, '32FC1; compressedDepth png', 'quantisation is nan and 1'),
+    (DEPTH.pack(0, 1.0, math.inf) + SEVEN, '32FC1; compressedDepth png', 'quantisation is 1 and inf'),
+    (DEPTH.pack(0, 3.0, 1.0) + SEVEN, 'compressedDepth png',
+     "format is 'compressedDepth png', must begin with mono16, 16UC1 or 32FC1"),
     (png(np.zeros((4, 4, 3), np.uint16)), 'bgr16; png compressed bgr16', "format is 'bgr16.* with 3 channels uint16"),
     (b'12 bytes....' + png(np.zeros((4, 4), np.uint8)), '16UC1; compressedDepth png', 'not of one channel of 16 bits'),
     (b'12 bytes....RVL', '16UC1; compressedDepth rvl', 'the data are no PNG: set'),

@@ -8,7 +8,6 @@ from geometry_msgs.msg import PoseStamped, Quaternion, Transform, TransformStamp
 from hypothesis import given
 from hypothesis import strategies as st
 from nav_msgs.msg import OccupancyGrid, Odometry, Path
-from rospy.numpy_msg import numpy_msg
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Float32, Header, String
 from tf2_msgs.msg import TFMessage
@@ -20,6 +19,7 @@ from visualization_msgs.msg import (
     MarkerArray,
 )
 
+from smokebot_udp.numpy_messages import numpy_msg
 from smokebot_udp.streams.frame_prefix import add_prefix, strip_prefix, with_prefix
 
 

@@ -14,6 +14,7 @@ from smokebot_udp.link.packets import (
     DATA_DTYPE,
     HELLO,
     INIT_SIZE,
+    LONG_REFUSE,
     MAX_NAME,
     MIN_BODY,
     OVERHEAD,
@@ -49,6 +50,8 @@ TAG, TAG_HEX = b't' * 16, '74' * 16
 GOLDEN = [
     (Hello(2, Mode.KEYED, NONCE), '01020100' + NONCE_HEX + '00' * 36),
     (Hello(1, Mode.KEYED, NONCE), '01010100' + NONCE_HEX + '00' * 36),
+    (Hello(2, Mode.KEYED, NONCE, TAG, '1.2.3'), '01020100' + NONCE_HEX + TAG_HEX + b'1.2.3'.hex() + '00' * 15),
+    (Hello(9, Mode.KEYED, NONCE, release='1.2.3'), '01090100' + NONCE_HEX + '00' * 16 + b'1.2.3'.hex() + '00' * 15),
     (Cookie(2, Mode.KEYED, Suite.CHACHAPOLY, NONCE, BYTES16, TAG), '02020102' + NONCE_HEX + COOKIE_HEX + TAG_HEX),
     (Init(2, Mode.KEYED, Suite.AESGCM, NONCE, BYTES16, 0x44332211, b'm' * 199, TAG),
      '03020101' + NONCE_HEX + COOKIE_HEX + '11223344' + TAG_HEX + '6d' * 199),
@@ -57,6 +60,7 @@ GOLDEN = [
     (Accept(1, Mode.KEYED, Suite.AESGCM, 0x44332211, b'm' * 207), '04010101' + '11223344' + '6d' * 207),
     (Accept(1, Mode.OPEN, Suite.OPEN, 0x44332211, b'm' * 159), '04010000' + '11223344' + '6d' * 159),
     (Refuse(2, Mode.OPEN, Reason.FULL, NONCE), '05020005' + NONCE_HEX),
+    (Refuse(9, Mode.OPEN, Reason.VERSION, NONCE, '1.2.3'), '05090001' + NONCE_HEX + b'1.2.3'.hex() + '00' * 15),
     (Unknown(1, 0x44332211), '06010000' + '11223344'),
 ]
 
@@ -70,13 +74,21 @@ def test_a_packet_and_its_bytes(packet: Any, golden: str) -> None:
 @pytest.mark.parametrize('packet, golden', GOLDEN, ids=lambda value: type(value).__name__)
 def test_a_shorter_or_longer_one_is_malformed(packet: Any, golden: str) -> None:
     datagram = bytes.fromhex(golden)
-    shortest = 32 if packet == Hello(1, Mode.KEYED, NONCE) else len(datagram)    # version 1 has shorter ones
+    shortest = 32 if isinstance(packet, Hello) and packet.version != 2 else len(datagram)    # as in version 1
     for length in range(shortest):
+        if isinstance(packet, Refuse) and length == REFUSE.size:
+            continue        # one without a release
         with pytest.raises(Malformed):
             parse(datagram[:length])
     if not isinstance(packet, Hello):       # a later version's may be longer
         with pytest.raises(Malformed):
             parse(datagram + b'\0')
+
+
+@pytest.mark.parametrize('field', [b'\xff' * 20, b'1\0002', b'1\n2', '1\u2028'.encode()])
+def test_a_release_that_cannot_be_shown_is_none(field: bytes) -> None:
+    refuse = parse(Refuse(9, Mode.OPEN, Reason.VERSION, NONCE, '1').pack()[:REFUSE.size] + field.ljust(20, b'\0'))
+    assert refuse == Refuse(9, Mode.OPEN, Reason.VERSION, NONCE)
 
 
 def test_the_head_of_data() -> None:
@@ -99,7 +111,7 @@ def test_the_payloads_of_the_handshake() -> None:
 
 
 def test_no_answer_of_the_robot_is_longer_than_what_it_answers() -> None:
-    assert COOKIE.size <= HELLO.size and REFUSE.size <= HELLO.size
+    assert max(COOKIE.size, LONG_REFUSE.size) <= HELLO.size
     for mode in Mode:
         assert max(ACCEPT_SIZE[mode], REFUSE.size) <= INIT_SIZE[mode]
         assert UNKNOWN.size <= OVERHEAD[mode] + MIN_BODY

@@ -14,7 +14,7 @@ from smokebot_udp.udpros.negotiation import (
     Request,
     decode_header,
     encode_header,
-    is_other_type,
+    is_other_version,
     other_type,
 )
 
@@ -205,5 +205,6 @@ def test_a_publisher_that_refuses_is_asked_again_less_and_less_often() -> None:
 def test_another_version_is_recognised_in_the_text_that_names_both() -> None:
     refusal = other_type('/chatter', 'std_msgs/String', 'a' * 32, 'b' * 32)
     assert str(refusal) == '[/chatter] is of type std_msgs/String with md5sum %s, not %s' % ('a' * 32, 'b' * 32)
-    assert refusal.reason == 'type' and is_other_type(refusal)
-    assert is_other_type(Refused('requestTopic: %s' % refusal)) and not is_other_type(Refused('no route to robot:5'))
+    assert refusal.reason == 'type' and is_other_version(refusal)
+    assert is_other_version(Refused('requestTopic: %s' % refusal))
+    assert not is_other_version(Refused('no route to robot:5'))

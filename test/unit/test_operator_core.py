@@ -41,6 +41,7 @@ from smokebot_udp.link.packets import (
 )
 from smokebot_udp.link.peer import Joined, Left, Refused
 from smokebot_udp.link.robot_core import RobotCore
+from smokebot_udp.version import RELEASE
 
 
 def run(core: Any, start: float, end: float) -> List[Any]:
@@ -404,13 +405,15 @@ def test_a_refusal_is_told_once_and_the_attempts_go_on(robot: RobotCore, words: 
     assert refusals[-1] > refusals[150] > refusals[100] > 10
 
 
-def test_another_version_is_told_with_both_numbers() -> None:
+def test_another_version_is_told_with_both_numbers_and_releases() -> None:
     operator = operator_of()
     hello = parse(sent(operator)[0])
     assert isinstance(hello, Hello)
-    give(operator, ROBOT, Refuse(7, Mode.KEYED, Reason.VERSION, hello.nonce).pack())
+    give(operator, ROBOT, Refuse(7, Mode.KEYED, Reason.VERSION, hello.nonce, '4.5.6').pack())
     operator.poll(0.01)
-    assert operator.problem == 'the robot speaks version 7 of the link protocol, this machine version %d' % VERSION
+    assert operator.problem == (
+        'this machine has smokebot_udp %s (wire format %d), the robot has smokebot_udp 4.5.6 (wire format 7), and '
+        'these cannot talk to each other: install the newer release for this machine, too' % (RELEASE, VERSION))
     assert not run(operator, 0.01, REFUSED_RETRY - 0.01)
     run(operator, REFUSED_RETRY, 5.0)
     assert operator.problem == 'no answer from 10.0.0.7:17001'

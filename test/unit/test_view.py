@@ -203,6 +203,23 @@ def test_a_frozen_image_is_grey_and_dim() -> None:
     assert np.abs(banner - banner[..., :1]).max(axis=(0, 2)).nonzero()[0].max() > 560
 
 
+@pytest.mark.parametrize('thickness', [True, False], ids=['as drawn here', 'as OpenCV 5, which ignores the thickness'])
+@pytest.mark.parametrize('height, width', [(120, 160), (480, 640), (1200, 1920)])
+def test_the_banner_has_a_dark_outline_on_a_bright_image(monkeypatch, thickness: bool, height: int, width: int) -> None:
+    put_text = cv2.putText
+    if not thickness:
+        monkeypatch.setattr(cv2, 'putText', lambda *arguments: put_text(*arguments[:6], 1, cv2.LINE_AA))
+    view = framed(Coloured(np.full((height, width, 3), 255, np.uint8)), 3.2, 1.0, LIMITS, silence=3.2)
+    place = layout(height, width)
+    image = view[place.border:-place.strip, place.border:-place.border]
+    red, dark = (image[..., 2].astype(int) - image[..., 1] > 100), (image.max(axis=2) < 20)
+    inner = np.s_[place.padding[0]:len(image) - place.padding[1]]
+    assert dark[inner].sum() > 0.5 * red[inner].sum() > 0
+    # whatever is above, below or beside the text is dark
+    rows, columns = np.nonzero(cv2.dilate(red.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0)
+    assert (image[rows, columns].max(axis=1) < 130)[~red[rows, columns]].mean() > 0.95
+
+
 @pytest.mark.parametrize('height, width', [(120, 160), (480, 640), (1200, 1920)])
 def test_text_is_as_large_as_the_view(height, width, monkeypatch) -> None:
     heights = []

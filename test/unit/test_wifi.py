@@ -27,7 +27,11 @@ def same(left: float, right: float) -> bool:
     (outputs.STATION_MWLWIFI_ZEROS, NAN, 1.0, 1.0, 0, 0, None),
     (outputs.STATION_MT76_OLD, NAN, 54.0, 54.0, 4589, 0, None),
     (outputs.STATION_MULTI_LINK, -33, 6.0, 576.4, 3, 0, None),
-], ids=['intel', 'ath12k', 'mesh', 'mt7981', 'mwlwifi', 'mt76', 'multi-link'])
+    (outputs.STATION_ATH12K_ZERO, -44, 1441.1, 1441.1, 64, 0, 0),
+    (outputs.STATION_MULTI_LINK_ZERO, -52, 6.0, 576.4, 3, 0, None),
+    (outputs.STATION_MULTI_LINK_ZERO.replace('signal avg:\t0', 'signal avg:\t-60'), -60, 6.0, 576.4, 3, 0, None),
+], ids=['intel', 'ath12k', 'mesh', 'mt7981', 'mwlwifi', 'mt76', 'multi-link', 'ath12k, 0 dBm', 'multi-link, 0 dBm',
+        'multi-link, average'])
 def test_station_dump(text: str, signal: float, tx: float, rx: float, retries: int, failed: int,
                       beacons: Optional[int]) -> None:
     found, = wifi_texts.stations(text)

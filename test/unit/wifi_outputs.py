@@ -168,6 +168,37 @@ STATION_MULTI_LINK = """Station 02:00:00:00:01:00 (on wlan0)
 \t\tsignal:\t-71 dBm
 """
 
+STATION_ATH12K_ZERO = """Station 00:03:7f:04:31:78 (on wlo1)
+        tx packets:     342
+        tx retries:     64
+        tx failed:      0
+        beacon loss:    0
+        signal:         0 dBm
+        beacon signal avg:      -44 dBm
+        tx bitrate:     1441.1 MBit/s 80MHz HE-MCS 9 HE-NSS 3 HE-GI 0 HE-DCM 0
+        rx bitrate:     1441.1 MBit/s 80MHz HE-MCS 9 HE-NSS 3 HE-GI 0 HE-DCM 0
+"""
+
+STATION_MULTI_LINK_ZERO = """Station 02:00:00:00:01:00 (on wlan0)
+\ttx retries:\t3
+\ttx failed:\t0
+\tsignal:\t0 dBm
+\tsignal avg:\t0 dBm
+\ttx bitrate:\t6.0 MBit/s
+\trx bitrate:\t576.4 MBit/s 80MHz EHT-MCS 5 EHT-NSS 2 EHT-GI 0
+\tLink 0:
+\t\taddress: 02:00:00:00:01:01
+\t\ttx retries:\t1
+\t\tsignal:\t-71 dBm
+\tLink 1:
+\t\taddress: 02:00:00:00:01:02
+\t\tsignal:\t0 dBm
+\t\tsignal avg:\t-52 dBm
+\tLink 2:
+\t\taddress: 02:00:00:00:01:03
+\t\tsignal:\t0 dBm
+"""
+
 MESH_DUMP_FAILED = 'failed to parse nested attributes!\n'
 
 LINK_INTEL = """Connected to 98:7e:ca:8a:3e:0e (on wlp0s20f3)

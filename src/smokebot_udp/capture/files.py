@@ -13,6 +13,7 @@ import yaml
 from sensor_msgs.msg import Image, PointField
 
 from ..arrays import Array
+from ..codecs.wire.compressed import PNG_OPTIONS
 from ..codecs.wire.pixels import as_pixels
 
 PCD_TYPES = {PointField.INT8: ('I', 1), PointField.UINT8: ('U', 1), PointField.INT16: ('I', 2),
@@ -46,7 +47,7 @@ def image_file(message: Any) -> Tuple[str, bytes]:
         native = cv2.cvtColor(native, SWAPPED[message.encoding])
     end = '.tiff' if native.dtype.kind == 'f' else '.png'
     try:
-        done, content = cv2.imencode(end, native)
+        done, content = cv2.imencode(end, native, PNG_OPTIONS if end == '.png' else ())
     except cv2.error:       # as of two channels
         done = False
     if not done:

@@ -30,4 +30,5 @@ def nonces(suite: Suite, numbers: IntArray) -> bytes:
     """The nonces of messages, NONCE_SIZE bytes each, one after the other."""
     out = np.zeros((len(numbers), NONCE_SIZE), np.uint8)
     out[:, 4:] = np.asarray(numbers).astype(_ORDERS[suite]).view(np.uint8).reshape(-1, 8)
-    return out.tobytes()
+    written: bytes = out.tobytes()
+    return written

@@ -27,6 +27,7 @@ from dataclasses import dataclass
 from typing import List, Optional, Tuple
 
 from ..arrays import IntArray, Records, UInt8Array
+from ..version import OURS, Software, difference
 from .control import Control, message
 from .cookie import Place
 from .core import MAX_ATTEMPTS, MIN_DATAGRAM_SIZE, Entry, LinkCore, Random
@@ -218,12 +219,15 @@ class OperatorCore(LinkCore):
         """Rule 1."""
         assert self._place is not None      # no handshake without an address
         if handshake.cookie is None or handshake.inits % INIT_PER_HELLO == INIT_PER_HELLO - 1:
-            self._send(self._place, self._tags.tagged(Hello(VERSION, self.mode, handshake.nonce)).pack())
+            self._send(self._place, self._hello(handshake.nonce).pack())
             handshake.asked += 1
         if handshake.cookie is not None:
             self._send(self._place, self._init(handshake.cookie, self._place, now).pack())
             handshake.inits += 1
         handshake.wait(now, self._random(1)[0] / 127.5 - 1)
+
+    def _hello(self, nonce: int) -> Hello:
+        return self._tags.tagged(Hello(VERSION, self.mode, nonce, release=OURS.release))
 
     def _init(self, cookie: Cookie, place: Place, now: float) -> Init:
         """Rule 2."""
@@ -334,10 +338,14 @@ class OperatorCore(LinkCore):
         if self._handshake is None or refuse.nonce != self._handshake.nonce or source != self._place:
             self.dropped['not asked for'] += 1
             return
-        if refuse.reason not in SENTENCES:
-            raise Malformed('reason %d' % refuse.reason)
-        reason = Reason(refuse.reason)
-        sentence = SENTENCES[reason] % {'theirs': refuse.version, 'ours': VERSION}
+        try:
+            reason = Reason(refuse.reason)
+        except ValueError as error:
+            raise Malformed('reason %d' % refuse.reason) from error
+        if reason == Reason.VERSION:
+            sentence = difference('the robot', Software(refuse.version, refuse.release), 'this machine', OURS)
+        else:
+            sentence = SENTENCES[reason]
         since, before = self._refusal
         if sentence != before or now - since >= REFUSAL_COUNTS:
             self._events.append(Refused(reason, sentence))

@@ -12,18 +12,20 @@ operator begins:
     DATA    sealed                   -->            the new keys are confirmed
                                      <--    DATA
 
-    HELLO    kind version mode 0     nonce u64, tag 16, zeros to 48 bytes
+    HELLO    kind version mode 0     nonce u64, tag 16, release 20
     COOKIE   kind version mode suite nonce u64, cookie 16, tag 16
     INIT     kind version mode suite nonce u64, cookie 16, sender index u32, tag 16, Noise message 1 or its payload in
              clear
     ACCEPT   kind version mode suite receiver index u32, Noise message 2 or its payload in clear
-    REFUSE   kind version mode reason nonce u64
+    REFUSE   kind version mode reason nonce u64, and to who names its release, release 20
     UNKNOWN  kind version 0 0        receiver index u32
     DATA     kind 0 0 0              receiver index u32, counter (keyed) or token (open) u64, body, tag 16 (keyed)
 
 * No answer of the robot is longer than what it answers, so that it amplifies nothing (test_packets).
-* HELLO's and REFUSE's fields keep their places in all versions, so that each side can name the other's version.
-* Tags are MACs of the packet's other bytes under the key of the link (tags.py); zeros without a key.
+* HELLO's and REFUSE's fields keep their places in all versions, so that each side can name the other's version. That is
+  the number of the wire format, of which this protocol is a part (version.py). A release is ASCII, filled up with
+  zeros; zeros are of a side that names none.
+* Tags are MACs of the packet's other bytes but the release, under the key of the link (tags.py); zeros without a key.
 * ACCEPT, UNKNOWN and DATA name a session by the index that their receiver has chosen, as WireGuard's packets do.
 * The body of DATA is a UDPROS datagram (udpros.datagram). The 16 bytes in front keep it aligned.
 """
@@ -33,8 +35,11 @@ from typing import Any, Dict, NamedTuple, Tuple, Type, Union
 
 import numpy as np
 
-VERSION = 2
-"""Of this protocol. A robot answers a HELLO of another version with its own, and nothing else."""
+from ..arrays import DType
+from ..version import MAX_RELEASE, OURS, printable
+
+VERSION = OURS.wire_format
+"""A robot answers a HELLO of another version with its own, and nothing else."""
 
 COOKIE_SIZE = 16
 TAG_SIZE = 16
@@ -52,7 +57,7 @@ MAX_NAME = 128
 MIN_BODY = 8
 """A UDPROS header alone [byte]."""
 
-HELLO = struct.Struct('<BBBBQ16s20x')
+HELLO = struct.Struct('<BBBBQ16s%ds' % MAX_RELEASE)
 FIRST_HELLO = struct.Struct('<BBBBQ20x')
 """That of version 1."""
 
@@ -60,9 +65,12 @@ COOKIE = struct.Struct('<BBBBQ16s16s')
 INIT = struct.Struct('<BBBBQ16sI16s')
 ACCEPT = struct.Struct('<BBBBI')
 REFUSE = struct.Struct('<BBBBQ')
+LONG_REFUSE = struct.Struct('<BBBBQ%ds' % MAX_RELEASE)
+"""With a release."""
+
 UNKNOWN = struct.Struct('<BBBBI')
 DATA = struct.Struct('<BxxxIQ')
-DATA_DTYPE = np.dtype([('kind', 'u1'), ('zero', 'u1', (3,)), ('index', '<u4'), ('counter', '<u8')])
+DATA_DTYPE: DType = np.dtype([('kind', 'u1'), ('zero', 'u1', (3,)), ('index', '<u4'), ('counter', '<u8')])
 """The head of DATA; `counter` is the token where the session is open."""
 
 REQUEST = struct.Struct('<16sHIB128s')
@@ -105,8 +113,7 @@ class Reason(enum.IntEnum):
     FULL = 5
 
 
-SENTENCES: Dict[Reason, str] = {
-    Reason.VERSION: 'the robot speaks version %(theirs)d of the link protocol, this machine version %(ours)d',
+SENTENCES: Dict[Reason, str] = {    # of another version: see version.difference
     Reason.NEEDS_KEY: 'the robot has a key, this machine has none: set key_file to a copy of it',
     Reason.HAS_NO_KEY: 'this machine has a key, the robot has none: set key_file on both sides or on neither',
     Reason.WRONG_KEY: 'the robot has another key: set key_file to a copy of it',
@@ -132,18 +139,20 @@ class Hello(NamedTuple):
     mode: int
     nonce: int
     tag: bytes = NO_TAG
+    release: str = ''
 
     def pack(self) -> bytes:
         """The datagram."""
-        return HELLO.pack(Kind.HELLO, self.version, self.mode, 0, self.nonce, self.tag)
+        return HELLO.pack(Kind.HELLO, self.version, self.mode, 0, self.nonce, self.tag, self.release.encode())
 
     @classmethod
     def parse(cls, datagram: bytes) -> 'Hello':
         """From a datagram of at least its size: a later version may be longer."""
         _, version, mode, _, nonce = FIRST_HELLO.unpack_from(datagram)
-        if version != VERSION:
+        if version != VERSION and len(datagram) < HELLO.size:
             return cls(version, mode, nonce)
-        return cls(version, mode, nonce, HELLO.unpack_from(datagram)[-1])
+        tag, release = HELLO.unpack_from(datagram)[-2:]
+        return cls(version, mode, nonce, tag if version == VERSION else NO_TAG, _release(release))
 
 
 class Cookie(NamedTuple):
@@ -220,16 +229,22 @@ class Refuse(NamedTuple):
     mode: int
     reason: int
     nonce: int
+    release: str = ''
 
     def pack(self) -> bytes:
         """The datagram."""
-        return REFUSE.pack(Kind.REFUSE, *self)
+        if not self.release:
+            return REFUSE.pack(Kind.REFUSE, *self[:-1])
+        return LONG_REFUSE.pack(Kind.REFUSE, *self[:-1], self.release.encode())
 
     @classmethod
     def parse(cls, datagram: bytes) -> 'Refuse':
-        """From a datagram of its size."""
-        _, *fields = REFUSE.unpack(datagram)
-        return cls(*fields)
+        """From a datagram of one of its sizes."""
+        if len(datagram) != LONG_REFUSE.size:
+            _, *fields = REFUSE.unpack(datagram)
+            return cls(*fields)
+        _, version, mode, reason, nonce, release = LONG_REFUSE.unpack(datagram)
+        return cls(version, mode, reason, nonce, _release(release))
 
 
 class Unknown(NamedTuple):
@@ -312,6 +327,10 @@ class Reply(NamedTuple):
         """:raises Malformed: if the payload is none"""
         index, instance, size, token, length, name = _unpack(REPLY, payload)
         return cls(index, instance, size, token, decode_name(name, length))
+
+
+def _release(field: bytes) -> str:
+    return printable(field.rstrip(b'\0').decode('latin-1'))
 
 
 def _unpack(layout: struct.Struct, payload: bytes) -> Tuple[Any, ...]:

@@ -81,7 +81,8 @@ class Peer:
 
     def seal_one(self, *parts: bytes) -> bytes:
         """The packet of one datagram, given in parts. Any thread."""
-        return self._session.seal(np.frombuffer(b''.join(parts), np.uint8)[np.newaxis]).tobytes()
+        packet: bytes = self._session.seal(np.frombuffer(b''.join(parts), np.uint8)[np.newaxis]).tobytes()
+        return packet
 
     def __repr__(self) -> str:
         return 'Peer(%r, number %d, at %s:%d)' % (self.name, self.number, *self.address)

@@ -25,6 +25,7 @@ import collections
 from typing import Dict, Optional
 
 from ..budget import Budget
+from ..version import OURS, Software, difference
 from .control import CHALLENGE_SIZE, SIZE, Control, message
 from .cookie import LIFETIME, CookieJar, Place
 from .core import MAX_ATTEMPTS, MIN_DATAGRAM_SIZE, Entry, LinkCore, Random
@@ -71,6 +72,9 @@ UNKNOWN_BURST, UNKNOWN_PERIOD = 16, 0.02
 EVENT_PERIOD = 10.0
 """Between two events of one reason to refuse [s]."""
 
+VERSION_PERIOD = 3600.0
+"""Between two events of the version of one host: that lasts until somebody updates a machine [s]."""
+
 OPEN_EPHEMERAL = 8
 """What makes an INIT unique in an open link: its index and half of the token [byte]."""
 
@@ -88,6 +92,7 @@ class RobotCore(LinkCore):
         self._hints = Budget(UNKNOWN_BURST, UNKNOWN_PERIOD)
         self._paths: Dict[int, PathCheck] = {}      # by the peer's number
         self._told: Dict[Reason, float] = {}        # when a refusal became an event
+        self._versions = HostBudgets(1, VERSION_PERIOD)
 
     def _on_packet(self, packet: Packet, source: Place, now: float) -> None:
         if isinstance(packet, Hello):
@@ -99,7 +104,7 @@ class RobotCore(LinkCore):
 
     def _on_hello(self, hello: Hello, source: Place, now: float) -> None:
         if hello.version != VERSION:
-            self._refuse(Reason.VERSION, source, hello.nonce, now)
+            self._refuse_version(hello, source, now)
         elif hello.mode != self.mode:
             self._refuse(Reason.NEEDS_KEY if self.mode == Mode.KEYED else Reason.HAS_NO_KEY, source, hello.nonce, now)
         elif not self._tags.is_right(hello):
@@ -108,12 +113,25 @@ class RobotCore(LinkCore):
             cookie = Cookie(VERSION, self.mode, self._suite, hello.nonce, self._cookies.make(source, hello.nonce, now))
             self._send(source, self._tags.tagged(cookie).pack())
 
+    def _refuse_version(self, hello: Hello, source: Place, now: float) -> None:
+        """Who names its release is told this one's: others know no REFUSE that is longer."""
+        refuse = Refuse(VERSION, self.mode, Reason.VERSION, hello.nonce, OURS.release if hello.release else '')
+        text = difference('it', Software(hello.version, hello.release), 'this robot', OURS)
+        self._send_refusal(refuse, source, text, now, self._versions)
+
     def _refuse(self, reason: Reason, source: Place, nonce: int, now: float) -> None:
+        self._send_refusal(Refuse(VERSION, self.mode, reason, nonce), source, TO_US[reason], now)
+
+    def _send_refusal(self, refuse: Refuse, source: Place, text: str, now: float, budgets: Optional[HostBudgets] = None
+                      ) -> None:
+        """:param budgets: how often each host's refusal may become an event"""
+        reason = Reason(refuse.reason)
         self.dropped[REFUSED[reason]] += 1
-        self._send(source, Refuse(VERSION, self.mode, reason, nonce).pack())
-        if now - self._told.get(reason, -EVENT_PERIOD) >= EVENT_PERIOD:
+        self._send(source, refuse.pack())
+        if (now - self._told.get(reason, -EVENT_PERIOD) >= EVENT_PERIOD
+                and (budgets is None or budgets.take(source[0], now))):
             self._told[reason] = now
-            self._events.append(Refused(reason, 'refused %s:%d: %s' % (*address_of(source), TO_US[reason])))
+            self._events.append(Refused(reason, 'refused %s:%d: %s' % (*address_of(source), text)))
 
     def _on_init(self, init: Init, source: Place, now: float) -> None:
         if (init.version, init.mode, init.suite) != (VERSION, self.mode, self._suite):
@@ -287,10 +305,9 @@ def _ephemeral_of(init: Init) -> bytes:
 REFUSED = {reason: 'refused: %s' % reason.name.lower().replace('_', ' ') for reason in Reason}
 
 TO_US = {
-    Reason.VERSION: 'it speaks another version of the link protocol',
     Reason.NEEDS_KEY: 'it has no key, this robot has one',
     Reason.HAS_NO_KEY: 'it has a key, this robot has none',
     Reason.WRONG_KEY: 'it has another key',
     Reason.FULL: 'there are %d operators already' % MAX_PEERS,
 }
-"""Why an operator was refused, for the robot's log."""
+"""Why an operator was refused, for the robot's log; of another version: see version.difference."""

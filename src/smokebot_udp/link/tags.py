@@ -6,7 +6,7 @@ checked before anything else is done for a packet.
 """
 import hashlib
 import hmac
-from typing import Optional, TypeVar
+from typing import Optional, TypeVar, Union
 
 from .packets import NO_TAG, TAG_SIZE, Cookie, Hello, Init
 
@@ -30,15 +30,20 @@ class Tags:
 
     def tagged(self, packet: Tagged) -> Tagged:
         """The packet with its tag."""
-        return packet._replace(tag=self._tag(packet.pack(), TAG_AT[type(packet)]))
+        return packet._replace(tag=self._tag(packet))
 
     def is_right(self, packet: Tagged) -> bool:
         """Whether the tag is that of the packet."""
-        return hmac.compare_digest(packet.tag, self._tag(packet.pack(), TAG_AT[type(packet)]))
+        return hmac.compare_digest(packet.tag, self._tag(packet))
 
-    def _tag(self, datagram: bytes, at: int) -> bytes:
-        """:param at: the place of the tag, which is left out"""
+    def _tag(self, packet: Tagged) -> bytes:
+        """Of all but the place of the tag and the release, which older sides do not know."""
         if self._key is None:
             return NO_TAG
+        datagram, at = _without_release(packet).pack(), TAG_AT[type(packet)]
         others = datagram[:at] + datagram[at + TAG_SIZE:]
         return hashlib.blake2s(others, digest_size=TAG_SIZE, key=self._key).digest()
+
+
+def _without_release(packet: Union[Cookie, Hello, Init]) -> Union[Cookie, Hello, Init]:
+    return packet._replace(release='') if isinstance(packet, Hello) else packet

@@ -59,9 +59,7 @@ class BagFile:
         try:
             bag = rosbag.Bag(str(self.path), allow_unindexed=True)
             if not bag.get_message_count():
-                with contextlib.suppress(io.UnsupportedOperation):  # it would cut the incomplete end off
-                    for _ in bag.reindex():
-                        pass
+                _index(bag)
                 self._kept = bag
         except OSError as error:
             raise BadBag('%s cannot be read: %s' % (self.path, error.strerror or error)) from None
@@ -116,6 +114,19 @@ class BagFile:
         if self._kept is not None:
             self._kept.close()
             self._kept = None
+
+
+def _index(bag: Any) -> None:
+    """Index a bag that was not closed, as far as its chunks are complete."""
+    with contextlib.suppress(io.UnsupportedOperation):  # it would cut the incomplete end off
+        for _ in bag.reindex():
+            pass
+    # reindex() leaves entries of the incomplete chunk, and does not say that the index is read (ros_comm #2126): it
+    # would be read again, to twice the messages before rosbag 1.17.4, and to an error since
+    complete = {None, *bag._chunk_headers}      # None: of bags of the format before chunks
+    for entries in bag._connection_indexes.values():
+        entries[:] = [entry for entry in entries if getattr(entry, 'chunk_pos', None) in complete]
+    bag._connection_indexes_read = True
 
 
 def _add(record: MissionRecord, roles: Roles, side: str, number: int, topic: str, raw: Sequence[Any], time: float

@@ -160,7 +160,7 @@ def _range(pixels: Array) -> Tuple[float, float]:
     values = pixels[np.isfinite(pixels)].astype(float)
     if not len(values):
         return 0.0, 1.0
-    low, high = np.percentile(values, [LOW, HIGH])
+    low, high = np.asarray(np.percentile(values, [LOW, HIGH]))
     return float(low), float(max(high, low + 1e-3))
 
 

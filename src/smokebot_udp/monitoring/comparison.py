@@ -44,7 +44,8 @@ class Images(NamedTuple):
     def __str__(self) -> str:
         if not self.ages:
             return ''
-        return '%s, age p50 %.0f ms, p99 %.0f ms' % (self._quality(), *(1e3 * np.percentile(self.ages, (50, 99))))
+        median, most = 1e3 * np.asarray(np.percentile(self.ages, (50, 99)))
+        return '%s, age p50 %.0f ms, p99 %.0f ms' % (self._quality(), median, most)
 
     def _quality(self) -> str:
         """How good they are, and of which this is known."""

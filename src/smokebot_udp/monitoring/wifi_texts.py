@@ -14,7 +14,11 @@ from typing import Dict, List, NamedTuple, Optional
 MIN_DBM, MAX_DBM = -120.0, -1.0
 """Signals and noise outside of this are a driver's way to say nothing, such as 0, 75 or -256."""
 
+SIGNALS = 'signal', 'signal avg', 'beacon signal avg'
+"""Some drivers give averages only."""
+
 _STATION = re.compile(r'^Station ([0-9A-Fa-f:]{17}) \(on \S+\)')
+_LINK = re.compile(r'^\s*Link \d+:')
 _NUMBER = re.compile(r'-?\d+(\.\d+)?')
 
 
@@ -72,16 +76,17 @@ def ssids(text: str) -> Dict[str, str]:
 
 def stations(text: str) -> List[Station]:
     """The stations in the output of `iw dev IF station dump`."""
-    found: List[Dict[str, str]] = []
+    found: List[List[Dict[str, str]]] = []      # of each its own values, then those of each link
     for line in text.splitlines():
         head = _STATION.match(line)
         if head:
-            found.append({'address': head.group(1).lower()})
+            found.append([{'address': head.group(1).lower()}])
+        elif found and _LINK.match(line):
+            found[-1].append({})
         elif found:
             key, _, value = line.strip().partition(':')
-            # the links of a multi-link station come after the station's own values
-            found[-1].setdefault(key, value)
-    return [_station(values) for values in found]
+            found[-1][-1].setdefault(key, value)
+    return [_station(*values) for values in found]
 
 
 def link(text: str) -> Optional[Link]:
@@ -153,13 +158,24 @@ def hardware_address(text: str, address: str) -> Optional[str]:
     return None
 
 
-def _station(values: Dict[str, str]) -> Station:
-    """:param values: {key: value} as iw prints them"""
+def _station(values: Dict[str, str], *links: Dict[str, str]) -> Station:
+    """:param values: {key: value} as iw prints them
+    :param links: likewise, of a multi-link station (Wi-Fi 7), whose own signal may be 0
+    """
+    signal = _signal(values)
+    if math.isnan(signal):
+        signal = max([known for known in map(_signal, links) if not math.isnan(known)], default=math.nan)
     return Station(
-        values['address'], _dbm(values.get('signal', '')),
+        values['address'], signal,
         _number(values.get('tx bitrate', '')), _number(values.get('rx bitrate', '')),
         _count(values.get('tx retries', '')), _count(values.get('tx failed', '')),
         _count(values.get('beacon loss', '')))
+
+
+def _signal(values: Dict[str, str]) -> float:
+    """The first signal that can be [dBm]; NaN: none."""
+    signals = [_dbm(values.get(key, '')) for key in SIGNALS]
+    return next((signal for signal in signals if not math.isnan(signal)), math.nan)
 
 
 def _number(text: str) -> float:

@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from ..arrays import Float32Array, UInt8Array
+from ..arrays import Array, Float32Array, UInt8Array
 from .noise import NoisePool
 from .pinhole import Pinhole, View, remainder, warmth
 from .pose import Pose
@@ -39,7 +39,8 @@ class Camera:
         shade[burning] = 1.2
         channels = []
         for channel, (smoke, fire) in enumerate(zip(SMOKE, (25, 90, 160))):
-            seen = np.take(self._colours[channel], view.surface, mode='wrap')      # ROOF and FLOOR are the last two
+            # ROOF and FLOOR are the last two
+            seen: Array = np.take(self._colours[channel], view.surface, mode='wrap')
             seen *= shade
             seen += fire * glow
             seen -= smoke

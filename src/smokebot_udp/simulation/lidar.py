@@ -4,7 +4,7 @@ from typing import Tuple
 
 import numpy as np
 
-from ..arrays import Array, Float32Array, Records
+from ..arrays import Array, DType, Float32Array, Records
 from .noise import NoisePool
 from .pose import Pose
 from .rays import ranges
@@ -19,7 +19,8 @@ COLUMNS = 1440
 MAX_RANGE = 100.0
 """[m]"""
 
-POINT = np.dtype([('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('intensity', '<f4'), ('ring', '<u2'), ('time', '<f4')])
+POINT: DType = np.dtype([('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('intensity', '<f4'), ('ring', '<u2'),
+                         ('time', '<f4')])
 """A point as published by velodyne_pointcloud: sensor coordinates [m], intensity 0..255, laser 0..15 from the lowest,
 and time after the stamp [s], here always 0: a simulated revolution takes no time."""
 

@@ -35,7 +35,8 @@ class ThermalCamera:
         view = self.pinhole.look(self.world, pose)
         temperatures = self.world.temperatures(time)
         base = np.append(temperatures, (self.world.ambient + 14.0, self.world.ambient - 1.0))
-        celsius = np.take(base.astype(np.float32), view.surface, mode='wrap')    # ROOF and FLOOR are the last two
+        # ROOF and FLOOR are the last two
+        celsius: Array = np.take(base.astype(np.float32), view.surface, mode='wrap')
         # walls are uneven, and warmer towards the ceiling, where the smoke is
         np.add(celsius, np.float32(3.5 / 2.7) * np.square(view.z), out=celsius, where=view.surface >= 0)
         uneven = np.sin(7.0 * view.x + 3.0 * view.z)

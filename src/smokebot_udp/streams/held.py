@@ -80,7 +80,7 @@ class Holding(NamedTuple):
         :param numbers: (n,) int64
         """
         runs = np.array(self.runs, np.int64).reshape(-1, 2)
-        at = np.searchsorted(runs[:, 0], numbers, 'right') - 1
+        at: IntArray = np.searchsorted(runs[:, 0], numbers, 'right') - 1
         held: BoolArray = at >= 0
         held[held] = numbers[held] < runs[at[held]].sum(axis=1)
         return held

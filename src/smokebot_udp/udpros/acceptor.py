@@ -12,13 +12,14 @@ import rospy.core
 import rospy.names
 from rospy.impl.registration import get_topic_manager
 
+from ..version import FORMAT_FIELD
 from . import admission, rpc
 from .admission import Claim
 from .bus_info import receiving_ports
 from .callers import MAX_AGE, Bus, Callers, is_home
 from .datagram import MIN_MAX_DATAGRAM_SIZE, ROSCPP_MAX_DATAGRAM_SIZE
 from .endpoints import is_own, number_of, path_payload
-from .negotiation import Refused, Reply, Request, other_type
+from .negotiation import Refused, Reply, Request, check_formats, other_type
 from .packetizer import no_limit
 from .presence import SETTLED, Node, Presence
 from .rospy_transports import PublisherTransport, UdpPublisherImpl, udpros_connections
@@ -65,6 +66,8 @@ class Acceptor:
         md5sum = impl.data_class._md5sum
         if request.header['md5sum'] not in ('*', md5sum):
             raise other_type(topic, impl.data_class._type, md5sum, request.header['md5sum'])
+        if FORMAT_FIELD in (impl.headers or {}):
+            check_formats(_header(impl), request.header)
         try:
             request.host = socket.gethostbyname(request.host)       # from now on one address
             admission.check_address(request.host)

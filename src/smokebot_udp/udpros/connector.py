@@ -2,14 +2,15 @@
 """The subscriber's side of negotiation: connects to publishers, by UDPROS or else by TCPROS.
 
 A publisher of another type, or of another version of it, is not asked for TCPROS: it would refuse that, too, and rospy
-would try it again and again. One error names both versions.
+would try it again and again. One error names both versions. Nor is one of another wire format, which one error names
+for all topics.
 """
 import contextlib
 import itertools
 import threading
 import time
 import urllib.parse
-from typing import Any, Callable, Iterable, List, Optional, Sequence, Tuple
+from typing import Any, Callable, Dict, Iterable, List, Optional, Sequence, Tuple
 
 import rosgraph.network
 import rospy
@@ -23,7 +24,17 @@ from . import rpc
 from .endpoints import DatagramReceiver, addresses_of
 from .gathered_calls import GatheredCalls
 from .loss_emulation import open_receiver
-from .negotiation import OTHER_TYPE_PERIOD, PROTOCOL, Refused, Reply, Request, is_other_type, other_type
+from .negotiation import (
+    OTHER_VERSION_PERIOD,
+    PROTOCOL,
+    Refused,
+    Reply,
+    Request,
+    check_formats,
+    is_other_format,
+    is_other_version,
+    other_type,
+)
 from .rospy_transports import SubscriberTransport, UdpSubscriberImpl
 
 TCPROS = 'TCPROS'
@@ -115,8 +126,11 @@ class Connector:
             try:
                 return negotiation.attempt()
             except Refused as refusal:
-                period = OTHER_TYPE_PERIOD if is_other_type(refusal) else 10
-                logerr('[%s]' % impl.resolved_name, '%s refuses: %s' % (uri, refusal), period)
+                if is_other_format(refusal):        # one line for all topics, whichever side refuses
+                    logerr('', str(refusal).split('requestTopic: ')[-1], OTHER_VERSION_PERIOD)
+                else:
+                    logerr('[%s]' % impl.resolved_name, '%s refuses: %s' % (uri, refusal),
+                           OTHER_VERSION_PERIOD if is_other_version(refusal) else 10)
                 return 0, str(refusal), 0
             except OSError as error:    # such as EMFILE, here
                 failures += 1
@@ -186,6 +200,7 @@ class _Negotiation:
         reply = Reply.parse(params)
         if impl.data_class._md5sum not in ('*', reply.header['md5sum']):
             raise other_type(impl.resolved_name, reply.header['type'], reply.header['md5sum'], impl.data_class._md5sum)
+        check_formats(reply.header, self._header())
         hosts = {reply.host, urllib.parse.urlparse(uri).hostname}
         if not any(map(addresses_of, hosts)):
             raise rpc.Unreachable('nobody knows the addresses of %s' % ', '.join(map(str, hosts)))
@@ -209,18 +224,22 @@ class _Negotiation:
             _drain(self._receiver)
         return self._receiver
 
+    def _header(self) -> Dict[str, str]:
+        """The subscriber's connection header."""
+        impl = self._impl
+        return {**impl.options.headers, 'topic': impl.resolved_name, 'type': impl.data_class._type,
+                'md5sum': impl.data_class._md5sum, 'callerid': rospy.names.get_caller_id()}
+
     def _request(self, receiver: DatagramReceiver) -> List[Any]:
         """Request the topic; a publisher that fails at UDPROS is asked again for TCPROS alone."""
         impl, uri = self._impl, self._uri
-        header = {'topic': impl.resolved_name, 'type': impl.data_class._type, 'md5sum': impl.data_class._md5sum,
-                  'callerid': rospy.names.get_caller_id()}
-        request = Request(rosgraph.network.get_host_name(), receiver.address[1], header,
+        request = Request(rosgraph.network.get_host_name(), receiver.address[1], self._header(),
                           impl.options.max_datagram_size)
         offers = [request.params() if protocol == PROTOCOL else [protocol] for protocol in self._protocols]
         try:
             return _checked(self._calls.call(uri, 'requestTopic', impl.resolved_name, offers))
         except Refused as refusal:
-            if offers[-1] != [TCPROS] or len(offers) == 1 or is_other_type(refusal):
+            if offers[-1] != [TCPROS] or len(offers) == 1 or is_other_version(refusal):
                 raise
             params = _checked(self._calls.call(uri, 'requestTopic', impl.resolved_name, offers[-1:]))
             if impl.fallbacks.refused(uri, time.monotonic()):

@@ -19,12 +19,12 @@ from typing import Union
 
 import numpy as np
 
-from ..arrays import UInt8Array
+from ..arrays import DType, UInt8Array
 
 Buffer = Union[bytes, bytearray, memoryview]
 
 HEADER = struct.Struct('<IBBH')
-HEADER_DTYPE = np.dtype([('connection_id', '<u4'), ('op', 'u1'), ('message_id', 'u1'), ('block', '<u2')])
+HEADER_DTYPE: DType = np.dtype([('connection_id', '<u4'), ('op', 'u1'), ('message_id', 'u1'), ('block', '<u2')])
 LENGTH = struct.Struct('<I')
 """The length of the serialised message, at the beginning of block 0's payload."""
 

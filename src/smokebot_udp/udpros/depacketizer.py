@@ -8,14 +8,14 @@ from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Proto
 
 import numpy as np
 
-from ..arrays import Array, BoolArray, IntArray, Records, UInt8Array
+from ..arrays import Array, BoolArray, DType, IntArray, Records, UInt8Array
 from .batches import BatchReader
 from .datagram import HEADER, IP_UDP_HEADERS, LENGTH, OVERHEAD, Op
 from .reassembly import MAX_MESSAGE_SIZE, Inbox, Reassembler
 from .records import has_header
 from .sequence import SequenceTracker
 
-SEQ = np.dtype('<u4')
+SEQ: DType = np.dtype('<u4')
 """std_msgs/Header.seq, the first field of a message that has a header."""
 
 EXPECTED = struct.Struct(HEADER.format + LENGTH.format[1:] + 'I')

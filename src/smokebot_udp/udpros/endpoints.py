@@ -20,7 +20,7 @@ from typing import Any, Counter, Optional, Sequence, Set, Tuple, Union
 import numpy as np
 
 from .. import traffic
-from ..arrays import Array, IntArray, Records, UInt8Array
+from ..arrays import Array, DType, IntArray, Records, UInt8Array
 from .datagram import IP_UDP_HEADERS, UDP_MAX_PAYLOAD, Buffer
 
 UDP_SEGMENT = 103           # linux/udp.h: cut the data into datagrams of this size
@@ -65,7 +65,7 @@ TIMESTAMP = struct.Struct('@Nii2l')
 TOS = np.dtype([('length', np.uintp), ('level', '=i4'), ('type', '=i4'), ('value', np.uint8, (SIZE_T.itemsize,))])
 """A control message with the second byte of the IP header, the first one of its `value`."""
 
-SOCKADDR_IN = np.dtype([('family', '=u2'), ('port', '>u2'), ('address', '>u4'), ('zero', 'u1', (8,))])
+SOCKADDR_IN: DType = np.dtype([('family', '=u2'), ('port', '>u2'), ('address', '>u4'), ('zero', 'u1', (8,))])
 
 LOOPBACK = 0x7f000000, 0xff000000
 """127.0.0.0/8: network and mask."""

@@ -61,11 +61,12 @@ class Frame:
     @property
     def datagram_size(self) -> int:
         """Length of each datagram [byte of UDP payload]."""
-        return self.rows.shape[1]
+        return int(self.rows.shape[1])
 
     def stream(self) -> bytes:
         """The messages as TCPROS writes them, each with its length in front."""
-        return self.rows[:, HEADER.size:].tobytes()
+        written: bytes = self.rows[:, HEADER.size:].tobytes()
+        return written
 
 
 def first_messages(frames: Sequence[Frame], limit: Optional[int]) -> Iterator[Frame]:

@@ -13,6 +13,7 @@ import reprlib
 from dataclasses import dataclass, field
 from typing import Any, Dict, List, Mapping, Sequence, Tuple
 
+from ..version import CANNOT_TALK, FORMAT_FIELD, Software, difference, from_headers
 from .datagram import DEFAULT_MAX_DATAGRAM_SIZE, LENGTH, MIN_MAX_DATAGRAM_SIZE, UDP_MAX_PAYLOAD
 
 PROTOCOL = 'UDPROS'
@@ -30,8 +31,12 @@ FALLBACK_PERIOD, MAX_FALLBACK_PERIOD = 3.0, 60.0
 OTHER_TYPE = ' with md5sum '
 """By which a subscriber recognises the refusal in the publisher's text."""
 
-OTHER_TYPE_PERIOD = 3600
-"""Such a refusal is logged again only after this time: it lasts until somebody updates a machine [s]."""
+OTHER_VERSION_PERIOD = 3600
+"""A refusal of another type or wire format is logged again only after this time: it lasts until somebody updates a
+machine [s]."""
+
+UNNAMED = Software(2)
+"""What publishers run that name no wire format: releases before it had a field."""
 
 
 class Refused(ValueError):
@@ -54,9 +59,32 @@ def other_type(topic: str, type_: str, md5sum: str, wanted: str) -> Refused:
     return Refused('[%s] is of type %s%s%s, not %s' % (topic, type_, OTHER_TYPE, md5sum, wanted), 'type')
 
 
-def is_other_type(refusal: Exception) -> bool:
-    """Whether a peer's refusal is one of `other_type`: no other transport would do."""
-    return OTHER_TYPE in str(refusal)
+def is_other_version(refusal: Exception) -> bool:
+    """Whether a peer's refusal is one of `other_type` or of another wire format: no other transport would do."""
+    return OTHER_TYPE in str(refusal) or is_other_format(refusal)
+
+
+def is_other_format(refusal: Exception) -> bool:
+    """Whether a refusal is one of `check_formats`: it is the same for all topics of the two nodes."""
+    return CANNOT_TALK in str(refusal)
+
+
+def check_formats(publisher: Mapping[str, str], subscriber: Mapping[str, str]) -> None:
+    """Check that both nodes mean the same by the same bytes, where both are of this package.
+
+    A publisher that names no wire format is of a release before it had a field, if the subscriber names one. A
+    subscriber that names none may be any program, such as rostopic.
+
+    :param publisher, subscriber: connection headers
+    :raises Refused: they do not
+    """
+    if FORMAT_FIELD not in subscriber:
+        return
+    sends = from_headers(publisher) if FORMAT_FIELD in publisher else UNNAMED
+    receives = from_headers(subscriber)
+    if sends.wire_format != receives.wire_format:
+        names = (header.get('callerid', 'a node')[:MAX_NAME_SIZE] for header in (publisher, subscriber))
+        raise Refused(difference(next(names), sends, next(names), receives), 'wire format')
 
 
 class Fallbacks:

@@ -22,8 +22,8 @@ from .datagram import Buffer
 DType = Any
 """A np.dtype, which is generic in later versions of numpy only."""
 
-TIME = np.dtype([('secs', '<u4'), ('nsecs', '<u4')])
-DURATION = np.dtype([('secs', '<i4'), ('nsecs', '<i4')])
+TIME: DType = np.dtype([('secs', '<u4'), ('nsecs', '<u4')])
+DURATION: DType = np.dtype([('secs', '<i4'), ('nsecs', '<i4')])
 PLAIN: Dict[str, DType] = {name: np.dtype(code) for name, code in {
     'bool': 'u1', 'byte': 'i1', 'char': 'u1', 'int8': 'i1', 'uint8': 'u1', 'int16': '<i2', 'uint16': '<u2',
     'int32': '<i4', 'uint32': '<u4', 'int64': '<i8', 'uint64': '<u8', 'float32': '<f4', 'float64': '<f8'}.items()}

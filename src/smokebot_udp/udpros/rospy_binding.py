@@ -25,11 +25,11 @@ from rospy.impl.registration import RegManager, get_registration_listeners, get_
 from rospy.impl.transport import ProtocolHandler
 
 from ..budget import Budget
-from ..limited_log import logwarn
+from ..limited_log import logerr, logwarn
 from .acceptor import Acceptor
 from .connector import ApiResult, Connector
 from .master import log_without_master
-from .negotiation import OTHER_TYPE_PERIOD, PROTOCOL, Refused
+from .negotiation import OTHER_VERSION_PERIOD, PROTOCOL, Refused, is_other_format
 from .rospy_transports import UdpPublisherImpl
 from .watch import Watch
 
@@ -77,8 +77,10 @@ class UdprosHandler(ProtocolHandler):
         try:
             return 1, 'ready', self.acceptor.accept(topic, protocol).params()
         except Refused as refusal:
-            if self._log_budget.take(time.monotonic()):
-                period = OTHER_TYPE_PERIOD if refusal.reason == 'type' else 10
+            if is_other_format(refusal):        # one line for all topics
+                logerr('', refusal, OTHER_VERSION_PERIOD)
+            elif self._log_budget.take(time.monotonic()):
+                period = OTHER_VERSION_PERIOD if refusal.reason == 'type' else 10
                 logwarn('[%s]' % topic, 'a UDPROS subscriber is refused: %s' % refusal, period)
             return 0, str(refusal), []
 

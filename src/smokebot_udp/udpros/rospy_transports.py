@@ -10,7 +10,7 @@ import io
 import threading
 import time
 import traceback
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Callable, DefaultDict, Iterable, Iterator, List, Mapping, Optional, Sequence, Set, Tuple
 
 import numpy as np
@@ -59,6 +59,8 @@ class SubscriberOptions:
     """Called for new messages."""
     wanted: Callable[[], bool] = lambda: True
     """Whether publishers are connected now; asked again and again until then."""
+    headers: Mapping[str, str] = field(default_factory=dict)
+    """Further fields of the connection header."""
 
 
 class UdpTransport(Transport):

@@ -78,7 +78,8 @@ class Publisher(rospy.Publisher):
         _check(transport, max_datagram_size)
         options = PublisherOptions(PROTOCOLS[transport], max_datagram_size, limit, tos)
         _ensure_impl(name, Registration.PUB, UdpPublisherImpl,
-                     lambda resolved: UdpPublisherImpl(resolved, data_class, options))
+                     lambda resolved: UdpPublisherImpl(resolved, data_class, options),
+                     lambda impl: impl.add_headers(headers or {}))
         super().__init__(name, data_class, subscriber_listener, tcp_nodelay, latch, headers, queue_size)
 
     @property
@@ -162,6 +163,7 @@ class Subscriber(rospy.Subscriber):
         udpros.depacketizer.Arrived; None: nothing is called
     :param wanted: f() -> bool, called when the topic has a publisher, and again until it is True: no publisher is
         connected before, by UDPROS or TCPROS
+    :param headers: further fields of the connection header of UDPROS, as of rospy.Publisher
     :raises ValueError: if the transport is unknown, the size is out of range, or a batch_callback is given for a type
         without record layout
     :raises rospy.ROSException: if the topic already has a plain rospy.Subscriber in this process
@@ -173,9 +175,10 @@ class Subscriber(rospy.Subscriber):
                  batch_callback: Optional[BatchCallback] = None,
                  max_datagram_size: int = DEFAULT_MAX_DATAGRAM_SIZE, receive_buffer: int = 4 << 20,
                  coalesce: float = 2e-3, arrived: Optional[Arrived] = None,
-                 wanted: Callable[[], bool] = lambda: True) -> None:
+                 wanted: Callable[[], bool] = lambda: True, headers: Mapping[str, str] = MappingProxyType({})) -> None:
         _check(transport, max_datagram_size)
-        options = SubscriberOptions(PROTOCOLS[transport], max_datagram_size, receive_buffer, coalesce, arrived, wanted)
+        options = SubscriberOptions(PROTOCOLS[transport], max_datagram_size, receive_buffer, coalesce, arrived, wanted,
+                                    headers)
         if batch_callback is not None:
             record_dtype(data_class, {})    # raises if the type has no layout
         self._batch_callback = batch_callback

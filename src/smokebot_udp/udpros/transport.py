@@ -5,6 +5,7 @@ from typing import Any, Callable, Counter, Optional
 
 import rospy
 
+from .. import version
 from ..transport import TransportStats, always
 from .datagram import DEFAULT_MAX_DATAGRAM_SIZE
 from .depacketizer import Arrived, BatchCallback
@@ -13,7 +14,8 @@ from .topics import Publisher, Subscriber
 
 
 class UdprosTransport:
-    """A transport.Transport; the master tells the nodes of each other, and UDPROS checks types.
+    """A transport.Transport; the master tells the nodes of each other, and UDPROS checks types and the wire
+    format.
 
     :param max_datagram_size: longest datagram to send and to receive [byte of UDP payload]
     :param receive_buffer: requested from the kernel for each connection [byte]
@@ -36,7 +38,7 @@ class UdprosTransport:
     def publisher(self, topic: str, message_class: Any, *, queue_size: int = 10, subscriber_listener: Any = None,
                   carries: str = '', whole: bool = False, tos: int = 0) -> Publisher:
         """See transport.Transport; a relay's segments have a checksum of what they carry, so it is not compared."""
-        return Publisher(topic, message_class, subscriber_listener, queue_size=queue_size,
+        return Publisher(topic, message_class, subscriber_listener, headers=version.headers(), queue_size=queue_size,
                          max_datagram_size=self.max_datagram_size, limit=no_limit if whole else lambda: self.room,
                          tos=tos & self.tos_mask)
 
@@ -47,7 +49,7 @@ class UdprosTransport:
         """See transport.Transport."""
         return Subscriber(topic, message_class, callback, queue_size=queue_size, batch_callback=batch_callback,
                           max_datagram_size=self.max_datagram_size, receive_buffer=self._receive_buffer,
-                          arrived=arrived, wanted=wanted)
+                          arrived=arrived, wanted=wanted, headers=version.headers())
 
     def dropped(self) -> Counter[str]:
         """Nothing: each connection counts its own."""

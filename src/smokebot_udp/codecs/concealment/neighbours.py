@@ -9,7 +9,7 @@ import functools
 import numpy as np
 from scipy import spatial
 
-from ...arrays import BoolArray, IntArray
+from ...arrays import Array, BoolArray, IntArray
 
 SPARSE = 1 / 8
 """The tree is faster if a smaller ratio is received."""
@@ -36,7 +36,7 @@ def neighbours(received: IntArray, missing: IntArray, p: int, count: int, reach:
     margin = int(disc.max())
     blocks = _blocks(received, p, margin)
     # places as indexes of the flat array, in which the same step is the same offset everywhere
-    start = np.ravel_multi_index(tuple((missing + margin).T), blocks.shape).astype(np.int32)
+    start: Array = np.ravel_multi_index(tuple((missing + margin).T), blocks.shape).astype(np.int32)
     steps = (disc[:, 0] * len(blocks) + disc[:, 1]).astype(np.int32)
     there = blocks.ravel()[start[:, np.newaxis] + steps]            # (m, places of the disc)
     found = np.count_nonzero(there, axis=1)

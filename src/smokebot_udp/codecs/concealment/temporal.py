@@ -37,7 +37,7 @@ class FilteredImage(NamedTuple):
     @property
     def known_ratio(self) -> float:
         """Ratio of the pixels that are known, 0..1."""
-        return float(np.count_nonzero(self.known)) / self.known.size
+        return float(np.count_nonzero(self.known)) / int(self.known.size)
 
 
 class TemporalFilter:

@@ -264,7 +264,8 @@ def _may_be(height: int, width: int, channels: int, itemsize: int) -> bool:
 
 
 def _dtype_of(itemsize: int) -> DType:
-    return np.dtype(np.uint8 if itemsize == 1 else np.uint16)
+    found: DType = np.dtype(np.uint8 if itemsize == 1 else np.uint16)
+    return found
 
 
 def decode(data: bytes, height: int, width: int, channels: int, itemsize: int, reference: Optional[Array] = None

@@ -19,7 +19,7 @@ from typing import Tuple
 
 import numpy as np
 
-from ...arrays import Array, BoolArray, Float32Array, FloatArray
+from ...arrays import Array, BoolArray, Float32Array, FloatArray, IntArray
 from .ground import Plane
 
 COLUMNS = 720
@@ -142,7 +142,7 @@ def landmark_scan(points: Fan, extent: float = 0.2, depth: float = 0.1, width: f
 def _upright(points: Fan, extent: float, depth: float) -> Tuple[Array, FloatArray]:
     """The farthest upright surfaces: (m,) int columns, ascending, and (m,) float64 ranges [m]."""
     key = _key(points.column, points.range)
-    start = np.searchsorted(key, key - depth)       # of the points up to `depth` before each
+    start: IntArray = np.searchsorted(key, key - depth)     # of the points up to `depth` before each
     count = np.arange(1, len(key) + 1) - start
     height = points.height.astype(np.float64)
     mean, mean_square = ((total[1:] - total[start]) / count for total in (

@@ -84,4 +84,5 @@ def _slice(row: UInt8Array) -> bytes:
     length = int(row[0]) * 256 + int(row[1])
     if LENGTH_BYTES + length > len(row):
         raise ValueError('a slice of %d bytes is not in a piece of %d' % (length, len(row)))
-    return row[LENGTH_BYTES:LENGTH_BYTES + length].tobytes()
+    found: bytes = row[LENGTH_BYTES:LENGTH_BYTES + length].tobytes()
+    return found

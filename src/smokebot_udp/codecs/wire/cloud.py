@@ -144,7 +144,7 @@ class Chunks(NamedTuple):
     @property
     def size(self) -> int:
         """Size of all of them [byte]."""
-        return len(self.data) * (len(self.codes) + self.data.shape[1])
+        return len(self.data) * (len(self.codes) + int(self.data.shape[1]))
 
 
 def plain(has_intensity: bool, datum: Optional[IntArray] = None) -> PointFormat:

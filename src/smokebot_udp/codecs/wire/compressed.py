@@ -33,6 +33,7 @@ START_OF_FRAME = set(range(0xc0, 0xd0)) - {0xc4, 0xc8, 0xcc}
 BARE = {0x01, *range(0xd0, 0xd9)}
 """Markers that nothing follows."""
 
+DEPTH_FORMAT = 'compressedDepth'
 DEPTH = struct.Struct('<iff')
 """Configuration before a compressed depth image: format, and the quantisation's parameters a and b."""
 
@@ -46,6 +47,8 @@ JPEG_ENCODINGS = {'mono8': None, '8UC1': None, 'bgr8': None, '8UC3': None, 'rgb8
                   'bgra8': cv2.COLOR_BGRA2BGR, '8UC4': cv2.COLOR_BGRA2BGR, 'rgba8': cv2.COLOR_RGBA2BGR}
 """{encoding that becomes a JPEG: OpenCV's conversion before, None: none}"""
 PNG_ENCODINGS = 'mono16', '16UC1'
+PNG_OPTIONS = cv2.IMWRITE_PNG_COMPRESSION, 1
+"""The fastest level; the one of who names none changes with OpenCV."""
 
 
 class Decoded(NamedTuple):
@@ -64,9 +67,13 @@ def decode(data: Buffer, description: str) -> Decoded:
     :param description: its `format`
     :raises ValueError: saying what is wrong with it
     """
+    if not len(data):
+        raise ValueError('format is %r, but there are no data' % description)
+    if not np.frombuffer(data, np.uint8).any():
+        raise ValueError('format is %r, but all %d bytes of the data are 0' % (description, len(data)))
+    if DEPTH_FORMAT in description:     # some write it without the semicolon
+        return _depth(bytes(data), description.partition(DEPTH_FORMAT)[0].strip('; '), description)
     named, _, compression = (part.strip() for part in description.partition(';'))
-    if 'compressedDepth' in description:
-        return _depth(bytes(data), named, description)
     pixels = _pixels(bytes(data), description)
     channels = 1 if pixels.ndim == 2 else pixels.shape[2]
     names = NAMES.get((pixels.dtype.name, channels))
@@ -108,7 +115,7 @@ def encode(pixels: Array, encoding: str) -> Tuple[str, bytes]:
     """
     native = np.ascontiguousarray(pixels, pixels.dtype.newbyteorder('='))
     if encoding in PNG_ENCODINGS:
-        _, data = cv2.imencode('.png', native, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+        _, data = cv2.imencode('.png', native, PNG_OPTIONS)
         return '%s; png compressed ' % encoding, data.tobytes()
     if encoding not in JPEG_ENCODINGS:
         raise ValueError('encoding is %r, which is not compressed; %s are' % (
@@ -188,6 +195,8 @@ def _depth(data: bytes, named: str, description: str) -> Decoded:
         raise ValueError('format is %r, but its PNG is not of one channel of 16 bits' % description)
     if named in PNG_ENCODINGS:
         return Decoded(counts, named)
+    if counts.any() and not (a and np.isfinite((a, b)).all()):
+        raise ValueError('format is %r, but its quantisation is %g and %g: there is no depth' % (description, a, b))
     with np.errstate(divide='ignore', invalid='ignore'):
         metres = np.float32(a) / (counts.astype(np.float32) - np.float32(b))
     return Decoded(np.where(counts == 0, np.float32('nan'), metres).astype(np.float32), named)

@@ -86,7 +86,7 @@ def read_cloud(data: Buffer, fields: Iterable[Any], height: int, width: int, poi
     names = ['x', 'y', 'z'] + ['intensity'] * with_intensity
     formats = [_format(by_name[name], layout.point_step, is_bigendian) for name in names]
     offsets = [by_name[name].offset for name in names]
-    dtype = np.dtype({'names': names, 'formats': formats, 'offsets': offsets, 'itemsize': layout.point_step})
+    dtype: DType = np.dtype({'names': names, 'formats': formats, 'offsets': offsets, 'itemsize': layout.point_step})
     shape, steps = (layout.height, layout.width), (layout.row_step, layout.point_step)
     grid: Array = np.ndarray(shape, dtype, data, 0, steps)
     points, datum, problems = _coordinates(grid)
@@ -177,7 +177,7 @@ def _raw(data: Buffer, fields: List[Any], shape: Tuple[int, int], steps: Tuple[i
 def _format(field: Any, point_step: int, is_bigendian: bool) -> DType:
     if field.datatype not in DATATYPES:
         raise ValueError('field %s is of datatype %d, must be from 1 to 8' % (field.name, field.datatype))
-    dtype = np.dtype(DATATYPES[field.datatype])
+    dtype: DType = np.dtype(DATATYPES[field.datatype])
     if field.offset + dtype.itemsize > point_step:
         raise ValueError('field %s has bytes %d to %d, point_step is %d' % (
             field.name, field.offset, field.offset + dtype.itemsize - 1, point_step))

@@ -63,7 +63,8 @@ class PrefixCode:
         """The code as bytes: the number of classes, and 4 bits for the length of each, the first class' above."""
         nibbles = np.zeros(len(self.lengths) + len(self.lengths) % 2, np.uint8)
         nibbles[:len(self.lengths)] = self.lengths
-        return bytes([len(self.lengths)]) + (nibbles[::2] << 4 | nibbles[1::2]).tobytes()
+        packed: bytes = (nibbles[::2] << 4 | nibbles[1::2]).tobytes()
+        return bytes([len(self.lengths)]) + packed
 
 
 def read_codes(data: bytes, count: int) -> List[PrefixCode]:

@@ -151,7 +151,7 @@ class ScanParts(ReceivedParts):
         if gaps == 'thin':
             first, step = densest_comb(self.have)
         else:
-            missing = np.resize(~self.have, len(ranges))
+            missing: BoolArray = np.resize(~self.have, len(ranges))
             ranges[missing] = np.nan
             if intensities is not None:
                 intensities[missing] = np.nan

@@ -62,7 +62,7 @@ class Canvas:
     @property
     def complete(self) -> bool:
         """Whether all cells were received."""
-        return self.known == self.cells.size
+        return bool(self.known == self.cells.size)
 
     @property
     def held(self) -> Iterable[int]:

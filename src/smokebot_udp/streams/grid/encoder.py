@@ -6,7 +6,6 @@ from typing import Any, Callable, Deque, Dict, List, Mapping, NamedTuple, Option
 
 from map_msgs.msg import OccupancyGridUpdate
 from nav_msgs.msg import OccupancyGrid
-from rospy.numpy_msg import numpy_msg
 from std_msgs.msg import Header
 
 from ...arrays import Array
@@ -17,6 +16,7 @@ from ...frame_names import unknown_transform
 from ...mission.parameters import Parameter
 from ...mission.settings import Settings
 from ...msg import GridSegment, MapTile
+from ...numpy_messages import numpy_msg
 from ...udpros.frame import Frame
 from ..codec import Codec, ImportedCodec
 from ..encoder import Encoder

@@ -5,13 +5,13 @@ from typing import Any, List
 
 import numpy as np
 from map_msgs.msg import OccupancyGridUpdate
-from rospy.numpy_msg import numpy_msg
 from scipy import ndimage
 
 from ...arrays import Array
 from ...codecs.tiles.rectangle import Rectangle
 from ...codecs.wire.grid import UNKNOWN
 from ...frame_names import frame_name
+from ...numpy_messages import numpy_msg
 from .map_info import LEAST, MOST
 
 UPDATE = numpy_msg(OccupancyGridUpdate)

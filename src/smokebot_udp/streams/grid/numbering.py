@@ -78,7 +78,7 @@ class Numbering:
         held = np.full(compared.shape, UNKNOWN, np.int8)
         held[inside, first - step[0]:last - step[0]] = self._cells[rows[inside], first:last]
         commonest = int(np.bincount(compared.ravel().view(np.uint8)).max())
-        return np.count_nonzero(held != compared) / max(1, compared.size - commonest)
+        return float(np.count_nonzero(held != compared) / max(1, compared.size - commonest))
 
 
 def _whole(way: Tuple[float, float]) -> List[Tuple[int, int]]:

@@ -6,9 +6,9 @@ from typing import Any, Callable, NamedTuple, Tuple
 from genpy import Time
 from geometry_msgs.msg import Point, Pose, Quaternion
 from nav_msgs.msg import MapMetaData, OccupancyGrid
-from rospy.numpy_msg import numpy_msg
 
 from ...arrays import Array
+from ...numpy_messages import numpy_msg
 from ..stamped_assembler import header_of
 
 MESSAGE = numpy_msg(OccupancyGrid)

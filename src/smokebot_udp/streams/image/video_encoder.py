@@ -226,7 +226,7 @@ class VideoImages(CompressedImages):
 
     def _whole(self, source: Layerable, outlook: Outlook, sizes: Sizes) -> float:
         """What a complete image takes on the air [byte]; notes it."""
-        area = source.pixels.shape[0] * source.pixels.shape[1]
+        area = int(source.pixels.shape[0]) * int(source.pixels.shape[1])
         protected = (1 + sizes.head / sizes.room) / (1 - min(outlook.loss(LIKELY), MOST_LOSS))
         self._fair_size = FAIR_BITS / 8 * area * protected
         whole = max(min(FULL_BITS / 8 * area * protected, MAX_SLICES * (sizes.room + sizes.head), MOST_BYTES),

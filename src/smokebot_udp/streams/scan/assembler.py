@@ -5,7 +5,6 @@ from types import SimpleNamespace
 from typing import Any, Tuple
 
 import numpy as np
-from rospy.numpy_msg import numpy_msg
 from sensor_msgs.msg import LaserScan
 
 from ...arrays import Records
@@ -13,6 +12,7 @@ from ...codecs.wire.scan import GAPS, ScanParts
 from ...mission.parameters import Parameter
 from ...mission.settings import Settings
 from ...msg import ScanSegment
+from ...numpy_messages import numpy_msg
 from ..assembler import Assembled
 from ..frame_assembler import Frame
 from ..recent import MAX_SOURCES

@@ -4,13 +4,13 @@ import math
 from typing import Any, Dict, List, Mapping, Tuple
 
 import numpy as np
-from rospy.numpy_msg import numpy_msg
 from sensor_msgs.msg import LaserScan
 
 from ...codecs.wire import scan
 from ...mission.parameters import Parameter
 from ...mission.settings import Settings
 from ...msg import ScanSegment
+from ...numpy_messages import numpy_msg
 from ...udpros.frame import Frame
 from ..encoder import Encoder
 from ..parameters import ROBOT

@@ -8,7 +8,6 @@ millimetres, so it takes two datagrams.
 from typing import Any, List, Mapping, Optional
 
 import numpy as np
-from rospy.numpy_msg import numpy_msg
 from sensor_msgs.msg import LaserScan, PointCloud2
 
 from ...codecs.perception import virtual_scan
@@ -16,6 +15,7 @@ from ...codecs.wire.scan import in_millimetres
 from ...mission.parameters import Parameter
 from ...mission.settings import Settings
 from ...msg import ScanSegment
+from ...numpy_messages import numpy_msg
 from ...udpros.frame import Frame
 from ..encoder import Encoder
 from ..parameters import ROBOT
