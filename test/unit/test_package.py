@@ -14,8 +14,8 @@ MODULES = sorted(SOURCE.rglob('*.py'))
 LAYERS = {
     'nodes': {'streams', 'codecs', 'congestion', 'mission', 'monitoring', 'udpros', 'link', 'simulation', 'teleop',
               'reliable', 'capture', 'mission_report', 'link_lab', 'limited_log', 'msg', 'srv'},
-    'streams': {'codecs', 'congestion.operating_points', 'mission.parameters', 'mission.settings', 'mission.yaml_text',
-                'udpros.frame', 'udpros.datagram', 'msg'},
+    'streams': {'codecs', 'congestion.operating_points', 'mission.parameters', 'mission.roles', 'mission.settings',
+                'mission.yaml_text', 'udpros.frame', 'udpros.datagram', 'msg'},
     'congestion': {'monitoring.stats', 'monitoring.windows'},
     'link_lab': {'udpros', 'msg'}, 'mission_report': {'codecs', 'streams.image.source'},
     'link': {'udpros.datagram', 'udpros.depacketizer', 'udpros.endpoints', 'udpros.frame',

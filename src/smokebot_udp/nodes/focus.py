@@ -7,7 +7,7 @@ switch. mission.control decides; this is its ROS side.
 """
 import functools
 import threading
-from typing import Any, Callable, FrozenSet, Mapping, Tuple
+from typing import Any, Callable, FrozenSet, List, Mapping, Tuple
 
 import rospy
 from dynamic_reconfigure.encoding import encode_config
@@ -15,6 +15,7 @@ from dynamic_reconfigure.msg import DoubleParameter
 from std_msgs.msg import Bool
 
 from ..limited_log import ERROR_PERIOD, logwarn
+from ..mission.changes import answer
 from ..mission.control import MissionControl, State
 from ..mission.focus import Profile
 from ..mission.settings import Settings, SettingsStore
@@ -75,6 +76,8 @@ class FocusControl:
         rospy.Service('~set_focus', SetFocus, self._serve)
         self._requests = transport.subscriber(REQUESTS, FocusRequest, self._requested, queue_size=5)
         self._publish()
+        for warning in self.control.warnings:
+            rospy.logwarn('%s', warning)
 
     def _switched(self, focus: str) -> None:
         self._forget()
@@ -91,13 +94,14 @@ class FocusControl:
             part.show()
 
     def _serve(self, request: Any) -> Any:
+        before = self._streams(self.control.state())
         try:
             self.control.switch(request.focus)
         except ValueError as error:
             self._report('~set_focus: %s' % error)
             return SetFocusResponse(False, str(error))
         self._publish()
-        return SetFocusResponse(True, 'the focus is ' + request.focus)
+        return SetFocusResponse(True, answer(request.focus, before, self._streams(self.control.state())))
 
     def _requested(self, request: Any) -> None:
         """The operator's request; it is repeated until the operator has the answer."""
@@ -121,17 +125,21 @@ class FocusControl:
         with self._publishing:
             state, standing = self.control.state(), self._standing()
             self._published = _changing(state, standing)
-            shares = self._shares()
             status = RobotStatus(
                 focus=state.focus, modified=bool(state.modified), profiles=self.control.profiles,
                 request=state.answer.request, refusal=state.answer.refusal,
                 driver=standing.driver, estop=standing.estop, operators=list(standing.operators),
-                streams=[stream_status(name, settings, self.control.configured(name), name in state.modified,
-                                       shares.get(name, 0.0) / KBIT)
-                         for name, settings in classified(state.streams).streams.items()])
+                streams=self._streams(state))
             status.header.stamp = rospy.Time.now()
             self._status.publish(status)
             self._modified_topic.publish(status.modified)
+
+    def _streams(self, state: State) -> List[Any]:
+        """The StreamStatus of each stream with a share of the link."""
+        shares = self._shares()
+        return [stream_status(name, settings, self.control.configured(name), name in state.modified,
+                              shares.get(name, 0.0) / KBIT)
+                for name, settings in classified(state.streams).streams.items()]
 
     def close(self) -> None:
         """End all threads and subscriptions."""
