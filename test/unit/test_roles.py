@@ -26,8 +26,8 @@ def test_roles_by_type() -> None:
 
 @pytest.mark.parametrize('names, primary', [
     (['a', 'b'], 'a'), (['rear', 'cam'], 'cam'), (['rear', 'cam', 'front'], 'front'),
-    (['arm_rgb', 'LeftCam'], 'arm_rgb'), (['camera', 'thermal'], 'thermal'), (['thermal', 'camera'], 'thermal'), (['depth', 'webcam0'], 'webcam0'),
-    (['backpack', 'x'], 'backpack'), ([], '')])
+    (['arm_rgb', 'LeftCam'], 'arm_rgb'), (['camera', 'thermal'], 'thermal'), (['thermal', 'camera'], 'thermal'),
+    (['depth', 'webcam0'], 'webcam0'), (['backpack', 'x'], 'backpack'), ([], '')])
 def test_the_primary_image_by_name_and_order(names: List[str], primary: str) -> None:
     roles = roles_of({name: image() for name in names})
     assert ''.join(name for name, role in roles.items() if role == 'primary_image') == primary
