@@ -48,6 +48,10 @@ class Parameters:
             self.report('%s is %r, %s: %r is used' % (rospy.resolve_name('~' + name), value, error, parameter.default))
             return parameter.default
 
+    def fill_in(self, values: Mapping[str, Any]) -> None:
+        """Give parameters that are empty a value."""
+        self.values.update({name: value for name, value in values.items() if not self[name]})
+
 
 def read_file(parameters: Parameters, name: str, default: str, load: Load) -> Dict[str, Any]:
     """The good parts of the file that a node's parameter names; what is wrong is reported.

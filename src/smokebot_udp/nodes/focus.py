@@ -77,7 +77,7 @@ class FocusControl:
         self._requests = transport.subscriber(REQUESTS, FocusRequest, self._requested, queue_size=5)
         self._publish()
         for warning in self.control.warnings:
-            rospy.logwarn('%s', warning)
+            logwarn('', warning, ERROR_PERIOD)
 
     def _switched(self, focus: str) -> None:
         self._forget()

@@ -26,12 +26,13 @@ class Overlay:
 
     :param streams: {name: OperatorStream}, started
     :param topic: of the sensor_msgs/Image
+    :param legend: see codecs.display.overlay.overlay
     :param signal: f() -> of the Wi-Fi on this side; NaN: unknown [dBm]
     """
 
     def __init__(self, streams: Mapping[str, Any], focus: FocusClient, control: OperatorControl, topic: str,
-                 signal: Callable[[], float]) -> None:
-        self._focus, self._control, self._signal = focus, control, signal
+                 legend: Mapping[str, Optional[Tuple[int, int, int]]], signal: Callable[[], float]) -> None:
+        self._focus, self._control, self._signal, self._legend = focus, control, signal, legend
         self._sources = {class_: stream for stream in reversed(list(streams.values()))
                          for class_ in (LinkStatus, BatteryState) if stream.assembler.MESSAGE is class_}
         self._newest: Dict[Any, Any] = {}     # by class
@@ -53,7 +54,7 @@ class Overlay:
         shown = tiles(self._status(now))
         if shown == self._shown and now < self._published + REPEAT_PERIOD:
             return
-        image = overlay(shown)
+        image = overlay(shown, self._legend)
         self._publisher.publish(Image(height=image.shape[0], width=image.shape[1], encoding='bgr8',
                                       step=image.strides[0], data=image.tobytes()))
         self._shown, self._published = shown, now

@@ -19,6 +19,9 @@ TYPE = Parameter(None, '', 'the kind of stream', choices=TYPES)
 VIEWS = 'cloud', 'image', 'scan', 'virtual_scan'
 """Types that require_fresh may name: a map, or a message that is relayed, gets old where nothing changes."""
 
+VIEW = '/view'
+"""Appended to the operator's topic of an image: that of its view."""
+
 OWN_STREAMS: Mapping[str, Mapping[str, Any]] = {
     'link': {'message_type': LINK_STATUS, 'rate': 2.0},
     'status': {'message_type': ROBOT_STATUS, 'latch': True},
@@ -97,6 +100,9 @@ def _check(name: Any, values: Any, warn: Callable[[str], None]) -> Dict[str, Any
     kind = settings.get('type')
     check({'type': kind}, {'type': TYPE})
     checked = check(settings, parameters_of(str(kind)))
+    if kind == 'image':
+        checked['view_topic'] = {'': checked['operator_topic'] + VIEW, 'none': ''}.get(
+            checked['view_topic'], checked['view_topic'])
     if kind in EXCHANGES or kind == 'relay':
         parameters_module(str(kind)).check(checked)
     if checked.get('reliable'):

@@ -2,11 +2,12 @@
 """An image with what an operator has to know at any time: the link, the focus, the battery, who drives, and whether the
 robot is stopped.
 
-It has two rows of tiles. A tile's colour says whether its value is good, deserves attention, is bad, or is unknown.
+It has two rows of tiles. A tile's colour says whether its value is good, deserves attention, is bad, or is unknown. The
+legend below names what is drawn in which colour.
 """
 import math
 from dataclasses import dataclass, replace
-from typing import List, NamedTuple, Tuple
+from typing import List, Mapping, NamedTuple, Optional, Tuple
 
 import cv2
 import numpy as np
@@ -28,6 +29,14 @@ MARK = COLOURS[FRESH]
 
 LINK_TIMEOUT = 3.0
 """Without a report from the robot for this time the link counts as broken [s]."""
+
+LINE, SQUARE = 22, 12
+"""Height of a line of the legend, and its squares [pixel]."""
+
+FONT, FONT_SIZE, LEGEND_COLOUR = cv2.FONT_HERSHEY_SIMPLEX, 0.45, (230, 230, 230)
+
+RAINBOW = cv2.applyColorMap(np.linspace(255, 0, SQUARE).astype(np.uint8)[:, None], cv2.COLORMAP_RAINBOW)
+"""(SQUARE, 1, 3) uint8, bgr: red above."""
 
 EMERGENCY_STOP = 'EMERGENCY STOP'
 
@@ -99,15 +108,35 @@ def tiles(status: OperatorStatus) -> Tuple[Tile, ...]:
             _battery(status), _driver(status), _stop(status))
 
 
-def overlay(shown: Tuple[Tile, ...]) -> UInt8Array:
-    """The image of the tiles: (HEIGHT, WIDTH, 3) uint8, bgr."""
+def overlay(shown: Tuple[Tile, ...], legend: Mapping[str, Optional[Tuple[int, int, int]]]) -> UInt8Array:
+    """The image of the tiles, and the legend below: (HEIGHT or more, WIDTH, 3) uint8, bgr.
+
+    :param legend: {what: (red, green, blue)}; None: the colours of a rainbow
+    """
     image: UInt8Array = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
     rows = -(-len(shown) // COLUMNS)
     width, height = WIDTH // COLUMNS, HEIGHT // rows
     for number, tile in enumerate(shown):
         row, column = divmod(number, COLUMNS)
         _draw(image[row * height + GAP:(row + 1) * height - GAP, column * width + GAP:(column + 1) * width - GAP], tile)
-    return image
+    return np.vstack([image, _legend(legend)]) if legend else image
+
+
+def _legend(entries: Mapping[str, Optional[Tuple[int, int, int]]]) -> UInt8Array:
+    """(height, WIDTH, 3) uint8, bgr."""
+    lines: List[UInt8Array] = []
+    left = WIDTH
+    for name, colour in entries.items():
+        width = 4 * GAP + SQUARE + cv2.getTextSize(name, FONT, FONT_SIZE, 1)[0][0]
+        if left + width > WIDTH:
+            lines.append(np.zeros((LINE, WIDTH, 3), np.uint8))
+            left = GAP
+        top = (LINE - SQUARE) // 2
+        lines[-1][top:top + SQUARE, left:left + SQUARE] = RAINBOW if colour is None else colour[::-1]
+        cv2.putText(lines[-1], name, (left + SQUARE + GAP, top + SQUARE - 1), FONT, FONT_SIZE, LEGEND_COLOUR, 1,
+                    cv2.LINE_AA)
+        left += width
+    return np.vstack(lines)
 
 
 def _draw(image: UInt8Array, tile: Tile) -> None:
@@ -116,7 +145,7 @@ def _draw(image: UInt8Array, tile: Tile) -> None:
     if tile.level == GOOD:
         image[:, :2 * GAP] = MARK
     colour = TEXT_COLOURS[tile.level]
-    cv2.putText(image, tile.label, (5 * GAP, height // 3), cv2.FONT_HERSHEY_SIMPLEX, 0.42, colour, 1, cv2.LINE_AA)
+    cv2.putText(image, tile.label, (5 * GAP, height // 3), FONT, 0.42, colour, 1, cv2.LINE_AA)
     lines = [line for line in tile.text.split(': ', 1) if line] or ['-']    # 'LOCKED: why' is larger on two lines
     room = 2 * height // 3 // len(lines)
     for number, line in enumerate(lines):
