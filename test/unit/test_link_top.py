@@ -98,6 +98,19 @@ def test_who_drives_is_shown_at_the_top() -> None:
     assert [found.values['control'] for found in relayed] == ['/a drives, present: /b?']
 
 
+def test_a_relayed_status_says_what_is_wrong_with_streams() -> None:
+    relayed = relayed_streams(RobotStatus(problems=['front: nobody publishes /a; similar: /b', 'count: refused: 5'],
+                                          streams=[StreamStatus(name='front', type='image', enabled=True, rate=5.0)]))
+    assert [(found.stream, found.level, found.message) for found in relayed if found.stream] == [
+        ('front', 1, 'nobody publishes /a; similar: /b'), ('count', 1, 'refused: 5')]
+
+
+def test_refused_streams_are_shown_at_the_top() -> None:
+    refused = status('robot_node: refused streams', level=2, message='odd: rate is -5', side='robot', refused='1')
+    texts, levels = shown([stream('robot', **ROBOT), refused])
+    assert texts[1] == 'ERROR  /robot_node: odd: rate is -5' and levels[1] == 2
+
+
 def test_values_are_aligned_with_their_headings() -> None:
     texts, _ = shown([stream('robot', **ROBOT)], [stream('operator', **OPERATOR)])
     for head, value in (('SOURCE', '30.0'), ('SHOWN', '9.8'), ('LOSS %', '12.3'),

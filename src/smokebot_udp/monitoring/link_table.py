@@ -59,7 +59,7 @@ def render(board: Board, now: float, only: str = '') -> Tuple[List[Line], List[L
     top += [_transport_line(status) for status in statuses if status.kind == 'transport']
     top += [_wifi_line(status) for status in statuses if status.kind == 'wifi']
     top += [_line(status, '%s: %s' % (status.node, status.message)) for status in statuses
-            if status.kind in ('settings', 'requests') and status.level]
+            if status.kind in ('settings', 'requests', 'refused') and status.level]
     body: List[Line] = []
     for section in sections:
         body += [Line(''), Line(section.title)] if len(sections) > 1 else []

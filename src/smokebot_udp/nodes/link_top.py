@@ -26,6 +26,7 @@ from ..monitoring.link_board import LEVELS, STALE, Board, NodeStatus, printable
 from ..monitoring.link_snapshot import Tree, snapshot
 from ..monitoring.link_status import HOLE
 from ..monitoring.link_table import Line, render
+from ..monitoring.stats import PAUSED
 from ..monitoring.status import OK, OPERATOR, ROBOT, WARN
 from ..monitoring.wifi import WifiState, wifi_status
 from ..msg import LinkStatus, RobotStatus
@@ -78,18 +79,22 @@ def relayed_link(message: Any) -> List[NodeStatus]:
 def relayed_streams(message: Any) -> List[NodeStatus]:
     """What a relayed RobotStatus reports: who drives, and how often each stream may be sent at most."""
     operators = [printable(name) for name in message.operators[:MAX_RELAYED]]
+    problems = {name: why for name, _, why in (printable(text).partition(': ')
+                                               for text in message.problems[:MAX_RELAYED])}
     control = control_text(printable(message.driver), message.estop, operators)
     statuses = [NodeStatus('', WARN if message.estop else OK, control, {'side': ROBOT, 'control': control})]
     for stream in message.streams[:MAX_RELAYED]:
         if stream.type in EXCHANGES:
             continue
+        problem = problems.pop(printable(stream.name), '')
         rate = min([stream.rate] + [limit.value for limit in stream.granted if limit.name == 'rate'])
         statuses.append(NodeStatus(
-            '', WARN if stream.paused else OK,
-            'the link is too slow for it and the other streams' if stream.paused else 'fine', {
+            '', WARN if stream.paused or problem else OK,
+            problem or (PAUSED if stream.paused else 'fine'), {
                 'side': ROBOT, 'stream': printable(stream.name), 'topic': '',
                 'at most [Hz]': str(rate if stream.enabled and not stream.paused else 0.0)}))
-    return statuses
+    return statuses + [NodeStatus('', WARN, why, {'side': ROBOT, 'stream': name, 'topic': ''})
+                       for name, why in problems.items()]
 
 
 def relayed_diagnostics(message: Any) -> List[NodeStatus]:

@@ -74,7 +74,8 @@ class OperatorReceiver:
                                 self._arrived, self._clock.offset, self._codec, VideoDecoder,
                                 self._held.received, parameters['frame_prefix'], notice)
             self.streams = start_streams(
-                definitions.streams, lambda name, settings: OperatorStream(name, settings, link), parameters.report)
+                definitions.streams, lambda name, settings: OperatorStream(name, settings, link), parameters.report,
+                parameters.refused.__setitem__)
             self._capture = OperatorCapture(self._transport, self.streams, self._codec, self._reporter.arrived,
                                             parameters)
             status = [stream.topic for stream in self.streams.values() if stream.assembler.MESSAGE is RobotStatus]

@@ -36,7 +36,7 @@ class Overlay:
         self._sources = {class_: stream for stream in reversed(list(streams.values()))
                          for class_ in (LinkStatus, BatteryState) if stream.assembler.MESSAGE is class_}
         self._newest: Dict[Any, Any] = {}     # by class
-        self._shown: Tuple[Tile, ...] = ()
+        self._shown: Tuple[Tuple[Tile, ...], Tuple[str, ...]] = (), ()
         self._published = -math.inf     # [s]
         self._subscribers = [rospy.Subscriber(stream.topic, class_, self._take, class_, queue_size=1)
                              for class_, stream in self._sources.items()]
@@ -51,10 +51,11 @@ class Overlay:
         if not self._publisher.get_num_connections() or rospy.is_shutdown():
             return
         now = time.monotonic()
-        shown = tiles(self._status(now))
+        status = self._status(now)
+        shown = tiles(status), status.problems
         if shown == self._shown and now < self._published + REPEAT_PERIOD:
             return
-        image = overlay(shown, self._legend)
+        image = overlay(*shown, self._legend)
         self._publisher.publish(Image(height=image.shape[0], width=image.shape[1], encoding='bgr8',
                                       step=image.strides[0], data=image.tobytes()))
         self._shown, self._published = shown, now
@@ -69,7 +70,7 @@ class Overlay:
         if battery is not None:
             values.update(charge=battery.percentage, voltage=battery.voltage)
         if robot is not None:
-            values.update(focus=robot.focus, modified=robot.modified)
+            values.update(focus=robot.focus, modified=robot.modified, problems=tuple(robot.problems))
         estop, driver, drives = self._control.situation()
         state = self._control.state
         return OperatorStatus(link_silence=self._silence(now), control=state, free=state == IN_CONTROL, estop=estop,

@@ -35,11 +35,12 @@ def parameters_of(kind: str) -> Dict[str, Parameter]:
     return {'type': TYPE, **robot, **operator}
 
 
-def load(text: str, warn: Callable[[str], None] = lambda warning: None
-         ) -> Tuple[Dict[str, Dict[str, Any]], List[str]]:
+def load(text: str, warn: Callable[[str], None] = lambda warning: None,
+         refuse: Callable[[str, str], None] = lambda name, why: None) -> Tuple[Dict[str, Dict[str, Any]], List[str]]:
     """Read the text of a streams.yaml.
 
     :param warn: called with each warning
+    :param refuse: f(name, why), called with each stream that is left out; problems have it, too
     :return: ({name: {setting: value}} of the good streams, [problem, ...] in words)
     """
     document, problems = read_yaml(text)
@@ -58,11 +59,13 @@ def load(text: str, warn: Callable[[str], None] = lambda warning: None
             good[name], routes[name] = settings, found
         except ValueError as error:
             problems.append('stream %r: %s' % (name, error))
+            refuse(str(name), str(error))
     for name in [name for name, settings in good.items() if settings['type'] == 'command']:
         try:
             _check_view(good[name]['require_fresh'], good)
         except ValueError as error:
             problems.append('stream %r: %s' % (name, error))
+            refuse(name, str(error))
             del good[name], routes[name]
     good.update(_missing_own_streams(good, routes, streams))
     return good, problems

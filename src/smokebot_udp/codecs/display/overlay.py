@@ -2,12 +2,12 @@
 """An image with what an operator has to know at any time: the link, the focus, the battery, who drives, and whether the
 robot is stopped.
 
-It has two rows of tiles. A tile's colour says whether its value is good, deserves attention, is bad, or is unknown. The
-legend below names what is drawn in which colour.
+It has two rows of tiles. A tile's colour says whether its value is good, deserves attention, is bad, or is unknown.
+Below are problems of streams, in words, and a legend that names what is drawn in which colour.
 """
 import math
 from dataclasses import dataclass, replace
-from typing import List, Mapping, NamedTuple, Optional, Tuple
+from typing import List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import cv2
 import numpy as np
@@ -30,8 +30,8 @@ MARK = COLOURS[FRESH]
 LINK_TIMEOUT = 3.0
 """Without a report from the robot for this time the link counts as broken [s]."""
 
-LINE, SQUARE = 22, 12
-"""Height of a line of the legend, and its squares [pixel]."""
+LINE, SQUARE, MAX_PROBLEMS = 22, 12, 3
+"""Height of a line of text, and of the legend's squares [pixel]; lines of problems."""
 
 FONT, FONT_SIZE, LEGEND_COLOUR = cv2.FONT_HERSHEY_SIMPLEX, 0.45, (230, 230, 230)
 
@@ -84,6 +84,8 @@ class OperatorStatus:
     """Whether this operator's commands leave and are obeyed."""
     estop: bool = False
     """Whether the emergency stop is engaged."""
+    problems: Tuple[str, ...] = ()
+    """Of streams, in words."""
     longest: int = 0
     """Longer datagrams do not pass; 0: all pass [byte of UDP payload]."""
 
@@ -108,9 +110,11 @@ def tiles(status: OperatorStatus) -> Tuple[Tile, ...]:
             _battery(status), _driver(status), _stop(status))
 
 
-def overlay(shown: Tuple[Tile, ...], legend: Mapping[str, Optional[Tuple[int, int, int]]]) -> UInt8Array:
-    """The image of the tiles, and the legend below: (HEIGHT or more, WIDTH, 3) uint8, bgr.
+def overlay(shown: Tuple[Tile, ...], problems: Sequence[str],
+            legend: Mapping[str, Optional[Tuple[int, int, int]]]) -> UInt8Array:
+    """The image of the tiles, the problems and the legend below: (HEIGHT or more, WIDTH, 3) uint8, bgr.
 
+    :param problems: of streams; the first MAX_PROBLEMS are shown
     :param legend: {what: (red, green, blue)}; None: the colours of a rainbow
     """
     image: UInt8Array = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
@@ -119,11 +123,27 @@ def overlay(shown: Tuple[Tile, ...], legend: Mapping[str, Optional[Tuple[int, in
     for number, tile in enumerate(shown):
         row, column = divmod(number, COLUMNS)
         _draw(image[row * height + GAP:(row + 1) * height - GAP, column * width + GAP:(column + 1) * width - GAP], tile)
-    return np.vstack([image, _legend(legend)]) if legend else image
+    return np.vstack([image, *_lines(problems), *_legend(legend)])
 
 
-def _legend(entries: Mapping[str, Optional[Tuple[int, int, int]]]) -> UInt8Array:
-    """(height, WIDTH, 3) uint8, bgr."""
+def _lines(problems: Sequence[str]) -> List[UInt8Array]:
+    """[(LINE, WIDTH, 3) uint8, bgr], one for each problem; one that is too long is smaller."""
+    shown = list(problems[:MAX_PROBLEMS])
+    if len(problems) > len(shown):
+        shown[-1] = '%s  (and %d more)' % (shown[-1], len(problems) - len(shown))
+    found = []
+    for text in shown:
+        line: UInt8Array = np.zeros((LINE, WIDTH, 3), np.uint8)
+        line[1:-1] = TILE_COLOURS[ATTENTION]
+        width = cv2.getTextSize(text, FONT, FONT_SIZE, 1)[0][0]
+        size = FONT_SIZE * min(1.0, (WIDTH - 4 * GAP) / max(width, 1))
+        cv2.putText(line, text, (2 * GAP, LINE - 7), FONT, size, TEXT_COLOURS[ATTENTION], 1, cv2.LINE_AA)
+        found.append(line)
+    return found
+
+
+def _legend(entries: Mapping[str, Optional[Tuple[int, int, int]]]) -> List[UInt8Array]:
+    """[(LINE, WIDTH, 3) uint8, bgr]"""
     lines: List[UInt8Array] = []
     left = WIDTH
     for name, colour in entries.items():
@@ -136,7 +156,7 @@ def _legend(entries: Mapping[str, Optional[Tuple[int, int, int]]]) -> UInt8Array
         cv2.putText(lines[-1], name, (left + SQUARE + GAP, top + SQUARE - 1), FONT, FONT_SIZE, LEGEND_COLOUR, 1,
                     cv2.LINE_AA)
         left += width
-    return np.vstack(lines)
+    return lines
 
 
 def _draw(image: UInt8Array, tile: Tile) -> None:
