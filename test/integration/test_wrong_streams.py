@@ -28,6 +28,8 @@ from waiting import Collector, is_sent_here, ticks, wait_for
 from smokebot_udp.codecs.display.overlay import ATTENTION, HEIGHT, TILE_COLOURS
 from smokebot_udp.msg import RobotStatus
 
+HERE = pathlib.Path(__file__).resolve().parent
+
 LIMIT = 10.0
 """[s]"""
 
@@ -123,6 +125,24 @@ class WrongStreams(unittest.TestCase):
                          dict.fromkeys(REASONS, 1))
         self.check_overlay()
         self.check_that_it_ends()
+        self.check_beforehand()
+
+    def check_beforehand(self) -> None:
+        """`check` says the same, with an exit code."""
+        done = subprocess.run(['rosrun', 'smokebot_udp', 'check', str(HERE / 'wrong_streams.yaml'), '--seconds', '2',
+                               '--link', '2'], stdout=subprocess.PIPE, timeout=100)
+        said = done.stdout.decode()
+        self.assertEqual(done.returncode, 1, said)
+        reasons = {**REASONS, **OTHERS}
+        for stream in ('misspelled', 'stopped', 'wrong_type', 'lamp', 'dock'):
+            self.assertIn('ERROR  %s: %s' % (stream, reasons[stream]), said)
+        self.assertIn("ERROR  streams: stream 'bad': rate is -5", said)
+        self.assertIn('it carries 2 Mbit/s', said)
+        self.assertNotIn('good:', said)
+        right = HERE / 'right_streams.yaml'
+        done = subprocess.run(['rosrun', 'smokebot_udp', 'check', str(right), '--seconds', '2'], stdout=subprocess.PIPE,
+                              timeout=100)
+        self.assertEqual(done.returncode, 0, done.stdout.decode())
 
     def check_overlay(self) -> None:
         """It has lines in the colour that asks for attention, below its tiles."""

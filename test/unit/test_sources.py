@@ -66,7 +66,7 @@ def test_a_topic_that_may_be_silent() -> None:
 
 def test_the_masters_answers() -> None:
     assert graph_of([[['/scan', ['/sick']]], [['/x', ['/y']]], [['/lamp', ['/z']]]], [('/scan', 'a/B')]) == Graph(
-        {'/scan': ['/sick']}, {'/scan': 'a/B'}, ['/lamp'])
+        {'/scan': ['/sick']}, {'/scan': 'a/B'}, ['/lamp'], {'/x': ['/y']})
 
 
 class Asked:
@@ -130,7 +130,7 @@ def test_a_master_that_does_not_answer_is_no_problem_of_sources() -> None:
 
 def test_problems_are_noted_with_one_line_each(monkeypatch: Any) -> None:
     lines: List[str] = []
-    monkeypatch.setattr(stream_problems, 'logwarn', lambda subject, text, period: lines.append(subject + ': ' + text))
+    monkeypatch.setattr(stream_problems, 'logwarn', lambda subject, text: lines.append(subject + ': ' + text) or True)
     monkeypatch.setattr(stream_problems.rospy, 'loginfo', lambda text, *args: lines.append(text % args))
     problems = StreamProblems({'bad': 'its rate is wrong'})
     changes: List[Dict[str, str]] = []

@@ -46,6 +46,8 @@ class Graph(NamedTuple):
     types: Mapping[str, str]
     """{topic: package/Type}"""
     services: Collection[str]
+    subscribers: Mapping[str, Sequence[str]] = {}
+    """{topic: nodes}"""
 
     def published(self) -> List[str]:
         """The topics that may be sources."""
@@ -56,7 +58,7 @@ class Graph(NamedTuple):
 def graph_of(state: Sequence[Any], types: Sequence[Tuple[str, str]]) -> Graph:
     """The Graph of the master's getSystemState and getTopicTypes."""
     return Graph({str(topic): nodes for topic, nodes in state[0]}, {str(topic): type_ for topic, type_ in types},
-                 [service for service, _ in state[2]])
+                 [service for service, _ in state[2]], {str(topic): nodes for topic, nodes in state[1]})
 
 
 def problem_of(source: Source, graph: Graph, silent: bool = True) -> Optional[str]:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What is wrong with a node's streams now: one line in the log for each problem, and for its end."""
 import threading
-from typing import Callable, Dict, List, Mapping, Optional
+from typing import Callable, Dict, List, Mapping, Optional, Set
 
 import rospy
 
@@ -9,9 +9,6 @@ from ..limited_log import kind_of, logwarn
 
 MAX_TEXT = 120
 """Of a problem in RobotStatus, which crosses the link [letters]."""
-
-AGAIN = 5.0
-"""The same problem of a stream is logged again at the earliest after this time: it comes and goes [s]."""
 
 
 class StreamProblems:
@@ -24,6 +21,7 @@ class StreamProblems:
         self._refused = refused
         self._found: Dict[str, str] = {}
         self._missing: Dict[str, str] = {}      # with their sources
+        self._logged: Set[str] = set()          # whose sources are missing
         self._lock = threading.Lock()
         self._listeners: List[Callable[[], None]] = []
 
@@ -48,8 +46,10 @@ class StreamProblems:
             before, self._found[stream] = self._found.get(stream, ''), now
             missing, self._missing[stream] = self._missing.get(stream, ''), source or ''
         if source and kind_of(missing) != kind_of(source):
-            logwarn("stream '%s'" % stream, source, AGAIN)
-        elif missing and not source:
+            if logwarn("stream '%s'" % stream, source):
+                self._logged.add(stream)
+        elif not source and stream in self._logged:
+            self._logged.remove(stream)
             rospy.loginfo("stream '%s': its source is there now", stream)
         if kind_of(before) != kind_of(now):
             for listener in self._listeners:
