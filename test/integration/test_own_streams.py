@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A robot with none of the demo's names: each profile of the shipped focus.yaml, with a stream of each type."""
 import pathlib
+import subprocess
 import sys
+import tempfile
 import threading
 import unittest
 from typing import Any, Dict, List
@@ -24,6 +26,7 @@ from waiting import Collector, is_sent_here, is_silent, ticks, wait_for
 
 from smokebot_udp.msg import RobotStatus
 from smokebot_udp.srv import SetFocus
+from smokebot_udp.streams import config
 
 RATE = 12.0
 """Of all sources [Hz]."""
@@ -166,6 +169,22 @@ class OwnStreams(unittest.TestCase):
                              'min_bitrate 0 -> 60 kbit/s; walls off; sick weight 1 -> 2, min_bitrate 0 -> 60 kbit/s')
             self.assertEqual(switch('navigation').message, 'the focus is navigation: nothing has changed')
             self.assertTrue(switch('default').success)
+
+    def test_proposed_streams_pass_the_check(self) -> None:
+        """What make_streams writes is valid, has all sources, and check finds no error in it."""
+        text = subprocess.run(['rosrun', 'smokebot_udp', 'make_streams', '--seconds', '2'], stdout=subprocess.PIPE,
+                              check=True, timeout=100).stdout.decode()
+        streams, problems = config.load(text)
+        self.assertEqual(problems, [])
+        self.assertLessEqual({*self.sources.messages, '/steer'}, {
+            settings.get('robot_topic') for settings in streams.values()}, text)
+        self.assertEqual(streams['dock']['action_type'], 'move_base_msgs/MoveBaseAction')
+        with tempfile.TemporaryDirectory() as folder:
+            path = pathlib.Path(folder, 'my_streams.yaml')
+            path.write_text(text)
+            done = subprocess.run(['rosrun', 'smokebot_udp', 'check', str(path), '--seconds', '2'],
+                                  stdout=subprocess.PIPE, timeout=100)
+        self.assertEqual(done.returncode, 0, done.stdout.decode())
 
 
 if __name__ == '__main__':
