@@ -20,6 +20,9 @@ from .terminal import fail, master_answers, run_node
 OTHERS = ('/rosout', '/make_streams', '/record', '/rviz', '/rqt')
 """Beginnings of the names of nodes that are no part of a robot."""
 
+OPERATORS_NODE = '/operator_receiver'
+"""End of its name; what it listens to is what operators send."""
+
 
 def is_robots(node: str) -> bool:
     """Whether a node is one of the robot's own."""
@@ -29,7 +32,8 @@ def is_robots(node: str) -> bool:
 def topics_of(graph: Graph, seconds: float) -> List[Topic]:
     """What the robot publishes, listened to for a while."""
     published = {topic: graph.types[topic] for topic, nodes in sorted(graph.publishers.items())
-                 if graph.types.get(topic, '*') != '*' and any(map(is_robots, nodes))}
+                 if graph.types.get(topic, '*') != '*' and any(map(is_robots, nodes))
+                 and not any(node.endswith(OPERATORS_NODE) for node in graph.subscribers.get(topic, ()))}
     listeners = {topic: Listener(topic, get_message_class(type_)) for topic, type_ in published.items()}
     time.sleep(seconds)
     found = []
