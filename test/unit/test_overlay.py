@@ -59,6 +59,7 @@ def test_what_is_unknown_is_a_dash() -> None:
     ({'drives': False, 'free': False, 'control': 'desk2 drives', 'driver': 'desk2'}, 'DRIVES', 'desk2', ATTENTION),
     ({'drives': False, 'free': False, 'control': 'nobody drives', 'driver': ''}, 'DRIVES', 'nobody', UNKNOWN),
     ({'free': False, 'control': 'LOCKED: thermal is 3 s old'}, 'STOP', 'LOCKED: thermal is 3 s old', ATTENTION),
+    ({'free': False, 'commands': False, 'control': 'no command stream'}, 'STOP', 'no command stream', UNKNOWN),
     ({'estop': True}, 'STOP', 'EMERGENCY STOP', BAD)])
 def test_one_value_differs(change: Dict[str, Any], label: str, text: str, level: str) -> None:
     before, after = said(**GOOD_STATUS), said(**{**GOOD_STATUS, **change})

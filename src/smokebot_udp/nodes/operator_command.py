@@ -137,6 +137,7 @@ class OperatorCommand:
         data = serialised(message)
         with self._worker.changing():
             self._received += 1
+            self._way.control.commanded = True
             self._newest = message, now
             reason = self._follow(self._interlock.may_send(
                 self._neutral.deviation(message), age, self._sender.accepts(outlook.time), outlook.refusal,

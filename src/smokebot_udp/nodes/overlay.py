@@ -11,7 +11,7 @@ from ..codecs.display.overlay import OperatorStatus, Tile, overlay, tiles
 from ..msg import LinkStatus
 from .focus_client import FocusClient
 from .logging import log_error
-from .operator_control import IN_CONTROL, OperatorControl
+from .operator_control import IN_CONTROL, NO_COMMANDS, OperatorControl
 from .worker import PeriodicWorker
 
 PERIOD = 0.2
@@ -73,7 +73,8 @@ class Overlay:
             values.update(focus=robot.focus, modified=robot.modified, problems=tuple(robot.problems))
         estop, driver, drives = self._control.situation()
         state = self._control.state
-        return OperatorStatus(link_silence=self._silence(now), control=state, free=state == IN_CONTROL, estop=estop,
+        return OperatorStatus(link_silence=self._silence(now), control=state, free=state == IN_CONTROL,
+                              commands=state != NO_COMMANDS, estop=estop,
                               driver=driver, drives=drives, **values)
 
     def _silence(self, now: float) -> float:

@@ -80,6 +80,8 @@ class OperatorStatus:
     """Whether this operator does."""
     control: str = ''
     """The state of control in words, as on operator/control; empty: unknown."""
+    commands: bool = True
+    """Whether there is anything by which this operator could drive."""
     free: bool = False
     """Whether this operator's commands leave and are obeyed."""
     estop: bool = False
@@ -224,4 +226,5 @@ def _stop(status: OperatorStatus) -> Tile:
         return Tile('STOP', EMERGENCY_STOP, BAD)
     if status.free:
         return Tile('STOP', 'free', GOOD)
-    return Tile('STOP', status.control or '-', ATTENTION if status.drives else UNKNOWN)
+    level = ATTENTION if status.drives and status.commands else UNKNOWN
+    return Tile('STOP', status.control or '-', level)
