@@ -17,7 +17,7 @@ from smokebot_udp.monitoring.link_board import (
     NodeStatus,
     printable,
 )
-from smokebot_udp.monitoring.link_table import render
+from smokebot_udp.monitoring.link_table import offset_text, render
 from smokebot_udp.msg import LinkStatus, RobotStatus, StreamStatus, WifiStatus
 from smokebot_udp.nodes import link_top
 from smokebot_udp.nodes.link_top import as_status, relayed_diagnostics, relayed_link, relayed_streams
@@ -309,9 +309,26 @@ def test_the_clock_s_line() -> None:
     known = status('operator_node: clock', side='operator', jumps=0, **{
         'offset [ms]': '-12.34', 'round_trip [ms]': '3', 'uncertainty [ms]': '1.6'})
     texts, levels = shown([known])
-    assert texts[1] == "OK     clock: the robot's is ahead by -12.3 ms +- 1.6, round trip 3.0 ms" and levels[1] == 0
+    assert texts[1] == "OK     clock: the robot's is behind by 12.3 ms +- 1.6 ms, round trip 3.0 ms" and levels[1] == 0
     texts, levels = shown([status('operator_node: clock', 1, 'not known', side='operator', jumps=0)])
     assert texts[1] == 'WARN   clock: not known' and levels[1] == 1
+
+
+@pytest.mark.parametrize('milliseconds, text', [
+    ('0.04', 'ahead by 0.0 ms'), ('999', 'ahead by 999.0 ms'), ('-1500', 'behind by 1.50 s'),
+    ('3600000', 'ahead by 1.00 h'), ('90000', 'ahead by 1.5 min'), ('-1.6e12', 'behind by 18518.5 days'),
+    ('x', 'ahead by ?')])
+def test_an_offset_is_readable(milliseconds: str, text: str) -> None:
+    assert offset_text(milliseconds) == text
+
+
+def test_the_short_table_has_only_connections_that_are_not_fine() -> None:
+    board = Board()
+    board.add([stream('robot', **ROBOT)] + [status(
+        'robot_node: thermal, %s' % peer, level, 'x' * level, side='robot', stream='thermal', peer=peer, address='a')
+        for peer, level in (('/fine', 0), ('/bad', 1))], 0.0)
+    text = '\n'.join(line.text for part in render(board, 0.0, short=True) for line in part)
+    assert '/bad' in text and '/fine' not in text
 
 
 def test_the_link_s_line() -> None:

@@ -4,6 +4,7 @@ import ast
 import os
 import pathlib
 import re
+import xml.etree.ElementTree as ElementTree
 from typing import Dict, Iterator, List, Set
 
 import pytest
@@ -141,6 +142,13 @@ def test_every_script_is_installed_and_executable() -> None:
     listed = set(re.findall(r'scripts/(\w+)', (TOP / 'CMakeLists.txt').read_text()))
     assert listed == {path.name for path in (TOP / 'scripts').iterdir()}
     assert all(os.access(str(path), os.X_OK) for path in (TOP / 'scripts').iterdir())
+
+
+@pytest.mark.parametrize('path', sorted((TOP / 'launch').glob('*.launch')), ids=lambda path: path.name)
+def test_no_launch_argument_is_listed_as_required(path: pathlib.Path) -> None:
+    """roslaunch --ros-args calls those without a default required, and those whose default has no letters."""
+    for argument in ElementTree.parse(str(path)).getroot().findall('arg'):
+        assert argument.get('default') and argument.get('doc'), argument.get('name')
 
 
 def test_every_integration_test_has_its_launch_file() -> None:

@@ -167,7 +167,7 @@ def rviz_arguments(arguments: Sequence[str], folder: str) -> List[str]:
     parser.add_argument('-d')
     parser.add_argument('--streams', default=None)
     parser.add_argument('--frame-prefix', default='')
-    found, others = parser.parse_known_args(arguments)
+    found, others = parser.parse_known_args([argument.replace("''", '') for argument in arguments])     # empty ones
     name = rosgraph.names.get_ros_namespace().strip('/').replace('/', '_')
     path = found.d and pathlib.Path(found.d)
     if found.streams is not None:
