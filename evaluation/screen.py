@@ -10,6 +10,9 @@ from typing import Any, Dict, List, Tuple
 import cv2
 import numpy as np
 
+from smokebot_udp.nodes.rviz_config import generated
+from smokebot_udp.streams import config
+
 from . import TOP
 
 RVIZ_SIZE = 1280, 900
@@ -28,17 +31,17 @@ COLOUR_MAP_ENTRY = 12
 """[byte]"""
 
 
-def operator_rviz(folder: pathlib.Path) -> List[str]:
+def operator_rviz(folder: pathlib.Path, streams: pathlib.Path = TOP / 'config' / 'streams.yaml') -> List[str]:
     """The command that starts rviz as operator.launch does, but with few frames a second: each takes long to draw.
 
     :param folder: for its configuration
+    :param streams: streams.yaml
     """
-    config = (TOP / 'rviz' / 'operator.rviz').read_text()
-    assert 'Frame Rate: 30' in config
+    text = generated((TOP / 'rviz' / 'operator.rviz').read_text(), config.load(streams.read_text())[0])
+    assert 'Frame Rate: 30' in text
     path = folder / 'operator.rviz'
-    path.write_text(config.replace('Frame Rate: 30', 'Frame Rate: 5'))
-    return ['rosrun', 'smokebot_udp', 'rviz_keeper', '-d', str(path), '/tf:=operator/tf',
-            '/tf_static:=operator/tf_static']
+    path.write_text(text.replace('Frame Rate: 30', 'Frame Rate: 5'))
+    return ['rosrun', 'smokebot_udp', 'rviz_keeper', '-d', str(path), '--streams', str(streams)]
 
 
 class Screen:

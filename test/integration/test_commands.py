@@ -208,7 +208,7 @@ class Commands(CommandsCase):
                 released = stop(False)
                 self.assertTrue(released.success, released.message)
                 wait_for(lambda: not self.engaged(), 2, '~estop')
-                self.wait_for_state(self.state, 'start from neutral: linear.x is not')
+                self.wait_for_state(self.state, 'release the stick: linear.x is not at rest')
                 self.driver.clear()
                 stays(lambda: not any(speed for _, speed in self.speeds(self.driver)), 1.0, 'the stick is still pushed')
                 self.stick.publish(twist(0.0))
@@ -264,7 +264,7 @@ class Commands(CommandsCase):
         self.assertTrue(stop(True).success and stop(False).success)
         self.state.clear()
         with Drive(pad, Joy(axes=[0.0, 0.0, 1.0, 0.0, 0.0, 1.0])):
-            self.wait_for_state(self.state, 'pad: start from neutral: axes[2] is not')
+            self.wait_for_state(self.state, 'pad: release the stick: axes[2] is not at rest')
             answer = neutral()
             self.assertEqual((answer.success, answer.message), (True, 'pad: axes[2] 1.0, axes[5] 1.0'))
             wait_for(lambda: any(one.message.axes[2:3] == (1.0,) for one in came.came), 5, 'the command')

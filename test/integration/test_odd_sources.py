@@ -158,7 +158,8 @@ class OddSources(unittest.TestCase):
 
     @classmethod
     def take_log(cls, log: Any) -> None:
-        if log.level >= Log.WARN and log.name == '/robot_sender':
+        # a source that is silent between two tests is none of them
+        if log.level >= Log.WARN and log.name == '/robot_sender' and 'but nothing comes' not in log.msg:
             cls.warnings[log.msg] += 1
 
     def setUp(self) -> None:

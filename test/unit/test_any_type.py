@@ -60,7 +60,7 @@ class Either(Encoder[Any]):
 def test_a_stream_follows_a_source_that_changes_its_type(make: Any, logged: List[str]) -> None:  # noqa: F811
     made = make(Either)
     assert made.source.message_class is AnyMsg
-    assert made.stream.source_type == 'sensor_msgs/Image or sensor_msgs/CompressedImage'
+    assert made.stream.source.type == 'sensor_msgs/Image or sensor_msgs/CompressedImage'
     callback = made.source.args[0]
     callback(any_message(LaserScan()))
     assert made.stream.received == 0 and 'it is sensor_msgs/LaserScan, must be' in logged[0]

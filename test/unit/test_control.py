@@ -160,5 +160,6 @@ def test_a_profile_s_others_leave_the_package_s_own_streams() -> None:
         'status': 10.0, 'link': 2.0, 'odom': 1.0}
     assert control.warning('a') is None and control.warning('default') is None
     for name in ('b', 'c'):     # they name none of the user's
-        assert control.warning(name) == ("focus %s: its profile names none of the streams of streams.yaml, so all stay "
-                                         "as configured" % name)
+        assert control.warning(name) == ("focus %s: its profile names no stream and no role of streams.yaml, so all "
+                                         "stay as configured" % name)
+    assert control.warnings == ["profile 'c': streams.yaml has no stream camera"]

@@ -11,7 +11,7 @@ from smokebot_udp.teleop.interlock import CLOCK_UNKNOWN, START_FROM_NEUTRAL, Int
 OLD, NONE, DRIVES = 'thermal is 1.5 s old', 'no image of thermal', 'b drives'
 
 PUSHED = 'linear.x'
-NOT_NEUTRAL = START_FROM_NEUTRAL + ': linear.x is not'
+NOT_NEUTRAL = START_FROM_NEUTRAL + ': linear.x is not at rest'
 
 Step = Tuple[Optional[str], Optional[float], bool, str, Optional[str]]
 

@@ -17,7 +17,7 @@ from smokebot_udp.monitoring.link_board import (
     NodeStatus,
     printable,
 )
-from smokebot_udp.monitoring.link_table import render
+from smokebot_udp.monitoring.link_table import offset_text, render
 from smokebot_udp.msg import LinkStatus, RobotStatus, StreamStatus, WifiStatus
 from smokebot_udp.nodes import link_top
 from smokebot_udp.nodes.link_top import as_status, relayed_diagnostics, relayed_link, relayed_streams
@@ -96,6 +96,19 @@ def test_who_drives_is_shown_at_the_top() -> None:
     relayed = relayed_streams(RobotStatus(driver='/a', operators=['/a', '/b\n'], streams=[
         StreamStatus(name='cmd_vel', type='command', enabled=True)]))
     assert [found.values['control'] for found in relayed] == ['/a drives, present: /b?']
+
+
+def test_a_relayed_status_says_what_is_wrong_with_streams() -> None:
+    relayed = relayed_streams(RobotStatus(problems=['front: nobody publishes /a; similar: /b', 'count: refused: 5'],
+                                          streams=[StreamStatus(name='front', type='image', enabled=True, rate=5.0)]))
+    assert [(found.stream, found.level, found.message) for found in relayed if found.stream] == [
+        ('front', 1, 'nobody publishes /a; similar: /b'), ('count', 1, 'refused: 5')]
+
+
+def test_refused_streams_are_shown_at_the_top() -> None:
+    refused = status('robot_node: refused streams', level=2, message='odd: rate is -5', side='robot', refused='1')
+    texts, levels = shown([stream('robot', **ROBOT), refused])
+    assert texts[1] == 'ERROR  /robot_node: odd: rate is -5' and levels[1] == 2
 
 
 def test_values_are_aligned_with_their_headings() -> None:
@@ -296,9 +309,26 @@ def test_the_clock_s_line() -> None:
     known = status('operator_node: clock', side='operator', jumps=0, **{
         'offset [ms]': '-12.34', 'round_trip [ms]': '3', 'uncertainty [ms]': '1.6'})
     texts, levels = shown([known])
-    assert texts[1] == "OK     clock: the robot's is ahead by -12.3 ms +- 1.6, round trip 3.0 ms" and levels[1] == 0
+    assert texts[1] == "OK     clock: the robot's is behind by 12.3 ms +- 1.6 ms, round trip 3.0 ms" and levels[1] == 0
     texts, levels = shown([status('operator_node: clock', 1, 'not known', side='operator', jumps=0)])
     assert texts[1] == 'WARN   clock: not known' and levels[1] == 1
+
+
+@pytest.mark.parametrize('milliseconds, text', [
+    ('0.04', 'ahead by 0.0 ms'), ('999', 'ahead by 999.0 ms'), ('-1500', 'behind by 1.50 s'),
+    ('3600000', 'ahead by 1.00 h'), ('90000', 'ahead by 1.5 min'), ('-1.6e12', 'behind by 18518.5 days'),
+    ('x', 'ahead by ?')])
+def test_an_offset_is_readable(milliseconds: str, text: str) -> None:
+    assert offset_text(milliseconds) == text
+
+
+def test_the_short_table_has_only_connections_that_are_not_fine() -> None:
+    board = Board()
+    board.add([stream('robot', **ROBOT)] + [status(
+        'robot_node: thermal, %s' % peer, level, 'x' * level, side='robot', stream='thermal', peer=peer, address='a')
+        for peer, level in (('/fine', 0), ('/bad', 1))], 0.0)
+    text = '\n'.join(line.text for part in render(board, 0.0, short=True) for line in part)
+    assert '/bad' in text and '/fine' not in text
 
 
 def test_the_link_s_line() -> None:

@@ -43,7 +43,7 @@ def test_robots_operators_and_streams_are_apart() -> None:
         '/robot_sender', 'wlan0', 'net', '-60', '-', '65.0', '6.5', '12.0', '-', '-']
     assert lines[lines.index('Wi-Fi') + 4].split() == ['/op'] + 9 * ['-']
     operator = lines[lines.index('Operators') + 2]
-    assert operator.split() == ['WARN', '/op', '/robot_sender', '-12.0', '1.5']
+    assert operator.split() == ['WARN', '/op', '/robot_sender', 'behind', 'by', '12.0', 'ms', '1.5']
     thermal = lines[lines.index('Streams of /robot_sender at /op') + 2]
     assert thermal.startswith('WARN') and thermal.endswith('400.0  operator: old')
 

@@ -10,8 +10,8 @@ from smokebot_udp.nodes.operator_control import lock_text
     ({}, ''), ({'cmd_vel': None}, ''), ({'cmd_vel': 'thermal is 2.0 s old'}, 'LOCKED: thermal is 2.0 s old'),
     ({'cmd_vel': 'nobody drives', 'arm': 'nobody drives'}, 'LOCKED: nobody drives'),
     ({'cmd_vel': None, 'arm': 'no image of camera'}, 'LOCKED: arm: no image of camera'),
-    ({'arm': 'no image of thermal', 'pad': 'start from neutral: axes[2] is not', 'cmd_vel': None},
-     'LOCKED: pad: start from neutral: axes[2] is not'),
+    ({'arm': 'no image of thermal', 'pad': 'release the stick: axes[2] is not at rest', 'cmd_vel': None},
+     'LOCKED: pad: release the stick: axes[2] is not at rest'),
 ])
 def test_which_streams_are_locked_and_why(reasons: Dict[str, Optional[str]], text: str) -> None:
     assert lock_text(reasons) == text

@@ -13,7 +13,10 @@ from smokebot_udp.codecs.display.overlay import (
     COLUMNS,
     GOOD,
     HEIGHT,
+    LINE,
     MARK,
+    MAX_PROBLEMS,
+    SQUARE,
     TILE_COLOURS,
     UNKNOWN,
     WIDTH,
@@ -56,6 +59,7 @@ def test_what_is_unknown_is_a_dash() -> None:
     ({'drives': False, 'free': False, 'control': 'desk2 drives', 'driver': 'desk2'}, 'DRIVES', 'desk2', ATTENTION),
     ({'drives': False, 'free': False, 'control': 'nobody drives', 'driver': ''}, 'DRIVES', 'nobody', UNKNOWN),
     ({'free': False, 'control': 'LOCKED: thermal is 3 s old'}, 'STOP', 'LOCKED: thermal is 3 s old', ATTENTION),
+    ({'free': False, 'commands': False, 'control': 'no command stream'}, 'STOP', 'no command stream', UNKNOWN),
     ({'estop': True}, 'STOP', 'EMERGENCY STOP', BAD)])
 def test_one_value_differs(change: Dict[str, Any], label: str, text: str, level: str) -> None:
     before, after = said(**GOOD_STATUS), said(**{**GOOD_STATUS, **change})
@@ -73,7 +77,7 @@ def test_of_a_broken_link_nothing_is_known_but_the_rest_is_the_last_that_was(sil
 
 def colours(status: OperatorStatus) -> Any:
     """The colour at the right edge of each tile, [b, g, r]."""
-    image = overlay(tiles(status))
+    image = overlay(tiles(status), (), {})
     assert image.shape == (HEIGHT, WIDTH, 3) and image.dtype == np.uint8
     rows = (HEIGHT // 4, 3 * HEIGHT // 4)
     return [tuple(image[row, (column + 1) * WIDTH // COLUMNS - 6].tolist())
@@ -87,8 +91,8 @@ def test_a_tile_has_the_colour_of_its_level() -> None:
 
 
 def test_a_good_tile_has_a_mark_and_an_unknown_one_has_none() -> None:
-    assert (overlay(tiles(OperatorStatus(**GOOD_STATUS))) == MARK).all(axis=2).any()
-    assert not (overlay(tiles(OperatorStatus())) == MARK).all(axis=2).any()
+    assert (overlay(tiles(OperatorStatus(**GOOD_STATUS)), (), {}) == MARK).all(axis=2).any()
+    assert not (overlay(tiles(OperatorStatus()), (), {}) == MARK).all(axis=2).any()
 
 
 def test_a_path_with_a_hole_deserves_attention() -> None:
@@ -102,4 +106,22 @@ def test_a_path_with_a_hole_deserves_attention() -> None:
                          control=strategies.text(max_size=300)))
 @example(OperatorStatus(focus=': ', control='a: '))
 def test_whatever_the_robot_says_is_drawn(status: OperatorStatus) -> None:
-    assert overlay(tiles(status)).shape == (HEIGHT, WIDTH, 3)
+    assert overlay(tiles(status), (), {}).shape == (HEIGHT, WIDTH, 3)
+
+
+def test_problems_of_streams_are_lines_below() -> None:
+    shown = tiles(OperatorStatus())
+    image = overlay(shown, ['lidar: nobody publishes /a', 5 * 'a long text, '], {})
+    assert image.shape == (HEIGHT + 2 * LINE, WIDTH, 3)
+    assert (image[HEIGHT:] == TILE_COLOURS[ATTENTION]).all(axis=2).mean() > 0.5
+    assert overlay(shown, 9 * ['x'], {}).shape[0] == HEIGHT + MAX_PROBLEMS * LINE
+
+
+def test_the_legend_has_all_names_in_their_colours() -> None:
+    legend = {'lidar': None, 'scan_%d' % 1: (255, 40, 40), **{'a_scan_with_a_long_name_%d' % number: (60, 160, 255)
+                                                             for number in range(4)}}
+    image = overlay(tiles(OperatorStatus()), (), legend)
+    lines = image[HEIGHT:]
+    assert lines.shape == (2 * LINE, WIDTH, 3) and (image[:HEIGHT] == overlay(tiles(OperatorStatus()), (), {})).all()
+    assert (lines == (40, 40, 255)).all(axis=2).sum() == SQUARE ** 2
+    assert (lines == (255, 160, 60)).all(axis=2).sum() == 4 * SQUARE ** 2

@@ -4,6 +4,7 @@ import ast
 import os
 import pathlib
 import re
+import xml.etree.ElementTree as ElementTree
 from typing import Dict, Iterator, List, Set
 
 import pytest
@@ -14,8 +15,8 @@ MODULES = sorted(SOURCE.rglob('*.py'))
 LAYERS = {
     'nodes': {'streams', 'codecs', 'congestion', 'mission', 'monitoring', 'udpros', 'link', 'simulation', 'teleop',
               'reliable', 'capture', 'mission_report', 'link_lab', 'limited_log', 'msg', 'srv'},
-    'streams': {'codecs', 'congestion.operating_points', 'mission.parameters', 'mission.settings', 'mission.yaml_text',
-                'udpros.frame', 'udpros.datagram', 'msg'},
+    'streams': {'codecs', 'congestion.operating_points', 'mission.parameters', 'mission.roles', 'mission.settings',
+                'mission.yaml_text', 'udpros.frame', 'udpros.datagram', 'msg'},
     'congestion': {'monitoring.stats', 'monitoring.windows'},
     'link_lab': {'udpros', 'msg'}, 'mission_report': {'codecs', 'streams.image.source'},
     'link': {'udpros.datagram', 'udpros.depacketizer', 'udpros.endpoints', 'udpros.frame',
@@ -138,6 +139,13 @@ def test_every_script_is_installed_and_executable() -> None:
     listed = set(re.findall(r'scripts/(\w+)', (TOP / 'CMakeLists.txt').read_text()))
     assert listed == {path.name for path in (TOP / 'scripts').iterdir()}
     assert all(os.access(str(path), os.X_OK) for path in (TOP / 'scripts').iterdir())
+
+
+@pytest.mark.parametrize('path', sorted((TOP / 'launch').glob('*.launch')), ids=lambda path: path.name)
+def test_no_launch_argument_is_listed_as_required(path: pathlib.Path) -> None:
+    """roslaunch --ros-args calls those without a default required, and those whose default has no letters."""
+    for argument in ElementTree.parse(str(path)).getroot().findall('arg'):
+        assert argument.get('default') and argument.get('doc'), argument.get('name')
 
 
 def test_every_integration_test_has_its_launch_file() -> None:

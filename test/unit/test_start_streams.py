@@ -31,6 +31,7 @@ class Parameters:
 
     def __init__(self, path: pathlib.Path) -> None:
         self.path, self.problems = path, []     # type: pathlib.Path, List[str]
+        self.refused: Dict[str, str] = {}
 
     def __getitem__(self, name: str) -> str:
         return str(self.path)
@@ -40,7 +41,8 @@ class Parameters:
 
 
 def start(parameters: Any, make: Any) -> Any:
-    return common.start_streams(common.read_streams(parameters), make, parameters.report)
+    return common.start_streams(common.read_streams(parameters), make, parameters.report,
+                                parameters.refused.__setitem__)
 
 
 def test_a_stream_that_cannot_start_is_closed_and_the_others_run(tmp_path: pathlib.Path) -> None:
@@ -67,3 +69,12 @@ def test_settings_that_make_no_stream_are_reported(tmp_path: pathlib.Path) -> No
         return Stream(name)
     assert list(start(parameters, make)) == ['front', 'rear', 'link', 'status']
     assert parameters.problems == ["stream 'bad' (scan) does not start: no such message type"]
+    assert parameters.refused == {'bad': 'it does not start: no such message type'}
+
+
+def test_streams_with_wrong_settings_are_refused_by_name(tmp_path: pathlib.Path) -> None:
+    path = tmp_path / 'streams.yaml'
+    path.write_text(STREAMS + '  odd: {type: scan, robot_topic: /a, operator_topic: /b, rate: -5}\n')
+    parameters: Any = Parameters(path)
+    assert 'odd' not in start(parameters, lambda name, settings: Stream('front'))
+    assert parameters.refused == {'odd': 'rate is -5, must be a number above 0 to 1000 [Hz]'}

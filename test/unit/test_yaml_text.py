@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from smokebot_udp.mission import focus
+from smokebot_udp.mission.parameters import LINK_STATUS
 from smokebot_udp.mission.yaml_text import read_yaml
 from smokebot_udp.streams import config
 
@@ -75,4 +76,5 @@ def test_any_profiles(odd: Any, streams: Any) -> None:
     profiles, problems = focus.load(text)
     assert 'good' in profiles and {'odd', 'named'} - set(profiles) <= {
         name for name in ('odd', 'named') for problem in problems if problem.startswith('profile %r: ' % name)}
-    focus.settings_of(profiles, tables, {'link'})
+    focus.settings_of(profiles, tables, {'thermal': {'type': 'image'},
+                                         'link': {'type': 'relay', 'message_type': LINK_STATUS}})

@@ -9,8 +9,8 @@ import threading
 from dataclasses import dataclass, replace
 from typing import Any, Callable, Dict, FrozenSet, List, Mapping, Optional, Set
 
-from .focus import Profile, settings_of
-from .parameters import STATUS_TYPES, Parameter, works_in_every_focus
+from .focus import Profile, missing_streams, settings_of
+from .parameters import STATUS_TYPES, Parameter
 from .remote import FOCUS_PART
 from .settings import Settings, SettingsStore
 
@@ -59,10 +59,11 @@ class MissionControl:
         self._streams, self._report, self._switched, self._changed = streams, report, switched, changed
         profiles = {AS_CONFIGURED: Profile(AS_CONFIGURED, 'As in streams.yaml.'), **profiles}
         configured = {name: store.current.requested for name, store in streams.items()}
+        self.warnings = missing_streams(profiles, streams)
+        """What was read but has no effect, in words."""
         self._own = {name for name, settings in configured.items() if settings.get('message_type') in STATUS_TYPES}
         self._settings, problems = settings_of(
-            profiles, {name: store.table for name, store in streams.items()},
-            {name for name, settings in configured.items() if works_in_every_focus(settings)})
+            profiles, {name: store.table for name, store in streams.items()}, configured)
         for problem in problems:
             report(problem)
         self._configured = {name: {setting: configured[name][setting] for setting in store.table}
@@ -81,12 +82,12 @@ class MissionControl:
         return list(self._settings)
 
     def warning(self, focus: str) -> Optional[str]:
-        """The warning that a focus deserves: its profile has settings only for streams that do not exist, or for this
-        package's own. None: there is none."""
+        """The warning that a focus deserves: its profile has settings only for streams and roles that do not exist, or
+        for this package's own. None: there is none."""
         if focus == AS_CONFIGURED or any(
                 settings for name, settings in self._settings[focus].items() if name not in self._own):
             return None
-        return 'focus %s: its profile names none of the streams of streams.yaml, so all stay as configured' % focus
+        return 'focus %s: its profile names no stream and no role of streams.yaml, so all stay as configured' % focus
 
     def configured(self, stream: str) -> Mapping[str, Any]:
         """{setting: value} of streams.yaml, of those that may change."""

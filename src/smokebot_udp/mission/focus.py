@@ -1,16 +1,17 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The mission focus: profiles of what each stream sends (D6.3, sections 1 and 3).
 
-A profile names settings of streams; all other settings are as in streams.yaml. A profile may extend another one;
-its own settings take precedence.
+A profile names settings of roles, see mission/roles.py, and of streams; all other settings are as in streams.yaml. What
+it says of a stream takes precedence. A profile may extend another one; its own settings take precedence.
 """
-from dataclasses import dataclass, field
-from typing import Any, Callable, Collection, Dict, List, Mapping, Tuple
+from dataclasses import dataclass, field, replace
+from typing import Any, Callable, Dict, Iterable, List, Mapping, NamedTuple, Tuple
 
-from .parameters import Table, check_one, current_names
+from .parameters import Table, check_one, current_names, works_in_every_focus
+from .roles import COARSER, ROLES, limited, roles_of
 from .yaml_text import read_yaml
 
-KEYS = {'use', 'extends', 'streams', 'others'}
+KEYS = {'use', 'extends', 'roles', 'streams', 'others'}
 
 
 @dataclass(frozen=True)
@@ -22,17 +23,31 @@ class Profile:
     streams: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     """{stream: {setting: value}}"""
     others: Mapping[str, Any] = field(default_factory=dict)
-    """{setting: value} of the streams that are not named."""
+    """{setting: value} of the streams that neither are named nor have a role that is."""
+    roles: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    """{role: {setting: Limit}}"""
+    bases: Tuple['Profile', ...] = ()
+    """What it extends, the nearest first."""
 
-    def of(self, stream: str) -> Mapping[str, Any]:
-        """{setting: value} that it names for a stream."""
-        return self.streams.get(stream, self.others)
+    def of(self, stream: str, role: str = '', exempt: bool = False) -> Dict[str, Any]:
+        """{setting: value or Limit} that it names for a stream.
 
-    def extended(self, heir: 'Profile') -> 'Profile':
-        """This profile, overridden by one that extends it."""
-        # a stream that only the heir names still inherits this profile's `others`
-        streams = {stream: {**self.of(stream), **heir.of(stream)} for stream in {*self.streams, *heir.streams}}
-        return Profile(heir.name, heir.use or self.use, streams, {**self.others, **heir.others})
+        :param role: of the stream; empty: none
+        :param exempt: whether `others` does not apply to it
+        """
+        found: Dict[str, Any] = {}
+        for profile in (*reversed(self.bases), self):
+            if role in profile.roles or stream in profile.streams:
+                found.update(profile.roles.get(role, {}))
+                found.update(profile.streams.get(stream, {}))
+            elif not exempt:
+                found.update(profile.others)
+        return found
+
+
+class Limit(NamedTuple):
+    """What a profile says of a role. It applies to streams that have the setting."""
+    value: Any
 
 
 def load(text: str, warn: Callable[[str], None] = lambda warning: None) -> Tuple[Dict[str, Profile], List[str]]:
@@ -70,16 +85,22 @@ def _profile(name: Any, values: Any, warn: Callable[[str], None]) -> Profile:
     if not isinstance(name, str) or not name:
         raise ValueError('its name is not a text')
     if not isinstance(values, dict) or not set(values) <= KEYS:
-        raise ValueError('it must have use, extends, streams and others, not %r' % (values,))
-    streams = values.get('streams') or {}
-    if not isinstance(streams, dict):
-        raise ValueError('streams: %r is not settings by name' % (streams,))
+        raise ValueError('it must have use, extends, roles, streams and others, not %r' % (values,))
+    streams, roles = values.get('streams') or {}, values.get('roles') or {}
+    for where, some in ('streams', streams), ('roles', roles):
+        if not isinstance(some, dict):
+            raise ValueError('%s: %r is not settings by name' % (where, some))
+    unknown = [str(role) for role in roles if role not in ROLES]
+    if unknown:
+        raise ValueError('%s: no such role; there are %s' % (', '.join(unknown), ', '.join(ROLES)))
 
     def settings(where: str, some: Any) -> Dict[str, Any]:
         return _settings(where, some, lambda warning: warn('profile %r, %s' % (name, warning)))
     return Profile(name, str(values.get('use', '')),
                    {stream: settings("stream '%s'" % stream, some) for stream, some in streams.items()},
-                   settings('others', values.get('others') or {}))
+                   settings('others', values.get('others') or {}),
+                   {role: {setting: Limit(value) for setting, value in settings("role '%s'" % role, some).items()}
+                    for role, some in roles.items()})
 
 
 def _settings(where: str, values: Any, warn: Callable[[str], None]) -> Dict[str, Any]:
@@ -105,7 +126,7 @@ def _with_bases(name: str, alone: Mapping[str, Profile], written: Mapping[Any, A
     :param written: {name: the file's content}
     :raises ValueError: where it extends a profile that is missing or wrong, or itself
     """
-    found, heirs = alone[name], [name]
+    heirs = [name]
     while written[heirs[-1]].get('extends') is not None:
         base = written[heirs[-1]]['extends']
         if base in heirs:
@@ -113,27 +134,53 @@ def _with_bases(name: str, alone: Mapping[str, Profile], written: Mapping[Any, A
         if base not in list(alone):
             raise ValueError('it extends %r, which %s' % (
                 base, 'is wrong' if base in list(written) else 'does not exist'))
-        found = alone[base].extended(found)
         heirs.append(base)
-    return found
+    profiles = [alone[heir] for heir in heirs]
+    return replace(profiles[0], bases=tuple(profiles[1:]),
+                   use=next((profile.use for profile in profiles if profile.use), ''))
 
 
-def settings_of(profiles: Mapping[str, Profile], tables: Mapping[str, Table], exempt: Collection[str] = ()
-                ) -> Tuple[Dict[str, Dict[str, Dict[str, Any]]], List[str]]:
+def settings_of(profiles: Mapping[str, Profile], tables: Mapping[str, Table],
+                configured: Mapping[str, Mapping[str, Any]]) -> Tuple[Dict[str, Dict[str, Dict[str, Any]]], List[str]]:
     """The settings that profiles give to the streams there are.
 
     :param tables: {stream: {setting: Parameter}} of the settings that may change while it runs
-    :param exempt: streams to which `others` does not apply
+    :param configured: {stream: {setting: value}}, as streams.yaml has them
     :return: ({profile: {stream: {setting: value}}}, [problem, ...]); wrong settings are left out
     """
+    roles = roles_of(configured)
     found: Dict[str, Dict[str, Dict[str, Any]]] = {name: {stream: {} for stream in tables} for name in profiles}
-    problems = []
+    problems = _unknown_settings(profiles, {*COARSER, *(setting for table in tables.values() for setting in table)})
     for name, profile in profiles.items():
         for stream, table in tables.items():
-            given = profile.streams.get(stream, {}) if stream in exempt else profile.of(stream)
+            given = profile.of(stream, roles[stream], works_in_every_focus(configured[stream]))
             for setting, value in given.items():
+                by_role = isinstance(value, Limit)
+                if by_role and setting not in table:
+                    continue
                 try:
-                    found[name][stream][setting] = check_one(setting, value, table)
+                    checked = check_one(setting, value.value if by_role else value, table)
+                    found[name][stream][setting] = limited(
+                        setting, checked, configured[stream][setting]) if by_role else checked
                 except ValueError as error:
-                    problems.append("profile %r, stream '%s': %s" % (name, stream, error))
-    return found, problems
+                    problems.append("profile %r, %s: %s" % (
+                        name, "role '%s'" % roles[stream] if by_role else "stream '%s'" % stream, error))
+    return found, list(dict.fromkeys(problems))
+
+
+def _unknown_settings(profiles: Mapping[str, Profile], known: Iterable[str]) -> List[str]:
+    """What roles are given that no stream has, in words."""
+    return ["profile %r, role '%s': %s: no such setting" % (name, role, setting)
+            for name, profile in profiles.items() for role, settings in profile.roles.items()
+            for setting in settings if setting not in known]
+
+
+def missing_streams(profiles: Mapping[str, Profile], streams: Mapping[str, Any]) -> List[str]:
+    """The warnings that profiles deserve which name streams that do not exist.
+
+    :param streams: those of streams.yaml, by name
+    """
+    missing = {name: [str(stream) for stream in profile.streams if stream not in streams]
+               for name, profile in profiles.items()}
+    return ['profile %r: streams.yaml has no stream %s' % (name, ', '.join(streams))
+            for name, streams in missing.items() if streams]

@@ -17,7 +17,8 @@ MAX_NODES = 32
 """Number of nodes whose reports are kept, the newest."""
 
 KINDS = {'topic': 'stream', 'peer': 'connection', 'jumps': 'clock', 'state': 'link', 'problems': 'settings',
-         'refused requests': 'requests', 'handshakes': 'transport', 'control': 'control', 'wifi': 'wifi'}
+         'refused requests': 'requests', 'handshakes': 'transport', 'control': 'control', 'wifi': 'wifi',
+         'refused': 'refused'}
 """{value that only this kind of status has: kind}"""
 
 DIAGNOSTICS = 'diagnostic_msgs/DiagnosticArray'

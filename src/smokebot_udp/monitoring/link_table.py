@@ -18,6 +18,9 @@ CONNECTION_COLUMNS = (
     ('kB/s', 8), ('DROPS', 7))
 """Drops are the kernel's: the socket's receive buffer was full."""
 
+UNITS = ('days', 86400.0, 1), ('h', 3600.0, 2), ('min', 60.0, 1), ('s', 1.0, 2), ('ms', 1e-3, 1)
+"""(name, [s], digits) of an offset: a clock of another epoch is off by years."""
+
 Columns = Sequence[Tuple[str, int]]
 
 
@@ -39,10 +42,11 @@ class Section(NamedTuple):
     operator: Optional[str]
 
 
-def render(board: Board, now: float, only: str = '') -> Tuple[List[Line], List[Line]]:
+def render(board: Board, now: float, only: str = '', short: bool = False) -> Tuple[List[Line], List[Line]]:
     """The whole table: (lines that stay at the top, lines that may scroll).
 
     :param only: name of the only operator to show: its node, or the namespace of its node; empty: all
+    :param short: without connections that are fine
     """
     age = board.age(now)
     if age is None:
@@ -59,12 +63,13 @@ def render(board: Board, now: float, only: str = '') -> Tuple[List[Line], List[L
     top += [_transport_line(status) for status in statuses if status.kind == 'transport']
     top += [_wifi_line(status) for status in statuses if status.kind == 'wifi']
     top += [_line(status, '%s: %s' % (status.node, status.message)) for status in statuses
-            if status.kind in ('settings', 'requests') and status.level]
+            if status.kind in ('settings', 'requests', 'refused') and status.level]
     body: List[Line] = []
     for section in sections:
         body += [Line(''), Line(section.title)] if len(sections) > 1 else []
         body += [_headings(STREAM_COLUMNS)] + _stream_lines(section, statuses)
-    connections = [_connection_line(status) for status in statuses if status.kind == 'connection']
+    connections = [_connection_line(status) for status in statuses
+                   if status.kind == 'connection' and (status.level or not short)]
     return top, body + ([Line(''), _headings(CONNECTION_COLUMNS)] + connections if connections else [])
 
 
@@ -130,9 +135,22 @@ def _with_problem(status: NodeStatus) -> str:
 def _clock_line(status: NodeStatus, whose: str) -> Line:
     if 'offset [ms]' not in status.values or status.level == STALE:
         return _line(status, 'clock%s: %s' % (whose, status.message))
-    return _line(status, "clock%s: the robot's is ahead by %s ms +- %s, round trip %s ms" % (
-        whose, status.number('offset [ms]', 1), status.number('uncertainty [ms]', 1),
+    return _line(status, "clock%s: the robot's is %s +- %s ms, round trip %s ms" % (
+        whose, offset_text(status.values['offset [ms]']), status.number('uncertainty [ms]', 1),
         status.number('round_trip [ms]', 1)))
+
+
+def offset_text(milliseconds: str) -> str:
+    """The offset of a clock in a readable unit.
+
+    :param milliseconds: a number as a text
+    """
+    try:
+        seconds = float(milliseconds) / 1e3
+    except ValueError:
+        return 'ahead by ?'
+    unit, size, digits = next((unit for unit in UNITS if abs(seconds) >= unit[1]), UNITS[-1])
+    return '%s by %.*f %s' % ('behind' if seconds < 0 else 'ahead', digits, abs(seconds) / size, unit)
 
 
 def _wifi_line(status: NodeStatus) -> Line:

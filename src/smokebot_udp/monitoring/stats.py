@@ -9,6 +9,9 @@ from typing import Dict, NamedTuple, Optional, Sequence, Tuple
 
 from ..image_error import ImageError
 
+PAUSED = 'the link is too slow for it and the other streams'
+"""Problem of a stream that is not sent because of this."""
+
 
 @dataclass(frozen=True)
 class ConnectionStats:

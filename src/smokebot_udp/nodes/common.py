@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Common to the nodes of both sides: they read their parameters, and load the streams of streams.yaml."""
+import functools
 import os
 from typing import Any, Callable, Dict, List, Mapping, Tuple
 
@@ -33,6 +34,8 @@ class Parameters:
         found = rpc.repeated(lambda: rospy.get_param('~', {}))
         self.table, self.report = table, report
         self.values: Dict[str, Any] = found if isinstance(found, dict) else {}
+        self.refused: Dict[str, str] = {}
+        """{stream: why it does not run}"""
 
     def __getitem__(self, name: str) -> Any:
         """A parameter's value in its type; a wrong one is reported, and the default is used. A list is a text, too."""
@@ -47,6 +50,10 @@ class Parameters:
         except ValueError as error:
             self.report('%s is %r, %s: %r is used' % (rospy.resolve_name('~' + name), value, error, parameter.default))
             return parameter.default
+
+    def fill_in(self, values: Mapping[str, Any]) -> None:
+        """Give parameters that are empty a value."""
+        self.values.update({name: value for name, value in values.items() if not self[name]})
 
 
 def read_file(parameters: Parameters, name: str, default: str, load: Load) -> Dict[str, Any]:
@@ -71,16 +78,18 @@ def read_streams(parameters: Parameters) -> Dict[str, Dict[str, Any]]:
 
     It imports what they need, which takes most of a node's start: call it before a transport tells others to come.
     """
-    return read_file(parameters, 'streams_file', 'streams.yaml', config.load)
+    return read_file(parameters, 'streams_file', 'streams.yaml', functools.partial(
+        config.load, refuse=parameters.refused.__setitem__))
 
 
 def start_streams(definitions: Mapping[str, Dict[str, Any]], make_stream: Callable[[str, Dict[str, Any]], Any],
-                  report: Callable[[str], None]) -> Dict[str, Any]:
+                  report: Callable[[str], None], refuse: Callable[[str, str], None]) -> Dict[str, Any]:
     """Start each stream; if one cannot start, the others still do.
 
     :param definitions: as of read_streams
     :param make_stream: f(name, settings) -> stream with start()
     :param report: f(problem)
+    :param refuse: f(name, why), called with each stream that does not start
     :return: {name: stream}
     """
     streams = {}
@@ -94,4 +103,5 @@ def start_streams(definitions: Mapping[str, Dict[str, Any]], make_stream: Callab
             if stream is not None:
                 stream.close()      # what it has started already
             report("stream '%s' (%s) does not start: %s" % (name, settings['type'], error))
+            refuse(name, 'it does not start: %s' % error)
     return streams

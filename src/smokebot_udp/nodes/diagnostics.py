@@ -13,7 +13,7 @@ import dataclasses
 import functools
 import socket
 import time
-from typing import Any, Callable, Dict, Iterable, List, Mapping, Sequence
+from typing import Any, Callable, Dict, Iterable, List, Mapping, Optional, Sequence
 
 import diagnostic_updater
 import rosgraph
@@ -23,9 +23,9 @@ from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from .. import udpros
 from ..monitoring.link_status import clock_status, link_status
 from ..monitoring.request_status import RequestMonitor
-from ..monitoring.source_types import SourceTypes
-from ..monitoring.stats import StreamStats
-from ..monitoring.status import OPERATOR, ROBOT, Status
+from ..monitoring.sources import ACTION, SERVICE, SourceWatch, graph_of
+from ..monitoring.stats import PAUSED, StreamStats
+from ..monitoring.status import ERROR, OPERATOR, ROBOT, Status
 from ..monitoring.stream_status import StreamMonitor
 from ..monitoring.thresholds import Thresholds
 from ..monitoring.transport_status import transport_status
@@ -33,6 +33,7 @@ from ..monitoring.wifi import WifiState, wifi_status
 from ..transport import Transport
 from ..udpros import rpc
 from .logging import log_error
+from .stream_problems import StreamProblems
 from .way_back import WayBack
 from .worker import PeriodicWorker
 
@@ -65,11 +66,11 @@ class Diagnostics:
     """Publishes statuses from its own thread: a simulated clock that stops must not stop it.
 
     :param sources: functions of the time [s] that return statuses; if one fails the others are still published
-    :param types: what they ask the master for
+    :param watch: what they ask the master for
     """
 
-    def __init__(self, sources: Sequence[Callable[[float], List[Status]]], types: 'MasterTypes') -> None:
-        self._sources, self._types, self._log_error = sources, types, log_error('diagnostics')
+    def __init__(self, sources: Sequence[Callable[[float], List[Status]]], watch: 'MasterWatch') -> None:
+        self._sources, self._watch, self._log_error = sources, watch, log_error('diagnostics')
         # only the Updater's publish: its list of tasks is fixed, but connections come and go
         self._updater = diagnostic_updater.Updater()
         self._worker = PeriodicWorker('diagnostics', self._publish, self._log_error, PERIOD)
@@ -87,22 +88,23 @@ class Diagnostics:
 
     def close(self) -> None:
         self._worker.stop()
-        self._types.close()
+        self._watch.close()
 
 
-class MasterTypes(SourceTypes):
+class MasterWatch(SourceWatch):
     """Asks the master from its own thread: over a link that is cut it takes seconds to find that it does not answer."""
 
     def __init__(self) -> None:
-        self._worker = PeriodicWorker('topic types', self._update, log_error('the types of topics'), None)
-        super().__init__(self._worker.wake)
+        self._worker = PeriodicWorker('sources', self._update, log_error('the sources of streams'), None)
+        super().__init__(self._worker.wake, time.monotonic())
         self._worker.start()
 
     def _update(self) -> None:
         try:
-            self.types = dict(rpc.call(rosgraph.get_master_uri(), 'getTopicTypes'))
+            master = rosgraph.get_master_uri()
+            self.answer(graph_of(rpc.call(master, 'getSystemState'), rpc.call(master, 'getTopicTypes')))
         except (rpc.Unreachable, rpc.Refused):
-            self.types = {}
+            self.answer(None)
 
     def close(self) -> None:
         """End the thread."""
@@ -110,7 +112,7 @@ class MasterTypes(SourceTypes):
 
 
 def robot_diagnostics(streams: Mapping[str, Any], way_back: WayBack, link: Any, parameters: Any, problems: Any,
-                      transport: Transport) -> Diagnostics:
+                      transport: Transport, found: StreamProblems) -> Diagnostics:
     """Start the diagnostics of the robot's side.
 
     :param streams: {name: RobotStream}, started
@@ -118,19 +120,24 @@ def robot_diagnostics(streams: Mapping[str, Any], way_back: WayBack, link: Any, 
     :param link: link_control.LinkControl
     :param parameters: common.Parameters
     :param problems: problems.Problems
+    :param found: gets what is wrong with the sources of streams
     :return: to be closed before the streams and the transport
     """
-    types, requests = MasterTypes(), RequestMonitor(ROBOT)
+    watch, requests = MasterWatch(), RequestMonitor(ROBOT)
 
     def update(stream: Any, monitor: StreamMonitor, now: float) -> List[Status]:
-        return monitor.update(_stats_with_type(stream, monitor, types, now), now)
+        stats: StreamStats = stream.stats()
+        problem = _source_problem(stream, stats, monitor, watch, now)
+        found.note(stream.name, problem, stats.problem if stats.problem != PAUSED else None)
+        return monitor.update(_with_problem(stats, problem), now)
 
     def update_node(now: float) -> List[Status]:
         return [link_status(link.stats(now)), wifi_status(link.wifi.state, ROBOT), *way_back.statuses(now),
-                _settings_status(problems, ROBOT, now), requests.update(udpros.refused_requests(), now),
+                _settings_status(problems, ROBOT, now),
+                *_refused_status(parameters.refused, ROBOT), requests.update(udpros.refused_requests(), now),
                 *_transport_status(transport, ROBOT, now)]
     return Diagnostics(_sources(ROBOT, {**streams, **way_back.streams}, parameters, update) + [update_node],
-                       types)
+                       watch)
 
 
 def operator_diagnostics(streams: Mapping[str, Any], way_back: WayBack, clock: Any, parameters: Any, problems: Any,
@@ -147,7 +154,7 @@ def operator_diagnostics(streams: Mapping[str, Any], way_back: WayBack, clock: A
     :param wifi: f() -> the state of this machine's Wi-Fi
     :return: to be closed before the streams, the clock and the transport
     """
-    types, requests = MasterTypes(), RequestMonitor(OPERATOR)
+    watch, requests = MasterWatch(), RequestMonitor(OPERATOR)
 
     def update(stream: Any, monitor: StreamMonitor, now: float) -> List[Status]:
         stats, robot, estimate = stream.stats(), sent().get(stream.name), clock.estimate
@@ -156,22 +163,38 @@ def operator_diagnostics(streams: Mapping[str, Any], way_back: WayBack, clock: A
         return monitor.update(stats, now, estimate.offset if estimate else None)
 
     def update_back(stream: Any, monitor: StreamMonitor, now: float) -> List[Status]:
-        return monitor.update(_stats_with_type(stream, monitor, types, now), now)
+        stats: StreamStats = stream.stats()
+        return monitor.update(_with_problem(stats, _source_problem(stream, stats, monitor, watch, now, False)), now)
 
     def update_node(now: float) -> List[Status]:
         return [clock_status(clock.estimate, clock.counts), wifi_status(wifi(), OPERATOR), *way_back.statuses(now),
-                _settings_status(problems, OPERATOR, now), requests.update(udpros.refused_requests(), now),
+                _settings_status(problems, OPERATOR, now),
+                *_refused_status(parameters.refused, OPERATOR), requests.update(udpros.refused_requests(), now),
                 *_transport_status(transport, OPERATOR, now)]
     return Diagnostics(_sources(OPERATOR, streams, parameters, update)
-                       + _sources(OPERATOR, way_back.streams, parameters, update_back) + [update_node], types)
+                       + _sources(OPERATOR, way_back.streams, parameters, update_back) + [update_node], watch)
 
 
-def _stats_with_type(stream: Any, monitor: StreamMonitor, types: SourceTypes, now: float) -> StreamStats:
-    """The stats of a stream; a source of another type is its problem, unless it has one."""
-    stats: StreamStats = stream.stats()
-    if stats.problem or not stream.source_type or not monitor.waits_for_source(stats, now):
-        return stats
-    return dataclasses.replace(stats, problem=types.problem(stream.topic, stream.source_type, now))
+def _source_problem(stream: Any, stats: StreamStats, monitor: StreamMonitor, watch: SourceWatch, now: float,
+                    must_exist: bool = True) -> Optional[str]:
+    """What is wrong with the source of a stream; None: nothing is known.
+
+    :param must_exist: whether a source that is missing is a problem, or only one of another type
+    """
+    source = stream.source
+    if source is None or not stats.enabled:
+        return None
+    if source.kind in (SERVICE, ACTION):
+        return watch.problem(source, now)
+    if not monitor.waits_for_source(stats, now):
+        return None
+    problem = watch.problem(source, now, stats.steady)
+    return problem if must_exist or ' must be ' in (problem or '') else None
+
+
+def _with_problem(stats: StreamStats, problem: Optional[str]) -> StreamStats:
+    """The stats of a stream; a problem of its source is its problem, unless it has one."""
+    return stats if stats.problem or not problem else dataclasses.replace(stats, problem=problem)
 
 
 def _sources(side: str, streams: Mapping[str, Any], parameters: Any,
@@ -186,6 +209,12 @@ def _settings_status(problems: Any, side: str, now: float) -> Status:
     """The status of the settings: which ones were refused."""
     level, message, values = problems.verdict(now)
     return Status('settings', level, message, {'side': side, **values})
+
+
+def _refused_status(refused: Mapping[str, str], side: str) -> List[Status]:
+    """The status of the streams that do not run, where there are any."""
+    return [Status('refused streams', ERROR, '; '.join('%s: %s' % item for item in refused.items()), {
+        'side': side, 'refused': len(refused), **refused})] if refused else []
 
 
 def _transport_status(transport: Transport, side: str, now: float) -> List[Status]:

@@ -7,7 +7,7 @@ switch. mission.control decides; this is its ROS side.
 """
 import functools
 import threading
-from typing import Any, Callable, FrozenSet, Mapping, Tuple
+from typing import Any, Callable, FrozenSet, List, Mapping, Tuple
 
 import rospy
 from dynamic_reconfigure.encoding import encode_config
@@ -15,6 +15,7 @@ from dynamic_reconfigure.msg import DoubleParameter
 from std_msgs.msg import Bool
 
 from ..limited_log import ERROR_PERIOD, logwarn
+from ..mission.changes import answer
 from ..mission.control import MissionControl, State
 from ..mission.focus import Profile
 from ..mission.settings import Settings, SettingsStore
@@ -31,6 +32,9 @@ from .worker import PeriodicWorker
 
 CHANGES_PERIOD = 10.0
 """Period at which the status is published where grants have changed: it takes 400 bytes of the link [s]."""
+
+MAX_PROBLEMS = 6
+"""In the status, which crosses the link: it takes a datagram without, and two with so many."""
 
 REQUESTS = '/smokebot_udp/focus/request'
 """Topic of the operator's requests."""
@@ -49,13 +53,16 @@ class FocusControl:
     :param report: f(problem), called with what is refused
     :param link: over which operators request a focus, and settings where they have masters of their own
     :param standing: f() -> who drives now
+    :param problems: f() -> {stream: what is wrong with its source, or why it does not run}
     """
 
     def __init__(self, stores: Mapping[str, SettingsStore], profiles: Mapping[str, Profile],
                  shares: Callable[[], Mapping[str, float]], switched: Callable[[], None],
                  report: Callable[[str], None], link: RobotLink,
-                 standing: Callable[[], Standing] = Standing) -> None:
+                 standing: Callable[[], Standing] = Standing,
+                 problems: Callable[[], Mapping[str, str]] = dict) -> None:
         self._shares, self._forget, self._report, self._standing = shares, switched, report, standing
+        self._problems = problems
         self._status = rospy.Publisher('~status', RobotStatus, queue_size=1, latch=True)
         self._modified_topic = rospy.Publisher('~focus/modified', Bool, queue_size=1, latch=True)
         self._publishing = threading.Lock()     # otherwise an older status might be latched after a newer one
@@ -75,6 +82,8 @@ class FocusControl:
         rospy.Service('~set_focus', SetFocus, self._serve)
         self._requests = link.transport.subscriber(REQUESTS, FocusRequest, self._requested, queue_size=5)
         self._publish()
+        for warning in self.control.warnings:
+            logwarn('', warning, ERROR_PERIOD)
 
     def _switched(self, focus: str) -> None:
         self._forget()
@@ -91,13 +100,14 @@ class FocusControl:
             part.show()
 
     def _serve(self, request: Any) -> Any:
+        before = self._streams(self.control.state())
         try:
             self.control.switch(request.focus)
         except ValueError as error:
             self._report('~set_focus: %s' % error)
             return SetFocusResponse(False, str(error))
         self._publish()
-        return SetFocusResponse(True, 'the focus is ' + request.focus)
+        return SetFocusResponse(True, answer(request.focus, before, self._streams(self.control.state())))
 
     def _requested(self, request: Any) -> None:
         """The operator's request; it is repeated until the operator has the answer."""
@@ -109,29 +119,45 @@ class FocusControl:
         before, self._present = self._present, frozenset(self._standing().operators)
         if self._host is not None and self._present - before:
             self._host.joined()
+        self.changed()
+
+    def changed(self) -> None:
+        """Publish the status soon, where anything of it has changed; any thread."""
         self._changes.wake()
 
     def _publish_changes(self) -> None:
-        """Publish the status where grants have changed, or who drives."""
-        if self._published != _changing(self.control.state(), self._standing()):
+        """Publish the status where grants have changed, who drives, or what is wrong."""
+        if self._published != self._changing():
             self._publish()
 
     def _publish(self) -> None:
         """Publish the status."""
         with self._publishing:
             state, standing = self.control.state(), self._standing()
-            self._published = _changing(state, standing)
-            shares = self._shares()
+            self._published = self._changing()
             status = RobotStatus(
                 focus=state.focus, modified=bool(state.modified), profiles=self.control.profiles,
                 request=state.answer.request, refusal=state.answer.refusal,
                 driver=standing.driver, estop=standing.estop, operators=list(standing.operators),
-                streams=[stream_status(name, settings, self.control.configured(name), name in state.modified,
-                                       shares.get(name, 0.0) / KBIT)
-                         for name, settings in classified(state.streams).streams.items()])
+                streams=self._streams(state),
+                problems=['%s: %s' % problem for problem in list(self._problems().items())[:MAX_PROBLEMS]])
             status.header.stamp = rospy.Time.now()
             self._status.publish(status)
             self._modified_topic.publish(status.modified)
+
+    def _changing(self) -> Tuple[Any, ...]:
+        """What of the status may change without a request. Grants follow the link: their first digit counts."""
+        granted = [None if settings.granted is None else {
+            name: '%.1g' % value if isinstance(value, float) else value for name, value in settings.granted.items()}
+            for settings in self.control.state().streams.values()]
+        return granted, self._standing(), self._problems()
+
+    def _streams(self, state: State) -> List[Any]:
+        """The StreamStatus of each stream with a share of the link."""
+        shares = self._shares()
+        return [stream_status(name, settings, self.control.configured(name), name in state.modified,
+                              shares.get(name, 0.0) / KBIT)
+                for name, settings in classified(state.streams).streams.items()]
 
     def close(self) -> None:
         """End all threads and subscriptions."""
@@ -141,14 +167,6 @@ class FocusControl:
         self._watch.stop()
         self._show.stop()
         self._changes.stop()
-
-
-def _changing(state: State, standing: Standing) -> Tuple[Any, ...]:
-    """What of the status may change without a request. Grants follow the link: their first digit counts."""
-    granted = [None if settings.granted is None else {
-        name: '%.1g' % value if isinstance(value, float) else value for name, value in settings.granted.items()}
-        for settings in state.streams.values()]
-    return granted, standing
 
 
 def stream_status(name: str, settings: Settings, configured: Mapping[str, Any], modified: bool, share: float) -> Any:

@@ -3,10 +3,11 @@
 import random
 import threading
 import time
-from typing import Any, Dict, Optional
+from typing import Any, Dict, Optional, Sequence
 
 import rospy
 
+from ..mission.changes import answer
 from ..msg import FocusRequest, RobotStatus
 from ..srv import SetFocus, SetFocusResponse
 from ..traffic import EXPEDITED
@@ -60,12 +61,13 @@ class FocusClient:
             request = FocusRequest(id=random.randint(1, 2 ** 32 - 1), focus=asked.focus)
             deadline = time.monotonic() + self._patience
             with self._answered:
+                before = self._status.streams if self._status else []
                 while self._status is None or self._status.request != request.id:
                     if time.monotonic() > deadline or rospy.is_shutdown():
                         return SetFocusResponse(False, 'the robot did not answer in %g s' % self._patience)
                     self._requests.publish(request)
                     self._answered.wait(RETRY_PERIOD)
-                return _response(asked.focus, self._status)
+                return _response(asked.focus, before, self._status)
 
     def close(self) -> None:
         """End the subscriptions."""
@@ -74,11 +76,12 @@ class FocusClient:
             self._subscriber.unregister()
 
 
-def _response(focus: str, status: Any) -> Any:
-    """The response to a request for a focus, by the RobotStatus that answers it."""
+def _response(focus: str, before: Sequence[Any], status: Any) -> Any:
+    """The response to a request for a focus, by the StreamStatus messages before and the RobotStatus that answers it.
+    """
     if status.refusal:
         return SetFocusResponse(False, status.refusal)
     if status.focus != focus:
         return SetFocusResponse(False, 'the focus was %s, but a later request switched it to %s' % (
             focus, status.focus))
-    return SetFocusResponse(True, 'the focus is ' + focus)
+    return SetFocusResponse(True, answer(focus, before, status.streams))

@@ -8,7 +8,6 @@ import argparse
 import contextlib
 import curses
 import json
-import os
 import sys
 import threading
 import time
@@ -26,6 +25,7 @@ from ..monitoring.link_board import LEVELS, STALE, Board, NodeStatus, printable
 from ..monitoring.link_snapshot import Tree, snapshot
 from ..monitoring.link_status import HOLE
 from ..monitoring.link_table import Line, render
+from ..monitoring.stats import PAUSED
 from ..monitoring.status import OK, OPERATOR, ROBOT, WARN
 from ..monitoring.wifi import WifiState, wifi_status
 from ..msg import LinkStatus, RobotStatus
@@ -78,18 +78,22 @@ def relayed_link(message: Any) -> List[NodeStatus]:
 def relayed_streams(message: Any) -> List[NodeStatus]:
     """What a relayed RobotStatus reports: who drives, and how often each stream may be sent at most."""
     operators = [printable(name) for name in message.operators[:MAX_RELAYED]]
+    problems = {name: why for name, _, why in (printable(text).partition(': ')
+                                               for text in message.problems[:MAX_RELAYED])}
     control = control_text(printable(message.driver), message.estop, operators)
     statuses = [NodeStatus('', WARN if message.estop else OK, control, {'side': ROBOT, 'control': control})]
     for stream in message.streams[:MAX_RELAYED]:
         if stream.type in EXCHANGES:
             continue
+        problem = problems.pop(printable(stream.name), '')
         rate = min([stream.rate] + [limit.value for limit in stream.granted if limit.name == 'rate'])
         statuses.append(NodeStatus(
-            '', WARN if stream.paused else OK,
-            'the link is too slow for it and the other streams' if stream.paused else 'fine', {
+            '', WARN if stream.paused or problem else OK,
+            problem or (PAUSED if stream.paused else 'fine'), {
                 'side': ROBOT, 'stream': printable(stream.name), 'topic': '',
                 'at most [Hz]': str(rate if stream.enabled and not stream.paused else 0.0)}))
-    return statuses
+    return statuses + [NodeStatus('', WARN, why, {'side': ROBOT, 'stream': name, 'topic': ''})
+                       for name, why in problems.items()]
 
 
 def relayed_diagnostics(message: Any) -> List[NodeStatus]:
@@ -158,10 +162,10 @@ class Listener:
         with self._lock:
             return self._board.sides
 
-    def lines(self) -> Tuple[List[Line], List[Line]]:
+    def lines(self, short: bool = False) -> Tuple[List[Line], List[Line]]:
         """The table now, see link_table.render."""
         with self._lock:
-            return render(self._board, time.monotonic(), self._only)
+            return render(self._board, time.monotonic(), self._only, short)
 
     def tree(self) -> Tree:
         """All values now, see link_snapshot.snapshot."""
@@ -213,28 +217,27 @@ def print_json(listener: Listener) -> None:
 
 
 def print_objects(listener: Listener) -> int:
-    """Print an object periodically, until nobody reads it; returns the exit code."""
-    try:
-        while True:
-            print_json(listener)
-            time.sleep(JSON_PERIOD)
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())      # it is flushed once more at the exit
-        return 0
+    """Print an object periodically, until nobody reads it."""
+    while True:
+        print_json(listener)
+        time.sleep(JSON_PERIOD)
 
 
-def print_once(listener: Listener, wait: float, as_json: bool) -> int:
-    """Print the table or an object once, when both sides have reported or after `wait` [s]; returns the exit code."""
+def print_once(listener: Listener, wait: float, as_json: bool, whole: bool) -> int:
+    """Print the table or an object once, when both sides have reported or after `wait` [s]; returns the exit code.
+
+    :param whole: whether the table has connections and streams that do nothing, too
+    """
     deadline = time.monotonic() + wait
     while time.monotonic() < deadline and len(listener.sides) < 2:
         time.sleep(0.05)
-    top, body = listener.lines()
+    top, body = listener.lines(not whole)
     if as_json:
         print_json(listener)
     if not body:
         return fail('link_top', 'no report of robot_sender or operator_receiver on /diagnostics within %g s' % wait)
     if not as_json:
-        print('\n'.join(line.text for line in top + body))
+        print('\n'.join(line.text for line in top + body), flush=True)
     return 0
 
 
@@ -261,7 +264,7 @@ def run(arguments: argparse.Namespace) -> int:
     rospy.init_node('link_top', anonymous=True, disable_signals=True, log_level=rospy.FATAL)
     listener = Listener(arguments.operator)
     if arguments.once:
-        return print_once(listener, arguments.wait, arguments.json)
+        return print_once(listener, arguments.wait, arguments.json, arguments.all)
     return print_objects(listener) if arguments.json else show_live(listener, arguments.plain)
 
 
@@ -269,7 +272,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         prog='link_top', description="Show the link's streams and connections live.",
         epilog='The arrow and page keys scroll; q or Ctrl-C quits.')
-    parser.add_argument('--once', action='store_true', help='print the table once and exit')
+    parser.add_argument('--once', action='store_true', help='print the table of streams once and exit')
+    parser.add_argument('--all', action='store_true', help='with --once: all connections, too')
     parser.add_argument('--json', action='store_true',
                         help='print all values as a JSON object on a line of its own, once a second')
     parser.add_argument('--plain', action='store_true', help='the table of text, as without the Python module rich')

@@ -14,6 +14,7 @@ from rich.text import Text
 
 from ..monitoring.history import ASCII_BARS, BARS, History, sparkline
 from ..monitoring.link_snapshot import Key, Tree, plotted, stream_key
+from ..monitoring.link_table import offset_text
 from .terminal import single_keys
 
 STYLES = {'OK': 'bold green', 'WARN': 'bold yellow', 'ERROR': 'bold red', 'STALE': 'bold magenta'}
@@ -146,11 +147,13 @@ def show(take: Callable[[], Tree], clock: Callable[[], float], period: float) ->
 
 
 def _operators(operators: Sequence[Tree]) -> Table:
-    table = _table('Operators', ('LEVEL', 'OPERATOR', 'RECEIVES FROM'), ('CLOCK AHEAD ms', '+-'), ('',))
+    table = _table('Operators', ('LEVEL', 'OPERATOR', 'RECEIVES FROM'), ('CLOCK', '+- ms'), ('',))
     for operator in operators:
         clock = operator['clock'] or {}
+        offset = clock.get('offset')
         _row(table, operator['level'], [
-            operator['node'], ', '.join(operator['receives_from']) or '-', _number(clock.get('offset'), 1, 1e3),
+            operator['node'], ', '.join(operator['receives_from']) or '-',
+            '-' if offset is None else offset_text(str(1e3 * offset)),
             _number(clock.get('uncertainty'), 1, 1e3), '; '.join(operator['problems'])])
     return table
 

@@ -40,7 +40,7 @@ class OperatorAction:
     :param way: carries all of it
     :param refused: why no goal is sent; None: they are
     """
-    source_type = ''
+    source = None
 
     def __init__(self, name: str, settings: Mapping[str, Any], way: OperatorWay,
                  refused: Optional[str] = None) -> None:

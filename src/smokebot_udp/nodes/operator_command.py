@@ -13,6 +13,7 @@ import rospy
 from ..limited_log import ERROR_PERIOD, logerr, logwarn
 from ..mission.parameters import live
 from ..mission.settings import Settings, SettingsStore
+from ..monitoring.sources import TOPIC, Source
 from ..monitoring.stats import ConnectionStats, StreamStats
 from ..msg import Command
 from ..serialised import serialised
@@ -67,9 +68,9 @@ class OperatorCommand:
         self.settings.subscribe(self._configure)
 
     @property
-    def source_type(self) -> str:
-        """The message type of the commands, as package/Type."""
-        return str(self._class._type)
+    def source(self) -> Source:
+        """Where the commands come from."""
+        return Source(TOPIC, self.topic, self._class._type)
 
     def start(self) -> None:
         """Begin to send."""
@@ -128,14 +129,15 @@ class OperatorCommand:
 
     def _receive(self, message: Any) -> None:
         """Take a command; rospy's thread."""
-        if message._type != self.source_type:   # where this node subscribes the topic with another type as well
-            self._report(ValueError('it is %s, must be %s' % (message._type, self.source_type)))
+        if message._type != self.source.type:   # where this node subscribes the topic with another type as well
+            self._report(ValueError('it is %s, must be %s' % (message._type, self.source.type)))
             return
         now = time.monotonic()
         outlook, age = self._way.control.outlook(now), self._view_age(now)
         data = serialised(message)
         with self._worker.changing():
             self._received += 1
+            self._way.control.commanded = True
             self._newest = message, now
             reason = self._follow(self._interlock.may_send(
                 self._neutral.deviation(message), age, self._sender.accepts(outlook.time), outlook.refusal,

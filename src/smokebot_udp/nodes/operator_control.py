@@ -56,6 +56,9 @@ Lock = Callable[[float], Optional[str]]
 Rest = Callable[[float], Optional[str]]
 """f(now) -> what a command stream's sticks show, which is neutral from now on, None: it does not wait for that"""
 
+LOCKED = 'LOCKED: '
+NO_COMMANDS = 'no command stream'
+
 
 class Outlook(NamedTuple):
     """What the robot makes of commands, as this operator knows it."""
@@ -78,6 +81,8 @@ class OperatorControl:
         """Of this node."""
         self._client, self._clock, self._input = ControlClient(self.session), RobotClock(), EstopInput()
         self._notice, self._stall = notice, Stall()
+        self.commanded = False
+        """Whether a command came at this desk: until then images show no lock. Command streams set it."""
         self._locks: Dict[str, Lock] = {}       # by command stream, as are these
         self._rests: Dict[str, Rest] = {}
         self._answered = threading.Condition()
@@ -269,8 +274,8 @@ class OperatorControl:
     def _show_state(self) -> None:
         now = time.monotonic()
         notice = self._notice_text(now)
-        self._notice.show(notice)
-        state = notice or self.outlook(now).refusal or (IN_CONTROL if self._locks else 'no command stream')
+        self._notice.show(notice if self.commanded or not notice.startswith(LOCKED) else '')
+        state = notice or self.outlook(now).refusal or (IN_CONTROL if self._locks else NO_COMMANDS)
         if state != self._state and not rospy.is_shutdown():
             self._state = state
             self._states.publish(state)
@@ -297,4 +302,4 @@ def lock_text(reasons: Mapping[str, Optional[str]]) -> str:
     if not locked:
         return ''
     name, reason = min(locked.items(), key=lambda item: not item[1].startswith(START_FROM_NEUTRAL))
-    return 'LOCKED: ' + (reason if len(locked) == len(reasons) else '%s: %s' % (name, reason))
+    return LOCKED + (reason if len(locked) == len(reasons) else '%s: %s' % (name, reason))

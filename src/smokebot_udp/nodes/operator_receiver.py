@@ -40,6 +40,7 @@ from .parameters import OPERATOR_RECEIVER
 from .path_monitor import PathAnswers
 from .problems import Problems
 from .robot_markers import RobotMarkers
+from .rviz_displays import base_frame_of, colours_of, odometry_of
 from .settings_mirror import SettingsMirror
 from .stale import StaleStreams
 from .transports import operator_transport
@@ -56,7 +57,9 @@ class OperatorReceiver:
         problems = Problems()
         parameters = Parameters(OPERATOR_RECEIVER, problems.report)
         udpros.emulate_loss(parameters['loss'], parameters['loss_seed'])
-        definitions = classified(read_streams(parameters))
+        streams = read_streams(parameters)
+        parameters.fill_in({'odom_topic': odometry_of(streams), 'base_frame': base_frame_of(streams)})
+        definitions = classified(streams)
         self._transport = operator_transport(parameters)
         self._path = PathAnswers(self._transport)
         notice = Notice()
@@ -71,7 +74,8 @@ class OperatorReceiver:
                                 self._arrived, self._clock.offset, self._codec, VideoDecoder,
                                 self._held.received, parameters['frame_prefix'], notice)
             self.streams = start_streams(
-                definitions.streams, lambda name, settings: OperatorStream(name, settings, link), parameters.report)
+                definitions.streams, lambda name, settings: OperatorStream(name, settings, link), parameters.report,
+                parameters.refused.__setitem__)
             self._capture = OperatorCapture(self._transport, self.streams, self._codec, self._reporter.arrived,
                                             parameters)
             status = [stream.topic for stream in self.streams.values() if stream.assembler.MESSAGE is RobotStatus]
@@ -106,6 +110,7 @@ class OperatorReceiver:
             parameters['clear_stale'])
         self._markers = RobotMarkers(parameters)
         self._overlay = Overlay(self.streams, self._focus, control, operator_topic(parameters['overlay_topic']),
+                                colours_of({name: stream.settings.current for name, stream in self.streams.items()}),
                                 lambda: self._wifi.state.signal)
 
     def _view_age(self, name: str, now: float) -> Optional[float]:

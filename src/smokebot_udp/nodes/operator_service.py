@@ -29,7 +29,7 @@ class OperatorService:
     :param way: carries requests and answers
     :param refused: why no call is sent; None: they are
     """
-    source_type = ''
+    source = None
 
     def __init__(self, name: str, settings: Mapping[str, Any], way: OperatorWay,
                  refused: Optional[str] = None) -> None:

@@ -11,7 +11,7 @@ from ..codecs.display.overlay import OperatorStatus, Tile, overlay, tiles
 from ..msg import LinkStatus
 from .focus_client import FocusClient
 from .logging import log_error
-from .operator_control import IN_CONTROL, OperatorControl
+from .operator_control import IN_CONTROL, NO_COMMANDS, OperatorControl
 from .worker import PeriodicWorker
 
 PERIOD = 0.2
@@ -26,16 +26,17 @@ class Overlay:
 
     :param streams: {name: OperatorStream}, started
     :param topic: of the sensor_msgs/Image
+    :param legend: see codecs.display.overlay.overlay
     :param signal: f() -> of the Wi-Fi on this side; NaN: unknown [dBm]
     """
 
     def __init__(self, streams: Mapping[str, Any], focus: FocusClient, control: OperatorControl, topic: str,
-                 signal: Callable[[], float]) -> None:
-        self._focus, self._control, self._signal = focus, control, signal
+                 legend: Mapping[str, Optional[Tuple[int, int, int]]], signal: Callable[[], float]) -> None:
+        self._focus, self._control, self._signal, self._legend = focus, control, signal, legend
         self._sources = {class_: stream for stream in reversed(list(streams.values()))
                          for class_ in (LinkStatus, BatteryState) if stream.assembler.MESSAGE is class_}
         self._newest: Dict[Any, Any] = {}     # by class
-        self._shown: Tuple[Tile, ...] = ()
+        self._shown: Tuple[Tuple[Tile, ...], Tuple[str, ...]] = (), ()
         self._published = -math.inf     # [s]
         self._subscribers = [rospy.Subscriber(stream.topic, class_, self._take, class_, queue_size=1)
                              for class_, stream in self._sources.items()]
@@ -50,10 +51,11 @@ class Overlay:
         if not self._publisher.get_num_connections() or rospy.is_shutdown():
             return
         now = time.monotonic()
-        shown = tiles(self._status(now))
+        status = self._status(now)
+        shown = tiles(status), status.problems
         if shown == self._shown and now < self._published + REPEAT_PERIOD:
             return
-        image = overlay(shown)
+        image = overlay(*shown, self._legend)
         self._publisher.publish(Image(height=image.shape[0], width=image.shape[1], encoding='bgr8',
                                       step=image.strides[0], data=image.tobytes()))
         self._shown, self._published = shown, now
@@ -68,10 +70,11 @@ class Overlay:
         if battery is not None:
             values.update(charge=battery.percentage, voltage=battery.voltage)
         if robot is not None:
-            values.update(focus=robot.focus, modified=robot.modified)
+            values.update(focus=robot.focus, modified=robot.modified, problems=tuple(robot.problems))
         estop, driver, drives = self._control.situation()
         state = self._control.state
-        return OperatorStatus(link_silence=self._silence(now), control=state, free=state == IN_CONTROL, estop=estop,
+        return OperatorStatus(link_silence=self._silence(now), control=state, free=state == IN_CONTROL,
+                              commands=state != NO_COMMANDS, estop=estop,
                               driver=driver, drives=drives, **values)
 
     def _silence(self, now: float) -> float:

@@ -83,8 +83,8 @@ OPERATOR_RECEIVER = {
     'wifi_interface': _WIFI_INTERFACE,
     'dscp': _DSCP,
     **_LOSS,
-    'odom_topic': Parameter('/operator/odom', '', 'nav_msgs/Odometry, from which it is known whether the robot stands '
-                            "still; in the operator's namespace"),
+    'odom_topic': Parameter('', '', 'nav_msgs/Odometry, from which it is known whether the robot stands still; in the '
+                            "operator's namespace; empty: that of the first relay of nav_msgs/Odometry"),
     'cmd_vel_topic': Parameter('/cmd_vel', '', 'geometry_msgs/Twist, used where there is no odometry; images are used '
                                'where there is neither'),
     'focus_patience': Parameter(10.0, 's', 'timeout of ~set_focus', least=0.1),
@@ -106,7 +106,8 @@ OPERATOR_RECEIVER = {
                              'last cloud or scan of a stream that is stale or not sent any more: rviz would go on '
                              'showing it'),
     'frame_prefix': Parameter('', '', "goes before all frames of the robot's messages, such as ugv1/"),
-    'base_frame': Parameter('base_link', '', 'frame of the robot above which NO DATA stands'),
+    'base_frame': Parameter('', '', 'frame of the robot above which NO DATA stands; empty: the first base_frame or '
+                            'robot_frame of the streams, usually base_link'),
     **DIAGNOSTICS,
 }
 

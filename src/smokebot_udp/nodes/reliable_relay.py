@@ -13,6 +13,7 @@ import rospy
 from .. import udpros
 from ..limited_log import ERROR_PERIOD, logerr, logwarn
 from ..mission.settings import SettingsStore
+from ..monitoring import sources
 from ..monitoring.stats import StreamStats
 from ..packed import pack, unpack
 from ..reliable.bounds import Bounds
@@ -111,7 +112,7 @@ class Source(ReliableRelay):
     def __init__(self, name: str, settings: Mapping[str, Any], link: ReliableLink, topic: str,
                  rewrite: Rewrite = lambda message: message) -> None:
         super().__init__(name, settings, link, True, topic)
-        self.source_type: str = self._class._type
+        self.source = sources.Source(sources.TOPIC, topic, self._class._type)
         self._rewrite = rewrite
         self._is_log = settings['message_type'] == LOG
         self._level = LEVEL_VALUES.get(settings['level'], 0)
@@ -141,8 +142,8 @@ class Source(ReliableRelay):
 
     def _receive(self, message: Any) -> None:
         """A message of the topic; rospy's threads. It may be of another type, see RobotStream."""
-        if message._type != self.source_type:
-            self._report('it is %s, must be %s' % (message._type, self.source_type))
+        if message._type != self.source.type:
+            self._report('it is %s, must be %s' % (message._type, self.source.type))
             return
         publisher = publisher_of(message)
         source = message.name if self._is_log else publisher
@@ -289,7 +290,7 @@ class Sink(ReliableRelay):
     :param rewrite: see Rewrite
     :param refusal: f(peer) -> why its messages are not published now, None: they are
     """
-    source_type = ''
+    source = None
 
     def __init__(self, name: str, settings: Mapping[str, Any], link: ReliableLink, topic: str,
                  rewrite: Rewrite = lambda message: message,

@@ -9,6 +9,7 @@ from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 
 from ..limited_log import logerr
 from ..mission.settings import SettingsStore
+from ..monitoring.sources import ACTION, Source
 from ..monitoring.stats import StreamStats
 from ..serialised import serialised
 from ..streams.action.goal_watch import MAX_GOALS
@@ -35,11 +36,11 @@ class RobotAction:
     :param settings: {name: value}, checked
     :param way: carries all of it
     """
-    source_type = ''
 
     def __init__(self, name: str, settings: Mapping[str, Any], way: RobotWay) -> None:
         self.name, self.topic = name, str(rospy.resolve_name(settings['robot_action']))
         self._types = action_types(settings['action_type'])
+        self.source = Source(ACTION, self.topic, self._types.result._type)
         self.settings = SettingsStore({}, settings)
         self._max_age, self._control = settings['max_age'], way.control
         self._link: ReliableLink = way.reliable

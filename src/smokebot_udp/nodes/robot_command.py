@@ -49,7 +49,7 @@ class RobotCommand:
     :param settings: {name: value}, checked
     :raises ValueError: where the settings are impossible
     """
-    source_type = ''
+    source = None
 
     def __init__(self, name: str, settings: Mapping[str, Any], way: RobotWay) -> None:
         self.name, self.topic = name, rospy.resolve_name(settings['robot_topic'])

@@ -48,6 +48,7 @@ from .problems import Problems
 from .robot_captures import RobotCaptures
 from .robot_control import RobotControl
 from .robot_stream import RobotLink, RobotStream
+from .stream_problems import StreamProblems
 from .transports import robot_transport
 from .way import RobotWay
 from .way_back import WayBack
@@ -70,6 +71,7 @@ class RobotSender:
         transport = robot_transport(parameters)
         size = transport.max_datagram_size
         profiles = read_file(parameters, 'focus_file', 'focus.yaml', focus.load)
+        found = StreamProblems(parameters.refused)
         controller = Controller(*_rates(parameters), size)
         shared = SharedController(controller)
         burst = BURST * (size + transport.overhead + IP_UDP_HEADERS)
@@ -82,7 +84,8 @@ class RobotSender:
             link.outbox.start()
             self._outbox, self._transport = link.outbox, transport
             maker = _StreamMaker(link, self._codec)
-            self.streams = start_streams(definitions.streams, maker, parameters.report)
+            self.streams = start_streams(definitions.streams, maker, parameters.report,
+                                         parameters.refused.__setitem__)
             self._captures = RobotCaptures(link, self.streams, maker.lookup, self._codec, parameters['capture_share'])
             control = RobotControl(transport, link.outbox, is_open(transport, parameters['allow_unsealed_commands']))
             self._way_back = _way_back(definitions, control, link, parameters)
@@ -90,11 +93,13 @@ class RobotSender:
                                      parameters['wifi_interface'], self._captures.demands)
             stores = {name: stream.settings for name, stream in self.streams.items()}
             self.focus = FocusControl({**stores, **self._way_back.stores}, profiles, lambda: self._link.shares,
-                                      self._link.forget, problems.report, link, lambda: control.standing)
+                                      self._link.forget, problems.report, link, lambda: control.standing,
+                                      lambda: found.current)
             control.subscribe(self.focus.standing_changed)
+            found.subscribe(self.focus.changed)
             self._clock, self._held = ClockServer(transport), HeldReports(self.streams, transport)
             self._diagnostics = robot_diagnostics(self.streams, self._way_back, self._link, parameters, problems,
-                                                  transport)
+                                                  transport, found)
         rospy.on_shutdown(self.close)
 
     def close(self) -> None:

@@ -9,6 +9,7 @@ from typing import Any, List, Mapping, Optional
 import rospy
 
 from ..mission.settings import SettingsStore
+from ..monitoring.sources import SERVICE, Source
 from ..monitoring.stats import StreamStats
 from ..reliable.bounds import Bounds
 from ..reliable.call_server import CallServer, Execution
@@ -40,12 +41,12 @@ class RobotService:
     :param settings: {name: value}, checked
     :param way: carries requests and answers
     """
-    source_type = ''
 
     def __init__(self, name: str, settings: Mapping[str, Any], way: RobotWay) -> None:
         self.name, self.topic = name, str(rospy.resolve_name(settings['robot_service']))
         self.settings = SettingsStore({}, settings)
         self._class = service_class(settings['service_type'])
+        self.source = Source(SERVICE, self.topic)
         self._link: ReliableLink = way.reliable
         self._server = CallServer(way.control.session, type_checksum(self._class._type, self._class._md5sum),
                                   self._class._type)

@@ -23,7 +23,8 @@ from ..limited_log import logerr, logwarn
 from ..mission.parameters import live
 from ..mission.settings import Settings, SettingsStore
 from ..monitoring import stages
-from ..monitoring.stats import ConnectionStats, StreamStats
+from ..monitoring.sources import TOPIC, Source
+from ..monitoring.stats import PAUSED, ConnectionStats, StreamStats
 from ..monitoring.windows import Rate
 from ..streams.encoder import Encoder
 from ..streams.held import Holding
@@ -155,9 +156,9 @@ class RobotStream(rospy.SubscribeListener):
     # -- state, for any thread ----------------------------------------------------------------------
 
     @property
-    def source_type(self) -> str:
-        """The message type of the source, as package/Type; of those that may be, with ' or ' between them."""
-        return ' or '.join(class_._type for class_ in self._accepted)
+    def source(self) -> Source:
+        """Where its messages come from."""
+        return Source(TOPIC, self.topic, ' or '.join(class_._type for class_ in self._accepted))
 
     @property
     def _accepted(self) -> Sequence[Any]:
@@ -224,7 +225,7 @@ class RobotStream(rospy.SubscribeListener):
             {'replaced': self._schedule.replaced + self.encoder.replaced, 'invalid': self._invalid,
              'datagrams of replaced messages': self.link.outbox.dropped(self.name)},
             connections=connections,
-            problem='the link is too slow for it and the other streams' if settings.paused else None)
+            problem=PAUSED if settings.paused else self.encoder.problem)
 
     # -- input: rospy's threads, and those that change settings ------------------------------------
 

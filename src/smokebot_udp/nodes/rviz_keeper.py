@@ -2,8 +2,9 @@
 """Keeps the operator's rviz: starts it, registers it with a restarted master, and starts it again if it crashes.
 
 This is not a node itself: it passes its arguments on to rviz, which has the name and the remappings that roslaunch gave
-to this process. `--frame-prefix PREFIX` is its own: rviz gets a copy of the configuration (-d) whose frames have the
-prefix.
+to this process. Its own are `--streams FILE` and `--frame-prefix PREFIX`. Without a configuration (`-d`), one of the
+streams is generated at each start and merged with what the user has saved. A given one is used as it is, but where
+frames have a prefix rviz gets a copy.
 
 roscpp registers once. rviz therefore keeps its connections when the master is restarted, but the new master does not
 notify it of publishers that are restarted later. This process registers rviz's topics in its place: rviz says which
@@ -17,6 +18,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import zlib
 from typing import Any, List, Optional, Sequence
 
 import rosgraph
@@ -25,13 +27,15 @@ import rospkg
 import rospy
 
 from .. import udpros
+from ..streams import config
 from ..udpros import rpc
 from ..udpros.master import MasterWatch, Registration, ask_together
 from .child_process import words
 from .logging import log_error
 from .namesake import SECOND_OPERATOR, resolved, wait_until_free
 from .restarts import Restarts
-from .rviz_config import with_prefix
+from .rviz_config import generated, merged, remappings, with_prefix
+from .rviz_displays import Streams, transforms_of
 
 NODE = 'operator_rviz'
 
@@ -153,29 +157,64 @@ def find_rviz() -> str:
     return str(found[0])
 
 
-def prefixed_arguments(arguments: Sequence[str], folder: str) -> List[str]:
-    """Arguments of rviz: those of this process, where --frame-prefix changes the configuration.
+def rviz_arguments(arguments: Sequence[str], folder: str) -> List[str]:
+    """Arguments of rviz: those of this process, with the configuration that it shows.
 
-    :param folder: for the changed configuration, a copy; rviz shows its name, which is that of the namespace
-    :raises OSError: where the configuration cannot be read
+    :param folder: for a changed copy of a given configuration; rviz shows its name, which is that of the namespace
+    :raises OSError: where a file cannot be read or written
     """
     parser = argparse.ArgumentParser(prog='rviz_keeper', allow_abbrev=False, add_help=False)
     parser.add_argument('-d')
+    parser.add_argument('--streams', default=None)
     parser.add_argument('--frame-prefix', default='')
-    found, others = parser.parse_known_args(arguments)
+    found, others = parser.parse_known_args([argument.replace("''", '') for argument in arguments])     # empty ones
+    name = rosgraph.names.get_ros_namespace().strip('/').replace('/', '_')
     path = found.d and pathlib.Path(found.d)
+    if found.streams is not None:
+        streams, problems = config.load(pathlib.Path(found.streams).read_text())
+        for problem in problems:
+            print('rviz shows %s without this: %s' % (found.streams, problem), flush=True)
+        others += remappings(transforms_of(streams))
+        if not path:
+            return ['-d', str(_users_file(streams, found.streams, name or 'operator', found.frame_prefix)), *others]
     if path and found.frame_prefix:
-        name = rosgraph.names.get_ros_namespace().strip('/').replace('/', '_') or path.stem
-        text, path = path.read_text(), pathlib.Path(folder, name + '.rviz')
+        text, path = path.read_text(), pathlib.Path(folder, (name or path.stem) + '.rviz')
         path.write_text(with_prefix(text, found.frame_prefix))
     return [*(['-d', str(path)] if path else []), *others]
+
+
+def _users_file(streams: Streams, streams_path: str, name: str, prefix: str) -> pathlib.Path:
+    """The user's own file, up to date: one for each streams.yaml and namespace.
+
+    :param streams: of streams.yaml, whose path is the next one
+    :param prefix: of the frames
+    :raises OSError: where a file cannot be read or written
+    """
+    folder = pathlib.Path(rospkg.get_ros_home(), 'smokebot_rviz', '%s-%08x' % (
+        pathlib.Path(streams_path).stem, zlib.crc32(os.path.realpath(streams_path).encode())))
+    folder.mkdir(parents=True, exist_ok=True)
+    path, last = folder / (name + '.rviz'), folder / (name + '.generated')
+    template = pathlib.Path(rospkg.RosPack().get_path('smokebot_udp'), 'rviz', 'operator.rviz')
+    now = with_prefix(generated(template.read_text(), streams), prefix)
+    text = now
+    if path.exists() and last.exists():
+        try:
+            text = merged(last.read_text(), path.read_text(), now)
+        except Exception as error:      # whatever is in it: the user edits it, and rviz writes it
+            path.replace(path.with_suffix('.bad'))
+            print('%s cannot be read (%s): it is %s.bad now, and a new one is used' % (path, error, name), flush=True)
+    if not path.exists() or path.read_text() != text:
+        path.write_text(text)
+    last.write_text(now)
+    print('rviz shows %s; save in rviz (Ctrl-S) keeps your arrangement there' % path, flush=True)
+    return path
 
 
 def main() -> None:
     udpros.race_all_connections()
     with tempfile.TemporaryDirectory(prefix='rviz_keeper_') as folder:
         try:
-            command = [find_rviz(), *prefixed_arguments(sys.argv[1:], folder)]
+            command = [find_rviz(), *rviz_arguments(sys.argv[1:], folder)]
         except OSError as error:
             rospy.logerr('rviz is not started: %s. All else runs without it; rviz:=false avoids this message', error)
             return

@@ -53,7 +53,7 @@ def run_node(run: Callable[[], int]) -> None:
         signal.signal(number, signal.default_int_handler)
     try:
         code = run()
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, BrokenPipeError):    # nobody reads on, as behind `| head`
         code = 0
     except Exception:
         traceback.print_exc()
@@ -68,7 +68,8 @@ def _exit_node(code: int) -> None:
     shutdown = threading.Thread(target=rospy.signal_shutdown, args=('ended',), daemon=True)
     shutdown.start()
     shutdown.join(MASTER_TIMEOUT)
-    sys.stdout.flush()
+    with contextlib.suppress(BrokenPipeError):
+        sys.stdout.flush()
     os._exit(code)
 
 

@@ -3,13 +3,13 @@
 
 Each kind has a class for either side, which is imported when the first stream of it is made. It is made of a stream's
 name, its settings and a way.RobotWay or way.OperatorWay, and has start(), close(), stats(), `name`, `topic`,
-`source_type` and `settings`, as RobotStream has them.
+`source` and `settings`, as RobotStream has them.
 """
 import importlib
 from typing import Any, Callable, Dict, List, Optional
 
 from ..mission.settings import SettingsStore
-from ..monitoring.status import ERROR, OPERATOR, ROBOT, Status
+from ..monitoring.status import OPERATOR, ROBOT, Status
 from ..streams import Definitions
 from ..transport import Transport
 from .common import Parameters, start_streams
@@ -59,7 +59,9 @@ class WayBack:
         def make_stream(name: str, settings: Dict[str, Any]) -> Any:
             why = {'refused': self.refused[name]} if name in self.refused else {}
             return _maker_of(settings['type'], side)(name, settings, way, **why)
-        self.streams: Dict[str, Any] = start_streams(wanted, make_stream, parameters.report)
+        parameters.refused.update(self.refused)
+        self.streams: Dict[str, Any] = start_streams(wanted, make_stream, parameters.report,
+                                                     parameters.refused.__setitem__)
         """{name: stream}, started"""
         if self._reliable is not None:
             self._reliable.start()
@@ -71,11 +73,7 @@ class WayBack:
 
     def statuses(self, now: float) -> List[Status]:
         """For diagnostics, besides those of the streams."""
-        found = [self._control.status(now)]
-        if self.refused:
-            found.append(Status('refused streams', ERROR, next(iter(self.refused.values())), {
-                'side': self._side, **self.refused}))
-        return found
+        return [self._control.status(now)]
 
     def close(self) -> None:
         """End all streams, and the control."""

@@ -19,6 +19,9 @@ TYPE = Parameter(None, '', 'the kind of stream', choices=TYPES)
 VIEWS = 'cloud', 'image', 'scan', 'virtual_scan'
 """Types that require_fresh may name: a map, or a message that is relayed, gets old where nothing changes."""
 
+VIEW = '/view'
+"""Appended to the operator's topic of an image: that of its view."""
+
 OWN_STREAMS: Mapping[str, Mapping[str, Any]] = {
     'link': {'message_type': LINK_STATUS, 'rate': 2.0},
     'status': {'message_type': ROBOT_STATUS, 'latch': True},
@@ -32,11 +35,12 @@ def parameters_of(kind: str) -> Dict[str, Parameter]:
     return {'type': TYPE, **robot, **operator}
 
 
-def load(text: str, warn: Callable[[str], None] = lambda warning: None
-         ) -> Tuple[Dict[str, Dict[str, Any]], List[str]]:
+def load(text: str, warn: Callable[[str], None] = lambda warning: None,
+         refuse: Callable[[str, str], None] = lambda name, why: None) -> Tuple[Dict[str, Dict[str, Any]], List[str]]:
     """Read the text of a streams.yaml.
 
     :param warn: called with each warning
+    :param refuse: f(name, why), called with each stream that is left out; problems have it, too
     :return: ({name: {setting: value}} of the good streams, [problem, ...] in words)
     """
     document, problems = read_yaml(text)
@@ -55,11 +59,13 @@ def load(text: str, warn: Callable[[str], None] = lambda warning: None
             good[name], routes[name] = settings, found
         except ValueError as error:
             problems.append('stream %r: %s' % (name, error))
+            refuse(str(name), str(error))
     for name in [name for name, settings in good.items() if settings['type'] == 'command']:
         try:
             _check_view(good[name]['require_fresh'], good)
         except ValueError as error:
             problems.append('stream %r: %s' % (name, error))
+            refuse(name, str(error))
             del good[name], routes[name]
     good.update(_missing_own_streams(good, routes, streams))
     return good, problems
@@ -97,6 +103,9 @@ def _check(name: Any, values: Any, warn: Callable[[str], None]) -> Dict[str, Any
     kind = settings.get('type')
     check({'type': kind}, {'type': TYPE})
     checked = check(settings, parameters_of(str(kind)))
+    if kind == 'image':
+        checked['view_topic'] = {'': checked['operator_topic'] + VIEW, 'none': ''}.get(
+            checked['view_topic'], checked['view_topic'])
     if kind in EXCHANGES or kind == 'relay':
         parameters_module(str(kind)).check(checked)
     if checked.get('reliable'):

@@ -100,6 +100,8 @@ class Encoder(Generic[Message]):
         """As Demand.wished, of the last message [byte/s]."""
         self.warnings: Deque[str] = collections.deque(maxlen=16)
         """For the log: problems of messages that were encoded nevertheless. The runner removes them."""
+        self.problem: Optional[str] = None
+        """What is missing for the messages now, in words, such as a transform."""
         self.replaced = 0
         """Messages that `merge` gave up for newer ones, where what it returned is the same object as before."""
         self.beside: List[Frame] = []

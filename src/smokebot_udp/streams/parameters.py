@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The parameters in streams.yaml that every stream has; each kind adds its own."""
 from ..mission.parameters import Parameter
+from ..mission.roles import ROLES
 
 ROBOT = {
     'robot_topic': Parameter(None, '', 'topic on the robot that is sent'),
@@ -10,6 +11,8 @@ ROBOT = {
                         most=1000.0, live=True),
     'min_bitrate': Parameter(0.0, 'kbit/s', 'minimum bitrate, before the rest is divided by weight', least=0.0,
                              most=1e6, live=True),
+    'role': Parameter('', '', "what it is for: profiles of the mission focus speak of roles; empty: by type, and one "
+                      "of the images is the primary one, by name and order (doc/focus.md)", choices=('', *ROLES)),
 }
 HISTORY = {
     'history': Parameter(0.0, 's', 'originals of this time are kept on the robot, for captures; 0: none', least=0.0,

@@ -8,7 +8,7 @@ way: its release, which may be another operator's, must not move the robot (ISO 
 """
 from typing import Optional
 
-START_FROM_NEUTRAL = 'start from neutral'
+START_FROM_NEUTRAL = 'release the stick'
 """Reason of a lock that the next neutral command ends, with what is not neutral."""
 
 CLOCK_UNKNOWN = "the robot's clock is not known well enough"
@@ -71,7 +71,7 @@ class Interlock:
     def _not_neutral(self) -> Optional[str]:
         if not self._locked:
             return None
-        return START_FROM_NEUTRAL + ('' if self._deviation is None else ': %s is not' % self._deviation)
+        return START_FROM_NEUTRAL + ('' if self._deviation is None else ': %s is not at rest' % self._deviation)
 
     def _blind(self, view_age: Optional[float]) -> Optional[str]:
         if not self._require_fresh:

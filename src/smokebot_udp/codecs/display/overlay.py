@@ -3,10 +3,11 @@
 robot is stopped.
 
 It has two rows of tiles. A tile's colour says whether its value is good, deserves attention, is bad, or is unknown.
+Below are problems of streams, in words, and a legend that names what is drawn in which colour.
 """
 import math
 from dataclasses import dataclass, replace
-from typing import List, NamedTuple, Tuple
+from typing import List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import cv2
 import numpy as np
@@ -28,6 +29,14 @@ MARK = COLOURS[FRESH]
 
 LINK_TIMEOUT = 3.0
 """Without a report from the robot for this time the link counts as broken [s]."""
+
+LINE, SQUARE, MAX_PROBLEMS = 22, 12, 3
+"""Height of a line of text, and of the legend's squares [pixel]; lines of problems."""
+
+FONT, FONT_SIZE, LEGEND_COLOUR = cv2.FONT_HERSHEY_SIMPLEX, 0.45, (230, 230, 230)
+
+RAINBOW = cv2.applyColorMap(np.linspace(255, 0, SQUARE).astype(np.uint8)[:, None], cv2.COLORMAP_RAINBOW)
+"""(SQUARE, 1, 3) uint8, bgr: red above."""
 
 EMERGENCY_STOP = 'EMERGENCY STOP'
 
@@ -71,10 +80,14 @@ class OperatorStatus:
     """Whether this operator does."""
     control: str = ''
     """The state of control in words, as on operator/control; empty: unknown."""
+    commands: bool = True
+    """Whether there is anything by which this operator could drive."""
     free: bool = False
     """Whether this operator's commands leave and are obeyed."""
     estop: bool = False
     """Whether the emergency stop is engaged."""
+    problems: Tuple[str, ...] = ()
+    """Of streams, in words."""
     longest: int = 0
     """Longer datagrams do not pass; 0: all pass [byte of UDP payload]."""
 
@@ -99,15 +112,53 @@ def tiles(status: OperatorStatus) -> Tuple[Tile, ...]:
             _battery(status), _driver(status), _stop(status))
 
 
-def overlay(shown: Tuple[Tile, ...]) -> UInt8Array:
-    """The image of the tiles: (HEIGHT, WIDTH, 3) uint8, bgr."""
+def overlay(shown: Tuple[Tile, ...], problems: Sequence[str],
+            legend: Mapping[str, Optional[Tuple[int, int, int]]]) -> UInt8Array:
+    """The image of the tiles, the problems and the legend below: (HEIGHT or more, WIDTH, 3) uint8, bgr.
+
+    :param problems: of streams; the first MAX_PROBLEMS are shown
+    :param legend: {what: (red, green, blue)}; None: the colours of a rainbow
+    """
     image: UInt8Array = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
     rows = -(-len(shown) // COLUMNS)
     width, height = WIDTH // COLUMNS, HEIGHT // rows
     for number, tile in enumerate(shown):
         row, column = divmod(number, COLUMNS)
         _draw(image[row * height + GAP:(row + 1) * height - GAP, column * width + GAP:(column + 1) * width - GAP], tile)
-    return image
+    return np.vstack([image, *_lines(problems), *_legend(legend)])
+
+
+def _lines(problems: Sequence[str]) -> List[UInt8Array]:
+    """[(LINE, WIDTH, 3) uint8, bgr], one for each problem; one that is too long is smaller."""
+    shown = list(problems[:MAX_PROBLEMS])
+    if len(problems) > len(shown):
+        shown[-1] = '%s  (and %d more)' % (shown[-1], len(problems) - len(shown))
+    found = []
+    for text in shown:
+        line: UInt8Array = np.zeros((LINE, WIDTH, 3), np.uint8)
+        line[1:-1] = TILE_COLOURS[ATTENTION]
+        width = cv2.getTextSize(text, FONT, FONT_SIZE, 1)[0][0]
+        size = FONT_SIZE * min(1.0, (WIDTH - 4 * GAP) / max(width, 1))
+        cv2.putText(line, text, (2 * GAP, LINE - 7), FONT, size, TEXT_COLOURS[ATTENTION], 1, cv2.LINE_AA)
+        found.append(line)
+    return found
+
+
+def _legend(entries: Mapping[str, Optional[Tuple[int, int, int]]]) -> List[UInt8Array]:
+    """[(LINE, WIDTH, 3) uint8, bgr]"""
+    lines: List[UInt8Array] = []
+    left = WIDTH
+    for name, colour in entries.items():
+        width = 4 * GAP + SQUARE + cv2.getTextSize(name, FONT, FONT_SIZE, 1)[0][0]
+        if left + width > WIDTH:
+            lines.append(np.zeros((LINE, WIDTH, 3), np.uint8))
+            left = GAP
+        top = (LINE - SQUARE) // 2
+        lines[-1][top:top + SQUARE, left:left + SQUARE] = RAINBOW if colour is None else colour[::-1]
+        cv2.putText(lines[-1], name, (left + SQUARE + GAP, top + SQUARE - 1), FONT, FONT_SIZE, LEGEND_COLOUR, 1,
+                    cv2.LINE_AA)
+        left += width
+    return lines
 
 
 def _draw(image: UInt8Array, tile: Tile) -> None:
@@ -116,7 +167,7 @@ def _draw(image: UInt8Array, tile: Tile) -> None:
     if tile.level == GOOD:
         image[:, :2 * GAP] = MARK
     colour = TEXT_COLOURS[tile.level]
-    cv2.putText(image, tile.label, (5 * GAP, height // 3), cv2.FONT_HERSHEY_SIMPLEX, 0.42, colour, 1, cv2.LINE_AA)
+    cv2.putText(image, tile.label, (5 * GAP, height // 3), FONT, 0.42, colour, 1, cv2.LINE_AA)
     lines = [line for line in tile.text.split(': ', 1) if line] or ['-']    # 'LOCKED: why' is larger on two lines
     room = 2 * height // 3 // len(lines)
     for number, line in enumerate(lines):
@@ -175,4 +226,5 @@ def _stop(status: OperatorStatus) -> Tile:
         return Tile('STOP', EMERGENCY_STOP, BAD)
     if status.free:
         return Tile('STOP', 'free', GOOD)
-    return Tile('STOP', status.control or '-', ATTENTION if status.drives else UNKNOWN)
+    level = ATTENTION if status.drives and status.commands else UNKNOWN
+    return Tile('STOP', status.control or '-', level)

@@ -259,6 +259,7 @@ class GridEncoder(Encoder[Any]):
             self._looked_up = now
             found = self._lookup(message.header.frame_id, Header(frame_id=self._robot_frame))
             self._robot = None if found is None else tuple(found[1].tolist())
-            if found is None:
-                self.warnings.append(unknown_transform(self._robot_frame, message.header.frame_id, LAST_CHANGE))
+            self.problem = None if found is not None else unknown_transform(
+                self._robot_frame, message.header.frame_id, LAST_CHANGE)
+            self.warnings.extend(filter(None, [self.problem]))
         return None if self._robot is None else cell_at(message.info, *self._robot)

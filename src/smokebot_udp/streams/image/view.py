@@ -14,7 +14,7 @@ from ...mission.parameters import Parameter
 
 PARAMETERS = {
     'view_topic': Parameter('', '', "operator's topic of the view, an annotated colour image for display with age and "
-                            'completeness or error; empty: none'),
+                            'completeness or error; empty: operator_topic with /view appended; none: no view'),
     'palette': Parameter('inferno', '', 'colour map of 16-bit and float images', choices=PALETTES, live=True),
     'range_low': Parameter(0.0, '', 'lower end of the colour map, in units', live=True),
     'range_high': Parameter(0.0, '', 'upper end; if it is not above range_low, both follow the scene', live=True),

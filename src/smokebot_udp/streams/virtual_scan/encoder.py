@@ -12,6 +12,7 @@ from sensor_msgs.msg import LaserScan, PointCloud2
 
 from ...codecs.perception import virtual_scan
 from ...codecs.wire.scan import in_millimetres
+from ...frame_names import is_unknown_transform
 from ...mission.parameters import Parameter
 from ...mission.settings import Settings
 from ...msg import ScanSegment
@@ -67,6 +68,7 @@ class VirtualScanEncoder(Encoder[Any]):
         """The LaserScan of a PointCloud2."""
         fan, frame, problems = self._fans.fan(message, settings)
         self.warnings += problems
+        self.problem = next((one for one in problems if is_unknown_transform(one)), None)
         if settings['select'] == 'obstacle':
             ranges = virtual_scan.obstacle_scan(fan, settings['max_height'])
         else:

@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What `check` finds wrong with a streams.yaml and what the robot publishes, before the mission."""
+from typing import Any, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
+
+from .sources import SERVICE, Graph, Source, problem_of
+from .status import ERROR, OK, WARN
+
+LEVELS = {OK: 'OK', WARN: 'WARN', ERROR: 'ERROR'}
+
+MAX_OFFSET = 1.0
+"""Of stamps from this machine's clock: ages would be wrong, and commands refused [s]."""
+
+LARGEST = 1400
+"""A relayed message that is longer takes several datagrams, and is lost with any of them [byte]."""
+
+PLACED = {'cloud', 'scan', 'virtual_scan', 'grid'}
+"""Types that rviz draws in the frame of their messages."""
+
+COLUMNS = (('STREAM', 18), ('TYPE', 12), ('ROLE', 15), ('Hz', 6), ('SENT', 6), ('kB', 8), ('AGE ms', 8),
+           ('kbit/s, least', 13), ('most', 8))
+"""(heading, width). Rates and sizes are the source's; `SENT` is the maximum rate; what a stream takes of the link at
+least and at most is by its operating points."""
+
+
+class Finding(NamedTuple):
+    """Something that is wrong."""
+    level: int
+    subject: str
+    text: str
+
+
+class Heard(NamedTuple):
+    """What came from a source while it was listened to."""
+    rate: float = 0.0
+    """[Hz]; 0: nothing came."""
+    size: float = 0.0
+    """Mean size of a message [byte]."""
+    age: Optional[float] = None
+    """Median time from the stamp to the arrival; None: there is no stamp [s]."""
+    frame: Optional[str] = None
+    """frame_id; None: messages of this type have none."""
+    stamped: bool = False
+    """Whether messages of this type have a header."""
+
+
+class Cost(NamedTuple):
+    """What a stream takes of the link [kbit/s]."""
+    least: float
+    most: float
+
+
+class Checked(NamedTuple):
+    """One stream, and what is known of its source."""
+    name: str
+    settings: Mapping[str, Any]
+    source: Optional[Source]
+    """None: operators send it, see `listener`."""
+    listener: str
+    """Topic that must have a subscriber on the robot; empty: none."""
+    steady: bool
+    """Whether a silent source is a fault."""
+    heard: Heard = Heard()
+    cost: Optional[Cost] = None
+    failure: str = ''
+    """Why a message of it cannot be sent."""
+
+
+def judge(stream: Checked, graph: Graph, missing_frames: Sequence[str]) -> List[Finding]:
+    """What is wrong with a stream.
+
+    :param missing_frames: that tf cannot transform into the fixed frame
+    """
+    problems = _of_source(stream, graph) + ([(ERROR, 'a message cannot be sent: ' + stream.failure)]
+                                            if stream.failure else [])
+    if stream.listener and not graph.subscribers.get(stream.listener):
+        problems.append((WARN, 'nobody on the robot listens to %s' % stream.listener))
+    if stream.heard.rate:
+        problems += _of_messages(stream, missing_frames)
+    return [Finding(level, stream.name, text) for level, text in problems]
+
+
+def _of_source(stream: Checked, graph: Graph) -> List[Tuple[int, str]]:
+    """What is wrong with the source of a stream."""
+    heard = bool(stream.heard.rate)
+    problem = stream.source and problem_of(stream.source, graph, stream.steady and not heard)
+    return [(ERROR if stream.steady or heard else WARN, problem)] if problem else []
+
+
+def _of_messages(stream: Checked, missing_frames: Sequence[str]) -> List[Tuple[int, str]]:
+    """What is wrong with the messages of a source. Latched ones may be old."""
+    heard, settings, found = stream.heard, stream.settings, []
+    if stream.steady and heard.age is not None and abs(heard.age) > MAX_OFFSET:
+        found.append("its stamps are %.1f s %s this machine's clock" % (
+            abs(heard.age), 'behind' if heard.age > 0 else 'ahead of'))
+    if heard.stamped and heard.age is None:
+        found.append('its messages have no stamp: their age counts from their arrival at robot_sender')
+    if settings['type'] in PLACED and not heard.frame:
+        found.append('its messages have no frame_id: rviz cannot place them')
+    elif settings['type'] in PLACED and heard.frame in missing_frames:
+        found.append('tf knows no way from its frame %r to the fixed frame: rviz cannot place it' % heard.frame)
+    if settings['type'] == 'relay' and not settings['reliable'] and heard.size > LARGEST:
+        found.append('its messages take %d datagrams each, and are lost with any of them' % -(-heard.size // LARGEST))
+    return [(WARN, text) for text in found]
+
+
+def judge_link(streams: Sequence[Checked], link: Optional[float]) -> List[Finding]:
+    """Whether the link carries the streams.
+
+    :param link: its capacity; None: unknown [kbit/s]
+    """
+    known = [stream.cost for stream in streams if stream.cost is not None]
+    least, most = sum(cost.least for cost in known), sum(cost.most for cost in known)
+    text = 'the streams take %s at least and %s at most' % (rate_text(least), rate_text(most))
+    if link is None:
+        return [Finding(OK, 'link', text + '; its capacity is unknown, give --link MBIT')]
+    return [Finding(ERROR if least > link else OK, 'link', '%s, it carries %s' % (text, rate_text(link)))]
+
+
+def judge_buffer(allowed: int, wanted: int) -> List[Finding]:
+    """Whether the kernel grants the receive buffer [byte]."""
+    if allowed >= wanted:
+        return []
+    return [Finding(WARN, 'receive buffer', 'net.core.rmem_max is %d, %d are wanted at the desk: bursts are dropped; '
+                    'sudo sysctl -w net.core.rmem_max=%d' % (allowed, wanted, 2 * wanted))]
+
+
+def judge_service_type(name: str, found: Optional[str], expected: str) -> List[Finding]:
+    """Whether a service has the right type.
+
+    :param found: None: it does not answer
+    """
+    if found is None:
+        return [Finding(ERROR, name, 'its service does not answer')]
+    return [] if found == expected else [Finding(ERROR, name, 'its service is %s, must be %s' % (found, expected))]
+
+
+def is_there(source: Optional[Source], graph: Graph) -> bool:
+    """Whether a source is a service that the robot has."""
+    return source is not None and source.kind == SERVICE and source.name in graph.services
+
+
+def table(streams: Sequence[Checked], roles: Mapping[str, str]) -> List[str]:
+    """The lines of the table of all streams."""
+    rows = [[heading for heading, _ in COLUMNS]]
+    for stream in streams:
+        heard, cost = stream.heard, stream.cost
+        rows.append([
+            stream.name, stream.settings['type'], roles.get(stream.name, '') or '-',
+            '%.3g' % heard.rate if heard.rate else '-',
+            '%.3g' % min(stream.settings['rate'], heard.rate) if 'rate' in stream.settings and heard.rate else '-',
+            '%.3g' % (heard.size / 1e3) if heard.rate else '-',
+            '-' if heard.age is None else '%.0f' % (1e3 * heard.age),
+            '-' if cost is None else '%.3g' % cost.least if cost.least < 1000 else '%.0f' % cost.least,
+            '-' if cost is None else '%.3g' % cost.most if cost.most < 1000 else '%.0f' % cost.most])
+    return [' '.join('%-*s' % (width, cell[:width]) if number < 3 else '%*s' % (width, cell)
+                     for number, ((_, width), cell) in enumerate(zip(COLUMNS, row))).rstrip() for row in rows]
+
+
+def lines(findings: Sequence[Finding]) -> List[str]:
+    """What is wrong, the worst first, and how much of it there is."""
+    counts: Dict[int, int] = {level: sum(finding.level == level for finding in findings) for level in LEVELS}
+    shown = ['%-6s %s: %s' % (LEVELS[finding.level], finding.subject, finding.text)
+             for finding in sorted(findings, key=lambda finding: -finding.level)]
+    return shown + ['errors: %d, warnings: %d' % (counts[ERROR], counts[WARN])]
+
+
+def rate_text(kbits: float) -> str:
+    """A rate in a readable unit.
+
+    :param kbits: [kbit/s]
+    """
+    return '%.3g Mbit/s' % (kbits / 1e3) if kbits >= 1000 else '%.3g kbit/s' % kbits

@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""make_streams: looks at what a running robot publishes, and writes a streams.yaml that sends it."""
+import argparse
+import sys
+import time
+from typing import Any, List
+
+import rosgraph
+import rospy
+from genpy.message import get_message_class
+from rospy import AnyMsg
+
+from ..monitoring.sources import OWN_NODES, Graph, graph_of
+from ..streams.proposal import IMAGES, Topic, propose, text_of
+from ..udpros import rpc
+from .any_type import read
+from .check import Listener
+from .terminal import fail, master_answers, run_node
+
+OTHERS = ('/rosout', '/make_streams', '/record', '/rviz', '/rqt')
+"""Beginnings of the names of nodes that are no part of a robot."""
+
+OPERATORS_NODE = '/operator_receiver'
+"""End of its name; what it listens to is what operators send."""
+
+
+def is_robots(node: str) -> bool:
+    """Whether a node is one of the robot's own."""
+    return not node.startswith(OTHERS) and not node.endswith(OWN_NODES)
+
+
+def topics_of(graph: Graph, seconds: float) -> List[Topic]:
+    """What the robot publishes, listened to for a while."""
+    published = {topic: graph.types[topic] for topic, nodes in sorted(graph.publishers.items())
+                 if graph.types.get(topic, '*') != '*' and any(map(is_robots, nodes))
+                 and not any(node.endswith(OPERATORS_NODE) for node in graph.subscribers.get(topic, ()))}
+    listeners = {topic: Listener(topic, get_message_class(type_)) for topic, type_ in published.items()}
+    time.sleep(seconds)
+    found = []
+    for topic, listener in listeners.items():
+        heard, last = listener.heard(), listener.last
+        latched = last is not None and (last._connection_header or {}).get('latching') == '1'
+        found.append(Topic(topic, published[topic], heard.rate, heard.size, latched, _encoding(published[topic], last),
+                           get_message_class(published[topic]) is not None))
+    return found
+
+
+def _encoding(type_: str, last: Any) -> str:
+    """Of an image; empty: unknown."""
+    if type_ != IMAGES[0] or not isinstance(last, AnyMsg):
+        return ''
+    try:
+        return str(read(last, get_message_class(type_)).encoding)
+    except ValueError:
+        return ''
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Print the proposal; returns the exit code."""
+    if not master_answers():
+        return fail('make_streams', 'no ROS master answers at %s' % rosgraph.get_master_uri())
+    rospy.init_node('make_streams', anonymous=True, disable_signals=True, log_level=rospy.FATAL)
+    master = rosgraph.get_master_uri()
+    graph = graph_of(rpc.call(master, 'getSystemState'), rpc.call(master, 'getTopicTypes'))
+    listened = {topic: graph.types.get(topic, '*') for topic, nodes in graph.subscribers.items()
+                if any(map(is_robots, nodes)) and not any(map(is_robots, graph.publishers.get(topic, ())))}
+    proposed = propose(topics_of(graph, arguments.seconds), listened, graph.publishers)
+    print(text_of(proposed, arguments.seconds), end='')
+    print('make_streams: %d streams%s' % (
+        sum(not stream.off for stream in proposed), '; others stand as comments' * any(
+            stream.off for stream in proposed)), file=sys.stderr)
+    return 0
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        prog='make_streams', description='Write a streams.yaml for what the running robot publishes; to be run on the '
+        'robot.', epilog='rosrun smokebot_udp make_streams > my_streams.yaml')
+    parser.add_argument('--seconds', type=float, default=5.0, help='how long to listen (default: %(default)s)')
+    arguments = parser.parse_args(rospy.myargv(sys.argv)[1:])
+    run_node(lambda: run(arguments))
