@@ -9,7 +9,7 @@ import numpy as np
 
 from smokebot_udp.arrays import Array
 from smokebot_udp.checksum import typed_checksum
-from smokebot_udp.codecs.layered import coefficients, contexts, layout, motion, warp, wavelet
+from smokebot_udp.codecs.layered import coefficients, contexts, layout, motion, warp
 from smokebot_udp.codecs.layered import image as codec
 from smokebot_udp.codecs.layered.pieces import Layer, Plan, Restorer, protect
 from smokebot_udp.codecs.tiles import coder
@@ -29,12 +29,10 @@ def _coefficient_tables() -> Iterator[Array]:
     for height, width, channels in ((1, 1, 1), (17, 5, 1), (96, 120, 1), (480, 640, 1), (480, 640, 3), (1080, 1920, 1)):
         for lossless in (False, True):
             plan = layout.layout_of(height, width, channels, lossless)
-            yield from (np.asarray(value) for value in (plan.bands, plan.firsts, plan.blocks, plan.steps))
+            yield from (np.asarray(value) for value in (plan.firsts, plan.blocks, plan.steps))
             yield coefficients.guesses_of(lossless)
     yield contexts.initial_odds(4)
     yield from (warp.SHARP, warp.SMOOTH)
-    yield from (np.asarray(value) for name, value in sorted(vars(wavelet).items())
-                if name.isupper() and isinstance(value, np.ndarray))
 
 
 def _layered(lossless: bool) -> Iterator[Any]:
