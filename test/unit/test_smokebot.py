@@ -77,3 +77,12 @@ def test_loops_that_cannot_be_compiled_are_reported_and_all_else_goes_on(tmp_pat
     assert (tmp_path / '.smokebot' / 'loops.log').read_text() == 'no numba\n'
     python.write_text('#!/bin/sh\n')
     assert completed(['logged', 'compile_loops'], commands, tmp_path).stdout == b'the end\n'
+
+
+def test_an_upgrade_of_debian_or_another_place_makes_the_environment_anew(tmp_path: pathlib.Path) -> None:
+    venv = tmp_path / '.smokebot' / 'venv'
+    for codename, renewed in (('bookworm', True), ('bookworm', False), ('trixie', True), ('trixie', False)):
+        venv.mkdir(parents=True, exist_ok=True)
+        completed(['renew'], 'venv=$state/venv codename=%s\nrenew' % codename, tmp_path)
+        assert venv.exists() != renewed
+    assert (tmp_path / '.smokebot' / 'place').read_text().startswith('%s trixie /usr/bin/python3.' % tmp_path)
