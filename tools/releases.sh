@@ -69,7 +69,7 @@ try() {
     install="$(((SECONDS - begun + 30) / 60)) min, $(($(megabytes "$root") - before)) MB"
     say "$codename: demo"
     inside "$root" -n smokebot_udp/smokebot demo >"$chroots/$codename.demo.log" 2>&1 || true
-    demo="$(grep -cE ' good$' "$chroots/$codename.demo.log" || true) of $(grep -cE ' (good|poor|nothing)$' "$chroots/$codename.demo.log" || true) lines good"
+    demo="$(grep -cE ' good( |$)' "$chroots/$codename.demo.log" || true) of $(grep -cE ' (good|poor|nothing)( |$)' "$chroots/$codename.demo.log" || true) lines good"
     if [ "$tests" != demo ]; then
         say "$codename: tests"
         inside "$root" smokebot_udp/smokebot test --version >>"$log" 2>&1 || true  # what tests need besides
