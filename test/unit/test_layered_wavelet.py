@@ -90,7 +90,7 @@ def test_5_3_in_32_bits_is_that_in_64(steps: Array, values: Any) -> None:
     for number, (_, factor, added, halvings) in enumerate(steps.tolist()):
         ring = np.zeros((3, 1), np.int32)
         ring[:, 0] = values
-        wavelet._lift(ring, 1, 0, 2, steps, number)
+        wavelet.lift(ring, 1, 0, 2, steps, number)
         total = int(np.int64(values[0] + values[2]).astype(np.int32))
         expected = np.int64(values[1] + ((total * factor + added) >> wavelet.BITS)).astype(np.int32)
         assert halvings and ring[1, 0] == expected

@@ -74,7 +74,7 @@ def _numbers(steps: Array, step: int) -> Tuple[int, int, int, int]:
 
 
 @compiled
-def _lift(ring: Array, at: int, above: int, below: int, steps: Array, step: int) -> None:
+def lift(ring: Array, at: int, above: int, below: int, steps: Array, step: int) -> None:
     """One step of row `at`."""
     factor, added, again, negative = _numbers(steps, step)
     if again < 0:
@@ -95,7 +95,7 @@ def _lift_rows(ring: Array, rows: int, y: int, steps: Array) -> None:
         at = y - step
         if 0 <= at < rows:
             above, below = at - 1 if at > 0 else at + 1, at + 1 if at + 1 < rows else at - 1
-            _lift(ring, at % RING, above % RING, below % RING, steps, step)
+            lift(ring, at % RING, above % RING, below % RING, steps, step)
 
 
 @compiled
