@@ -87,9 +87,9 @@ CARRIED_MEMORY = 0.99
 """With each report what was carried lately counts for this part of before."""
 
 DOUBTFUL_COUNT, DOUBTFUL_LOSS, DOUBTFUL_RATE = 3, 0.25, 2.0
-"""Where so many datagrams, and this part, were lost before any pause, and the capacity is no more than this many
-start_rates, the first delays may be those of a full queue. At 0.3 Mbit/s 40 % of start_rate are lost; with 0.1 instead
-of 0.25 links that lose 20 % missed a bound of test_simulated_air.py [1, 1, 1]."""
+"""The first delays may be those of a full queue where DOUBTFUL_COUNT datagrams and the part DOUBTFUL_LOSS were lost
+before any pause, and the capacity is at most DOUBTFUL_RATE start_rates. At 0.3 Mbit/s 40 % of start_rate are lost; with
+0.1 instead of 0.25 links that lose 20 % missed a bound of test_simulated_air.py [1, 1, 1]."""
 
 QUEUE_MEMORY = 0.5
 """A queue that was long dropped what is lost until this long after [s]."""

@@ -35,7 +35,7 @@ class Loss:
         self.recent = 0.0
         """Of all loss."""
         self.lost = 0
-        """Datagrams, ever."""
+        """Datagrams lost so far."""
         self.dispersion = 1.0
         """Variance of the number lost, compared with that of independent losses, at least 1: of bursts it is more."""
         self._count = self._evidence = self._uncongested = self._uncongested_lost = 0.0
