@@ -170,7 +170,8 @@ class ImageEncoder(Encoder[Any]):
     def _grant(self, settings: Settings) -> Grant:
         """What a compressed image may take on the air."""
         rest = max(self.waiting - self._used.coding_time, 0.0)      # what is left once this image is coded
-        return grant(settings, self.outlook.room, period_of(settings, self.source_rate or math.inf),
+        room = self.outlook.room * self.outlook.gain()
+        return grant(settings, room, period_of(settings, self.source_rate or math.inf),
                      rest if rest <= (self._used.BACKLOG or 0.0) else 0.0)      # what takes longer is not awaited
 
     def _add_info(self, infos: InfoSender, source: SourceImage, scale: int, datagram_size: int) -> None:
