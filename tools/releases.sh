@@ -37,7 +37,7 @@ fresh() {
     cp -a "$base" "$root"
     # the network as this machine has it: name service, proxies, certificates
     cp /etc/resolv.conf "$root/etc/resolv.conf"
-    echo '127.0.0.1 localhost' >"$root/etc/hosts"
+    echo "127.0.0.1 localhost $(hostname)" >"$root/etc/hosts"    # nodes contact each other by its name
     apt-config dump Acquire >"$root/etc/apt/apt.conf.d/90releases"
     [ ! -e /etc/pip.conf ] || cp /etc/pip.conf "$root/etc/"
     cp -a /usr/local/share/ca-certificates/. "$root/usr/local/share/ca-certificates/" 2>/dev/null || true

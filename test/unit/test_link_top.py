@@ -419,7 +419,7 @@ def test_printable(dirty: str, good: str) -> None:
 
 
 @pytest.mark.parametrize('plain', [False, True])
-def test_without_rich_there_is_the_plain_table(monkeypatch: pytest.MonkeyPatch, plain: bool, capsys: Any) -> None:
+def test_without_rich_there_is_the_plain_table(monkeypatch: Any, plain: bool, capsys: Any) -> None:
     shown: List[Any] = []
     if not plain:
         monkeypatch.setitem(sys.modules, 'rich.console', None)      # as if it were not installed
