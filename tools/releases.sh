@@ -155,5 +155,6 @@ for codename in "${names[@]}"; do
     name=$(sed -n "s/ *| */|/g; s/^$codename|//p" "$top/tools/supported.txt" | cut -d '|' -f 1)
     row="| $name | $(date +%F) | $commit | $(try "$codename")"
     sed -i "/^| $name |/d" "$page"
-    printf '%s\n' "$row" | tee -a "$page"
+    sed -i "/^|---|---|---|---|---|---|\$/a $row" "$page"
+    echo "$row"
 done
