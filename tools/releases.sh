@@ -131,6 +131,7 @@ mixed() {
     at operator "$desk" timeout -k 1 40 rostopic pub -r 10 /operator/cmd_vel geometry_msgs/Twist '[0.2, 0, 0]' '[0, 0, 0]' \
         >"$logs/commands.log" 2>&1 &
     obeyed=$(at robot "$robot" timeout 25 rostopic echo /cmd_vel 2>"$logs/obeyed.log" | grep -c '  x: 0.2') || true
+    [ -s "$logs/diagnostics" ] || { say 'no diagnostics came from the desk'; exit 1; }
     # a reason that never occurred has no line
     differed=$(grep -A 1 'dropped, reference' "$logs/diagnostics" | grep -o '[0-9][0-9]*' | sort -n | tail -n 1) || true
     say "references of predicted images that differed: ${differed:-0}; commands that the robot had in 25 s: $obeyed"
