@@ -117,7 +117,8 @@ mixed() {
         inside "$chroots/$release" smokebot_udp/smokebot build >"$logs/$release.build.log" 2>&1
     done
     set -m      # each side is a process group
-    trap 'for signal in INT KILL; do for job in $(jobs -p); do kill -$signal -- "-$job"; done; sleep 5; done 2>/dev/null' EXIT
+    # roslaunch takes up to 20 s to end its nodes, which are in groups of their own
+    trap 'for signal in INT KILL; do for job in $(jobs -p); do kill -$signal -- "-$job"; done; sleep 25; done 2>/dev/null' EXIT
     "${lab[@]}" up --seed 1 loss=0.2 delay=0.02 rate=4e6 queue=0.2 >"$logs/lab.log" 2>&1 &
     until "${lab[@]}" show >/dev/null 2>&1; do sleep 1; done
     at robot "$robot" roslaunch --skip-log-check smokebot_udp simulated_robot.launch link_port:=17001 \
