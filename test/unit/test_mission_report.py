@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The report of a mission: its numbers, its page, and what is said of bags that cannot be used."""
 import base64
-import builtins
 import contextlib
 import html.parser
 import os
@@ -19,6 +18,7 @@ from hypothesis import strategies as st
 from mission_bags import CUT, OFFSET, START, TOPICS, both, image, link, operator, robot, status, write
 from sensor_msgs.msg import CompressedImage, Image
 
+from smokebot_udp import optional
 from smokebot_udp.mission_report import plots as mission_plots
 from smokebot_udp.mission_report.gaps import longest
 from smokebot_udp.mission_report.mission import joined, rate
@@ -168,13 +168,7 @@ def test_every_plot_is_an_image(page: Page) -> None:
 
 def test_without_matplotlib_only_the_plots_are_missing(paths: Dict[str, str], tmp_path: pathlib.Path,
                                                        monkeypatch: Any, capsys: Any) -> None:
-    plain = builtins.__import__
-
-    def without(name: str, *rest: Any) -> Any:
-        if name.startswith('matplotlib'):
-            raise ImportError(name)
-        return plain(name, *rest)
-    monkeypatch.setattr(builtins, '__import__', without)
+    monkeypatch.setattr(optional, 'attempt', lambda name: optional.Attempt(None, 'matplotlib is not installed'))
     page = report(tmp_path, *paths.values(), draw=True)
     assert 'matplotlib is not installed' in page.text and 'matplotlib is not installed' in capsys.readouterr().err
     assert page.row('distance driven') == ['4.0 m']

@@ -370,7 +370,7 @@ def test_a_hint_about_another_session_does_nothing() -> None:
 
 # 7. Renewal
 
-def test_a_session_is_renewed_after_an_hour_or_very_many_messages(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_session_is_renewed_after_an_hour_or_very_many_messages(monkeypatch: Any) -> None:
     for hour in (True, False):
         robot, operator = joined()
         now = REKEY_AFTER if hour else 1.0

@@ -120,7 +120,7 @@ def test_a_host_has_its_share_of_handshakes() -> None:
     assert robot.dropped == {'too many handshakes': 6}
 
 
-def test_forged_handshakes_in_an_operators_name_do_not_take_its_share(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_forged_handshakes_in_an_operators_name_do_not_take_its_share(monkeypatch: Any) -> None:
     """Without the key nothing is charged, nor computed but the tag."""
     robot, operator = robot_of(), operator_of()
     packet = init_of(robot, operator)
@@ -154,7 +154,7 @@ def test_a_repeated_handshake_is_dropped() -> None:
     assert len(sent(robot)) == 1
 
 
-def test_a_wrong_key_is_refused_before_any_exchange_of_keys(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_wrong_key_is_refused_before_any_exchange_of_keys(monkeypatch: Any) -> None:
     robot, operator = robot_of(), operator_of()
     init = parse(init_of(robot, operator))
     assert isinstance(init, Init)

@@ -3,7 +3,7 @@
 import json
 import pathlib
 import xml.etree.ElementTree as ElementTree
-from typing import Dict, List, Optional, Tuple
+from typing import Any, Dict, List, Optional, Tuple
 
 import pytest
 from link_channel import KEY, OPERATOR, ROBOT, give, sent, shake_hands
@@ -108,7 +108,7 @@ def test_the_operator_joins_a_robot_of_the_release_before(name: str) -> None:
 
 @pytest.mark.parametrize('robots, operators', [(NEWER, OURS), (OURS, NEWER)])
 @pytest.mark.parametrize('key', KEYS.values(), ids=KEYS)
-def test_both_sides_say_once_that_they_cannot_talk(monkeypatch: pytest.MonkeyPatch, key: Optional[bytes],
+def test_both_sides_say_once_that_they_cannot_talk(monkeypatch: Any, key: Optional[bytes],
                                                    robots: Software, operators: Software) -> None:
     for module, software in ((robot_core, robots), (operator_core, operators)):
         monkeypatch.setattr(module, 'OURS', software)

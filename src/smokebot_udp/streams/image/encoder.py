@@ -7,12 +7,12 @@ from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Tuple
 from sensor_msgs.msg import CameraInfo, Image
 
 from ... import traffic
-from ...codecs.video.pyav import installed
 from ...codecs.wire import pixels
 from ...congestion.operating_points import OperatingPoint
 from ...mission.parameters import Parameter
 from ...mission.settings import Settings
 from ...msg import CameraInfoSegment, ImageSegment, LayeredSegment, VideoSlice
+from ...optional import found
 from ...udpros.frame import Frame
 from ..codec import Codec, ImportedCodec
 from ..encoder import Encoder, Sizing
@@ -113,7 +113,7 @@ class ImageEncoder(Encoder[Any]):
         parse(settings['region'])
 
     def parts(self, settings: Settings) -> Sequence[str]:
-        further = {'interleaved': [], 'h264': [LAYERS] + [VIDEO] * installed()}.get(settings['coding'], [LAYERS])
+        further = {'interleaved': [], 'h264': [LAYERS] + [VIDEO] * found('av')}.get(settings['coding'], [LAYERS])
         return [MAIN_PART, *further, *([INFO] if self._infos is not None else [])]
 
     def sources(self, settings: Mapping[str, Any]) -> Dict[str, Any]:
@@ -199,7 +199,7 @@ class ImageEncoder(Encoder[Any]):
         reason = cannot_be_video(message, settings['scale'])
         if reason is not None:
             raise ValueError('coding is h264, but ' + reason)
-        if not installed():
+        if not found('av'):
             self.warnings.append(MISSING)
             return False
         if not self._codec.ready() or not self._is_heard():
