@@ -55,7 +55,8 @@ ROBOT_SENDER = {
     'allow_unsealed_commands': _ALLOW_UNSEALED_COMMANDS,
     'adapt': Parameter(True, '', 'whether the rate follows the capacity that operators report; otherwise it is '
                        'max_rate'),
-    'max_rate': Parameter(4000.0, 'Mbit/s', 'maximum rate of all streams together; 0: unlimited', least=0.0),
+    'max_rate': Parameter(50.0, 'Mbit/s', 'maximum rate of all streams together, however fast the link is; 0: '
+                          'unlimited', least=0.0),
     'min_rate': Parameter(0.1, 'Mbit/s', 'minimum rate, whatever operators report', least=0.01),
     'dscp': _DSCP,
     'ecn': Parameter(True, '', 'whether networks may mark datagrams where a queue builds up, instead of dropping them '
