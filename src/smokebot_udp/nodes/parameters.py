@@ -14,7 +14,8 @@ _MEANINGS = {
     'warn_loss': ('', 'packet-loss ratio that triggers WARN'),
     'error_loss': ('', 'packet-loss ratio that triggers ERROR'),
     'warn_completeness': ('', 'median completeness of messages, 0..1, below which there is a WARN'),
-    'warn_psnr': ('dB', 'median of the estimated PSNR of layered images of 8 bits below which there is a WARN'),
+    'warn_psnr': ('dB', 'median of the estimated PSNR of layered images of 8 bits, and of video, below which there is '
+                  'a WARN'),
     'warn_error': ('pixel value', 'median of the estimated rms error of other layered images above which there is a '
                    'WARN: in counts of 16 bits, whatever counts_per_unit is; in m of 32FC1'),
     'warn_age': ('s', 'median age of messages on arrival that triggers WARN'),
