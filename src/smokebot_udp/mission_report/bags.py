@@ -16,6 +16,7 @@ STAMP = struct.Struct('<II')
 """secs and nsecs of a message that begins with a std_msgs/Header, after its seq of 4 bytes."""
 
 DESCRIPTION, CONTROL, OFFSET = 'black_box/description', 'operator/control', 'operator_receiver/clock_offset'
+LOAD = 'black_box/load'
 """Ends of topics."""
 
 NEAR = 1e-3
@@ -148,6 +149,8 @@ def _add(record: MissionRecord, roles: Roles, side: str, number: int, topic: str
         record.add_place(side, time, class_().deserialize(data))
     elif topic.endswith(CONTROL) and kind == 'std_msgs/String':
         record.control[time] = class_().deserialize(data).data
+    elif topic.endswith(LOAD) and kind == 'std_msgs/Float64':
+        record.loads[side][time] = class_().deserialize(data).data
     elif topic.endswith(OFFSET) and kind == 'std_msgs/Float64':
         record.offsets[time] = class_().deserialize(data).data
 

@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The numbers of a mission, and what happened in it."""
 import math
-from typing import Dict, List, NamedTuple, Optional, Tuple
+from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
-from .gaps import Gap, gaps
+from .gaps import LEAST_GAP, Gap, gaps
 from .mission import Interval, Mission
 from .record import OPERATOR, ROBOT, SIDES
+
+SAME = 10.0
+"""What comes again within this time has the same cause [s]."""
 
 
 class Row(NamedTuple):
@@ -92,15 +95,59 @@ def all_gaps(mission: Mission) -> List[Gap]:
 def events(mission: Mission) -> List[Event]:
     """What happened, by time."""
     found = [Event(one.begin, 'focus', "focus '%s'" % one.text) for one in focuses(mission)]
-    found += [Event(one.begin, 'driver', '%s drives' % one.text) for one in drivers(mission)]
-    found += [Event(one.end, 'driver', '%s no longer drives' % one.text) for one in drivers(mission)
-              if one.end < mission.span[1]]
+    for driver, spells in _spells(drivers(mission)).items():
+        for spell in spells:
+            found.append(Event(spell.begin, 'driver', _counted('%s drives' % driver, spell)))
+            if spell.end < mission.span[1]:
+                found.append(Event(spell.end, 'driver', '%s no longer drives' % driver))
     found += [Event(one.begin, 'stop', 'emergency stop engaged') for one in stops(mission)]
     found += [Event(one.end, 'stop', 'emergency stop released') for one in stops(mission) if one.end < mission.span[1]]
-    found += [Event(one.begin, 'control', "operator's control: %s" % one.text) for one in mission.control()]
-    found += [Event(gap.begin, 'gap', 'no new image of %s for %.1f s (%s)' % (gap.stream, gap.duration, gap.cause))
-              for gap in all_gaps(mission)]
+    found += [Event(spell.begin, 'control', _counted("operator's control: %s" % text, spell))
+              for text, spells in _spells(mission.control()).items() for spell in spells]
+    found += [Event(one[0].begin, 'gap', 'no new image of %s for %.1f s (%s)' % (
+        ', '.join(sorted({gap.stream for gap in one})), max(gap.duration for gap in one), one[0].cause))
+        for one in _with_one_cause(all_gaps(mission))]
     return sorted(found)
+
+
+class _Spell(NamedTuple):
+    """Intervals of one text that follow each other closely."""
+    begin: float
+    end: float
+    times: int
+
+
+def _spells(intervals: Sequence[Interval]) -> Dict[str, List[_Spell]]:
+    """{text: its spells}
+
+    :param intervals: by time
+    """
+    found: Dict[str, List[_Spell]] = {}
+    for one in intervals:
+        spells = found.setdefault(one.text, [])
+        if spells and one.begin - spells[-1].end < SAME:
+            spells[-1] = spells[-1]._replace(end=one.end, times=spells[-1].times + 1)
+        else:
+            spells.append(_Spell(one.begin, one.end, 1))
+    return found
+
+
+def _counted(text: str, spell: _Spell) -> str:
+    """What happened, and how often."""
+    return text if spell.times == 1 else '%s (%d times within %.0f s)' % (text, spell.times, spell.end - spell.begin)
+
+
+def _with_one_cause(found: Sequence[Gap]) -> List[List[Gap]]:
+    """Gaps of all streams, those of one cause at one time together, by time."""
+    groups: List[List[Gap]] = []
+    for gap in sorted(found, key=lambda gap: gap.begin):
+        group = next((group for group in reversed(groups) if group[0].cause == gap.cause
+                      and gap.begin < max(one.end for one in group) + LEAST_GAP), None)
+        if group is None:
+            groups.append([gap])
+        else:
+            group.append(gap)
+    return groups
 
 
 def seen(mission: Mission, name: str, pause: float) -> List[Tuple[float, float]]:

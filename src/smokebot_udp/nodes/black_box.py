@@ -10,16 +10,17 @@ import json
 import os
 import pathlib
 import time
-from typing import List, Mapping, Optional
+from typing import Dict, List, Mapping, Optional, Tuple
 
 import rosgraph
 import roslib.packages
 import rospkg
 import rospy
-from std_msgs.msg import String
+from std_msgs.msg import Float64, String
 
 from .. import udpros
 from ..limited_log import logerr
+from ..mission_report.record import LOAD_PERIOD
 from ..streams.recorded_topics import RecordedStream, all_topics, recorded_streams
 from ..udpros import rpc
 from ..udpros.master import MasterWatch
@@ -27,6 +28,7 @@ from .bag_store import MB, BagStore
 from .common import Parameters, operator_topic, read_streams
 from .launches import Launch, end_all
 from .logging import log_error
+from .machine_load import MachineLoad
 from .namesake import SECOND_OPERATOR, wait_until_free
 from .parameters import BLACK_BOX
 
@@ -61,6 +63,18 @@ def description(side: str, namespace: str, streams: Mapping[str, RecordedStream]
     """What a bag says of itself, JSON."""
     return json.dumps({'side': side, 'namespace': namespace,
                        'streams': {name: stream._asdict() for name, stream in streams.items()}})
+
+
+def chosen(streams: Mapping[str, RecordedStream], names: str) -> Tuple[Dict[str, RecordedStream], List[str]]:
+    """Those of the streams that are to be recorded, and names of which there is none.
+
+    :param names: separated by commas; empty: all
+    """
+    wanted = [name.strip() for name in names.split(',') if name.strip()]
+    if not wanted:
+        return dict(streams), []
+    return ({name: stream for name, stream in streams.items() if name in wanted},
+            [name for name in wanted if name not in streams])
 
 
 def recording(record: str, topics: List[str], prefix: str, split: int, least_free: int, name: str) -> List[str]:
@@ -166,13 +180,19 @@ def main() -> None:
     def resolve(name: str) -> str:
         return side_topic(side, name)
 
-    streams = recorded_streams(read_streams(parameters), side, resolve)
+    streams, unknown = chosen(recorded_streams(read_streams(parameters), side, resolve), parameters['record_streams'])
+    if unknown:
+        rospy.logwarn('record_streams names %s, which is no stream; recorded are %s', ', '.join(unknown),
+                      ', '.join(streams) or 'none')
     said = udpros.Publisher('~description', String, queue_size=1, latch=True)
     said.publish(description(side, namespace, streams))
     prefix = bag_prefix(side, namespace)
     store = _store(parameters, prefix)
-    topics = [*all_topics(streams, side, resolve), said.resolved_name]
+    loads = udpros.Publisher('~load', Float64, queue_size=10)
+    topics = [*all_topics(streams, side, resolve), said.resolved_name, loads.resolved_name]
+    load = MachineLoad(loads.publish, LOAD_PERIOD)
     split = max(1, min(parameters['split_mb'], parameters['max_mb'] // SPLITS))
     rospy.loginfo('black box: recording %d topics in %s', len(topics), store.folder / (prefix + '_*.bag'))
     least_free, name = max(1, parameters['min_free_mb'] // 2), rospy.get_name().split('/')[-1] + '_recorder'
     BlackBox(store, recording(record, topics, str(store.folder / prefix), split, least_free, name)).run()
+    load.close()
