@@ -4,6 +4,7 @@ import base64
 import builtins
 import contextlib
 import html.parser
+import json
 import os
 import pathlib
 import shutil
@@ -39,6 +40,7 @@ from smokebot_udp.mission_report.mission import joined, rate
 from smokebot_udp.mission_report.plots import fitting
 from smokebot_udp.mission_report.summary import _with_one_cause
 from smokebot_udp.nodes.mission_report import main
+from smokebot_udp.streams.recorded_images import recorded
 
 VOID = {'meta', 'img', 'br'}
 
@@ -237,7 +239,8 @@ def test_other_causes(extra: List[Any], cause: str, tmp_path: pathlib.Path) -> N
 @pytest.mark.parametrize('others, found, cause', [
     (False, loads('operator', 0.5), 'nothing arrived: the link was cut'),
     (False, loads('operator', 3.0), 'nothing arrived: the link was cut'),       # some would come nevertheless
-    (False, loads('operator', 6.0), "the operator's machine was overloaded: 6.0 programs for each processor"),
+    (False, loads('operator', 6.0),            # nobody knows
+     "nothing arrived: the link was cut or the operator's machine was overloaded: 6.0 programs for each processor"),
     (False, loads('robot', 0.5) + loads('operator', 0.5, 0.0, 8.0) + loads('operator', 0.5, 12.0),
      'the operator recorded nothing at all: its machine stood still, or the recording was interrupted'),
     (True, loads('operator', 0.5), 'images were lost or late, other streams arrived'),
@@ -258,6 +261,36 @@ def test_what_changes_to_and_fro_is_one_event(tmp_path: pathlib.Path) -> None:
     page = report(tmp_path, write(tmp_path / 'a.bag', robot()), write(tmp_path / 'b.bag', operator() + flapping))
     locked = [row for row in page.rows if 'LOCKED' in row[-1]]
     assert locked == [['0:06.5', "operator's control: LOCKED: release the stick (60 times within 12 s)"]]
+    counting = [('/desk/operator/control', String('the robot was not heard for %.1f s' % (2 + 0.1 * number)),
+                 begun + 8 + 0.1 * number) for number in range(20)]
+    page = report(tmp_path, write(tmp_path / 'a.bag', robot()), write(tmp_path / 'b.bag', operator() + counting))
+    assert [row for row in page.rows if 'heard' in row[-1]] == [
+        ['0:08.0', "operator's control: the robot was not heard for 3.9 s (20 times within 12 s)"]]
+
+
+def test_images_that_were_compressed_after_they_had_arrived(tmp_path: pathlib.Path) -> None:
+    """The black box tells when each arrived; its image is recorded later."""
+    late: Dict[str, List[Any]] = {'robot': [], 'operator': []}
+    topics = {}
+    for side, messages in (('robot', robot()), ('operator', operator())):
+        topic, box = TOPICS[side]['thermal'], messages[0][0][:-len('/description')]
+        topics[side] = {**TOPICS[side], 'thermal': box + '/arrived' + topic}
+        for name, message, time in messages:
+            if name != topic:
+                late[side].append((name, message, time))
+                continue
+            late[side] += [(box + '/arrived' + topic, message.header, time),
+                           (box + '/images' + topic + '/compressed', recorded(message), time + 0.3)]
+        text = json.loads(messages[0][1].data)
+        text['streams']['thermal']['topics'] = [box + part for part in (
+            '/arrived' + topic, '/images' + topic, '/images' + topic + '/compressed')]
+        late[side][0] = (messages[0][0], String(json.dumps(text)), messages[0][2])
+    page = report(tmp_path, write(tmp_path / 'a.bag', late['robot']), write(tmp_path / 'b.bag', late['operator']))
+    before = report(tmp_path, *both(tmp_path).values())
+    assert page.row('thermal', 'image') == before.row('thermal', 'image')      # numbers and ages are the same
+    assert page.row('thermal', '0:08.1') == before.row('thermal', '0:08.1')
+    assert [name for name, _ in page.pictures] == [name for name, _ in before.pictures]
+    assert 'thermal: original' in [name for name, _ in page.pictures]
 
 
 def test_a_cut_is_one_event_for_all_images_at_once() -> None:

@@ -17,6 +17,8 @@ STAMP = struct.Struct('<II')
 
 DESCRIPTION, CONTROL, OFFSET = 'black_box/description', 'operator/control', 'operator_receiver/clock_offset'
 LOAD = 'black_box/load'
+IMAGES = 'black_box/images/'
+"""Within topics: these are recorded later than they arrived."""
 """Ends of topics."""
 
 NEAR = 1e-3
@@ -136,10 +138,11 @@ def _add(record: MissionRecord, roles: Roles, side: str, number: int, topic: str
     kind, data, class_ = raw[0], raw[1], raw[4]
     found = roles.get(topic, [])
     for one in {one for one, _ in found} or {side}:
-        record.add(one, time)
-    stamp = _stamp(data) if found and getattr(class_, '_has_header', False) else math.nan
+        if IMAGES not in topic:
+            record.add(one, time)
+    stamp = _stamp(data) if found and (getattr(class_, '_has_header', False) or kind == 'std_msgs/Header') else math.nan
     for one, name in found:
-        record.add_stream(one, name, topic, time, stamp, number)
+        (record.add_image if IMAGES in topic else record.add_stream)(one, name, topic, time, stamp, number)
     side = found[0][0] if found else side
     if kind == 'smokebot_udp/RobotStatus':
         record.add_state(side, class_().deserialize(data))

@@ -20,7 +20,7 @@ MOST = 0.8
 
 OVERLOAD, STALLED = 2.0, 4.0
 """Programs that want a processor, for each of them. With two each has half of the time, and images come at half of
-their rate; some come nevertheless. With four, two nodes and a second without any message are usual."""
+their rate; some come nevertheless. With four, a second without a message may be due to that as well as to the link."""
 
 LEAST_TOLD = 0.3
 """A machine that tells its load less often than this part of what it should stood still."""
@@ -70,12 +70,19 @@ def _cause(mission: Mission, name: str, span: Span) -> str:
         state = mission.state((span[0] + span[1]) / 2)
         return OFF % (state.focus if state else '')
     if longest(mission.arrivals, span) >= most:
-        return overload(mission, span, STALLED) or CUT
+        return still(mission, span) or ' or '.join(filter(None, [CUT, overload(mission, span, STALLED)]))
     if share(mission, lambda state: name in state.streams and state.streams[name][1], span) >= most:
         return PAUSED
     if ROBOT in mission.spans and longest(mission.times(ROBOT, name), span) >= most:
         return SOURCE
-    return overload(mission, span, OVERLOAD) or UNKNOWN
+    return still(mission, span) or overload(mission, span, OVERLOAD) or UNKNOWN
+
+
+def still(mission: Mission, span: Span) -> str:
+    """Which machine stood still in a span; empty: none, or nobody recorded that."""
+    least = LEAST_TOLD * (span[1] - span[0]) / PERIOD
+    return next((STOOD % side for side in SIDES if mission.record.loads[side]
+                 and mission.load(side, span)[0] < least), '')
 
 
 def overload(mission: Mission, span: Span, least: float) -> str:
@@ -83,13 +90,8 @@ def overload(mission: Mission, span: Span, least: float) -> str:
 
     :param least: load that explains it
     """
-    for side in SIDES:
-        count, load = mission.load(side, span)
-        if mission.record.loads[side] and count < LEAST_TOLD * (span[1] - span[0]) / PERIOD:
-            return STOOD % side
-        if load >= least:
-            return BUSY % (side, load)
-    return ''
+    loads = {side: mission.load(side, span)[1] for side in SIDES}
+    return next((BUSY % (side, load) for side, load in loads.items() if load >= least), '')
 
 
 def share(mission: Mission, holds: Callable[[State], bool], span: Span) -> float:

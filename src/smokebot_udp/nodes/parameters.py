@@ -117,6 +117,8 @@ BLACK_BOX = {
     'side': Parameter('robot', '', 'what is recorded: the original messages, or what the operator receives',
                       choices=('robot', 'operator')),
     'streams_file': _STREAMS_FILE,
+    'lossless': Parameter(True, '', 'whether raw images are recorded as PNG, without loss, by a thread of low '
+                          'priority; those that it has no time for are left out; false: raw, all of them'),
     'record_streams': Parameter('', '', 'the streams that are recorded, separated by commas; empty: all'),
     'folder': Parameter('', '', 'where the bags are written; empty: black_box in ~/.ros, or in ROS_HOME'),
     'split_mb': Parameter(1024, 'MB', 'size at which a new bag is begun; a quarter of max_mb at most', least=1,
