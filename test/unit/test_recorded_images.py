@@ -8,7 +8,7 @@ from sensor_msgs.msg import CompressedImage, Image
 
 from smokebot_udp.codecs.wire.pixels import as_pixels
 from smokebot_udp.streams.image.source import raw_image
-from smokebot_udp.streams.recorded_images import Backlog, recorded
+from smokebot_udp.streams.recorded_images import HURRY, Backlog, RawRate, recorded
 
 
 def image(encoding: str, channels: int = 1, big: bool = False) -> Any:
@@ -44,6 +44,15 @@ def test_raw_images_are_compressed_without_loss(encoding: str, channels: int, bi
     Image(height=4, width=4, encoding='mono8', step=4, data=b'short'), Image(encoding='mono8')])
 def test_all_else_is_recorded_as_it_is(message: Any) -> None:
     assert recorded(message) is message
+
+
+def test_where_too_much_waits_some_are_recorded_raw() -> None:
+    backlog, rate = Backlog(), RawRate()
+    assert not backlog.hurries
+    backlog.add('front', None, HURRY + 1)
+    assert backlog.hurries
+    taken = [rate.take(10 ** 6, 5.0 + step / 100) for step in range(100)]      # of 1 MB, for a second
+    assert sum(taken) == 10 and taken[0]
 
 
 def test_the_oldest_is_left_out_where_too_much_waits() -> None:

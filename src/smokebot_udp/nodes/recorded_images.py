@@ -5,6 +5,7 @@ Compressing has a thread of low priority: what is sent and shown comes first.
 """
 import os
 import threading
+import time
 from typing import Any, Callable, Dict, Iterable, List
 
 import rospy
@@ -12,7 +13,7 @@ from sensor_msgs.msg import CompressedImage, Image
 from std_msgs.msg import Header
 
 from .. import udpros
-from ..streams.recorded_images import Backlog, recorded
+from ..streams.recorded_images import Backlog, RawRate, recorded
 from .any_type import class_of, read
 
 ARRIVED, IMAGES = '~arrived', '~images'
@@ -38,7 +39,7 @@ class RecordedImages:
     """
 
     def __init__(self, topics: Iterable[str], warn: Callable[[str], object]) -> None:
-        self._warn, self._backlog = warn, Backlog()
+        self._warn, self._backlog, self._raw = warn, Backlog(), RawRate()
         self._news, self._ended = threading.Condition(), False
         self._told: Dict[str, int] = {}     # how many were left out, as warned of
         self._publishers: Dict[str, Dict[Any, Any]] = {}
@@ -79,13 +80,14 @@ class RecordedImages:
                 if self._ended:
                     return
                 (topic, image), self._found = self._found, None
-                left_out = dict(self._backlog.left_out)
+                left_out, hurries = dict(self._backlog.left_out), self._backlog.hurries
             if left_out != self._told:
                 self._told = left_out
                 self._warn('the processor is too slow to record all images. Left out until now are %s; '
                            'record_streams:= chooses fewer streams' % ', '.join(
                                '%d of %s' % (count, name) for name, count in left_out.items()))
-            made = recorded(image)
+            raw = hurries and self._raw.take(len(image.data), time.monotonic())
+            made = image if raw else recorded(image)
             self._publishers[topic][type(made)].publish(made)
 
     _found: Any = None

@@ -12,6 +12,27 @@ MOST_WAITING = 64 << 20
 """Images that wait for being compressed take this at most: 2 s of a camera of 1280 x 720 at 12 Hz [byte]."""
 
 
+HURRY = MOST_WAITING // 4
+"""Where more waits, images are recorded raw [byte]."""
+
+RAW_RATE = 10e6
+"""But no more than this: an SD card writes it [byte/s]."""
+
+
+class RawRate:
+    """Limits what is recorded raw."""
+
+    def __init__(self) -> None:
+        self._next = 0.0
+
+    def take(self, size: int, now: float) -> bool:
+        """Whether an image of this size [byte] may be recorded raw now, by a steady clock [s]; it counts then."""
+        if now < self._next:
+            return False
+        self._next = now + size / RAW_RATE
+        return True
+
+
 class Backlog:
     """Messages that wait, of bounded size: where they are too many the oldest one is left out.
 
@@ -32,6 +53,11 @@ class Backlog:
             oldest, _, length = self._waiting.popleft()
             self._size -= length
             self.left_out[oldest] += 1
+
+    @property
+    def hurries(self) -> bool:
+        """Whether so much waits that it cannot all be compressed."""
+        return self._size > HURRY
 
     def take(self) -> Optional[Tuple[str, Any]]:
         """(name, message) that has waited longest; None: there is none."""
