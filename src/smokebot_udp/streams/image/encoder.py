@@ -22,7 +22,7 @@ from ..segments import INFO, LAYERS, MAIN_PART, VIDEO, size_on_air
 from .camera_info import SETTING, info_topic
 from .coding_choice import CodingChoice, Conditions
 from .held_by_all import HeldByAll
-from .image_size import Grant, grant, period_of
+from .image_size import Bound, Grant, grant, period_of
 from .info_sender import InfoSender
 from .interleaved_encoder import InterleavedImages
 from .pixel_layers import cannot_be_layered
@@ -160,7 +160,8 @@ class ImageEncoder(Encoder[Any]):
         else:
             frames = self._layered.encode(message, settings, max_datagram_size, self.outlook, granted,
                                           (self.operators(LAYERS), began))
-            self._choice.took(self._clock() - began)
+            wished = self._layered.bound is Bound.MAX_QUALITY
+            self._choice.took(self._clock() - began, 0.0 if wished else self._layered.error)
         self.backlog, self.base = self._used.BACKLOG, self._used.base
         self.message_size = size_on_air(frames) or self.message_size
         self.sizing = Sizing(self._used.CODING, granted.size, size_on_air(frames), self._used.bound.value,
@@ -248,12 +249,15 @@ class ImageEncoder(Encoder[Any]):
             return True
         height, width = _reduced(message, settings)
         raw = RAW_OVERHEAD * height * width * pixels.item_type(message.encoding).itemsize
+        now = self._clock()
         conditions = Conditions(
             raw if raw <= (settings['max_bytes'] or math.inf) else math.inf, self.outlook.room,
             self.outlook.loss(0.5) if self.outlook.air.known else None,
-            1 / min(settings.requested['rate'], self.source_rate or math.inf))
-        self._size_wished = raw if self._choice.is_possible(conditions) else 0.0
-        return self._choice.update(conditions, self._clock())
+            1 / min(settings.requested['rate'], self.source_rate or math.inf),
+            pixels.pixel_type(message.encoding)[0].itemsize == 1)
+        layered = self._choice.update(conditions, now)
+        self._size_wished = raw if self._choice.is_possible(conditions, now) else 0.0
+        return layered
 
     def _has_room(self, message: Any, settings: Settings) -> bool:
         """Whether an image is video because the link has room for it, or because it cannot be layered."""
