@@ -258,6 +258,8 @@ def differences(here: Mapping[str, Any], sent: Mapping[str, List[Datagram]]) -> 
     :param here, sent: as `made` returns them
     """
     golden = expected()
+    if golden.get('wire_format') != WIRE_FORMAT:
+        return ['all: the golden files are of wire format %s, not %d' % (golden.get('wire_format'), WIRE_FORMAT)], []
     alike = ['%s of %s' % (kind, name) for kind in ('messages', 'computed', 'sources') for name in golden.get(kind, {})
              if here[kind].get(name) != golden[kind][name]]
     known = [name for name in golden.get('shown', {}) if name in STREAMS]
@@ -293,7 +295,7 @@ def main(arguments: Sequence[str]) -> int:
         print('\n'.join(alike + ['%s, which may differ between releases' % text for text in others])
               or 'this machine sends and shows the golden files')
         return 1 if alike or others else 0
-    if alike and expected()['wire_format'] == WIRE_FORMAT:
+    if alike and expected().get('wire_format') == WIRE_FORMAT:
         print('\n'.join(alike) + '\nThis is another wire format: raise WIRE_FORMAT in version.py first')
         return 1
     print('%d bytes in %s' % (write(here, sent), FOLDER))
