@@ -168,5 +168,5 @@ STREAMS: Mapping[str, Stream] = {
     'relay_compressed': Stream('relay', {'message_type': 'rosgraph_msgs/Log'}, {'message_type': 'rosgraph_msgs/Log'},
                                log, 2, alike=False),       # zlib's, of which there are several
     'relay_transforms': Stream('relay', {'message_type': 'tf2_msgs/TFMessage'},
-                               {'message_type': 'tf2_msgs/TFMessage'}, transforms, 2),
+                               {'message_type': 'tf2_msgs/TFMessage'}, transforms, 4, 2, alike=False),     # likewise
 }

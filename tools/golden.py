@@ -98,9 +98,8 @@ class Operator:
             part = self.parts[one.part]
             class_ = self.assembler.SEGMENTS[part]
             if self.assembler.FORWARDS:
-                message = self.assembler.join(class_().deserialize(one.data))
-                forwarded = None if message is None else self.assembler.forward(message)
-                self.shown += [] if forwarded is None else [(one.number, forwarded.message)]
+                forwarded = map(self.assembler.forward, self.assembler.join(class_().deserialize(one.data)))
+                self.shown += [(one.number, found.message) for found in forwarded if found is not None]
                 continue
             self.assembler.receive(_records(class_, one.data), np.ones(1, bool), now, part)
             work_off(self.assembler)

@@ -15,6 +15,7 @@ Commands, services, actions and reliable relays of operators come back over the 
 """
 import collections
 import math
+import random
 import time
 from typing import Any, DefaultDict, Dict, Tuple
 
@@ -136,6 +137,8 @@ class _StreamMaker:
             self.lookup.prepare()
         elif kind in ('image', 'grid'):
             shared = {'codec': self._codec, 'clock': time.monotonic}
+        elif kind == 'relay':
+            shared = {'number': random.getrandbits(32)}
         if kind == 'grid':
             shared['lookup'] = self.lookup
         return RobotStream(name, settings, encoder_class(kind)(settings, **shared), self._link)
