@@ -247,16 +247,14 @@ class OperatorStream:
         return None if ages is None else self._prefixed(ages)
 
     def _forward(self, segment: Any) -> None:
-        """Publish the message that a segment completes, in the transport's thread."""
+        """Publish the messages that a segment completes, in the transport's thread."""
         try:
             with self._worker.changing():
-                message = self.assembler.join(segment)
-                if message is None:
-                    return
-                self.received += 1
-                assembled = self.assembler.forward(message)
-                if assembled is not None:
-                    self._publish(assembled)
+                for message in self.assembler.join(segment):
+                    self.received += 1
+                    assembled = self.assembler.forward(message)
+                    if assembled is not None:
+                        self._publish(assembled)
         finally:
             self._log_warnings()
 

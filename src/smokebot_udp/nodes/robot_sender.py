@@ -16,6 +16,7 @@ Commands, services, actions and reliable relays of operators come back over the 
 import collections
 import functools
 import math
+import random
 import time
 from typing import Any, DefaultDict, Dict, Tuple
 
@@ -140,6 +141,8 @@ class _StreamMaker:
         elif kind == 'cloud':
             shared = {'codec': self._codec}
             tell_of_pcl()
+        elif kind == 'relay':
+            shared = {'number': random.getrandbits(32)}
         if kind == 'grid':
             shared['lookup'] = self.lookup
         return RobotStream(name, settings, encoder_class(kind)(settings, **shared), self._link)
