@@ -98,9 +98,8 @@ class Operator:
             part = self.parts[one.part]
             class_ = self.assembler.SEGMENTS[part]
             if self.assembler.FORWARDS:
-                message = self.assembler.join(class_().deserialize(one.data))
-                forwarded = None if message is None else self.assembler.forward(message)
-                self.shown += [] if forwarded is None else [(one.number, forwarded.message)]
+                forwarded = map(self.assembler.forward, self.assembler.join(class_().deserialize(one.data)))
+                self.shown += [(one.number, found.message) for found in forwarded if found is not None]
                 continue
             self.assembler.receive(_records(class_, one.data), np.ones(1, bool), now, part)
             work_off(self.assembler)
@@ -258,6 +257,8 @@ def differences(here: Mapping[str, Any], sent: Mapping[str, List[Datagram]]) -> 
     :param here, sent: as `made` returns them
     """
     golden = expected()
+    if golden.get('wire_format') != WIRE_FORMAT:
+        return ['all: the golden files are of wire format %s, not %d' % (golden.get('wire_format'), WIRE_FORMAT)], []
     alike = ['%s of %s' % (kind, name) for kind in ('messages', 'computed', 'sources') for name in golden.get(kind, {})
              if here[kind].get(name) != golden[kind][name]]
     known = [name for name in golden.get('shown', {}) if name in STREAMS]
