@@ -179,8 +179,8 @@ def test_any_bytes_are_a_repetition_or_refused(packed: bytes, known: bytes) -> N
 
 def test_a_broken_repetition_costs_only_itself() -> None:
     for broken in b'\xff\xff', pack_beside(bytes(MAX_DEFLATED + 1), b''), pack_beside(b'x', b'') + b'more':
-        order = MessageOrder(collections.Counter())
-        assert order.add(5, b'message', broken) == [b'message'] and order._dropped == {'repetition': 1}
+        dropped: Any = collections.Counter()
+        assert MessageOrder(dropped).add(5, b'message', broken) == [b'message'] and dropped == {'repetition': 1}
 
 
 def test_old_numbers_are_no_news() -> None:

@@ -37,6 +37,7 @@ from smokebot_udp.link.robot_core import (
     RobotCore,
 )
 from smokebot_udp.link.tags import Tags
+from smokebot_udp.version import WIRE_FORMAT
 
 # 1. HELLO
 
@@ -93,7 +94,7 @@ def test_an_init_of_another_version_mode_or_suite_is_dropped() -> None:
     robot, operator = robot_of(), operator_of()
     init = parse(init_of(robot, operator))
     assert isinstance(init, Init)
-    give(robot, OPERATOR, init._replace(version=3).pack(), init._replace(suite=2).pack(),
+    give(robot, OPERATOR, init._replace(version=WIRE_FORMAT + 1).pack(), init._replace(suite=2).pack(),
          init._replace(mode=Mode.OPEN, message=init.message[:INIT_SIZE[Mode.OPEN] - INIT.size]).pack())
     assert robot.dropped == {'another version or mode': 3} and not sent(robot)
 
