@@ -17,13 +17,14 @@ from evaluation.state_source import RATE
 from smokebot_udp.link_lab.lab import LabError
 
 SECONDS = 20.0
-LEAST = {0.0: 98.0, 0.2: 95.0, 0.5: 75.0}
-"""{packet loss: share of the messages of all streams [%]}"""
+LEAST = {0.0: 98.0, 0.2: 92.0, 0.5: 71.0}
+"""{packet loss: share of the messages of all streams [%]}: three standard deviations of 600 messages below 95 and 75 %,
+which `./smokebot experiments small_states` judges. Without repetitions 80 and 50 % come."""
 
 SPREAD = 5.0
 """A single stream may have so much less: some two standard deviations of its 200 messages [%]."""
 
-LATE = 20.0
+LATE = 60.0
 """What nodes and their publishers take on a busy machine [ms]."""
 
 
