@@ -5,7 +5,6 @@ For comparison: rospy's serialisation and a JPEG of the same image, the alternat
 """
 import copy
 import functools
-import importlib.util
 import io
 import statistics
 import time
@@ -18,6 +17,8 @@ from nav_msgs.msg import OccupancyGrid
 from sensor_msgs.msg import Image, LaserScan, PointCloud2, PointField
 
 from evaluation.offline_link import Receiver, Sender
+from evaluation.pcl_plane import fit_by_pcl
+from smokebot_udp import optional
 from smokebot_udp.codecs.layered import image as layered
 from smokebot_udp.codecs.perception import ground, voxel
 from smokebot_udp.codecs.wire import pixels, scan
@@ -68,17 +69,18 @@ def scan_message() -> Any:
                      angle_increment=np.pi / 360, range_max=30.0)
 
 
-def pcl_and_numpy_cases(cloud: Any) -> Dict[str, Case]:
-    """What is implemented twice, because python3-pcl is not available everywhere."""
+def perception_cases(cloud: Any) -> Dict[str, Case]:
+    """What is implemented several times, because neither python3-pcl nor numba is available everywhere."""
     xyz, intensity = as_points(cloud.data, cloud.fields, cloud.height, cloud.width, cloud.point_step, cloud.row_step,
                                cloud.is_bigendian, with_intensity=True)
     random = np.random.RandomState(4)
     candidates = ground.GroundFinder(0.9).candidates(xyz)
     voters = candidates[random.permutation(len(candidates))[:ground.VOTERS]]
     result = {}
-    for library, voxels, fit in (('PCL', voxel.filter_by_pcl, ground.fit_by_pcl),
+    for library, voxels, fit in (('pcl', voxel.filter_by_pcl, fit_by_pcl),
+                                 ('numba', voxel.filter_by_loops, ground.fit_by_loops),
                                  ('numpy', voxel.filter_by_numpy, ground.fit_by_numpy)):
-        if library == 'numpy' or importlib.util.find_spec('pcl'):
+        if optional.attempt(library).module is not None:
             result['  voxels only, by ' + library] = Case(functools.partial(voxels, xyz, 0.1))
             result['  with intensity, by ' + library] = Case(functools.partial(voxels, xyz, 0.1, intensity))
             result['  ground plane only, by ' + library] = Case(functools.partial(fit, voters, 0.04, random))
@@ -132,7 +134,7 @@ def cases() -> Dict[str, Case]:
         'cloud of 23 040: voxels and chunks, float32': Case(lambda: plain.frames(points), 4.0),
         'cloud of 23 040: voxels and chunks, packed': Case(lambda: packed.frames(points), 4.0),
         'cloud of 23 040: voxels and chunks, sorted': Case(lambda: ordered.frames(points), 6.0),
-        **pcl_and_numpy_cases(points),
+        **perception_cases(points),
         'cloud: merge, packed': Case(lambda: cloud_receiver.assemble(chunks)),
         'cloud: merge, sorted': Case(lambda: cloud_receiver.assemble(ordered_chunks), 6.0),
         'cloud of 23 040: both virtual scans': Case(both_scans, 10.0),

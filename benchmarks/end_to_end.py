@@ -45,7 +45,7 @@ lose every message [s]."""
 LEAF_SIZE = 0.1
 """Of the clouds that are decimated, as in config/streams.yaml [m]."""
 
-PACED, UNPACED = ('_adapt:=false',), ('_adapt:=false', '_max_rate:=0')
+PACED, UNPACED = ('_adapt:=false', '_max_rate:=400'), ('_adapt:=false', '_max_rate:=0')
 """At 400 Mbit/s, and unlimited; without either, the rate follows the link."""
 
 LOADS: Dict[str, Dict[str, float]] = {

@@ -163,9 +163,10 @@ STREAMS: Mapping[str, Stream] = {
     'cloud_packed': Stream('cloud', {'encoding': 'packed', 'leaf_size': 0.0, 'intensity': True, 'fields': 'ring'}, {},
                            ringed, 1),
     'cloud_float32': Stream('cloud', {'encoding': 'float32', 'leaf_size': 0.0}, {}, ringed, 1, 3),
-    'scan': Stream('scan', {}, {}, scan, 2),
+    'scan': Stream('scan', {'intensity': True}, {}, scan, 2, 3),
+    'scan_exact': Stream('scan', {'exact': True}, {}, scan, 2),
     'relay_compressed': Stream('relay', {'message_type': 'rosgraph_msgs/Log'}, {'message_type': 'rosgraph_msgs/Log'},
                                log, 2, alike=False),       # zlib's, of which there are several
     'relay_transforms': Stream('relay', {'message_type': 'tf2_msgs/TFMessage'},
-                               {'message_type': 'tf2_msgs/TFMessage'}, transforms, 2),
+                               {'message_type': 'tf2_msgs/TFMessage'}, transforms, 4, 2, alike=False),     # likewise
 }

@@ -15,7 +15,7 @@ from smokebot_udp.codecs.layered.pieces import Layer, Plan, Restorer, protect
 from smokebot_udp.codecs.tiles import coder
 from smokebot_udp.codecs.tiles.lattice import Lattice
 from smokebot_udp.codecs.tiles.overview import overview
-from smokebot_udp.codecs.wire import cloud, interleave, scan, sorted_cloud, z_order
+from smokebot_udp.codecs.wire import cloud, coded_counts, interleave, scan, sorted_cloud, z_order
 from smokebot_udp.codecs.wire.prefix_code import best_code
 from smokebot_udp.link.tables import Topic
 from smokebot_udp.packed import unpack
@@ -106,6 +106,12 @@ def _orders() -> Iterator[Any]:
     yield scan.write_ranges(ranges)
     yield scan.read_ranges(scan.write_ranges(ranges))
     yield scan.write_ranges(ranges + np.float32(1e-4))
+    yield scan.in_steps(np.arange(-5, 70000, 7), 1000)
+    yield scan.in_steps(np.arange(-5, 70000, 7), 333)
+    row = np.arange(200) ** 2 % 1013, np.arange(200) % 50 // 47
+    coded = coded_counts.encode(*row)
+    yield coded
+    yield from coded_counts.decode(np.frombuffer(coded, np.uint8), 200)
 
 
 def _identities() -> Iterator[Any]:

@@ -169,7 +169,8 @@ class LinkRun:
         self._set_link({})
         streams = '_streams_file:=%s' % pathlib.Path(__file__).with_name('link_streams.yaml')
         self._source = SensorSource(self._stack)
-        self._stack.start_node('robot', 'robot_sender', streams, '_adapt:=%s' % str(adapt).lower())
+        rate = [] if adapt else ['_adapt:=false', '_max_rate:=4000']
+        self._stack.start_node('robot', 'robot_sender', streams, *rate)
         self._stack.start_node('operator', 'operator_receiver', streams)
         self.listener = Listener(self._stack)
         self._source.wait()

@@ -27,6 +27,7 @@ from smokebot_udp.msg import LinkStatus, RelaySegment
 from smokebot_udp.streams.blank import has_blank
 from smokebot_udp.streams.relay.contents import stamp_of
 from smokebot_udp.streams.relay.parts import PartJoiner
+from smokebot_udp.streams.relay.repeats import MessageOrder
 from smokebot_udp.udpros.rospy_binding import install
 
 from . import TOP
@@ -192,11 +193,13 @@ class Relayed:
 
     def __init__(self, message_class: Any) -> None:
         self._class, self._joiner = message_class, PartJoiner(message_class)
+        self._order = MessageOrder(self._joiner.dropped)
 
-    def message(self, segment: RelaySegment) -> Optional[Any]:
-        """The message that a segment completes; None: it completes none."""
+    def messages(self, segment: RelaySegment) -> List[Any]:
+        """The messages that a segment completes."""
         data = self._joiner.add(segment)
-        return None if data is None else self._class().deserialize(data)
+        found = [] if data is None else self._order.add(segment.number, data, segment.before)
+        return [self._class().deserialize(one) for one in found]
 
 
 def subscribe(topic: str, kind: str, transport: str) -> Any:
@@ -212,8 +215,7 @@ def subscribe(topic: str, kind: str, transport: str) -> Any:
         relayed = Relayed(message_class)
 
         def report_segment(segment: RelaySegment) -> None:
-            message = relayed.message(segment)
-            if message is not None:
+            for message in relayed.messages(segment):
                 report(message)
         return udpros.Subscriber(topic, RelaySegment, report_segment, queue_size=100, tcp_nodelay=True,
                                  transport=TRANSPORTS[transport])

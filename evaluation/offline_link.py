@@ -9,10 +9,10 @@ from sensor_msgs.msg import Image
 
 from smokebot_udp.arrays import Array, BoolArray, Records
 from smokebot_udp.codecs.concealment.fill import BEST
-from smokebot_udp.codecs.video.pyav import installed
 from smokebot_udp.codecs.wire.pixels import pixel_type
 from smokebot_udp.mission.parameters import check
 from smokebot_udp.mission.settings import Settings
+from smokebot_udp.optional import found
 from smokebot_udp.streams import assembler_class, encoder_class
 from smokebot_udp.streams.air import Air
 from smokebot_udp.streams.assembler import Assembled, Assembler
@@ -39,7 +39,7 @@ def operator_side(kind: str, **settings: Any) -> Tuple[Assembler[Any, Any], Sett
     class_ = assembler_class(kind)
     checked = Settings(check({'operator_topic': 'unused', **settings}, class_.PARAMETERS))
     shared: Dict[str, Any] = {}
-    if class_.DECODED and installed():
+    if class_.DECODED and found('av'):
         from .plain_decoder import PlainDecoder  # imports PyAV
         shared = {'decoder': PlainDecoder()}
     return class_(checked, **shared), checked

@@ -190,13 +190,18 @@ class Robot:
         self._follow()
         if train is not None:
             self.scheduler.start_probe(train.rate, train.size)
+            if self.controller.gain(self.robot_time) > 1:
+                self._make_plan()
 
     def _tick(self) -> None:
+        self._make_plan()
+        self.events.at(self.events.now + REPORT_INTERVAL, self._tick)
+
+    def _make_plan(self) -> None:
         self.controller.on_operators(dict.fromkeys(self.operators, 1), self.robot_time)
         self.plan = self.controller.tick(self.robot_time, self.load.demands(), self._protected_bytes)
         self.load.apply(self.plan)
         self._follow()
-        self.events.at(self.events.now + REPORT_INTERVAL, self._tick)
 
     def _follow(self) -> None:
         self.scheduler.set_rate(self.controller.rate(self.robot_time), self.robot_time)

@@ -86,8 +86,9 @@ def _section(name: str, summary: Dict[str, Any]) -> str:
 
 def _measured_with(summary: Dict[str, Any]) -> str:
     """The code and the machine of a run; empty where they were not recorded."""
-    if not summary.get('commit'):
+    if not summary.get('machine'):
         return ''
-    return ', commit %s%s, %s, load %g before and %g after' % (
-        summary['commit'], ' with changes' if summary['dirty'] else '', summary['machine'], *summary['load'])
+    code = 'commit %s%s' % (summary['commit'], ' with changes' if summary['dirty'] else '') if summary['commit'] else (
+        'no commit known')
+    return ', %s, %s, load %g before and %g after' % (code, summary['machine'], *summary['load'])
 

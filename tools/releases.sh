@@ -4,9 +4,13 @@
 # As root, with debootstrap installed; no part of the tests.
 #
 #   tools/releases.sh [--demo | --unit] [CODENAME ...]
+#   tools/releases.sh --mixed ROBOT DESK [SECONDS]
 #
 # --demo: only ./smokebot demo; --unit: also the unit tests; else everything that ./smokebot test runs, which takes
 # one and a half hours a release. CODENAMEs are those of tools/supported.txt; without any: all that ./smokebot prepares.
+# --mixed: the robot's side of one release and the desk of another for SECONDS (600), each with a master of its own and
+# link_lab between them, which loses 20 %: what came, and how often a reference of predicted images differed. ROBOT and
+# DESK are releases that were prepared before, or `here`: this machine.
 # Environment: CHROOTS, the folder of the chroots (/var/tmp/smokebot-releases); EACH, a command before each step, as nice.
 set -euo pipefail
 
@@ -33,7 +37,7 @@ fresh() {
     cp -a "$base" "$root"
     # the network as this machine has it: name service, proxies, certificates
     cp /etc/resolv.conf "$root/etc/resolv.conf"
-    echo '127.0.0.1 localhost' >"$root/etc/hosts"
+    echo "127.0.0.1 localhost $(hostname)" >"$root/etc/hosts"    # nodes contact each other by its name
     apt-config dump Acquire >"$root/etc/apt/apt.conf.d/90releases"
     [ ! -e /etc/pip.conf ] || cp /etc/pip.conf "$root/etc/"
     cp -a /usr/local/share/ca-certificates/. "$root/usr/local/share/ca-certificates/" 2>/dev/null || true
@@ -47,12 +51,16 @@ inside() {
     shift
     if [ "$1" = -n ]; then network=(--net); shift; fi
     # shellcheck disable=SC2016
-    ${EACH:-} unshare --mount --pid --fork "${network[@]}" bash -c '
+    ${EACH:-} unshare --mount --pid --fork --kill-child "${network[@]}" bash -c '
         mount -t proc proc "$1/proc"; mount --rbind /dev "$1/dev"; mount --rbind /sys "$1/sys"
         mount -t tmpfs tmpfs "$1/dev/shm"
-        ip link set lo up; ip route show | grep -q default || ip route add default dev lo
-        exec env -i HOME=/root PATH=/usr/sbin:/usr/bin:/sbin:/bin LANG=C.UTF-8 chroot "$1" bash -c "cd /root && $2"
-    ' bash "$root" "$*" </dev/null
+        if [ -n "$3" ]; then
+            mount --bind /dev/null "$1/etc/resolv.conf"     # nobody answers: each name would take a time-out
+            ip link set lo up; ip route show | grep -q default || ip route add default dev lo
+        fi
+        exec env -i HOME=/root PATH=/usr/sbin:/usr/bin:/sbin:/bin LANG=C.UTF-8 chroot "$1" \
+            bash -c "cd /root && $2; exit \$?"   # this bash stays, and reaps orphans
+    ' bash "$root" "$*" "${network[*]}" </dev/null
 }
 
 megabytes() { du -sxm --exclude=proc --exclude=sys --exclude=dev "$1" | cut -f1; }
@@ -81,11 +89,67 @@ try() {
     echo "$install | $demo | ${result:-no result: see the log} |"
 }
 
+declare -A address=([robot]=10.77.0.1 [operator]=10.77.0.2)     # as link_lab has them
+
+# at SIDE RELEASE COMMAND ...: run a command on a side of the emulated link, with this side's master.
+at() {
+    local side=$1 release=$2 names
+    shift 2
+    names=("ROS_IP=${address[$side]}" "ROS_MASTER_URI=http://${address[$side]}:11311")
+    if [ "$release" = here ]; then
+        "${lab[@]}" run "$side" -- env "${names[@]}" "$top/smokebot" exec "$@"
+    else
+        EACH="${lab[*]} run $side --" inside "$chroots/$release" "${names[@]}" smokebot_udp/smokebot exec "${@@Q}"
+    fi
+}
+
+# mixed ROBOT DESK SECONDS: whether both sides understand each other.
+mixed() {
+    local robot=$1 desk=$2 seconds=$3 logs=$chroots/mixed-$1-$2 release key=/root/mixed.key obeyed differed
+    lab=("$top/smokebot" exec rosrun smokebot_udp link_lab)
+    rm -rf "$logs"
+    mkdir -p "$logs"
+    "$top/smokebot" exec rosrun smokebot_udp make_key "$logs/key"
+    for release in "$robot" "$desk"; do     # both of this commit
+        if [ "$release" = here ]; then key_here=$logs/key; continue; fi
+        git -C "$chroots/$release/root/smokebot_udp" pull -q "$top" HEAD
+        install -m 600 "$logs/key" "$chroots/$release$key"
+        inside "$chroots/$release" smokebot_udp/smokebot build >"$logs/$release.build.log" 2>&1
+    done
+    set -m      # each side is a process group
+    # roslaunch takes up to 20 s to end its nodes, which are in groups of their own
+    trap 'for signal in INT KILL; do for job in $(jobs -p); do kill -$signal -- "-$job"; done; sleep 25; done 2>/dev/null' EXIT
+    "${lab[@]}" up --seed 1 loss=0.2 delay=0.02 rate=4e6 queue=0.2 >"$logs/lab.log" 2>&1 &
+    until "${lab[@]}" show >/dev/null 2>&1; do sleep 1; done
+    at robot "$robot" roslaunch --skip-log-check smokebot_udp simulated_robot.launch link_port:=17001 \
+        key_file:="$(key_of "$robot")" >"$logs/robot.log" 2>&1 &
+    at operator "$desk" roslaunch --skip-log-check smokebot_udp operator.launch robot:=10.77.0.1:17001 rviz:=false \
+        key_file:="$(key_of "$desk")" >"$logs/desk.log" 2>&1 &
+    say "robot's side $robot, desk $desk: $seconds s"
+    sleep "$seconds"
+    at operator "$desk" rosrun smokebot_udp link_top --once --wait 10 | tee "$logs/table"
+    at operator "$desk" timeout -k 1 15 rostopic echo /diagnostics >"$logs/diagnostics" || true
+    at operator "$desk" timeout -k 1 40 rostopic pub -r 10 /operator/cmd_vel geometry_msgs/Twist '[0.2, 0, 0]' '[0, 0, 0]' \
+        >"$logs/commands.log" 2>&1 &
+    obeyed=$(at robot "$robot" timeout 25 rostopic echo /cmd_vel 2>"$logs/obeyed.log" | grep -c '  x: 0.2') || true
+    [ -s "$logs/diagnostics" ] || { say 'no diagnostics came from the desk'; exit 1; }
+    # a reason that never occurred has no line
+    differed=$(grep -A 1 'dropped, reference' "$logs/diagnostics" | grep -o '[0-9][0-9]*' | sort -n | tail -n 1) || true
+    say "references of predicted images that differed: ${differed:-0}; commands that the robot had in 25 s: $obeyed"
+}
+
+# key_of RELEASE: where the key of --mixed is there.
+key_of() { if [ "$1" = here ]; then echo "$key_here"; else echo "$key"; fi; }
+
 if [ "$(id -u)" != 0 ] || ! command -v debootstrap >/dev/null; then
     say 'only root can run this, with debootstrap installed'
     exit 2
 fi
 mkdir -p "$chroots"
+if [ "${1:-}" = --mixed ]; then
+    mixed "$2" "$3" "${4:-600}"
+    exit
+fi
 names=("$@")
 [ $# -gt 0 ] || names=("${all[@]}")
 commit=$(git -C "$top" rev-parse --short=10 HEAD)
@@ -93,5 +157,6 @@ for codename in "${names[@]}"; do
     name=$(sed -n "s/ *| */|/g; s/^$codename|//p" "$top/tools/supported.txt" | cut -d '|' -f 1)
     row="| $name | $(date +%F) | $commit | $(try "$codename")"
     sed -i "/^| $name |/d" "$page"
-    printf '%s\n' "$row" | tee -a "$page"
+    sed -i "/^|---|---|---|---|---|---|\$/a $row" "$page"
+    echo "$row"
 done

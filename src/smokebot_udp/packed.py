@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Messages in as few bytes as they take: text and the zeros of covariances shrink to a fraction."""
 import zlib
+from typing import Any
 
 PLAIN, DEFLATED = b'\0', b'\1'
 """The first byte: what follows is the message, or compressed (RFC 1950)."""
@@ -27,6 +28,20 @@ def pack(data: bytes) -> bytes:
     return PLAIN + data
 
 
+def pack_beside(data: bytes, known: bytes) -> bytes:
+    """A message for who has another one that resembles it: raw DEFLATE (RFC 1951) with that as dictionary."""
+    deflater = zlib.compressobj(LEVEL, wbits=-zlib.MAX_WBITS, zdict=known)
+    return deflater.compress(data) + deflater.flush()
+
+
+def unpack_beside(packed: bytes, known: bytes) -> bytes:
+    """The inverse of `pack_beside`.
+
+    :raises ValueError: where it was not packed so, or is longer than MAX_DEFLATED
+    """
+    return _inflated(packed, zlib.decompressobj(wbits=-zlib.MAX_WBITS, zdict=known), MAX_DEFLATED)
+
+
 def unpack(packed: bytes, most: int) -> bytes:
     """The message that was packed.
 
@@ -35,16 +50,22 @@ def unpack(packed: bytes, most: int) -> bytes:
     """
     kind, data = packed[:1], packed[1:]
     if kind == DEFLATED:
-        most = min(most, MAX_DEFLATED)
-        inflater = zlib.decompressobj()
-        try:
-            data = inflater.decompress(data, most + 1)
-        except zlib.error as error:
-            raise ValueError('it is not compressed: %s' % error) from None
-        if len(data) <= most and (not inflater.eof or inflater.unused_data):
-            raise ValueError('its end is missing, or more follows')
-    elif kind != PLAIN:
+        return _inflated(data, zlib.decompressobj(), min(most, MAX_DEFLATED))
+    if kind != PLAIN:
         raise ValueError('it begins with %r' % kind)
     if len(data) > most:
         raise ValueError('it has more than %d bytes' % most)
+    return data
+
+
+def _inflated(packed: bytes, inflater: Any, most: int) -> bytes:
+    """:raises ValueError: where it is longer than `most`, or was not packed"""
+    try:
+        data: bytes = inflater.decompress(packed, most + 1)
+    except zlib.error as error:
+        raise ValueError('it is not compressed: %s' % error) from None
+    if len(data) > most:
+        raise ValueError('it has more than %d bytes' % most)
+    if not inflater.eof or inflater.unused_data:
+        raise ValueError('its end is missing, or more follows')
     return data

@@ -6,7 +6,7 @@ udpros/transport.py and link/transport.py implement it.
 """
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, Callable, Counter, Dict, List, Mapping, Optional, Protocol, Tuple
+from typing import Any, Callable, Counter, Dict, List, Mapping, Optional, Protocol, Sequence, Tuple
 
 from .udpros.depacketizer import Arrived, BatchCallback
 from .udpros.frame import Frame
@@ -40,6 +40,8 @@ class TransportStats:
     """{reason: datagrams} until now."""
     problem: Optional[str]
     """In one sentence; None: there is none."""
+    remarks: Sequence[str] = ()
+    """What this machine lacks, in one sentence each."""
 
 
 class Publisher(Protocol):

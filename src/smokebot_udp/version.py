@@ -9,7 +9,7 @@ from typing import Dict, Mapping, NamedTuple
 RELEASE = '0.1.0'
 """As in package.xml."""
 
-WIRE_FORMAT = 2
+WIRE_FORMAT = 3
 """tools/golden.py refuses to write golden files anew as long as they have this number."""
 
 MAX_RELEASE = 20

@@ -103,6 +103,17 @@ class Link(unittest.TestCase):
         for side in (self.robot, self.desk):
             self.assertEqual(side.output.count('anybody on the network can watch'), 1)
 
+    def test_a_desk_at_the_robots_master_is_told(self) -> None:
+        self.start_robot()
+        wait_for(lambda: ROBOT in self.robot.nodes(), START, 'the robot')
+        desk = self.robot.launch('operator.launch', 'streams:=%s' % STREAMS, 'robot:=localhost:%d' % self.port,
+                                 'rviz:=false')
+        self.addCleanup(self.robot.stop, desk)
+        text = "ROS_MASTER_URI is %s, the robot's own master" % self.robot.master.uri
+        wait_for(lambda: text in self.robot.output, START, 'a warning')
+        self.assertIn('unset ROS_MASTER_URI', self.robot.output)
+        self.assertNotIn('ROS_MASTER_URI is', self.desk.output)
+
     def check_ways_to_set(self) -> None:
         self.desk.set('/robot_sender/thermal/rate', 5)
         self.wait_for_setting(self.robot, '/robot_sender/thermal/rate', 5.0)

@@ -19,6 +19,7 @@ import psutil
 import rosgraph
 import rospy
 import rostest
+from diagnostic_msgs.msg import DiagnosticArray
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import Image
 
@@ -181,6 +182,17 @@ class VideoStreams(unittest.TestCase):
             self.wait_shown(0)
             self.assertNotEqual(self.decoder().pid, decoder.pid)
             give_time(2.5)      # more would be taken for bytes that kill each decoder
+
+    def test_the_quality_is_the_estimated_psnr(self) -> None:
+        """As of layered images, not the share of the slices that came."""
+        def said() -> Any:
+            for status in rospy.wait_for_message('/diagnostics', DiagnosticArray, PATIENCE).status:
+                values = {one.key: one.value for one in status.values}
+                if status.name.endswith('operator_receiver: camera') and values.get('error', '').endswith(' dB'):
+                    return values
+            return None
+        values = wait_for(said, PATIENCE, 'an error')
+        self.assertGreater(float(values['error'].split()[0]), 10)
 
     def test_the_size_and_the_encoding_change(self) -> None:
         self.addCleanup(setattr, self.source, 'kind', self.source.kind)

@@ -17,6 +17,7 @@ settings.register_profile('busy machine', deadline=None, suppress_health_check=[
 settings.load_profile('busy machine')
 
 os.environ['NUMBA_BOUNDSCHECK'] = '1'
+os.environ['NUMBA_NRT_STATS'] = '1'     # counts of allocations, which numba 0.58 and later keep only if told
 os.environ['NUMBA_CACHE_DIR'] = str(pathlib.Path(__file__).resolve().parents[2] / '.pytest_cache' / 'checked_loops')
 
 

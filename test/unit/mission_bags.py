@@ -17,6 +17,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Image
 from std_msgs.msg import Float32, Float64, Header, String
 
+from smokebot_udp.mission_report.record import LOAD_PERIOD
 from smokebot_udp.msg import LinkStatus, RobotStatus, StreamStatus
 
 START, DURATION, OFFSET, DELAY = 1000.0, 20.0, 3.0, 0.2
@@ -87,6 +88,16 @@ def operator(namespace: str = '/') -> Messages:
     found += [('/desk/operator_receiver/clock_offset', Float64(OFFSET), begun + second) for second in range(1, 20)]
     found += [('/desk/operator/control', String('in control'), begun + 6.0)]
     return found
+
+
+def loads(side: str, load: float, begin: float = 0.0, end: float = DURATION) -> Messages:
+    """What a side's black box tells of its machine, by its own clock.
+
+    :param begin, end: when it does [s]
+    """
+    start = START - (OFFSET if side == 'operator' else 0.0)
+    name = '/robot_black_box' if side == 'robot' else '/desk/operator_black_box'
+    return [(name + '/load', Float64(load), start + time) for time in np.arange(begin, end, LOAD_PERIOD).tolist()]
 
 
 def write(path: pathlib.Path, messages: Sequence[Tuple[str, Any, float]], **options: Any) -> str:

@@ -8,6 +8,8 @@ import rospy
 
 from smokebot_udp.limited_log import ERROR_PERIOD
 from smokebot_udp.nodes import black_box
+from smokebot_udp.nodes.machine_load import load
+from smokebot_udp.streams.recorded_topics import RecordedStream
 
 ERROR = 'the black box does not record: %s. It goes on when that has changed'
 
@@ -46,6 +48,17 @@ def run(problems: List[str], period: float, monkeypatch: Any) -> None:
     store: Any = SimpleNamespace(prune=list, problem=lambda: left.pop(0))
     with pytest.raises(_Over):
         black_box.BlackBox(store, []).run()
+
+
+def test_the_streams_that_are_recorded_are_chosen_by_name() -> None:
+    streams = {name: RecordedStream('image', False, ['/' + name]) for name in ('front', 'rear', 'odom')}
+    assert black_box.chosen(streams, '') == (streams, [])
+    assert black_box.chosen(streams, ' odom, front,') == ({name: streams[name] for name in ('front', 'odom')}, [])
+    assert black_box.chosen(streams, 'rear,arm') == ({'rear': streams['rear']}, ['arm'])
+
+
+def test_the_load_is_the_programs_that_want_a_processor() -> None:
+    assert load('0.20 0.18 0.12 9/1200 4711', 4) == 2.0 and load('0.00 0.00 0.00 0/80 1', 4) == 0.0
 
 
 def test_what_lasts_is_said_once_and_its_end(lines: List[str], monkeypatch: Any) -> None:

@@ -39,7 +39,7 @@ def test_images_are_read_as_they_were(encoding: str, bigendian: bool) -> None:
     np.testing.assert_array_equal(found, wanted)
 
 
-def test_the_level_of_a_png_is_not_that_of_this_opencv(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_level_of_a_png_is_not_that_of_this_opencv(monkeypatch: Any) -> None:
     """Its default is 1 or 3, by the version."""
     encode, options = cv2.imencode, []
     monkeypatch.setattr(cv2, 'imencode', lambda *arguments: options.extend(arguments[2:]) or encode(*arguments))

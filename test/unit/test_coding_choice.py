@@ -3,7 +3,7 @@ from typing import Any, List
 
 import pytest
 
-from smokebot_udp.streams.image.coding_choice import HOLD, MEASURED, QUICK, RETRY, CodingChoice, Conditions
+from smokebot_udp.streams.image.coding_choice import ENOUGH, HOLD, MEASURED, QUICK, RETRY, CodingChoice, Conditions
 
 FAST, SLOW = 1e7, 1e6       # links [byte/s]
 
@@ -47,14 +47,39 @@ def test_neither_loss_nor_bandwidth_near_the_limit_changes_it_to_and_fro() -> No
 LOSSY = conditions(loss=0.05)
 
 
-def run(choice: CodingChoice, duration: float, images: int, start: float, link: Conditions = LOSSY) -> List[bool]:
+def run(choice: CodingChoice, duration: float, images: int, start: float, link: Conditions = LOSSY,
+        error: float = 0.0) -> List[bool]:
     """Layered images that take so long, ten a second [s]."""
     chosen = []
     for number in range(images):
         chosen.append(choice.update(link, start + 0.1 * number))
         if chosen[-1]:
-            choice.took(duration)
+            choice.took(duration, error)
     return chosen
+
+
+LOOKED_AT = conditions()._replace(looked_at=True)
+"""Raw pixels fit well."""
+
+
+def test_images_to_look_at_stay_layered_as_long_as_that_shows_them_well_enough() -> None:
+    choice = CodingChoice()
+    assert all(run(choice, 0.01, 100, 0.0, LOOKED_AT, 0.99 * ENOUGH))
+    assert not choice.is_possible(LOOKED_AT, 10.0)                      # so that the link is not probed for raw pixels
+    assert not any(run(CodingChoice(), 0.01, 100, 0.0, conditions(), 0.99 * ENOUGH))    # measurements are exact
+
+
+def test_images_to_look_at_whose_layers_are_coarse_are_raw_and_tried_again_later() -> None:
+    choice = CodingChoice()
+    chosen = run(choice, 0.01, 100, 0.0, LOOKED_AT, 1.01 * ENOUGH)
+    raw_from = chosen.index(False)
+    assert raw_from >= MEASURED + HOLD / 0.1 and not any(chosen[raw_from:])
+    assert choice.is_possible(LOOKED_AT, 10.0)
+    assert all(run(choice, 0.01, 100, 10.0 + RETRY, LOOKED_AT, 0.0))    # another scene
+
+
+def test_where_raw_pixels_do_not_fit_coarse_layers_remain() -> None:
+    assert all(run(CodingChoice(), 0.01, 100, 0.0, LOOKED_AT._replace(room=SLOW), 10 * ENOUGH))
 
 
 def test_a_processor_that_is_too_slow_interleaves_and_tries_again_later() -> None:

@@ -10,7 +10,7 @@ import rospy
 from polling import WAIT
 
 from smokebot_udp.nodes import compiled_codec
-from smokebot_udp.nodes.compiled_codec import MISSING, CompiledCodec
+from smokebot_udp.nodes.compiled_codec import INSTEAD, MISSING, CompiledCodec
 
 
 @pytest.fixture
@@ -90,7 +90,7 @@ def test_another_failure_is_reported_once(logged: List[str], error: Exception) -
     assert not codec.ready()
     wait(codec)
     assert not codec.ready()
-    assert logged == ['layered images and maps in tiles cannot be coded: %s' % error] == [codec.problem]
+    assert logged == ['layered images and maps in tiles cannot be coded: %s%s' % (error, INSTEAD)] == [codec.problem]
 
 
 @pytest.mark.parametrize('program, problem', [
@@ -121,7 +121,7 @@ def test_a_child_compiles(program: str, problem: Any, monkeypatch: Any, logged: 
     wait(codec)
     assert made == [[sys.executable, '-m', 'smokebot_udp.codecs.layered.compile']]
     assert codec.ready() == (problem is None) == bool(loaded) and len(logged) == (1 if problem is None else 2)
-    assert problem is None or logged[1] == 'layered images and maps in tiles cannot be coded: ' + problem
+    assert problem is None or logged[1] == 'layered images and maps in tiles cannot be coded: ' + problem + INSTEAD
 
 
 def test_a_node_that_ends_kills_the_child(monkeypatch: Any, logged: List[str]) -> None:

@@ -85,3 +85,10 @@ def test_the_air_was_busy_between_datagrams_that_were_queued_or_followed_each_ot
     between = [follows[0], follows[1]._replace(total=3000)]       # another one was sent between them
     assert busy_period(between, [0.0, 0.003], 0.0, 1e5) == (0, 0.0)
     assert busy_period(queued, [0.04, 0.04, 0.03], 0.035, 1e5) == (1000, pytest.approx(0.02))    # noise hides one
+
+
+def test_behind_a_bucket_the_last_tokens_do_not_count_as_carried() -> None:
+    """1.5 of the first two datagrams passed at once; then 100 kB/s."""
+    chain, waits = samples((0, 5), (0, 5.005), (0, 5.015), (0, 5.025)), [0.0, 0.005, 0.015, 0.025]
+    assert busy_period(chain, waits, 0.0, 1e5) == (3000, pytest.approx(0.025))
+    assert busy_period(chain, waits, 0.0, 1e5, True) == (2000, pytest.approx(0.02))

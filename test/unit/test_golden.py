@@ -63,7 +63,7 @@ def test_the_files_are_those_of_this_wire_format() -> None:
     assert EXPECTED['wire_format'] == WIRE_FORMAT
 
 
-def test_a_changed_wire_format_needs_a_new_number(monkeypatch: pytest.MonkeyPatch, tmp_path: pathlib.Path,
+def test_a_changed_wire_format_needs_a_new_number(monkeypatch: Any, tmp_path: pathlib.Path,
                                                   capsys: Any) -> None:
     name = 'cloud_float32'
     for wanted in (golden.EXPECTED, golden.FOLDER / (name + '.bin')):

@@ -6,15 +6,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from evaluation.pcl_plane import fit_by_pcl, pcl
+from smokebot_udp import optional
 from smokebot_udp.arrays import Array, Float32Array, FloatArray
 from smokebot_udp.codecs.perception import ground
-from smokebot_udp.codecs.perception.ground import GroundFinder, Plane, fit_by_numpy, fit_by_pcl
+from smokebot_udp.codecs.perception.ground import GroundFinder, Plane, fit_by_loops, fit_by_numpy
 from smokebot_udp.simulation.drive import Drive
 from smokebot_udp.simulation.lidar import Lidar
 from smokebot_udp.simulation.world import building
 
 MOUNT = 0.9
-FITS = [fit_by_numpy, pytest.param(fit_by_pcl, marks=pytest.mark.skipif(ground.pcl is None, reason='PCL is missing'))]
+needs_numba = pytest.mark.skipif(optional.attempt('numba').module is None, reason='python3-numba is not installed')
+PCL = [fit_by_pcl] if pcl is not None else []
+FITS = [fit_by_numpy, pytest.param(fit_by_loops, marks=needs_numba),
+        pytest.param(fit_by_pcl, marks=pytest.mark.skipif(not PCL, reason='PCL is missing'))]
 NOWHERE = np.full((500, 3), np.nan, np.float32)
 
 both_fits = pytest.mark.parametrize('fit', FITS)
@@ -212,16 +217,37 @@ def test_no_plane_through_a_line(fit) -> None:
 
 
 def test_same_points_have_no_plane() -> None:
-    assert fit_by_numpy(np.ones((100, 3), np.float32), 0.04, np.random.RandomState(0)) is None
+    for fit in fit_by_numpy, *([fit_by_loops] if optional.attempt('numba').module else []):
+        assert fit(np.ones((100, 3), np.float32), 0.04, np.random.RandomState(0)) is None
 
 
-def test_numpy_steps_in_where_pcl_is_missing(monkeypatch) -> None:
-    monkeypatch.setattr(ground, 'pcl', None)
-    finder = GroundFinder(MOUNT)
-    finder.find(floor())
-    assert finder.found
-    with pytest.raises(ValueError, match='not installed'):
-        GroundFinder(MOUNT, fit=fit_by_pcl)
+@needs_numba
+@pytest.mark.parametrize('seed', range(20))
+@pytest.mark.parametrize('threshold', [0.01, 0.04, 0.3])
+def test_the_loops_give_numpys_plane_of_the_same_random_points(seed, threshold) -> None:
+    points = scan(3 * seed)
+    points = points[np.isfinite(points).all(axis=1)][seed::23]
+    one, other = (fit(points, threshold, np.random.RandomState(seed)) for fit in (fit_by_loops, fit_by_numpy))
+    np.testing.assert_allclose(one[0], other[0], rtol=0, atol=1e-9)
+    assert one[1] == pytest.approx(other[1], abs=1e-9)
+
+
+@needs_numba
+def test_all_ways_find_the_same_planes_in_a_building() -> None:
+    """PCL draws other points: its planes are the same within what 3 cm of noise allow."""
+    for time in range(0, 240, 15):
+        points = scan(time)
+        plane, *others = (GroundFinder(MOUNT, fit=fit).find(points) for fit in (fit_by_loops, fit_by_numpy, *PCL))
+        for other, tolerance in zip(others, (1e-9, 0.01)):
+            np.testing.assert_allclose(other.normal, plane.normal, rtol=0, atol=tolerance)
+            assert other.offset == pytest.approx(plane.offset, abs=tolerance)
+
+
+@pytest.mark.parametrize('loaded, used', [(False, 'fit_by_numpy'), (True, 'fit_by_loops')])
+def test_loops_are_used_where_they_are_loaded(loaded, used, monkeypatch) -> None:
+    monkeypatch.setattr(ground, used, lambda points, threshold, random: (np.array([0.0, 0.0, 1.0]), MOUNT + 0.01))
+    finder = GroundFinder(MOUNT, threshold=0.05)
+    assert finder.find(floor(), loaded).offset == MOUNT + 0.01
 
 
 @pytest.mark.parametrize('limit', ['max_tilt', 'max_offset', 'threshold', 'reach', 'min_points'])

@@ -3,7 +3,6 @@
 from types import SimpleNamespace
 from typing import Any, List
 
-import pytest
 from geometry_msgs.msg import TransformStamped
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
@@ -36,7 +35,7 @@ class Channel:
 class Sending:
     """A source whose messages go nowhere."""
 
-    def __init__(self, message_class: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    def __init__(self, message_class: Any, monkeypatch: Any) -> None:
         self.errors: List[str] = []
         monkeypatch.setattr(reliable_relay, 'logerr', lambda _, problem: self.errors.append(str(problem)))
         monkeypatch.setattr(reliable_relay.rospy, 'is_shutdown', lambda: False)
@@ -68,21 +67,21 @@ def frames(message: Any) -> Any:
     return {one.child_frame_id: one.header.frame_id for one in message.transforms}
 
 
-def test_a_frame_that_moves_and_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_frame_that_moves_and_comes_back(monkeypatch: Any) -> None:
     send = Sending(TFMessage, monkeypatch)
     for parent in 'table', 'gripper', 'table':
         sent = send(placed((parent, 'cup'), ('base', 'laser')))
         assert frames(sent) == {'cup': parent, 'laser': 'base'} and len(sent.transforms) == 2
 
 
-def test_what_is_too_long_does_not_keep_out_what_comes_later(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_too_long_does_not_keep_out_what_comes_later(monkeypatch: Any) -> None:
     send = Sending(TFMessage, monkeypatch)
     send(placed(('base', 'laser')))
     assert send(placed(('base', 'x' * MAX_BYTES))) is None and 'max_bytes is %d' % MAX_BYTES in send.errors[0]
     assert frames(send(placed(('base', 'camera')))) == {'laser': 'base', 'camera': 'base'}
 
 
-def test_more_frames_than_fit_do_not_keep_out_those_that_are_known(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_more_frames_than_fit_do_not_keep_out_those_that_are_known(monkeypatch: Any) -> None:
     send = Sending(TFMessage, monkeypatch)
     for parent in 'base', 'map':
         sent = frames(send(placed(*((parent, str(number)) for number in range(MAX_CONTENTS + 1)))))
@@ -90,6 +89,6 @@ def test_more_frames_than_fit_do_not_keep_out_those_that_are_known(monkeypatch: 
     assert '%d is left out' % MAX_CONTENTS in send.errors[0]
 
 
-def test_of_other_messages_the_last_one_is_latched(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_of_other_messages_the_last_one_is_latched(monkeypatch: Any) -> None:
     send = Sending(String, monkeypatch)
     assert [send(String(text)).data for text in 'ab'] == ['a', 'b']

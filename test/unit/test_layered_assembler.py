@@ -189,7 +189,7 @@ def test_an_error_is_given_in_the_unit_of_the_view() -> None:
     assert str(assembled.error) == '+-%.2g degC' % (from_byte(ERRORS[1]) / 25)
 
 
-def test_what_is_held_is_reported_also_while_the_next_image_is_decoded(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_held_is_reported_also_while_the_next_image_is_decoded(monkeypatch: Any) -> None:
     operator, seen, decode = Operator(), [], HeldImages.decode      # type: Any, List[Any], Any
 
     def watched(*given: Any) -> Any:

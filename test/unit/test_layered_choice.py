@@ -2,9 +2,11 @@
 """When images cross in layers, and when interleaved."""
 from typing import Any
 
+import cv2
 import needs_numba  # noqa: F401
 import numpy as np
 import pytest
+from genpy import Time
 from layered_sender import (
     BAD,
     CASES,
@@ -65,6 +67,23 @@ def test_auto_is_interleaved_where_raw_pixels_fit_and_layered_where_they_do_not_
     for outlook, expected in ((NO_LOSS, ImageSegment), (NO_LOSS._replace(room=1e5), LayeredSegment),
                               (BAD, LayeredSegment), (Outlook(), LayeredSegment)):
         assert kind(encoder(of, outlook), of, 1) is expected
+
+
+def test_auto_layers_colours_that_are_good_that_way_though_their_raw_pixels_would_fit() -> None:
+    # a fine texture that passes fast is sent coarse, as each image is outdated at once
+    texture = 255 * cv2.GaussianBlur(np.random.RandomState(0).rand(96, 128, 3), (0, 0), 1.0)
+    passing = [np.roll(texture.astype(np.uint8), 2 * number, 1) for number in range(30)]
+    for scene, most, expected in ((30 * [CASES['bgr8']], 0.0, LayeredSegment), (passing, 0.0, ImageSegment),
+                                  (passing, 10.0, LayeredSegment)):     # which is how good they are to be
+        seconds, of = [0.0], settings(coding='auto', rate=10.0, max_quality=most)
+        made = encoder(of, NO_LOSS._replace(room=3e6), clock=lambda now=seconds: now[0])    # type: ignore[misc]
+        for number, pixels in enumerate(scene):
+            seconds[0] = 0.1 * number
+            message = image(pixels, 'bgr8')
+            message.header.stamp = Time(1, 10 ** 7 * number)
+            frames = made.encode(message, of, DATAGRAM)
+        assert frames[0].message_class is expected
+        assert bool(made.wished) is (expected is ImageSegment)
 
 
 def test_auto_goes_by_the_images_that_the_source_has() -> None:

@@ -208,7 +208,7 @@ def test_asking_whether_the_cache_is_filled_does_not_import_numba() -> None:
     assert subprocess.run([sys.executable, '-c', program]).returncode == 0
 
 
-def test_numba_knows_the_types_of_all_arguments_from_before(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_numba_knows_the_types_of_all_arguments_from_before(monkeypatch: Any) -> None:
     """What numba types anew at each call it keeps for ever: long tuples of arrays, in numba 0.56."""
     pixels = np.random.RandomState(0).randint(2000, 4000, (60, 80)).astype(np.uint16)
     reference, typed = pixels // 2, []

@@ -157,7 +157,7 @@ def test_what_a_prefix_shows_does_not_depend_on_what_follows(lossless: bool) -> 
             assert other is not None and np.array_equal(other, stream.prefixes.pixels(end)), (end, following)
 
 
-def test_large_images_compute_the_canvas_of_their_reference_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_large_images_compute_the_canvas_of_their_reference_again(monkeypatch: Any) -> None:
     pixels, other = images(50, 40, (np.uint8, 1), 3, 3)
     kept = encode(pixels, False, 900, None, other)
     monkeypatch.setattr(prefixes, 'KEPT', 100)

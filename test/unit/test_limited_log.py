@@ -14,7 +14,8 @@ SOURCE = pathlib.Path(__file__).resolve().parents[2] / 'src' / 'smokebot_udp'
 DIRECT = {
     # once in the life of a process, a link or a stream
     'nodes/black_box.py', 'nodes/common.py', 'nodes/compiled_codec.py', 'nodes/demo_report.py',
-    'nodes/operator_stream.py', 'nodes/trace.py', 'nodes/transports.py', 'udpros/rospy_binding.py', 'link/transport.py',
+    'nodes/operator_stream.py', 'nodes/robot_sender.py', 'nodes/trace.py', 'nodes/transports.py',
+    'udpros/rospy_binding.py', 'link/transport.py',
     # once for each name, peer or outage, which they remember
     'nodes/live.py', 'nodes/namesake.py', 'nodes/reliable_link.py', 'udpros/connector.py', 'udpros/rpc.py',
     # a child process has ended; they wait longer and longer before the next start

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Both cores over a channel that loses, delays, duplicates and reorders: joining, restarts, roaming, new keys."""
 import statistics
-from typing import List, Optional
+from typing import Any, List, Optional
 
 import pytest
 from link_channel import KEY, OPERATOR, ROBOT, SIZE, Network, data, random_bytes
@@ -101,7 +101,7 @@ def test_an_idle_link_needs_little_and_no_handshakes() -> None:
     assert sum(len(packet) + 28 for _, _, packet in link.log) * 8 / 60 < 2 * 6.2e3       # bit/s, both ways
 
 
-def test_new_keys_without_a_gap(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_new_keys_without_a_gap(monkeypatch: Any) -> None:
     monkeypatch.setattr('smokebot_udp.link.operator_core.REKEY_AFTER', 3.0)
     for seed in range(5):
         link = Link(seed, duplicates=0.1, reorder=0.03)

@@ -28,7 +28,7 @@ from smokebot_udp.units import MBIT
 
 
 @pytest.fixture
-def ros(monkeypatch: pytest.MonkeyPatch) -> Any:
+def ros(monkeypatch: Any) -> Any:
     """What ROS does for a LinkControl: `published` has its messages, and the test calls `report` and `tick`."""
     ros = SimpleNamespace(published=[])
 
@@ -64,7 +64,7 @@ def test_a_report_is_a_message() -> None:
     assert [(mark.stream, mark.seq, mark.age) for mark in message.marks] == [(0, 9, 1234)]
 
 
-def test_operators_are_the_subscribers_of_the_streams(ros: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_operators_are_the_subscribers_of_the_streams(ros: Any, monkeypatch: Any) -> None:
     controller, told = Controller(Limits(), True, 1472), []
     monkeypatch.setattr(controller, 'on_operators', lambda connections, now: told.append(dict(connections)))
     shared = SharedController(controller)
@@ -84,7 +84,7 @@ def test_operators_are_the_subscribers_of_the_streams(ros: Any, monkeypatch: pyt
 
 @pytest.mark.parametrize('rate, pace', [(UNPACED, UNPACED), (1.01 * UNPACED, None), (None, None)])
 def test_a_link_that_is_faster_than_any_radio_is_not_paced(rate: Any, pace: Any, ros: Any,
-                                                           monkeypatch: pytest.MonkeyPatch) -> None:
+                                                           monkeypatch: Any) -> None:
     controller = Controller(Limits(), True, 1472)
     monkeypatch.setattr(controller, 'rate', lambda now: rate)
     shared = SharedController(controller)
@@ -149,7 +149,7 @@ def test_a_relay_takes_no_more_than_its_share_of_the_link() -> None:
     assert effective(streams, 'rate') == {'link': [0.5], 'odom': [1.0]}
 
 
-def test_ticks_and_reports_set_the_rate_of_the_outbox(ros: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ticks_and_reports_set_the_rate_of_the_outbox(ros: Any, monkeypatch: Any) -> None:
     clock, published = SimpleNamespace(now=1000.0), ros.published
     monkeypatch.setattr(link_control, 'time', SimpleNamespace(monotonic=lambda: clock.now))
     scheduler, arrivals = PacketScheduler(), ReceiveHistory(lambda: 7)
@@ -180,7 +180,7 @@ def test_ticks_and_reports_set_the_rate_of_the_outbox(ros: Any, monkeypatch: pyt
 
 
 def test_encoders_know_what_reports_say_about_their_stream_whichever_part_is_sent(
-        ros: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+        ros: Any, monkeypatch: Any) -> None:
     clock = SimpleNamespace(now=1000.0)
     monkeypatch.setattr(link_control, 'time', SimpleNamespace(monotonic=lambda: clock.now))
     monkeypatch.setattr(RobotStream, 'subscribers', {'/op'})
@@ -218,7 +218,7 @@ def test_encoders_know_what_reports_say_about_their_stream_whichever_part_is_sen
     assert not streams['thermal'].encoder.outlook.air.known     # no reports
 
 
-def test_a_plan_says_what_a_stream_may_use_beside_the_others(ros: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_plan_says_what_a_stream_may_use_beside_the_others(ros: Any, monkeypatch: Any) -> None:
     controller = Controller(Limits(max_rate=1e5), False, 1472)
     points = [OperatingPoint({'rate': 1.0}, 1e4), OperatingPoint({'rate': 2.0}, 2e4)]
     plan = controller.tick(0.0, {'thermal': Demand(points), 'camera': Demand(points)}, 0)
@@ -231,7 +231,7 @@ def test_a_plan_says_what_a_stream_may_use_beside_the_others(ros: Any, monkeypat
     (Limits(start_rate=5000.0), True, 5000.0),         # nobody has reported yet
     (Limits(max_rate=8000.0), False, 8000.0), (Limits(max_rate=math.inf), False, 0.0)])
 def test_what_is_sent_beside_the_streams_starves_nobody_while_the_capacity_is_unknown(
-        limits: Limits, adapt: bool, known: float, ros: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+        limits: Limits, adapt: bool, known: float, ros: Any, monkeypatch: Any) -> None:
     """As a capture that begins before the first report."""
     monkeypatch.setattr(RobotStream, 'subscribers', {'/op'})
     monkeypatch.setattr(RobotStream, 'heard', True)
@@ -258,7 +258,7 @@ def test_what_is_sent_beside_the_streams_starves_nobody_while_the_capacity_is_un
     assert set(left) == {'capture', 'thermal'} and scheduler.wait(now) == math.inf
 
 
-def test_a_tick_does_not_undo_what_a_report_changes_meanwhile(ros: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_tick_does_not_undo_what_a_report_changes_meanwhile(ros: Any, monkeypatch: Any) -> None:
     scheduler, controller = PacketScheduler(), Controller(Limits(), True, 1472)
     shared, rates = SharedController(controller), [5000.0]
     monkeypatch.setattr(controller, 'rate', lambda now: rates[-1])

@@ -4,7 +4,7 @@ import collections
 import gc
 import tracemalloc
 from random import Random
-from typing import Counter, List, Optional, Tuple
+from typing import Any, Counter, List, Optional, Tuple
 
 import pytest
 from hypothesis import example, given, settings
@@ -99,7 +99,7 @@ def test_ten_thousand_handshakes_that_are_never_finished(key: Optional[bytes]) -
     assert len(robot.peers) == 1 and works(robot, operator, 2.0)
 
 
-def test_nothing_is_answered_by_more_than_came(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_is_answered_by_more_than_came(monkeypatch: Any) -> None:
     robot, operator = joined()
     packets = [hello(1), Hello(VERSION, Mode.KEYED, 1).pack(), Hello(9, 0, 1).pack(),
                init_of(robot_of(), operator_of()), the_robot(operator).seal_one(message(Control.KEEP_ALIVE)),

@@ -40,6 +40,7 @@ from smokebot_udp.link.packets import (
     parse,
     prologue,
 )
+from smokebot_udp.version import WIRE_FORMAT
 
 NONCE = 0x0807060504030201
 BYTES16 = bytes(range(0xa0, 0xb0))
@@ -48,18 +49,18 @@ COOKIE_HEX = 'a0a1a2a3a4a5a6a7a8a9aaabacadaeaf'
 TAG, TAG_HEX = b't' * 16, '74' * 16
 
 GOLDEN = [
-    (Hello(2, Mode.KEYED, NONCE), '01020100' + NONCE_HEX + '00' * 36),
+    (Hello(3, Mode.KEYED, NONCE), '01030100' + NONCE_HEX + '00' * 36),
     (Hello(1, Mode.KEYED, NONCE), '01010100' + NONCE_HEX + '00' * 36),
-    (Hello(2, Mode.KEYED, NONCE, TAG, '1.2.3'), '01020100' + NONCE_HEX + TAG_HEX + b'1.2.3'.hex() + '00' * 15),
+    (Hello(3, Mode.KEYED, NONCE, TAG, '1.2.3'), '01030100' + NONCE_HEX + TAG_HEX + b'1.2.3'.hex() + '00' * 15),
     (Hello(9, Mode.KEYED, NONCE, release='1.2.3'), '01090100' + NONCE_HEX + '00' * 16 + b'1.2.3'.hex() + '00' * 15),
-    (Cookie(2, Mode.KEYED, Suite.CHACHAPOLY, NONCE, BYTES16, TAG), '02020102' + NONCE_HEX + COOKIE_HEX + TAG_HEX),
-    (Init(2, Mode.KEYED, Suite.AESGCM, NONCE, BYTES16, 0x44332211, b'm' * 199, TAG),
-     '03020101' + NONCE_HEX + COOKIE_HEX + '11223344' + TAG_HEX + '6d' * 199),
-    (Init(2, Mode.OPEN, Suite.OPEN, NONCE, BYTES16, 0x44332211, b'm' * 151),
-     '03020000' + NONCE_HEX + COOKIE_HEX + '11223344' + '00' * 16 + '6d' * 151),
+    (Cookie(3, Mode.KEYED, Suite.CHACHAPOLY, NONCE, BYTES16, TAG), '02030102' + NONCE_HEX + COOKIE_HEX + TAG_HEX),
+    (Init(3, Mode.KEYED, Suite.AESGCM, NONCE, BYTES16, 0x44332211, b'm' * 199, TAG),
+     '03030101' + NONCE_HEX + COOKIE_HEX + '11223344' + TAG_HEX + '6d' * 199),
+    (Init(3, Mode.OPEN, Suite.OPEN, NONCE, BYTES16, 0x44332211, b'm' * 151),
+     '03030000' + NONCE_HEX + COOKIE_HEX + '11223344' + '00' * 16 + '6d' * 151),
     (Accept(1, Mode.KEYED, Suite.AESGCM, 0x44332211, b'm' * 207), '04010101' + '11223344' + '6d' * 207),
     (Accept(1, Mode.OPEN, Suite.OPEN, 0x44332211, b'm' * 159), '04010000' + '11223344' + '6d' * 159),
-    (Refuse(2, Mode.OPEN, Reason.FULL, NONCE), '05020005' + NONCE_HEX),
+    (Refuse(3, Mode.OPEN, Reason.FULL, NONCE), '05030005' + NONCE_HEX),
     (Refuse(9, Mode.OPEN, Reason.VERSION, NONCE, '1.2.3'), '05090001' + NONCE_HEX + b'1.2.3'.hex() + '00' * 15),
     (Unknown(1, 0x44332211), '06010000' + '11223344'),
 ]
@@ -74,7 +75,8 @@ def test_a_packet_and_its_bytes(packet: Any, golden: str) -> None:
 @pytest.mark.parametrize('packet, golden', GOLDEN, ids=lambda value: type(value).__name__)
 def test_a_shorter_or_longer_one_is_malformed(packet: Any, golden: str) -> None:
     datagram = bytes.fromhex(golden)
-    shortest = 32 if isinstance(packet, Hello) and packet.version != 2 else len(datagram)    # as in version 1
+    is_other = isinstance(packet, Hello) and packet.version != WIRE_FORMAT
+    shortest = 32 if is_other else len(datagram)     # as in version 1
     for length in range(shortest):
         if isinstance(packet, Refuse) and length == REFUSE.size:
             continue        # one without a release

@@ -2,7 +2,7 @@
 """Sessions seal and open batches; what was changed, copied or is another's is dropped and counted."""
 import collections
 import threading
-from typing import Counter, List, Tuple
+from typing import Any, Counter, List, Tuple
 
 import numpy as np
 import pytest
@@ -155,7 +155,7 @@ def test_threads_never_share_a_counter() -> None:
     assert len(found) == len(opened.rows) == 800    # each authentic, and no counter twice
 
 
-def test_a_session_without_counters_seals_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_session_without_counters_seals_no_more(monkeypatch: Any) -> None:
     monkeypatch.setattr('smokebot_udp.link.session.LAST_COUNTER', 2)
     ours, _ = pair()
     ours.seal(rows_of(b'datagram', b'datagram'))

@@ -330,7 +330,7 @@ def test_other_carried_messages_are_a_difference() -> None:
         'this machine sends smokebot_udp/RelaySegment aa that carries nav_msgs/Odometry bb']
 
 
-def test_differences_are_looked_for_where_topics_have_changed_only(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_differences_are_looked_for_where_topics_have_changed_only(monkeypatch: Any) -> None:
     """A peer can send thousands of messages a second that change nothing."""
     side, compared = Side((Role.RECEIVES, IMAGE)), []
     find = side.local.find

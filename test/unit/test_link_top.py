@@ -8,6 +8,7 @@ from dynamic_reconfigure.msg import DoubleParameter
 from hypothesis import given
 from hypothesis import strategies as st
 
+from smokebot_udp import optional
 from smokebot_udp.monitoring.link_board import (
     DIAGNOSTICS,
     LEVELS,
@@ -418,12 +419,15 @@ def test_printable(dirty: str, good: str) -> None:
 
 
 @pytest.mark.parametrize('plain', [False, True])
-def test_without_rich_there_is_the_plain_table(monkeypatch: pytest.MonkeyPatch, plain: bool) -> None:
+def test_without_rich_there_is_the_plain_table(monkeypatch: Any, plain: bool, capsys: Any) -> None:
     shown: List[Any] = []
     if not plain:
         monkeypatch.setitem(sys.modules, 'rich.console', None)      # as if it were not installed
         monkeypatch.delitem(sys.modules, 'smokebot_udp.nodes.link_view', raising=False)
         monkeypatch.delattr('smokebot_udp.nodes.link_view', raising=False)
+        optional.attempt.cache_clear()
     monkeypatch.setattr(link_top.curses, 'wrapper', lambda *arguments: shown.append(arguments))
     listener: Any = object()
     assert link_top.show_live(listener, plain) == 0 and shown == [(link_top.show, listener)]
+    assert capsys.readouterr().err.count('rich is not installed') == (not plain)
+    optional.attempt.cache_clear()

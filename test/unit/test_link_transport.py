@@ -22,6 +22,7 @@ from smokebot_udp.link.peer_topics import PeerTopics
 from smokebot_udp.link.session import OpenSession
 from smokebot_udp.link.tables import SEEN, Entry, Lists, Local, Role, Table, Topic, pack_lists, pack_names
 from smokebot_udp.link.topics import Outgoing, serialised
+from smokebot_udp.link.transport import shares
 from smokebot_udp.udpros.datagram import HEADER
 from smokebot_udp.udpros.endpoints import BatchSender
 from smokebot_udp.udpros.packetizer import no_limit
@@ -45,6 +46,52 @@ def keyed() -> Iterator[Links]:
 def settle(*publishers: Any, count: int = 1) -> None:
     """Wait until each publisher has that many peers."""
     wait_for(lambda: all(publisher.get_num_connections() == count for publisher in publishers))
+
+
+def test_a_short_receive_buffer_is_a_remark(keyed: Links, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert not keyed.robot()[0].stats(0.0).remarks      # type: ignore[union-attr]
+    monkeypatch.setattr('smokebot_udp.udpros.endpoints._grow_receive_buffer', lambda sock, size: 425984)
+    robot, _ = keyed.robot()
+    operator, _ = keyed.operator(robot.port, remarks=['this is a test'])
+    text = ('the kernel grants a receive buffer that is too short for bursts: 212992 bytes only, '
+            'sudo sysctl -w net.core.rmem_max=4194304')
+    assert operator.stats(0.0).remarks == ['this is a test', text]      # type: ignore[union-attr]
+    assert robot.stats(0.0).remarks == [text]                           # type: ignore[union-attr]
+
+
+def test_shares_add_up_to_the_whole() -> None:
+    assert shares(10, [1, 0, 1]) == [5, 0, 5] and shares(1, [3, 0, 0]) == [1, 0, 0]
+    for total in range(20):
+        found = shares(total, [5, 1, 0, 7])
+        assert sum(found) == total and all(abs(share - total * weight / 13) < 1 for share, weight in zip(
+            found, [5, 1, 0, 7]))
+
+
+def test_connections_have_their_shares_of_what_the_kernel_drops(keyed: Links) -> None:
+    robot, _ = keyed.robot()
+    publishers = [robot.publisher(topic, CompressedImage) for topic in (THERMAL, CHAT)]
+    operator, _ = keyed.operator(robot.port, receive_buffer=4096)
+    slow = threading.Event()
+
+    def hang(records: Any, mask: Any) -> None:
+        """The link's thread does not receive meanwhile."""
+        slow.wait(WAIT)
+    subscribers = [operator.subscriber(topic, CompressedImage, batch_callback=hang) for topic in (THERMAL, CHAT)]
+    settle(*publishers)
+
+    def drops() -> List[int]:
+        return [sum(one['kernel_drops'] for one in subscriber.connections()) for subscriber in subscribers]
+    assert drops() == [0, 0]
+    image = frame(CompressedImage, 300, 1300)
+    publishers[0].publish_frames(image)
+    slow.set()
+
+    def all_told() -> bool:
+        publishers[0].publish_frames(image.part(0, 1))      # drops show with what comes after
+        lost = operator.dropped()['receive buffer full']
+        return lost > 100 and sum(drops()) == lost
+    wait_for(all_told)
+    assert drops()[0] > 100 and drops()[1] == 0
 
 
 def test_frames_arrive_as_records(made: Links) -> None:

@@ -14,10 +14,14 @@ import pytest
 from link_reports import SHOWN, board, report, stream
 from polling import wait_for
 
+from smokebot_udp import optional
 from smokebot_udp.monitoring.history import ASCII_BARS
 from smokebot_udp.monitoring.link_snapshot import Tree, snapshot
+from smokebot_udp.nodes.link_top import VIEW as VIEW_MODULE
 
-pytest.importorskip('rich', reason='link_top has its plain table')
+VIEW = optional.attempt(VIEW_MODULE, 'rich')
+if VIEW.module is None:
+    pytest.skip('%s: link_top has its plain table' % VIEW.problem, allow_module_level=True)
 from rich.console import Console  # noqa: E402
 
 from smokebot_udp.nodes import link_view  # noqa: E402

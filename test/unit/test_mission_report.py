@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The report of a mission: its numbers, its page, and what is said of bags that cannot be used."""
 import base64
-import builtins
 import contextlib
 import html.parser
+import json
 import os
 import pathlib
 import shutil
@@ -16,13 +16,31 @@ import pytest
 import rosbag
 from hypothesis import example, given
 from hypothesis import strategies as st
-from mission_bags import CUT, OFFSET, START, TOPICS, both, image, link, operator, robot, status, write
+from mission_bags import CUT as CUT_SPAN
+from mission_bags import (
+    OFFSET,
+    START,
+    TOPICS,
+    both,
+    image,
+    link,
+    loads,
+    operator,
+    robot,
+    status,
+    write,
+)
 from sensor_msgs.msg import CompressedImage, Image
+from std_msgs.msg import String
 
+from smokebot_udp import optional
 from smokebot_udp.mission_report import plots as mission_plots
-from smokebot_udp.mission_report.gaps import longest
+from smokebot_udp.mission_report.gaps import CUT, PAUSED, Gap, longest
 from smokebot_udp.mission_report.mission import joined, rate
+from smokebot_udp.mission_report.plots import fitting
+from smokebot_udp.mission_report.summary import _with_one_cause
 from smokebot_udp.nodes.mission_report import main
+from smokebot_udp.streams.recorded_images import recorded
 
 VOID = {'meta', 'img', 'br'}
 
@@ -168,13 +186,7 @@ def test_every_plot_is_an_image(page: Page) -> None:
 
 def test_without_matplotlib_only_the_plots_are_missing(paths: Dict[str, str], tmp_path: pathlib.Path,
                                                        monkeypatch: Any, capsys: Any) -> None:
-    plain = builtins.__import__
-
-    def without(name: str, *rest: Any) -> Any:
-        if name.startswith('matplotlib'):
-            raise ImportError(name)
-        return plain(name, *rest)
-    monkeypatch.setattr(builtins, '__import__', without)
+    monkeypatch.setattr(optional, 'attempt', lambda name: optional.Attempt(None, 'matplotlib is not installed'))
     page = report(tmp_path, *paths.values(), draw=True)
     assert 'matplotlib is not installed' in page.text and 'matplotlib is not installed' in capsys.readouterr().err
     assert page.row('distance driven') == ['4.0 m']
@@ -218,8 +230,78 @@ def test_other_causes(extra: List[Any], cause: str, tmp_path: pathlib.Path) -> N
     assert page.row('thermal', '0:08.1')[2] == cause
 
 
+@pytest.mark.parametrize('others, found, cause', [
+    (False, loads('operator', 0.5), 'nothing arrived: the link was cut'),
+    (False, loads('operator', 3.0), 'nothing arrived: the link was cut'),       # some would come nevertheless
+    (False, loads('operator', 6.0),            # nobody knows
+     "nothing arrived: the link was cut or the operator's machine was overloaded: 6.0 programs for each processor"),
+    (False, loads('robot', 0.5) + loads('operator', 0.5, 0.0, 8.0) + loads('operator', 0.5, 12.0),
+     'the operator recorded nothing at all: its machine stood still, or the recording was interrupted'),
+    (True, loads('operator', 0.5), 'images were lost or late, other streams arrived'),
+    (True, loads('operator', 3.0), "the operator's machine was overloaded: 3.0 programs for each processor"),
+    (True, loads('robot', 3.0), "the robot's machine was overloaded: 3.0 programs for each processor")])
+def test_an_overloaded_machine_is_no_cut_link(others: bool, found: Any, cause: str, tmp_path: pathlib.Path) -> None:
+    sides = {'robot': robot(), 'operator': operator() + (other_arrivals() if others else [])}
+    for one in found:
+        sides['robot' if 'robot' in one[0] else 'operator'].append(one)
+    page = report(tmp_path, write(tmp_path / 'a.bag', sides['robot']), write(tmp_path / 'b.bag', sides['operator']))
+    assert page.row('thermal', '0:08.1')[2] == cause
+
+
+def test_what_changes_to_and_fro_is_one_event(tmp_path: pathlib.Path) -> None:
+    begun = START - OFFSET
+    flapping = [('/desk/operator/control', String(text), begun + 6.5 + 0.1 * number)
+                for number, text in enumerate(60 * ['LOCKED: release the stick', 'in control'])]
+    page = report(tmp_path, write(tmp_path / 'a.bag', robot()), write(tmp_path / 'b.bag', operator() + flapping))
+    locked = [row for row in page.rows if 'LOCKED' in row[-1]]
+    assert locked == [['0:06.5', "operator's control: LOCKED: release the stick (60 times within 12 s)"]]
+    counting = [('/desk/operator/control', String('the robot was not heard for %.1f s' % (2 + 0.1 * number)),
+                 begun + 8 + 0.1 * number) for number in range(20)]
+    page = report(tmp_path, write(tmp_path / 'a.bag', robot()), write(tmp_path / 'b.bag', operator() + counting))
+    assert [row for row in page.rows if 'heard' in row[-1]] == [
+        ['0:08.0', "operator's control: the robot was not heard for 3.9 s (20 times within 12 s)"]]
+
+
+def test_images_that_were_compressed_after_they_had_arrived(tmp_path: pathlib.Path) -> None:
+    """The black box tells when each arrived; its image is recorded later."""
+    late: Dict[str, List[Any]] = {'robot': [], 'operator': []}
+    topics = {}
+    for side, messages in (('robot', robot()), ('operator', operator())):
+        topic, box = TOPICS[side]['thermal'], messages[0][0][:-len('/description')]
+        topics[side] = {**TOPICS[side], 'thermal': box + '/arrived' + topic}
+        for name, message, time in messages:
+            if name != topic:
+                late[side].append((name, message, time))
+                continue
+            late[side] += [(box + '/arrived' + topic, message.header, time),
+                           (box + '/images' + topic + '/compressed', recorded(message), time + 0.3)]
+        text = json.loads(messages[0][1].data)
+        text['streams']['thermal']['topics'] = [box + part for part in (
+            '/arrived' + topic, '/images' + topic, '/images' + topic + '/compressed')]
+        late[side][0] = (messages[0][0], String(json.dumps(text)), messages[0][2])
+    page = report(tmp_path, write(tmp_path / 'a.bag', late['robot']), write(tmp_path / 'b.bag', late['operator']))
+    before = report(tmp_path, *both(tmp_path).values())
+    assert page.row('thermal', 'image') == before.row('thermal', 'image')      # numbers and ages are the same
+    assert page.row('thermal', '0:08.1') == before.row('thermal', '0:08.1')
+    assert [name for name, _ in page.pictures] == [name for name, _ in before.pictures]
+    assert 'thermal: original' in [name for name, _ in page.pictures]
+
+
+def test_a_cut_is_one_event_for_all_images_at_once() -> None:
+    cut = [Gap('thermal', 8.1, 12.2, CUT), Gap('camera', 8.0, 12.0, CUT), Gap('camera', 15.0, 16.5, CUT),
+           Gap('rear', 8.0, 12.0, PAUSED)]
+    assert _with_one_cause(cut) == [[cut[1], cut[0]], [cut[3]], [cut[2]]]
+
+
+@pytest.mark.parametrize('text, share, shown', [
+    ('in control', 1.0, 'in control'), ('in control', 0.05, 'in con…'), ('in control', 0.001, '')])
+def test_texts_fit_their_bars(text: str, share: float, shown: str) -> None:
+    assert fitting(text, share) == shown
+
+
 def test_a_silent_source(tmp_path: pathlib.Path) -> None:
-    originals = [one for one in robot() if one[0] != '/thermal/image_raw' or not CUT[0] <= one[2] - START < CUT[1]]
+    originals = [one for one in robot()
+                 if one[0] != '/thermal/image_raw' or not CUT_SPAN[0] <= one[2] - START < CUT_SPAN[1]]
     arrived = operator() + other_arrivals()
     page = report(tmp_path, write(tmp_path / 'a.bag', originals), write(tmp_path / 'b.bag', arrived))
     assert page.row('thermal', '0:08.1')[2] == 'the source on the robot was silent'

@@ -33,7 +33,7 @@ def test_every_default_is_allowed_and_every_parameter_explained(name: str) -> No
 @pytest.mark.parametrize('found', [None, {}, 5])
 def test_without_any_the_defaults_are_used(monkeypatch: Any, found: Any) -> None:
     parameters, problems = node(monkeypatch, tables.ROBOT_SENDER, found)
-    assert (parameters['max_datagram_size'], parameters['max_rate'], parameters['adapt']) == (1472, 4000.0, True)
+    assert (parameters['max_datagram_size'], parameters['max_rate'], parameters['adapt']) == (1472, 50.0, True)
     assert not problems
 
 
@@ -50,7 +50,7 @@ def test_values_come_in_their_type(monkeypatch: Any) -> None:
                                '1472 is used'),
     ('max_datagram_size', 1400.5, '/node/max_datagram_size is 1400.5, must be a whole number from 256 to 65507 '
                                   '[byte]: 1472 is used'),
-    ('max_rate', 'fast', "/node/max_rate is 'fast', must be a number from 0 [Mbit/s]: 4000.0 is used"),
+    ('max_rate', 'fast', "/node/max_rate is 'fast', must be a number from 0 [Mbit/s]: 50.0 is used"),
     ('min_rate', float('nan'), '/node/min_rate is nan, must be a number from 0.01 [Mbit/s]: 0.1 is used'),
     ('adapt', 1, '/node/adapt is 1, must be true or false: True is used'),
     ('streams_file', 7, "/node/streams_file is 7, must be a text: '' is used")])

@@ -41,7 +41,7 @@ from smokebot_udp.link.packets import (
 )
 from smokebot_udp.link.peer import Joined, Left, Refused
 from smokebot_udp.link.robot_core import RobotCore
-from smokebot_udp.version import RELEASE
+from smokebot_udp.version import RELEASE, WIRE_FORMAT
 
 
 def run(core: Any, start: float, end: float) -> List[Any]:
@@ -156,8 +156,8 @@ def test_an_answer_to_nobody_changes_nothing(key: Optional[bytes]) -> None:
     assert len(sent(operator)) == 1 and not operator.events()   # its HELLO
 
 
-@pytest.mark.parametrize('change', [{'version': 3}, {'mode': Mode.OPEN, 'suite': Suite.OPEN}, {'suite': 9},
-                                    {'suite': Suite.OPEN}], ids=str)
+@pytest.mark.parametrize('change', [{'version': WIRE_FORMAT + 1}, {'mode': Mode.OPEN, 'suite': Suite.OPEN},
+                                    {'suite': 9}, {'suite': Suite.OPEN}], ids=str)
 def test_a_cookie_of_another_kind_is_dropped(change: Any) -> None:
     robot, operator = robot_of(), operator_of()
     give(robot, OPERATOR, *sent(operator))
@@ -370,7 +370,7 @@ def test_a_hint_about_another_session_does_nothing() -> None:
 
 # 7. Renewal
 
-def test_a_session_is_renewed_after_an_hour_or_very_many_messages(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_session_is_renewed_after_an_hour_or_very_many_messages(monkeypatch: Any) -> None:
     for hour in (True, False):
         robot, operator = joined()
         now = REKEY_AFTER if hour else 1.0

@@ -10,8 +10,8 @@ from smokebot_udp.mission.robots import load
 from smokebot_udp.nodes.operator_desk import operator_launch
 
 DESK = {'robots_file': '/crew/robots.yaml', 'streams_file': '/crew/streams.yaml', 'rviz': False,
-        'max_datagram_size': 1392, 'loss': 0.0, 'record': True, 'record_dir': '/crew/bags', 'record_split_mb': 64,
-        'record_max_mb': 256}
+        'max_datagram_size': 1392, 'loss': 0.0, 'record': True, 'record_streams': 'camera,odom',
+        'record_dir': '/crew/bags', 'record_split_mb': 64, 'record_max_mb': 256}
 PACKAGE = pathlib.Path(__file__).resolve().parents[2]
 CONFIG = PACKAGE / 'config' / 'robots.yaml'
 
@@ -29,7 +29,7 @@ def test_a_robot_has_the_settings_of_the_desk_and_its_own() -> None:
         'name': 'ugv1', 'robot': '10.0.0.7:17002', 'frame_prefix': 'ugv1/', 'key_file': '',
         'allow_unsealed_commands': 'false', 'rviz': 'false',
         'max_datagram_size': '1392', 'loss': '0.0', 'streams': '/crew/streams.yaml', 'record': 'true',
-        'record_dir': '/crew/bags', 'record_split_mb': '64', 'record_max_mb': '256'}
+        'record_streams': 'camera,odom', 'record_dir': '/crew/bags', 'record_split_mb': '64', 'record_max_mb': '256'}
 
 
 def test_each_robot_is_driven_without_a_key_only_where_that_is_allowed() -> None:

@@ -3,7 +3,7 @@
 import queue
 import threading
 from types import SimpleNamespace
-from typing import Any, Dict, Iterator, List, Optional
+from typing import Any, Dict, Iterator, List, Optional, Sequence
 
 import numpy as np
 import pytest
@@ -95,8 +95,8 @@ class BrokenDecoder:
 class ForwardingAssembler(FakeAssembler):
     FORWARDS, LATCH, STEADY = True, True, False
 
-    def join(self, segment: Any) -> Optional[Any]:
-        return None if segment == 'part' else segment
+    def join(self, segment: Any) -> Sequence[Any]:
+        return [] if segment == 'part' else [segment]
 
     def forward(self, message: Any) -> Optional[Assembled]:
         self.warnings += ['odd'] * (message == 'odd')

@@ -221,7 +221,7 @@ def test_the_first_and_the_last_datagram_of_a_message_are_traced(make, tmp_path,
     assert last.time > first.time
 
 
-def test_a_scheduler_that_fails_does_not_end_the_outbox(make, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_scheduler_that_fails_does_not_end_the_outbox(make, monkeypatch: Any) -> None:
     publisher, errors, take = Publisher(), [], PacketScheduler.take
 
     def fail_first(scheduler: PacketScheduler, now: float) -> Any:

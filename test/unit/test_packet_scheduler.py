@@ -319,3 +319,13 @@ def test_what_was_sent_past_it_holds_up_the_rest_for_a_moment_only() -> None:
     scheduler.put('a', None, [(1, 500)])
     assert scheduler.wait(1.0) <= MAX_DEBT
     assert scheduler.wait(1.0 + MAX_DEBT) == 0.0
+
+
+def test_a_train_does_not_wait_for_the_tokens_that_it_exceeds() -> None:
+    scheduler = PacketScheduler(1e4)
+    scheduler.set_tokens(3000.0, 3000.0, 0.0)
+    scheduler.put('camera', 'image', [(5, 1000)])
+    assert scheduler.take(0.0) is None
+    scheduler.start_probe(1e6, 5000.0)
+    scheduler.set_tokens(3000.0, 3000.0, 0.0)
+    assert all(scheduler.take(0.01) is not None for _ in range(3))

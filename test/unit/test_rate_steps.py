@@ -77,8 +77,8 @@ def test_each_method_hears_its_protected_messages_leave() -> None:
             relayed = Relayed(KINDS[kind][0])
             frame = relay_frame(message, 500)       # odometry takes two datagrams then
             frame.records['header']['seq'] = np.arange(len(frame))
-            *earlier, whole = (relayed.message(RelaySegment().deserialize(row[OVERHEAD:].tobytes()))
-                               for row in frame.rows)
+            *earlier, [whole] = (relayed.messages(RelaySegment().deserialize(row[OVERHEAD:].tobytes()))
+                                 for row in frame.rows)
             assert not any(earlier) and whole == message and heard_stamp(whole) == stamp.to_sec()
 
 

@@ -39,12 +39,12 @@ def joined(joiner: PartJoiner, some: Sequence[RelaySegment]) -> List[bytes]:
 
 
 def test_bytes_on_the_wire() -> None:
-    frame = relay_frame(String('abcdefg'), OVERHEAD + 30 + 5)    # 12 bytes in three segments of 4
+    frame = relay_frame(String('abcdefg'), OVERHEAD + 38 + 5)    # 12 bytes in three segments of 4
     checksum = zlib.crc32(b'\0\x07\0\0\0abcdefg', zlib.crc32(b'992ce8a1687cec8c8bd883ec73ca41d1'))
-    head = bytes(16) + checksum.to_bytes(4, 'little') + b'\x0c\0\0\0'
+    head = bytes(16) + bytes(4) + checksum.to_bytes(4, 'little') + b'\x0c\0\0\0'
     assert [row[OVERHEAD:].tobytes() for row in frame.rows] == [
-        head + b'\0\0' + b'\x04\0\0\0' + b'\0\x07\0\0', head + b'\1\0' + b'\x04\0\0\0' + b'\0abc',
-        head + b'\2\0' + b'\x04\0\0\0' + b'defg']
+        head + b'\0\0' + b'\x04\0\0\0' + b'\0\x07\0\0' + bytes(4), head + b'\1\0' + b'\x04\0\0\0' + b'\0abc' + bytes(4),
+        head + b'\2\0' + b'\x04\0\0\0' + b'defg' + bytes(4)]
 
 
 def test_what_zlib_shortens_is_sent_shortened() -> None:

@@ -90,7 +90,7 @@ def test_an_original_is_sent_to_its_operator_until_it_is_held(side: Any) -> None
     assert captures.demands(1e5) == {}      # all is held
 
 
-def test_a_capture_without_a_pose_says_so(side: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_capture_without_a_pose_says_so(side: Any, monkeypatch: Any) -> None:
     logged: List[str] = []
     monkeypatch.setattr('rospy.logwarn', lambda text, *values: logged.append(text % values))
     side[1].ask(id=9, stream='thermal')
@@ -109,7 +109,7 @@ def test_a_refusal_is_sent_likewise(side: Any) -> None:
 
 
 @pytest.mark.parametrize('error', [OverflowError('int too big to convert'), MemoryError(), KeyError('x')])
-def test_whatever_goes_wrong_the_operator_is_told_at_once(side: Any, monkeypatch: pytest.MonkeyPatch,
+def test_whatever_goes_wrong_the_operator_is_told_at_once(side: Any, monkeypatch: Any,
                                                           error: Exception) -> None:
     def fail(*_: Any) -> None:
         raise error
@@ -121,7 +121,7 @@ def test_whatever_goes_wrong_the_operator_is_told_at_once(side: Any, monkeypatch
         unpack(topic.received.whole, Image)
 
 
-def test_a_forged_name_controls_no_terminal(side: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_forged_name_controls_no_terminal(side: Any, monkeypatch: Any) -> None:
     logged: List[str] = []
     monkeypatch.setattr('rospy.logwarn', lambda text, *values: logged.append(text % values))
     side[1].ask(id=9, stream='a\x1b[2J\0')

@@ -37,6 +37,7 @@ from smokebot_udp.link.robot_core import (
     RobotCore,
 )
 from smokebot_udp.link.tags import Tags
+from smokebot_udp.version import WIRE_FORMAT
 
 # 1. HELLO
 
@@ -93,7 +94,7 @@ def test_an_init_of_another_version_mode_or_suite_is_dropped() -> None:
     robot, operator = robot_of(), operator_of()
     init = parse(init_of(robot, operator))
     assert isinstance(init, Init)
-    give(robot, OPERATOR, init._replace(version=3).pack(), init._replace(suite=2).pack(),
+    give(robot, OPERATOR, init._replace(version=WIRE_FORMAT + 1).pack(), init._replace(suite=2).pack(),
          init._replace(mode=Mode.OPEN, message=init.message[:INIT_SIZE[Mode.OPEN] - INIT.size]).pack())
     assert robot.dropped == {'another version or mode': 3} and not sent(robot)
 
@@ -120,7 +121,7 @@ def test_a_host_has_its_share_of_handshakes() -> None:
     assert robot.dropped == {'too many handshakes': 6}
 
 
-def test_forged_handshakes_in_an_operators_name_do_not_take_its_share(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_forged_handshakes_in_an_operators_name_do_not_take_its_share(monkeypatch: Any) -> None:
     """Without the key nothing is charged, nor computed but the tag."""
     robot, operator = robot_of(), operator_of()
     packet = init_of(robot, operator)
@@ -154,7 +155,7 @@ def test_a_repeated_handshake_is_dropped() -> None:
     assert len(sent(robot)) == 1
 
 
-def test_a_wrong_key_is_refused_before_any_exchange_of_keys(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_wrong_key_is_refused_before_any_exchange_of_keys(monkeypatch: Any) -> None:
     robot, operator = robot_of(), operator_of()
     init = parse(init_of(robot, operator))
     assert isinstance(init, Init)

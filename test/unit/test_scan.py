@@ -151,7 +151,8 @@ def test_all_parts_in_any_order_make_the_exact_scan(total, parts, gaps, random) 
 
 
 @pytest.mark.parametrize('numbers', [(0, 2, 4, 0), (0, 0, 4, 0), (5, 0, 4, 0), (5, 6, 4, 0), (2 ** 32 - 1, 2, 4, 0),
-                                     (5, 2, 3, 0), (5, 2, 4, 5)])
+                                     (5, 2, 3, 0), (5, 2, 4, 5), (5, 2, 255, 0), (5, 2, 255, 0, 10 ** 6 + 1),
+                                     (5, 2, 4, 0, 1000)])
 def test_impossible_scans_are_refused(numbers) -> None:
     with pytest.raises(ValueError):
         ScanParts(*numbers)

@@ -26,7 +26,7 @@ def scanner(count: int = 720) -> LaserScan:
 
 def received(message: LaserScan, lost: Sequence[int] = (), kind: str = 'scan', **settings: Any) -> Any:
     """The Assembled of a scan whose parts are received but for the lost ones."""
-    batches = [frame.records[~np.isin(frame.records['part'], lost)] for frame in scan_frames(message, True, 1472)]
+    batches = [frame.records[~np.isin(frame.records['part'], lost)] for frame in scan_frames(message, True, 1472, 0)]
     assembled, = assemble_all(*operator_side(kind, **settings), batches)
     return assembled
 
@@ -70,7 +70,7 @@ def test_a_thin_scan_says_where_its_ranges_are() -> None:
 
 
 def test_a_head_of_no_numbers_begins_no_scan() -> None:
-    frame, = scan_frames(scanner(), False, 1472)
+    frame, = scan_frames(scanner(), False, 1472, 0)
     frame.records['angle_increment'] = math.nan
     assembler, settings = operator_side('scan')
     assert assemble_all(assembler, settings, [frame.records]) == []
@@ -84,7 +84,7 @@ def test_echoes_of_one_scanner_are_scans_of_their_own() -> None:
         message = scanner(720 + number)
         message.header.frame_id = frame_id
         echoes.append(message)
-        records += [frame.records for frame in scan_frames(message, True, 1472)]
+        records += [frame.records for frame in scan_frames(message, True, 1472, 0)]
     for seed in range(20):
         order = np.random.RandomState(seed).permutation(len(records))
         shown = assemble_all(*operator_side('scan'), [records[row] for row in order])
@@ -100,7 +100,7 @@ def test_echoes_in_one_batch_are_told_apart() -> None:
     for frame_id in ('first', 'other'):
         message = scanner()
         message.header.frame_id = frame_id
-        records += [frame.records for frame in scan_frames(message, True, 1472)]
+        records += [frame.records for frame in scan_frames(message, True, 1472, 0)]
     assembler, settings = operator_side('scan')
     shown = assemble_all(assembler, settings, [np.concatenate(records)])
     assert [one.message.header.frame_id for one in shown] == ['first', 'other'] and not sum(assembler.dropped.values())
@@ -110,7 +110,7 @@ def test_scans_of_one_stamp_are_told_apart_by_their_arrival() -> None:
     batches = []
     for number in range(3):
         message = scanner(720 + 2 * number)
-        for frame in scan_frames(message, True, 1472):
+        for frame in scan_frames(message, True, 1472, 0):
             frame.records['arrival']['secs'] = 1000 + number
             batches.append(frame.records)
     shown = assemble_all(*operator_side('scan'), batches)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 import math
-from typing import Any, Dict, List
+from typing import Any, Dict, List, Sequence, Tuple
 
 import numpy as np
 import pytest
@@ -18,8 +18,9 @@ from smokebot_udp.streams.segments import size_on_air
 from smokebot_udp.udpros.datagram import OVERHEAD
 
 
-def encoded(message: Any, intensity: bool = False, size: int = 1472) -> List[Any]:
-    settings = Settings(check({'robot_topic': '/scan', 'intensity': intensity}, ScanEncoder.PARAMETERS))
+def encoded(message: Any, intensity: bool = False, size: int = 1472, **settings_: Any) -> List[Any]:
+    settings = Settings(check({'robot_topic': '/scan', 'intensity': intensity, 'exact': True, **settings_},
+                              ScanEncoder.PARAMETERS))
     return ScanEncoder(settings.requested).encode(message, settings, size)
 
 
@@ -42,18 +43,22 @@ def scanner(count: int = 720) -> Any:
     return message
 
 
+def shown(frames: List[Any], lost: Sequence[int] = ()) -> Tuple[Any, Any]:
+    """The ranges and intensities that an operator shows."""
+    record = frames[0].records[0]
+    gathered = ScanParts(*(int(record[name]) for name in ('total', 'parts', 'range_size', 'intensity_size', 'step')))
+    for frame in frames:
+        assert frame.datagram_size <= 1472
+        some = frame.records[~np.isin(frame.records['part'], lost)]
+        assert gathered.add(some['part'].astype(int), some['ranges'], some['intensities']).all()
+    return gathered.merge('nan')[:2]
+
+
 @pytest.mark.parametrize('count', [1, 2, 3, 681, 720, 1081, 20001])
 def test_segments_fit_and_make_the_scan_again(count: int) -> None:
     message = laser_scan(count, intensities=list(range(count)))
     frames = encoded(message, intensity=True)
-    record = frames[0].records[0]
-    gathered = ScanParts(int(record['total']), int(record['parts']), int(record['range_size']),
-                         int(record['intensity_size']))
-    for frame in frames:
-        assert frame.datagram_size <= 1472
-        assert gathered.add(frame.records['part'].astype(int), frame.records['ranges'],
-                            frame.records['intensities']).all()
-    ranges, intensities, _ = gathered.merge('nan')
+    ranges, intensities = shown(frames)
     np.testing.assert_array_equal(ranges, np.float32(message.ranges))
     np.testing.assert_array_equal(intensities, np.float32(message.intensities))
 
@@ -164,3 +169,84 @@ def test_a_slow_link_gets_fewer_scans() -> None:
     assert points[0].settings == {'rate': 1.0} and points[-1].settings == {'rate': 10.0}
     assert [point.cost for point in points] == [pytest.approx(point.settings['rate'] * size) for point in points]
     assert encoder.refine(points[0].settings, 1e9) == {'rate': 1.0}
+
+
+def room_scan(noise: float, seed: int) -> Any:
+    """1081 ranges in a room with boxes, as a Hokuyo UTM-30LX measures them, with some that see nothing."""
+    random = np.random.RandomState(seed)
+    angles = np.deg2rad(np.linspace(-135, 135, 1081))
+    with np.errstate(divide='ignore'):
+        ranges = np.min([side / np.maximum(np.cos(angles - toward), 1e-9) for side, toward in
+                         ((4.0, 0.0), (3.0, 1.6), (6.0, 3.1), (2.5, -1.5))], axis=0)
+    for begin in random.randint(0, 1000, 12):
+        ranges[begin:begin + 40] *= random.uniform(0.3, 0.9)
+    ranges = ranges + random.normal(0, noise, 1081)
+    ranges[500:540] = np.inf
+    return laser_scan(ranges=ranges.astype(np.float32), angle_min=-2.3, angle_increment=0.004363, range_max=30.0)
+
+
+@pytest.mark.parametrize('noise', [0.003, 0.01, 0.02])
+def test_an_indoor_scan_takes_a_third(noise: float) -> None:
+    """Also the datasheet's 10 mm of noise, and twice that. With all headers."""
+    for seed in range(5):
+        message = room_scan(noise, seed)
+        coded, exact = (encoded(message, exact=exact) for exact in (False, True))
+        assert size_on_air(coded) <= 1400 < 3 * 1400 <= size_on_air(exact)
+        assert sum(map(len, coded)) == 2    # one datagram for each half
+        finite = np.isfinite(message.ranges)
+        ranges, _ = shown(coded)
+        assert abs(ranges[finite].astype(float) - message.ranges[finite]).max() <= 0.000501
+        assert (ranges[~finite] == np.inf).all()
+        for lost in 0, 1:
+            half, _ = shown(coded, [lost])
+            np.testing.assert_array_equal(half[1 - lost::2], ranges[1 - lost::2])
+            assert np.isnan(half[lost::2]).all()
+
+
+@given(st.lists(st.floats(-100, 100, width=32) | st.sampled_from([math.inf, -math.inf, math.nan, 0.1, 30.0, -0.0]),
+                max_size=60), st.sampled_from([0.0001, 0.001, 0.025, 1.0]), st.floats(0, 1, width=32),
+       st.floats(1, 60, width=32))
+def test_any_range_stays_what_it_is(ranges: List[float], resolution: float, low: float, high: float) -> None:
+    """Infinite, NaN, too near or too far; and its value to a step at worst."""
+    message = laser_scan(ranges=np.float32(ranges), range_min=low, range_max=high, angle_increment=0.01)
+    found, _ = shown(encoded(message, exact=False, resolution=resolution)) if ranges else (message.ranges, None)
+    for test in np.isnan, np.isposinf, np.isneginf, lambda r: r < np.float32(low), lambda r: r > np.float32(high):
+        np.testing.assert_array_equal(test(found), test(message.ranges))
+    finite = np.isfinite(message.ranges)
+    errors = abs(found[finite].astype(float) - message.ranges[finite])
+    assert (errors < resolution * (1 + 1e-6) + 1e-5).all()
+
+
+def test_millimetres_stay_exact_and_so_do_intensities() -> None:
+    message = room_scan(0.01, 1)
+    message.ranges = np.where(np.isfinite(message.ranges), in_millimetres(np.rint(
+        np.minimum(message.ranges, 60) * 1000)), message.ranges)
+    message.intensities = np.float32(np.arange(1081) % 300)
+    frames = encoded(message, intensity=True, exact=False)
+    assert {int(frame.records['intensity_size'][0]) for frame in frames} == {255}
+    ranges, intensities = shown(frames)
+    np.testing.assert_array_equal(ranges, message.ranges)
+    np.testing.assert_array_equal(intensities, message.intensities)
+
+
+def test_what_steps_do_not_make_shorter_is_exact() -> None:
+    random = np.random.RandomState(3)
+    for ranges in in_millimetres(random.randint(0, 65000, 1081)), np.full(100, 1e9), np.full(20, 3e38):
+        message = laser_scan(ranges=np.float32(ranges), range_max=math.inf)
+        frames = encoded(message, exact=False)
+        assert frames[0].records['range_size'][0] in (2, 4)
+        np.testing.assert_array_equal(shown(frames)[0], message.ranges)
+
+
+def test_fractions_of_intensities_are_exact() -> None:
+    message = room_scan(0.01, 2)
+    message.intensities = np.float32(np.arange(1081) / 7)
+    np.testing.assert_array_equal(shown(encoded(message, intensity=True, exact=False))[1], message.intensities)
+
+
+def test_a_long_scan_has_more_parts() -> None:
+    message = laser_scan(ranges=np.float32(10 + np.random.RandomState(2).normal(0, 0.3, 30000)))
+    frames = encoded(message, exact=False)
+    count = sum(len(frame) for frame in frames)
+    assert count == frames[0].records['parts'][0] and count in (32, 64)
+    np.testing.assert_allclose(shown(frames)[0], message.ranges, atol=0.000501)

@@ -22,8 +22,11 @@ class Sent:
         self.now, self.total = 0.0, 0
         self._newest: List[PacketSample] = []
 
-    def report(self, *bursts: Tuple[float, int]) -> None:
-        """Bursts, each a pause [s] and a number of datagrams."""
+    def report(self, *bursts: Tuple[float, int], measured: bool = True) -> None:
+        """Bursts, each a pause [s] and a number of datagrams.
+
+        :param measured: whether the rate is, beside a queue
+        """
         chain = list(self._newest)
         for pause, count in bursts:
             self.now += pause
@@ -36,7 +39,7 @@ class Sent:
         waits = [sample.delay - 0.01 for sample in chain]
         passed = self.shaper.follow(chain, waits, RATE, 0.002)
         assert all(0 <= one.tokens <= self.shaper.depth for one in passed)
-        if waits[-1] > 0.002:
+        if measured and waits[-1] > 0.002:
             self.shaper.learn(RATE, 0.0)
 
 
@@ -116,3 +119,14 @@ def test_what_no_sample_tells_of_was_sent_evenly() -> None:
     shaper.depth = 6000.0
     first, last = (PacketSample(now, now + 0.01, SIZE, total) for now, total in ((1.0, 1000), (1.2, 22000)))
     assert shaper.follow([first, last], [0.0, 0.0], RATE, 0.002)[-1].tokens == 6000.0 - SIZE
+
+
+def test_a_short_queue_shows_a_deeper_bucket_than_was_known() -> None:
+    """No rate is measured beside it."""
+    sent = Sent(6000.0)
+    sent.report((0.8, 26))
+    for _ in range(QUEUES):
+        sent.report((0.18, 26))
+    assert 0 < sent.shaper.depth < 5000.0
+    sent.report((2.0, 8), measured=False)
+    assert sent.shaper.depth == pytest.approx(6000.0, abs=SIZE)

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """When packet trains leave, how long and how fast they are."""
+import math
 from typing import Optional
 
 import pytest
@@ -8,13 +9,16 @@ from smokebot_udp.congestion.feedback import PacketSample
 from smokebot_udp.congestion.trains import (
     AT_ONCE,
     BEYOND,
+    BEYOND_NOISE,
     CLEAR_RETRY_INTERVAL,
     DUE_TIME,
     DURATION,
+    FILLED,
     FIRST_GAIN,
     GROWTH,
     MAX_PLANNED,
     MAX_RETRY_INTERVAL,
+    MAX_STEP,
     NEXT_GAIN,
     REACHED,
     REFILL_INTERVALS,
@@ -31,8 +35,8 @@ def newest(total: int) -> PacketSample:
 
 
 def due(probes: ProbeController, capacity: float, total: int, now: float, unreported: int = 0, depth: float = 0.0,
-        empty: bool = True, wanted: bool = True, wished: bool = False) -> Optional[Train]:
-    return probes.next(capacity, depth, empty, wanted, wished, newest(total), unreported, now)
+        empty: bool = True, wanted: bool = True, wished: bool = False, noise: float = 0.01) -> Optional[Train]:
+    return probes.next(capacity, depth, noise, empty, wanted, wished, newest(total), unreported, now)
 
 
 def test_trains_get_faster_after_success_and_wait_after_failure() -> None:
@@ -93,16 +97,19 @@ def test_a_train_exceeds_the_tokens_of_a_shaper_and_streams_are_planned_for_it()
     probes, capacity, depth = ProbeController(), 1e5, 6000.0
     train = due(probes, capacity, 0, 1.0, depth=depth)
     assert train is not None and train.rate == AT_ONCE * capacity
-    # beside the message that was planned before it, one has the tokens, those that come meanwhile, and enough beyond
-    message = train.size - DUE_TIME * capacity
-    assert message * (1 - 1 / AT_ONCE) == pytest.approx(depth + BEYOND * capacity)
-    assert message < REACHED * MAX_PLANNED * DUE_TIME * capacity
-    assert probes.planned(capacity, 0) == pytest.approx(min(MAX_PLANNED, train.size / (DUE_TIME * capacity)))
-    assert probes.planned(capacity, train.size - DUE_TIME * capacity / 2) == 1
-    assert due(probes, capacity, int(train.size), 1.3, depth=depth) is None
+    # a message that fills it has the tokens, those that come meanwhile, and enough beyond
+    assert FILLED * train.size * (1 - 1 / AT_ONCE) == pytest.approx(depth + (BEYOND + BEYOND_NOISE * 0.01) * capacity)
+    assert train.size < MAX_PLANNED * DUE_TIME * capacity
+    budget = 0.9 * capacity
+    assert probes.planned(budget, 0) == pytest.approx(train.size / (DUE_TIME * budget))
+    assert probes.planned(budget, FILLED * train.size) == 1         # the message after it is none of the train
+    quiet = due(ProbeController(), capacity, 0, 1.0, depth=depth, noise=0.0)
+    assert quiet is not None and quiet.size < train.size - 0.03 * capacity
+    assert probes.most == pytest.approx(MAX_STEP * capacity)
+    assert due(probes, capacity, math.ceil(train.size), 1.3, depth=depth) is None
     retry = RETRY_INTERVAL + REFILL_INTERVALS * depth / capacity
-    assert due(probes, capacity, int(train.size), 1.25 + retry, depth=depth) is None
-    assert due(probes, capacity, int(train.size), 1.35 + retry, depth=depth) is not None
+    assert due(probes, capacity, math.ceil(train.size), 1.25 + retry, depth=depth) is None
+    assert due(probes, capacity, math.ceil(train.size), 1.35 + retry, depth=depth) is not None
     assert ProbeController().planned(capacity, 0) == 1
 
 
@@ -110,9 +117,8 @@ def test_a_train_for_a_deep_bucket_is_as_long_as_it_takes_to_empty_it() -> None:
     capacity, depth = 4e4, 32000.0
     train = due(ProbeController(), capacity, 0, 1.0, depth=depth)
     assert train is not None and train.rate == NEXT_GAIN * capacity
-    size = train.size - DUE_TIME * capacity
-    duration = size / (REACHED * MAX_PLANNED * capacity)
-    assert (size - depth) / duration == pytest.approx(GROWTH * capacity)
+    duration = train.size / (REACHED * MAX_PLANNED * capacity)
+    assert (train.size - depth) / duration == pytest.approx(GROWTH * capacity)
 
 
 

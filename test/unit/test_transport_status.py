@@ -17,6 +17,8 @@ def test_peers_and_drops_are_listed() -> None:
 
 
 def test_a_problem_is_a_warning() -> None:
+    remarked = transport_status(TransportStats(True, [], 0, {}, None, ['the buffer is short']), OPERATOR)
+    assert (remarked.level, remarked.message) == (WARN, 'the buffer is short')
     status = transport_status(TransportStats(False, [], 0, {}, '10.0.0.7:17001 does not answer'), OPERATOR)
     assert (status.level, status.message) == (WARN, '10.0.0.7:17001 does not answer')
     assert status.values == {'side': 'operator', 'sealed': 'no: anybody on the network can watch',

@@ -13,7 +13,7 @@ from smokebot_udp.link.keys import make_key
 from smokebot_udp.nodes import parameters as tables
 from smokebot_udp.nodes import transports
 from smokebot_udp.nodes.common import Parameters
-from smokebot_udp.nodes.transports import host_and_port, operator_transport, robot_transport
+from smokebot_udp.nodes.transports import foreign_master, host_and_port, operator_transport, robot_transport
 
 
 class Log:
@@ -86,6 +86,24 @@ def test_what_is_none_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match='must be HOST:PORT, such as 10.0.0.7:17001') as error:
         host_and_port(text)
     assert repr(text) in str(error.value)
+
+
+def judged(uri: str, robot: str = 'ugv1.local:17001', is_robots: bool = False) -> str:
+    """What is said of a desk's ROS_MASTER_URI; empty: nothing."""
+    addresses = {'ugv1.local': {7}, '10.0.0.7': {7}, '10.0.0.9': {9}}
+    return foreign_master(uri, robot, is_robots, lambda host: host in ('localhost', 'desk'),
+                          lambda host: addresses.get(host or '', set())) or ''
+
+
+def test_a_desk_that_uses_the_robots_master_by_mistake_is_told() -> None:
+    assert not judged('http://localhost:11311') and not judged('http://desk:11311/') and not judged('')
+    for uri in ('http://10.0.0.7:11311', 'http://ugv1.local:11311/'):
+        text = judged(uri)
+        assert uri in text and 'ugv1.local:17001' in text and "the robot's own master" in text
+        assert 'unset ROS_MASTER_URI' in text
+    assert "another machine's master" in judged('http://10.0.0.9:11311')
+    assert "another machine's master" in judged('http://nobody:11311')
+    assert "the robot's own master" in judged('http://localhost:11311', is_robots=True)     # whatever it is called
 
 
 SIDES = [(robot_transport, tables.ROBOT_SENDER, 'link_port'), (operator_transport, tables.OPERATOR_RECEIVER, 'robot')]

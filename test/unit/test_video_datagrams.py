@@ -84,11 +84,11 @@ class Operator:
 
 def test_the_bytes_of_a_datagram() -> None:
     message = VideoSlice(height=2, width=3, encoding='mono8', session=4, picture=5, sources=6, count=8, index=7,
-                         flags=1, refresh=10, parameter_sets=b'\1\2', data=b'\3')
+                         flags=1, refresh=10, error=99, parameter_sets=b'\1\2', data=b'\3')
     assert serialised(message).hex() == (
         '00000000' '00000000' '00000000' '00000000' '0000000000000000' '02000000' '03000000' '05000000'
         '6d6f6e6f38' '04000000' '05000000'
-        '06' '08' '07' '01' '0a' '02000000' '0102' '01000000' '03')
+        '06' '08' '07' '01' '0a' '63' '02000000' '0102' '01000000' '03')
 
 
 @pytest.mark.parametrize('came, expected', [
@@ -101,7 +101,7 @@ def test_slices_come_to_the_decoder_in_order_restored_where_they_can_be(came: An
     shown, = operator.image(1, came)
     request, = operator.decoder.requests
     assert request == Request(7, 4, 6, False, b'sets', expected)
-    assert shown.completeness == len(expected) / 3 and isinstance(shown.message, Image)
+    assert shown.known_ratio == len(expected) / 3 and isinstance(shown.message, Image)
     assert (shown.message.height, shown.message.width, shown.message.step) == (4, 6, 6)
 
 

@@ -7,7 +7,6 @@ import pytest
 from genpy import Time
 from sensor_msgs.msg import Image
 
-from smokebot_udp.codecs.video import pyav
 from smokebot_udp.mission.parameters import check
 from smokebot_udp.mission.settings import Settings
 from smokebot_udp.msg import ImageSegment
@@ -46,7 +45,7 @@ class Robot:
 
 
 def hide(monkeypatch: Any, hidden: bool) -> None:
-    monkeypatch.setattr(encoder, 'installed', lambda: not hidden)
+    monkeypatch.setattr(encoder, 'found', lambda name: name == 'av' and not hidden)
 
 
 @pytest.mark.parametrize('coding, warnings', [('h264', [MISSING]), ('auto', []), ('layered', [])])
@@ -78,17 +77,3 @@ def test_where_pyav_cannot_be_imported_images_are_sent_nevertheless(monkeypatch:
     warning, = robot.warnings(0.0)
     assert 'PyAV cannot be used here: ModuleNotFoundError' in warning
     assert robot.warnings(1.0) == []
-
-
-def test_whether_it_is_installed_is_known_without_importing_it(monkeypatch: Any) -> None:
-    def found(spec: Any) -> bool:
-        pyav.installed.cache_clear()
-        monkeypatch.setattr('importlib.util.find_spec', spec)
-        return pyav.installed()
-
-    def broken(name: str) -> Any:
-        raise ValueError('av.__spec__ is None')
-    assert found(lambda name: object()) and not found(lambda name: None) and not found(broken)
-    monkeypatch.undo()
-    pyav.installed.cache_clear()
-

@@ -144,7 +144,7 @@ def test_a_lost_pixel_is_never_all_of_them(monkeypatch) -> None:
     assert written == ['0.10 s', '99 %']
 
 
-def texts_of(monkeypatch: pytest.MonkeyPatch, *arguments: float, **options: Any) -> List[str]:
+def texts_of(monkeypatch: Any, *arguments: float, **options: Any) -> List[str]:
     written: List[str] = []
     monkeypatch.setattr(cv2, 'putText', lambda image, text, *rest: written.append(text))
     framed(options.pop('coloured', GREY), *arguments, LIMITS, **options)

@@ -61,7 +61,9 @@ def test_a_scan_takes_two_datagrams_of_whole_millimetres() -> None:
     scan = encoder.derive(cloud(room()), of)
     frames = encoder.encode(scan, of, 1472)
     segments = [ScanSegment().deserialize(row[OVERHEAD:].tobytes()) for frame in frames for row in frame.rows]
-    assert [(one.total, one.parts, one.range_size, one.intensity_size) for one in segments] == [(COLUMNS, 2, 2, 0)] * 2
+    found = [(one.total, one.parts, one.range_size, one.intensity_size) for one in segments]
+    assert found == [(COLUMNS, 2, 255, 0)] * 2
+    assert {one.step for one in segments} == {1000}
     assert encoder.operating_points(10.0, of)[-1].settings == {'rate': 10.0}
 
 

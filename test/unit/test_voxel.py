@@ -7,15 +7,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from smokebot_udp import optional
 from smokebot_udp.arrays import Float32Array
 from smokebot_udp.codecs.perception import voxel
 from smokebot_udp.codecs.perception.voxel import Filtered, voxel_filter
 from smokebot_udp.simulation.lidar import Lidar
 from smokebot_udp.simulation.world import building
 
+needs_numba = pytest.mark.skipif(optional.attempt('numba').module is None, reason='python3-numba is not installed')
 pytestmark = pytest.mark.filterwarnings('error')
 needs_pcl = pytest.mark.skipif(voxel.pcl is None, reason='python3-pcl is not installed')
 WAYS = [pytest.param(voxel.filter_by_numpy, id='numpy'), pytest.param(voxel.filter_by_pcl, id='pcl', marks=needs_pcl),
+        pytest.param(voxel.filter_by_loops, id='loops', marks=needs_numba),
         pytest.param(lambda points, leaf, intensity: voxel_filter(points, leaf, intensity), id='either')]
 ULP = 2e-6
 """float32's at the far side of a scene of 20 m, rounded up [m]."""
@@ -98,14 +101,42 @@ def on_borders(leaf: float) -> Tuple[Float32Array, Float32Array]:
     *[(simulated, leaf) for leaf in (0.02, 0.05, 0.1, 0.2, 1.0)],
     *[(lambda: random_cloud(20), leaf) for leaf in (0.1, 0.3, 1.0)], (lambda: random_cloud(1), 0.1),
     *[(lambda leaf=leaf: on_borders(leaf), leaf) for leaf in (0.1, 0.05, 0.15)]])
-def test_numpy_gives_pcls_answer(scene, leaf) -> None:
+@pytest.mark.parametrize('way', [voxel.filter_by_numpy, pytest.param(voxel.filter_by_loops, marks=needs_numba)])
+def test_all_ways_give_pcls_answer(way, scene, leaf) -> None:
     points, intensity = scene()
     for values in (None, intensity):
-        by_pcl, by_numpy = (filtered(way, points, leaf, values) for way in (voxel.filter_by_pcl, voxel.filter_by_numpy))
+        by_pcl, ours = (filtered(one, points, leaf, values) for one in (voxel.filter_by_pcl, way))
         assert 1 < len(by_pcl[0]) < len(points)
-        np.testing.assert_allclose(by_numpy[0], by_pcl[0], rtol=0, atol=ULP)
+        np.testing.assert_allclose(ours[0], by_pcl[0], rtol=0, atol=ULP)
         if values is not None:
-            np.testing.assert_allclose(by_numpy[1], by_pcl[1], rtol=2e-6)
+            np.testing.assert_allclose(ours[1], by_pcl[1], rtol=2e-6)
+
+
+SCENES = [simulated, lambda: on_borders(0.1),
+          *[lambda scale=scale: random_cloud(scale) for scale in (1e-3, 1, 1e3, 1e8)]]
+
+
+@needs_numba
+@pytest.mark.parametrize('scene', SCENES)
+@pytest.mark.parametrize('leaf', [0.03, 0.1, 5.0])
+def test_the_loops_are_numpys_to_the_last_digit_but_one(scene, leaf) -> None:
+    points, intensity = scene()
+    for cloud in (points, points[::3], np.asfortranarray(points), points[:1]):
+        by_loops, by_numpy = (way(cloud, leaf, intensity[:len(cloud)])
+                              for way in (voxel.filter_by_loops, voxel.filter_by_numpy))
+        assert len(by_loops[0]) == len(by_numpy[0])
+        np.testing.assert_allclose(by_loops[0], by_numpy[0], rtol=2e-7)     # float64 sums in another order
+        np.testing.assert_allclose(by_loops[1], by_numpy[1], rtol=2e-7)
+
+
+@needs_numba
+def test_loops_leave_the_cloud_as_it_is() -> None:
+    points, intensity = random_cloud(5)
+    points.setflags(write=False)
+    intensity.setflags(write=False)
+    before = points.copy(), intensity.copy()
+    voxel.filter_by_loops(points, 0.1, intensity)
+    assert (points == before[0]).all() and (intensity == before[1]).all()
 
 
 def test_what_is_left_of_the_simulated_scene() -> None:
@@ -118,14 +149,15 @@ def test_what_is_left_of_the_simulated_scene() -> None:
     assert intensity.min() <= mean.min() and mean.max() <= intensity.max()
 
 
+@pytest.mark.parametrize('loaded', [False, pytest.param(True, marks=needs_numba)])
 @pytest.mark.parametrize('far', [
     pytest.param(1e5, id='beyond 2^31 boxes'), pytest.param(1e6, id='beyond 2^63 boxes'),
     pytest.param(1e30, id='beyond 2^63 boxes a side'), pytest.param(3e38, id='at the end of float32')])
-def test_clouds_that_span_too_much_for_pcl(far) -> None:
+def test_clouds_that_span_too_much_for_pcl(far, loaded) -> None:
     near = array((0.05, 0.05, 0.05), (0.06, 0.05, 0.05), (0.25, 0.05, 0.05), (0.05, 0.25, 0.05))
     corners = array((-far, -far, -far), (far, far, far))
     points = np.concatenate([corners[1:], near, corners[:1]])
-    centroids, mean = voxel_filter(points, 0.1, np.arange(6, dtype=np.float32))
+    centroids, mean = voxel_filter(points, 0.1, np.arange(6, dtype=np.float32), loaded)
     expected = [corners[0], (0.055, 0.05, 0.05), near[2], near[3], corners[1]]
     np.testing.assert_allclose(centroids, expected, rtol=1e-6)
     assert mean.tolist() == [5, 1.5, 3, 4, 0]
@@ -158,7 +190,10 @@ def test_pcl_is_used_where_it_can(monkeypatch) -> None:
     assert len(voxel_filter(*[simulated()[0], 0.1])[0]) > 1000
 
 
-def test_without_pcl(monkeypatch) -> None:
-    monkeypatch.setattr(voxel, 'pcl', None)
-    monkeypatch.setattr(voxel, 'filter_by_pcl', None)
-    assert len(voxel_filter(simulated()[0], 0.1)[0]) > 1000
+@pytest.mark.parametrize('loaded, unused', [(False, 'filter_by_loops'), (True, 'filter_by_numpy')])
+def test_without_pcl(monkeypatch, loaded, unused) -> None:
+    if loaded:
+        pytest.importorskip('numba', reason='compiled loops need numba')
+    for name in ('pcl', 'filter_by_pcl', unused):
+        monkeypatch.setattr(voxel, name, None)
+    assert len(voxel_filter(simulated()[0], 0.1, loaded=loaded)[0]) > 1000

@@ -2,7 +2,7 @@
 import math
 import os
 from pathlib import Path
-from typing import Iterator
+from typing import Any, Iterator
 
 import pytest
 import wifi_outputs as outputs
@@ -25,7 +25,7 @@ esac
 
 
 @pytest.fixture
-def machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+def machine(tmp_path: Path, monkeypatch: Any) -> Iterator[Path]:
     """A root directory of a machine with wlan0 and eth0, and an iw."""
     for name in 'sys/class/net/wlan0/phy80211', 'sys/class/net/eth0', 'proc/net', 'bin':
         (tmp_path / name).mkdir(parents=True)
@@ -55,7 +55,7 @@ def test_an_interface_is_read(machine: Path) -> None:
     assert (state.tx_bitrate, state.rx_bitrate) == (650.0, 650.0)
 
 
-def test_a_call_that_hangs_is_ended(machine: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_call_that_hangs_is_ended(machine: Path, monkeypatch: Any) -> None:
     (machine / 'bin/iw').write_text('#!/bin/sh\nexec sleep 600\n')
     monkeypatch.setattr(wifi_monitor, 'TIMEOUT', 0.1)
     assert monitor(machine).state.signal == -50

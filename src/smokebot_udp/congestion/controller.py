@@ -32,7 +32,7 @@ PLANNING_SHARE = 0.96
 """Part of the capacity that is allocated. An image that needs the whole frame period to leave is cut off by the next
 one; and the estimate fluctuates."""
 
-REFILL_SHARE, REFILL_TIME = 0.9, 0.02
+REFILL_SHARE = 0.9
 """The same where the path has a token bucket that takes this long to fill: what is left fills it, and what fits into it
 passes at once. At 0.96 an image of 0.1 s at 0.3 Mbit/s takes 40 to 60 ms to pass a bucket of 6 kB, at 0.88 one
 (evaluation/simulated_paths.py) [1, s]."""
@@ -90,8 +90,8 @@ class Plan:
     decimation: float
     """Part of their rates that protected streams keep."""
     rooms: Dict[str, float] = field(default_factory=dict)
-    """What each stream with a demand may use, at most, while the others use what they are granted; empty: unlimited
-    [byte/s]."""
+    """What each stream with a demand may use, at most, while the others use what they are granted, but for a train:
+    see `gain`; empty: unlimited [byte/s]."""
 
 
 class _Operator:
@@ -235,6 +235,7 @@ class Controller:
         capacity = self._capacity(now)
         shares, rooms, self._grants = self._divide(capacity, demands, protected, now)
         self._divide_slower_links(demands, protected, now)
+        rooms = {name: room / self.gain(now) for name, room in rooms.items()}
         unlimited = math.inf if capacity is None else capacity
         return Plan(self.rate(now), self._datagram_size.update(unlimited), shares, dict(self._grants),
                     self._decimation.update(unlimited, protected, now), rooms)
@@ -347,21 +348,18 @@ class Controller:
         estimator = self._estimator(now)
         return estimator.link.capacity if estimator else self._initial_rate()
 
-    def _gain(self, now: float) -> float:
+    def gain(self, now: float) -> float:
+        """What is sent now may be longer by this factor, as a train leaves."""
         estimator = self._estimator(now)
-        return estimator.planned(self._history.total) if estimator else 1.0
-
-    def _planning_share(self, capacity: float, now: float) -> float:
-        """Part of the capacity that is allocated."""
-        estimator = self._estimator(now)
-        return REFILL_SHARE if estimator and estimator.depth > REFILL_TIME * capacity else PLANNING_SHARE
+        return estimator.planned(_budget(estimator), self._history.total) if estimator else 1.0
 
     def _divide(self, capacity: Optional[float], demands: Mapping[str, Demand], protected: float,
                 now: float) -> Tuple[Dict[str, float], Dict[str, float], Dict[str, Optional[Dict[str, Any]]]]:
         """(shares, rooms, grants) as in a Plan."""
         if capacity is None:
             return {}, {}, {name: {} for name in demands}
-        budget = self._planning_share(capacity, now) * capacity * self._gain(now)
+        estimator = self._estimator(now)
+        budget = (_budget(estimator) if estimator else PLANNING_SHARE * capacity) * self.gain(now)
         allocated = self._allocator.allocate(budget, demands, protected, now)
         limited = {name for name, grant in allocated.items()
                    if grant.point is not None and grant.point < len(demands[name].points) - 1}
@@ -397,6 +395,12 @@ class Controller:
         return {setting: _steady(before.get(setting), value)
                 for setting, value in demand.refine(grant.settings, spare).items()
                 if setting != 'rate' or value < RATE_LIMIT_FACTOR * demand.rate}
+
+
+def _budget(estimator: Estimator) -> float:
+    """The part of the capacity that is allocated [byte/s]."""
+    capacity = estimator.link.capacity
+    return capacity * (REFILL_SHARE if estimator.has_deep_bucket else PLANNING_SHARE)
 
 
 def _steady(before: Any, value: Any) -> Any:

@@ -15,23 +15,26 @@ BUSY_DELAY = 0.002
 """A datagram delayed longer was queued: the air was busy [s]."""
 
 
-def busy_period(chain: List[PacketSample], waits: List[float], noise: float, capacity: float) -> Tuple[int, float]:
+def busy_period(chain: List[PacketSample], waits: List[float], noise: float, capacity: float,
+                bucket: bool = False) -> Tuple[int, float]:
     """What the air carried while it was busy: (bytes, seconds).
 
     It was busy between two datagrams if the later one was queued, and the earlier one still was when the later one was
-    sent, or was on the air where none was sent between them.
+    sent, or was on the air where none was sent between them. Behind a token bucket the earlier one must have been
+    queued, too: else the last tokens let a part of the later one pass.
 
     :param chain: in sending order
     :param waits: queueing delay of each [s]
     :param noise: of these delays [s]
     :param capacity: as known [byte/s]
+    :param bucket: whether there is a token bucket on the path
     """
-    carried, busy = 0, 0.0
+    carried, busy, queued = 0, 0.0, BUSY_DELAY + noise
     for before, after, wait_before, wait_after in zip(chain, chain[1:], waits, waits[1:]):
         unqueued = after.sent - before.sent - wait_before
         adjacent = after.total - before.total == after.size
         on_air = before.size / capacity if adjacent else 0.0
-        if wait_after > BUSY_DELAY + noise and unqueued < on_air:
+        if wait_after > queued and unqueued < on_air and (wait_before > queued or not bucket):
             carried += after.total - before.total
             busy += after.arrived - before.arrived
     return carried, busy

@@ -246,17 +246,23 @@ class Estimator:
         """The link may carry more from now on: probe with the next report."""
         self._probes.retry()
 
-    def planned(self, total: float) -> float:
-        """For what multiple of the capacity streams are planned now, so that a train has enough to send.
+    def planned(self, budget: float, total: float) -> float:
+        """For what multiple streams are planned now, so that a train has enough to send.
 
+        :param budget: what they are planned for without it [byte/s]
         :param total: bytes of all streams sent so far
         """
-        return self._probes.planned(self.link.capacity, total)
+        return self._probes.planned(budget, total)
 
     @property
     def depth(self) -> float:
         """Of a token bucket on the path; 0: none is known [byte]."""
         return self._path.shaper.depth
+
+    @property
+    def has_deep_bucket(self) -> bool:
+        """Whether the path has a token bucket that matters to when images leave."""
+        return self._path.shaper.is_deep(self.link.capacity)
 
     def tokens(self, total: float, now: float) -> Tuple[float, float]:
         """(depth of a token bucket on the path, tokens that are missing in it now) [byte].
@@ -364,7 +370,7 @@ class Estimator:
             least = min(feedback.samples, key=lambda sample: sample.delay)
             self._path.delay.raise_base(least, MAX_BASE_STEP, now)
         self._find_ceiling(seen)
-        in_flight = feedback.unreported / self.link.capacity
+        in_flight = (feedback.unreported - self._path.shaper.left) / self.link.capacity
         since_newest = now - seen.newest.sent - seen.queue      # since the newest datagram was on the air
         self.link.queue_delay = max(0.0, in_flight - since_newest)
         self._set_rate(now)
@@ -427,7 +433,7 @@ class Estimator:
         elif self._empty(seen.queue):
             self._capacity.recall(seen.newest.sent)
         if not seen.is_long and not self._loss.excess:
-            self._capacity.carries(seen.bound)
+            self._capacity.carries(min(seen.bound, self._probes.most if self.has_deep_bucket else math.inf))
         self._set_capacity(self._capacity.value)
 
     def _find_ceiling(self, seen: Observation) -> None:
@@ -465,7 +471,7 @@ class Estimator:
         emptied = empty and now - self._occupied < PROBE_HOLDOFF
         if self._pause.active(now - PROBE_HOLDOFF) or emptied or bounded:
             return None
-        return self._probes.next(self.link.capacity, self.depth, empty, wanted > self.rate,
+        return self._probes.next(self.link.capacity, self.depth, seen.noise, empty, wanted > self.rate,
                                  wished > self.rate, seen.newest, seen.feedback.unreported, now)
 
 

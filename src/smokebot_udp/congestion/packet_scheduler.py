@@ -130,13 +130,14 @@ class PacketScheduler:
             self._full_at = now + min(MAX_CATCH_UP + (owed - MAX_CATCH_UP) * before / rate, max(owed, MAX_DEBT))
 
     def set_tokens(self, depth: float, missing: float, now: float) -> None:
-        """What the path lets pass at once leaves at once: it waits nowhere.
+        """What the path lets pass at once leaves at once: it waits nowhere. A packet train exceeds the tokens and does
+        not wait for them.
 
         :param depth: of a token bucket on the path [byte]
         :param missing: tokens that are missing in it now [byte]
         """
         self._tokens = depth
-        if self.rate is not None:
+        if self.rate is not None and self._probe_left <= 0:
             self._full_at = max(self._full_at, now + min(missing, depth) / self.rate)
 
     def set_share(self, stream: str, share: float) -> None:
@@ -152,8 +153,10 @@ class PacketScheduler:
         flow.share = share
 
     def start_probe(self, rate: float, size: float) -> None:
-        """Send the next ``size`` bytes at another rate [byte/s]: a trains.Train."""
+        """Send the next ``size`` bytes at another rate [byte/s], from now on: a trains.Train."""
         self._probe_rate, self._probe_left = rate, size
+        if self._tokens:
+            self._full_at = -math.inf
 
     def put(self, stream: str, work: Any, parts: Sequence[Tuple[int, int]], base: int = 1) -> None:
         """Send a stream's new message; the rest of the one before is dropped.

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What a report shows, by a model of the path: a base delay, noise, a queue, and a token bucket before it."""
+import math
 from typing import List, NamedTuple, Optional
 
 from .delay import QueueDelay, typical
@@ -89,7 +90,7 @@ class Path:
         self.delay.update(samples, capacity, now)
         sample = typical(samples)
         waits = [self.delay.of(one) for one in chain]
-        carried, busy = busy_period(chain, waits, noise, capacity)
+        carried, busy = busy_period(chain, waits, noise, capacity, self.shaper.is_deep(capacity))
         duration = chain[-1].arrived - chain[0].arrived
         measured = busy > max(MIN_BUSY[0], MIN_BUSY[1] * duration)
         queue = self.delay.of(sample)
@@ -107,5 +108,9 @@ class Path:
         cleared = known[since:]
         if queue > LONG_QUEUE or len(cleared) < 2:
             return 0.0
-        self.delay.update_noise([one.sample for one in cleared if one.sample.sent >= chain[0].sent], capacity)
+        fresh = [one for one in cleared if one.sample.sent >= chain[0].sent]
+        if self.shaper.is_deep(capacity):       # what passes at once does not wait for each other
+            self.delay.update_noise([one.sample for one in fresh if one.tokens], math.inf)
+        else:
+            self.delay.update_noise([one.sample for one in fresh], capacity)
         return peak_rate(cleared, noise)

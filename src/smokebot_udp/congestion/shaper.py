@@ -3,9 +3,10 @@
 
 A shaper of rate r and depth b lets b + r T pass in a window T (its arrival curve: Le Boudec, Thiran: "Network
 Calculus", Springer 2001). A short train passes at the line's speed, and shows nothing about r before it exceeds the
-tokens. The depth is learnt where a queue begins: it is what was sent until then beyond r T, less the queue.
+tokens. The depth is learnt where a queue begins: it is the most that was sent until then beyond r T, less the queue.
 """
 import collections
+import math
 import statistics
 from typing import Deque, List, NamedTuple, Optional, Tuple
 
@@ -14,11 +15,14 @@ from .feedback import PacketSample
 HISTORY = 3.0
 """What passed since no queue was seen is remembered for this long [s],"""
 
-THINNED = 0.02
-"""at least this far apart [s]."""
+THINNED = 0.03
+"""the first and the last in this time [s]."""
 
 MAX_DEPTH = 65536.0
 """More that was sent beyond the rate shows that the rate has changed: Linux and routers are set to less [byte]."""
+
+MIN_DURATION = 0.02
+"""A bucket is deep where it lets pass at once more than the path carries in this time [s]."""
 
 MAX_DURATION = 0.12
 """What passes at once is thought to be no more than the path carries in this time, as a mistake becomes a queue [s]."""
@@ -97,16 +101,29 @@ class Shaper:
             if self._onset is None and self._clear:
                 self._onset = Passed(sample, wait, 0.0)
                 self._before, self._was_full = list(self._clear), self._full
+                if self.depth:
+                    self._note_depth(self._rate, self._rate)
             self._clear.clear()
             self._full = False
         else:
             self.level, self._onset = min(self.level, self.depth), None
         passed = Passed(sample, wait, max(0.0, self.depth - self.level))
-        if wait <= noise and (not self._clear or sample.sent >= self._clear[-1].sample.sent + THINNED):
+        if wait <= noise:
+            if len(self._clear) > 1 and sample.sent < self._clear[-2].sample.sent + THINNED:
+                self._clear.pop()
             self._clear.append(passed)
             while self._clear[0].sample.sent < sample.sent - HISTORY:
                 self._clear.popleft()
         return passed
+
+    def is_deep(self, rate: float) -> bool:
+        """Whether the bucket lets pass at once what the path carries in MIN_DURATION at a rate [byte/s]."""
+        return self.depth > MIN_DURATION * rate
+
+    @property
+    def left(self) -> float:
+        """Tokens after the newest sample [byte]."""
+        return max(0.0, self.depth - self.level)
 
     def tokens(self, rate: float, total: float, now: float) -> Tuple[float, float]:
         """(depth, tokens that are missing now) of a bucket that may be spent at once [byte]: beside a queue that stays,
@@ -117,8 +134,9 @@ class Shaper:
         """
         if self._newest is None or not self._spends:
             return 0.0, 0.0
-        sent = total - self._newest.total
-        return min(self.depth, MAX_DURATION * rate), max(0.0, self.level + sent - rate * (now - self._newest.sent))
+        usable, sent = min(self.depth, MAX_DURATION * rate), total - self._newest.total
+        missing = self.level + sent - rate * (now - self._newest.sent)
+        return usable, max(0.0, missing - (self.depth - usable))
 
     def learn(self, rate: float, error: float) -> None:
         """The rate was measured beside the present queue.
@@ -134,9 +152,16 @@ class Shaper:
             self._rate, self.depth, self._onset = usual, 0.0, None
             self._depths.clear()
             return
-        (onset, wait, _), most = self._onset, (1 + error) * rate
-        excess = max(onset.total - one.total + one.size - most * (onset.sent - one.sent)
-                     for one, _, _ in self._before) - wait * rate
+        self._note_depth(rate, (1 + error) * rate)
+
+    def _note_depth(self, rate: float, most: float) -> None:
+        """The present queue shows a depth.
+
+        :param rate: [byte/s]
+        :param most: what the path carried at most [byte/s]
+        """
+        assert self._onset is not None
+        onset, excess = self._onset.sample, self._excess(rate, most)
         if excess <= MAX_DEPTH and (excess > self.depth or self._was_full):
             if self._learnt is not onset:
                 self._depths.append(0.0)
@@ -144,3 +169,12 @@ class Shaper:
             deepest = max(self._depths)
             # without a bucket, too, a path lets one datagram pass at once
             self.depth = deepest if deepest > onset.size else 0.0
+
+    def _excess(self, rate: float, most: float) -> float:
+        """What passed at once at most, before the present queue or until it began [byte]."""
+        assert self._onset is not None
+        excess, least = 0.0, math.inf
+        for sample, wait, _ in (*self._before, self._onset):
+            least = min(least, sample.total - sample.size - most * sample.sent)
+            excess = max(excess, sample.total - most * sample.sent - least - wait * rate)
+        return excess

@@ -23,9 +23,10 @@ the tokens of a shaper."""
 EXCESS = 1.2
 """A train exceeds a shaper's tokens by this factor."""
 
-BEYOND = 0.06
-"""The same for a train that has the tokens and this in one message: the queue is measured beside 10 ms of noise. With
-0.05 a bucket of 6 kB hid for 15 s that 0.3 Mbit/s had become 1, with 0.08 each train delayed an image by 100 ms [s]."""
+BEYOND, BEYOND_NOISE = 0.02, 4.0
+"""The same for a train that has the tokens and this in one message: this long at the known capacity, and this multiple
+of what noise adds to delays. Beside 10 ms of noise a bucket of 6 kB hid for 15 s that 0.3 Mbit/s had become 1 where it
+was 50 ms in all, and each train delayed an image by 100 ms where it was 80 [s, 1]."""
 
 AT_ONCE = 16.0
 """Rate of a train that has a shaper's tokens and what is beyond them in one message, in known capacities."""
@@ -34,14 +35,22 @@ GROWTH = 1.25
 """A longer train, which tokens come back beside, shows a capacity that is larger by this factor."""
 
 DUE_TIME = 0.1
-"""Streams have as much to send at once as the link carries in this time [s]."""
+"""Streams have as much to send at once as they are planned for in this time [s]."""
 
 MAX_PLANNED, REACHED = 3.0, 0.8
-"""For a train, streams are planned for this multiple of the capacity at most, and send this part of it at least."""
+"""For a train, streams are planned for this multiple at most, and send this part of that multiple of the capacity at
+least."""
+
+FILLED = 0.95
+"""A message that is made for a train fills this part of it (image_size.FILL), so that it leaves with it as a whole."""
 
 SUCCESS_FACTOR = 1.3
 """A train was successful where the queue was empty when it left, and the known capacity has grown by this factor since
 then."""
+
+MAX_STEP = 1.4
+"""Behind a token bucket a train shows a capacity that is larger by this factor at most: where the bucket is deeper than
+is known, more would become a queue of several images."""
 
 RETRY_INTERVAL = 0.8
 """After an unsuccessful train the next one waits this long [s],"""
@@ -128,26 +137,32 @@ class ProbeController:
         self._interval = RETRY_INTERVAL     # after the next unsuccessful train [s]
         self._wished = -math.inf    # where streams only wish for more: not before [s]
 
-    def planned(self, capacity: float, total: float) -> float:
-        """For what multiple of the capacity streams are planned while a train leaves.
+    def planned(self, budget: float, total: float) -> float:
+        """For what multiple streams are planned while a train leaves.
 
-        :param capacity: as known [byte/s]
+        :param budget: what they are planned for without it [byte/s]
         :param total: bytes of all streams sent so far
         """
         train = self._trains.on_the_way
-        return min(max(1.0, (train.ends - total) / (DUE_TIME * capacity)), MAX_PLANNED) if train else 1.0
+        return min(max(1.0, (train.ends - total) / (DUE_TIME * budget)), MAX_PLANNED) if train else 1.0
+
+    @property
+    def most(self) -> float:
+        """What the last train may show behind a token bucket [byte/s]."""
+        return MAX_STEP * self._capacity
 
     def retry(self) -> None:
         """Wait no longer after an unsuccessful train."""
         self._next = self._wished = -math.inf
         self._interval = RETRY_INTERVAL
 
-    def next(self, capacity: float, depth: float, empty: bool, wanted: bool, wished: bool, newest: PacketSample,
-             unreported: int, now: float) -> Optional[Train]:
+    def next(self, capacity: float, depth: float, noise: float, empty: bool, wanted: bool, wished: bool,
+             newest: PacketSample, unreported: int, now: float) -> Optional[Train]:
         """The train that leaves now, if any.
 
         :param capacity: as known [byte/s]
         :param depth: of a shaper on the path [byte]
+        :param noise: what it adds to delays [s]
         :param empty: whether the queue is
         :param wanted: whether the streams would send more than they may
         :param wished: whether what they send would be fresher if the link had more
@@ -159,23 +174,22 @@ class ProbeController:
             return None
         if not (wanted or wished and now >= self._wished) or now < self._next:
             return None
-        train = self._train(capacity, depth, MIN_PACKETS * newest.size)
+        train = self._train(capacity, depth, noise, MIN_PACKETS * newest.size)
         if not empty and (train.size <= MIN_PACKETS * newest.size or now < self._next + QUEUED_RETRY_INTERVAL):
             return None
         self._capacity, self._empty = capacity, empty
         self._trains.leave(train, newest, unreported, now, TIMEOUT + train.size / capacity)
         return train
 
-    def _train(self, capacity: float, depth: float, least: float) -> Train:
+    def _train(self, capacity: float, depth: float, noise: float, least: float) -> Train:
         """A train that shows whether the path carries more."""
-        beyond, due = max(BEYOND * capacity, least), DUE_TIME * capacity
         if depth <= DURATION * capacity:
             gain = NEXT_GAIN if self._succeeded else FIRST_GAIN
-            usual = DURATION * capacity + EXCESS * depth * gain
-            return Train(gain * capacity, max(least, usual + due * (usual > due)))
-        if depth + beyond <= REACHED * MAX_PLANNED * due:
-            return Train(AT_ONCE * capacity, (depth + beyond) * AT_ONCE / (AT_ONCE - 1) + due)
-        return Train(NEXT_GAIN * capacity, depth / (1 - GROWTH / (REACHED * MAX_PLANNED)) + due)
+            return Train(gain * capacity, max(least, DURATION * capacity + EXCESS * depth * gain))
+        beyond = max((BEYOND + BEYOND_NOISE * noise) * capacity, least)
+        if depth + beyond <= MAX_PLANNED * REACHED * DUE_TIME * capacity:
+            return Train(AT_ONCE * capacity, (depth + beyond) * AT_ONCE / (AT_ONCE - 1) / FILLED)
+        return Train(NEXT_GAIN * capacity, depth / (1 - GROWTH / (REACHED * MAX_PLANNED)))
 
     def _judge(self, capacity: float, depth: float, empty: bool, newest: PacketSample, now: float) -> bool:
         """Whether the train on the way has ended; then it is judged.

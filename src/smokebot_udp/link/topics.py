@@ -226,6 +226,10 @@ class Subscriber:
         """See transport.Subscriber."""
         return [one.stats() for one in self._incoming.values()]
 
+    def incoming(self) -> List['Incoming']:
+        """The connections."""
+        return list(self._incoming.values())
+
     def unregister(self) -> None:
         """See transport.Subscriber."""
         self._ended(self)
@@ -241,9 +245,16 @@ class Incoming:
         self._header = {'callerid': peer.name, 'topic': topic.name, 'type': topic.type, 'md5sum': topic.md5}
         self._begun = time.monotonic()
         self._depacketizer = subscriber.depacketizer(self)
+        self._recent = self.kernel_drops = 0
+
+    def recent(self) -> int:
+        """The number of datagrams since the last call."""
+        recent, self._recent = self._recent, 0
+        return recent
 
     def take(self, datagrams: UInt8Array, lengths: IntArray, arrivals: Arrivals, now: float) -> None:
         """Take datagrams of the topic that arrived together, see Depacketizer.take."""
+        self._recent += len(lengths)
         first = self._depacketizer.take_singles(datagrams, lengths, lambda row: True, arrivals, now)
         if first < len(lengths):
             self._depacketizer.take(datagrams[first:], lengths[first:], np.ones(len(lengths) - first, bool),
@@ -279,11 +290,11 @@ class Incoming:
             self._subscriber.call(callback, message)
 
     def stats(self) -> Dict[str, Any]:
-        """As of udpros.Subscriber.connections; the socket's own counts are the transport's."""
+        """As of udpros.Subscriber.connections; of the kernel's drops its share, as all topics have one socket."""
         last = self._depacketizer.last_arrival
         return {'peer': self._peer.name, 'address': self._peer.address,
                 'idle': time.monotonic() - (self._begun if last is None else last), **self._depacketizer.stats(),
-                'receive_buffer': None, 'kernel_drops': None}
+                'receive_buffer': None, 'kernel_drops': self.kernel_drops}
 
 
 def serialised(message: Any, seq: int) -> bytes:

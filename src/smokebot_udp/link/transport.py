@@ -8,7 +8,7 @@ import os
 import socket
 import threading
 import time
-from typing import Any, Callable, Counter, Dict, List, Mapping, Optional, Set, Tuple
+from typing import Any, Callable, Counter, Dict, List, Mapping, Optional, Sequence, Set, Tuple
 
 import numpy as np
 import rospy
@@ -18,6 +18,7 @@ from ..budget import Budget
 from ..transport import PeerStats, TransportStats, always
 from ..udpros.datagram import DEFAULT_MAX_DATAGRAM_SIZE
 from ..udpros.depacketizer import Arrivals, Arrived, BatchCallback
+from ..udpros.endpoints import SHORT_BUFFER
 from ..udpros.loss_emulation import open_receiver
 from ..udpros.packetizer import no_limit
 from .core import LinkCore
@@ -63,12 +64,13 @@ class LinkTransport:
     :param renewed: f(now [s]) -> a key that replaces the present one, if there is one
     :param report: f(text), called with what somebody has to see to
     :param log: f(text), called with what happens
+    :param remarks: see TransportStats; a short receive buffer is added
     :raises OSError: if the port is in use
     """
     own_masters = True
 
     def __init__(self, core: LinkCore, port: int, receive_buffer: int, tos_mask: int, renewed: Renewed, report: Report,
-                 log: Report) -> None:
+                 log: Report, remarks: Sequence[str] = ()) -> None:
         self.name, self.overhead = encode_name(core.name).decode(), core.overhead       # as the other side has it
         self.max_datagram_size = self.room = core.max_datagram_size - core.overhead
         self.sealed = core.mode == Mode.KEYED
@@ -83,9 +85,12 @@ class LinkTransport:
         self._report_budget = Budget(REPORTED, REPORT_PERIOD)
         self._unknown = self._unasked = 0           # datagrams of no topic, and of one that was not asked for
         self._handshakes = 0                        # of peers that have left
-        self._changed, self._seen, self._looked, self._due = True, 0, 0.0, 0.0
+        self._changed, self._seen, self._looked, self._due, self._drops_at = True, 0, 0.0, 0.0, 0.0
         receiver = open_receiver('link', '', core.max_datagram_size, receive_buffer, port)
         self.port = receiver.address[1]
+        shortage = receiver.shortage(receive_buffer)
+        self.remarks = remarks if shortage is None else [*remarks, '%s: %s' % (SHORT_BUFFER, shortage)]
+        self._kernel_drops = 0                      # that connections were told of
         self._endpoint = Endpoint(core, receiver, self, report)
         self._endpoint.sender.tos = traffic.EXPEDITED & tos_mask
         self.tos_mask = tos_mask
@@ -162,7 +167,7 @@ class LinkTransport:
         peers = [topics.peer for topics in self._peers.values()]
         return TransportStats(
             self.sealed, [PeerStats(peer.name, peer.address, now - peer.heard, peer.round_trip) for peer in peers],
-            self._handshakes + sum(peer.handshakes for peer in peers), self.dropped(), self.problem())
+            self._handshakes + sum(peer.handshakes for peer in peers), self.dropped(), self.problem(), self.remarks)
 
     def close(self) -> None:
         """Leave all peers, end the thread, and free the socket."""
@@ -241,8 +246,22 @@ class LinkTransport:
         else:
             subscriber.connect(topics.peer).take(datagrams, lengths, arrivals, now)
 
+    def _share_drops(self, now: float) -> None:
+        """Tell the connections of what the kernel dropped meanwhile: all have one socket, and nobody knows of whom it
+        was, so in proportion to what came of each."""
+        if now < self._drops_at + PERIOD:
+            return
+        self._drops_at = now
+        incoming = [one for subscriber in self._subscribers.values() for one in subscriber.incoming()]
+        counts, drops = [one.recent() for one in incoming], self._endpoint.receiver.kernel_drops() or 0
+        if drops > self._kernel_drops and any(counts):
+            for one, share in zip(incoming, shares(drops - self._kernel_drops, counts)):
+                one.kernel_drops += share
+            self._kernel_drops = drops
+
     def poll(self, now: float) -> float:
         """See endpoint.Handler."""
+        self._share_drops(now)
         key = self._renewed(now)
         if key is not None:
             self._core.set_key(key, now)
@@ -272,6 +291,16 @@ class LinkTransport:
             if untold is not None and self._report_budget.take(now):
                 self._told.add((number, untold))
                 self._report(sentences[untold])
+
+
+def shares(total: int, weights: Sequence[int]) -> List[int]:
+    """A number of things in proportion to weights of which one is above 0; the shares add up to it."""
+    found, before, left = [], total, sum(weights)
+    for weight in weights:
+        share = round(before * weight / left) if left else 0
+        found.append(share)
+        before, left = before - share, left - weight
+    return found
 
 
 class RobotTransport(LinkTransport):
@@ -314,12 +343,12 @@ class OperatorTransport(LinkTransport):
     def __init__(self, host: str, port: int, key: Optional[bytes] = None, *,
                  max_datagram_size: int = DEFAULT_MAX_DATAGRAM_SIZE, receive_buffer: int = 4 << 20, tos_mask: int = 0,
                  name: Optional[str] = None, renewed: Renewed = never, report: Report = rospy.logerr,
-                 log: Report = rospy.loginfo) -> None:
+                 log: Report = rospy.loginfo, remarks: Sequence[str] = ()) -> None:
         self._operator = OperatorCore(key, os.urandom, max_datagram_size, own_name() if name is None else name)
         self._resolver, self._robot_port = Resolver(host), port
         self._troubled: Optional[float] = None      # since when there is a problem
         self._last_problem: Optional[str] = None    # that was reported
-        super().__init__(self._operator, 0, receive_buffer, tos_mask, renewed, report, log)
+        super().__init__(self._operator, 0, receive_buffer, tos_mask, renewed, report, log, remarks)
         self._endpoint.start()
 
     def problem(self) -> Optional[str]:

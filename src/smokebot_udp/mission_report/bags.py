@@ -16,6 +16,9 @@ STAMP = struct.Struct('<II')
 """secs and nsecs of a message that begins with a std_msgs/Header, after its seq of 4 bytes."""
 
 DESCRIPTION, CONTROL, OFFSET = 'black_box/description', 'operator/control', 'operator_receiver/clock_offset'
+LOAD = 'black_box/load'
+IMAGES = 'black_box/images/'
+"""Within topics: these are recorded later than they arrived."""
 """Ends of topics."""
 
 NEAR = 1e-3
@@ -135,10 +138,11 @@ def _add(record: MissionRecord, roles: Roles, side: str, number: int, topic: str
     kind, data, class_ = raw[0], raw[1], raw[4]
     found = roles.get(topic, [])
     for one in {one for one, _ in found} or {side}:
-        record.add(one, time)
-    stamp = _stamp(data) if found and getattr(class_, '_has_header', False) else math.nan
+        if IMAGES not in topic:
+            record.add(one, time)
+    stamp = _stamp(data) if found and (getattr(class_, '_has_header', False) or kind == 'std_msgs/Header') else math.nan
     for one, name in found:
-        record.add_stream(one, name, topic, time, stamp, number)
+        (record.add_image if IMAGES in topic else record.add_stream)(one, name, topic, time, stamp, number)
     side = found[0][0] if found else side
     if kind == 'smokebot_udp/RobotStatus':
         record.add_state(side, class_().deserialize(data))
@@ -148,6 +152,8 @@ def _add(record: MissionRecord, roles: Roles, side: str, number: int, topic: str
         record.add_place(side, time, class_().deserialize(data))
     elif topic.endswith(CONTROL) and kind == 'std_msgs/String':
         record.control[time] = class_().deserialize(data).data
+    elif topic.endswith(LOAD) and kind == 'std_msgs/Float64':
+        record.loads[side][time] = class_().deserialize(data).data
     elif topic.endswith(OFFSET) and kind == 'std_msgs/Float64':
         record.offsets[time] = class_().deserialize(data).data
 

@@ -109,8 +109,10 @@ def _last(mission: Mission, side: str, name: str, time: float) -> Optional[Tuple
     if track is None or index < 0:
         return None
     recorded, stamps, files = track.sorted()
-    stamp = stamps[index] if np.isfinite(stamps[index]) else mission.times(side, name)[index]
-    return float(recorded[index]), float(stamp), int(files[index]), track.topic
+    stamp = float(stamps[index] if np.isfinite(stamps[index]) else mission.times(side, name)[index])
+    came, file, topic = mission.record.images.get((side, name), {}).get(
+        stamp, (float(recorded[index]), int(files[index]), track.topic))
+    return came, stamp, file, topic
 
 
 def _at_stamp(mission: Mission, name: str, stamp: float) -> Optional[Tuple[float, int, str]]:
@@ -118,6 +120,9 @@ def _at_stamp(mission: Mission, name: str, stamp: float) -> Optional[Tuple[float
     track = mission.record.tracks[ROBOT].get(name)
     if track is None:
         return None
+    later = mission.record.images.get((ROBOT, name), {}).get(stamp)
+    if later is not None:
+        return later
     recorded, stamps, files = track.sorted()
     index = np.flatnonzero(stamps == stamp)
     return (float(recorded[index[0]]), int(files[index[0]]), track.topic) if len(index) else None

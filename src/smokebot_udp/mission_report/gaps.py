@@ -6,7 +6,8 @@ import numpy as np
 
 from ..arrays import FloatArray
 from .mission import Mission, Span
-from .record import OPERATOR, ROBOT, State
+from .record import LOAD_PERIOD as PERIOD
+from .record import OPERATOR, ROBOT, SIDES, State
 
 LEAST_GAP = 1.0
 """Shorter ones are not listed [s]."""
@@ -17,8 +18,17 @@ PERIODS = 2.5
 MOST = 0.8
 """A reason explains a gap if it holds for this part of it."""
 
+OVERLOAD, STALLED = 2.0, 4.0
+"""Programs that want a processor, for each of them. With two each has half of the time, and images come at half of
+their rate; some come nevertheless. With four, a second without a message may be due to that as well as to the link."""
+
+LEAST_TOLD = 0.3
+"""A machine that tells its load less often than this part of what it should stood still."""
+
 CUT, SOURCE, UNKNOWN = 'nothing arrived: the link was cut', 'the source on the robot was silent', (
     'images were lost or late, other streams arrived')
+STOOD = "the %s recorded nothing at all: its machine stood still, or the recording was interrupted"
+BUSY = "the %s's machine was overloaded: %.1f programs for each processor"
 OFF, PAUSED = "focus '%s' does not send it", 'paused: the link was too slow for it'
 """Causes."""
 
@@ -60,12 +70,28 @@ def _cause(mission: Mission, name: str, span: Span) -> str:
         state = mission.state((span[0] + span[1]) / 2)
         return OFF % (state.focus if state else '')
     if longest(mission.arrivals, span) >= most:
-        return CUT
+        return still(mission, span) or ' or '.join(filter(None, [CUT, overload(mission, span, STALLED)]))
     if share(mission, lambda state: name in state.streams and state.streams[name][1], span) >= most:
         return PAUSED
     if ROBOT in mission.spans and longest(mission.times(ROBOT, name), span) >= most:
         return SOURCE
-    return UNKNOWN
+    return still(mission, span) or overload(mission, span, OVERLOAD) or UNKNOWN
+
+
+def still(mission: Mission, span: Span) -> str:
+    """Which machine stood still in a span; empty: none, or nobody recorded that."""
+    least = LEAST_TOLD * (span[1] - span[0]) / PERIOD
+    return next((STOOD % side for side in SIDES if mission.record.loads[side]
+                 and mission.load(side, span)[0] < least), '')
+
+
+def overload(mission: Mission, span: Span, least: float) -> str:
+    """Which machine was too slow in a span; empty: none, or nobody recorded that.
+
+    :param least: load that explains it
+    """
+    loads = {side: mission.load(side, span)[1] for side in SIDES}
+    return next((BUSY % (side, load) for side, load in loads.items() if load >= least), '')
 
 
 def share(mission: Mission, holds: Callable[[State], bool], span: Span) -> float:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A mission by the robot's clock: when messages came, how old they were, what was set, and who drove."""
 import datetime
+import math
 from typing import Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple, TypeVar
 
 import numpy as np
@@ -94,6 +95,14 @@ class Mission:
         :param text: f(state) -> what it says; empty: nothing
         """
         return joined([(state.time, text(state)) for state in self.states], self.span)
+
+    def load(self, side: str, span: Span) -> Tuple[int, float]:
+        """How often a side told of its machine's load within a span, and the mean of that; nan: never."""
+        loads = self.record.loads[side]
+        times = np.array(sorted(loads))
+        converted = self.clock.of_operator(times) if side == OPERATOR else times
+        found = [loads[key] for key, time in zip(times.tolist(), converted.tolist()) if span[0] <= time <= span[1]]
+        return len(found), float(np.mean(found)) if found else math.nan
 
     def control(self) -> List[Interval]:
         """The state of the operator's control."""

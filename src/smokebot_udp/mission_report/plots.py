@@ -28,6 +28,9 @@ SIZE, DPI = (11.0, 2.6), 90
 ROW = 0.32
 """Height of a row of the timeline [inch]."""
 
+CHARACTERS, LEAST_TEXT = 150, 5
+"""Of the timeline's font in the width of a plot; shorter rests of a text say nothing."""
+
 COLOURS = ('#1f77b4', '#ff7f0e', '#2ca02c', '#9467bd', '#8c564b', '#e377c2', '#7f7f7f', '#bcbd22', '#17becf')
 STOP, SEEN = '#d62728', '#2ca02c'
 
@@ -63,7 +66,8 @@ def draw(mission: Mission) -> List[Picture]:
         return Picture(data.getvalue(), 'png', caption)
 
     bars = _bars(mission)
-    found = [plot('What was set, who drove, and when the operator received what.', lambda axes: _timeline(axes, bars),
+    found = [plot('What was set, who drove, and when the operator received what.', lambda axes: _timeline(
+        axes, bars, mission.span[1] - mission.span[0]),
                   (SIZE[0], 0.8 + ROW * len(bars)))]
     if mission.streams('image'):
         found.append(plot('Images per second: dashed on the robot, solid at the operator.',
@@ -89,15 +93,25 @@ def _bars(mission: Mission) -> Dict[str, List[Interval]]:
             for name, found in rows.items()}
 
 
-def _timeline(axes: Any, rows: Dict[str, List[Interval]]) -> None:
+def fitting(text: str, share: float) -> str:
+    """What of a text fits into a bar; empty: nothing that can be read.
+
+    :param share: of the width of the plot
+    """
+    room = int(CHARACTERS * share)
+    return text if len(text) <= room else text[:room - 1] + '…' if room >= LEAST_TEXT else ''
+
+
+def _timeline(axes: Any, rows: Dict[str, List[Interval]], length: float) -> None:
     colours: Dict[str, str] = {}
     for index, (name, intervals) in enumerate(rows.items()):
         for one in intervals:
             colour = STOP if name == 'emergency stop' else SEEN if not one.text else colours.setdefault(
                 one.text, COLOURS[len(colours) % len(COLOURS)])
             axes.broken_barh([(one.begin, max(one.duration, 1e-3))], (index - 0.4, 0.8), color=colour)
-            if one.text and name != 'emergency stop':
-                axes.text(one.begin, index, ' ' + one.text, va='center', fontsize=7, clip_on=True)
+            text = fitting(one.text, one.duration / max(length, 1e-3))
+            if text and name != 'emergency stop':
+                axes.text(one.begin, index, ' ' + text, va='center', fontsize=7, clip_on=True)
     axes.set_yticks(range(len(rows)))
     axes.set_yticklabels(list(rows), fontsize=8)
     axes.set_ylim(len(rows) - 0.5, -0.5)

@@ -11,6 +11,9 @@ from ..arrays import FloatArray
 
 ROBOT, OPERATOR = SIDES = 'robot', 'operator'
 
+LOAD_PERIOD = 0.25
+"""How often a black box tells the load of its machine [s]."""
+
 LEAST_STEP = 0.05
 """Shorter motions are taken for noise of the odometry [m]."""
 
@@ -97,6 +100,11 @@ class MissionRecord:
         self.states: Dict[str, Dict[float, State]] = {side: {} for side in SIDES}
         self.control: Dict[float, str] = {}
         """{time by the operator's clock: state of the operator's control, in words}"""
+        self.images: Dict[Tuple[str, str], Dict[float, Tuple[float, int, str]]] = {}
+        """{(side, stream): {stamp: (when it was recorded [s], number of the bag, topic)}} of images that the black box
+        compressed after they had arrived."""
+        self.loads: Dict[str, Dict[float, float]] = {side: {} for side in SIDES}
+        """{side: {time by its clock: load of its machine, see nodes/machine_load.py}}"""
         self.offsets: Dict[float, float] = {}
         """{time by the operator's clock: the robot's clock minus the operator's} [s]"""
         self.ways: Dict[str, List[Tuple[float, float, float]]] = {side: [] for side in SIDES}
@@ -117,6 +125,10 @@ class MissionRecord:
         if track is None:
             track = self.tracks[side][name] = Track(topic)
         track.add(time, stamp, file)
+
+    def add_image(self, side: str, name: str, topic: str, time: float, stamp: float, file: int) -> None:
+        """An image of a stream that was recorded later than it arrived; see Track.add."""
+        self.images.setdefault((side, name), {})[stamp] = time, file, topic
 
     def add_state(self, side: str, message: Any) -> None:
         """A RobotStatus."""

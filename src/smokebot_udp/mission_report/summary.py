@@ -1,13 +1,20 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The numbers of a mission, and what happened in it."""
 import math
-from typing import Dict, List, NamedTuple, Optional, Tuple
+import re
+from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
-from .gaps import Gap, gaps
+from .gaps import LEAST_GAP, Gap, gaps
 from .mission import Interval, Mission
 from .record import OPERATOR, ROBOT, SIDES
+
+NUMBER = re.compile(r'[0-9.]+')
+"""In the state of a control that counts: `the robot was not heard for 2.1 s`."""
+
+SAME = 10.0
+"""What comes again within this time has the same cause [s]."""
 
 
 class Row(NamedTuple):
@@ -92,15 +99,61 @@ def all_gaps(mission: Mission) -> List[Gap]:
 def events(mission: Mission) -> List[Event]:
     """What happened, by time."""
     found = [Event(one.begin, 'focus', "focus '%s'" % one.text) for one in focuses(mission)]
-    found += [Event(one.begin, 'driver', '%s drives' % one.text) for one in drivers(mission)]
-    found += [Event(one.end, 'driver', '%s no longer drives' % one.text) for one in drivers(mission)
-              if one.end < mission.span[1]]
+    for spell in _spells(drivers(mission), str):
+        found.append(Event(spell.begin, 'driver', _counted('%s drives' % spell.text, spell)))
+        if spell.end < mission.span[1]:
+            found.append(Event(spell.end, 'driver', '%s no longer drives' % spell.text))
     found += [Event(one.begin, 'stop', 'emergency stop engaged') for one in stops(mission)]
     found += [Event(one.end, 'stop', 'emergency stop released') for one in stops(mission) if one.end < mission.span[1]]
-    found += [Event(one.begin, 'control', "operator's control: %s" % one.text) for one in mission.control()]
-    found += [Event(gap.begin, 'gap', 'no new image of %s for %.1f s (%s)' % (gap.stream, gap.duration, gap.cause))
-              for gap in all_gaps(mission)]
+    found += [Event(spell.begin, 'control', _counted("operator's control: %s" % spell.text, spell))
+              for spell in _spells(mission.control(), lambda text: NUMBER.sub('', text))]
+    found += [Event(one[0].begin, 'gap', 'no new image of %s for %.1f s (%s)' % (
+        ', '.join(sorted({gap.stream for gap in one})), max(gap.duration for gap in one), one[0].cause))
+        for one in _with_one_cause(all_gaps(mission))]
     return sorted(found)
+
+
+class _Spell(NamedTuple):
+    """Intervals of one kind that follow each other closely."""
+    text: str
+    """Of the last one."""
+    begin: float
+    end: float
+    times: int
+
+
+def _spells(intervals: Sequence[Interval], kind: Callable[[str], str]) -> List[_Spell]:
+    """The spells of intervals.
+
+    :param intervals: by time
+    :param kind: f(text) -> what those of one spell have in common
+    """
+    found: Dict[str, List[_Spell]] = {}
+    for one in intervals:
+        spells = found.setdefault(kind(one.text), [])
+        if spells and one.begin - spells[-1].end < SAME:
+            spells[-1] = spells[-1]._replace(text=one.text, end=one.end, times=spells[-1].times + 1)
+        else:
+            spells.append(_Spell(one.text, one.begin, one.end, 1))
+    return [spell for spells in found.values() for spell in spells]
+
+
+def _counted(text: str, spell: _Spell) -> str:
+    """What happened, and how often."""
+    return text if spell.times == 1 else '%s (%d times within %.0f s)' % (text, spell.times, spell.end - spell.begin)
+
+
+def _with_one_cause(found: Sequence[Gap]) -> List[List[Gap]]:
+    """Gaps of all streams, those of one cause at one time together, by time."""
+    groups: List[List[Gap]] = []
+    for gap in sorted(found, key=lambda gap: gap.begin):
+        group = next((group for group in reversed(groups) if group[0].cause == gap.cause
+                      and gap.begin < max(one.end for one in group) + LEAST_GAP), None)
+        if group is None:
+            groups.append([gap])
+        else:
+            group.append(gap)
+    return groups
 
 
 def seen(mission: Mission, name: str, pause: float) -> List[Tuple[float, float]]:

@@ -16,7 +16,8 @@ at the operator's side, all others are at the robot. The error is that of layere
 CONNECTION_COLUMNS = (
     ('LEVEL', -6), ('STREAM', -18), ('SIDE', -9), ('PEER', -24), ('ADDRESS', -22), ('DATAGRAMS', 11), ('LOSS %', 7),
     ('kB/s', 8), ('DROPS', 7))
-"""Drops are the kernel's: the socket's receive buffer was full."""
+"""Drops are the kernel's: the socket's receive buffer was full. With own masters all streams have one socket, and these
+are shares of its drops."""
 
 UNITS = ('days', 86400.0, 1), ('h', 3600.0, 2), ('min', 60.0, 1), ('s', 1.0, 2), ('ms', 1e-3, 1)
 """(name, [s], digits) of an offset: a clock of another epoch is off by years."""

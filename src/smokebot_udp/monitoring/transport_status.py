@@ -9,7 +9,8 @@ def transport_status(stats: TransportStats, side: str) -> Status:
 
     :param side: ROBOT or OPERATOR
     """
-    return Status('link transport', WARN if stats.problem else OK, stats.problem or 'fine', {
+    wrong = '; '.join(([stats.problem] if stats.problem else []) + list(stats.remarks))
+    return Status('link transport', WARN if wrong else OK, wrong or 'fine', {
         'side': side, 'sealed': 'yes' if stats.sealed else 'no: anybody on the network can watch',
         'connected to': '; '.join(map(_peer, stats.peers)) or 'nobody', 'handshakes': stats.handshakes,
         'dropped': sum(stats.dropped.values()), **by_reason('dropped', dict(stats.dropped))})

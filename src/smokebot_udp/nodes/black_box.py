@@ -6,20 +6,22 @@ Parameters: BLACK_BOX in nodes/parameters.py. `mission_report` makes a page of t
 rosbag record registers once: it is ended and started again at a new master, and started again where it crashes. Each
 bag says by ~description (latched) which side it is of, and which topics belong to which stream.
 """
+import functools
 import json
 import os
 import pathlib
 import time
-from typing import List, Mapping, Optional
+from typing import Dict, List, Mapping, Optional, Tuple
 
 import rosgraph
 import roslib.packages
 import rospkg
 import rospy
-from std_msgs.msg import String
+from std_msgs.msg import Float64, String
 
 from .. import udpros
-from ..limited_log import logerr
+from ..limited_log import logerr, logwarn
+from ..mission_report.record import LOAD_PERIOD
 from ..streams.recorded_topics import RecordedStream, all_topics, recorded_streams
 from ..udpros import rpc
 from ..udpros.master import MasterWatch
@@ -27,14 +29,19 @@ from .bag_store import MB, BagStore
 from .common import Parameters, operator_topic, read_streams
 from .launches import Launch, end_all
 from .logging import log_error
+from .machine_load import MachineLoad
 from .namesake import SECOND_OPERATOR, wait_until_free
 from .parameters import BLACK_BOX
+from .recorded_images import RecordedImages, topics_of
 
 PERIOD = 1.0
 """How often the disk, the master and rosbag are looked at [s]."""
 
 BUFFER = 128
 """What waits for a slow disk; what does not fit is lost [MB]."""
+
+CHUNK = 128
+"""What is lost if rosbag crashes or the power fails: 1 s of small images [kB]."""
 
 SPLITS = 4
 """The limit is as much as this many bags at least: the oldest is deleted for the newest."""
@@ -63,6 +70,24 @@ def description(side: str, namespace: str, streams: Mapping[str, RecordedStream]
                        'streams': {name: stream._asdict() for name, stream in streams.items()}})
 
 
+def chosen(streams: Mapping[str, RecordedStream], names: str) -> Tuple[Dict[str, RecordedStream], List[str]]:
+    """Those of the streams that are to be recorded, and names of which there is none.
+
+    :param names: separated by commas; empty: all
+    """
+    wanted = [name.strip() for name in names.split(',') if name.strip()]
+    if not wanted:
+        return dict(streams), []
+    return ({name: stream for name, stream in streams.items() if name in wanted},
+            [name for name in wanted if name not in streams])
+
+
+def with_images(stream: RecordedStream) -> RecordedStream:
+    """A stream of images, with the topics on which this node publishes what is recorded of it."""
+    return stream._replace(topics=[str(rospy.resolve_name(name)) for topic in stream.topics
+                                   for name in topics_of(topic)])
+
+
 def recording(record: str, topics: List[str], prefix: str, split: int, least_free: int, name: str) -> List[str]:
     """The command that records.
 
@@ -73,7 +98,8 @@ def recording(record: str, topics: List[str], prefix: str, split: int, least_fre
     :param name: of its node, in the namespace of this one
     """
     return ['sh', '-c', QUIETLY, record, '--quiet', '--lz4', '--split', '--size=%d' % split, '--buffsize=%d' % BUFFER,
-            '--repeat-latched', '--min-space=%dM' % least_free, '--output-prefix=' + prefix, *topics, '__name:=' + name]
+            '--chunksize=%d' % CHUNK, '--repeat-latched', '--min-space=%dM' % least_free,
+            '--output-prefix=' + prefix, *topics, '__name:=' + name]
 
 
 class BlackBox:
@@ -166,13 +192,25 @@ def main() -> None:
     def resolve(name: str) -> str:
         return side_topic(side, name)
 
-    streams = recorded_streams(read_streams(parameters), side, resolve)
+    streams, unknown = chosen(recorded_streams(read_streams(parameters), side, resolve), parameters['record_streams'])
+    if unknown:
+        rospy.logwarn('record_streams names %s, which is no stream; recorded are %s', ', '.join(unknown),
+                      ', '.join(streams) or 'none')
+    images = {name: stream for name, stream in streams.items() if stream.type == 'image'} if (
+        parameters['lossless']) else {}
+    streams = {name: with_images(stream) if name in images else stream for name, stream in streams.items()}
     said = udpros.Publisher('~description', String, queue_size=1, latch=True)
     said.publish(description(side, namespace, streams))
     prefix = bag_prefix(side, namespace)
     store = _store(parameters, prefix)
-    topics = [*all_topics(streams, side, resolve), said.resolved_name]
+    loads = udpros.Publisher('~load', Float64, queue_size=10)
+    topics = [*all_topics(streams, side, resolve), said.resolved_name, loads.resolved_name]
+    recorded = RecordedImages([topic for stream in images.values() for topic in stream.topics],
+                              functools.partial(logwarn, 'the black box'))
+    load = MachineLoad(loads.publish, LOAD_PERIOD)
     split = max(1, min(parameters['split_mb'], parameters['max_mb'] // SPLITS))
     rospy.loginfo('black box: recording %d topics in %s', len(topics), store.folder / (prefix + '_*.bag'))
     least_free, name = max(1, parameters['min_free_mb'] // 2), rospy.get_name().split('/')[-1] + '_recorder'
     BlackBox(store, recording(record, topics, str(store.folder / prefix), split, least_free, name)).run()
+    load.close()
+    recorded.close()

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Loads the codec of layered images and of maps in tiles, whose loops are compiled by numba: in the background, when it
-is first needed.
+"""Loads the codec of layered images and of maps in tiles, whose loops are compiled by numba, and with it those of
+clouds: in the background, when it is first needed.
 
 Loading takes a second, and 100 MB that a node without them saves. Where the loops are not compiled yet for
 this machine, which takes up to a minute, a child process fills numba's cache: in this one the compiler would hold the
@@ -21,8 +21,9 @@ COMPILE_TIMEOUT = 600.0
 """A child that compiles for longer is ended [s]."""
 
 CODED = 'layered images and maps in tiles'
+INSTEAD = '. Until then images and maps cross interleaved, and clouds need PCL or are filtered slower'
 MISSING = CODED + (' cannot be coded: numba is missing. Install python3-numba (sudo apt install python3-numba) '
-                   'and restart this node. Until then images and maps cross interleaved')
+                   'and restart this node') + INSTEAD
 
 
 class CompiledCodec:
@@ -66,7 +67,7 @@ class CompiledCodec:
         except Exception as error:      # numba's are many, such as RuntimeError where no folder can be the cache
             if not self._closed:
                 self.problem = MISSING if isinstance(error, ImportError) and error.name == 'numba' else (
-                    '%s cannot be coded: %s' % (CODED, error))
+                    '%s cannot be coded: %s%s' % (CODED, error, INSTEAD))
                 rospy.logerr('%s', self.problem)
         else:
             self.problem, self._ready = None, True

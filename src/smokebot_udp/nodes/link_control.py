@@ -129,6 +129,8 @@ class LinkControl:
             if train is not None:
                 scheduler.start_probe(train.rate, train.size)
         self._link.outbox.change(follow)
+        if train is not None and self._gain() > 1:
+            self._ticks.wake()      # streams are planned for it
 
     def _tick(self) -> None:
         now = time.monotonic()
@@ -144,6 +146,9 @@ class LinkControl:
             self._give_outlooks(plan, now)
         self._link.datagram_size, self.shares = min(plan.datagram_size, self._link.transport.room), plan.shares
         grant(plan, self._streams, self._capacity)
+        self._link.follow(plan.rate)
+        for stream in self._streams.values():
+            stream.encoder.loss = stats.loss
 
         def follow(scheduler: PacketScheduler) -> None:
             self._set_rate(scheduler, now)
@@ -160,7 +165,12 @@ class LinkControl:
         for name, stream in self._streams.items():
             if stream.encoder.FORESEES:
                 stream.encoder.outlook = Outlook(self._losses.air(name, stream.subscribers, now),
-                                                 rooms.get(name, math.inf) / self._link.expansion)
+                                                 rooms.get(name, math.inf) / self._link.expansion, self._gain)
+
+    def _gain(self) -> float:
+        """As Outlook.gain; any thread."""
+        with self._controller as controller:
+            return controller.gain(time.monotonic())
 
     def _count_operators(self) -> None:
         """Pass on who subscribes to the streams now; any thread."""

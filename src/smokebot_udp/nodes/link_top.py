@@ -18,7 +18,7 @@ import rosgraph
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray
 
-from .. import udpros
+from .. import optional, udpros
 from ..mission.parameters import EXCHANGES
 from ..monitoring.control_status import control_text
 from ..monitoring.link_board import LEVELS, STALE, Board, NodeStatus, printable
@@ -32,6 +32,9 @@ from ..msg import LinkStatus, RobotStatus
 from ..udpros import rpc
 from .terminal import fail, is_terminal, master_answers, run_node
 from .worker import PeriodicWorker
+
+VIEW = 'smokebot_udp.nodes.link_view'
+"""The view for which rich must be installed."""
 
 REFRESH_PERIOD = 0.25
 """How often the screen is drawn [s]."""
@@ -244,10 +247,11 @@ def print_once(listener: Listener, wait: float, as_json: bool, whole: bool) -> i
 def show_live(listener: Listener, plain: bool) -> int:
     """Show the table until it is quit, by rich if it is installed; returns the exit code."""
     if not plain:
-        with contextlib.suppress(ImportError):      # Ubuntu 20.04 has no python3-rich
-            from . import link_view
-            link_view.show(listener.tree, time.monotonic, REFRESH_PERIOD)
+        view, problem = optional.attempt(VIEW, 'rich')  # Ubuntu 20.04 has none
+        if view is not None:
+            view.show(listener.tree, time.monotonic, REFRESH_PERIOD)
             return 0
+        print('link_top: %s (python3-rich): the table is text, as with --plain' % problem, file=sys.stderr)
     try:
         curses.wrapper(show, listener)
     except curses.error as error:

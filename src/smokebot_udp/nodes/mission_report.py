@@ -14,6 +14,7 @@ from typing import Any, Dict, List, Optional, Sequence, Tuple
 
 import rospkg
 
+from .. import optional
 from ..mission_report import bags, film_strip, page, plots, sides
 from ..mission_report.mission import Mission
 from ..mission_report.record import SIDES, Description, MissionRecord, Stream
@@ -82,13 +83,13 @@ def _report(options: Any) -> None:
 
 
 def _plots(mission: Mission, problems: List[str]) -> List[page.Picture]:
-    try:
-        return plots.draw(mission)
-    except ImportError:
-        problem = 'there are no plots: matplotlib is not installed (python3-matplotlib)'
+    problem = optional.attempt('matplotlib.figure').problem
+    if problem:
+        problem = 'there are no plots: %s (python3-matplotlib)' % problem
         print('mission_report: %s' % problem, file=sys.stderr)
         problems.append(problem)
         return []
+    return plots.draw(mission)
 
 
 def _paths(given: Sequence[str]) -> List[pathlib.Path]:

@@ -39,7 +39,7 @@ def operator_launch(name: str, robot: Mapping[str, Any], parameters: Mapping[str
         'allow_unsealed_commands': str(robot['allow_unsealed_commands']).lower(),
         'rviz': str(parameters['rviz']).lower(), 'max_datagram_size': parameters['max_datagram_size'],
         'loss': parameters['loss'], 'record': str(parameters['record']).lower(),
-        **{name: parameters[name] for name in ('record_dir', 'record_split_mb', 'record_max_mb')},
+        **{name: parameters[name] for name in ('record_streams', 'record_dir', 'record_split_mb', 'record_max_mb')},
         **({'streams': streams} if streams else {}),
         **({'footprint': robot['footprint']} if robot['footprint'] else {})}
     return [*LAUNCH, *('%s:=%s' % argument for argument in arguments.items())]

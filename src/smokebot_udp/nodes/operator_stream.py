@@ -11,12 +11,12 @@ from typing import Any, Callable, Deque, Dict, List, Mapping, Optional
 import rospy
 
 from ..arrays import BoolArray, Records
-from ..codecs.video.pyav import installed
 from ..limited_log import logerr, logwarn
 from ..mission.parameters import live
 from ..mission.settings import Settings, SettingsStore
 from ..monitoring import stages
 from ..monitoring.stats import ConnectionStats, Shown, StreamStats
+from ..optional import found
 from ..streams import assembler_class
 from ..streams.assembler import Assembled, Assembler, Work
 from ..streams.blank import blank, has_blank
@@ -149,7 +149,7 @@ class OperatorStream:
 
     def _decoder_ready(self) -> bool:
         """Likewise, of parts that need the decoder of video; their parity pieces need the codec."""
-        if self._decoder is not None and installed():
+        if self._decoder is not None and found('av'):
             return self._codec_ready()
         if self._decoder is not None and not self._misses_decoder:
             rospy.logwarn("stream '%s': %s", self.name, MISSING_DECODER)
@@ -247,16 +247,14 @@ class OperatorStream:
         return None if ages is None else self._prefixed(ages)
 
     def _forward(self, segment: Any) -> None:
-        """Publish the message that a segment completes, in the transport's thread."""
+        """Publish the messages that a segment completes, in the transport's thread."""
         try:
             with self._worker.changing():
-                message = self.assembler.join(segment)
-                if message is None:
-                    return
-                self.received += 1
-                assembled = self.assembler.forward(message)
-                if assembled is not None:
-                    self._publish(assembled)
+                for message in self.assembler.join(segment):
+                    self.received += 1
+                    assembled = self.assembler.forward(message)
+                    if assembled is not None:
+                        self._publish(assembled)
         finally:
             self._log_warnings()
 

@@ -14,7 +14,8 @@ _MEANINGS = {
     'warn_loss': ('', 'packet-loss ratio that triggers WARN'),
     'error_loss': ('', 'packet-loss ratio that triggers ERROR'),
     'warn_completeness': ('', 'median completeness of messages, 0..1, below which there is a WARN'),
-    'warn_psnr': ('dB', 'median of the estimated PSNR of layered images of 8 bits below which there is a WARN'),
+    'warn_psnr': ('dB', 'median of the estimated PSNR of layered images of 8 bits, and of video, below which there is '
+                  'a WARN'),
     'warn_error': ('pixel value', 'median of the estimated rms error of other layered images above which there is a '
                    'WARN: in counts of 16 bits, whatever counts_per_unit is; in m of 32FC1'),
     'warn_age': ('s', 'median age of messages on arrival that triggers WARN'),
@@ -55,7 +56,8 @@ ROBOT_SENDER = {
     'allow_unsealed_commands': _ALLOW_UNSEALED_COMMANDS,
     'adapt': Parameter(True, '', 'whether the rate follows the capacity that operators report; otherwise it is '
                        'max_rate'),
-    'max_rate': Parameter(4000.0, 'Mbit/s', 'maximum rate of all streams together; 0: unlimited', least=0.0),
+    'max_rate': Parameter(50.0, 'Mbit/s', 'maximum rate of all streams together, however fast the link is; 0: '
+                          'unlimited', least=0.0),
     'min_rate': Parameter(0.1, 'Mbit/s', 'minimum rate, whatever operators report', least=0.01),
     'dscp': _DSCP,
     'ecn': Parameter(True, '', 'whether networks may mark datagrams where a queue builds up, instead of dropping them '
@@ -115,6 +117,9 @@ BLACK_BOX = {
     'side': Parameter('robot', '', 'what is recorded: the original messages, or what the operator receives',
                       choices=('robot', 'operator')),
     'streams_file': _STREAMS_FILE,
+    'lossless': Parameter(True, '', 'whether raw images are recorded as PNG, without loss, by a thread of low '
+                          'priority; those that it has no time for are left out; false: raw, all of them'),
+    'record_streams': Parameter('', '', 'the streams that are recorded, separated by commas; empty: all'),
     'folder': Parameter('', '', 'where the bags are written; empty: black_box in ~/.ros, or in ROS_HOME'),
     'split_mb': Parameter(1024, 'MB', 'size at which a new bag is begun; a quarter of max_mb at most', least=1,
                           most=1 << 20),
@@ -131,6 +136,7 @@ OPERATOR_DESK = {
     'max_datagram_size': OPERATOR_RECEIVER['max_datagram_size'],
     'loss': OPERATOR_RECEIVER['loss'],
     'record': Parameter(False, '', 'whether to record what comes from each robot in bags'),
+    'record_streams': BLACK_BOX['record_streams'],
     'record_dir': BLACK_BOX['folder'],
     'record_split_mb': BLACK_BOX['split_mb'],
     'record_max_mb': BLACK_BOX['max_mb'],

@@ -14,13 +14,15 @@ switched, ~link the state of the link, ~estop (latched) whether the emergency st
 Commands, services, actions and reliable relays of operators come back over the same link, see way_back.py.
 """
 import collections
+import functools
 import math
+import random
 import time
 from typing import Any, DefaultDict, Dict, Tuple
 
 import rospy
 
-from .. import udpros
+from .. import optional, udpros
 from ..capture.history import Histories
 from ..congestion.controller import Controller
 from ..congestion.estimator import Limits
@@ -120,13 +122,13 @@ class RobotSender:
 class _StreamMaker:
     """Makes streams, with the work that they share.
 
-    :param codec: of layered images and of tiles
+    :param codec: of layered images, tiles and clouds
     """
 
     def __init__(self, link: RobotLink, codec: CompiledCodec) -> None:
         self._link, self._codec, self.lookup = link, codec, TransformLookup()
         # by the cloud's topic
-        self._fans: DefaultDict[str, FanCache] = collections.defaultdict(lambda: FanCache(self.lookup))
+        self._fans: DefaultDict[str, FanCache] = collections.defaultdict(lambda: FanCache(self.lookup, codec))
 
     def __call__(self, name: str, settings: Dict[str, Any]) -> RobotStream:
         kind = settings['type']
@@ -136,9 +138,22 @@ class _StreamMaker:
             self.lookup.prepare()
         elif kind in ('image', 'grid'):
             shared = {'codec': self._codec, 'clock': time.monotonic}
+        elif kind == 'cloud':
+            shared = {'codec': self._codec}
+            tell_of_pcl()
+        elif kind == 'relay':
+            shared = {'number': random.getrandbits(32)}
         if kind == 'grid':
             shared['lookup'] = self.lookup
         return RobotStream(name, settings, encoder_class(kind)(settings, **shared), self._link)
+
+
+@functools.lru_cache(maxsize=None)      # once
+def tell_of_pcl() -> None:
+    """Say what filters clouds, where it is not PCL."""
+    problem = optional.attempt('pcl').problem
+    if problem:
+        rospy.logwarn('%s: clouds are filtered by loops that numba compiles, or by numpy where it is missing', problem)
 
 
 def _way_back(definitions: Definitions, control: RobotControl, link: RobotLink, parameters: Parameters) -> WayBack:

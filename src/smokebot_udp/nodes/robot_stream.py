@@ -7,6 +7,7 @@ One thread per stream encodes the newest message when its rate allows, and repea
 encoder (streams/encoder.py) decides how messages are encoded, the outbox (outbox.py) when datagrams leave.
 """
 import functools
+import threading
 import time
 from dataclasses import dataclass
 from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence, Set, Tuple
@@ -30,6 +31,7 @@ from ..streams.encoder import Encoder
 from ..streams.held import Holding
 from ..streams.rate import RateLimiter
 from ..streams.recent import Recent
+from ..streams.repetition_budget import RepetitionBudget
 from ..streams.schedule import Schedule
 from ..streams.segments import ARRIVAL, reported_name, wire_topic
 from ..streams.source_clock import SourceClock
@@ -68,8 +70,20 @@ class RobotLink:
     """Where originals are kept, of streams that have the setting `history`."""
 
     def __post_init__(self) -> None:
+        self.repetitions, self._repeating = RepetitionBudget(), threading.Lock()
         self.datagram_size = self.transport.max_datagram_size
         """Of frames from now on, as the transport counts it; shorter on slow links [byte]."""
+
+    def afford(self, size: int, datagram: bool) -> bool:
+        """As Encoder.afford; any thread."""
+        size += IP_UDP_HEADERS + self.transport.overhead if datagram else 0
+        with self._repeating:
+            return self.repetitions.take(size, time.monotonic(), datagram)
+
+    def follow(self, rate: Optional[float]) -> None:
+        """The link's rate has changed; None: it is unlimited [byte/s]."""
+        with self._repeating:
+            self.repetitions.set_rate(rate, time.monotonic())
 
     @property
     def expansion(self) -> float:
@@ -100,6 +114,7 @@ class RobotStream(rospy.SubscribeListener):
         self._make_subscriber, self._make_local_publisher = subscriber, local_publisher
         self._publishers: Dict[str, Publisher] = {}   # of the parts advertised
         self._part_of = {class_: part for part, class_ in encoder.SEGMENTS.items()}
+        encoder.afford = link.afford
         encoder.heard, encoder.operators, encoder.why_not = self._complete, self._subscribers_of, self._why_not
         self._inputs: List[Any] = []    # subscribers, made by start(), as is this
         self._local_publisher: Any = None
@@ -409,7 +424,9 @@ class RobotStream(rospy.SubscribeListener):
         if self.wanted and not self.link.outbox.sending(self.name):
             frames = self.encoder.repeat(self.settings.current, self._datagram_size)
             if frames:
+                sent = self.sent
                 self._send(frames)
+                self.sent = self.sent if self.encoder.KEEPS else sent   # copies are no further messages
         self._follow_repeats()
 
     def _follow_repeats(self) -> None:

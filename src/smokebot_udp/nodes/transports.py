@@ -6,15 +6,18 @@ This is the only place that knows which transports there are.
 import os
 import sys
 import time
-from typing import Any, Callable, Optional, Tuple
+import urllib.parse
+from typing import Any, Callable, Optional, Set, Tuple
 
+import rosgraph
 import rospy
 
 from .. import traffic
 from ..limited_log import ERROR_PERIOD
 from ..link.keys import KeyFile
-from ..link.transport import OperatorTransport, RobotTransport, never
+from ..link.transport import LinkTransport, OperatorTransport, RobotTransport, never
 from ..transport import Transport
+from ..udpros.endpoints import addresses_of, is_own
 from ..udpros.transport import UdprosTransport
 from .common import Parameters
 from .logging import log_error
@@ -32,6 +35,14 @@ UNSEALED_COMMANDS = 'has no key: anybody on the network can watch, and drive' + 
 """What is wrong with a link where allow_unsealed_commands is set."""
 
 
+ROBOT = '/robot_sender'
+"""As robot.launch names it."""
+
+FOREIGN = ('ROS_MASTER_URI is %s, %s, while robot:=%s is for a desk with a master of its own: now all its nodes '
+           'need that one over the network; unset ROS_MASTER_URI and start the desk again')
+"""What is wrong with the desk's master."""
+
+
 def robot_transport(parameters: Parameters) -> Transport:
     """The robot's transport; it waits until it can be started.
 
@@ -45,8 +56,9 @@ def robot_transport(parameters: Parameters) -> Transport:
     def listen(key: Optional[KeyFile]) -> Transport:
         _check_link(port, 'link_port')
         try:
-            return RobotTransport(port, key.key if key else None, max_datagram_size=size, tos_mask=tos_mask,
-                                  renewed=key.renewed if key else never, report=log_error('', ERROR_PERIOD))
+            return _remarked(RobotTransport(
+                port, key.key if key else None, max_datagram_size=size, tos_mask=tos_mask,
+                renewed=key.renewed if key else never, report=log_error('', ERROR_PERIOD)))
         except OSError as error:
             raise ValueError('UDP port %d cannot be used: %s' % (port, error.strerror)) from None
     return _patiently(parameters, 'the link', listen)
@@ -64,11 +76,48 @@ def operator_transport(parameters: Parameters) -> Transport:
 
     def connect(key: Optional[KeyFile]) -> Transport:
         _check_link(robot, 'robot')
-        return OperatorTransport(*host_and_port(robot), key.key if key else None, max_datagram_size=size,
-                                 receive_buffer=buffer, tos_mask=tos_mask, renewed=key.renewed if key else never,
-                                 report=log_error(robot, ERROR_PERIOD))
+        host, port = host_and_port(robot)
+        foreign = foreign_master(rosgraph.get_master_uri() or '', robot, _is_registered(ROBOT), is_own, addresses_of)
+        return _remarked(OperatorTransport(
+            host, port, key.key if key else None, max_datagram_size=size, receive_buffer=buffer, tos_mask=tos_mask,
+            renewed=key.renewed if key else never, report=log_error(robot, ERROR_PERIOD),
+            remarks=[foreign] if foreign else []))
     # a desk with several robots shows the messages of all on one terminal
     return _patiently(parameters, 'the link to %s' % robot if robot else 'the link', connect)
+
+
+def foreign_master(uri: str, robot: str, is_robots: bool, is_own: Callable[[str], bool],
+                   addresses_of: Callable[[str], Set[int]]) -> Optional[str]:
+    """What is wrong where the desk's ROS_MASTER_URI, which a shell may have from a shared master, names the robot's or
+    another machine's; None: it is the desk's own.
+
+    :param uri: of the master that this node uses
+    :param robot: host:port of the robot
+    :param is_robots: whether the robot's node is at that master
+    :param is_own: whether a host is this machine
+    :param addresses_of: the addresses of a host
+    """
+    host = urllib.parse.urlsplit(uri).hostname or ''
+    if not is_robots and (not host or is_own(host)):
+        return None
+    robot_host = host_and_port(robot)[0]
+    is_robots = is_robots or host == robot_host or bool(addresses_of(host) & addresses_of(robot_host))
+    return FOREIGN % (uri, "the robot's own master" if is_robots else "another machine's master", robot)
+
+
+def _is_registered(node: str) -> bool:
+    """Whether this node's master knows a node."""
+    try:
+        return bool(rosgraph.Master(rospy.get_name()).lookupNode(node))
+    except (rosgraph.MasterException, OSError, ValueError):
+        return False
+
+
+def _remarked(transport: LinkTransport) -> LinkTransport:
+    """A link, once what this machine lacks was said in the log."""
+    for remark in transport.remarks:
+        rospy.logwarn('%s', remark)
+    return transport
 
 
 def host_and_port(text: str) -> Tuple[str, int]:

@@ -164,8 +164,8 @@ class Assembler(Generic[Finished, Result]):
     def settle(self, finished: Finished, assembled: Result, settings: Settings, now: float) -> None:
         """Do the work that can wait until the message is published; may set ``assembled.changed``."""
 
-    def join(self, segment: Any) -> Optional[Any]:
-        """The message that a segment (a message of a class of SEGMENTS) completes; None: none."""
+    def join(self, segment: Any) -> Sequence[Any]:
+        """The messages that a segment (a message of a class of SEGMENTS) completes, in order."""
         raise NotImplementedError
 
     def forward(self, message: Any) -> Optional[Result]:

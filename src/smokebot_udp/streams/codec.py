@@ -1,8 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Whether the compiled codec can be used, of layered images and of maps in tiles: it is loaded where a stream needs it
-first.
+"""Whether the compiled codec can be used, of layered images, of maps in tiles, and of clouds where PCL is missing: it
+is loaded where a stream needs it first.
 """
 from typing import Protocol
+
+from .. import optional
+
+LOOPS = 'smokebot_udp.codecs.layered.loops'
+"""The module that imports numba."""
 
 
 class Codec(Protocol):
@@ -16,8 +21,4 @@ class ImportedCodec:
     """Imports the codec at once, and compiles it where that was not done before."""
 
     def ready(self) -> bool:
-        try:
-            from ..codecs.layered import loops
-        except ImportError:
-            return False
-        return loops is not None
+        return optional.attempt(LOOPS, 'numba').module is not None

@@ -121,6 +121,11 @@ class Encoder(Generic[Message]):
         self.source_rate: Optional[float] = None
         """Of the source as measured, however many of its messages are encoded [Hz]. The runner replaces it; None: it is
         not known."""
+        self.loss = 0.0
+        """Packet-loss ratio of the link as reported, 0..1. The runner replaces it."""
+        self.afford: Callable[[int, bool], bool] = lambda size, datagram: True
+        """f(size [byte], datagram): whether so much may be sent to protect messages now; then it counts as sent.
+        `datagram`: it takes datagrams of its own, and can wait. The runner replaces it, see RepetitionBudget."""
         self.longest_datagram = 0
         """What passes, however slow the link is; the runner replaces it [byte of UDP payload]."""
         self.heard: Callable[[str], bool] = lambda part: True

@@ -3,12 +3,17 @@
 import collections
 import math
 import statistics
-from typing import Any, Collection, Deque, Dict, Mapping, NamedTuple
+from typing import Any, Callable, Collection, Deque, Dict, Mapping, NamedTuple
 
 from .air import UNKNOWN, Air, LossBeliefs, merged
 
 COMPARED = 3
 """Estimates of the room of a stream."""
+
+
+def no_train() -> float:
+    """No packet train leaves."""
+    return 1.0
 
 
 class Outlook(NamedTuple):
@@ -17,6 +22,8 @@ class Outlook(NamedTuple):
     """What becomes of its datagrams."""
     room: float = math.inf
     """What the stream may use, at most, while the other streams use what they use now: see Rooms [byte/s]."""
+    gain: Callable[[], float] = no_train
+    """By what factor the message that is made now may be longer, as a packet train leaves: at least 1."""
 
     def loss(self, probability: float) -> float:
         """The packet-loss ratio that is not exceeded with a probability below 1."""

@@ -21,7 +21,7 @@ from rospy.impl.tcpros import get_tcpros_handler
 
 from ..limited_log import WARNING_PERIOD, logerr, logwarn
 from . import rpc
-from .endpoints import DatagramReceiver, addresses_of
+from .endpoints import SHORT_BUFFER, DatagramReceiver, addresses_of
 from .gathered_calls import GatheredCalls
 from .loss_emulation import open_receiver
 from .negotiation import (
@@ -253,9 +253,9 @@ def _receiver(impl: UdpSubscriberImpl) -> DatagramReceiver:
     address = rosgraph.network.get_bind_address()
     receiver = open_receiver(impl.resolved_name, IPV4.get(address, address), options.max_datagram_size,
                              options.receive_buffer)
-    if receiver.receive_buffer < 2 * options.receive_buffer:   # the kernel adds its own overhead: twice the size
-        logwarn('the kernel grants a receive buffer that is too short for bursts', '%d bytes only, '
-                'sudo sysctl -w net.core.rmem_max=%d' % (receiver.receive_buffer // 2, options.receive_buffer))
+    shortage = receiver.shortage(options.receive_buffer)
+    if shortage is not None:
+        logwarn(SHORT_BUFFER, shortage)
     return receiver
 
 

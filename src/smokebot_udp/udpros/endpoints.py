@@ -392,6 +392,12 @@ class DatagramReceiver:
         return int(np.count_nonzero((self._tos_level[rows] == socket.IPPROTO_IP)
                                     & (self._tos_type[rows] == socket.IP_TOS))) if len(rows) else 0
 
+    def shortage(self, wanted: int) -> Optional[str]:
+        """What to do where the kernel has not granted a receive buffer of `wanted` bytes; None: it has."""
+        if self.receive_buffer >= 2 * wanted:   # the kernel adds its own overhead: twice the size
+            return None
+        return '%d bytes only, sudo sysctl -w net.core.rmem_max=%d' % (self.receive_buffer // 2, wanted)
+
     def kernel_drops(self) -> Optional[int]:
         """Datagrams that the kernel dropped because the receive buffer was full; None if unknown."""
         try:
@@ -412,6 +418,10 @@ class DatagramReceiver:
         """
         self.socket.close()
         self.datagrams = self.datagrams[:0].copy()
+
+
+SHORT_BUFFER = 'the kernel grants a receive buffer that is too short for bursts'
+"""What is wrong where DatagramReceiver.shortage is not None."""
 
 
 def _mapped(shape: Tuple[int, ...], dtype: Any) -> Array:

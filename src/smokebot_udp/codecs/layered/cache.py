@@ -13,7 +13,7 @@ import tempfile
 from typing import Iterator, List, Optional
 
 FOLDER = pathlib.Path(os.path.abspath(__file__)).parent
-OTHERS = ('tiles',)
+OTHERS = ('tiles', 'perception')
 """Packages beside this one with loops, which are compiled with these."""
 STAMP = 'loops.nbs'
 """A file beside the cache: the key of the sources; then, a line each, the keys of the machines that all loops were

@@ -16,6 +16,7 @@ def compile_all() -> None:
     """Run all loops once with each kind of image and tile; numba compiles them, or takes them from its cache."""
     import numpy as np
 
+    from ..perception import ground, voxel
     from ..tiles import coder
     from . import depth, differences, erasure, image, plan
     for pixels in (np.zeros((40, 40), np.uint8), np.zeros((40, 40), np.uint16), np.zeros((40, 40, 3), np.uint8)):
@@ -31,6 +32,10 @@ def compile_all() -> None:
     plan.best_plan(stream.ends, plan.worth(stream.errors, stream.cells, None), 4000, {0.1: 1.0}, None, 100, 1300)
     depth.to_counts(np.full((2, 2), np.nan, np.float32), 1.0)
     erasure.extend(np.zeros((2, 9), np.uint8), 3)
+    random = np.random.RandomState(1)
+    cloud = random.rand(100, 3).astype(np.float32)
+    voxel.filter_by_loops(cloud, 0.1)
+    ground.fit_by_loops(cloud, 0.1, random)
     for value in (100, 50):
         tile = coder.encode(np.array([[0, value]], np.int8), 100)
         coder.decode(np.frombuffer(tile or b'', np.uint8), 1, 2)

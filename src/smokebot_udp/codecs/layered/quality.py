@@ -15,6 +15,10 @@ SMALLEST = -6
 """log2 of the root mean square error of byte 1 [count]; byte 255 is above any error of 16 bits."""
 
 
+UNKNOWN = 255
+"""The byte of an error that is not known, or too large for any other."""
+
+
 def to_byte(rms: float) -> int:
     """The byte of a root mean square error.
 

@@ -1,29 +1,28 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A voxel grid filter: the points of each voxel are replaced by their centroid (D6.3, section 6.1).
 
-PCL's filter is used where its Python module (python3-pcl) is installed, numpy elsewhere: Debian 13 has no python3-pcl.
-Both give the same answer: the same voxels in the same order, centroids equal except for the rounding of float32 sums.
-Both exist because PCL is two to three times as fast. Measured with a leaf of 0.1 m, median CPU time of one cloud,
-without and with intensity; `./smokebot bench codecs` repeats it for the first of these:
+PCL's filter is used where its Python module (python3-pcl) can be imported; elsewhere, as on Debian 13, which has none,
+loops that numba compiles, and numpy where these are not loaded. All give the same voxels in the same order. The
+centroids of the loops are numpy's; PCL's sums are float32, and so differ by their rounding. Measured with a leaf of
+0.1 m, median time of one cloud on one core, without and with intensity; `./smokebot bench codecs` repeats it for the
+first of these:
 
-====================  ============  ============
-points                PCL [ms]      numpy [ms]
-====================  ============  ============
-23 040, simulated     1.4 and 1.8   4.1 and 4.4
-322 536, 3 x OS-1     39 and 50     79 and 81
-====================  ============  ============
+====================  ============  ============  ============
+points                PCL [ms]      loops [ms]    numpy [ms]
+====================  ============  ============  ============
+23 040, simulated     1.2 and 1.4   0.8 and 0.8   3.7 and 3.7
+322 560, 14 of these  27 and 29     11 and 12     62 and 63
+====================  ============  ============  ============
 """
 from typing import Optional, Tuple
 
 import numpy as np
 
+from ... import optional
 from ...arrays import Array, Float32Array, IntArray
 from ..bounding_box import bounding_box
 
-try:
-    import pcl
-except ImportError:
-    pcl = None
+pcl = optional.attempt('pcl').module
 
 PCL_INDEXES = 2 ** 31 - 1
 """PCL numbers voxels in 32 bits; a cloud that spans more it would return unchanged."""
@@ -38,16 +37,18 @@ Filtered = Tuple[Float32Array, Optional[Float32Array]]
 """(m, 3) centroids, ordered by voxel: by z, then y, then x; and (m,) mean intensities or None."""
 
 
-def voxel_filter(points: Float32Array, leaf: float, intensity: Optional[Float32Array] = None) -> Filtered:
+def voxel_filter(points: Float32Array, leaf: float, intensity: Optional[Float32Array] = None, loaded: bool = False
+                 ) -> Filtered:
     """One point for each voxel that contains any, by PCL if possible.
 
     :param points: (n, 3) float32 [m], finite, n >= 1
     :param leaf: side of a voxel [m]
     :param intensity: (n,) float32, averaged likewise, or None
+    :param loaded: whether compiled loops are loaded, see streams/codec.py
     """
     if pcl is not None and _within_pcl(points, leaf):
         return filter_by_pcl(points, leaf, intensity)
-    return filter_by_numpy(points, leaf, intensity)
+    return (filter_by_loops if loaded else filter_by_numpy)(points, leaf, intensity)
 
 
 def filter_by_pcl(points: Float32Array, leaf: float, intensity: Optional[Float32Array] = None) -> Filtered:
@@ -60,6 +61,22 @@ def filter_by_pcl(points: Float32Array, leaf: float, intensity: Optional[Float32
     grid.set_leaf_size(leaf, leaf, leaf)
     centroids = grid.filter().to_array()
     return centroids[:, :3], None if intensity is None else centroids[:, 3]
+
+
+def filter_by_loops(points: Float32Array, leaf: float, intensity: Optional[Float32Array] = None) -> Filtered:
+    """As voxel_filter. It imports numba."""
+    from ..layered.loops import float32
+    from . import voxel_loops
+    ends = voxels_of(bounding_box(points), leaf)
+    sides = [int(side) for side in ends[1] - ends[0] + 1]
+    bits = (sides[0] * sides[1] * sides[2] - 1).bit_length(), (len(points) - 1).bit_length()
+    if sum(bits) >= 64:     # a voxel's number and a point's index share a word
+        return filter_by_numpy(points, leaf, intensity)
+    centroids, means = voxel_loops.centroids(
+        np.array(points, np.float32, order='C'),
+        np.empty(0, np.float32) if intensity is None else np.array(intensity, np.float32),
+        float32(1) / float32(leaf), ends[0], np.array([1, sides[0], sides[0] * sides[1]]), float32(FARTHEST), bits)
+    return centroids, None if intensity is None else means
 
 
 def filter_with_fields(points: Float32Array, leaf: float, intensity: Optional[Float32Array], extra: Array

@@ -125,6 +125,24 @@ def encode(pixels: Array, encoding: str) -> Tuple[str, bytes]:
     return '%s; jpeg compressed %s' % (encoding, 'bgr8' if native.ndim == 3 else ''), data.tobytes()
 
 
+LOSSLESS = 'mono8', '8UC1', 'mono16', '16UC1', 'bgr8', 'rgb8'
+"""Encodings of `lossless`."""
+
+
+def lossless(pixels: Array, encoding: str) -> Tuple[str, bytes]:
+    """Compress an image without loss, as PNG.
+
+    :param pixels: as of `encode`
+    :param encoding: one of LOSSLESS
+    :return: format and data of a CompressedImage; colours are in the order that OpenCV reads them in
+    """
+    native = np.ascontiguousarray(pixels, pixels.dtype.newbyteorder('='))
+    if encoding == 'rgb8':
+        native = cv2.cvtColor(native, cv2.COLOR_RGB2BGR)
+    _, data = cv2.imencode('.png', native, PNG_OPTIONS)
+    return '%s; png compressed %s' % (encoding, 'bgr8' if native.ndim == 3 else ''), data.tobytes()
+
+
 def announced_size(data: bytes) -> Tuple[int, int]:
     """(height, width) of a JPEG or PNG by its header; its end is there, too.
 

@@ -1,10 +1,17 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A laser scan in parts, even and odd indexes, in the fewest bytes that keep its values (D6.3, section 6.2)."""
-from typing import Optional, Tuple
+"""A laser scan in parts, even and odd indexes (D6.3, section 6.2): exactly, or in steps of the sensor's resolution.
+
+Exact values take 1, 2 or 4 bytes each. Steps are coded by what they differ from their neighbours (coded_counts.py),
+each part for itself: in 6 to 8 bits a range of 1 mm. A scanner that measures in whole steps stays exact, too.
+"""
+import math
+from typing import Any, Dict, List, NamedTuple, Optional, Tuple
 
 import numpy as np
 
 from ...arrays import Array, BoolArray, Float32Array, IntArray, UInt8Array
+from . import coded_counts
+from .coded_counts import MAX_COUNT, VALUE
 from .parts import ReceivedParts
 
 MILLIMETRE = np.float32(0.001)
@@ -18,6 +25,18 @@ MAX_RANGES = 1 << 18
 
 FLOAT, SHORT, BYTE, NONE = 4, 2, 1, 0
 """Size of a value: float32; millimetres or uint16; uint8; no values [byte]."""
+
+CODED = 255
+"""In place of a size: the values of a part are a coded row."""
+
+MARKED = {1: np.inf, 2: -np.inf, 3: np.nan}
+"""{mark in a coded row: the range}"""
+
+MICROMETRES = 1e6
+"""Steps are whole micrometres [1/m]."""
+
+MAX_STEP = 10 ** 6
+"""[um]"""
 
 GAPS = 'nan', 'thin'
 """What replaces missing parts: NaN, or nothing: a scan with fewer ranges and a wider step."""
@@ -81,6 +100,110 @@ def read_intensities(data: UInt8Array) -> Float32Array:
     return np.ascontiguousarray(data).view(dtype).reshape(-1).astype(np.float32)
 
 
+def quantise(ranges: Float32Array, step: int, limits: Tuple[float, float]) -> Optional[Tuple[IntArray, IntArray]]:
+    """Ranges as steps: (n,) int counts and (n,) int marks, as of coded_counts.
+
+    The error is half a step and float32's rounding. A range that would cross a limit of the sensor by that, and so
+    become a measurement or none, is rounded to the other side: its error is below a step.
+
+    :param ranges: (n,) float32 [m]
+    :param step: 1..MAX_STEP [um]
+    :param limits: range_min and range_max [m]
+    :return: None: they cannot be told apart from each other or from the limits in such steps, or are too large
+    """
+    finite = np.isfinite(ranges)
+    marks = np.select([finite, ranges == np.inf, ranges == -np.inf], [VALUE, 1, 2], 3)
+    counts = np.rint(np.where(finite, ranges, 0).astype(np.float64) * MICROMETRES / step)
+    if not (abs(counts) < MAX_COUNT - 1).all():
+        return None
+    low, high = (np.float32(limit) for limit in limits)
+
+    def place(values: Float32Array) -> IntArray:
+        """-1, 0, 1: below, within and above the limits."""
+        with np.errstate(invalid='ignore'):     # NaNs
+            places: IntArray = (values > high).astype(int) - (values < low)
+        return places
+    counts = counts.astype(int)
+    wanted = place(ranges)
+    counts += np.where(finite, wanted - place(in_steps(counts, step)), 0)
+    kept = (place(in_steps(counts, step)) == wanted)[finite].all()
+    return (counts, marks) if kept else None
+
+
+def in_steps(counts: IntArray, step: int) -> Float32Array:
+    """(n,) counts of steps -> (n,) float32 ranges [m]: the float32 of the decimal number, the same on every machine.
+
+    :param step: [um]
+    """
+    # the product is exact, and IEEE 754 has one result of the division, and one of the conversion
+    ranges: Float32Array = (counts.astype(np.float64) * step / MICROMETRES).astype(np.float32)
+    return ranges
+
+
+class WrittenScan(NamedTuple):
+    """A scan in parts."""
+    range_size: int
+    intensity_size: int
+    step: int
+    """Of coded ranges, else 0 [um]."""
+    parts: List[Tuple[bytes, bytes]]
+    """Ranges and intensities of each."""
+
+
+def write_scan(ranges: Float32Array, intensities: Optional[Float32Array], room: int, step: int,
+               limits: Tuple[float, float]) -> WrittenScan:
+    """A scan in as few parts as fit: 2, or 4, 8, ... of them, of values that are spread evenly.
+
+    :param ranges: (n,) float32 [m]
+    :param intensities: (n,) float32; None: none are sent
+    :param room: of a part in a datagram [byte]
+    :param step: 1..MAX_STEP; 0: values stay exact [um]. They do, too, where steps would not be shorter
+    :param limits: range_min and range_max [m]
+    :raises ValueError: there are more than MAX_RANGES, or not even one fits
+    """
+    if len(ranges) > MAX_RANGES:
+        raise ValueError('%d ranges are more than %d' % (len(ranges), MAX_RANGES))
+    exact = write_ranges(ranges), np.zeros((len(ranges), 0), np.uint8)
+    if intensities is not None:
+        exact = exact[0], write_intensities(intensities)
+    coded = _coded(ranges, exact[1], room, step, limits) if step and len(ranges) else None
+    if coded is not None and sum(map(len, sum(coded.parts, ()))) < exact[0].size + exact[1].size:
+        return coded
+    sizes = exact[0].shape[1], exact[1].shape[1]
+    count = fit(len(ranges), sum(sizes), room)
+    return WrittenScan(*sizes, 0, [(exact[0][part::count].tobytes(), exact[1][part::count].tobytes())
+                                   for part in range(count)])
+
+
+def _coded(ranges: Float32Array, intensities: UInt8Array, room: int, step: int,
+           limits: Tuple[float, float]) -> Optional[WrittenScan]:
+    """A scan in coded parts; None: it cannot be coded, or does not fit.
+
+    :param intensities: (n, size) uint8, from write_intensities
+    """
+    quantised = quantise(ranges, step, limits)
+    if quantised is None:
+        return None
+    counts, marks = quantised
+    size = intensities.shape[1]
+    # others are no whole numbers
+    whole = read_intensities(intensities).astype(int) if size in (BYTE, SHORT) else None
+    values = np.zeros(len(ranges), int)
+
+    def part(some: slice) -> Tuple[bytes, bytes]:
+        return (coded_counts.encode(counts[some], marks[some]),
+                intensities[some].tobytes() if whole is None else coded_counts.encode(whole[some], values[some]))
+    parts = min(2, len(ranges))
+    while True:
+        written = [part(slice(number, None, parts)) for number in range(parts)]
+        filled = max(map(len, map(b''.join, written))) / room
+        if filled <= 1:
+            return WrittenScan(CODED, size if whole is None else CODED, step, written)
+        if parts == len(ranges):
+            return None
+        parts = min(parts << max(1, int(math.log2(filled))), len(ranges))
+
+
 def fit(total: int, size: int, room: int) -> int:
     """The number of parts of a scan: 2, or 4, 8, ... if half of it does not fit in a datagram.
 
@@ -104,19 +227,24 @@ class ScanParts(ReceivedParts):
 
     :param total: number of ranges of the whole scan
     :param parts: number of parts
-    :param range_size: SHORT or FLOAT
-    :param intensity_size: NONE, BYTE, SHORT or FLOAT
+    :param range_size: SHORT, FLOAT or CODED
+    :param intensity_size: NONE, BYTE, SHORT, FLOAT or CODED
+    :param step: of coded ranges, else 0 [um]
     :raises ValueError: the numbers contradict each other or exceed a limit
     """
 
-    def __init__(self, total: int, parts: int, range_size: int, intensity_size: int) -> None:
+    def __init__(self, total: int, parts: int, range_size: int, intensity_size: int, step: int = 0) -> None:
         if not 1 <= parts <= max(1, total) <= MAX_RANGES:
             raise ValueError('%d ranges in %d parts; there are up to %d' % (total, parts, MAX_RANGES))
-        if range_size not in (SHORT, FLOAT) or intensity_size not in (NONE, BYTE, SHORT, FLOAT):
+        if range_size not in (SHORT, FLOAT, CODED) or intensity_size not in (NONE, BYTE, SHORT, FLOAT, CODED):
             raise ValueError('no range has %d bytes, no intensity %d' % (range_size, intensity_size))
+        if not (1 <= step <= MAX_STEP if range_size == CODED else step == 0):
+            raise ValueError('a step of %d um of ranges of size %d' % (step, range_size))
         super().__init__(parts)
-        self._ranges = np.zeros((total, range_size), np.uint8)
-        self._intensities = np.zeros((total, intensity_size), np.uint8)
+        self.broken = 0
+        """How many parts `merge` has found to be broken. They do not count as received any more."""
+        self._total, self._sizes, self._step = total, (range_size, intensity_size), step
+        self._parts: Dict[int, Tuple[UInt8Array, UInt8Array]] = {}
 
     def add(self, parts: IntArray, ranges: UInt8Array, intensities: UInt8Array) -> BoolArray:
         """Add parts of the same length.
@@ -127,15 +255,17 @@ class ScanParts(ReceivedParts):
         :return: (m,) bool: those that fit the scan; the others were dropped
         """
         good = np.zeros(len(parts), bool)
-        for i, part in enumerate(parts):
-            if part < len(self.have):
-                part_ranges = self._ranges[part::len(self.have)]
-                part_intensities = self._intensities[part::len(self.have)]
-                if ranges.shape[1] == part_ranges.size and intensities.shape[1] == part_intensities.size:
-                    part_ranges[:] = ranges[i].reshape(part_ranges.shape)
-                    part_intensities[:] = intensities[i].reshape(part_intensities.shape)
-                    self.have[part] = good[i] = True
+        for i, part in enumerate(parts.tolist()):
+            if part < len(self.have) and all(size == CODED or len(values) == size * self._count(part)
+                                             for size, values in zip(self._sizes, (ranges[i], intensities[i]))):
+                # not views, which would keep the whole batch
+                self._parts[part] = ranges[i].copy(), intensities[i].copy()
+                self.have[part] = good[i] = True
         return good
+
+    def _count(self, part: int) -> int:
+        """Number of ranges of a part."""
+        return len(range(part, self._total, len(self.have)))
 
     def merge(self, gaps: str) -> Tuple[Float32Array, Optional[Float32Array], Tuple[int, int]]:
         """The scan, as far as it was received.
@@ -143,20 +273,51 @@ class ScanParts(ReceivedParts):
         :param gaps: one of GAPS
         :return: (n,) float32 ranges [m], (n,) float32 intensities or None, and (first, step), their indexes in the
             whole scan
-        :raises ValueError: gaps is 'thin', and no part was received
+        :raises ValueError: all parts are broken; or gaps is 'thin', and no part was received
         """
-        ranges = read_ranges(self._ranges)
-        intensities = read_intensities(self._intensities) if self._intensities.shape[1] else None
-        first, step = 0, 1
-        if gaps == 'thin':
-            first, step = densest_comb(self.have)
-        else:
-            missing: BoolArray = np.resize(~self.have, len(ranges))
-            ranges[missing] = np.nan
+        ranges = np.full(self._total, np.nan, np.float32)
+        intensities = np.full(self._total, np.nan, np.float32) if self._sizes[1] else None
+        for part, (its_ranges, its_intensities) in self._parts.items():
+            comb = slice(part, None, len(self.have))
+            try:
+                ranges[comb], values = self._read(part, its_ranges, its_intensities)
+            except ValueError:
+                self.have[part] = False
+                self.broken += 1
+                continue
             if intensities is not None:
-                intensities[missing] = np.nan
+                intensities[comb] = values
+        if self.broken and not self.have.any():
+            raise ValueError('no part can be read')
+        first, step = densest_comb(self.have) if gaps == 'thin' else (0, 1)
         comb = slice(first, None, step)
         return ranges[comb], None if intensities is None else intensities[comb], (first, step)
+
+    def _read(self, part: int, ranges: UInt8Array, intensities: UInt8Array) -> Tuple[Float32Array, Any]:
+        """The ranges and intensities of a part; of those nothing where there are none.
+
+        :raises ValueError: it is broken
+        """
+        count, (range_size, intensity_size) = self._count(part), self._sizes
+        values = (read_coded(ranges, count, self._step) if range_size == CODED else
+                  read_ranges(ranges.reshape(count, range_size)))
+        if intensity_size == CODED:
+            return values, coded_counts.decode(intensities, count)[0].astype(np.float32)
+        return values, read_intensities(intensities.reshape(count, intensity_size)) if intensity_size else None
+
+
+def read_coded(data: UInt8Array, count: int, step: int) -> Float32Array:
+    """The ranges of a coded part: (count,) float32 [m].
+
+    :param data: (k,) uint8
+    :param step: [um]
+    :raises ValueError: the part is broken
+    """
+    counts, marks = coded_counts.decode(data, count)
+    ranges = in_steps(counts, step)
+    for mark, value in MARKED.items():
+        ranges[marks == mark] = value
+    return ranges
 
 
 def densest_comb(have: BoolArray) -> Tuple[int, int]:

@@ -14,10 +14,10 @@ from typing import List, NamedTuple, Optional
 
 import numpy as np
 
-from ...arrays import Array, BoolArray, Float32Array, IntArray, UInt8Array
-from .bit_fields import BitWriter, bit_lengths, zigzag
+from ...arrays import Array, Float32Array, IntArray
+from .bit_fields import bit_lengths, zigzag
 from .cloud import MAX_CHUNKS, MAX_POINTS, Chunks, PointFormat
-from .prefix_code import PrefixCode, best_code
+from .number_sequences import Numbers, numbers_of, write
 from .z_order import keys_of
 
 MAX_KEY = 56
@@ -52,26 +52,6 @@ FULL = 0.95
 MARGIN = 1.01
 """Of the number of chunks to try next: a chunk's size is not quite proportional to its points."""
 
-LENGTH_BITS = 16
-"""Size of the length of some code words [bit]."""
-
-
-class Numbers(NamedTuple):
-    """A sequence of numbers for each chunk, and the fields that they take."""
-    code: PrefixCode
-    words: Array
-    """(chunks, rows) uint64: the code words of their classes; 0 where a chunk has no such number."""
-    word_bits: IntArray
-    """(chunks, rows) int: length of these."""
-    rests: Array
-    """(chunks, rows) uint64: their bits below the highest one."""
-    rest_bits: IntArray
-    """(chunks, rows) int: number of these."""
-    word_bytes: IntArray
-    """(chunks,) int: length of a chunk's code words."""
-    rest_bytes: IntArray
-    """(chunks,) int: length of a chunk's other bits."""
-
 
 class Dealt(NamedTuple):
     """Points that were dealt to chunks, as numbers."""
@@ -82,8 +62,7 @@ class Dealt(NamedTuple):
     @property
     def size(self) -> int:
         """Size of the largest chunk [byte]."""
-        lengths = [LENGTH_BITS // 8 + numbers.word_bytes + numbers.rest_bytes for numbers in self.sequences]
-        return 1 + int(np.sum(lengths, axis=0).max())
+        return 1 + int(np.sum([numbers.sizes for numbers in self.sequences], axis=0).max())
 
     @property
     def codes(self) -> bytes:
@@ -114,7 +93,8 @@ def encode(points: Array, intensity: Optional[Float32Array], point_format: Point
     keys = keys[order]
     levels = None if intensity is None else point_format.levels(intensity)[order]
     dealt = _fitting(keys, levels, sum(point_format.bits), room, max(1, min(least, len(keys) // LEAST_POINTS)))
-    return None if dealt is None else Chunks(dealt.codes, _data(dealt))
+    return None if dealt is None else Chunks(
+        dealt.codes, write(dealt.centres[:, np.newaxis], dealt.sequences, dealt.size))
 
 
 def _fitting(keys: Array, levels: Optional[IntArray], key_bits: int, room: int, least: int) -> Optional[Dealt]:
@@ -204,7 +184,7 @@ def _dealt(keys: Array, levels: Optional[IntArray], chunks: int, key_bits: int) 
     if levels is not None:
         changes = _gaps(_by_chunk(levels[order], chunks))
         sequences.append(zigzag((changes + 128) % 256 - 128))
-    return Dealt(centres, [_numbers(values, valid) for values in sequences])
+    return Dealt(centres, [numbers_of(values, valid) for values in sequences])
 
 
 def _by_chunk(values: Array, chunks: int) -> Array:
@@ -221,43 +201,3 @@ def _gaps(values: Array) -> Array:
     gaps = values.copy()
     gaps[:, 1:] -= values[:, :-1]
     return gaps
-
-
-def _numbers(values: Array, valid: BoolArray) -> Numbers:
-    """The fields that numbers take.
-
-    :param values: (chunks, rows) uint64
-    :param valid: (chunks, rows) which of them there are
-    """
-    classes = np.where(valid, bit_lengths(values), 0)
-    code = best_code(np.bincount(classes[valid]))
-    word_bits, rest_bits = code.lengths[classes], np.maximum(classes - 1, 0)
-    words = code.words[classes]
-    word_bits[~valid] = words[~valid] = 0
-    rests = values & ((np.uint64(1) << rest_bits.astype(np.uint64)) - np.uint64(1))
-    return Numbers(code, words, word_bits, rests, rest_bits, -(-word_bits.sum(axis=1) // 8),
-                   -(-rest_bits.sum(axis=1) // 8))
-
-
-def _data(dealt: Dealt) -> UInt8Array:
-    """(chunks, size) uint8: each chunk's centre, and for each sequence of numbers the length of its code words [byte],
-    the code words, and the remaining bits; both begin with a byte."""
-    size = dealt.size
-    writer = BitWriter(len(dealt.centres) * size)
-    at = np.arange(len(dealt.centres)) * size * 8
-    writer.write(at, np.full(len(at), 8), dealt.centres)
-    at = at + 8
-    for numbers in dealt.sequences:
-        writer.write(at, np.full(len(at), LENGTH_BITS), numbers.word_bytes)
-        at = at + LENGTH_BITS
-        writer.write(_starts(numbers.word_bits, at), numbers.word_bits, numbers.words)
-        at = at + 8 * numbers.word_bytes
-        writer.write(_starts(numbers.rest_bits, at), numbers.rest_bits, numbers.rests)
-        at = at + 8 * numbers.rest_bytes
-    return writer.data().reshape(-1, size)
-
-
-def _starts(widths: IntArray, at: IntArray) -> IntArray:
-    """(chunks, rows) int: where fields begin that follow each other in each chunk from `at` on."""
-    starts: IntArray = np.cumsum(widths, axis=1) + at[:, np.newaxis] - widths
-    return starts

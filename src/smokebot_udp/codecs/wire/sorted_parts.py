@@ -4,25 +4,22 @@
 Chunks come from the network: invalid ones are left out, whatever they contain, and memory and time are bounded by
 the bytes that were received.
 """
-from typing import Dict, Iterator, List, Optional, Sequence, Tuple
+from typing import Dict, Iterator, List, Optional, Tuple
 
 import numpy as np
 
 from ...arrays import Array, BoolArray, Float32Array, IntArray, UInt8Array
-from . import bit_fields
 from .bit_fields import unzigzag
 from .cloud import MAX_POINTS, PointFormat, sending_order
+from .number_sequences import LENGTH_BITS, MOST_BYTES, SequenceReader, there
 from .parts import ReceivedParts
-from .prefix_code import CLASSES, MAX_LENGTH, UNKNOWN, PrefixCode, follow, read_codes
-from .sorted_cloud import HASHED, LENGTH_BITS, MAX_KEY, can_sort, spread
+from .prefix_code import read_codes
+from .sorted_cloud import HASHED, MAX_KEY, can_sort, spread
 from .z_order import offsets_of
 
 BLOCK = 100000
 """Chunks are decoded at a time that have this size together, if all were as long as the longest of them; or one that is
 longer. Decoding takes some 200 bytes for each byte of that [byte]."""
-
-MOST_BYTES = -(-(MAX_LENGTH + CLASSES - 2) // 8)
-"""What a number takes at most, its code word and the bits below its highest one [byte]."""
 
 
 class SortedParts(ReceivedParts):
@@ -101,9 +98,9 @@ class SortedParts(ReceivedParts):
         :param indexes: (m,) int, m >= 1, received
         """
         counts = self._counts(indexes)
-        reader = _Reader([self._chunks[index] for index in indexes.tolist()], counts)
+        reader = SequenceReader([self._chunks[index] for index in indexes.tolist()], 1)
         centres = reader.data[:, 0].astype(int)[:, np.newaxis]
-        numbers = [reader.numbers(code) for code in self._codes]
+        numbers = [reader.numbers(code, counts) for code in self._codes]
         hashed = min(HASHED, sum(self._format.bits))
         higher = np.cumsum(numbers[0], axis=1)
         reader.good &= (numbers[1] < 1 << hashed).all(axis=1)
@@ -117,61 +114,7 @@ class SortedParts(ReceivedParts):
         reader.good &= (changes < 256).all(axis=1)
         self.have[indexes[~reader.good]] = False
         self.broken += int(np.count_nonzero(~reader.good))
-        kept = reader.valid & reader.good[:, np.newaxis]
+        kept = there(counts) & reader.good[:, np.newaxis]
         points = self._format.points(offsets_of(keys[kept], self._format.bits))
         finite = np.isfinite(points).all(axis=1)
         return points[finite], self._format.intensities(levels[kept][finite])
-
-
-class _Reader:
-    """Reads sequences of numbers from chunks, the same of each.
-
-    :param chunks: m arrays (k,) uint8 of any lengths, at least 1
-    :param counts: (m,) int: how many numbers their sequences have, at least 1
-    """
-
-    def __init__(self, chunks: Sequence[UInt8Array], counts: IntArray) -> None:
-        self._ends = np.array([len(chunk) for chunk in chunks])
-        self.data = np.zeros((len(chunks), int(self._ends.max()) + bit_fields.PADDING), np.uint8)
-        """(m, largest k and padding) uint8"""
-        for row, chunk in zip(self.data, chunks):
-            row[:len(chunk)] = chunk
-        self._counts = counts
-        self.valid = np.arange(int(counts.max())) < counts[:, np.newaxis]
-        """(m, largest count) bool: which numbers there are."""
-        self.good = np.ones(len(chunks), bool)
-        """(m,) bool: whether all that was read of a chunk is possible."""
-        self._at = np.ones(len(chunks), int)    # the first byte is the centre
-
-    def numbers(self, code: PrefixCode) -> Array:
-        """The next sequence: (m, largest count) uint64; 0 behind the last of a chunk, and in broken chunks."""
-        classes, starts = self._classes(code)
-        classes = np.where(self.valid & self.good[:, np.newaxis], classes, 0).astype(int)
-        widths = np.maximum(classes - 1, 0)
-        stops = np.cumsum(widths, axis=1)
-        self._at = self._checked(starts + -(-stops[:, -1] // 8))
-        widths[~self.good] = classes[~self.good] = 0
-        firsts = np.arange(len(self.data)) * self.data.shape[1] + starts
-        positions = np.where(widths > 0, 8 * firsts[:, np.newaxis] + stops - widths, 0)
-        rests = bit_fields.read(self.data.reshape(-1), positions, widths)
-        ones = np.uint64(1) << np.maximum(classes - 1, 0).astype(np.uint64)
-        return np.where(classes > 0, ones | rests, np.uint64(0))
-
-    def _classes(self, code: PrefixCode) -> Tuple[UInt8Array, IntArray]:
-        """The classes of the next sequence, and where their code words end [byte]."""
-        rows = np.arange(len(self.data))
-        begins = self._checked(self._at + 2)
-        sizes = self.data[rows, begins - 2].astype(int) << 8 | self.data[rows, begins - 1]
-        ends = self._checked(begins + sizes)
-        size = int((ends - begins).max())
-        places = np.minimum(begins[:, np.newaxis] + np.arange(size), self.data.shape[1] - 1)
-        classes, bits = follow(code, self.data[rows[:, np.newaxis], places], self._counts)
-        self.good &= bits <= 8 * (ends - begins)
-        self.good &= ~((classes == UNKNOWN) & self.valid).any(axis=1)
-        return classes, ends
-
-    def _checked(self, at: IntArray) -> IntArray:
-        """Places in the data; those beyond a chunk's end become 2, and the chunk is broken [byte]."""
-        self.good &= at <= self._ends
-        checked: IntArray = np.where(self.good, at, 2)
-        return checked

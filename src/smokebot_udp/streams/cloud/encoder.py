@@ -8,7 +8,7 @@ import numpy as np
 from sensor_msgs.msg import PointCloud2
 
 from ...arrays import Array, BoolArray
-from ...codecs.perception.voxel import filter_with_fields, voxel_filter
+from ...codecs.perception.voxel import filter_with_fields, pcl, voxel_filter
 from ...codecs.wire import cloud, sorted_cloud
 from ...codecs.wire.cloud_fields import COORDINATES, CloudField, names_of, write_fields
 from ...codecs.wire.points import Cloud, read_cloud
@@ -17,6 +17,7 @@ from ...mission.parameters import Parameter
 from ...mission.settings import Settings
 from ...msg import CloudChunk
 from ...udpros.frame import Frame
+from ..codec import Codec, ImportedCodec
 from ..encoder import Encoder
 from ..outlook import Outlook
 from ..parameters import HISTORY, ROBOT
@@ -42,7 +43,10 @@ SIDES = tuple((side, axis) for axis in 'xyz' for side in ('min', 'max'))
 
 
 class CloudEncoder(Encoder[Any]):
-    """Reduces each cloud, and deals its points to datagrams so that each shows all of it."""
+    """Reduces each cloud, and deals its points to datagrams so that each shows all of it.
+
+    :param codec: of the voxel filter where PCL is missing
+    """
     MESSAGE, SEGMENTS = PointCloud2, {MAIN_PART: CloudChunk}
     FORESEES = True
     PARAMETERS = {
@@ -66,8 +70,9 @@ class CloudEncoder(Encoder[Any]):
                                             least=-FAR, most=FAR, live=True) for side, axis in SIDES},
     }
 
-    def __init__(self, settings: Mapping[str, Any]) -> None:
+    def __init__(self, settings: Mapping[str, Any], codec: Optional[Codec] = None) -> None:
         super().__init__(settings)
+        self._codec = codec or ImportedCodec()
         self._told: Set[str] = set()
 
     @staticmethod
@@ -84,7 +89,7 @@ class CloudEncoder(Encoder[Any]):
         return cloud_points(rate, settings.requested['leaf_size'], self.message_size)
 
     def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Frame]:
-        reduced = _reduced(message, settings)
+        reduced = _reduced(message, settings, pcl is None and self._codec.ready())
         self.warnings += reduced.problems
         if message.width:
             self._tell(message.fields, reduced, settings)
@@ -169,10 +174,11 @@ def _frame(message: Any, texts: Tuple[bytes, bytes], points: int, point_format: 
     return frame
 
 
-def _reduced(message: Any, settings: Settings) -> Cloud:
+def _reduced(message: Any, settings: Settings, loaded: bool) -> Cloud:
     """The points of a PointCloud2 within the crop box and beyond min_range, after the voxel grid filter; those of a
     cloud with a datum are float64 and absolute.
 
+    :param loaded: whether compiled loops are loaded
     :raises ValueError: where the layout is wrong
     """
     found = read_cloud(message.data, message.fields, message.height, message.width, message.point_step,
@@ -187,7 +193,7 @@ def _reduced(message: Any, settings: Settings) -> Cloud:
         if extra.dtype.names:
             points, intensity, extra = filter_with_fields(points, leaf, intensity, extra)
         else:
-            points, intensity = voxel_filter(points, leaf, intensity)
+            points, intensity = voxel_filter(points, leaf, intensity, loaded)
     if found.datum is not None:
         points = points + found.datum
     return found._replace(points=points, intensity=intensity, extra=extra)

@@ -7,6 +7,7 @@ import numpy as np
 
 from ...arrays import Array, BoolArray, UInt8Array
 from ...codecs.concealment.temporal import FilteredImage
+from ...codecs.layered.quality import to_byte
 from ...codecs.wire.partial_image import RECEIVED, mask_of
 from ..assembler import Assembled
 
@@ -52,18 +53,17 @@ class RestoredImage(Assembled):
 
 @dataclass
 class DecodedImage(Assembled):
-    """An image of a video. What its missing slices would have shown is that of the image before; where is not known."""
+    """An image of a video. What its missing slices would have shown is that of the image before; where is not known. So
+    `error` is that of all of its pixels; where the robot does not know its part, there is the share of the slices."""
     pixels: Array
     """(height, width) or (height, width, 3), blue, green, red."""
-
-    @property
-    def known_ratio(self) -> float:
-        """Share of its slices that were received or restored, 0..1."""
-        return self.completeness or 0.0
+    known_ratio: float
+    """Share of its slices that were received or restored, 0..1."""
 
     def mask(self) -> UInt8Array:
-        """(height, width) uint8: RECEIVED times this share."""
-        return np.full((self.message.height, self.message.width), round(RECEIVED * self.known_ratio), np.uint8)
+        """(height, width) uint8: as of RestoredImage, or RECEIVED times the share."""
+        shade = round(RECEIVED * self.known_ratio) if self.error is None else RECEIVED - to_byte(self.error.rms)
+        return np.full((self.message.height, self.message.width), shade, np.uint8)
 
 
 ShownImage = Union[AssembledImage, RestoredImage, DecodedImage]

@@ -7,6 +7,7 @@ the slices that came or can be restored. Of an image of which nothing can be res
 before goes on growing old. Nor is one whose reference is not held.
 """
 import functools
+import math
 from types import SimpleNamespace
 from typing import Any, Mapping, Optional, Sequence, Tuple, Union
 
@@ -49,7 +50,7 @@ MAX_FINISHED_VIDEO = 8
 """Video images that wait to be decoded: those after a lost one are worse."""
 
 VIDEO_ERROR = 4.0
-"""Assumed rms error of video images, where they are compared [count]."""
+"""Assumed rms error of video images where it is not known and they are compared [count]."""
 
 Content = Union[PartialImage, LayeredImage, VideoImage]
 
@@ -67,7 +68,7 @@ class ImageAssembler(StampedAssembler[Content, ShownImage]):
         MAIN_PART: ('height', 'width', 'encoding', 'is_bigendian', 'depth', 'total'),
         LAYERS: ('height', 'width', 'encoding', 'is_bigendian', 'depth_unit', 'count', 'thresholds', 'sizes', 'errors',
                  'session', 'picture', 'reference', 'reference_layers', 'checksum'),
-        VIDEO: ('height', 'width', 'encoding', 'session', 'picture', 'sources', 'count', 'flags', 'refresh')}
+        VIDEO: ('height', 'width', 'encoding', 'session', 'picture', 'sources', 'count', 'flags', 'refresh', 'error')}
     HOLDS_SHOWN = True
     REPORT_INTERVAL = 0.03
     PARAMETERS = {
@@ -82,8 +83,8 @@ class ImageAssembler(StampedAssembler[Content, ShownImage]):
                                'longer, %s is used for %g s' % (CHEAPEST, FALLBACK), above=0.0, most=60.0, live=True),
         'publish_mask': Parameter(False, '', 'whether a mask is published with each image, on mask in the namespace of '
                                   'its topic: 255: received pixel, 128: pixel of an earlier image, 0: concealed pixel; '
-                                  'all over a layered image 255 - error byte (doc/wire_format.md): 255: exact; of '
-                                  'video 255 times the share of the slices'),
+                                  'all over a layered or video image 255 - error byte (doc/wire_format.md); 255: '
+                                  'exact'),
         'camera_info': SETTING,
         'publish_compressed': Parameter(False, '', 'whether images are also published compressed, on compressed below '
                                         'operator_topic, as by image_transport: 8 bits as JPEG, 16 bits as PNG'),
@@ -176,7 +177,13 @@ class ImageAssembler(StampedAssembler[Content, ShownImage]):
             return None
         self._guard.good(image.shape.cells, now)
         shown = restored(Layerable(pixels, None, head.encoding, 0.0), False)
-        return DecodedImage(_message(head, shown, 0), head.stamp, image.completeness, pixels)
+        known, rms = image.completeness, self._video.error
+        decoded = DecodedImage(_message(head, shown, 0), head.stamp, None, pixels, known)
+        if math.isfinite(rms):
+            decoded.error = ImageError(rms, EIGHT_BITS)
+        else:
+            decoded.completeness = known
+        return decoded
 
     def _assembled(self, head: SimpleNamespace, image: PartialImage, settings: Settings, still: bool,
                    now: float) -> AssembledImage:
@@ -200,7 +207,8 @@ class ImageAssembler(StampedAssembler[Content, ShownImage]):
             assembled.changed = self._successive.changed(assembled.pixels, assembled.error.rms)
 
         if isinstance(assembled, DecodedImage) and settings['integrate'] != 'never':
-            assembled.changed = self._successive.changed(assembled.pixels, VIDEO_ERROR)
+            rms = VIDEO_ERROR if assembled.error is None else assembled.error.rms
+            assembled.changed = self._successive.changed(assembled.pixels, rms)
 
     def holding(self) -> Optional[Holding]:
         return self._held

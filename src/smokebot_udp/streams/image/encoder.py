@@ -7,12 +7,12 @@ from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Tuple
 from sensor_msgs.msg import CameraInfo, Image
 
 from ... import traffic
-from ...codecs.video.pyav import installed
 from ...codecs.wire import pixels
 from ...congestion.operating_points import OperatingPoint
 from ...mission.parameters import Parameter
 from ...mission.settings import Settings
 from ...msg import CameraInfoSegment, ImageSegment, LayeredSegment, VideoSlice
+from ...optional import found
 from ...udpros.frame import Frame
 from ..codec import Codec, ImportedCodec
 from ..encoder import Encoder, Sizing
@@ -22,7 +22,7 @@ from ..segments import INFO, LAYERS, MAIN_PART, VIDEO, size_on_air
 from .camera_info import SETTING, info_topic
 from .coding_choice import CodingChoice, Conditions
 from .held_by_all import HeldByAll
-from .image_size import Grant, grant, period_of
+from .image_size import Bound, Grant, grant, period_of
 from .info_sender import InfoSender
 from .interleaved_encoder import InterleavedImages
 from .pixel_layers import cannot_be_layered
@@ -113,7 +113,7 @@ class ImageEncoder(Encoder[Any]):
         parse(settings['region'])
 
     def parts(self, settings: Settings) -> Sequence[str]:
-        further = {'interleaved': [], 'h264': [LAYERS] + [VIDEO] * installed()}.get(settings['coding'], [LAYERS])
+        further = {'interleaved': [], 'h264': [LAYERS] + [VIDEO] * found('av')}.get(settings['coding'], [LAYERS])
         return [MAIN_PART, *further, *([INFO] if self._infos is not None else [])]
 
     def sources(self, settings: Mapping[str, Any]) -> Dict[str, Any]:
@@ -160,7 +160,8 @@ class ImageEncoder(Encoder[Any]):
         else:
             frames = self._layered.encode(message, settings, max_datagram_size, self.outlook, granted,
                                           (self.operators(LAYERS), began))
-            self._choice.took(self._clock() - began)
+            wished = self._layered.bound is Bound.MAX_QUALITY
+            self._choice.took(self._clock() - began, 0.0 if wished else self._layered.error)
         self.backlog, self.base = self._used.BACKLOG, self._used.base
         self.message_size = size_on_air(frames) or self.message_size
         self.sizing = Sizing(self._used.CODING, granted.size, size_on_air(frames), self._used.bound.value,
@@ -170,7 +171,8 @@ class ImageEncoder(Encoder[Any]):
     def _grant(self, settings: Settings) -> Grant:
         """What a compressed image may take on the air."""
         rest = max(self.waiting - self._used.coding_time, 0.0)      # what is left once this image is coded
-        return grant(settings, self.outlook.room, period_of(settings, self.source_rate or math.inf),
+        room = self.outlook.room * self.outlook.gain()
+        return grant(settings, room, period_of(settings, self.source_rate or math.inf),
                      rest if rest <= (self._used.BACKLOG or 0.0) else 0.0)      # what takes longer is not awaited
 
     def _add_info(self, infos: InfoSender, source: SourceImage, scale: int, datagram_size: int) -> None:
@@ -198,7 +200,7 @@ class ImageEncoder(Encoder[Any]):
         reason = cannot_be_video(message, settings['scale'])
         if reason is not None:
             raise ValueError('coding is h264, but ' + reason)
-        if not installed():
+        if not found('av'):
             self.warnings.append(MISSING)
             return False
         if not self._codec.ready() or not self._is_heard():
@@ -247,12 +249,15 @@ class ImageEncoder(Encoder[Any]):
             return True
         height, width = _reduced(message, settings)
         raw = RAW_OVERHEAD * height * width * pixels.item_type(message.encoding).itemsize
+        now = self._clock()
         conditions = Conditions(
             raw if raw <= (settings['max_bytes'] or math.inf) else math.inf, self.outlook.room,
             self.outlook.loss(0.5) if self.outlook.air.known else None,
-            1 / min(settings.requested['rate'], self.source_rate or math.inf))
-        self._size_wished = raw if self._choice.is_possible(conditions) else 0.0
-        return self._choice.update(conditions, self._clock())
+            1 / min(settings.requested['rate'], self.source_rate or math.inf),
+            pixels.pixel_type(message.encoding)[0].itemsize == 1)
+        layered = self._choice.update(conditions, now)
+        self._size_wished = raw if self._choice.is_possible(conditions, now) else 0.0
+        return layered
 
     def _has_room(self, message: Any, settings: Settings) -> bool:
         """Whether an image is video because the link has room for it, or because it cannot be layered."""

@@ -11,7 +11,9 @@ from typing import Any, Callable, Collection, Iterable, List, NamedTuple, Option
 import numpy as np
 
 from ...arrays import Array
+from ...codecs.layered import quality
 from ...codecs.video import rate as video_rate
+from ...codecs.video.coded_error import CodedError
 from ...codecs.video.decoder_request import MAX_BYTES
 from ...codecs.video.encoder import LEAST_ROOM, LEAST_SIZE, EncodedImage, VideoEncoder, check_library
 from ...codecs.video.protection import LENGTH_BYTES, MAX_PIECES, protect
@@ -90,6 +92,8 @@ class _Coder:
     def __init__(self, shape: Tuple[int, ...], room: int) -> None:
         self.shape, self.room = shape, room
         self.control = video_rate.SizeControl()
+        self.error = math.inf
+        """Rms of the last image; inf: not known [count]."""
         self._openings = video_rate.Openings()
 
     def prepare(self, plan: video_rate.Plan) -> None:
@@ -100,6 +104,7 @@ class _Coder:
         assert opening is not None
         encoding = 'bgr8' if len(self.shape) > 2 else 'mono8'
         self._encoder = VideoEncoder(self.shape[0], self.shape[1], encoding, opening.size, self.room, opening.refresh)
+        self._error = CodedError(self.shape[0], self.shape[1], len(self.shape) > 2)
         self.control = video_rate.SizeControl()
 
     @property
@@ -116,7 +121,10 @@ class _Coder:
         assert opening is not None
         # libx264 follows later only where it began with the size that it was opened for
         asked = min(max(self.control.asked(size), LEAST_SIZE), opening.size) if self._openings.age else opening.size
-        return self._encoder.encode(source.pixels, asked, intra)
+        coded = self._encoder.encode(source.pixels, asked, intra)
+        square = self._error.mean_square(coded, source.pixels)
+        self.error = math.inf if square is None else math.sqrt(square)
+        return coded
 
 
 class _Image(NamedTuple):
@@ -125,6 +133,8 @@ class _Image(NamedTuple):
     picture: int
     refresh: int
     coded: EncodedImage
+    error: float
+    """Rms of its coding; inf: not known [count]."""
     pieces: List[bytes]
     """Its slices, and the parity pieces."""
 
@@ -199,6 +209,7 @@ class VideoImages(CompressedImages):
             self._requests.serve(operators, now)
             intra = self._requests.wanted()
         coded = coder.encode(source, plan.division.size, intra)
+        self.error = coder.error
         beginning = coded.intra and coder.refresh > video_rate.EACH
         if beginning or not self._pictures:     # who loses it holds nothing that the next ones are predicted from
             self._number, self._pictures = self._new_session(), 0
@@ -209,7 +220,7 @@ class VideoImages(CompressedImages):
             scene = scene._replace(change=LOST_BEGINNING, refresh=2 * scene.refresh)
         most = max(MAX_WAIT * outlook.room, TOO_LARGE * budget)
         planned = _beginning_parities(slices, most, sizes, plan.division) if beginning else plan.division.parities
-        image = _Image(self._number, self._pictures, coder.refresh, coded,
+        image = _Image(self._number, self._pictures, coder.refresh, coded, coder.error,
                        slices + _parity(slices, budget, planned, sizes, scene, link))
         self._pictures += 1
         frames = list(_frames(message, source, image, texts))
@@ -317,6 +328,7 @@ def _frames(message: Any, source: Layerable, image: _Image, texts: Tuple[bytes, 
         records['session'], records['picture'] = image.session, image.picture
         records['sources'], records['count'], records['index'] = sources, len(image.pieces), indexes
         records['flags'], records['refresh'] = INTRA if image.coded.intra else 0, image.refresh
+        records['error'] = quality.to_byte(image.error)
         records['parameter_sets'] = as_bytes(sets[:length])
         records['data'] = [as_bytes(image.pieces[index]) for index in indexes]
         yield frame

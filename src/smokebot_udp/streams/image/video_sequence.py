@@ -11,13 +11,17 @@ last good image stays, with its age.
 Images from then on are reported as held. Where they do not go on, the robot sends an image that is not predicted from
 others (refresh_requests.py).
 """
+import math
 from types import SimpleNamespace
 from typing import Counter, Mapping, Optional, Protocol
 
 from ...arrays import UInt8Array
+from ...codecs.layered.quality import UNKNOWN as UNKNOWN_ERROR
+from ...codecs.layered.quality import from_byte
 from ...codecs.video.decoder_request import Request
 from ..held import Holding
 from .video import INTRA, VideoImage
+from .video_error import VideoError
 
 UNKNOWN = 0.1
 """Of the parts."""
@@ -57,6 +61,9 @@ class VideoSequence:
         self._renewed = 0.0                     # of these since then
         self._began = False                     # whether images are shown
         self._parameter_sets = b''              # of the session, as received last
+        self._error = VideoError()
+        self.error = math.inf
+        """Estimated rms error of the last image; inf: not known [count]."""
         self.holding: Optional[Holding] = None
         """The newest images that are held; None: there was no image."""
 
@@ -78,9 +85,15 @@ class VideoSequence:
             self._begin_anew()
             return None
         self._refresh(head, lost, image.completeness)
+        self._estimate(head, pixels, lost, image.completeness)
         if not self._began:
             self.dropped['before refresh'] += 1
         return pixels if self._began else None
+
+    def _estimate(self, head: SimpleNamespace, pixels: UInt8Array, lost: int, share: float) -> None:
+        """Estimate the error of an image; of each, as what is missing in one is missing in the next ones."""
+        damage = self._error.add(pixels, share, lost, bool(head.flags & INTRA), head.refresh)
+        self.error = math.inf if head.error == UNKNOWN_ERROR else math.sqrt(from_byte(head.error) ** 2 + damage)
 
     def _follow(self, head: SimpleNamespace) -> int:
         """The number of images lost between the last one and this one; 0 for the first of a session."""
@@ -95,6 +108,7 @@ class VideoSequence:
 
     def _begin_anew(self) -> None:
         self._missing, self._renewed, self._began = 1.0, 0.0, False
+        self._error.begin()
         self.holding = Holding(self._session or 0, ())
 
     def _refresh(self, head: SimpleNamespace, lost: int, share: float) -> None:

@@ -24,8 +24,9 @@ PARAMETERS = {
     'old_after': Parameter(0.5, 's', 'age from which the frame is yellow', above=0.0, most=3600.0, live=True),
     'frozen_after': Parameter(2.0, 's', 'age from which the frame is red and the image grey', above=0.0, most=3600.0,
                               live=True),
-    'least_psnr': Parameter(20.0, 'dB', 'estimated PSNR of a layered image below which the frame is yellow; with a '
-                            'colour map it is relative to the range of the colours', least=0.0, most=100.0, live=True),
+    'least_psnr': Parameter(20.0, 'dB', 'estimated PSNR of a layered or video image below which the frame is yellow; '
+                            'with a colour map it is relative to the range of the colours', least=0.0, most=100.0,
+                            live=True),
     'least_complete': Parameter(0.5, '', 'share of received pixels below which the frame is yellow', least=0.0,
                                 most=1.0, live=True),
 }

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Relayed messages, published as they are; latched ones together with all earlier ones, where they make one message."""
-from typing import Any, Mapping, Optional
+from typing import Any, Iterable, Iterator, Mapping, Optional, Sequence
 
 from ...msg import RelaySegment
 from ..assembler import Assembled, Assembler, Clock, no_clock
@@ -10,6 +10,7 @@ from ..segments import MAIN_PART
 from .contents import QUEUE, Contents, kept_together, stamp_of
 from .parameters import RELAY
 from .parts import PartJoiner, carried
+from .repeats import MessageOrder
 
 
 class RelayAssembler(Assembler[None, Assembled]):
@@ -29,21 +30,23 @@ class RelayAssembler(Assembler[None, Assembled]):
         self._merges = self.LATCH and kept_together(self.MESSAGE)
         self._parts = PartJoiner(self.MESSAGE)
         self.dropped = self._parts.dropped
+        self._order = MessageOrder(self.dropped)
         self._contents = Contents(self.MESSAGE)
         self._last: Any = None      # message with all of them
 
-    def join(self, segment: Any) -> Optional[Any]:
+    def join(self, segment: Any) -> Sequence[Any]:
         different = self.dropped['checksum']
         data = self._parts.add(segment)
         if self.dropped['checksum'] > different:
             self.warnings.append('a message is not a %s as it is installed here' % self.MESSAGE._type)
-        if data is None:
-            return None
-        try:
-            return self.MESSAGE().deserialize(data)
-        except Exception:   # genpy's readers raise DeserializationError, UnicodeError, ... on hostile bytes
-            self.dropped['message'] += 1
-            return None
+        return [] if data is None else list(self._messages(self._order.add(segment.number, data, segment.before)))
+
+    def _messages(self, found: Iterable[bytes]) -> Iterator[Any]:
+        for data in found:
+            try:
+                yield self.MESSAGE().deserialize(data)
+            except Exception:   # genpy's readers raise DeserializationError, UnicodeError, ... on hostile bytes
+                self.dropped['message'] += 1
 
     def forward(self, message: Any) -> Optional[Assembled]:
         if self._merges:

@@ -4,8 +4,10 @@
 The newest content of each name is sent (contents.py): of each publisher and frame the newest message, of diagnostics
 the newest status of each name. Transforms of many publishers go in one message, as many as fit a datagram. Latched
 messages are repeated, for lost datagrams and late subscribers, short ones less and less often. Only short messages are
-sent before all others; a stream of longer ones has a share of the link, as images have.
+sent before all others, and each repeats the one before (repeats.py); a stream of longer ones has a share of the link,
+as images have.
 """
+import math
 from typing import Any, ClassVar, List, Mapping, Optional, Sequence
 
 from ...congestion.operating_points import OperatingPoint, rate_points
@@ -20,7 +22,8 @@ from ..parameters import ROBOT
 from ..segments import MAIN_PART, room, size_on_air
 from .contents import QUEUE, Contents, kept_together, publisher_of
 from .parameters import RELAY
-from .parts import carried, relay_frame
+from .parts import carried
+from .repeats import COPIED_AFTER, COPIED_LOSS, RepeatedMessages
 
 MAX_PROTECTED_DATAGRAMS, MAX_PROTECTED_TOGETHER = 4, 32
 """A stream is PROTECTED until the first message that takes more, and until as many leave together."""
@@ -39,6 +42,7 @@ class RelayEncoder(Encoder[Contents]):
     """Sends the newest content of each name at most `rate` times a second; with `latch` the newest message, or all
     contents until now where they make one message.
 
+    :param number: of the first message; a random one, as operators take a restarted node's for old otherwise
     :raises ValueError: where the message type is unknown
     """
     SEGMENTS: ClassVar[Mapping[str, Any]] = {MAIN_PART: RelaySegment}
@@ -52,7 +56,7 @@ class RelayEncoder(Encoder[Contents]):
                                above=0.0, most=1.0, live=True),
     }
 
-    def __init__(self, settings: Mapping[str, Any]) -> None:
+    def __init__(self, settings: Mapping[str, Any], number: int = 0) -> None:
         super().__init__(settings)
         self.MESSAGE = message_class(settings['message_type'])
         self.CARRIES = carried(self.MESSAGE)
@@ -61,6 +65,7 @@ class RelayEncoder(Encoder[Contents]):
         self._together = self.KEEPS and kept_together(self.MESSAGE)
         self._repeats = 0               # of the last message, while it takes one datagram
         self._longest_warned = 1        # datagrams of the longest message that was warned of
+        self._repeated = RepeatedMessages(lambda size, datagram: self.afford(size, datagram), number)
         self._limited = 0               # messages in a row that left at less than the requested rate
 
     def merge(self, waiting: Optional[Contents], message: Any) -> Contents:
@@ -85,13 +90,18 @@ class RelayEncoder(Encoder[Contents]):
 
     def repeat_period(self, settings: Settings) -> Optional[float]:
         if not self.KEEPS:
-            return None
+            if not (self._copies and self._repeated.pending):
+                return None
+            rate: float = min(self.source_rate or math.inf, settings['rate'])
+            return COPIED_AFTER / rate
         shortest: float = max(1.0 / settings['repeat_rate'], 1.0 / settings['rate'])
         doubled: float = shortest * 2 ** min(self._repeats, MAX_DOUBLINGS)
         return max(shortest, min(doubled, LONGEST_REPEAT))
 
     def repeat(self, settings: Settings, max_datagram_size: int) -> Sequence[Frame]:
-        if not self.KEEPS or self._kept is None:
+        if not self.KEEPS:
+            return self._repeated.copies(max_datagram_size) if self._copies else ()
+        if self._kept is None:
             return ()
         frames = self._frames(self._kept, max_datagram_size)
         self._repeats += max(map(len, frames), default=0) == 1
@@ -104,6 +114,11 @@ class RelayEncoder(Encoder[Contents]):
         repeat_rate = min(settings.requested['repeat_rate'], settings.requested['rate'])
         return [OperatingPoint({'repeat_rate': point.settings['rate']}, point.cost)
                 for point in rate_points(repeat_rate, self.message_size, self.LEAST['repeat_rate'])]
+
+    @property
+    def _copies(self) -> bool:
+        """Whether datagrams are copied. A loss that is unknown is NaN."""
+        return self.loss >= COPIED_LOSS
 
     def _with_kept(self, new: Contents) -> Contents:
         contents = Contents(self.MESSAGE)
@@ -122,7 +137,7 @@ class RelayEncoder(Encoder[Contents]):
         # of markers, for one, the order matters: those that are kept cross as one message
         whole = self._together and not (contents.cut or contents.empty)
         messages = [contents.merged()] if whole else contents.messages(longest)
-        return [relay_frame(message, max_datagram_size) for message in messages]
+        return self._repeated.frames(messages, max_datagram_size, self.PROTECTED and not self.KEEPS)
 
     def _protect(self, datagrams: int, together: int, settings: Settings) -> None:
         """Warn of a long message, and of a stream whose share of the link is too small; a long one is not PROTECTED.

@@ -38,17 +38,29 @@ def relay_frame(message: Any, max_datagram_size: int) -> Frame:
     :param max_datagram_size: [byte of UDP payload]
     :raises ValueError: where it is longer than MAX_MESSAGE_SIZE, or than MAX_PARTS segments
     """
-    data = serialised(message)
-    length = len(data)
-    packed = pack(data)
+    return packed_frame(message._md5sum, pack(serialised(message)), max_datagram_size)
+
+
+def packed_frame(md5sum: str, packed: bytes, max_datagram_size: int, number: int = 0, before: bytes = b'') -> Frame:
+    """The segments that carry a packed ROS message.
+
+    :param md5sum: of its type
+    :param max_datagram_size: [byte of UDP payload]
+    :param number: of the message
+    :param before: repeats the one before, where both fit in one segment
+    :raises ValueError: where it is longer than MAX_MESSAGE_SIZE, or than MAX_PARTS segments
+    """
     size = len(packed)
+    length = size - UNPACKED
     parts = max(1, -(-size // room(RelaySegment, max_datagram_size)))
     if length > MAX_MESSAGE_SIZE or parts > MAX_PARTS:
         raise ValueError('it has %d bytes, which take %d datagrams; must be %d bytes and %d datagrams at most' % (
             length, parts, MAX_MESSAGE_SIZE, MAX_PARTS))
     each = -(-size // parts)
-    frame = Frame(RelaySegment, parts, {'data': each})
-    frame.records['checksum'], frame.records['packed_size'] = typed_checksum(message._md5sum, packed), size
+    frame = Frame(RelaySegment, parts, {'data': each, 'before': len(before)})
+    frame.records['number'], frame.records['packed_size'] = number, size
+    frame.records['checksum'] = typed_checksum(md5sum, packed + before)
+    frame.records['before'] = np.frombuffer(before, np.uint8)
     frame.records['part'] = np.arange(parts)
     frame.records['data'] = np.frombuffer(packed.ljust(parts * each, b'\0'), np.uint8).reshape(parts, each)
     return frame
@@ -86,7 +98,7 @@ class PartJoiner:
             return None
         del self._partials[key]
         packed = b''.join(partial[index] for index in range(parts))[:size]
-        if typed_checksum(self._message_class._md5sum, packed) != segment.checksum:
+        if typed_checksum(self._message_class._md5sum, packed + segment.before) != segment.checksum:
             self.dropped['checksum'] += parts
             return None
         try:

@@ -25,7 +25,7 @@ class ScanAssembler(StampedAssembler[ScanParts, Assembled]):
     """Makes one scan of each stamp's parts."""
     MESSAGE, SEGMENTS = numpy_msg(LaserScan), {MAIN_PART: ScanSegment}
     QUEUE_SIZE = MAX_SOURCES
-    HEADS = {MAIN_PART: FIXED + ('total', 'parts', 'range_size', 'intensity_size')}
+    HEADS = {MAIN_PART: FIXED + ('total', 'parts', 'range_size', 'intensity_size', 'step')}
     PARAMETERS = {
         **StampedAssembler.PARAMETERS,
         'max_wait': Parameter(0.1, 's', 'longest time from the first part of a scan until the scan is published',
@@ -38,14 +38,17 @@ class ScanAssembler(StampedAssembler[ScanParts, Assembled]):
         for field in FIXED:
             if math.isnan(getattr(head, field)):
                 raise ValueError('%s is NaN' % field)
-        return ScanParts(head.total, head.parts, head.range_size, head.intensity_size)
+        return ScanParts(head.total, head.parts, head.range_size, head.intensity_size, head.step)
 
     def parts(self, records: Records, part: str) -> Tuple[Any, ...]:
         return records['part'].astype(int), records['ranges'], records['intensities']
 
     def assemble(self, finished: Frame[ScanParts], settings: Settings, still: bool, now: float) -> Assembled:
         head, scan = finished.head, finished.content
-        ranges, intensities, (first, step) = scan.merge(settings['gaps'])
+        try:
+            ranges, intensities, (first, step) = scan.merge(settings['gaps'])
+        finally:
+            self.dropped['broken'] += scan.broken
         if intensities is None:
             intensities = np.zeros(0, np.float32)
         message = self.MESSAGE(header=header_of(head), ranges=ranges, intensities=intensities,

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Scan streams: sensor_msgs/LaserScan, even and odd indexes apart (D6.3, section 6.2)."""
+import itertools
 import math
 from typing import Any, Dict, List, Mapping, Tuple
 
 import numpy as np
 from sensor_msgs.msg import LaserScan
 
-from ...codecs.wire import scan
+from ...codecs.wire.scan import MICROMETRES, write_scan
 from ...mission.parameters import Parameter
 from ...mission.settings import Settings
 from ...msg import ScanSegment
@@ -14,7 +15,7 @@ from ...numpy_messages import numpy_msg
 from ...udpros.frame import Frame
 from ..encoder import Encoder
 from ..parameters import ROBOT
-from ..segments import MAIN_PART, room, size_on_air, write_header
+from ..segments import MAIN_PART, as_bytes, room, size_on_air, write_header
 from .fields import FIXED
 
 ANGLES = 'angle_min', 'angle_max', 'angle_increment'
@@ -23,17 +24,21 @@ NEUTRAL = {'time_increment': 0.0, 'scan_time': 0.0, 'range_min': 0.0, 'range_max
 
 
 class ScanEncoder(Encoder[Any]):
-    """Sends each scan in two datagrams, each of which covers the whole field of view."""
+    """Sends each scan in two datagrams, each of which covers the whole field of view and is useful alone."""
     MESSAGE, SEGMENTS = numpy_msg(LaserScan), {MAIN_PART: ScanSegment}
     PARAMETERS = {
         **ROBOT,
+        'resolution': Parameter(0.001, 'm', 'ranges are rounded to multiples of this: the resolution of the sensor',
+                                least=0.0001, most=1.0, live=True),
+        'exact': Parameter(False, '', 'send the ranges as they are, in 2 to 4 times the bytes', live=True),
         'intensity': Parameter(False, '', 'send intensities, where the scan has them', live=True),
     }
 
     def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Frame]:
         message, problems = corrected(message)
         self.warnings += problems
-        frames = scan_frames(message, settings['intensity'], max_datagram_size)
+        step = 0 if settings['exact'] else round(MICROMETRES * settings['resolution'])
+        frames = scan_frames(message, settings['intensity'], max_datagram_size, step)
         self.message_size = size_on_air(frames)
         return frames
 
@@ -89,36 +94,33 @@ def _angles(found: Mapping[str, float], count: int) -> Dict[str, float]:
     return {'angle_min': low, 'angle_max': high if agrees else end, 'angle_increment': step}
 
 
-def scan_frames(message: Any, with_intensity: bool, max_datagram_size: int) -> List[Frame]:
+def scan_frames(message: Any, with_intensity: bool, max_datagram_size: int, step: int) -> List[Frame]:
     """The frames that carry a LaserScan.
 
     :param message: as of `corrected`
     :param max_datagram_size: [byte of UDP payload]
+    :param step: of ranges, as of write_scan [um]
     :raises ValueError: where one range does not fit in a datagram
     """
-    ranges = scan.write_ranges(np.asarray(message.ranges, np.float32))
-    intensities = (scan.write_intensities(np.asarray(message.intensities, np.float32))
-                   if with_intensity and len(message.intensities) else np.zeros((len(ranges), 0), np.uint8))
+    intensities = np.asarray(message.intensities, np.float32) if with_intensity and len(message.intensities) else None
     frame_id = message.header.frame_id.encode()
-    left = room(ScanSegment, max_datagram_size, frame_id)
-    parts = scan.fit(len(ranges), ranges.shape[1] + intensities.shape[1], left)
-    frames = []
-    # the first parts may be one value longer than the others, and all messages of a frame have one size
-    longer = len(ranges) % parts
-    for some in (range(longer or parts), range(longer, parts) if longer else range(0)):
-        if not len(some):
-            continue
-        count = -(-(len(ranges) - some[0]) // parts)
-        frame = Frame(ScanSegment, len(some), {
-            'header.frame_id': len(frame_id), 'ranges': count * ranges.shape[1],
-            'intensities': count * intensities.shape[1]})
+    written = write_scan(np.asarray(message.ranges, np.float32), intensities,
+                         room(ScanSegment, max_datagram_size, frame_id), step, (message.range_min, message.range_max))
+    frames, number = [], 0
+    # all messages of a frame have one size
+    for sizes, some in itertools.groupby(written.parts, lambda part: tuple(map(len, part))):
+        parts = list(some)
+        frame = Frame(ScanSegment, len(parts), {
+            'header.frame_id': len(frame_id), 'ranges': sizes[0], 'intensities': sizes[1]})
         records = frame.records
         write_header(records, message.header)
         for field in FIXED:
             records[field] = getattr(message, field)
-        records['total'], records['parts'], records['part'] = len(ranges), parts, some
-        records['range_size'], records['intensity_size'] = ranges.shape[1], intensities.shape[1]
-        for record, part in zip(records, some):
-            record['ranges'], record['intensities'] = ranges[part::parts].ravel(), intensities[part::parts].ravel()
+        records['total'], records['parts'] = len(message.ranges), len(written.parts)
+        records['part'] = number + np.arange(len(parts))
+        records['range_size'], records['intensity_size'], records['step'] = written[:3]
+        for record, part in zip(records, parts):
+            record['ranges'], record['intensities'] = map(as_bytes, part)
         frames.append(frame)
+        number += len(parts)
     return frames

@@ -27,6 +27,9 @@ from .fans import FanCache
 Scan = numpy_msg(LaserScan)
 SELECT = ('obstacle', 'landmark')
 
+STEP = 1000
+"""Of ranges on the wire, which are multiples of it: they stay exact [um]."""
+
 
 class VirtualScanEncoder(Encoder[Any]):
     """Makes a scan of each cloud, and sends it.
@@ -83,6 +86,6 @@ class VirtualScanEncoder(Encoder[Any]):
         return scan
 
     def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Frame]:
-        frames = scan_frames(message, False, max_datagram_size)
+        frames = scan_frames(message, False, max_datagram_size, STEP)
         self.message_size = size_on_air(frames)
         return frames

@@ -11,6 +11,7 @@ from ...codecs.perception import virtual_scan
 from ...codecs.perception.ground import GroundFinder
 from ...codecs.wire.points import read_cloud
 from ...frame_names import frame_name, unknown_transform
+from ..codec import Codec, ImportedCodec
 
 FAN_SETTINGS = ('base_frame', 'mount_height', 'mount_roll', 'mount_pitch', 'min_height', 'slope', 'range_min',
                 'range_max')
@@ -52,10 +53,11 @@ class FanCache:
 
     :param lookup: transforms clouds to `base_frame`; where it knows none, the settings of the mount are used; None:
         there is no tf
+    :param codec: of the ground's plane
     """
 
-    def __init__(self, lookup: Optional[Lookup] = None) -> None:
-        self._lookup = lookup
+    def __init__(self, lookup: Optional[Lookup] = None, codec: Optional[Codec] = None) -> None:
+        self._lookup, self._codec = lookup, codec or ImportedCodec()
         self._lock = threading.Lock()
         self._message: Any = None
         self._settings: List[Any] = []
@@ -96,5 +98,6 @@ class FanCache:
         place = frame_name(frame), height
         if place != self._place:
             self._place, self._finder = place, GroundFinder(height)
-        return Levelled(virtual_scan.fan(points, self._finder.find(points), tolerance=min_height, slope=slope,
+        plane = self._finder.find(points, self._codec.ready())
+        return Levelled(virtual_scan.fan(points, plane, tolerance=min_height, slope=slope,
                                          range_min=range_min, range_max=range_max), frame, problems)

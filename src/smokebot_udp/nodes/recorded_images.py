@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Publishes what the black box records of images, see streams/recorded_images.py, and when each of them arrived.
+
+Compressing has a thread of low priority: what is sent and shown comes first.
+"""
+import os
+import threading
+import time
+from typing import Any, Callable, Dict, Iterable, List
+
+import rospy
+from sensor_msgs.msg import CompressedImage, Image
+from std_msgs.msg import Header
+
+from .. import udpros
+from ..streams.recorded_images import Backlog, RawRate, recorded
+from .any_type import class_of, read
+
+ARRIVED, IMAGES = '~arrived', '~images'
+"""Beginnings of the topics on which the arrival and the image of a topic are recorded."""
+
+NICE = 10
+"""Of the thread."""
+
+BUFFER = 1 << 24
+"""Of the subscribers: an image of the largest size [byte]."""
+
+
+def topics_of(topic: str) -> List[str]:
+    """What is recorded of a topic of images; ~ is the black box."""
+    return [ARRIVED + topic, IMAGES + topic, IMAGES + topic + '/compressed']
+
+
+class RecordedImages:
+    """Runs it until `close`.
+
+    :param topics: of the images
+    :param warn: f(text), called where images are left out, or are none
+    """
+
+    def __init__(self, topics: Iterable[str], warn: Callable[[str], object]) -> None:
+        self._warn, self._backlog, self._raw = warn, Backlog(), RawRate()
+        self._news, self._ended = threading.Condition(), False
+        self._told: Dict[str, int] = {}     # how many were left out, as warned of
+        self._publishers: Dict[str, Dict[Any, Any]] = {}
+        self._subscribers: List[Any] = []
+        for topic in topics:
+            arrived, raw, compressed = topics_of(topic)
+            self._publishers[topic] = {Header: udpros.Publisher(arrived, Header, queue_size=100),
+                                       Image: udpros.Publisher(raw, Image, queue_size=2),
+                                       CompressedImage: udpros.Publisher(compressed, CompressedImage, queue_size=20)}
+            self._subscribers.append(rospy.Subscriber(topic, rospy.AnyMsg, self._take, topic, queue_size=2,
+                                                      buff_size=BUFFER))
+        self._thread = threading.Thread(target=self._run, name='images', daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """End the thread."""
+        with self._news:
+            self._ended = True
+            self._news.notify()
+
+    def _take(self, message: Any, topic: str) -> None:
+        """A message of a camera; rospy's thread."""
+        try:
+            image = read(message, class_of(message, (Image, CompressedImage)))
+        except ValueError as error:
+            self._warn('%s is not recorded: %s' % (topic, error))
+            return
+        self._publishers[topic][Header].publish(image.header)
+        with self._news:
+            self._backlog.add(topic, image, len(image.data))
+            self._news.notify()
+
+    def _run(self) -> None:
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICE)
+        while True:
+            with self._news:
+                self._news.wait_for(lambda: self._ended or self._next())
+                if self._ended:
+                    return
+                (topic, image), self._found = self._found, None
+                left_out, hurries = dict(self._backlog.left_out), self._backlog.hurries
+            if left_out != self._told:
+                self._told = left_out
+                self._warn('the processor is too slow to record all images. Left out until now are %s; '
+                           'record_streams:= chooses fewer streams' % ', '.join(
+                               '%d of %s' % (count, name) for name, count in left_out.items()))
+            raw = hurries and self._raw.take(len(image.data), time.monotonic())
+            made = image if raw else recorded(image)
+            self._publishers[topic][type(made)].publish(made)
+
+    _found: Any = None
+
+    def _next(self) -> bool:
+        self._found = self._backlog.take()
+        return self._found is not None

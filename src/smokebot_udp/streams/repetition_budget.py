@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What a robot may send to protect its short messages: a part of the link, in a token bucket. Times are arguments."""
+import math
+from typing import Optional
+
+SHARE = 0.03
+"""Of the link's rate: what the streams with a share of it, such as images, hardly miss."""
+
+SPAN = 1.0
+"""What was not used within this time is lost [s]."""
+
+RESERVED = 0.5
+"""Of a full bucket, for repetitions within datagrams: a byte of them helps more than one of a datagram of its own."""
+
+
+class RepetitionBudget:
+    """A token bucket; without a rate everything is granted."""
+
+    def __init__(self) -> None:
+        self._rate = math.inf   # [byte/s]
+        self._level, self._at = 0.0, -math.inf
+
+    def set_rate(self, rate: Optional[float], now: float) -> None:
+        """Follow the link.
+
+        :param rate: of it; None: unlimited [byte/s]
+        :param now: by a steady clock [s]
+        """
+        self._fill(now)
+        self._rate = math.inf if rate is None else SHARE * rate
+
+    def take(self, size: int, now: float, can_wait: bool) -> bool:
+        """Whether so much may be sent; then it counts as sent.
+
+        :param size: [byte]
+        :param can_wait: not from what is reserved
+        """
+        if self._rate == math.inf:
+            return True
+        self._fill(now)
+        if self._level - size < (RESERVED * SPAN * self._rate if can_wait else 0.0):
+            return False
+        self._level -= size
+        return True
+
+    def _fill(self, now: float) -> None:
+        if self._rate < math.inf:
+            self._level = min(self._level + self._rate * max(0.0, now - self._at), SPAN * self._rate)
+        self._at = now
