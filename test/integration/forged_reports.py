@@ -5,7 +5,7 @@ import contextlib
 
 import rospy
 
-from smokebot_udp import udpros
+from smokebot_udp import udpros, version
 from smokebot_udp.msg import ArrivalMark, LinkReport, StreamArrivals
 
 MOST = (1 << 32) - 1
@@ -21,7 +21,7 @@ FORGED = (
 
 def main() -> None:
     rospy.init_node('forger')
-    publisher = udpros.Publisher('/smokebot_udp/link/report', LinkReport, queue_size=10)
+    publisher = udpros.Publisher('/smokebot_udp/link/report', LinkReport, queue_size=10, headers=version.headers())
     rate = rospy.Rate(50)
     while not rospy.is_shutdown():
         for report in FORGED:

@@ -7,7 +7,7 @@ from typing import Any, Callable, List
 import rosgraph
 from waiting import errors_logged, is_sent_here, wait_for
 
-from smokebot_udp import udpros
+from smokebot_udp import udpros, version
 
 LOSSES = {0: '/operator', 50: '/loss50', 90: '/loss90'}
 """{loss [%]: where a receiver with that loss publishes}"""
@@ -44,7 +44,8 @@ class StreamsCase(unittest.TestCase):
 
     def flood(self, stream: str, message_class: Any, forge: Callable[[], Any], count: int = 300) -> None:
         """Send forged segments to all receivers of a stream."""
-        hostile = udpros.Publisher('/smokebot_udp/%s/segments' % stream, message_class, queue_size=10)
+        hostile = udpros.Publisher('/smokebot_udp/%s/segments' % stream, message_class, queue_size=10,
+                                   headers=version.headers())
         wait_for(lambda: len(hostile.connections()) == len(LOSSES), what='the receivers')
         for _ in range(count):
             hostile.publish(forge())

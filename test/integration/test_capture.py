@@ -21,7 +21,7 @@ from tf2_msgs.msg import TFMessage
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from waiting import Collector, errors_logged, give_time, wait_for
 
-from smokebot_udp import udpros
+from smokebot_udp import udpros, version
 from smokebot_udp.msg import CapturePiece, CaptureProgress, CaptureRequest
 from smokebot_udp.srv import Capture
 
@@ -194,8 +194,10 @@ class CaptureStreams(unittest.TestCase):
             self.assertEqual(response.file, '')
 
     def test_forged_messages_harm_nobody(self) -> None:
-        requests = udpros.Publisher('/smokebot_udp/capture/request', CaptureRequest, queue_size=10)
-        pieces = udpros.Publisher('/smokebot_udp/capture/pieces', CapturePiece, queue_size=10)
+        requests = udpros.Publisher('/smokebot_udp/capture/request', CaptureRequest, queue_size=10,
+                                    headers=version.headers())
+        pieces = udpros.Publisher('/smokebot_udp/capture/pieces', CapturePiece, queue_size=10,
+                                  headers=version.headers())
         wait_for(lambda: requests.connections() and len(pieces.connections()) == 2, what='the nodes')
         forged = random.Random(1)
         for _ in range(200):

@@ -21,7 +21,7 @@ from sensor_msgs.msg import Image
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from waiting import Collector, errors_logged, give_time, stamps, undisturbed, wait_for
 
-from smokebot_udp import udpros
+from smokebot_udp import udpros, version
 from smokebot_udp.codecs.display.view import COLOURS, FRESH, FROZEN, OLD
 from smokebot_udp.codecs.wire.pixels import item_type
 from smokebot_udp.msg import ImageSegment
@@ -285,7 +285,8 @@ class ImageStreams(unittest.TestCase):
 
     @undisturbed(FIRST_MARGIN)
     def test_hostile_segments_change_nothing(self) -> None:
-        hostile = udpros.Publisher('/smokebot_udp/thermal/segments', ImageSegment, queue_size=10)
+        hostile = udpros.Publisher('/smokebot_udp/thermal/segments', ImageSegment, queue_size=10,
+                                   headers=version.headers())
         wait_for(lambda: len(hostile.connections()) == 3, what='the receivers')
         random = np.random.RandomState(5)
         picture = random.randint(0, 65536, (480, 640)).astype(np.uint16)

@@ -19,7 +19,7 @@ from nav_msgs.msg import OccupancyGrid
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from waiting import Collector, errors_logged, give_time, pid_at, undisturbed, wait_for
 
-from smokebot_udp import udpros
+from smokebot_udp import udpros, version
 from smokebot_udp.congestion.estimator import REPORT_INTERVAL
 from smokebot_udp.msg import LinkReport, MapTile
 from smokebot_udp.nodes.link_reporter import TOPIC
@@ -207,7 +207,7 @@ class TileStreams(unittest.TestCase):
         self.quiet()
         random = np.random.RandomState(3)
         shown = len(self.out.messages)
-        hostile = udpros.Publisher('/smokebot_udp/map/tiles', MapTile, queue_size=50)
+        hostile = udpros.Publisher('/smokebot_udp/map/tiles', MapTile, queue_size=50, headers=version.headers())
         self.addCleanup(hostile.unregister)
         wait_for(lambda: hostile.get_num_connections() > 0, what='the operator')
         for number in range(300):
