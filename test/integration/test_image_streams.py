@@ -181,6 +181,7 @@ class ImageStreams(unittest.TestCase):
         rospy.set_param(limit, 60.0)
         wait_for(lambda: inventions() > 0.3, what='pictures filled by kriging again')
 
+    @undisturbed(FIRST_MARGIN)
     def test_masks_tell_what_came(self) -> None:
         masks = {loss: Collector(topic, Image) for loss, topic in ((0, '/operator/thermal/mask'), (50, '/loss50/mask'))}
         for collector in masks.values():
@@ -200,6 +201,7 @@ class ImageStreams(unittest.TestCase):
             self.assertTrue(right[came].all())
             self.assertLess(right[~came].mean(), 0.01)
 
+    @undisturbed(FIRST_MARGIN)
     def test_a_standing_robots_picture_fills_in_and_a_moving_ones_is_new(self) -> None:
         odometry = Wheels()
         self.addCleanup(odometry.stop)
