@@ -41,6 +41,19 @@ def segments(frames: List[Any]) -> List[Any]:
     return [ImageSegment().deserialize(row[OVERHEAD:].tobytes()) for frame in frames for row in frame.rows]
 
 
+@pytest.mark.parametrize('coding, asked', [('auto', 1), ('layered', 1), ('h264', 1), ('interleaved', 0)])
+def test_the_codec_is_loaded_before_the_first_operator_comes(coding: str, asked: int) -> None:
+    looks = []
+
+    class Loading:
+        def ready(self) -> bool:
+            looks.append(coding)
+            return False
+
+    ImageEncoder(settings(coding=coding).requested, Loading())
+    assert len(looks) == asked
+
+
 def test_a_small_image_by_hand() -> None:
     """Depth 0: one subimage, which is the image."""
     segment, = segments(encoded(image(np.array([[1, 2], [3, 4]], np.uint8), encoding='mono8')))

@@ -107,6 +107,8 @@ class ImageEncoder(Encoder[Any]):
         self._used: Union[InterleavedImages, Any] = self._interleaved   # for the last image
         self._size_wished = 0.0     # of an interleaved image, where it would be or is one; 0: it would not be [byte]
         self._unheard_since = math.inf      # since when not all operators receive video [s]
+        if settings['coding'] != 'interleaved':
+            self._codec.ready()     # loading begins now: the first operator sees no raw pixels for a second
 
     @staticmethod
     def check(settings: Mapping[str, Any]) -> None:
