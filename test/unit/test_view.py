@@ -119,7 +119,7 @@ def test_an_age_that_is_only_the_least_possible_is_marked(monkeypatch) -> None:
 
 def test_what_is_wrong_is_marked() -> None:
     def black(strip: UInt8Array) -> List[bool]:
-        return [bool((strip[20:34, columns] == BLACK).all(axis=2).sum() > 300)
+        return [bool((strip[20:34, columns] == BLACK).all(axis=2).sum() > 900)       # a box, not letters
                 for columns in (slice(7, 140), slice(144, 270))]
     assert black(strip_of(0.1, 1.0)) == [False, False]
     assert black(strip_of(0.9, 1.0)) == [True, False]
@@ -227,6 +227,14 @@ def test_text_is_as_large_as_the_view(height, width, monkeypatch) -> None:
     coloured = Colouring(**KELVIN)(np.full((height, width), 7000, np.uint16), 'mono16', 0.0)
     view_width = framed(coloured, 0.12, 0.87, LIMITS).shape[1]
     assert min(heights[:2]) > view_width / 40 and min(heights) > view_width / 70
+
+
+def test_texts_are_as_large_where_the_size_of_a_text_is_that_of_its_line(monkeypatch) -> None:
+    """As in OpenCV 5: 27 pixels at scale 1, of which capitals have 22."""
+    text_size = cv2.getTextSize
+    shown = framed(GREY, 3.2, 1.0, LIMITS, silence=3.2)
+    monkeypatch.setattr(cv2, 'getTextSize', lambda *arguments: ((text_size(*arguments)[0][0], 27), 1))
+    assert np.array_equal(framed(GREY, 3.2, 1.0, LIMITS, silence=3.2), shown)
 
 
 def test_a_titled_image_looks_like_a_view_but_is_grey() -> None:

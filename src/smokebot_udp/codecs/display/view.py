@@ -27,6 +27,8 @@ SCALE_LEFT = 0.42
 """Where the scale begins, or a notice [width of the view]."""
 OUTLINE = 90
 """The banner's dark outline is this part of the view's width: a ninetieth."""
+CAPITALS = 22
+"""Height of a capital letter at scale 1 [pixel], in OpenCV 4 and 5. getTextSize of 5 gives the height of a line."""
 SKEW = 0.1
 """Up to this negative age is an error of the clocks [s]."""
 
@@ -208,7 +210,7 @@ def _draw_banner(image: UInt8Array, text: str) -> None:
 def write(image: UInt8Array, text: str, box: Box, colour: Colour) -> None:
     """Write a text in the middle of a box, as large as it fits."""
     column, row, width, height = box
-    (length, up), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 1.0, 1)
-    scale = min(0.96 * width / length, 0.55 * height / up)
-    at = int(column + (width - scale * length) / 2), int(row + (height + scale * up) / 2)
+    length = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 1.0, 1)[0][0]
+    scale = min(0.96 * width / length, 0.55 * height / CAPITALS)
+    at = int(column + (width - scale * length) / 2), int(row + (height + scale * CAPITALS) / 2)
     cv2.putText(image, text, at, cv2.FONT_HERSHEY_SIMPLEX, scale, colour, max(1, round(2 * scale)), cv2.LINE_AA)
