@@ -25,7 +25,7 @@ from smokebot_udp import udpros
 from smokebot_udp.codecs.wire.partial_image import RECEIVED
 from smokebot_udp.msg import LinkStatus, RelaySegment
 from smokebot_udp.streams.blank import has_blank
-from smokebot_udp.streams.relay.contents import stamp_of
+from smokebot_udp.streams.relay.contents import size_of, stamp_of
 from smokebot_udp.streams.relay.parts import PartJoiner
 from smokebot_udp.streams.relay.repeats import MessageOrder
 from smokebot_udp.udpros.rospy_binding import install
@@ -42,10 +42,12 @@ KINDS: Dict[str, Tuple[Any, Callable[[Any], Any]]] = {
     'cloud': (PointCloud2, lambda message: message.width * message.height),
     'mask': (Image, lambda message: float(np.mean(np.frombuffer(message.data, np.uint8) == RECEIVED))),
     'scan': (LaserScan, lambda message: len(message.ranges)),
+    'ranges': (LaserScan, lambda message: float(np.mean(~np.isnan(message.ranges)))),
     'odometry': (Odometry, lambda message: 1),
     'transforms': (TFMessage, lambda message: len(message.transforms)),
     'link': (LinkStatus, lambda message: {name: getattr(message, name) for name in LINK_FIELDS}),
     'longest': (LinkStatus, lambda message: message.longest_datagram),
+    'repetition': (RelaySegment, lambda segment: [segment.number, len(segment.before), size_of(segment)]),
     'diagnostics': (DiagnosticArray, lambda message: [status.message for status in message.status] + [
         pair.key for status in message.status for pair in status.values if 'refused' in pair.key]),
     'parts': (DiagnosticArray, lambda message: {
@@ -56,7 +58,8 @@ KINDS: Dict[str, Tuple[Any, Callable[[Any], Any]]] = {
         for pair in status.values}),
 }
 """{kind: (message class, f(message) -> amount)}; the amount: bytes, points, ranges, transforms, the share of pixels
-that were received, the datagrams of each part of a stream, the longest datagram that passes, or the content."""
+or ranges that were received, the datagrams of each part of a stream, the longest datagram that passes, of a relay's
+segment the number, the bytes of the message before and all bytes, or the content."""
 
 RELAYED = {'relayed odometry': 'odometry', 'relayed transforms': 'transforms'}
 """{kind of a relay's segments, as they leave: kind of the messages that they carry}"""

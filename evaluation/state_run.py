@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Small states through both nodes as shipped, over a link lab: which share of them comes, and how old."""
+"""Small states through both nodes as shipped, over a link lab: which share comes, how old, and what that costs."""
+import bisect
 import contextlib
+import math
 import pathlib
 import sys
 import tempfile
@@ -10,8 +12,12 @@ from typing import Any, Dict, List
 import numpy as np
 import yaml
 
+from smokebot_udp.streams.segments import wire_topic
+from smokebot_udp.udpros.datagram import IP_UDP_HEADERS, OVERHEAD
+
 from . import TOP
 from .listener import Heard, Listener
+from .rate_steps import queue_delay
 from .stack import Stack
 from .state_source import CAMERA, RATE, STREAMS
 
@@ -23,8 +29,8 @@ DELAY = 0.02
 
 LINK = '/robot_sender/link'
 
-SETTLE = 4.0
-"""Until reports name a loss [s]."""
+SETTLE = 6.0
+"""Until reports name a loss, and the rate follows what is sent [s]."""
 
 
 class StateRun:
@@ -55,36 +61,66 @@ class StateRun:
         self._shown, self._sources = Listener(self.stack), Listener(self.stack, 'robot')
         self._shown.subscribe([['/operator' + topic, 'any', 'TCPROS'] for topic, _ in STREAMS.values()])
         self._sources.subscribe([
-            *([topic, 'any', 'TCPROS'] for topic, _ in STREAMS.values()), [LINK, 'link', 'TCPROS']])
+            *([topic, 'any', 'TCPROS'] for topic, _ in STREAMS.values()), [LINK, 'link', 'TCPROS'],
+            *([wire_topic(name), 'repetition', 'TCPROS'] for name in STREAMS)])
         for side, node in ('robot', 'robot_sender'), ('operator', 'operator_receiver'):
             self.stack.start_node(side, node, '_streams_file:=%s' % file)
         self._shown.first(['/operator' + topic for topic, _ in STREAMS.values()], 60.0)
 
-    def measure(self, loss: float, seconds: float) -> List[Dict[str, Any]]:
-        """A row for each stream, at this packet loss (0..1)."""
-        self.stack.lab.set({'loss': loss, 'delay': DELAY, 'rate': RATE_LIMIT, 'queue': QUEUE})
-        self._shown.during(SETTLE)
-        begin = time.time()
-        self._shown.during(seconds)
-        end = time.time()
-        self._shown.during(1.0)     # what comes later, as a repetition
-        return [self._row(name, loss, begin, end) for name in STREAMS]
+    def measure(self, loss: float, seconds: float, camera: bool = True) -> List[Dict[str, Any]]:
+        """A row for each stream.
 
-    def _row(self, name: str, loss: float, begin: float, end: float) -> Dict[str, Any]:
+        :param loss: packet-loss ratio, 0..1
+        :param camera: whether its images are sent, too
+        """
+        self.stack.lab.set({'loss': loss, 'delay': DELAY, 'rate': RATE_LIMIT, 'queue': QUEUE})
+        self.stack.lab.run('robot', ['rosparam', 'set', '/robot_sender/camera/enabled', str(camera).lower()],
+                           env=self.stack.environment('robot'), check=True)
+        self._shown.during(SETTLE)
+        begin, before = time.time(), self.stack.lab.counts()
+        self._shown.during(seconds)
+        end, after = time.time(), self.stack.lab.counts()
+        self._shown.during(1.0)     # what comes later, as a repetition
+        link = {'camera': camera, 'loss [%]': 100 * loss, **self._link(begin, end),
+                'queue p50 [ms]': queue_delay(before, after, 0.5), 'queue p95 [ms]': queue_delay(before, after, 0.95),
+                'used [%]': 100 * 8 * (after['robot']['carried'] - before['robot']['carried']) / (
+                    (end - begin) * RATE_LIMIT)}
+        return [{'stream': name, **self._row(name, begin, end), **link} for name in STREAMS]
+
+    def _row(self, name: str, begin: float, end: float) -> Dict[str, Any]:
         topic = STREAMS[name][0]
-        published = {one.stamp for one in self._sources.heard if one.topic == topic and begin <= (one.stamp or 0) < end}
+        published = sorted({one.stamp for one in self._sources.heard
+                            if one.topic == topic and one.stamp is not None and begin <= one.stamp < end})
         shown = [one for one in self._shown.heard if one.topic == '/operator' + topic and one.stamp in published]
         stamps = [one.stamp or 0.0 for one in shown]
-        return {'stream': name, 'loss [%]': 100 * loss, 'published': len(published), 'shown': len(shown),
-                'share [%]': 100 * len(shown) / max(1, len(published)), 'age p50 [ms]': _age(shown, 50),
-                'age p95 [ms]': _age(shown, 95), 'link [Mbit/s]': self._rate(begin, end),
-                'repeated': len(stamps) - len(set(stamps)),
-                'in order': stamps == sorted(stamps)}
+        left = [one.arrival for one in self._segments(name, begin, end, False)]
+        waits = [one - published[bisect.bisect(published, one) - 1] for one in left if one > published[0]]
+        return {'published': len(published), 'shown': len(shown),
+                'share [%]': 100 * len(shown) / max(1, len(published)),
+                'age p50 [ms]': _quantile([one.age for one in shown], 50),
+                'age p95 [ms]': _quantile([one.age for one in shown], 95), 'left p95 [ms]': _quantile(waits, 95),
+                'repeated': len(stamps) - len(set(stamps)), 'in order': stamps == sorted(stamps)}
 
-    def _rate(self, begin: float, end: float) -> float:
-        """Of the link, as the robot estimates it."""
-        return float(np.mean([one.amount['rate'] for one in self._sources.heard
-                              if one.topic == LINK and begin <= one.arrival < end] or [np.nan]))
+    def _link(self, begin: float, end: float) -> Dict[str, float]:
+        """Of the link, as the robot estimates it, and what repetitions take of it."""
+        told = [one.amount for one in self._sources.heard if one.topic == LINK and begin <= one.arrival < end]
+        copies = sum(one.amount[2] + OVERHEAD + IP_UDP_HEADERS for name in STREAMS
+                     for one in self._segments(name, begin, end, True))
+        before = sum(one.amount[1] for name in STREAMS for one in self._segments(name, begin, end, False))
+        return {'round trip p50 [ms]': _quantile([one['round_trip'] for one in told], 50),
+                'link [Mbit/s]': float(np.mean([one['rate'] for one in told] or [np.nan])),
+                'repetitions [kbit/s]': 8e-3 * (before + copies) / (end - begin),
+                'repetitions [%]': 100 * 8 * (before + copies) / (end - begin) / RATE_LIMIT}
+
+    def _segments(self, name: str, begin: float, end: float, copies: bool) -> List[Heard]:
+        """The segments of a stream that left, of new messages, or copies of them."""
+        found, seen = [], set()
+        for one in self._sources.heard:
+            if one.topic == wire_topic(name):
+                if begin <= one.arrival < end and (one.amount[0] in seen) == copies:
+                    found.append(one)
+                seen.add(one.amount[0])
+        return found
 
     def close(self) -> None:
         """End everything."""
@@ -97,5 +133,7 @@ class StateRun:
         self.close()
 
 
-def _age(shown: List[Heard], percent: float) -> float:
-    return 1e3 * float(np.percentile([one.age for one in shown], percent)) if shown else float('nan')
+def _quantile(seconds: List[float], percent: float) -> float:
+    """[ms]"""
+    found = [one for one in seconds if not math.isnan(one)]
+    return 1e3 * float(np.percentile(found, percent)) if found else float('nan')

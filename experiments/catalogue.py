@@ -28,7 +28,7 @@ EXPERIMENTS = {
     'received_packets': Experiment('link', 3),
     'cloud_points': Experiment('link', 4.5),
     'cloud_loss': Experiment('offline', 0.1),
-    'scans': Experiment('offline', 0.1),
+    'scans': Experiment('link', 4, only_by_name=True),
     'small_states': Experiment('link', 4, only_by_name=True),
     'image_quality': Experiment('offline', 1.3),
     'video': Experiment('offline', 30, only_by_name=True),

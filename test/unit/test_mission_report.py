@@ -40,7 +40,7 @@ from smokebot_udp.mission_report.mission import joined, rate
 from smokebot_udp.mission_report.plots import fitting
 from smokebot_udp.mission_report.summary import _with_one_cause
 from smokebot_udp.nodes.mission_report import main
-from smokebot_udp.streams.recorded_images import recorded
+from smokebot_udp.streams.recorded_images import Thinning, recorded
 
 VOID = {'meta', 'img', 'br'}
 
@@ -262,19 +262,22 @@ def test_what_changes_to_and_fro_is_one_event(tmp_path: pathlib.Path) -> None:
         ['0:08.0', "operator's control: the robot was not heard for 3.9 s (20 times within 12 s)"]]
 
 
-def test_images_that_were_compressed_after_they_had_arrived(tmp_path: pathlib.Path) -> None:
-    """The black box tells when each arrived; its image is recorded later."""
+@pytest.mark.parametrize('image_rate', [0.0, 3.0])
+def test_images_that_were_compressed_after_they_had_arrived(tmp_path: pathlib.Path, image_rate: float) -> None:
+    """The black box tells when each arrived; its image is recorded later, or one near to it."""
     late: Dict[str, List[Any]] = {'robot': [], 'operator': []}
     topics = {}
     for side, messages in (('robot', robot()), ('operator', operator())):
         topic, box = TOPICS[side]['thermal'], messages[0][0][:-len('/description')]
+        thinning = Thinning(image_rate)
         topics[side] = {**TOPICS[side], 'thermal': box + '/arrived' + topic}
         for name, message, time in messages:
             if name != topic:
                 late[side].append((name, message, time))
                 continue
-            late[side] += [(box + '/arrived' + topic, message.header, time),
-                           (box + '/images' + topic + '/compressed', recorded(message), time + 0.3)]
+            late[side].append((box + '/arrived' + topic, message.header, time))
+            if thinning.takes(message.header.stamp.to_sec()):
+                late[side].append((box + '/images' + topic + '/compressed', recorded(message), time + 0.3))
         text = json.loads(messages[0][1].data)
         text['streams']['thermal']['topics'] = [box + part for part in (
             '/arrived' + topic, '/images' + topic, '/images' + topic + '/compressed')]

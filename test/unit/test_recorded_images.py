@@ -8,7 +8,7 @@ from sensor_msgs.msg import CompressedImage, Image
 
 from smokebot_udp.codecs.wire.pixels import as_pixels
 from smokebot_udp.streams.image.source import raw_image
-from smokebot_udp.streams.recorded_images import HURRY, Backlog, RawRate, recorded
+from smokebot_udp.streams.recorded_images import HURRY, Backlog, RawRate, Thinning, recorded
 
 
 def image(encoding: str, channels: int = 1, big: bool = False) -> Any:
@@ -44,6 +44,28 @@ def test_raw_images_are_compressed_without_loss(encoding: str, channels: int, bi
     Image(height=4, width=4, encoding='mono8', step=4, data=b'short'), Image(encoding='mono8')])
 def test_all_else_is_recorded_as_it_is(message: Any) -> None:
     assert recorded(message) is message
+
+
+def kept(rate: float, stamps: Any) -> Any:
+    thinning = Thinning(rate)
+    return [stamp for stamp in stamps if thinning.takes(stamp)]
+
+
+def test_both_sides_record_the_same_images_of_each_period() -> None:
+    stamps = [1.6e9 + 0.03 + step / 10 for step in range(100)]
+    robot, operator = kept(5.0, stamps), kept(5.0, stamps[1:])      # which came a little later
+    assert robot == stamps[::2] and operator == [stamps[1], *robot[1:]]
+
+
+def test_a_source_of_the_highest_rate_is_recorded_as_a_whole_though_its_stamps_jitter() -> None:
+    random = np.random.RandomState(1)
+    stamps = [1.6e9 + step / 5 + random.uniform(-0.015, 0.015) for step in range(100)]
+    assert kept(5.0, stamps) == stamps
+
+
+def test_stamps_that_go_back_are_recorded_and_zero_limits_nothing() -> None:
+    assert kept(5.0, [100.0, 10.0, 10.05]) == [100.0, 10.0]
+    assert kept(0.0, [1.0, 1.0, 1.01]) == [1.0, 1.0, 1.01]
 
 
 def test_where_too_much_waits_some_are_recorded_raw() -> None:

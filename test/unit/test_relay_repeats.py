@@ -22,7 +22,7 @@ from smokebot_udp.packed import MAX_DEFLATED, pack_beside, unpack_beside
 from smokebot_udp.serialised import serialised
 from smokebot_udp.streams.relay.encoder import RelayEncoder
 from smokebot_udp.streams.relay.repeats import COPIED_LOSS, MAX_REORDERING, MessageOrder
-from smokebot_udp.streams.repetition_budget import RESERVED, SHARE, SPAN, RepetitionBudget
+from smokebot_udp.streams.repetition_budget import MAX_UNUSED, RESERVED, SHARE, SPAN, UNUSED_SHARE, RepetitionBudget
 from smokebot_udp.udpros.datagram import OVERHEAD
 
 
@@ -198,22 +198,34 @@ def test_old_numbers_are_no_news() -> None:
 def test_a_budget_is_three_percent_and_keeps_half_for_what_cannot_wait() -> None:
     budget = RepetitionBudget()
     assert budget.take(10 ** 9, 0.0, True)      # as long as the link is not limited
-    budget.set_rate(1e5, 10.0)
+    budget.set_rate(1e5, 1e5, 10.0)
     taken = {True: 0, False: 0}
     for tick in range(1000):
         for can_wait in True, False:
             taken[can_wait] += 60 * budget.take(60, 11.0 + tick / 100, can_wait)
     assert sum(taken.values()) == pytest.approx(SHARE * 1e5 * (10 + SPAN), rel=0.05)
     assert taken[False] > 3 * taken[True]
-    budget.set_rate(None, 30.0)
+    budget.set_rate(None, 0.0, 30.0)
     assert budget.take(10 ** 9, 30.0, True)
 
 
 def test_with_room_both_are_granted() -> None:
     budget = RepetitionBudget()
-    budget.set_rate(1e5, 0.0)
+    budget.set_rate(1e5, 1e5, 0.0)
     assert all(budget.take(10, 1.0 + tick / 100, can_wait) for tick in range(300) for can_wait in (True, False))
     assert not budget.take(int(SHARE * 1e5 * (1 - RESERVED)) + 60, 4.0, True)
+
+
+@pytest.mark.parametrize('rate, sent, wanted', [
+    (3e5, 2e5, SHARE * 2e5),                    # overestimated
+    (1e5, 2e5, SHARE * 1e5),                    # a dip
+    (6e4, 1e4, UNUSED_SHARE * 5e4),             # little else is sent
+    (1e6, 1e4, MAX_UNUSED)])
+def test_a_budget_is_of_what_is_sent_or_of_what_nobody_uses(rate: float, sent: float, wanted: float) -> None:
+    budget = RepetitionBudget()
+    budget.set_rate(rate, sent, 0.0)
+    taken = sum(10 * budget.take(10, 1.0 + tick / 1000, False) for tick in range(10000))
+    assert taken == pytest.approx(wanted * (10 + SPAN), rel=0.05)
 
 
 def test_messages_are_what_was_serialised() -> None:

@@ -61,6 +61,13 @@ def test_the_state_of_the_docks_is_as_qt_writes_it() -> None:
         '00000000ffffffff0000000000000000')
 
 
+def test_without_images_the_status_is_above_the_scene() -> None:
+    assert docks_state(['Status']) == (
+        '000000ff00000000fd0000000100000002000004fa000000a1fc0100000001fb0000000c00530074006100740075007301'
+        '00000000' '000004fa0000001700ffffff' '000004fa000002d200000004000000040000000800000008fc0000000100000002'
+        '000000010000000a0054006f006f006c00730100000000ffffffff0000000000000000')
+
+
 def test_docks_of_any_number_of_images() -> None:
     for count in range(12):
         state = bytes.fromhex(docks_state(['Status'] + ['Image %d' % number for number in range(count)]))

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The film strip: at some moments of the mission, the original on the robot beside what the operator saw."""
+import math
 from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 import cv2
@@ -32,6 +33,22 @@ KINDS = 'stop', 'gap', 'focus'
 
 LOW, HIGH = 1, 99
 """The colours of the original, and of what was seen of it, are between these percentiles of its pixels."""
+
+
+APART = 0.5
+"""An image that was not recorded is shown by one whose stamp is no further away [s]."""
+
+Place = Tuple[int, str, float]
+"""As in Wanted: bag, topic, time."""
+
+
+class _Seen(NamedTuple):
+    """The last image at some time."""
+    stamp: float
+    """[s]"""
+    shown: float
+    """Stamp of the image that was recorded: this one, or the nearest [s]."""
+    place: Place
 
 
 class Wanted(NamedTuple):
@@ -79,53 +96,54 @@ def wanted(mission: Mission, name: str, time: float) -> List[Optional[Wanted]]:
     """[the robot's image, the operator's] of a stream at a time; None: there is none.
 
     The operator's is the last one until then. The robot's is its original while it is not older than a second; later
-    the one that was new at that time.
+    the one that was new at that time. Where an image was not recorded, it is the nearest one that was.
     """
-    seen = _last(mission, OPERATOR, name, time)
-    stamp = None
+    seen, shown, original = _last(mission, OPERATOR, name, time), None, None
     if seen is not None:
-        came, stamp, bag, topic = seen
-        age = time - stamp
-        shown: Optional[Wanted] = Wanted(OPERATOR, bag, topic, came, '%s: operator, %.1f s old' % (name, age))
-        if age > 1.0:
-            stamp = None
-    else:
-        shown = None
-    original = None
-    found = _at_stamp(mission, name, stamp) if stamp is not None else None
-    if found is not None:
-        original = Wanted(ROBOT, found[1], found[2], found[0], '%s: original' % name)
-    else:
-        last = _last(mission, ROBOT, name, time)
-        if last is not None:
-            original = Wanted(ROBOT, last[2], last[3], last[0], '%s: robot at this time' % name)
+        age = time - seen.stamp
+        shown = Wanted(OPERATOR, *seen.place, '%s: operator, %.1f s old' % (name, age))
+        found = _at_stamp(mission, name, seen.shown) if age <= 1.0 else None
+        if found is not None:
+            original = Wanted(ROBOT, *found, '%s: original' % name)
+    last = _last(mission, ROBOT, name, time)
+    if original is None and last is not None:
+        original = Wanted(ROBOT, *last.place, '%s: robot at this time' % name)
     return [original, shown]
 
 
-def _last(mission: Mission, side: str, name: str, time: float) -> Optional[Tuple[float, float, int, str]]:
-    """(time by the side's clock, stamp or time, bag, topic) of the last image until a time; None: there is none."""
+def _last(mission: Mission, side: str, name: str, time: float) -> Optional[_Seen]:
+    """The last image until a time; None: there is none."""
     track = mission.record.tracks[side].get(name)
     index = int(np.searchsorted(mission.times(side, name), time, side='right')) - 1
     if track is None or index < 0:
         return None
     recorded, stamps, files = track.sorted()
     stamp = float(stamps[index] if np.isfinite(stamps[index]) else mission.times(side, name)[index])
-    came, file, topic = mission.record.images.get((side, name), {}).get(
-        stamp, (float(recorded[index]), int(files[index]), track.topic))
-    return came, stamp, file, topic
+    return _nearest(mission, side, name, stamp) or _Seen(
+        stamp, stamp, (int(files[index]), track.topic, float(recorded[index])))
 
 
-def _at_stamp(mission: Mission, name: str, stamp: float) -> Optional[Tuple[float, int, str]]:
-    """(time, bag, topic) of the robot's image with a stamp; None: it was not recorded."""
+def _nearest(mission: Mission, side: str, name: str, stamp: float) -> Optional[_Seen]:
+    """What the black box has compressed nearest to a stamp; None: nothing that is near."""
+    images = mission.record.images.get((side, name), {})
+    shown = min(images, key=lambda other: abs(other - stamp), default=math.inf)
+    if abs(shown - stamp) > APART:
+        return None
+    came, bag, topic = images[shown]
+    return _Seen(stamp, shown, (bag, topic, came))
+
+
+def _at_stamp(mission: Mission, name: str, stamp: float) -> Optional[Place]:
+    """Where the robot's image with a stamp is; None: it was not recorded."""
     track = mission.record.tracks[ROBOT].get(name)
     if track is None:
         return None
-    later = mission.record.images.get((ROBOT, name), {}).get(stamp)
-    if later is not None:
-        return later
+    found = _nearest(mission, ROBOT, name, stamp)
+    if found is not None:
+        return found.place
     recorded, stamps, files = track.sorted()
     index = np.flatnonzero(stamps == stamp)
-    return (float(recorded[index[0]]), int(files[index[0]]), track.topic) if len(index) else None
+    return (int(files[index[0]]), track.topic, float(recorded[index[0]])) if len(index) else None
 
 
 def _read(opened: Sequence[BagFile], images: Sequence[Wanted]) -> Dict[Tuple[int, str, float], Any]:

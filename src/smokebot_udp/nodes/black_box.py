@@ -206,7 +206,7 @@ def main() -> None:
     loads = udpros.Publisher('~load', Float64, queue_size=10)
     topics = [*all_topics(streams, side, resolve), said.resolved_name, loads.resolved_name]
     recorded = RecordedImages([topic for stream in images.values() for topic in stream.topics],
-                              functools.partial(logwarn, 'the black box'))
+                              parameters['image_rate'], functools.partial(logwarn, 'the black box'))
     load = MachineLoad(loads.publish, LOAD_PERIOD)
     split = max(1, min(parameters['split_mb'], parameters['max_mb'] // SPLITS))
     rospy.loginfo('black box: recording %d topics in %s', len(topics), store.folder / (prefix + '_*.bag'))

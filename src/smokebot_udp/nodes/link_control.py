@@ -146,7 +146,7 @@ class LinkControl:
             self._give_outlooks(plan, now)
         self._link.datagram_size, self.shares = min(plan.datagram_size, self._link.transport.room), plan.shares
         grant(plan, self._streams, self._capacity)
-        self._link.follow(plan.rate)
+        self._link.follow(plan.rate, stats.sent)
         for stream in self._streams.values():
             stream.encoder.loss = stats.loss
 

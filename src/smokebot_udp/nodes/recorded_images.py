@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Publishes what the black box records of images, see streams/recorded_images.py, and when each of them arrived.
+"""Publishes what the black box records of images, see streams/recorded_images.py, and when each of all arrived.
 
 Compressing has a thread of low priority: what is sent and shown comes first.
 """
@@ -13,7 +13,7 @@ from sensor_msgs.msg import CompressedImage, Image
 from std_msgs.msg import Header
 
 from .. import udpros
-from ..streams.recorded_images import Backlog, RawRate, recorded
+from ..streams.recorded_images import Backlog, RawRate, Thinning, recorded
 from .any_type import class_of, read
 
 ARRIVED, IMAGES = '~arrived', '~images'
@@ -35,17 +35,20 @@ class RecordedImages:
     """Runs it until `close`.
 
     :param topics: of the images
+    :param rate: of the raw images that are recorded of each topic, at most [Hz]; 0: all
     :param warn: f(text), called where images are left out, or are none
     """
 
-    def __init__(self, topics: Iterable[str], warn: Callable[[str], object]) -> None:
+    def __init__(self, topics: Iterable[str], rate: float, warn: Callable[[str], object]) -> None:
         self._warn, self._backlog, self._raw = warn, Backlog(), RawRate()
         self._news, self._ended = threading.Condition(), False
         self._told: Dict[str, int] = {}     # how many were left out, as warned of
         self._publishers: Dict[str, Dict[Any, Any]] = {}
+        self._thinning: Dict[str, Thinning] = {}
         self._subscribers: List[Any] = []
         for topic in topics:
             arrived, raw, compressed = topics_of(topic)
+            self._thinning[topic] = Thinning(rate)
             self._publishers[topic] = {Header: udpros.Publisher(arrived, Header, queue_size=100),
                                        Image: udpros.Publisher(raw, Image, queue_size=2),
                                        CompressedImage: udpros.Publisher(compressed, CompressedImage, queue_size=20)}
@@ -68,6 +71,10 @@ class RecordedImages:
             self._warn('%s is not recorded: %s' % (topic, error))
             return
         self._publishers[topic][Header].publish(image.header)
+        # a source without stamps counts by arrival
+        stamp = image.header.stamp.to_sec() or rospy.get_time()
+        if isinstance(image, Image) and not self._thinning[topic].takes(stamp):
+            return
         with self._news:
             self._backlog.add(topic, image, len(image.data))
             self._news.notify()
@@ -83,8 +90,8 @@ class RecordedImages:
                 left_out, hurries = dict(self._backlog.left_out), self._backlog.hurries
             if left_out != self._told:
                 self._told = left_out
-                self._warn('the processor is too slow to record all images. Left out until now are %s; '
-                           'record_streams:= chooses fewer streams' % ', '.join(
+                self._warn('the processor is too slow to record the images. Left out until now are %s; '
+                           'record_streams:= chooses fewer streams, record_image_rate:= a lower rate' % ', '.join(
                                '%d of %s' % (count, name) for name, count in left_out.items()))
             raw = hurries and self._raw.take(len(image.data), time.monotonic())
             made = image if raw else recorded(image)

@@ -80,10 +80,10 @@ class RobotLink:
         with self._repeating:
             return self.repetitions.take(size, time.monotonic(), datagram)
 
-    def follow(self, rate: Optional[float]) -> None:
-        """The link's rate has changed; None: it is unlimited [byte/s]."""
+    def follow(self, rate: Optional[float], sent: float) -> None:
+        """The link's rate has changed, or what is sent over it; None: it is unlimited [byte/s]."""
         with self._repeating:
-            self.repetitions.set_rate(rate, time.monotonic())
+            self.repetitions.set_rate(rate, sent, time.monotonic())
 
     @property
     def expansion(self) -> float:

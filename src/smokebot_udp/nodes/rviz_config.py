@@ -19,6 +19,12 @@ WIDTH, HEIGHT = 560, 883
 STATUS, STATUS_HEIGHT, PRIMARY = 'Status', 161, 1.8
 """The dock of the overlay; its height; that of the primary image, in rows of the others."""
 
+SCENE_WIDTH = 714
+"""What is left for the scene [pixel]."""
+
+LEFT_AREA, TOP_AREA = 0, 2
+"""QInternal::DockPosition."""
+
 VERTICAL, HORIZONTAL = 2, 1
 """Qt::Orientation."""
 
@@ -121,6 +127,7 @@ def docks_state(names: Sequence[str]) -> str:
     """What QMainWindow.saveState makes of docks at the left, as hexadecimal digits: without it, images float.
 
     From top to bottom: the status, the primary image, and the others, in as many columns as their number asks for.
+    Without images, the status is above the scene.
 
     :param names: of the status, the primary image, and the others
     """
@@ -131,10 +138,14 @@ def docks_state(names: Sequence[str]) -> str:
     column: List[Tuple[int, Node]] = [(STATUS_HEIGHT, status), *((round(PRIMARY * height), name) for name in primary)]
     column += [(round(height), row[0] if len(row) == 1 else
                 (HORIZONTAL, [(WIDTH // len(row), name) for name in row])) for row in rows]
-    left = _dock_info((VERTICAL, column))
-    tools = _string('Tools')
-    return (b'\x00\x00\x00\xff\x00\x00\x00\x00\xfd' + struct.pack('>iiii', 1, 0, WIDTH, HEIGHT) + left
-            + struct.pack('>iiiiii', 714, HEIGHT, 4, 4, 8, 8) + b'\xfc' + struct.pack('>iii', 1, 2, 1) + tools
+    if primary:
+        area, docks, scene = (LEFT_AREA, WIDTH, HEIGHT), _dock_info((VERTICAL, column)), (SCENE_WIDTH, HEIGHT)
+    else:
+        width = WIDTH + SCENE_WIDTH
+        area, docks = (TOP_AREA, width, STATUS_HEIGHT), _dock_info((HORIZONTAL, [(width, status)]))
+        scene = width, HEIGHT - STATUS_HEIGHT
+    return (b'\x00\x00\x00\xff\x00\x00\x00\x00\xfd' + struct.pack('>iiii', 1, *area) + docks
+            + struct.pack('>iiiiii', *scene, 4, 4, 8, 8) + b'\xfc' + struct.pack('>iii', 1, 2, 1) + _string('Tools')
             + b'\x01' + struct.pack('>iiii', 0, -1, 0, 0)).hex()
 
 

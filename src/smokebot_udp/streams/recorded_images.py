@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the black box records of images: raw ones losslessly compressed, compressed ones as they are."""
+"""What the black box records of images: raw ones losslessly compressed, at a rate, compressed ones as they are."""
 import collections
+import math
 from typing import Any, Counter, Deque, Optional, Tuple
 
 from sensor_msgs.msg import CompressedImage, Image
@@ -11,12 +12,36 @@ from ..codecs.wire.pixels import as_pixels
 MOST_WAITING = 64 << 20
 """Images that wait for being compressed take this at most: 2 s of a camera of 1280 x 720 at 12 Hz [byte]."""
 
-
 HURRY = MOST_WAITING // 4
 """Where more waits, images are recorded raw [byte]."""
 
 RAW_RATE = 10e6
 """But no more than this: an SD card writes it [byte/s]."""
+
+
+NEARLY = 0.8
+"""Of a period: a source whose rate is the highest one, and whose stamps jitter, is recorded as a whole."""
+
+
+class Thinning:
+    """Limits the rate of the images of a topic by their stamps, so that both sides record the same ones: the first of
+    each period.
+
+    :param rate: at most [Hz]; 0: all
+    """
+
+    def __init__(self, rate: float) -> None:
+        self._rate, self._last = rate, -1.0
+
+    def takes(self, stamp: float) -> bool:
+        """Whether the image with this stamp [s], a later one than before, is recorded."""
+        if not self._rate:
+            return True
+        at = self._rate * stamp     # in periods
+        if math.floor(at) == math.floor(self._last) and abs(at - self._last) < NEARLY:
+            return False
+        self._last = at
+        return True
 
 
 class RawRate:

@@ -3,8 +3,15 @@
 import math
 from typing import Optional
 
+from ..units import KBIT
+
 SHARE = 0.03
-"""Of the link's rate: what the streams with a share of it, such as images, hardly miss."""
+"""Of what is sent: what the streams with a share of the link, such as images, hardly miss. The rate that may be sent is
+overestimated where much is lost: 3 Mbit/s at 20 % loss on a link of 2."""
+
+IDLE, UNUSED_SHARE, MAX_UNUSED = 0.5, 0.1, 64 * KBIT
+"""Where less than the part IDLE of the rate is sent: up to UNUSED_SHARE of what is left, which nobody misses, and no
+more than three short messages of 10 Hz take that are repeated and copied [1, 1, byte/s]."""
 
 SPAN = 1.0
 """What was not used within this time is lost [s]."""
@@ -20,14 +27,19 @@ class RepetitionBudget:
         self._rate = math.inf   # [byte/s]
         self._level, self._at = 0.0, -math.inf
 
-    def set_rate(self, rate: Optional[float], now: float) -> None:
+    def set_rate(self, rate: Optional[float], sent: float, now: float) -> None:
         """Follow the link.
 
-        :param rate: of it; None: unlimited [byte/s]
+        :param rate: that all together may be sent at; None: unlimited [byte/s]
+        :param sent: what is sent, all together [byte/s]
         :param now: by a steady clock [s]
         """
         self._fill(now)
-        self._rate = math.inf if rate is None else SHARE * rate
+        if rate is None:
+            self._rate = math.inf
+            return
+        unused = rate - sent if sent < IDLE * rate else 0.0
+        self._rate = max(SHARE * min(rate, sent), min(UNUSED_SHARE * unused, MAX_UNUSED))
 
     def take(self, size: int, now: float, can_wait: bool) -> bool:
         """Whether so much may be sent; then it counts as sent.

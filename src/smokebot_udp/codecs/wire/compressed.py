@@ -47,8 +47,10 @@ JPEG_ENCODINGS = {'mono8': None, '8UC1': None, 'bgr8': None, '8UC3': None, 'rgb8
                   'bgra8': cv2.COLOR_BGRA2BGR, '8UC4': cv2.COLOR_BGRA2BGR, 'rgba8': cv2.COLOR_RGBA2BGR}
 """{encoding that becomes a JPEG: OpenCV's conversion before, None: none}"""
 PNG_ENCODINGS = 'mono16', '16UC1'
-PNG_OPTIONS = cv2.IMWRITE_PNG_COMPRESSION, 1
-"""The fastest level; the one of who names none changes with OpenCV."""
+PNG_OPTIONS = cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_HUFFMAN_ONLY
+"""Each pixel less the one at its left, and no search for repetitions: noise has none. Without a level OpenCV tries no
+other filters. Of 640 x 480 pixels, simulated: in colour 14 ms and 47 % of the bytes, with 16 bits 9 ms and 29 %; with
+level 1 that is 29 ms and 54 %, 15 ms and 31 %."""
 
 
 class Decoded(NamedTuple):
