@@ -39,7 +39,7 @@ LISTENED = {'/joy/cmd_vel': 'geometry_msgs/Twist', '/cmd_vel': 'geometry_msgs/Tw
 
 
 def proposed() -> List[Proposed]:
-    return propose(ROBOT, LISTENED, [topic.name for topic in ROBOT] + ['/rosout_agg', '/diagnostics'])
+    return propose(ROBOT, LISTENED, [topic.name for topic in ROBOT] + ['/rosout_agg'])
 
 
 def test_each_source_is_a_stream_of_its_type() -> None:
@@ -85,4 +85,4 @@ def test_a_robot_that_publishes_nothing() -> None:
 
 def test_names_are_unique() -> None:
     topics = [Topic('/%s/data' % name, 'sensor_msgs/Imu') for name in ('a/imu', 'b/a/imu', 'c/a/imu')]
-    assert list(read(propose(topics, {}, []))) == ['a_imu', 'a_imu_2', 'a_imu_3', 'link', 'status']
+    assert list(read(propose(topics, {}, []))) == ['a_imu', 'a_imu_2', 'a_imu_3', 'diagnostics', 'link', 'status']

@@ -48,9 +48,12 @@ TO_ROBOT: Mapping[str, Settings] = {
 
 ACTION_TOPICS = '/status', '/feedback', '/result', '/goal', '/cancel'
 
+DIAGNOSTICS = '/diagnostics'
+"""robot_sender publishes it, too: without it a desk with a master of its own does not see what the robot counts."""
+
 REPORTS: Sequence[Tuple[str, str, Settings]] = (
     ('/log', '/rosout_agg', [('message_type', 'rosgraph_msgs/Log', ''), ('level', 'warn', '')]),
-    ('/diagnostics', '/diagnostics', [('message_type', 'diagnostic_msgs/DiagnosticArray', ''), ('newest', True, '')]))
+    ('/diagnostics', DIAGNOSTICS, [('message_type', 'diagnostic_msgs/DiagnosticArray', ''), ('newest', True, '')]))
 """What robots say of themselves: (name, topic, settings), sent reliably."""
 
 
@@ -107,7 +110,7 @@ def propose(published: Sequence[Topic], listened: Mapping[str, str], names: Coll
                                ('operator_action', '/operator' + action, '')])
                for action, type_ in sorted(actions.items())]
     drafts += [_Draft(name, [*_both('relay', topic), *settings, ('reliable', True, '')])
-               for name, topic, settings in REPORTS if topic in names]
+               for name, topic, settings in REPORTS if topic in names or (drafts and topic == DIAGNOSTICS)]
     taken: Set[str] = set()
     return _with_roles([Proposed(_name(draft.topic, taken), draft.settings, draft.comment, draft.off)
                         for draft in drafts])
