@@ -41,6 +41,9 @@ Settings = List[Tuple[str, Any, str]]
 
 TWIST, TRANSFORMS = 'geometry_msgs/Twist', ('tf2_msgs/TFMessage', 'tf/tfMessage')
 
+DRIVEN_BY = '/operator/cmd_vel'
+"""What teleop_keyboard publishes, whatever the robot's topic is."""
+
 TO_ROBOT: Mapping[str, Settings] = {
     'geometry_msgs/PoseStamped': [('needs_control', True, 'taken only from who drives')],
     'geometry_msgs/PoseWithCovarianceStamped': []}
@@ -233,8 +236,13 @@ def _way_back(listened: Mapping[str, str]) -> List[_Draft]:
     """What operators send: of several topics by which the robot is driven, one; the others are comments."""
     drivers = sorted((topic for topic, type_ in listened.items() if type_ == TWIST),
                      key=lambda topic: (topic.strip('/') != 'cmd_vel', topic))
-    found = [_Draft(topic, [*_typed('command', topic, TWIST), ('timeout', 0.5, '[s] without commands the robot stops')],
-                    'drives the robot, too' if topic != drivers[0] else '', topic != drivers[0]) for topic in drivers]
+    found = []
+    for topic in drivers:
+        is_first = topic == drivers[0]
+        settings = [(name, DRIVEN_BY if is_first and name == 'operator_topic' else value, comment)
+                    for name, value, comment in _typed('command', topic, TWIST)]
+        settings.append(('timeout', 0.5, '[s] without commands the robot stops'))
+        found.append(_Draft(topic, settings, '' if is_first else 'drives the robot, too', not is_first))
     for topic, type_ in sorted(listened.items()):
         if type_ in TO_ROBOT:
             found.append(_Draft(topic, [*_typed('relay', topic, type_), ('direction', 'to_robot', ''),
