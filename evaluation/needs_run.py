@@ -21,7 +21,7 @@ LINKS: Mapping[str, Dict[str, float]] = {
     'good': {'loss': 0.0, 'delay': 0.005, 'rate': 20e6, 'queue': 0.2}}
 """{name: conditions of link_lab, each way}: a Wi-Fi at the end of its range, and one nearby."""
 
-SETTLE = 5.0
+SETTLE = 4.0
 """Until the link is known [s]."""
 
 START_TIMEOUT = 60.0

@@ -24,7 +24,7 @@ CASES = [Case('camera, 640 x 480, colour, 10 Hz', ['camera'], ['camera']),
          Case('laser scan, 10 Hz', ['scan'], ['scan']),
          Case('map, growing, 0.05 m', ['map'], ['lidar', 'map']),
          Case('odometry 10 Hz, tf 20 Hz', ['odom', 'tf', 'tf_static'])]
-SECONDS, QUICK_SECONDS = 6.0, 3.0
+SECONDS, QUICK_SECONDS = 5.0, 2.0
 
 
 def run(run: Run) -> None:
