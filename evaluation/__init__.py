@@ -8,7 +8,8 @@
   (what is compared: video_package, and the alternatives video_peers and video_jpeg), plain_decoder.
 * Without ROS: simulated_air (robots and operators over a shared link), simulated_streams (what a robot sends).
 * Over the emulated link: stack (ROS on both sides), listener and recorder (what arrives), sensor_source and baseline
-  (senders), link_run (one method at a time), rate_steps (a link whose rate changes in steps).
+  (senders), link_run (one method at a time), rate_steps (a link whose rate changes in steps), state_run and
+  state_source (small states), needs_run (what a stream takes of the processors and of the link).
 * Faults over the emulated link: soak (which, and how they are judged; pure), soak_run (the nodes, and what hits them),
   named_stack (host names, and an address that changes), registrations (who is known to the master, and since when),
   process_usage, robot_clock (a clock that can be stepped), hostile_flood (what a stranger

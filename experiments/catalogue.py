@@ -30,6 +30,7 @@ EXPERIMENTS = {
     'cloud_loss': Experiment('offline', 0.1),
     'scans': Experiment('link', 4, only_by_name=True),
     'small_states': Experiment('link', 4, only_by_name=True),
+    'needs': Experiment('link', 3.5, only_by_name=True),
     'image_quality': Experiment('offline', 1.3),
     'video': Experiment('offline', 30, only_by_name=True),
     'fill_model': Experiment('offline', 0.5),

@@ -27,7 +27,7 @@ def checks(workspace: pathlib.Path) -> Dict[str, List[str]]:
     return {'ruff': ['ruff', 'check', '.'],
             'mypy': ['mypy'],
             'doc/parameters.md': [sys.executable, 'tools/parameter_tables.py', '--check'],
-            'README.md': [sys.executable, 'tools/supported.py', '--check'],
+            'doc/install.md': [sys.executable, 'tools/supported.py', '--check'],
             'vermin': ['vermin', '--target=3.8-', '--no-tips', '--violations', '--quiet', '.'],
             'catkin_lint': ['catkin_lint', '-W2', '--strict', '--quiet', '--offline', package]}
 

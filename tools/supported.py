@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Writes README.md's table of what this package runs on, from tools/supported.txt, which ./smokebot reads too.
+"""Writes doc/install.md's table of what this package runs on, from tools/supported.txt, which ./smokebot reads too.
 
     python3 tools/supported.py           # write it
     python3 tools/supported.py --check   # exit with 1 where it is out of date
@@ -9,7 +9,7 @@ import sys
 from typing import List
 
 TOP = pathlib.Path(__file__).resolve().parent.parent
-SOURCE, PAGE = TOP / 'tools' / 'supported.txt', TOP / 'README.md'
+SOURCE, PAGE = TOP / 'tools' / 'supported.txt', TOP / 'doc' / 'install.md'
 BEGIN, END = '<!-- made by tools/supported.py -->\n', '<!-- end -->\n'
 
 PREPARED = {'all': 'yes', 'part': 'in part', 'nothing': 'no: a catkin workspace'}
@@ -32,9 +32,9 @@ def table(text: str) -> str:
 
 
 def page(current: str, text: str) -> str:
-    """README.md with this table.
+    """The page with this table.
 
-    :raises ValueError: README.md has no place for it
+    :raises ValueError: it has no place for it
     """
     head, begin, rest = current.partition(BEGIN)
     _, end, tail = rest.partition(END)

@@ -34,6 +34,8 @@ def judged(stream: Checked) -> List[Tuple[int, str]]:
     (scan(heard=Heard(), source=SCAN._replace(name='/scn')), [(ERROR, 'nobody publishes /scn; similar: /scan')]),
     (scan(heard=Heard(), source=SCAN._replace(name='/scn'), steady=False),
      [(WARN, 'nobody publishes /scn; similar: /scan')]),
+    (relay(heard=Heard(), source=Source(TOPIC, '/robot_sender/link')), []),     # it does not run yet
+    (relay(heard=Heard(), source=Source(TOPIC, '/diagnostics'), steady=False), []),
     (scan(heard=GOOD._replace(age=12.34)), [(WARN, "its stamps are 12.3 s behind this machine's clock")]),
     (scan(heard=GOOD._replace(age=-60.0)), [(WARN, "its stamps are 60.0 s ahead of this machine's clock")]),
     (scan(heard=GOOD._replace(age=60.0), steady=False), []),

@@ -275,3 +275,10 @@ def test_all_methods_over_a_link_in_steps(tmp_path: pathlib.Path) -> None:
     assert rows[0] == ['images per second', 'ours, adapting', '9.12', '–', '–', '–', '–']
     assert rows[-1][1:] == ['whole, over TCPROS, bbr', *['1234'] * 5]
     assert len(rows) == len(DOC_COMPARED) * len(METHODS)
+
+
+def test_what_a_stream_takes(tmp_path: pathlib.Path) -> None:
+    table.write(tmp_path / 'needs.csv', [
+        {'stream': 'scan', 'link': link, 'sent [kbit/s]': sent, 'robot [%]': 4.4, 'desk [%]': 6.6, 'shown [Hz]': 9.96}
+        for link, sent in (('bad', 123.0), ('good', 1234.0))])
+    assert made('needs', 'needs', tmp_path).rows == [['scan', '0.12', '10.0', '4', '7', '1.2', '10.0', '4', '7']]

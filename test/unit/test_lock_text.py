@@ -3,7 +3,7 @@ from typing import Dict, Optional
 
 import pytest
 
-from smokebot_udp.nodes.operator_control import lock_text
+from smokebot_udp.nodes.operator_control import lock_text, view_text
 
 
 @pytest.mark.parametrize('reasons, text', [
@@ -15,3 +15,11 @@ from smokebot_udp.nodes.operator_control import lock_text
 ])
 def test_which_streams_are_locked_and_why(reasons: Dict[str, Optional[str]], text: str) -> None:
     assert lock_text(reasons) == text
+
+
+@pytest.mark.parametrize('notice, commanded, text', [
+    ('LOCKED: release the stick', False, ''), ('LOCKED: release the stick', True, 'LOCKED: release the stick'),
+    ('EMERGENCY STOP', False, 'EMERGENCY STOP'), ('NOT IN CONTROL: /a drives', False, 'NOT IN CONTROL: /a drives'),
+    ('', True, '')])
+def test_nothing_is_red_before_anyone_has_driven(notice: str, commanded: bool, text: str) -> None:
+    assert view_text(notice, commanded) == text

@@ -9,6 +9,8 @@ from typing import Dict, Iterator, List, Set
 
 import pytest
 
+from smokebot_udp.nodes.parameters import ROBOT_SENDER
+
 TOP = pathlib.Path(__file__).resolve().parents[2]
 SOURCE = TOP / 'src' / 'smokebot_udp'
 MODULES = sorted(SOURCE.rglob('*.py'))
@@ -146,6 +148,22 @@ def test_no_launch_argument_is_listed_as_required(path: pathlib.Path) -> None:
     """roslaunch --ros-args calls those without a default required, and those whose default has no letters."""
     for argument in ElementTree.parse(str(path)).getroot().findall('arg'):
         assert argument.get('default') and argument.get('doc'), argument.get('name')
+
+
+def test_an_argument_has_one_default_in_all_launch_files() -> None:
+    """Whoever leaves it out gets the same from each; but the demo loses datagrams, and its robots are a number."""
+    defaults: Dict[str, Set[str]] = {}
+    for path in (TOP / 'launch').glob('*.launch'):
+        for argument in ElementTree.parse(str(path)).getroot().findall('arg'):
+            defaults.setdefault(argument.get('name', ''), set()).add(argument.get('default', ''))
+    assert {name for name, found in defaults.items() if len(found) > 1} == {'loss', 'robots'}
+    assert defaults['max_rate'] == {'%g' % ROBOT_SENDER['max_rate'].default}
+
+
+def test_the_demo_takes_what_is_chosen_for_a_robot() -> None:
+    for name in 'demo.launch', 'simulated_robot.launch':
+        arguments = ElementTree.parse(str(TOP / 'launch' / name)).getroot().findall('arg')
+        assert {'max_rate', 'record_streams', 'record_lossless'} <= {argument.get('name') for argument in arguments}
 
 
 def test_every_integration_test_has_its_launch_file() -> None:

@@ -39,7 +39,7 @@ LISTENED = {'/joy/cmd_vel': 'geometry_msgs/Twist', '/cmd_vel': 'geometry_msgs/Tw
 
 
 def proposed() -> List[Proposed]:
-    return propose(ROBOT, LISTENED, [topic.name for topic in ROBOT] + ['/rosout_agg', '/diagnostics'])
+    return propose(ROBOT, LISTENED, [topic.name for topic in ROBOT] + ['/rosout_agg'])
 
 
 def test_each_source_is_a_stream_of_its_type() -> None:
@@ -83,6 +83,12 @@ def test_a_robot_that_publishes_nothing() -> None:
     assert read(propose([], {}, [])).keys() == {'link', 'status'}
 
 
+def test_the_first_topic_that_drives_is_what_teleop_keyboard_publishes() -> None:
+    streams = read(propose([], {'/mole/cmd_vel': 'geometry_msgs/Twist', '/mole/joy_vel': 'geometry_msgs/Twist'}, []))
+    assert [(settings['robot_topic'], settings['operator_topic']) for settings in streams.values()
+            if settings['type'] == 'command'] == [('/mole/cmd_vel', '/operator/cmd_vel')]
+
+
 def test_names_are_unique() -> None:
     topics = [Topic('/%s/data' % name, 'sensor_msgs/Imu') for name in ('a/imu', 'b/a/imu', 'c/a/imu')]
-    assert list(read(propose(topics, {}, []))) == ['a_imu', 'a_imu_2', 'a_imu_3', 'link', 'status']
+    assert list(read(propose(topics, {}, []))) == ['a_imu', 'a_imu_2', 'a_imu_3', 'diagnostics', 'link', 'status']

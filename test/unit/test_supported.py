@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The list of releases, as ./smokebot reads it and as README.md shows it."""
+"""The list of releases, as ./smokebot reads it and as doc/install.md shows it."""
 import pathlib
 import re
 import subprocess
@@ -41,7 +41,7 @@ def test_another_is_refused(tmp_path: pathlib.Path, release: str) -> None:
     assert done.returncode == 1 and 'Debian 12 and 13' in done.stdout and 'Install on a robot' in done.stdout
 
 
-def test_the_readme_shows_the_list() -> None:
+def test_the_page_shows_the_list() -> None:
     assert supported.main(['--check']) == 0
     names = [row[1] for row in supported.rows(supported.SOURCE.read_text())[1:]]
     assert all('| %s |' % name in supported.PAGE.read_text() for name in names) and len(names) == 5

@@ -16,6 +16,9 @@ LARGEST = 1400
 PLACED = {'cloud', 'scan', 'virtual_scan', 'grid'}
 """Types that rviz draws in the frame of their messages."""
 
+OWN_TOPICS = '/robot_sender/', '/diagnostics'
+"""Beginnings of the topics that robot_sender publishes itself; before a mission it need not run yet."""
+
 COLUMNS = (('STREAM', 18), ('TYPE', 12), ('ROLE', 15), ('Hz', 6), ('SENT', 6), ('kB', 8), ('AGE ms', 8),
            ('kbit/s, least', 13), ('most', 8))
 """(heading, width). Rates and sizes are the source's; `SENT` is the maximum rate; what a stream takes of the link at
@@ -82,6 +85,8 @@ def judge(stream: Checked, graph: Graph, missing_frames: Sequence[str]) -> List[
 def _of_source(stream: Checked, graph: Graph) -> List[Tuple[int, str]]:
     """What is wrong with the source of a stream."""
     heard = bool(stream.heard.rate)
+    if stream.source and stream.source.name.startswith(OWN_TOPICS) and not graph.publishers.get(stream.source.name):
+        return []
     problem = stream.source and problem_of(stream.source, graph, stream.steady and not heard)
     return [(ERROR if stream.steady or heard else WARN, problem)] if problem else []
 

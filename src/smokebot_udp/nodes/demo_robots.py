@@ -81,8 +81,8 @@ class Demo:
                                   'operator_master': rosgraph.get_master_uri()}
         master_port = free_port(socket.SOCK_STREAM)
         return Launch("robot '%s'" % name, [*ROBOT_LAUNCH, '-p', str(master_port), *_arguments({
-            'streams': values['streams_file'], 'adapt': values['adapt'], 'link_port': port,
-            'key_file': self._key_file, 'loss': values['loss'], 'seed': seed, **report})],
+            'streams': values['streams_file'], 'adapt': values['adapt'], 'max_rate': values['max_rate'],
+            'link_port': port, 'key_file': self._key_file, 'loss': values['loss'], 'seed': seed, **report})],
             {'ROS_MASTER_URI': 'http://localhost:%d' % master_port})
 
     def run(self) -> None:

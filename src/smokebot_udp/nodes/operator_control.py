@@ -274,7 +274,7 @@ class OperatorControl:
     def _show_state(self) -> None:
         now = time.monotonic()
         notice = self._notice_text(now)
-        self._notice.show(notice if self.commanded or not notice.startswith(LOCKED) else '')
+        self._notice.show(view_text(notice, self.commanded))
         state = notice or self.outlook(now).refusal or (IN_CONTROL if self._locks else NO_COMMANDS)
         if state != self._state and not rospy.is_shutdown():
             self._state = state
@@ -291,6 +291,15 @@ class OperatorControl:
         if self._locks and heard and not driving and status is not None and status.driver:
             return 'NOT IN CONTROL: %s drives' % status.driver
         return lock_text(reasons)
+
+
+def view_text(notice: str, commanded: bool) -> str:
+    """What views show in red: that commands are locked concerns nobody before the first command of this desk.
+
+    :param notice: the state in words; empty: commands leave
+    :param commanded: whether there was a command
+    """
+    return notice if commanded or not notice.startswith(LOCKED) else ''
 
 
 def lock_text(reasons: Mapping[str, Optional[str]]) -> str:

@@ -23,6 +23,10 @@ QUIET = ('--no-summary', '--disable-title', '--skip-log-check')
 LAUNCH = ('roslaunch', '--wait', *QUIET, 'smokebot_udp', 'operator.launch')
 """It waits for the desk's master: otherwise it would start one of its own where that one is being restarted."""
 
+PASSED_ON = ('rviz', 'max_datagram_size', 'loss', 'dscp', 'record', 'record_streams', 'record_lossless', 'record_dir',
+             'record_split_mb', 'record_max_mb')
+"""Arguments of operator.launch that are the desk's."""
+
 
 def operator_launch(name: str, robot: Mapping[str, Any], parameters: Mapping[str, Any], folder: str) -> List[str]:
     """The command that starts the operator of a robot.
@@ -36,13 +40,11 @@ def operator_launch(name: str, robot: Mapping[str, Any], parameters: Mapping[str
     arguments = {
         'name': name, 'robot': '%s:%d' % (robot['host'], robot['port']), 'frame_prefix': robot['frame_prefix'],
         'key_file': _path(folder, robot['key_file']),
-        'allow_unsealed_commands': str(robot['allow_unsealed_commands']).lower(),
-        'rviz': str(parameters['rviz']).lower(), 'max_datagram_size': parameters['max_datagram_size'],
-        'loss': parameters['loss'], 'record': str(parameters['record']).lower(),
-        **{name: parameters[name] for name in ('record_streams', 'record_dir', 'record_split_mb', 'record_max_mb')},
+        'allow_unsealed_commands': robot['allow_unsealed_commands'], **{one: parameters[one] for one in PASSED_ON},
         **({'streams': streams} if streams else {}),
         **({'footprint': robot['footprint']} if robot['footprint'] else {})}
-    return [*LAUNCH, *('%s:=%s' % argument for argument in arguments.items())]
+    return [*LAUNCH, *('%s:=%s' % (argument, str(value).lower() if isinstance(value, bool) else value)
+                       for argument, value in arguments.items())]
 
 
 def _path(folder: str, path: str) -> str:

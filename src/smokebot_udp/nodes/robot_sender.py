@@ -145,6 +145,7 @@ class _StreamMaker:
             shared = {'number': random.getrandbits(32)}
         if kind == 'grid':
             shared['lookup'] = self.lookup
+            self.lookup.prepare()
         return RobotStream(name, settings, encoder_class(kind)(settings, **shared), self._link)
 
 

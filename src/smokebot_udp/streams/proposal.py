@@ -41,6 +41,9 @@ Settings = List[Tuple[str, Any, str]]
 
 TWIST, TRANSFORMS = 'geometry_msgs/Twist', ('tf2_msgs/TFMessage', 'tf/tfMessage')
 
+DRIVEN_BY = '/operator/cmd_vel'
+"""What teleop_keyboard publishes, whatever the robot's topic is."""
+
 TO_ROBOT: Mapping[str, Settings] = {
     'geometry_msgs/PoseStamped': [('needs_control', True, 'taken only from who drives')],
     'geometry_msgs/PoseWithCovarianceStamped': []}
@@ -48,9 +51,12 @@ TO_ROBOT: Mapping[str, Settings] = {
 
 ACTION_TOPICS = '/status', '/feedback', '/result', '/goal', '/cancel'
 
+DIAGNOSTICS = '/diagnostics'
+"""robot_sender publishes it, too: without it a desk with a master of its own does not see what the robot counts."""
+
 REPORTS: Sequence[Tuple[str, str, Settings]] = (
     ('/log', '/rosout_agg', [('message_type', 'rosgraph_msgs/Log', ''), ('level', 'warn', '')]),
-    ('/diagnostics', '/diagnostics', [('message_type', 'diagnostic_msgs/DiagnosticArray', ''), ('newest', True, '')]))
+    ('/diagnostics', DIAGNOSTICS, [('message_type', 'diagnostic_msgs/DiagnosticArray', ''), ('newest', True, '')]))
 """What robots say of themselves: (name, topic, settings), sent reliably."""
 
 
@@ -107,7 +113,7 @@ def propose(published: Sequence[Topic], listened: Mapping[str, str], names: Coll
                                ('operator_action', '/operator' + action, '')])
                for action, type_ in sorted(actions.items())]
     drafts += [_Draft(name, [*_both('relay', topic), *settings, ('reliable', True, '')])
-               for name, topic, settings in REPORTS if topic in names]
+               for name, topic, settings in REPORTS if topic in names or (drafts and topic == DIAGNOSTICS)]
     taken: Set[str] = set()
     return _with_roles([Proposed(_name(draft.topic, taken), draft.settings, draft.comment, draft.off)
                         for draft in drafts])
@@ -230,8 +236,13 @@ def _way_back(listened: Mapping[str, str]) -> List[_Draft]:
     """What operators send: of several topics by which the robot is driven, one; the others are comments."""
     drivers = sorted((topic for topic, type_ in listened.items() if type_ == TWIST),
                      key=lambda topic: (topic.strip('/') != 'cmd_vel', topic))
-    found = [_Draft(topic, [*_typed('command', topic, TWIST), ('timeout', 0.5, '[s] without commands the robot stops')],
-                    'drives the robot, too' if topic != drivers[0] else '', topic != drivers[0]) for topic in drivers]
+    found = []
+    for topic in drivers:
+        is_first = topic == drivers[0]
+        settings = [(name, DRIVEN_BY if is_first and name == 'operator_topic' else value, comment)
+                    for name, value, comment in _typed('command', topic, TWIST)]
+        settings.append(('timeout', 0.5, '[s] without commands the robot stops'))
+        found.append(_Draft(topic, settings, '' if is_first else 'drives the robot, too', not is_first))
     for topic, type_ in sorted(listened.items()):
         if type_ in TO_ROBOT:
             found.append(_Draft(topic, [*_typed('relay', topic, type_), ('direction', 'to_robot', ''),
