@@ -7,7 +7,7 @@ from smokebot_udp.nodes.demo_link import BAD, arguments, changed, conditions, de
 
 def test_arguments_have_defaults() -> None:
     values = arguments(['seconds:=30', 'rviz:=false'])
-    assert values == {'link': 'bad', 'rviz': 'false', 'seconds': '30', 'streams': '', 'seed': '1'}
+    assert values == {'link': 'bad', 'rviz': 'false', 'seconds': '30', 'picture': '', 'streams': '', 'seed': '1'}
 
 
 @pytest.mark.parametrize('word', ['los:=0.2', 'seconds', 'seconds=3', 'seconds:=long', 'seed:=1.5', 'seed:=-1'])

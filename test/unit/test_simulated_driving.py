@@ -225,7 +225,7 @@ def test_a_goal_is_given_up_for_a_command_and_none_is_taken_meanwhile() -> None:
 def test_another_goal_and_a_cancelled_one() -> None:
     one = robot()
     first = one.go_to((17.5, 11.0, 0.0), 5.0)
-    second = one.go_to((3.5, 7.0, 0.0), 7.0)
+    second = one.go_to((3.5, 11.0, 0.0), 7.0)
     assert one.outcome(first, 7.0) == 'another goal came' and one.outcome(second, 7.0) is None
     one.cancel(first, 7.1)
     assert one.outcome(second, 7.1) is None

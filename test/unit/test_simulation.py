@@ -8,6 +8,7 @@ from smokebot_udp.simulation.camera import Camera
 from smokebot_udp.simulation.drive import HALT, Drive
 from smokebot_udp.simulation.pinhole import Pinhole
 from smokebot_udp.simulation.rays import NOTHING, ranges
+from smokebot_udp.simulation.smoke import Smoke
 from smokebot_udp.simulation.thermal import ThermalCamera, to_counts
 from smokebot_udp.simulation.world import CEILING, FLOOR, ROOF, Prism, World, building
 
@@ -81,6 +82,36 @@ def test_smoke_hides_what_is_far() -> None:
     pose = (1.5, 7.0, 0.0)
     clear, thick = (Camera(world, EYE, 1, smoke=smoke, noise=0.0).look(pose, 0.0).astype(float) for smoke in (0.0, 0.5))
     assert thick[40:80].std() < clear[40:80].std() / 2
+
+
+def test_smoke_keeps_the_contrast_of_beer_and_lambert_and_billows_about_it() -> None:
+    wall = World([box(centre=(3.0, 0.0), size=(2.0, 40.0))])      # 2 m ahead
+    view = EYE.look(wall, (0.0, 0.0, 0.0))
+    quiet, billowing = (Smoke(EYE, 0.5, billows, 1).clear(view, 0.0, 3.0) for billows in (0.0, 0.5))
+    row = 60                                                      # z is 0.6 m: 0.7 + 0.5 z is 1
+    assert quiet[row] == pytest.approx(np.exp(-0.5 * view.depth[row] * (0.7 + 0.5 * view.z[row])), rel=1e-4)
+    extinction = np.log(billowing) / np.log(quiet)
+    assert 0.45 < extinction.min() < 0.9 and 1.1 < extinction.max() < 1.8
+
+
+def test_billows_turn_with_the_world() -> None:
+    smoke, view = Smoke(EYE, 0.5, 0.5, 1), EYE.look(World([box(size=(2.0, 40.0))]), (0.0, 0.0, 0.0))
+    ahead, left = (np.log(smoke.clear(view, yaw, 3.0)) for yaw in (0.0, 20 / EYE.focal_length))
+    assert left[:, 20:] == pytest.approx(ahead[:, :-20], rel=1e-3)     # what was ahead is 20 pixels to the right
+    assert smoke.clear(view, 50.0, 1e5).shape == (120, 160)            # also after days and many turns
+    assert (smoke.clear(view, 0.0, 3.5) != smoke.clear(view, 0.0, 3.0)).any()
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_people_are_warmer_than_what_surrounds_them(seed) -> None:
+    world = building(seed)
+    people = [index for index, prism in enumerate(world.prisms) if prism.name.startswith('person')]
+    assert len(people) == 4 * 4 + 2 * 3 and not world.flicker[people].any()
+    pose = 1.5, 7.0, 0.0                                               # both who sit in the corridor are seen
+    view, celsius = EYE.look(world, pose), ThermalCamera(world, EYE, 1).look(pose, 0.0) * 0.04 - 273.15
+    seen = np.isin(view.surface, people)
+    beside = ~seen & (view.depth < 8) & (view.z < 0.9)
+    assert seen.sum() > 100 and np.median(celsius[seen]) > np.percentile(celsius[beside], 99) + 3
 
 
 def test_the_drive_touches_nothing_and_closes() -> None:

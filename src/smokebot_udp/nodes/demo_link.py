@@ -5,7 +5,10 @@ A simulated robot and an operator, with a master each, run on the two sides of l
 
     link      bad, or conditions of link_lab: link:=loss=0.5,rate=1e6
     rviz      whether to start rviz (default: true)
-    seconds   duration; then the table of link_top is printed (default: 0, until Ctrl-C)
+    seconds   duration, with a picture from the operator's first image; then the table of link_top is printed
+              (default: 0, until Ctrl-C)
+    picture   file for what the operator saw at five moments, beside the camera then and compressed image_transport over
+              TCP on such a link; and a film beside it (default: none)
     streams   file that defines the streams
     seed      of the simulated building and of the link
 
@@ -26,6 +29,7 @@ from ..link.keys import make_key
 from ..link_lab.cli import SOCKET, parse
 from ..link_lab.lab import ADDRESSES, Lab, LabError, environment
 from ..link_lab.server import LabServer
+from .demo_pictures import Pictures
 from .launches import Launch, keep_all
 from .operator_desk import QUIET
 from .terminal import is_terminal, single_keys
@@ -39,10 +43,13 @@ STEP, MOST = 0.1, 0.95
 MIN_RATE, MAX_RATE = 1e5, 1e8
 """A key doubles or halves the rate within these bounds [bit/s]."""
 
+FIRST_TIMEOUT = 60.0
+"""With a picture it ends without an image after this time and its duration [s]."""
+
 PORT = 17001
 """The link's, on the robot's side."""
 
-DEFAULTS = {'link': 'bad', 'rviz': 'true', 'seconds': '0', 'streams': '', 'seed': '1'}
+DEFAULTS = {'link': 'bad', 'rviz': 'true', 'seconds': '0', 'picture': '', 'streams': '', 'seed': '1'}
 
 
 def arguments(words: Sequence[str]) -> Dict[str, str]:
@@ -116,33 +123,51 @@ def keys() -> Iterator[Callable[[], str]]:
 
 def run(values: Dict[str, str]) -> None:
     """Run both sides until the end; print the conditions when they change."""
-    link, seconds = conditions(values['link']), float(values['seconds'])
+    link, seconds, picture = conditions(values['link']), float(values['seconds']), values['picture']
     with tempfile.TemporaryDirectory(prefix='demo_link_') as folder, contextlib.ExitStack() as stack:
-        lab = stack.enter_context(Lab(int(values['seed'])))
-        lab.set(link)
-        stack.enter_context(LabServer(SOCKET, lab))
+        labs = [stack.enter_context(Lab(int(values['seed']))) for _ in range(2 if picture else 1)]
+        set_all(labs, link)
+        stack.enter_context(LabServer(SOCKET, labs[0]))
         key_file = str(pathlib.Path(folder, 'demo.key'))
         make_key(key_file)
         pressed = stack.enter_context(keys())
         print(described(link) + ('; keys: + and - change the loss, > and < the rate, q ends' if is_terminal() else ''),
               flush=True)
-        begun = time.monotonic()
+        pictures = stack.enter_context(Pictures(labs[0], labs[1], folder, own_master)) if picture else None
+        begun, times = time.monotonic(), []     # type: float, List[float]
 
         def is_over() -> bool:
-            nonlocal link
+            nonlocal link, begun
             for key in pressed():
                 if key in 'qQ':
                     return True
                 if changed(link, key) != link:
                     link = changed(link, key)
-                    lab.set(link)
+                    set_all(labs, link)
                     print(described(link), flush=True)
-            if seconds and time.monotonic() - begun > seconds:
-                report(lab)
+            now = time.monotonic()
+            if pictures is not None and not times:
+                first = pictures.first()
+                if first is None and now - begun < FIRST_TIMEOUT:
+                    return False
+                times.append(first or time.time())
+                begun = now
+            if seconds and now - begun > seconds:
+                times.append(time.time())
+                report(labs[0])
                 return True
             return False
 
-        keep_all(launches(lab, values, key_file), is_over)
+        keep_all(launches(labs[0], values, key_file), is_over)
+        if pictures is not None and len(times) > 1:
+            pictures.end()
+            print('\n'.join(pictures.draw(picture, *times[:2])), flush=True)
+
+
+def set_all(labs: Sequence[Lab], link: Dict[str, Any]) -> None:
+    """Give all links the same conditions."""
+    for lab in labs:
+        lab.set(link)
 
 
 def report(lab: Lab) -> None:

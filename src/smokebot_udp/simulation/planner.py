@@ -77,6 +77,11 @@ class Planner:
         way = [*self._straightened(np.array(cells)), goal]
         if not (self._can_go(start, way[0]) and self._can_go(*way[-2:])):
             raise ValueError('no way leads to the goal')
+        # to a cell's centre beside it the robot would turn twice, which takes longer than most ways
+        if len(way) > 1 and self._can_go(start, way[1]):
+            del way[0]
+        if len(way) > 1 and self._can_go(way[-3] if len(way) > 2 else start, goal):
+            del way[-2]
         return way
 
     def _can_go(self, one: Point, other: Point) -> bool:

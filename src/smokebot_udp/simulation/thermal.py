@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The thermal camera: a radiometric image in 16-bit counts of 0.04 K, like FLIR's high-temperature range."""
+"""The thermal camera: a radiometric image in 16-bit counts of 0.04 K, like FLIR's high-temperature range.
+
+Long-wave infrared passes through the smoke, which therefore is not seen.
+"""
 import numpy as np
 
 from ..arrays import Array

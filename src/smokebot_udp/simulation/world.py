@@ -126,6 +126,7 @@ def building(seed: int) -> World:
     burning: Set[Room] = {rooms[i] for i in random.choice(len(rooms), 2, replace=False)}
     for room in rooms:
         prisms += _furnish(room, room in burning, random)
+    prisms += _sitting()
     prisms.append(Prism('lamp', (19.8, 7.6), (0.3, 0.3), 0.3, 0.0, 1.6, 45.0, (120, 210, 240)))
     return World(prisms)
 
@@ -175,5 +176,37 @@ def _furnish(room: Room, burning: bool, random: np.random.RandomState) -> Iterat
         yield Prism('fire %d %d' % room, (x + 1.6, y + inward * 2.0), (0.9, 0.7), turn[3], 0.0, 0.55,
                     random.uniform(380, 620), (30, 120, 255), flicker=0.35)
     else:
-        yield Prism('person %d %d' % room, (x + 1.4, y + inward * 1.9), (1.7, 0.45), turn[3] * 4, 0.0, 0.3,
-                    33.0, (90, 110, 60))
+        yield from _lying('person %d %d' % room, (x + 1.2, y + inward * 1.7), turn[3] * 4)
+
+
+SKIN, CLOTHES = 35.0, 31.0
+"""Temperatures of people, who are warmer than what surrounds them [degC]."""
+
+FACE, JACKET, TROUSERS = (110, 140, 190), (90, 110, 60), (90, 70, 60)
+"""BGR"""
+
+LYING: Sequence[Tuple[str, float, float, float, float, float, float, Tuple[float, ...]]] = (
+    ('', 0.15, 0.0, 0.62, 0.42, 0.26, CLOTHES, JACKET), ("'s head", 0.62, 0.0, 0.22, 0.2, 0.22, SKIN, FACE),
+    ("'s legs", -0.6, 0.0, 0.88, 0.3, 0.16, CLOTHES - 1.5, TROUSERS),
+    ("'s arm", 0.3, -0.42, 0.16, 0.5, 0.1, SKIN, FACE))
+"""Parts of a person who lies on the floor: (name, x, y of its centre in the person's frame, length, width, height [m],
+temperature [degC], BGR)."""
+
+SITTING = (4.8, ROOM_WALLS[1] - 0.36), (8.3, ROOM_WALLS[0] + 0.36)
+"""(x, y) of people who sit in the corridor with their backs to its walls [m]; the way between them stays free."""
+
+
+def _lying(name: str, centre: Tuple[float, float], yaw: float) -> Iterator[Prism]:
+    c, s = np.cos(yaw), np.sin(yaw)
+    for part, x, y, length, width, height, temperature, colour in LYING:
+        place = centre[0] + c * x - s * y, centre[1] + s * x + c * y
+        yield Prism(name + part, place, (length, width), yaw, 0.0, height, temperature, colour)
+
+
+def _sitting() -> Iterator[Prism]:
+    for number, (x, y) in enumerate(SITTING):
+        wall = 1 if y > SIZE[1] / 2 else -1
+        name = 'person %d' % number
+        yield Prism(name, (x, y + wall * 0.12), (0.42, 0.24), 0.0, 0.0, 0.62, CLOTHES, JACKET)
+        yield Prism(name + "'s head", (x, y + wall * 0.12), (0.2, 0.2), 0.0, 0.62, 0.88, SKIN, FACE)
+        yield Prism(name + "'s legs", (x, y - wall * 0.22), (0.34, 0.46), 0.0, 0.0, 0.16, CLOTHES - 1.5, TROUSERS)

@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The smoke that a camera sees: it is thicker below the ceiling, and drifts in billows.
+
+Light that passes a length d of smoke with the extinction k keeps exp(-k d) of its contrast (Beer-Lambert).
+"""
+import cv2
+import numpy as np
+
+from ..arrays import Float32Array
+from .pinhole import Pinhole, View
+
+BLOCK = 16
+"""Billows are computed at this part of the resolution, as they have no edges."""
+
+SOFT = 0.3, 0.7
+"""Shares of the fine and the coarse billows, which are twice as large."""
+
+DRIFT, RISE = 0.25, 0.1
+"""Of billows across the image [rad/s] and upwards [image height/s]."""
+
+
+class Smoke:
+    """:param extinction: at the camera's height, of quiet smoke [1/m]
+    :param billows: deviation of the extinction within them, as a part of it, 0..1
+    """
+
+    def __init__(self, pinhole: Pinhole, extinction: float, billows: float, seed: int) -> None:
+        self._extinction, self._pinhole = np.float32(extinction), pinhole
+        self._rows, self._columns = -(-pinhole.height // BLOCK), -(-pinhole.width // BLOCK)
+        # around the robot once, so that billows stay where they are while it turns
+        around = int(np.ceil(2 * np.pi * pinhole.focal_length / BLOCK))
+        noise = np.random.RandomState(seed).standard_normal((2 * self._rows, around))
+        field = sum(share * _smooth(noise, self._rows / 12 * size) for share, size in zip(SOFT, (1, 2)))
+        self._field: Float32Array = (1 + billows * np.clip(field / np.std(field), -1, 1.5)).astype(np.float32)
+
+    def clear(self, view: View, yaw: float, time: float) -> Float32Array:
+        """(height, width) float32: the share of the contrast that is left, 0..1.
+
+        :param yaw: of the camera [rad]
+        :param time: [s]
+        """
+        optical = np.minimum(view.z, np.float32(2.7))
+        optical *= np.float32(-0.5)
+        optical -= np.float32(0.7)
+        optical *= view.depth
+        optical *= self._extinction * self._billows(yaw, time)
+        return np.asarray(cv2.exp(optical, optical))
+
+    def _billows(self, yaw: float, time: float) -> Float32Array:
+        """(height, width) float32, 1 on average."""
+        rows, around = self._field.shape
+        x, y = -(yaw + DRIFT * time) * self._pinhole.focal_length / BLOCK, RISE * time * self._rows
+        left, top = int(np.floor(x)), int(np.floor(y))
+        window = self._field.take(range(top, top + self._rows + 2), axis=0, mode='wrap').take(
+            range(left, left + self._columns + 2), axis=1, mode='wrap')
+        enlarged = np.array([(1 / BLOCK, 0, x - left), (0, 1 / BLOCK, y - top)], np.float32)
+        return np.asarray(cv2.warpAffine(
+            window, enlarged, (self._pinhole.width, self._pinhole.height),
+            flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_REPLICATE))
+
+
+def _smooth(noise: Float32Array, size: float) -> Float32Array:
+    """Noise without details below a size [pixel], which goes on at the opposite edge."""
+    waves = [np.fft.fftfreq(length) for length in noise.shape]
+    kept = np.exp(-2 * (np.pi * size) ** 2 * np.add.outer(waves[0] ** 2, waves[1] ** 2) / 4)
+    smooth = np.fft.ifft2(np.fft.fft2(noise) * kept).real
+    return np.asarray(smooth / smooth.std())
