@@ -52,9 +52,9 @@ RECORD = struct.Struct('<HBBI')
 
 WIRE_MESSAGES = (
     'CameraInfoSegment', 'CapturePiece', 'CaptureRequest', 'ClockEcho', 'CloudChunk', 'Command', 'ControlRequest',
-    'ControlStatus', 'FocusRequest', 'GridSegment', 'Held', 'ImageSegment', 'LayeredSegment', 'LinkReport', 'MapTile',
-    'PathAnswer', 'PathProbe', 'RelaySegment', 'ReliableSegment', 'RobotStatus', 'ScanSegment', 'SettingsRequest',
-    'SettingsState', 'VideoSlice')
+    'ControlStatus', 'GridSegment', 'Held', 'ImageSegment', 'LayeredSegment', 'LinkReport', 'MapTile', 'PathAnswer',
+    'PathProbe', 'RelaySegment', 'ReliableSegment', 'RobotStatus', 'ScanSegment', 'SettingsRequest', 'SettingsState',
+    'VideoSlice')
 """All that cross the link."""
 
 

@@ -16,7 +16,6 @@ import yaml
 from dynamic_reconfigure.encoding import encode_config
 from dynamic_reconfigure.srv import Reconfigure
 from nav_msgs.msg import Odometry
-from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import Image
 from std_msgs.msg import Bool
 
@@ -271,29 +270,6 @@ class Focus(StreamsCase):
         self.assertFalse([error for error in self.errors if 'warn_loss' in error])
         for name in ('colour', 'warn_loss'):
             rospy.delete_param('/robot_sender/thermal/' + name)
-        by_service('default')
-
-    def test_settings_by_their_former_names(self) -> None:
-        """One warning each, by rosparam and by dynamic_reconfigure."""
-        by_service('default')
-        wait_for(lambda: self.told().focus == 'default' and not self.told().modified, STATUS_TIMEOUT, 'the focus')
-        warnings = []
-        log = rospy.Subscriber('/rosout', Log, lambda log: warnings.append(log.msg) if log.level == Log.WARN else None)
-        wait_for(log.get_num_connections, 5, 'the log')
-        rospy.set_param('/robot_sender/thermal/floor', 50)
-        wait_for(lambda: self.stream('thermal').min_bitrate == 50.0, STATUS_TIMEOUT, 'min_bitrate by rosparam')
-        wait_for(lambda: not rospy.has_param('/robot_sender/thermal/floor'), 5, 'the end of the former name')
-        self.assertEqual(rospy.get_param('/robot_sender/thermal/min_bitrate'), 50.0)
-        subprocess.run(['rosrun', 'dynamic_reconfigure', 'dynparam', 'set', '/robot_sender/camera', 'taste', '0.25'],
-                       check=True, stdout=subprocess.DEVNULL)
-        wait_for(lambda: rospy.get_param('/robot_sender/camera/degradation_preference') == 0.25, 5,
-                 'degradation_preference by dynamic_reconfigure')
-        wait_for(lambda: [(one.name, one.value) for one in self.stream('camera').doubles]
-                 == [('degradation_preference', 0.25)], STATUS_TIMEOUT, 'the status at the operator')
-        self.assertEqual([warning for warning in warnings if 'former name' in warning],
-                         ['/robot_sender/thermal: floor is the former name of min_bitrate',
-                          '/robot_sender/camera: taste is the former name of degradation_preference'])
-        log.unregister()
         by_service('default')
 
     def test_the_receivers_settings_change_too(self) -> None:

@@ -74,27 +74,6 @@ def test_a_name_that_stands_twice() -> None:
     assert problems == ["'thermal' is given twice, again in line 4: the first one counts"]
 
 
-def test_former_names_are_accepted_with_one_warning_each() -> None:
-    warnings: List[str] = []
-    streams, problems = config.load(GOOD.replace('}', ', floor: 20, taste: 0.5}'), warnings.append)
-    assert not problems
-    assert streams['thermal']['min_bitrate'] == 20.0 and streams['thermal']['degradation_preference'] == 0.5
-    assert 'floor' not in streams['thermal'] and 'taste' not in streams['thermal']
-    assert warnings == ["stream 'thermal': floor is the former name of min_bitrate",
-                        "stream 'thermal': taste is the former name of degradation_preference"]
-
-
-def test_a_former_name_beside_the_name_is_an_error() -> None:
-    streams, problems = with_setting('floor: 20, min_bitrate: 20')
-    assert not users(streams)
-    assert problems == ["stream 'thermal': min_bitrate and its former name floor are both given"]
-
-
-def test_a_wrong_value_by_a_former_name_is_refused() -> None:
-    assert with_setting('floor: -1')[1] == [
-        "stream 'thermal': min_bitrate is -1, must be a number from 0 to 1e+06 [kbit/s]"]
-
-
 @pytest.mark.parametrize('topic', ['/operator/thermal/image_raw', '/operator//thermal/image_raw/',
                                    'operator/thermal/image_raw'])
 @pytest.mark.parametrize('kind', ['image', 'scan'])

@@ -3,7 +3,7 @@ from typing import Any, Dict, List
 
 import pytest
 
-from smokebot_udp.mission.control import Answer, MissionControl
+from smokebot_udp.mission.control import MissionControl
 from smokebot_udp.mission.focus import load
 from smokebot_udp.mission.parameters import Parameter
 from smokebot_udp.mission.settings import SettingsStore
@@ -46,7 +46,7 @@ class Mission:
 def test_it_begins_as_configured_and_reports_wrong_profiles() -> None:
     mission = Mission()
     state = mission.control.state()
-    assert (state.focus, state.modified, state.answer) == ('default', frozenset(), Answer())
+    assert (state.focus, state.modified) == ('default', frozenset())
     assert mission.control.profiles == ['default', 'drive', 'look', 'wrong']
     assert mission.problems == ["profile 'wrong', stream 'thermal': rate is -1, must be a number above 0 [Hz]"]
     assert mission.control.configured('lidar') == {'rate': 10.0, 'weight': 1.0, 'low': 1, 'high': 5}
@@ -80,7 +80,7 @@ def test_by_hand_stands_until_the_next_switch_even_to_the_same_focus() -> None:
     assert mission.control.request('thermal', {'rate': 3}) == {} and mission.changes == 2
     assert mission.control.request_focus({'focus': 'drive'}) == {}
     assert mission.requested('thermal')['rate'] == 3.0
-    mission.control.switch('drive')
+    mission.control.request_part('', {'focus': 'drive'})     # as an operator does
     assert mission.requested('thermal')['rate'] == 8.0 and not mission.control.state().modified
 
 
@@ -100,8 +100,9 @@ def test_a_refused_request_changes_and_marks_nothing() -> None:
     for changes in ({'rate': -5}, {'colour': 'red'}, {'low': 7}):
         with pytest.raises(ValueError):
             mission.control.request('thermal', changes)
-    with pytest.raises(ValueError):
-        mission.control.switch('dance')
+    for changes in ({'focus': 'dance'}, {'focus': 5}, {'rate': 1.0}):
+        with pytest.raises(ValueError):
+            mission.control.request_part('', changes)
     assert not mission.control.state().modified and not mission.changes and not mission.switched
 
 
@@ -113,38 +114,6 @@ def test_a_profile_that_a_stream_refuses_leaves_that_stream() -> None:
     assert mission.problems == ["profile 'wrong', stream '%s' stays as it is: low is not below high" % name
                                 for name in ('thermal', 'lidar')]
     assert mission.requested('lidar')['rate'] == 5.0 and mission.control.state().focus == 'wrong'
-
-
-def test_the_operators_request_is_served_once() -> None:
-    mission = Mission()
-    mission.control.serve(7, 'drive')
-    assert mission.control.state().answer == Answer(7, '')
-    mission.control.request('thermal', {'rate': 3})
-    mission.control.serve(7, 'drive')
-    assert mission.requested('thermal')['rate'] == 3.0 and mission.switched == ['drive']
-    mission.control.serve(8, 'dance')
-    assert mission.control.state().answer.refusal.startswith("focus is 'dance'")
-    assert mission.problems[-1].startswith("the operator's request: focus is 'dance'")
-    mission.control.serve(9, 'drive')
-    assert mission.control.state().answer == Answer(9, '') and mission.requested('thermal')['rate'] == 8.0
-
-
-def test_of_two_operators_requests_the_last_stands_and_both_are_answered() -> None:
-    mission = Mission()
-    for request, focus in ((7, 'drive'), (8, 'look'), (7, 'drive'), (8, 'look'), (7, 'drive')):    # each is repeated
-        mission.control.serve(request, focus)
-        assert mission.control.state().answer == Answer(request, '')
-    assert mission.switched == ['drive', 'look'] and mission.control.state().focus == 'look'
-
-
-def test_a_flood_of_requests_is_forgotten() -> None:
-    mission = Mission()
-    for request in range(1, 1000):
-        mission.control.serve(request, 'drive')
-    mission.control.serve(999, 'look')
-    assert mission.control.state().focus == 'drive'
-    mission.control.serve(1, 'look')
-    assert mission.control.state().focus == 'look'
 
 
 def test_a_profile_s_others_leave_the_package_s_own_streams() -> None:

@@ -49,8 +49,6 @@ def test_a_profile_that_extends_another_counts_first() -> None:
     ('profiles: {a: {extends: b}, b: 5}', "extends 'b', which is wrong"),
     ('profiles: {a: {extends: [1]}}', 'extends [1], which does not exist'),
     ('profiles: {a: {extends: b}, b: {extends: c}, c: {extends: b}}', 'extends itself'),
-    ('profiles: {a: {streams: {b: {floor: 1, min_bitrate: 1}}}}',
-     "stream 'b': min_bitrate and its former name floor are both given"),
     ('profiles: {a: {extends: b}, b: {extends: a}}', 'extends itself'),
     ('profiles: {a: {extends: a}}', 'extends itself'),
     ('profiles: {a: {streams: [1]}}', 'is not settings'),
@@ -79,22 +77,6 @@ def test_each_of_three_generations_overrides_those_before() -> None:
     assert rest.of('lidar') == {'leaf_size': 0.2, 'rate': 1}
     assert rest.of('map') == {'rate': 2, 'enabled': False}
     assert rest.of('camera') == {'rate': 2, 'enabled': False}
-
-
-def test_former_names_are_accepted_with_one_warning_each() -> None:
-    warnings = []
-    profiles, problems = load('''
-profiles:
-  drive: {streams: {thermal: {floor: 100, taste: 0.5}}, others: {floor: 10}}
-  creep: {extends: drive, streams: {thermal: {min_bitrate: 50}}}
-''', warnings.append)
-    assert not problems
-    assert warnings == ["profile 'drive', stream 'thermal': floor is the former name of min_bitrate",
-                        "profile 'drive', stream 'thermal': taste is the former name of degradation_preference",
-                        "profile 'drive', others: floor is the former name of min_bitrate"]
-    assert profiles['drive'].of('thermal') == {'min_bitrate': 100, 'degradation_preference': 0.5}
-    assert profiles['creep'].of('thermal') == {'min_bitrate': 50, 'degradation_preference': 0.5}
-    assert profiles['creep'].of('lidar') == {'min_bitrate': 10}
 
 
 def test_one_wrong_profile_leaves_the_others() -> None:
@@ -190,11 +172,9 @@ def test_streams_that_do_not_exist_are_warned_of() -> None:
     assert profiles['b'].of('x') == {}
 
 
-def test_limits_are_read_by_today_s_names() -> None:
-    warnings: List[str] = []
-    profiles, _ = load('profiles: {a: {roles: {cloud: {floor: 5}}}}', warnings.append)
+def test_what_is_said_of_a_role_is_a_limit() -> None:
+    profiles, _ = load('profiles: {a: {roles: {cloud: {min_bitrate: 5}}}}')
     assert profiles['a'].of('x', 'cloud') == {'min_bitrate': Limit(5)}
-    assert warnings == ["profile 'a', role 'cloud': floor is the former name of min_bitrate"]
 
 
 def test_settings_that_are_none_are_left_out() -> None:

@@ -50,7 +50,6 @@ class Node:
         self.topics: Dict[str, Any] = {}        # the last message on each
         self.services: Dict[str, Any] = {}
         self.problems: List[str] = []
-        self.warnings: List[str] = []
         for name, value in (
                 ('get_name', lambda: '/robot'), ('resolve_name', lambda name: name.replace('~', '/robot/')),
                 ('Publisher', lambda name, *_, **__: SimpleNamespace(
@@ -61,8 +60,7 @@ class Node:
                 ('ServiceProxy', lambda name, _: lambda config: SimpleNamespace(
                     config=self.services[name](SimpleNamespace(config=config)))),
                 ('get_param', lambda *_: {'thermal': {key.split('/')[-1]: value
-                                                      for key, value in self.parameters.items()}}),
-                ('logwarn', lambda *args: self.warnings.append(args[0] % args[1:]))):
+                                                      for key, value in self.parameters.items()}})):
             monkeypatch.setattr('rospy.' + name, value)
         monkeypatch.setattr(module, 'write_parameters', self.write)
         table = {**live(TABLE), 'min_bitrate': Parameter(0.0, 'kbit/s', 'at least', least=0.0, live=True)}
@@ -71,11 +69,9 @@ class Node:
         self.live.publish()
         self.live.serve()
 
-    def write(self, values: Mapping[str, Any], gone: Sequence[str] = ()) -> None:
+    def write(self, values: Mapping[str, Any]) -> None:
         """As write_parameters of udpros/master.py."""
         self.parameters.update(values)
-        for name in gone:
-            del self.parameters[name]
 
     def set(self, **values: Any) -> Dict[str, Any]:
         """What `rosservice call` of set_parameters answers."""
@@ -166,36 +162,13 @@ def test_the_limits_that_dialogs_offer_are_allowed(kind) -> None:
                     assert parameter.check(limit) == limit
 
 
-def test_a_client_may_use_former_names(node: Node) -> None:
-    node.client.update_configuration({'floor': '50'})
-    assert node.store.current['min_bitrate'] == 50.0 == node.parameters['/robot/thermal/min_bitrate']
-    assert node.warnings == ['/robot/thermal: floor is the former name of min_bitrate']
-    node.set(floor=60.0, rate=5.0)
-    assert node.store.current.requested == {**START, 'min_bitrate': 60.0, 'rate': 5.0}
-    assert len(node.warnings) == 1
-    node.set(floor=70.0, min_bitrate=70.0)
-    assert node.store.current['min_bitrate'] == 60.0
-    assert node.problems == ['/robot/thermal: min_bitrate and its former name floor are both given']
-
-
-def test_former_names_are_described_but_not_shown(node: Node) -> None:
-    """rqt_reconfigure makes no widget of a group that is hidden; dynparam get and dump have only the values."""
-    assert 'floor' not in node.client.get_configuration() and 'floor' not in node.set()
-    group, = node.client.get_group_descriptions()['groups'].values()
-    assert group['type'] == 'hide' and [parameter['name'] for parameter in group['parameters']] == ['floor']
-    state, = node.client.get_configuration()['groups']['groups'].values()
-    assert state['name'] == group['name'] and state['state'] is False
-    node.client.update_configuration(node.client.get_configuration())     # as dynparam load does with a dump
-    assert node.store.current.requested == START and not node.problems
-
-
 @pytest.mark.parametrize('background', [False, True])
 def test_settings_begin_later_where_the_master_is_away_at_the_start(
         node: Node, monkeypatch: Any, background: bool) -> None:
     failures: List[Exception] = [ConnectionRefusedError(111, 'refused'), http.client.IncompleteRead(b'')]
     subscribed, logged = threading.Event(), []
 
-    def write(values: Mapping[str, Any], gone: Sequence[str] = ()) -> None:
+    def write(values: Mapping[str, Any]) -> None:
         if failures:
             raise failures.pop(0)
     monkeypatch.setattr(module, 'write_parameters', write)
@@ -221,7 +194,7 @@ def test_a_value_that_is_set_while_the_settings_begin_is_read(node: Node, monkey
 
     def subscribe(_: str) -> None:
         there['map']['rate'] = 3.0      # before: the master notifies of later changes only
-    def write(values: Mapping[str, Any], gone: Sequence[str] = ()) -> None:
+    def write(values: Mapping[str, Any]) -> None:
         there['map'] = {name.split('/')[-1]: value for name, value in values.items()}
     monkeypatch.setattr(module, 'write_parameters', write)
     for name, value in (('get_param', lambda *_: there), ('get_param_cached', subscribe)):
@@ -301,18 +274,12 @@ class Master:
             return self.read()
         if method == 'setParam':
             self.set(*arguments)
-        elif method == 'deleteParam':
-            *path, last = arguments[0].strip('/').split('/')
-            values = self.values
-            for part in path:
-                values = values[part]
-            del values[last]
         return None
 
 
 def test_what_others_set_while_the_settings_begin_stays(monkeypatch: Any) -> None:
     """As the emergency stop's ~estop_by, and thresholds; the settings themselves are written in one call."""
-    server = Master(monkeypatch, {'robot': {'thermal': {'floor': 50.0, 'warn_loss': 0.2}, 'streams_file': 'x'}})
+    server = Master(monkeypatch, {'robot': {'thermal': {'min_bitrate': 50.0, 'warn_loss': 0.2}, 'streams_file': 'x'}})
 
     def others() -> None:
         server.after_read = lambda: None

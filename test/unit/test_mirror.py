@@ -27,9 +27,7 @@ class Server:
     def __init__(self, **there: Any) -> None:
         self.store = SettingsStore(TABLE, START, in_order)
         self.problems: List[str] = []
-        self.warnings: List[str] = []
-        self.mirror = Mirror('/robot/thermal', self.store, self.store.request, self.problems.append,
-                             self.warnings.append, others=('warn_loss',))
+        self.mirror = Mirror('/robot/thermal', self.store, self.store.request, self.problems.append, ('warn_loss',))
         self.there: Any = dict(there)
         self.sync()
 
@@ -45,9 +43,6 @@ class Server:
             self.there = {}
         self.there.update(values)
         self.mirror.written(values)
-        for name in self.mirror.to_delete():
-            del self.there[name]
-        self.mirror.deleted()
 
     def set(self, **values: Any) -> None:
         self.there.update(values)
@@ -133,31 +128,8 @@ def test_unknown_names_are_reported_once() -> None:
     assert len(server.problems) == 2 and '/robot/thermal: size: no such setting' in server.problems[1]
 
 
-def test_a_former_name_is_taken_with_one_warning_and_replaced() -> None:
-    server = Server(floor=50)
-    assert server.requested['min_bitrate'] == 50.0
-    assert server.there == {**START, 'min_bitrate': 50.0}
-    assert server.warnings == ['/robot/thermal: floor is the former name of min_bitrate']
-    server.set(floor=60.0)
-    assert server.there == {**START, 'min_bitrate': 60.0} == server.requested
-    server.set(floor=-1.0)
-    assert server.there == {**START, 'min_bitrate': 60.0} == server.requested
-    assert 'min_bitrate is -1.0' in server.problems[0] and len(server.problems) == 1
-
-
-@pytest.mark.parametrize('there', [{'floor': 50, 'min_bitrate': 60}, {'floor': 50, 'min_bitrate': 0.0, 'rate': 7}])
-def test_both_names_are_an_error_and_neither_counts(there: Dict[str, Any]) -> None:
-    for server in (Server(**there), Server()):
-        server.there = dict(there)
-        server.sync()
-        assert server.requested['min_bitrate'] == 0.0 and server.requested['rate'] == there.get('rate', 10.0)
-        assert server.there == server.requested
-        assert set(server.problems) == {
-            '/robot/thermal: min_bitrate and its former name floor are both given: both are ignored'}
-
-
 @given(st.lists(st.one_of(
-    st.dictionaries(st.sampled_from([*TABLE, 'floor', 'colour']), st.one_of(st.integers(-2, 9), st.just('x'))),
+    st.dictionaries(st.sampled_from([*TABLE, 'colour']), st.one_of(st.integers(-2, 9), st.just('x'))),
     st.integers(), st.tuples(st.sampled_from(list(TABLE)), st.integers(-2, 9))), max_size=6))
 def test_after_any_change_both_have_the_same(steps: List[Any]) -> None:
     server = Server()
@@ -169,14 +141,14 @@ def test_after_any_change_both_have_the_same(steps: List[Any]) -> None:
         server.sync()
         assert {name: server.there[name] for name in TABLE} == server.requested
         assert all(type(server.there[name]) is TABLE[name].kind for name in TABLE)
-        assert 'floor' not in server.there and not server.sync()
+        assert not server.sync()
 
 
 @pytest.mark.parametrize('namespace', ['/robot_sender', '/robot_sender/front'])
 def test_a_refused_value_is_named_in_full(namespace: str) -> None:
     problems: List[str] = []
     store = SettingsStore(TABLE, START)
-    mirror = Mirror(namespace, store, store.request, problems.append, problems.append, others=())
+    mirror = Mirror(namespace, store, store.request, problems.append, others=())
     mirror.read({**START, 'rate': -1.0})
     mirror.read({**START, 'colour': 'red'})
     mirror.read('red')

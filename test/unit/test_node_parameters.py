@@ -62,13 +62,15 @@ def test_a_wrong_value_is_reported_and_the_default_used(monkeypatch: Any, name: 
 
 def test_what_is_wrong_in_a_file_is_reported_with_its_path(monkeypatch: Any, tmp_path: pathlib.Path) -> None:
     path = tmp_path / 'streams.yaml'
-    path.write_text('streams:\n  thermal: {type: image, robot_topic: a, operator_topic: b, floor: 5}\n  map: 7\n')
+    path.write_text('streams:\n  state: {type: relay, reliable: true, robot_topic: a, operator_topic: b,'
+                    ' message_type: std_msgs/String, rate: 5}\n'
+                    '  map: 7\n')
     warnings: List[str] = []
     monkeypatch.setattr('rospy.logwarn', lambda text, *args: warnings.append(text % args))
     parameters, problems = node(monkeypatch, tables.ROBOT_SENDER, {'streams_file': str(path)})
-    assert list(read_streams(parameters)) == ['thermal', 'link', 'status']
+    assert list(read_streams(parameters)) == ['state', 'link', 'status']
     assert problems == ["%s: stream 'map': its settings are 7, not names with values" % path]
-    assert warnings == ["%s: stream 'thermal': floor is the former name of min_bitrate" % path]
+    assert warnings == ["%s: stream 'state': rate is not used: a reliable relay sends every message" % path]
     parameters, problems = node(monkeypatch, tables.ROBOT_SENDER, {'focus_file': str(tmp_path / 'none.yaml')})
     assert read_file(parameters, 'focus_file', 'focus.yaml', lambda text, warn: ({}, [])) == {}
     assert len(problems) == 1 and 'it cannot be read' in problems[0]

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smokebot_udp.mission.parameters import Parameter, check, check_one, current_names, live
+from smokebot_udp.mission.parameters import Parameter, check, check_one, live
 
 RATE = Parameter(10.0, 'Hz', 'how often', above=0.0, most=1000.0, live=True)
 COUNT = Parameter(3, '', 'how many', least=1, most=9)
@@ -54,15 +54,6 @@ def test_a_table_names_what_is_wrong(values: Any, words: str) -> None:
     assert str(refused.value) == words
     with pytest.raises(ValueError, match='colour: no such setting'):
         check_one('colour', 'red', TABLE)
-
-
-def test_settings_by_their_former_names() -> None:
-    values, warnings = current_names({'floor': 5, 'rate': 1, 'taste': 0.5, 7: 8})
-    assert values == {'min_bitrate': 5, 'rate': 1, 'degradation_preference': 0.5, 7: 8}
-    assert warnings == ['floor is the former name of min_bitrate', 'taste is the former name of degradation_preference']
-    assert current_names({'min_bitrate': 5}) == ({'min_bitrate': 5}, [])
-    with pytest.raises(ValueError, match='degradation_preference and its former name taste are both given'):
-        current_names({'taste': 0.5, 'degradation_preference': 0.5})
 
 
 @given(st.one_of(st.none(), st.booleans(), st.integers(), st.floats(), st.text(), st.lists(st.integers())))

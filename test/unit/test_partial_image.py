@@ -6,7 +6,7 @@ import pytest
 
 from smokebot_udp.arrays import Array, UInt8Array
 from smokebot_udp.codecs.concealment.fill import nearest
-from smokebot_udp.codecs.concealment.kriging import kriging
+from smokebot_udp.codecs.concealment.kriging import kriging_clamped
 from smokebot_udp.codecs.wire.interleave import Interleave, fit
 from smokebot_udp.codecs.wire.partial_image import PartialImage, mask_of
 from smokebot_udp.codecs.wire.pixels import item_type, pixel_type
@@ -75,13 +75,13 @@ def test_a_fill_that_reckons_gets_the_numbers_of_the_pixels(encoding, is_bigendi
     take(image, *segments[::2])
     channel, channels = pixel_type(encoding, is_bigendian)
     seen = []
-    filled = image.items(lambda *arguments: seen.append(arguments) or kriging(*arguments), channel)
+    filled = image.items(lambda *arguments: seen.append(arguments) or kriging_clamped(*arguments), channel)
     subimages, have, _ = seen[0]
     numbers = items.view(channel).reshape(HEIGHT, WIDTH, channels)
     assert subimages.dtype == channel
     assert subimages[have].tobytes() == cut.split(numbers)[have].tobytes()
     assert filled.dtype == items.dtype
-    expected = cut.merge(kriging(subimages, have, cut))
+    expected = cut.merge(kriging_clamped(subimages, have, cut))
     assert filled.tobytes() == expected.tobytes()
 
 

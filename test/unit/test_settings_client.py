@@ -104,6 +104,30 @@ def test_a_change_without_an_answer_is_set_back_in_time() -> None:
     assert client.stores['thermal'].current['rate'] == 10.0 and client.stores[''].current['focus'] == 'drive'
 
 
+def test_a_switch_is_requested_even_to_the_same_focus_and_shown_with_its_answer() -> None:
+    client, answers = make(), []
+    for name in ('default', 'drive', 'dance'):
+        client.switch(name, 3.0, 0.0, lambda *answer: answers.append(answer))
+    client.request('', {'focus': 'drive'}, 0.0)     # by rosparam: a change of its own
+    assert client.poll(0.0) == Request(1, '', {'focus': 'default'})
+    client.receive(PartState(7, 2, '', {'focus': 'default'}, PROFILES, 1, '', 'thermal off'))
+    assert client.poll(0.1) == Request(2, '', {'focus': 'drive'})
+    client.receive(PartState(7, 3, '', {'focus': 'drive'}, PROFILES, 2))
+    assert client.poll(0.2) == Request(3, '', {'focus': 'dance'})
+    client.receive(PartState(7, 3, '', {'focus': 'drive'}, PROFILES, 3, 'no such focus'))
+    assert answers == [('', 'thermal off'), ('', ''), ('no such focus', '')]
+    assert client.poll(0.3) == Request(4, '', {'focus': 'drive'})
+    assert client.take_news()[0] == [] and client.stores[''].current['focus'] == 'drive'
+
+
+def test_a_switch_is_given_up_after_its_own_timeout_also_where_no_robot_was_ever_heard() -> None:
+    client, answers = SettingsClient({}, lambda: 1), []
+    client.switch('drive', 3.0, 0.0, lambda *answer: answers.append(answer))
+    assert client.poll(2.9) == Request(1, '', {'focus': 'drive'}) and not answers
+    assert client.poll(3.0) is None and answers == [('the robot did not answer in 3 s', '')]
+    assert client.deadline() is None and not client.news
+
+
 def test_one_request_after_the_other_in_their_order() -> None:
     client = make()
     client.request('', {'focus': 'drive'}, 0.0)

@@ -46,7 +46,8 @@ def test_a_request_crosses_with_the_types_of_its_values() -> None:
 
 
 def test_a_state_crosses() -> None:
-    state = PartState(1, 2, '', {'focus': 'drive'}, ('default', 'drive'), 3, "focus is 'x', must be one of ...")
+    state = PartState(1, 2, '', {'focus': 'drive'}, ('default', 'drive'), 3, "focus is 'x', must be one of ...",
+                      'map off')
     assert state_of(crossed(state_message(state))) == state
 
 

@@ -3,7 +3,7 @@ from typing import Any, Dict, List
 
 import pytest
 
-from smokebot_udp.mission.remote import MAX_REFUSAL, PartState, Request
+from smokebot_udp.mission.remote import MAX_TEXT, PartState, Request
 from smokebot_udp.mission.settings_server import (
     BURST,
     INTERVAL,
@@ -104,7 +104,19 @@ def test_a_refused_request_is_answered_with_the_reason_and_the_values_that_stay(
     answer, = server.drained()
     assert answer == PartState(7, 1, 'thermal', {'rate': 10.0}, (), 5, 'rate is -3')
     server.answer(request, 'x' * 10_000)
-    assert len(server.drained()[0].refusal) == MAX_REFUSAL
+    assert len(server.drained()[0].refusal) == MAX_TEXT
+
+
+def test_of_two_operators_requests_the_last_stands_and_both_are_answered() -> None:
+    server = Robot()
+    requests = [Request(number, '', {'focus': focus}) for number, focus in ((7, 'drive'), (8, 'default'))]
+    for request in requests:
+        assert server.take(request, 10.0)
+        server.answer(request, '', 'to ' + request.values['focus'])
+    for request in (*requests, requests[0]):    # repeated
+        assert not server.take(request, 11.0)
+    assert [(state.request, state.changes) for state in server.drained()] == [
+        (7, 'to drive'), (8, 'to default')] * 2 + [(7, 'to drive')]
 
 
 def test_impossible_requests_are_counted() -> None:

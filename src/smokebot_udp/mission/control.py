@@ -4,14 +4,13 @@
 A switch of the focus requests the profile's settings of each stream, and those of streams.yaml that it does not name.
 Settings that are requested otherwise, by hand, stand until the next switch.
 """
-import collections
 import threading
 from dataclasses import dataclass, replace
 from typing import Any, Callable, Dict, FrozenSet, List, Mapping, Optional, Set
 
 from .focus import Profile, missing_streams, settings_of
 from .parameters import STATUS_TYPES, Parameter
-from .remote import FOCUS_PART
+from .remote import FOCUS_PART, FOCUS_SETTING
 from .settings import Settings, SettingsStore
 
 AS_CONFIGURED = 'default'
@@ -21,26 +20,12 @@ FOCUS = Parameter(AS_CONFIGURED, '', 'the mission focus: a profile of focus_file
                   live=True)
 
 
-MAX_ANSWERS = 64
-"""Number of operators' requests that are remembered, to serve each once."""
-
-
-@dataclass(frozen=True)
-class Answer:
-    """To the operators' request for a focus that came last."""
-    request: int = 0
-    """Its id; 0: there was none."""
-    refusal: str = ''
-    """Why it was refused; empty: it was not."""
-
-
 @dataclass(frozen=True)
 class State:
     """All at one moment."""
     focus: str
     modified: FrozenSet[str]
     """The streams with settings changed by hand since the last switch of the focus."""
-    answer: Answer
     streams: Mapping[str, Settings]
 
 
@@ -73,8 +58,6 @@ class MissionControl:
             {'focus': replace(FOCUS, choices=tuple(self._settings))}, {'focus': AS_CONFIGURED})
         """The focus as a setting; only `request_focus` and `switch` change it."""
         self._modified: Set[str] = set()
-        self._answer = Answer()
-        self._answers: collections.OrderedDict[int, Answer] = collections.OrderedDict()     # the newest last
 
     @property
     def profiles(self) -> List[str]:
@@ -96,7 +79,7 @@ class MissionControl:
     def state(self) -> State:
         """The focus and the streams' settings now."""
         with self._lock:
-            return State(self.focus_store.current['focus'], frozenset(self._modified), self._answer,
+            return State(self.focus_store.current['focus'], frozenset(self._modified),
                          {name: store.current for name, store in self._streams.items()})
 
     def request(self, stream: str, changes: Mapping[str, Any]) -> Dict[str, Any]:
@@ -123,41 +106,22 @@ class MissionControl:
             return {name: {setting: store.current.requested[setting] for setting in store.table}
                     for name, store in ((FOCUS_PART, self.focus_store), *self._streams.items())}
 
-    def request_part(self, part: str, changes: Mapping[str, Any]) -> Dict[str, Any]:
-        """Change the settings of a part by hand.
+    def request_part(self, part: str, changes: Mapping[str, Any]) -> None:
+        """Change the settings of a part by hand. A request for the focus resets settings that were changed by hand,
+        even where it is the focus already.
 
         :raises ValueError: where they are refused, see SettingsStore.request
         """
-        return self.request_focus(changes) if part == FOCUS_PART else self.request(part, changes)
-
-    def switch(self, focus: str) -> None:
-        """Switch the focus; settings changed by hand are reset, even where it is the focus already.
-
-        :raises ValueError: where there is no such profile
-        """
+        if part != FOCUS_PART:
+            self.request(part, changes)
+            return
         with self._lock:
-            self.focus_store.request({'focus': focus})
+            self.focus_store.request(changes)
             self._apply()
 
-    def serve(self, request: int, focus: str) -> None:
-        """Switch as an operator requests; `state` has the answer.
-
-        The requests of several operators take effect in the order in which they come first, so the last one stands.
-
-        :param request: id of the request; a repeated one is answered again, but changes nothing
-        """
-        with self._lock:
-            if request not in self._answers:
-                refusal = ''
-                try:
-                    self.switch(focus)
-                except ValueError as error:
-                    refusal = str(error)
-                    self._report("the operator's request: %s" % error)
-                self._answers[request] = Answer(request, refusal)
-                while len(self._answers) > MAX_ANSWERS:
-                    self._answers.popitem(last=False)
-            self._answer = self._answers[request]
+    def switch(self, focus: str) -> None:
+        """Switch the focus, see `request_part`."""
+        self.request_part(FOCUS_PART, {FOCUS_SETTING: focus})
 
     def _apply(self) -> None:
         """Request the settings of the focus."""

@@ -5,9 +5,9 @@ A profile names settings of roles, see mission/roles.py, and of streams; all oth
 it says of a stream takes precedence. A profile may extend another one; its own settings take precedence.
 """
 from dataclasses import dataclass, field, replace
-from typing import Any, Callable, Dict, Iterable, List, Mapping, NamedTuple, Tuple
+from typing import Any, Dict, Iterable, List, Mapping, NamedTuple, Tuple
 
-from .parameters import Table, check_one, current_names, works_in_every_focus
+from .parameters import Table, check_one, works_in_every_focus
 from .roles import COARSER, ROLES, limited, roles_of
 from .yaml_text import read_yaml
 
@@ -50,10 +50,9 @@ class Limit(NamedTuple):
     value: Any
 
 
-def load(text: str, warn: Callable[[str], None] = lambda warning: None) -> Tuple[Dict[str, Profile], List[str]]:
+def load(text: str) -> Tuple[Dict[str, Profile], List[str]]:
     """Read the text of a focus.yaml.
 
-    :param warn: called with each warning
     :return: ({name: Profile} of the good profiles, [problem, ...] in words)
     """
     document, invalid = read_yaml(text)
@@ -65,7 +64,7 @@ def load(text: str, warn: Callable[[str], None] = lambda warning: None) -> Tuple
     alone, problems = {}, {}
     for name, values in written.items():
         try:
-            alone[name] = _profile(name, values, warn)
+            alone[name] = _profile(name, values)
         except ValueError as error:
             problems[name] = str(error)
     good = {}
@@ -77,7 +76,7 @@ def load(text: str, warn: Callable[[str], None] = lambda warning: None) -> Tuple
     return good, invalid + ['profile %r: %s' % (name, problems[name]) for name in written if name in problems]
 
 
-def _profile(name: Any, values: Any, warn: Callable[[str], None]) -> Profile:
+def _profile(name: Any, values: Any) -> Profile:
     """A profile as it is in the file, without the profiles that it extends.
 
     :raises ValueError: where it is not one
@@ -93,30 +92,21 @@ def _profile(name: Any, values: Any, warn: Callable[[str], None]) -> Profile:
     unknown = [str(role) for role in roles if role not in ROLES]
     if unknown:
         raise ValueError('%s: no such role; there are %s' % (', '.join(unknown), ', '.join(ROLES)))
-
-    def settings(where: str, some: Any) -> Dict[str, Any]:
-        return _settings(where, some, lambda warning: warn('profile %r, %s' % (name, warning)))
     return Profile(name, str(values.get('use', '')),
-                   {stream: settings("stream '%s'" % stream, some) for stream, some in streams.items()},
-                   settings('others', values.get('others') or {}),
-                   {role: {setting: Limit(value) for setting, value in settings("role '%s'" % role, some).items()}
+                   {stream: _settings("stream '%s'" % stream, some) for stream, some in streams.items()},
+                   _settings('others', values.get('others') or {}),
+                   {role: {setting: Limit(value) for setting, value in _settings("role '%s'" % role, some).items()}
                     for role, some in roles.items()})
 
 
-def _settings(where: str, values: Any, warn: Callable[[str], None]) -> Dict[str, Any]:
-    """{setting: value} by today's names.
+def _settings(where: str, values: Any) -> Dict[str, Any]:
+    """{setting: value}
 
-    :raises ValueError: where it is not that, or has a setting by both names
+    :raises ValueError: where it is not that
     """
     if not isinstance(values, dict):
         raise ValueError('%s: %r is not settings by name' % (where, values))
-    try:
-        settings, warnings = current_names(values)
-    except ValueError as error:
-        raise ValueError('%s: %s' % (where, error)) from None
-    for warning in warnings:
-        warn('%s: %s' % (where, warning))
-    return settings
+    return values
 
 
 def _with_bases(name: str, alone: Mapping[str, Profile], written: Mapping[Any, Any]) -> Profile:

@@ -2,7 +2,6 @@
 """Keeps a namespace of the parameter server and a store of settings equal, whichever of them changes. Without ROS."""
 from typing import Any, Callable, Collection, Dict, List, Mapping, Optional
 
-from .parameters import FORMER_NAMES, current_names
 from .settings import SettingsStore
 
 
@@ -13,17 +12,14 @@ class Mirror:
     :param store: SettingsStore
     :param request: requests changes of the store, as SettingsStore.request does
     :param report: f(problem)
-    :param warn: f(warning)
     :param others: names of other parameters in the namespace; None: any other name may be there
     """
 
     def __init__(self, namespace: str, store: SettingsStore, request: Callable[[Mapping[str, Any]], Any],
-                 report: Callable[[str], None], warn: Callable[[str], None],
-                 others: Optional[Collection[str]] = None) -> None:
+                 report: Callable[[str], None], others: Optional[Collection[str]] = None) -> None:
         self.namespace, self._store, self._request = namespace, store, request
-        self._report, self._warn, self._others = report, warn, others
+        self._report, self._others = report, others
         self._there: Dict[str, Any] = {}
-        self._former: List[str] = []        # former names that are there
         self._unknown: List[str] = []       # that are there, and reported
 
     def read(self, found: Any) -> bool:
@@ -38,15 +34,13 @@ class Mirror:
         found = {name: value for name, value in found.items() if value != {}}      # {}: a name was deleted
         table = self._store.table
         missing = [name for name in table if name not in found]
-        former = [name for name in found if FORMER_NAMES.get(name) in table]
         # where names are missing the whole namespace was set: all that is there was given
         given = {name: found[name] for name in table if name in found
                  and (missing or name not in self._there or not _same(found[name], self._there[name]))}
         self._there = {name: found[name] for name in table if name in found}
-        self._former = former
         self._report_unknown(found)
-        self._take({**given, **{name: found[name] for name in former}})
-        return bool(given or missing or former)
+        self._take(given)
+        return bool(given or missing)
 
     def to_write(self) -> Dict[str, Any]:
         """{name: value} that the parameter server does not have as it is requested."""
@@ -54,28 +48,12 @@ class Mirror:
         return {name: requested[name] for name in self._store.table
                 if name not in self._there or not _same(self._there[name], requested[name])}
 
-    def to_delete(self) -> List[str]:
-        """Former names on the parameter server, whose values were taken over."""
-        return list(self._former)
-
     def written(self, values: Mapping[str, Any]) -> None:
         """The parameter server has {name: value}."""
         self._there.update(values)
 
-    def deleted(self) -> None:
-        """The parameter server no longer has former names."""
-        self._former = []
-
     def _take(self, given: Mapping[str, Any]) -> None:
         """Request all; where that is refused, each by itself."""
-        twice = {name: current for name, current in FORMER_NAMES.items() if name in given and current in given}
-        for name, current in twice.items():
-            self._report('%s: %s and its former name %s are both given: both are ignored' % (
-                self.namespace, current, name))
-        given, warnings = current_names({name: value for name, value in given.items()
-                                         if name not in twice and name not in twice.values()})
-        for warning in warnings:
-            self._warn('%s: %s' % (self.namespace, warning))
         try:
             self._request(given)
         except ValueError:
@@ -89,8 +67,7 @@ class Mirror:
     def _report_unknown(self, found: Mapping[str, Any]) -> None:
         if self._others is None:
             return
-        unknown = [name for name in found
-                   if name not in self._store.table and name not in self._others and name not in self._former]
+        unknown = [name for name in found if name not in self._store.table and name not in self._others]
         new = [name for name in unknown if name not in self._unknown]
         if new:
             self._report('%s: %s: no such setting; there are %s' % (

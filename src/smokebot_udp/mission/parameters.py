@@ -2,10 +2,7 @@
 """Parameters: tables define the allowed values of each, and check them."""
 import math
 from dataclasses import dataclass
-from typing import Any, Dict, List, Mapping, Optional, Tuple, Type
-
-FORMER_NAMES = {'floor': 'min_bitrate', 'taste': 'degradation_preference'}
-"""{former name: name} of streams' settings; `current_names` still accepts the former ones."""
+from typing import Any, Dict, Mapping, Optional, Tuple, Type
 
 LINK_STATUS, ROBOT_STATUS = STATUS_TYPES = 'smokebot_udp/LinkStatus', 'smokebot_udp/RobotStatus'
 """Message types of this package's own relays: they work in every focus, because the switch of the focus needs them."""
@@ -114,21 +111,6 @@ def check_one(name: str, value: Any, table: Table) -> Any:
 
 def _unknown(name: str, table: Table) -> ValueError:
     return ValueError('%s: no such setting; there are %s' % (name, ', '.join(sorted(table))))
-
-
-def current_names(values: Mapping[str, Any]) -> Tuple[Dict[str, Any], List[str]]:
-    """Rename settings that are given by a former name.
-
-    :param values: {name: value} of one stream
-    :return: ({name: value}, [warning, ...] for each former name)
-    :raises ValueError: where a setting is given by both names
-    """
-    former = [name for name in values if name in FORMER_NAMES]
-    for name in former:
-        if FORMER_NAMES[name] in values:
-            raise ValueError('%s and its former name %s are both given' % (FORMER_NAMES[name], name))
-    return ({FORMER_NAMES.get(name, name): value for name, value in values.items()},
-            ['%s is the former name of %s' % (name, FORMER_NAMES[name]) for name in former])
 
 
 def live(table: Table) -> Dict[str, Parameter]:

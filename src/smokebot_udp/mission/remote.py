@@ -13,8 +13,8 @@ FOCUS_PART = ''
 
 FOCUS_SETTING = 'focus'
 
-MAX_REFUSAL = 300
-"""A longer reason is cut [characters]."""
+MAX_TEXT = 1000
+"""A longer answer is cut [characters]."""
 
 
 @dataclass(frozen=True)
@@ -43,3 +43,5 @@ class PartState:
     """Id of the request that it answers; 0: none."""
     refusal: str = ''
     """Why that was refused; empty: it was not."""
+    changes: str = ''
+    """What a switch of the focus has changed, in words."""

@@ -28,13 +28,21 @@ MAX_WAITING = 64
 """Number of changes that wait for the robot."""
 
 
+Done = Callable[[str, str], None]
+"""f(refusal, changes), as in PartState."""
+
+
 @dataclasses.dataclass
 class _Change:
     """Settings of one part that the robot has not answered yet."""
     part: str
     values: Dict[str, Any]
-    since: float
+    until: float
+    """When it is given up [s]."""
+    timeout: float = TIMEOUT
     """[s]"""
+    done: Optional[Done] = None
+    """Without it the change is in the copy already."""
     id: int = 0
     """Of its request; 0: it waits for those before it."""
     due: float = -math.inf
@@ -67,16 +75,25 @@ class SettingsClient:
         :param part: one of `stores`
         :raises ValueError: where a value is not allowed, or too much waits for the robot; nothing is changed then
         """
-        if len(self._changes) >= MAX_WAITING:
-            raise ValueError('%d changes wait for the robot already' % MAX_WAITING)
+        self._check_room()
         delta = self.stores[part].request(changes)
         if delta:
             last = self._changes[-1] if self._changes else None
-            if last is not None and last.part == part and not last.id:
+            if last is not None and last.part == part and not last.id and last.done is None:
                 last.values.update(delta)
             else:
-                self._changes.append(_Change(part, delta, now))
+                self._changes.append(_Change(part, delta, now + TIMEOUT))
         return delta
+
+    def switch(self, focus: str, timeout: float, now: float, done: Done) -> None:
+        """Request a focus, also the same one: the robot resets what was changed by hand. The copy has it with the
+        answer.
+
+        :param timeout: the request is given up after this time [s]
+        :raises ValueError: where too much waits for the robot
+        """
+        self._check_room()
+        self._changes.append(_Change(FOCUS_PART, {FOCUS_SETTING: focus}, now + timeout, timeout, done))
 
     def receive(self, state: PartState) -> None:
         """Take a state of the robot's."""
@@ -87,7 +104,7 @@ class SettingsClient:
         answers = bool(self._changes) and self._changes[0].id == state.request != 0 \
             and self._changes[0].part == state.part
         if answers:
-            self._finish(state.refusal)
+            self._finish(state.refusal, state.changes)
         known = self._robot.get(state.part)
         if known is not None and known.session == state.session and state.revision < known.revision:
             self.dropped['outdated'] += 1
@@ -108,14 +125,15 @@ class SettingsClient:
 
     def deadline(self) -> Optional[float]:
         """When `poll` has something to do next; None: not before `request`."""
-        return min(self._changes[0].due, self._changes[0].since + TIMEOUT) if self._changes else None
+        return min(self._changes[0].due, self._changes[0].until) if self._changes else None
 
     def poll(self, now: float) -> Optional[Request]:
         """The request that is to be sent now; changes that the robot did not answer are given up."""
-        while self._changes and self._changes[0].since + TIMEOUT <= now:
+        while self._changes and self._changes[0].until <= now:
             part = self._changes[0].part
-            self._finish('the robot did not answer in %g s' % TIMEOUT)
-            self._take_over(part)
+            self._finish('the robot did not answer in %g s' % self._changes[0].timeout)
+            if part in self._robot:
+                self._take_over(part)
         if not self._changes or self._changes[0].due > now:
             return None
         change = self._changes[0]
@@ -124,10 +142,16 @@ class SettingsClient:
         change.period = min(MAX_RETRY_PERIOD, 1.5 * change.period)
         return Request(change.id, change.part, change.values)
 
-    def _finish(self, refusal: str) -> None:
+    def _check_room(self) -> None:
+        if len(self._changes) >= MAX_WAITING:
+            raise ValueError('%d changes wait for the robot already' % MAX_WAITING)
+
+    def _finish(self, refusal: str, changes: str = '') -> None:
         """The first change was answered, or is given up."""
         change = self._changes.popleft()
-        if refusal:
+        if change.done is not None:
+            change.done(refusal, changes)
+        elif refusal:
             self._problems.append((change.part, '%s refused: %s' % (
                 ', '.join('%s %r' % item for item in sorted(change.values.items())), refusal)))
 
@@ -135,7 +159,7 @@ class SettingsClient:
         """Set the copy of a part to what the robot has, but for changes that it has not answered yet."""
         values = dict(self._robot[part].values)
         for change in self._changes:
-            if change.part == part:
+            if change.part == part and change.done is None:
                 values.update(change.values)
         values = self._good(part, values)
         store = self.stores.get(part)

@@ -9,7 +9,7 @@ import math
 from typing import Any, Counter, Deque, Dict, Mapping, Optional, OrderedDict, Sequence, Tuple
 
 from ..budget import Budget
-from .remote import FOCUS_PART, MAX_REFUSAL, PartState, Request
+from .remote import FOCUS_PART, MAX_TEXT, PartState, Request
 
 INTERVAL = 0.05
 """Time between two states, at least [s]."""
@@ -54,8 +54,8 @@ class SettingsServer:
         """{reason: count} of the requests that were not served."""
         self._session, self._profiles = session, tuple(profiles)
         self._parts: Dict[str, _Part] = {}
-        self._served: OrderedDict[int, str] = collections.OrderedDict()     # {id: why it was refused}
-        self._answers: Deque[Tuple[Request, str]] = collections.deque(maxlen=MAX_REMEMBERED)
+        self._served: OrderedDict[int, Tuple[str, str]] = collections.OrderedDict()     # {id: refusal, changes}
+        self._answers: Deque[Request] = collections.deque(maxlen=MAX_REMEMBERED)
         self._sent = -math.inf
         self._budget = Budget(BURST, REQUEST_PERIOD)
 
@@ -82,7 +82,7 @@ class SettingsServer:
         :return: whether it has to be carried out, and then be given to `answer`
         """
         if request.id in self._served:
-            self._answers.append((request, self._served[request.id]))
+            self._answers.append(request)
             return False
         if request.id == 0 or request.part not in self._parts:
             self.dropped['unknown part' if request.id else 'no id'] += 1
@@ -92,15 +92,16 @@ class SettingsServer:
             return False
         return True
 
-    def answer(self, request: Request, refusal: str) -> None:
+    def answer(self, request: Request, refusal: str, changes: str = '') -> None:
         """A request has been carried out, and `update` been called since; or it was refused.
 
         :param refusal: why; empty: it was not
+        :param changes: what it has changed, in words
         """
-        self._served[request.id] = refusal = refusal[:MAX_REFUSAL]
+        self._served[request.id] = refusal[:MAX_TEXT], changes[:MAX_TEXT]
         while len(self._served) > MAX_REMEMBERED:
             self._served.popitem(last=False)
-        self._answers.append((request, refusal))
+        self._answers.append(request)
 
     def deadline(self) -> Optional[float]:
         """When `poll` returns a state next; None: not before `update`."""
@@ -116,13 +117,13 @@ class SettingsServer:
             return None
         self._sent = now
         if self._answers:
-            request, refusal = self._answers.popleft()
-            return self._state(request.part, request.id, refusal)
+            request = self._answers.popleft()
+            return self._state(request.part, request.id, *self._served.get(request.id, ('', '')))
         name, part = min(self._parts.items(), key=lambda item: item[1].due)
         part.sent(now)
         return self._state(name)
 
-    def _state(self, name: str, request: int = 0, refusal: str = '') -> PartState:
+    def _state(self, name: str, request: int = 0, refusal: str = '', changes: str = '') -> PartState:
         part = self._parts[name]
         return PartState(self._session, part.revision, name, part.values,
-                         self._profiles if name == FOCUS_PART else (), request, refusal)
+                         self._profiles if name == FOCUS_PART else (), request, refusal, changes)

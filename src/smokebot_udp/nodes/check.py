@@ -171,7 +171,7 @@ def check_files(arguments: argparse.Namespace) -> Tuple[Streams, List[Finding]]:
             texts[name] = '%s: {}' % {'streams': 'streams', 'focus': 'profiles'}[name]
     streams, problems = config.load(texts['streams'], lambda text: found.append(Finding(WARN, 'streams', text)))
     found += [Finding(ERROR, 'streams', problem) for problem in problems]
-    profiles, problems = focus.load(texts['focus'], lambda text: found.append(Finding(WARN, 'focus', text)))
+    profiles, problems = focus.load(texts['focus'])
     tables = {name: live_tables(settings).robot for name, settings in streams.items()}
     problems += focus.settings_of(profiles, tables, streams)[1]
     found += [Finding(ERROR, 'focus', problem) for problem in problems]

@@ -18,8 +18,9 @@ from ..limited_log import ERROR_PERIOD, logwarn
 from ..mission.changes import answer
 from ..mission.control import MissionControl, State
 from ..mission.focus import Profile
+from ..mission.remote import FOCUS_PART, FOCUS_SETTING
 from ..mission.settings import Settings, SettingsStore
-from ..msg import FocusRequest, RobotStatus, StreamStatus
+from ..msg import RobotStatus, StreamStatus
 from ..srv import SetFocus, SetFocusResponse
 from ..streams import classified
 from ..units import KBIT
@@ -35,9 +36,6 @@ CHANGES_PERIOD = 10.0
 
 MAX_PROBLEMS = 6
 """In the status, which crosses the link: it takes a datagram without, and two with so many."""
-
-REQUESTS = '/smokebot_udp/focus/request'
-"""Topic of the operator's requests."""
 
 FIELDS = 'enabled', 'rate', 'weight', 'min_bitrate'
 """Settings that StreamStatus has as fields of their own."""
@@ -70,7 +68,7 @@ class FocusControl:
         self._present: FrozenSet[str] = frozenset()     # operators
         self._show = PeriodicWorker('settings', self._show_all, log_error('settings'), None)
         self.control = MissionControl(stores, profiles, report, self._switched, self._show.wake)
-        self._host = SettingsHost(self.control, link, report) if link.transport.own_masters else None
+        self._host = SettingsHost(self.control, self._carry_out, link, report)
         self._parts = [LiveSettings('', self.control.focus_store, report, self.control.request_focus)]
         self._parts += [LiveSettings(name, store, report, functools.partial(self.control.request, name))
                         for name, store in stores.items()]
@@ -80,7 +78,6 @@ class FocusControl:
         self._changes = PeriodicWorker('status', self._publish_changes, log_error('status'), CHANGES_PERIOD)
         self._changes.start()
         rospy.Service('~set_focus', SetFocus, self._serve)
-        self._requests = link.transport.subscriber(REQUESTS, FocusRequest, self._requested, queue_size=5)
         self._publish()
         for warning in self.control.warnings:
             logwarn('', warning, ERROR_PERIOD)
@@ -94,30 +91,31 @@ class FocusControl:
 
     def _show_all(self) -> None:
         self._publish()
-        if self._host is not None:
-            self._host.update()
+        self._host.update()
         for part in self._parts:
             part.show()
 
     def _serve(self, request: Any) -> Any:
-        before = self._streams(self.control.state())
         try:
-            self.control.switch(request.focus)
+            return SetFocusResponse(True, self._carry_out(FOCUS_PART, {FOCUS_SETTING: request.focus}))
         except ValueError as error:
             self._report('~set_focus: %s' % error)
             return SetFocusResponse(False, str(error))
-        self._publish()
-        return SetFocusResponse(True, answer(request.focus, before, self._streams(self.control.state())))
 
-    def _requested(self, request: Any) -> None:
-        """The operator's request; it is repeated until the operator has the answer."""
-        self.control.serve(request.id, request.focus)
+    def _carry_out(self, part: str, changes: Mapping[str, Any]) -> str:
+        """Change settings by hand, see MissionControl.request_part; what a switch of the focus changes, in words."""
+        before = self._streams(self.control.state())
+        self.control.request_part(part, changes)
+        if part != FOCUS_PART:
+            return ''
         self._publish()
+        state = self.control.state()
+        return answer(state.focus, before, self._streams(state))
 
     def standing_changed(self) -> None:
         """Publish the status soon, with who drives now; any thread. Who comes back from a cut has missed changes."""
         before, self._present = self._present, frozenset(self._standing().operators)
-        if self._host is not None and self._present - before:
+        if self._present - before:
             self._host.joined()
         self.changed()
 
@@ -137,7 +135,6 @@ class FocusControl:
             self._published = self._changing()
             status = RobotStatus(
                 focus=state.focus, modified=bool(state.modified), profiles=self.control.profiles,
-                request=state.answer.request, refusal=state.answer.refusal,
                 driver=standing.driver, estop=standing.estop, operators=list(standing.operators),
                 streams=self._streams(state),
                 problems=['%s: %s' % problem for problem in list(self._problems().items())[:MAX_PROBLEMS]])
@@ -161,9 +158,7 @@ class FocusControl:
 
     def close(self) -> None:
         """End all threads and subscriptions."""
-        self._requests.unregister()
-        if self._host is not None:
-            self._host.close()
+        self._host.close()
         self._watch.stop()
         self._show.stop()
         self._changes.stop()

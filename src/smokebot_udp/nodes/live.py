@@ -6,17 +6,17 @@ it. What rosparam sets wrongly is reported and set back; dynamic_reconfigure cla
 """
 import threading
 from types import SimpleNamespace
-from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Set, Tuple
+from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence
 
 import rospy
-from dynamic_reconfigure.encoding import decode_config, encode_config, encode_groups, group_dict
+from dynamic_reconfigure.encoding import decode_config, encode_config
 from dynamic_reconfigure.server import Server
 from rospy.impl.paramserver import get_param_server_cache
 
 from .. import udpros
 from ..limited_log import logerr
 from ..mission.mirror import Mirror
-from ..mission.parameters import FORMER_NAMES, Parameter, Table, current_names
+from ..mission.parameters import Parameter, Table
 from ..mission.settings import SettingsStore
 from ..udpros.master import keep_parameters, write_parameters
 from .logging import log_error
@@ -31,8 +31,6 @@ RETRY_PERIOD = 1.0
 TYPES = {bool: 'bool', int: 'int', float: 'double', str: 'str'}
 LIMITS: Dict[type, Any] = {bool: (False, True), int: (-2 ** 31, 2 ** 31 - 1), float: (-float('inf'), float('inf')),
                            str: ('', '')}
-FORMER_GROUP = 'Former names'
-"""Group of the description that has the former names, for clients that use them; rqt_reconfigure hides it."""
 
 
 def config_type(name: str, table: Table) -> SimpleNamespace:
@@ -41,9 +39,10 @@ def config_type(name: str, table: Table) -> SimpleNamespace:
     for key, parameter in table.items():
         low[key] = LIMITS[parameter.kind][0] if parameter.minimum is None else parameter.kind(parameter.minimum)
         high[key] = LIMITS[parameter.kind][1] if parameter.most is None else parameter.kind(parameter.most)
-    parameters = [_described(key, parameter) for key, parameter in table.items()]
+    described = {'name': 'Default', 'type': '', 'state': True, 'cstate': 'true', 'id': 0, 'parent': 0, 'groups': [],
+                 'parameters': [_described(key, parameter) for key, parameter in table.items()]}
     return SimpleNamespace(
-        __name__=name, config_description=_group('Default', parameters), min=low, max=high, all_level=0,
+        __name__=name, config_description=described, min=low, max=high, all_level=0,
         defaults={key: parameter.default for key, parameter in table.items()}, level={key: 0 for key in table},
         type={key: TYPES[parameter.kind] for key, parameter in table.items()})
 
@@ -54,11 +53,6 @@ def _described(name: str, parameter: Parameter) -> Dict[str, Any]:
                   'cconsttype': 'const char * const', 'ctype': 'std::string'} for choice in parameter.choices]
     return {'name': name, 'type': TYPES[parameter.kind], 'level': 0, 'description': parameter.meaning + unit,
             'edit_method': repr({'enum': constants, 'enum_description': ''}) if constants else ''}
-
-
-def _group(name: str, parameters: Sequence[Mapping[str, Any]], type: str = '', id: int = 0) -> Dict[str, Any]:
-    return {'name': name, 'type': type, 'state': True, 'cstate': 'true', 'id': id, 'parent': 0, 'groups': [],
-            'parameters': parameters}
 
 
 class LiveSettings:
@@ -77,9 +71,8 @@ class LiveSettings:
         self.namespace = '%s/%s' % (self.node, name) if name else self.node
         self.request, self._report = request or store.request, report
         others = None if not name else DIAGNOSTICS if node is None else ()
-        self._mirror = Mirror(self.namespace, store, self.request, report, self._warn, others)
+        self._mirror = Mirror(self.namespace, store, self.request, report, others)
         self._server: Optional[_Server] = None
-        self._warnings: Set[str] = set()
 
     @property
     def values(self) -> Dict[str, Any]:
@@ -116,42 +109,27 @@ class LiveSettings:
             self._report('%s: %s' % (self.namespace, error))
 
     def known(self, wanted: Mapping[str, Any]) -> Dict[str, Any]:
-        """The settings that a client of dynamic_reconfigure sends, by today's names; unknown ones are reported."""
-        try:
-            wanted, warnings = current_names(wanted)
-        except ValueError as error:
-            self._report('%s: %s' % (self.namespace, error))
-            return {}
-        for warning in warnings:
-            self._warn('%s: %s' % (self.namespace, warning))
+        """The settings that a client of dynamic_reconfigure sends; unknown ones are reported."""
         unknown = sorted(set(wanted) - set(self.store.table))
         if unknown:
             self._report('%s: %s: no such setting' % (self.namespace, ', '.join(unknown)))
         return {name: value for name, value in wanted.items() if name in self.store.table}
 
-    def to_publish(self) -> Tuple[Dict[str, Any], List[str]]:
-        """({name: value} that differs on the parameter server, names that are to be deleted there)"""
-        return self._mirror.to_write(), self._mirror.to_delete()
+    def to_publish(self) -> Dict[str, Any]:
+        """{name: value} that differs on the parameter server."""
+        return self._mirror.to_write()
 
     def published(self, values: Mapping[str, Any]) -> None:
-        """The parameter server has {name: value} now, and no longer the names that were to be deleted."""
+        """The parameter server has {name: value} now."""
         self._mirror.written(values)
-        self._mirror.deleted()
-
-    def _warn(self, warning: str) -> None:
-        """Log a warning once."""
-        if warning not in self._warnings:
-            self._warnings.add(warning)
-            rospy.logwarn('%s', warning)
 
 
 def publish_all(parts: Sequence[LiveSettings]) -> None:
     """Write the values that differ to the parameter server, in one call, and nothing else; PUBLISHING is held."""
-    news = [(part, *part.to_publish()) for part in parts]
-    write_parameters({'%s/%s' % (part.namespace, name): value for part, values, _ in news
-                      for name, value in values.items()},
-                     ['%s/%s' % (part.namespace, name) for part, _, gone in news for name in gone])
-    for part, values, _ in news:
+    news = [(part, part.to_publish()) for part in parts]
+    write_parameters({'%s/%s' % (part.namespace, name): value for part, values in news
+                      for name, value in values.items()})
+    for part, values in news:
         part.published(values)
 
 
@@ -162,9 +140,6 @@ class _Server(Server):
         self._settings = settings
         super().__init__(config_type(settings.name or 'node', settings.store.table), self._shown,
                          namespace=settings.namespace)
-        former = [name for name, current in FORMER_NAMES.items() if current in settings.store.table]
-        if former:
-            self._describe(former)
 
     def show(self) -> None:
         """Publish the store's values, to clients and to the parameter server."""
@@ -194,26 +169,6 @@ class _Server(Server):
             # otherwise a value that was just set would be overwritten unread
             self._settings.read(_found(self._settings.node))
             return super()._change_config(config, level)
-
-    def _describe(self, former: Sequence[str]) -> None:
-        """Add former names to the description only; the values have none of them."""
-        table = self._settings.store.table
-        group = _group(FORMER_GROUP, [{**_described(FORMER_NAMES[name], table[FORMER_NAMES[name]]), 'name': name,
-                                       'description': 'former name of ' + FORMER_NAMES[name]} for name in former],
-                       type='hide', id=1)
-        encoded = encode_groups(None, group)[0]
-        for limits, values in ((self.description.min, self.type.min), (self.description.max, self.type.max),
-                               (self.description.dflt, self.type.defaults)):
-            extra = encode_config({name: values[FORMER_NAMES[name]] for name in former})
-            for kind in ('bools', 'ints', 'strs', 'doubles'):
-                getattr(limits, kind).extend(getattr(extra, kind))
-        self.description.groups.append(encoded)
-        with self.mutex:
-            hidden = group_dict(encoded)
-            hidden['state'] = False
-            self.config['groups']['groups'][FORMER_GROUP] = hidden
-            self.descr_topic.publish(self.description)
-            self._change_config(self.config, 0)
 
     def _copy_from_parameter_server(self) -> None:
         self.config.update(self._settings.values)    # ParameterWatch has read the parameter server
@@ -285,7 +240,7 @@ class ParameterWatch:
         """Have the master notify of changes, also a new one."""
         keep_parameters(self._node)
         rospy.get_param_cached(self._node)      # subscribes
-        # rospy ignores updates of names that its cache lacks: of all whose namespace was replaced, and of former names
+        # rospy ignores updates of names that its cache lacks: of all whose namespace was replaced
         cache = get_param_server_cache()
         with PUBLISHING:
             if not self._follows:   # or an attempt before has failed later

@@ -17,7 +17,6 @@ import rospy
 from .. import udpros
 from ..monitoring.status import OPERATOR
 from ..msg import RobotStatus
-from ..srv import SetFocus
 from ..streams import classified, live_tables
 from ..streams.frame_prefix import with_prefix
 from . import garbage, malloc_tuning
@@ -25,7 +24,6 @@ from .clock_sync import ClockClient
 from .common import Parameters, operator_topic, read_streams, start_streams
 from .compiled_codec import CompiledCodec
 from .diagnostics import operator_diagnostics
-from .focus_client import FocusClient
 from .held_reporter import HeldReporter
 from .link_reporter import LinkReporter
 from .live import LiveSettings, ParameterWatch
@@ -43,6 +41,7 @@ from .robot_markers import RobotMarkers
 from .rviz_displays import base_frame_of, colours_of, odometry_of
 from .settings_mirror import SettingsMirror
 from .stale import StaleStreams
+from .status_listener import StatusListener
 from .transports import operator_transport
 from .video_decoder import VideoDecoder
 from .way import OperatorWay
@@ -79,8 +78,7 @@ class OperatorReceiver:
             self._capture = OperatorCapture(self._transport, self.streams, self._codec, self._reporter.arrived,
                                             parameters)
             status = [stream.topic for stream in self.streams.values() if stream.assembler.MESSAGE is RobotStatus]
-            self._focus = FocusClient(status[0] if status else None, parameters['focus_patience'],
-                                      self._transport)
+            self._robot = StatusListener(status[0] if status else None)
             self._way_back = WayBack(
                 OPERATOR, definitions, control, lambda reliable: OperatorWay(
                     self._transport, control, reliable, parameters.report, parameters['frame_prefix'], self._view_age),
@@ -88,13 +86,13 @@ class OperatorReceiver:
             self._wifi = WifiMonitor(self._reporter.hosts, parameters['wifi_interface'])
             self._wifi.start()
             self._diagnostics = operator_diagnostics(self.streams, self._way_back, self._clock, parameters, problems,
-                                                     self._focus.sent, self._transport, lambda: self._wifi.state)
+                                                     self._robot.sent, self._transport, lambda: self._wifi.state)
             self._start_displays(parameters, control)
         stores = {name: stream.settings for name, stream in self.streams.items() if stream.settings.table}
         parts = [LiveSettings(name, store, problems.report)
                  for name, store in {**stores, **self._way_back.stores}.items()]
         self._watch = ParameterWatch(parts, background=True)
-        self._mirror = self._mirror_settings(problems)
+        self._mirror = self._mirror_settings(parameters['focus_patience'], problems)
         rospy.on_shutdown(self.close)
 
     def _arrived(self, stream: str, number: int, seq: int, size: int, count: int, when: float, marked: int) -> None:
@@ -105,11 +103,11 @@ class OperatorReceiver:
     def _start_displays(self, parameters: Parameters, control: OperatorControl) -> None:
         """Start what rviz shows beside the streams."""
         self._stale = StaleStreams(
-            self.streams, self._focus.sent, operator_topic(parameters['stale_topic']),
+            self.streams, self._robot.sent, operator_topic(parameters['stale_topic']),
             with_prefix(parameters['base_frame'], parameters['frame_prefix']), parameters['stale_after'],
             parameters['clear_stale'])
         self._markers = RobotMarkers(parameters)
-        self._overlay = Overlay(self.streams, self._focus, control, operator_topic(parameters['overlay_topic']),
+        self._overlay = Overlay(self.streams, self._robot, control, operator_topic(parameters['overlay_topic']),
                                 colours_of({name: stream.settings.current for name, stream in self.streams.items()}),
                                 lambda: self._wifi.state.signal)
 
@@ -118,25 +116,23 @@ class OperatorReceiver:
         stream, estimate = self.streams.get(name), self._clock.estimate
         return None if stream is None else stream.age(estimate.offset if estimate else None, now)
 
-    def _mirror_settings(self, problems: Problems) -> Optional[SettingsMirror]:
+    def _mirror_settings(self, timeout: float, problems: Problems) -> SettingsMirror:
         """The robot's settings at this master, unless they are there already."""
         robot = rospy.resolve_name('robot_sender')
         if not self._transport.own_masters or living(robot):
-            return None
-        rospy.Service(robot + '/set_focus', SetFocus, self._focus.serve)
+            return SettingsMirror(None, {}, self._transport, timeout, problems.report)
         tables = {name: live_tables(stream.settings.current.requested).robot
                   for name, stream in {**self.streams, **self._way_back.streams}.items()}
-        return SettingsMirror(robot, tables, self._transport, problems.report)
+        return SettingsMirror(robot, tables, self._transport, timeout, problems.report)
 
     def close(self) -> None:
-        if self._mirror is not None:
-            self._mirror.close()
+        self._mirror.close()
         self._overlay.close()
         self._markers.close()
         self._stale.close()
         self._diagnostics.close()
         self._wifi.close()
-        self._focus.close()
+        self._robot.close()
         self._capture.close()
         self._watch.stop()
         self._motion.close()

@@ -9,9 +9,9 @@ from sensor_msgs.msg import BatteryState, Image
 
 from ..codecs.display.overlay import OperatorStatus, Tile, overlay, tiles
 from ..msg import LinkStatus
-from .focus_client import FocusClient
 from .logging import log_error
 from .operator_control import IN_CONTROL, NO_COMMANDS, OperatorControl
+from .status_listener import StatusListener
 from .worker import PeriodicWorker
 
 PERIOD = 0.2
@@ -30,9 +30,9 @@ class Overlay:
     :param signal: f() -> of the Wi-Fi on this side; NaN: unknown [dBm]
     """
 
-    def __init__(self, streams: Mapping[str, Any], focus: FocusClient, control: OperatorControl, topic: str,
+    def __init__(self, streams: Mapping[str, Any], robot: StatusListener, control: OperatorControl, topic: str,
                  legend: Mapping[str, Optional[Tuple[int, int, int]]], signal: Callable[[], float]) -> None:
-        self._focus, self._control, self._signal, self._legend = focus, control, signal, legend
+        self._robot, self._control, self._signal, self._legend = robot, control, signal, legend
         self._sources = {class_: stream for stream in reversed(list(streams.values()))
                          for class_ in (LinkStatus, BatteryState) if stream.assembler.MESSAGE is class_}
         self._newest: Dict[Any, Any] = {}     # by class
@@ -61,7 +61,7 @@ class Overlay:
         self._shown, self._published = shown, now
 
     def _status(self, now: float) -> OperatorStatus:
-        robot, link, battery = self._focus.status, self._newest.get(LinkStatus), self._newest.get(BatteryState)
+        robot, link, battery = self._robot.status, self._newest.get(LinkStatus), self._newest.get(BatteryState)
         values: Dict[str, Any] = {}
         if link is not None:
             signals = [value for value in (link.wifi.signal, self._signal()) if math.isfinite(value)]

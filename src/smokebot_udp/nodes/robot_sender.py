@@ -72,7 +72,7 @@ class RobotSender:
         definitions = classified(read_streams(parameters))
         transport = robot_transport(parameters)
         size = transport.max_datagram_size
-        profiles = read_file(parameters, 'focus_file', 'focus.yaml', focus.load)
+        profiles = read_file(parameters, 'focus_file', 'focus.yaml', lambda text, warn: focus.load(text))
         found = StreamProblems(parameters.refused)
         controller = Controller(*_rates(parameters), size)
         shared = SharedController(controller)

@@ -1,19 +1,18 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The robot's side of the settings across the link: carries out what operators request, and sends what is in effect.
 
-It is needed where operators have masters of their own, and so cannot reach the robot's parameters.
-mission/settings_server.py decides.
+Operators with masters of their own cannot reach the robot's parameters. mission/settings_server.py decides.
 """
 import random
 import threading
 import time
-from typing import Any, Callable
+from typing import Any, Callable, Mapping
 
 import rospy
 
 from ..limited_log import logerr
 from ..mission.control import MissionControl
-from ..mission.remote import PartState, Request
+from ..mission.remote import FOCUS_PART, PartState
 from ..mission.settings_server import SettingsServer
 from ..msg import SettingsRequest, SettingsState
 from ..traffic import SENSORS
@@ -27,13 +26,16 @@ class SettingsHost(rospy.SubscribeListener):
     """Lives as long as its node.
 
     :param control: all requests for settings go through it
-    :param link: to the operators
+    :param carry_out: f(part, changes) -> what has changed, in words; raises ValueError where it is refused
+    :param link: to the operators; with a shared master only the focus crosses it
     :param report: f(problem), called with what is refused
     """
 
-    def __init__(self, control: MissionControl, link: RobotLink, report: Callable[[str], None]) -> None:
+    def __init__(self, control: MissionControl, carry_out: Callable[[str, Mapping[str, Any]], str], link: RobotLink,
+                 report: Callable[[str], None]) -> None:
         super().__init__()
-        self._control, self._outbox, self._report = control, link.outbox, report
+        self._control, self._carry_out, self._outbox, self._report = control, carry_out, link.outbox, report
+        self._all = link.transport.own_masters
         self._server = SettingsServer(random.randint(1, 2 ** 32 - 1), control.profiles)
         self._updating = threading.Lock()   # otherwise an older state might replace a newer one; the outermost lock
         self._worker: DeadlineWorker[PartState] = DeadlineWorker(
@@ -48,6 +50,8 @@ class SettingsHost(rospy.SubscribeListener):
         """Settings may have changed; any thread that holds no lock of theirs."""
         with self._updating:
             parts = self._control.parts()
+            if not self._all:
+                parts = {FOCUS_PART: parts[FOCUS_PART]}
             with self._worker.changing():
                 self._server.update(parts)
 
@@ -78,19 +82,15 @@ class SettingsHost(rospy.SubscribeListener):
             wanted = self._server.take(request, time.monotonic())
         if not wanted:
             return
-        refusal = self._refusal(request, operator)
+        refusal = changes = ''
+        try:
+            changes = self._carry_out(request.part, request.values)
+        except ValueError as error:
+            refusal = str(error)
+            self._report('%s requests %s: refused: %s' % (operator, request.part or 'a focus', error))
         self.update()
         with self._worker.changing():
-            self._server.answer(request, refusal)
-
-    def _refusal(self, request: Request, operator: str) -> str:
-        """Carry out a request; why it is refused, or nothing."""
-        try:
-            self._control.request_part(request.part, request.values)
-        except ValueError as error:
-            self._report('%s requests %s: refused: %s' % (operator, request.part or 'a focus', error))
-            return str(error)
-        return ''
+            self._server.answer(request, refusal, changes)
 
     def _send(self, state: PartState) -> None:
         self._outbox.publish_message(self._states, state_message(state))

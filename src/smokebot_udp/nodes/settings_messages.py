@@ -33,7 +33,8 @@ def request_of(message: Any) -> Request:
 def state_message(state: PartState) -> Any:
     """The SettingsState of a PartState."""
     return SettingsState(session=state.session, revision=state.revision, part=state.part, request=state.request,
-                         refusal=state.refusal, profiles=list(state.profiles), config=encode_config(state.values))
+                         refusal=state.refusal, changes=state.changes, profiles=list(state.profiles),
+                         config=encode_config(state.values))
 
 
 def state_of(message: Any) -> PartState:
@@ -44,7 +45,7 @@ def state_of(message: Any) -> PartState:
     if len(message.profiles) > MAX_PROFILES or any(len(name) > MAX_NAME for name in message.profiles):
         raise ValueError('more than %d profiles, or a name of more than %d characters' % (MAX_PROFILES, MAX_NAME))
     return PartState(message.session, message.revision, message.part, _values(message.config),
-                     tuple(message.profiles), message.request, message.refusal)
+                     tuple(message.profiles), message.request, message.refusal, message.changes)
 
 
 def _values(config: Mapping[str, Any]) -> Dict[str, Any]:

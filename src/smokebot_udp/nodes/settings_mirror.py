@@ -1,19 +1,23 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The operator's side of the settings across the link: shows the robot's settings at the operator's own master.
+"""The operator's side of the settings across the link: ~set_focus, and the robot's settings at the operator's master.
 
-They are where they would be with a shared master, in the operator's namespace: robot_sender/focus and
-robot_sender/<stream>/, for rosparam and dynamic_reconfigure. mission/settings_client.py decides.
+They are where they would be with a shared master, in the operator's namespace: robot_sender/set_focus,
+robot_sender/focus and robot_sender/<stream>/, for rosparam and dynamic_reconfigure. mission/settings_client.py decides.
 """
 import functools
+import queue
 import random
 import time
-from typing import Any, Callable, Dict, Mapping, Optional
+from typing import Any, Callable, Dict, Mapping, Optional, Tuple
+
+import rospy
 
 from ..limited_log import logerr
 from ..mission.parameters import Table
 from ..mission.remote import Request
 from ..mission.settings_client import SettingsClient
 from ..msg import SettingsRequest, SettingsState
+from ..srv import SetFocus, SetFocusResponse
 from ..traffic import EXPEDITED
 from ..transport import Transport
 from .live import LiveSettings, ParameterWatch
@@ -21,21 +25,25 @@ from .logging import log_error
 from .settings_messages import REQUESTS, STATES, request_message, state_of
 from .worker import DeadlineWorker, PeriodicWorker
 
+ENDING = 1.0
+"""The node ends where a request is neither answered nor given up within this time after its timeout [s]."""
+
 
 class SettingsMirror:
     """Lives as long as its node.
 
-    :param node: resolved name of the robot's node, as if it were at this master
+    :param node: resolved name of the robot's node, as if it were at this master; None: it is there already
     :param tables: {stream: {setting: Parameter}} of the robot's settings that may change
+    :param timeout: of set_focus [s]
     :param report: f(problem), called with what is refused
     """
 
-    def __init__(self, node: str, tables: Mapping[str, Table], transport: Transport,
+    def __init__(self, node: Optional[str], tables: Mapping[str, Table], transport: Transport, timeout: float,
                  report: Callable[[str], None]) -> None:
-        self._node, self._report = node, report
+        self._node, self._timeout, self._report = node, timeout, report
         self._client = SettingsClient(tables, lambda: random.randint(1, 2 ** 32 - 1))
         self._parts: Dict[str, LiveSettings] = {}
-        self._watch = ParameterWatch([], background=True, node=node)
+        self._watch = ParameterWatch([], background=True, node=node) if node else None
         self._worker: DeadlineWorker[Request] = DeadlineWorker(
             'requests for settings', self._poll, self._client.deadline, self._send, log_error('requests for settings'))
         # not in the transport's thread: the master is asked
@@ -44,11 +52,14 @@ class SettingsMirror:
         self._worker.start()
         self._show.start()
         self._states = transport.subscriber(STATES, SettingsState, self._receive)
+        for name in ('~set_focus', *([node + '/set_focus'] if node else [])):
+            rospy.Service(name, SetFocus, self._set_focus)
 
     def close(self) -> None:
         """End all threads and topics."""
         self._states.unregister()
-        self._watch.stop()
+        if self._watch is not None:
+            self._watch.stop()
         self._show.stop()
         self._worker.close()
         self._requests.unregister()
@@ -69,6 +80,18 @@ class SettingsMirror:
         with self._worker.changing():
             return self._client.request(part, changes, time.monotonic())
 
+    def _set_focus(self, asked: Any) -> Any:
+        """Serve SetFocus: the response, when the robot has answered."""
+        answers: queue.Queue[Tuple[str, str]] = queue.Queue()
+        try:
+            with self._worker.changing():
+                self._client.switch(asked.focus, self._timeout, time.monotonic(),
+                                    lambda *answer: answers.put(answer))
+            refusal, changes = answers.get(timeout=self._timeout + ENDING)
+        except (ValueError, queue.Empty) as error:
+            return SetFocusResponse(False, str(error) or 'this node has ended')
+        return SetFocusResponse(not refusal, refusal or changes)
+
     def _poll(self, now: float) -> Optional[Request]:
         request = self._client.poll(now)
         self._follow()
@@ -86,7 +109,9 @@ class SettingsMirror:
         with self._worker.changing():
             problems, changed = self._client.take_news()
         for name, problem in problems:
-            self._report('%s: %s' % ('/'.join(filter(None, (self._node, name))), problem))
+            self._report('%s: %s' % ('/'.join(filter(None, (self._node or 'the robot', name))), problem))
+        if self._watch is None or self._node is None:
+            return
         for name in changed:
             part = self._parts.get(name)
             if part is not None:

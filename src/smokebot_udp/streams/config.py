@@ -7,7 +7,7 @@ where the file has none.
 import re
 from typing import Any, Callable, Container, Dict, List, Mapping, Tuple
 
-from ..mission.parameters import EXCHANGES, LINK_STATUS, ROBOT_STATUS, Parameter, check, current_names
+from ..mission.parameters import EXCHANGES, LINK_STATUS, ROBOT_STATUS, Parameter, check
 from ..mission.yaml_text import read_yaml
 from . import TYPES, parameters_module, tables
 from .relay.parameters import UNUSED_IF_RELIABLE
@@ -97,19 +97,16 @@ def _check(name: Any, values: Any, warn: Callable[[str], None]) -> Dict[str, Any
         raise ValueError('a name has letters, digits and _, and begins with a letter')
     if not isinstance(values, dict):
         raise ValueError('its settings are %r, not names with values' % (values,))
-    settings, warnings = current_names(values)
-    for warning in warnings:
-        warn('stream %r: %s' % (name, warning))
-    kind = settings.get('type')
+    kind = values.get('type')
     check({'type': kind}, {'type': TYPE})
-    checked = check(settings, parameters_of(str(kind)))
+    checked = check(values, parameters_of(str(kind)))
     if kind == 'image':
         checked['view_topic'] = {'': checked['operator_topic'] + VIEW, 'none': ''}.get(
             checked['view_topic'], checked['view_topic'])
     if kind in EXCHANGES or kind == 'relay':
         parameters_module(str(kind)).check(checked)
     if checked.get('reliable'):
-        for setting in sorted(UNUSED_IF_RELIABLE & set(settings)):
+        for setting in sorted(UNUSED_IF_RELIABLE & set(values)):
             warn('stream %r: %s is not used: a reliable relay sends every message' % (name, setting))
     return checked
 

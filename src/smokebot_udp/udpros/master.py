@@ -251,26 +251,21 @@ def _missing(namespace: str, cached: Mapping[str, Any], values: Mapping[str, Any
             yield key, value
 
 
-def write_parameters(values: Mapping[str, Any], gone: Sequence[str] = ()) -> None:
-    """Set some parameters, and delete others, in one call. All others stay, also those that somebody is just setting
+def write_parameters(values: Mapping[str, Any]) -> None:
+    """Set some parameters in one call. All others stay, also those that somebody is just setting
     in the same namespace.
 
     :param values: {resolved name: value}
-    :param gone: resolved names
     :raises Unreachable: if the master does not answer
     """
-    if not values and not gone:
+    if not values:
         return
     node, cache = rospy.get_caller_id(), get_param_server_cache()
     rpc.call_all(rosgraph.get_master_uri(), [
-        *({'methodName': 'setParam', 'params': [node, name, value]} for name, value in values.items()),
-        *({'methodName': 'deleteParam', 'params': [node, name]} for name in gone)], MULTICALL_TIMEOUT)
+        {'methodName': 'setParam', 'params': [node, name, value]} for name, value in values.items()], MULTICALL_TIMEOUT)
     for name, value in values.items():
         with contextlib.suppress(KeyError):     # it is not cached
             cache.update(name, value)
-    for name in gone:
-        with contextlib.suppress(KeyError):
-            cache.delete(name)
 
 
 def ask_together(registrations: Sequence[Registration], node: str, uri: str

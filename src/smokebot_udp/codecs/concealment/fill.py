@@ -12,7 +12,7 @@ from scipy import ndimage
 from ...arrays import Array, BoolArray, IntArray
 from ..wire.interleave import Interleave, table
 from ..wire.partial_image import FillMethod
-from .kriging import kriging, kriging_clamped, kriging_steered
+from .kriging import kriging_clamped
 from .ring import moved, repeated
 
 
@@ -60,9 +60,8 @@ def _nearest_received(have: BoolArray, cut: Interleave) -> Tuple[IntArray, IntAr
     return source, block
 
 
-METHODS: Dict[str, FillMethod] = {
-    'nearest': nearest, 'kriging': kriging, 'kriging_clamped': kriging_clamped, 'kriging_steered': kriging_steered}
-"""{name: method}, see `nearest`. It only moves pixels; the others calculate with the subimages' numbers."""
+METHODS: Dict[str, FillMethod] = {'nearest': nearest, 'kriging_clamped': kriging_clamped}
+"""{name: method}, see `nearest`. It only moves pixels; the other calculates with the subimages' numbers."""
 
 BEST = 'kriging_clamped'
 """By the measurements in doc/fill.md."""

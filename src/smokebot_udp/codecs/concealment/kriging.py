@@ -11,7 +11,6 @@ have received the same places, so a missing subimage is estimated as a whole by 
 the next images. The best b for each image would gain little (doc/fill.md).
 """
 import functools
-import math
 from typing import Any, NamedTuple, Tuple
 
 import numpy as np
@@ -21,7 +20,6 @@ from ...arrays import Array, BoolArray, DType, Float32Array, IntArray
 from ..wire.interleave import Interleave, table
 from .neighbours import neighbours
 from .ring import Border, border_of, continued, moved
-from .steering import DIRECTIONS, along, blended, edges
 
 SMOOTH = 1.0
 """b of the model: images are smooth within this distance [pixel]."""
@@ -39,50 +37,26 @@ CACHED_PLANS = 8
 """Weights are cached for this many sets of received subimages: without loss, each image has the same set."""
 
 
-def kriging(subimages: Array, have: BoolArray, cut: Interleave, smooth: float = SMOOTH) -> Array:
+def kriging_clamped(subimages: Array, have: BoolArray, cut: Interleave, smooth: float = SMOOTH) -> Array:
     """Each missing pixel becomes the best linear estimate from the received ones nearest to it.
 
-    Beyond the image's border the received pixels nearest to it are repeated. An estimate may exceed its neighbours, for
-    example if an edge or a peak lies between them. If a neighbour is not finite, as in a depth image, the nearest
-    received pixel is used.
+    An estimate is limited to the range of the CLAMPING nearest: it invents no peak. Beyond the image's border the
+    received pixels nearest to it are repeated. If a neighbour is not finite, as in a depth image, the nearest received
+    pixel is used.
 
     :param subimages: (n, rows, columns, ...) array of numbers, of any byte order, in cut.order
     :param have: (n,) bool, the subimages received; the values of the others do not matter
     :param smooth: b of the model [pixel]
     :return: array like subimages: all of them; zero if nothing was received
     """
-    return _fill(subimages, have, cut, smooth, clamp=False)
-
-
-def kriging_clamped(subimages: Array, have: BoolArray, cut: Interleave, smooth: float = SMOOTH) -> Array:
-    """As kriging, but no estimate exceeds the range of the received pixels nearest to it: it invents no peak."""
-    return _fill(subimages, have, cut, smooth, clamp=True)
-
-
-def kriging_steered(subimages: Array, have: BoolArray, cut: Interleave, smooth: float = SMOOTH) -> Array:
-    """As kriging_clamped, but pixels along an edge are modelled as more alike than those across it.
-
-    Edges are detected in the result of kriging. It takes about ten times as long.
-    """
-    return _fill(subimages, have, cut, smooth, clamp=True, steer=True)
-
-
-def _fill(subimages: Array, have: BoolArray, cut: Interleave, smooth: float, clamp: bool, steer: bool = False) -> Array:
     if have.all():
         return subimages
     if not have.any():
         return np.zeros_like(subimages)
     plan = _plan(cut, have.tobytes(), float(smooth))
     numbers = _sources(subimages, have, plan)
-    exact = numbers.astype(np.float32)
-    estimates: Array = plan.weights @ exact
-    if steer:
-        with np.errstate(invalid='ignore', over='ignore'):      # floats that are not finite, or very large
-            estimates = _steered(estimates, exact, subimages, have, cut, smooth)
-    estimates = _rounded(estimates, numbers.dtype)
-    if clamp:
-        low, high = _range(numbers, plan.nearest)
-        np.clip(estimates, low, high, out=estimates)
+    estimates = _rounded(plan.weights @ numbers.astype(np.float32), numbers.dtype)
+    np.clip(estimates, *_range(numbers, plan.nearest), out=estimates)
     if estimates.dtype.kind == 'f':
         undefined = ~np.isfinite(estimates)
         estimates[undefined] = numbers[plan.nearest[0]][undefined]
@@ -90,24 +64,6 @@ def _fill(subimages: Array, have: BoolArray, cut: Interleave, smooth: float, cla
     filled[have] = subimages[have]
     filled[~have] = estimates.reshape((-1,) + subimages.shape[1:])
     return filled
-
-
-def _steered(estimates: Float32Array, exact: Float32Array, subimages: Array, have: BoolArray, cut: Interleave,
-             smooth: float) -> Float32Array:
-    """Estimates that follow the edges.
-
-    :param estimates: (missing subimages, numbers) the isotropic ones, of all channels
-    :param exact: (s, numbers) the plan's sources
-    """
-    shape = (-1,) + cut.shape + (math.prod(subimages.shape[3:]),)
-    mean = np.empty((len(cut),) + cut.shape, np.float32)        # of the channels
-    mean[have] = subimages[have].reshape(shape).mean(axis=-1, dtype=np.float32)
-    mean[~have] = estimates.reshape(shape).mean(axis=-1)
-    mean[~np.isfinite(mean)] = 0
-    found = cut.split(edges(cut.merge(mean), spacing=1 / math.sqrt(have.mean())))[~have]
-    isotropic = estimates.reshape(shape)
-    steered = (_steered_weights(cut, have.tobytes(), float(smooth)) @ exact).reshape((DIRECTIONS,) + isotropic.shape)
-    return blended(isotropic, steered, found[:, :, :, np.newaxis]).reshape(estimates.shape)
 
 
 class _Plan(NamedTuple):
@@ -125,8 +81,6 @@ class _Plan(NamedTuple):
     nearest: IntArray
     """(at most CLAMPING, missing subimages) int: the sources nearest to each, the nearest first."""
     border: Border
-    offsets: IntArray
-    """(missing subimages, k, 2) int: relative places of the sources of a row of weights, in the same order."""
 
 
 @functools.lru_cache(maxsize=CACHED_PLANS)
@@ -148,23 +102,12 @@ def _plan(cut: Interleave, have_bytes: bytes, smooth: float) -> _Plan:
     rank[used_keys] = np.arange(len(used_keys))
     source = rank[key]                                          # (missing, k)
     subimage, block = np.divmod(used_keys, side * side)
-    offsets = nearest - place[~have][:, np.newaxis]
-    weights = weigh(offsets, smooth)
+    weights = weigh(nearest - place[~have][:, np.newaxis], smooth)
     rows = np.arange(len(source) + 1, dtype=np.int32) * source.shape[1]
     return _Plan(
         (np.cumsum(have) - 1)[subimage], np.stack(np.divmod(block, side), axis=1) - REACH,
         sparse.csr_matrix((np.ravel(weights), source.ravel(), rows), (len(source), len(subimage))),
-        np.ascontiguousarray(source[:, :CLAMPING].T), border_of(place[have], p), offsets)
-
-
-@functools.lru_cache(maxsize=CACHED_PLANS)
-def _steered_weights(cut: Interleave, have_bytes: bytes, smooth: float) -> Any:
-    """(DIRECTIONS * missing subimages, s) float32 scipy.sparse.csr_matrix; the parameters are those of _plan."""
-    plan = _plan(cut, have_bytes, smooth)
-    (m, s), k = plan.weights.shape, plan.offsets.shape[1]
-    weights = weigh(along(plan.offsets).reshape(DIRECTIONS * m, k, 2), smooth)
-    rows = np.arange(DIRECTIONS * m + 1, dtype=np.int32) * k
-    return sparse.csr_matrix((weights.ravel(), np.tile(plan.weights.indices, DIRECTIONS), rows), (DIRECTIONS * m, s))
+        np.ascontiguousarray(source[:, :CLAMPING].T), border_of(place[have], p))
 
 
 def weigh(offsets: Array, smooth: float = SMOOTH) -> Float32Array:

@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The robot's status as the operator received it last."""
+from typing import Any, Dict, Optional
+
+import rospy
+
+from ..msg import RobotStatus
+
+
+class StatusListener:
+    """Lives as long as its node.
+
+    :param topic: topic on which the operator receives RobotStatus; None where no stream carries it
+    """
+
+    def __init__(self, topic: Optional[str]) -> None:
+        self.status: Any = None
+        """The robot's last RobotStatus; None: there was none."""
+        self._subscriber = rospy.Subscriber(topic, RobotStatus, self._take, queue_size=5) if topic else None
+
+    def _take(self, status: Any) -> None:
+        self.status = status
+
+    def sent(self) -> Dict[str, Any]:
+        """{stream: StreamStatus}, as the robot reported last."""
+        status = self.status
+        return {stream.name: stream for stream in status.streams} if status else {}
+
+    def close(self) -> None:
+        """End the subscription."""
+        if self._subscriber is not None:
+            self._subscriber.unregister()
