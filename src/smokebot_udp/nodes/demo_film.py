@@ -123,6 +123,9 @@ def watch(topic: str) -> None:
     while not rosgraph.is_master_online():
         time.sleep(RETRY_PERIOD)
     udpros.init_node('demo_film' + topic.replace('/', '_'))
+    # not as other nodes: to unregister it would wait for a master that has ended already
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: os._exit(0))
 
     def take(image: Any) -> None:
         pixels = as_pixels(image.data, image.height, image.width, image.step, image.encoding, image.is_bigendian)
