@@ -23,6 +23,10 @@ BURST, PERIOD = 60, 2.0
 MAX_REMEMBERED = 512
 """Kinds; the one logged longest ago is forgotten first."""
 
+CLOSED = 'to a closed topic'
+"""Part of what rospy raises in a thread that publishes while the node's other threads end: rospy.is_shutdown() is True
+only after all of on_shutdown."""
+
 NUMBER = re.compile(r'\S*\d\S*')
 """A word with a digit: a value, a time, some bytes."""
 
@@ -95,6 +99,8 @@ def logwarn(subject: str, problem: Any, period: float = WARNING_PERIOD) -> bool:
 
 
 def _log(log: Callable[..., None], subject: str, problem: str, period: float) -> bool:
+    if CLOSED in problem and rospy.core.is_shutdown_requested():
+        return False
     left_out = None if rospy.is_shutdown() else _limiter.admit(subject, problem, period, time.monotonic())
     if left_out is None:
         return False

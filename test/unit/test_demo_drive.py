@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from smokebot_udp.nodes.demo_drive import Topics, share_in_force, topics_of
+from smokebot_udp.nodes.demo_drive import LATE, Topics, lateness, share_in_force, topics_of
+from smokebot_udp.simulation.course import Course
 from smokebot_udp.simulation.drive import Drive, ahead
 from smokebot_udp.simulation.motion import RADIUS
 from smokebot_udp.simulation.planner import Planner
@@ -23,6 +24,28 @@ SENT = [0.0, 0.05, 0.10, 0.15]
     ([(0.01, 3)], 1.0)])
 def test_the_share_of_commands_in_force_by_hand(arrived, share: float) -> None:
     assert share_in_force(SENT, arrived, 0.07) == share
+
+
+@pytest.mark.parametrize('waits,rate,text', [
+    ([], 50.0, ''), ([0.001] * 200, 49.0, ''),
+    ([0.001] * 99 + [0.5], 50.0, ''),                           # one in a hundred explains nothing
+    ([0.001] * 19 + [LATE], 50.0, 'it woke 18 ms late one time in twenty'),
+    ([0.0] * 90 + [0.03, 0.05] * 5, 50.0, 'it woke 50 ms late one time in twenty'),
+    ([0.001], 23.7, 'it made 24 of 50 Hz of odometry'),
+    ([0.2], 23.7, 'it woke 200 ms late one time in twenty, it made 24 of 50 Hz of odometry')])
+def test_whether_the_machine_was_late(waits, rate: float, text: str) -> None:
+    assert lateness(waits, rate) == text
+
+
+def test_the_way_to_a_goal_takes_no_turns_to_the_centres_of_cells() -> None:
+    drive = Drive()
+    planner, seconds = Planner(building(1)), []
+    for time in np.arange(0.0, drive.period, 1.7):
+        pose = drive.pose(time)
+        x, y, yaw = ahead(pose, 1.5)
+        seconds.append(Course(pose, [(point, 0.0) for point in planner.way(pose[:2], (x, y))], yaw, 0.7).duration)
+    # at most half a turn at 0.7 rad/s, a quarter of one, and 2.2 m at 0.7 m/s; of the 14 s that the report waits
+    assert max(seconds) < 1.5 * math.pi / 0.7 + 2.2 / 0.7
 
 
 def test_the_topics_by_which_the_robot_is_driven() -> None:

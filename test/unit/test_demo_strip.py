@@ -7,8 +7,19 @@ import numpy as np
 import pytest
 
 from smokebot_udp.nodes.demo_pictures import summary
-from smokebot_udp.nodes.demo_strip import (CAPTION, CELL, FILM_RATE, Seen, at, caption, cell, film_frame, moments, strip,
-                                           write_film)
+from smokebot_udp.nodes.demo_strip import (
+    CAPTION,
+    CELL,
+    FILM_RATE,
+    Seen,
+    at,
+    caption,
+    cell,
+    film_frame,
+    moments,
+    strip,
+    write_film,
+)
 from smokebot_udp.optional import found
 
 

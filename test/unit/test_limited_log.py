@@ -116,6 +116,14 @@ def test_nothing_is_logged_while_the_node_shuts_down(lines: List[str], monkeypat
     assert not lines
 
 
+def test_a_thread_that_publishes_while_others_end_is_no_error(lines: List[str], monkeypatch: Any) -> None:
+    monkeypatch.setattr(rospy.core, '_in_shutdown', True)       # in on_shutdown; rospy.is_shutdown() is still False
+    logerr('stream', rospy.ROSException('publish() to a closed topic'))
+    assert not lines
+    logerr('stream', 'the robot could not be stopped')
+    assert len(lines) == 1
+
+
 def test_a_new_start_logs_all_again(lines: List[str], clock: List[float]) -> None:
     for _ in range(2):
         logerr('stream', 'broken')

@@ -18,7 +18,7 @@ from smokebot_udp import udpros
 from smokebot_udp.link.operator_core import OperatorCore
 from smokebot_udp.link.peer import Peer
 from smokebot_udp.link.resolver import Resolver
-from smokebot_udp.link.transport import OperatorTransport
+from smokebot_udp.link.transport import PROBLEM_AFTER, OperatorTransport
 from smokebot_udp.udpros.endpoints import BatchSender, DatagramReceiver
 
 TOPIC = '/smokebot_udp/thermal/segments'
@@ -168,6 +168,29 @@ def test_a_host_name_is_looked_up(made: Links) -> None:
     publisher, inbox = robot.publisher('/chat', String), Inbox()
     operator.subscriber('/chat', String, inbox.message)
     wait_for(publisher.get_num_connections)
+
+
+@pytest.mark.parametrize('says', [True, False])
+def test_a_robot_that_says_that_it_leaves_is_not_reported_as_silent(made: Links, says: bool) -> None:
+    robot, _ = made.robot()
+    relay, told, log = Relay(robot.port), [], []    # type: Any, List[str], List[str]
+    operator = OperatorTransport('127.0.0.1', relay.port, made.key, name='/desk', report=told.append, log=log.append)
+    made.made.append(operator)
+    wait_for(lambda: log and robot.stats(0.0).peers)
+    told.clear()                        # a busy machine may be late to join
+    if not says:
+        relay.loss = 1.0
+    robot.close()
+    wait_for(lambda: (operator.problem() or '').startswith('no answer'))
+    if says:
+        wait_for(lambda: log[-1].endswith('has left: closed'))
+        operator._report_problem(time.monotonic())                          # it begins to last
+        operator._report_problem(time.monotonic() + 2 * PROBLEM_AFTER)
+        assert not told
+    else:
+        wait_for(lambda: told)
+        assert told[0].startswith('no answer')
+    relay.close()
 
 
 @pytest.mark.parametrize('host', ['no-such-host.invalid', 'x' * 64 + '.invalid', ''])

@@ -54,6 +54,22 @@ finally:
     print('ended', flush=True)
 """
 
+LATE = """
+import os
+import signal
+import sys
+import time
+import rospy
+from smokebot_udp import udpros
+os.dup2(1, 2)       # what is red
+udpros.init_node('starting')
+if {interrupted}:
+    os.kill(os.getpid(), signal.SIGINT)
+    while not rospy.is_shutdown():
+        time.sleep(0.01)
+raise rospy.{error}('the node is ending')
+"""
+
 CUT = b'HTTP/1.1 200 OK\r\nContent-Type: text/xml\r\nContent-Length: 100\r\n\r\n<?xml'
 
 PAUSE = 0.5
@@ -129,6 +145,14 @@ def test_rospys_own_start_fails_then(master: Server) -> None:
 
 def test_a_node_that_the_master_ends_while_it_starts_says_so(master: Server) -> None:
     assert output(master, ENDED) == 'the node is ending\n'
+
+
+@pytest.mark.parametrize('interrupted, error, told', [
+    (True, 'ROSInterruptException', False), (False, 'ROSInterruptException', True), (True, 'ROSException', True)])
+def test_a_node_that_is_interrupted_while_it_starts_prints_no_traceback(master: Server, interrupted: bool, error: str,
+                                                                       told: bool) -> None:
+    printed = output(master, LATE.format(interrupted=interrupted, error=error))
+    assert ('Traceback' in printed) == told, printed
 
 
 @pytest.mark.parametrize('program', [EARLY, INTERRUPTED])

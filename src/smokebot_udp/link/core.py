@@ -45,6 +45,9 @@ SILENT = 60.0
 CLOSE_COPIES = 3
 """A CLOSE is not acknowledged: it is sent this often."""
 
+CLOSED = 'closed'
+"""Reason for which a peer has left that has said so."""
+
 MIN_DATAGRAM_SIZE = 256
 """Who receives less is not taken: the longest packet of the handshake fits [byte of UDP payload]."""
 
@@ -191,7 +194,7 @@ class LinkCore(abc.ABC):
         kind = Control(HEADER.unpack_from(datagram)[0])
         if kind == Control.CLOSE:
             if peer in self._peers:     # the first of its copies
-                self._leave(peer, 'closed')
+                self._leave(peer, CLOSED)
         elif kind != Control.KEEP_ALIVE:
             self._on_path(peer, kind, datagram[HEADER.size:], source, now)
 

@@ -93,6 +93,10 @@ class Attempt:
     sent: float
 
 
+NO_ANSWER = 'no answer from '
+"""The problem with a silent robot begins with it."""
+
+
 class Handshake:
     """One handshake: its nonce, the cookie, and when to try again.
 
@@ -370,7 +374,7 @@ class OperatorCore(LinkCore):
         elif now - since < REFUSAL_COUNTS:
             self.problem = refusal
         else:
-            self.problem = 'no answer from %s:%d' % address_of(self._place)
+            self.problem = NO_ANSWER + '%s:%d' % address_of(self._place)
 
     def _leave(self, peer: Peer, reason: str) -> None:
         super()._leave(peer, reason)

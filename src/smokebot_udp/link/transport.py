@@ -21,9 +21,9 @@ from ..udpros.depacketizer import Arrivals, Arrived, BatchCallback
 from ..udpros.endpoints import SHORT_BUFFER
 from ..udpros.loss_emulation import open_receiver
 from ..udpros.packetizer import no_limit
-from .core import LinkCore
+from .core import CLOSED, LinkCore
 from .endpoint import Endpoint
-from .operator_core import OperatorCore
+from .operator_core import NO_ANSWER, OperatorCore
 from .packets import Mode, encode_name
 from .peer import Delivery, Event, Joined, Left, Moved, Peer, Refused
 from .peer_topics import KINDS, PeerTopics
@@ -348,6 +348,7 @@ class OperatorTransport(LinkTransport):
         self._resolver, self._robot_port = Resolver(host), port
         self._troubled: Optional[float] = None      # since when there is a problem
         self._last_problem: Optional[str] = None    # that was reported
+        self._has_left = False      # and has said so
         super().__init__(self._operator, 0, receive_buffer, tos_mask, renewed, report, log, remarks)
         self._endpoint.start()
 
@@ -368,10 +369,17 @@ class OperatorTransport(LinkTransport):
         self._report_problem(now)
         return super().poll(now)
 
+    def on_event(self, event: Event) -> None:
+        """See endpoint.Handler."""
+        if isinstance(event, (Joined, Left)):
+            self._has_left = isinstance(event, Left) and event.reason == CLOSED
+        super().on_event(event)
+
     def _report_problem(self, now: float) -> None:
-        """Report each problem that lasts, once until there is another one or none."""
+        """Report each problem that lasts, once until there is another one or none. That a robot which has said that it
+        leaves does not answer is none to report."""
         problem = self._connection_problem()
-        if problem is None:
+        if problem is None or self._has_left and problem.startswith(NO_ANSWER):
             self._troubled = self._last_problem = None
             return
         if self._troubled is None:

@@ -6,6 +6,7 @@ known on the robot.
 """
 import bisect
 import contextlib
+import itertools
 import math
 import threading
 import time
@@ -25,10 +26,11 @@ from ..streams.relay.parameters import TO_ROBOT
 from ..udpros import rpc
 from .foreign_publishers import published_at
 from .operator_control import IN_CONTROL, STATE_TOPIC
+from .parameters import SIMULATED_ROBOT
 from .simulated_driving import planar, pose_message
 
 ROBOT_GOAL, ROBOT_RESULT, ROBOT_COMMAND = '/move_base_simple/goal', '/move_base/result', '/cmd_vel'
-ROBOT_TAKEN = '/move_base/goal'
+ROBOT_TAKEN, ROBOT_ODOMETRY = '/move_base/goal', '/odom'
 """Topics of the simulated robot."""
 
 POLL_PERIOD = 0.1
@@ -56,9 +58,32 @@ IN_FORCE = 1 / RATE + 0.02
 """A command counts as in force if it, or a newer one, is on the robot after this time: one period and 20 ms. Half of
 the round trip is 0 on one machine [s]."""
 
-
 GOOD_SHARE = 0.95
 """Of commands that are in force."""
+
+LATE = IN_FORCE / 4
+"""A command passes four threads on its way: this one, operator_receiver, robot_sender, and this process again. Where
+each wakes late by this, no link is fast enough [s]."""
+
+SLOW = 0.9
+"""A machine that has time for all makes at least this share of the odometry that it should: nothing of it has crossed
+the link yet, and it needs less time than anything else of the robot."""
+
+ODOMETRY_RATE = SIMULATED_ROBOT['odom_rate'].default
+"""[Hz]"""
+
+
+def lateness(waits: Sequence[float], rate: float) -> str:
+    """Whether the machine had too little time, in words; empty: it had enough.
+
+    :param waits: by how much this process woke later than it had asked for, each time [s]
+    :param rate: of the odometry as it came to this process [Hz]
+    """
+    worst = sorted(waits)[-max(1, len(waits) // 20)] if waits else 0.0
+    found = ['it woke %.0f ms late one time in twenty' % (1e3 * worst)] if worst >= LATE else []
+    if rate < SLOW * ODOMETRY_RATE:
+        found.append('it made %.0f of %.0f Hz of odometry' % (rate, ODOMETRY_RATE))
+    return ', '.join(found)
 
 
 class Topics(NamedTuple):
@@ -115,6 +140,9 @@ class DemoDrive:
         self._topics, self._frame = topics, with_prefix('map', frame_prefix)
         self._sent: List[float] = []
         self._arrived: List[Tuple[float, int]] = []
+        self._waits: List[float] = []
+        self._odometry = itertools.count()
+        self._rate = ODOMETRY_RATE
         self._goal = 'no goal was sent'
         self._result: Optional[Any] = None
         self._taken, self._over = threading.Event(), threading.Event()      # the goal
@@ -124,6 +152,7 @@ class DemoDrive:
         self._goals = rospy.Publisher(topics.goal, PoseStamped, queue_size=1)
         self._commands = rospy.Publisher(topics.command, Twist, queue_size=5, tcp_nodelay=True)
         rospy.Subscriber(ROBOT_COMMAND, Twist, self._obeyed, queue_size=100, tcp_nodelay=True)
+        rospy.Subscriber(ROBOT_ODOMETRY, rospy.AnyMsg, lambda _: next(self._odometry), queue_size=100)
         rospy.Subscriber(topics.control, String, self._take_control, queue_size=5)
         rospy.Subscriber(ROBOT_TAKEN, MoveBaseActionGoal, lambda _: self._taken.set(), queue_size=5)
         self._results = rospy.Subscriber(ROBOT_RESULT, MoveBaseActionResult, self._ended, queue_size=5)
@@ -152,25 +181,29 @@ class DemoDrive:
 
     def run(self, seconds: float) -> None:
         """Drive for this time [s]."""
-        end = time.monotonic() + seconds
+        begun, before = time.monotonic(), next(self._odometry)
+        end = begun + seconds
         self._send_goal(GOAL_SHARE * seconds)
         due = time.monotonic()
         while due < end and not rospy.is_shutdown():
-            time.sleep(max(0.0, due - time.monotonic()))
+            if due > time.monotonic():
+                time.sleep(max(0.0, due - time.monotonic()))
+                self._waits.append(time.monotonic() - due)
             turn = TURN_RATE + TURN_STEP * len(self._sent)
             self._sent.append(time.monotonic())
             self._commands.publish(Twist(Vector3(), Vector3(0.0, 0.0, turn)))
             due += 1 / RATE
         time.sleep(IN_FORCE)
+        self._rate = (next(self._odometry) - before) / (time.monotonic() - begun)
 
     def line(self) -> str:
         """The report."""
         if not self._sent:
             return 'goal: ' + self._goal
-        share = share_in_force(self._sent, list(self._arrived), IN_FORCE)
+        share, late = share_in_force(self._sent, list(self._arrived), IN_FORCE), lateness(self._waits, self._rate)
         good = self._result is not None and self._result.status == GoalStatus.SUCCEEDED and share >= GOOD_SHARE
-        return 'goal: %s, commands in force %.1f %% (of %d): %s' % (
-            self._goal, 100 * share, len(self._sent), 'good' if good else 'poor')
+        verdict = 'good' if good else 'poor, and this machine, not the link, was late: ' + late if late else 'poor'
+        return 'goal: %s, commands in force %.1f %% (of %d): %s' % (self._goal, 100 * share, len(self._sent), verdict)
 
     def _send_goal(self, patience: float) -> None:
         """Send a goal, and wait until it is over.
@@ -186,10 +219,14 @@ class DemoDrive:
         goal = PoseStamped(pose=pose_message(ahead(planar(Pose(place, turn)), GOAL_DISTANCE)))
         goal.header.stamp, goal.header.frame_id = rospy.Time.now(), self._frame
         begun, sent = time.monotonic(), -math.inf
-        while not self._over.wait(POLL_PERIOD) and time.monotonic() < begun + patience and not rospy.is_shutdown():
+        while time.monotonic() < begun + patience and not rospy.is_shutdown():
             if not self._taken.is_set() and time.monotonic() >= sent + REPEAT_PERIOD:
                 self._goals.publish(goal)
                 sent = time.monotonic()
+            waited = time.monotonic()
+            if self._over.wait(POLL_PERIOD):
+                break
+            self._waits.append(time.monotonic() - waited - POLL_PERIOD)
         seconds = time.monotonic() - begun
         if self._result is None:
             self._goal = 'not reached within %.1f s' % seconds

@@ -2,8 +2,8 @@
 """demo_film watch TOPIC | send PORT FILE | receive HOST:PORT: what the demo over a bad link records for its pictures.
 
     watch     a node that writes the images of a topic to the standard output
-    send      a publisher of compressed image_transport: reads them from the standard input, keeps them in FILE, and sends
-              them by TCP; while one is on its way only the newest waits, as with queue_size 1
+    send      a publisher of compressed image_transport: reads them from the standard input, keeps them in FILE, and
+              sends them by TCP; while one is on its way only the newest waits, as with queue_size 1
     receive   its subscriber, which writes them to the standard output
 
 An image is a sensor_msgs/CompressedImage (JPEG), as TCPROS sends it: behind its length in 4 bytes. In files and pipes
@@ -76,11 +76,12 @@ def records(file: BinaryIO) -> Iterator[Tuple[float, bytes]]:
 
 
 def seen_in(file: BinaryIO) -> List[Seen]:
-    """The images of a file."""
+    """The images of a file; a view without an image, which has no stamp, is none."""
     found = []
     for when, frame in records(file):
         message = CompressedImage().deserialize(frame[LENGTH.size:])
-        found.append(Seen(when, message.header.stamp.to_sec(), message.data))
+        if message.header.stamp:
+            found.append(Seen(when, message.header.stamp.to_sec(), message.data))
     return found
 
 
@@ -122,6 +123,9 @@ def watch(topic: str) -> None:
     while not rosgraph.is_master_online():
         time.sleep(RETRY_PERIOD)
     udpros.init_node('demo_film' + topic.replace('/', '_'))
+    # not as other nodes: to unregister it would wait for a master that has ended already
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: os._exit(0))
 
     def take(image: Any) -> None:
         pixels = as_pixels(image.data, image.height, image.width, image.step, image.encoding, image.is_bigendian)

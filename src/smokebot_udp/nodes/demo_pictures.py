@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The pictures of the demo over a bad link: the camera, what its operator saw, and what compressed image_transport would
-have shown over TCP. The latter has a link of its own, of the same conditions, so that neither takes from the other.
+"""The pictures of the demo over a bad link: the camera, what its operator saw, and what compressed image_transport
+shows over TCP. The latter has a link of its own, of the same conditions, so that neither takes from the other.
 """
 import os
 import pathlib
@@ -97,6 +97,8 @@ class Pictures:
         for title, file in self._files.items():
             with open(str(file), 'rb') as opened:
                 screens[title] = seen_in(opened)
+        # where the robot is at a moment shows the image that was taken then, also where it was recorded late
+        screens[NOW] = [one._replace(when=one.stamp) for one in screens[NOW]]
         cv2.imwrite(path, strip(screens, moments(first, last, COLUMNS)))
         film = os.path.splitext(path)[0] + '.mp4'
         files = [path, *([film] if write_film(film, screens, first, last) else [])]

@@ -16,10 +16,10 @@ CELL = 320, 240
 CAPTION = 26
 """Height of the text below an image, or above a row [pixel]."""
 
-FILM_RATE = 10
+FILM_RATE = 5
 """[Hz]"""
 
-FILM_BITS = 1.5e6
+FILM_BITS = 6e5
 """Of a film [bit/s]."""
 
 

@@ -3,10 +3,12 @@
 
 Light that passes a length d of smoke with the extinction k keeps exp(-k d) of its contrast (Beer-Lambert).
 """
+from typing import List
+
 import cv2
 import numpy as np
 
-from ..arrays import Float32Array
+from ..arrays import Float32Array, FloatArray
 from .pinhole import Pinhole, View
 
 BLOCK = 16
@@ -30,8 +32,9 @@ class Smoke:
         # around the robot once, so that billows stay where they are while it turns
         around = int(np.ceil(2 * np.pi * pinhole.focal_length / BLOCK))
         noise = np.random.RandomState(seed).standard_normal((2 * self._rows, around))
-        field = sum(share * _smooth(noise, self._rows / 12 * size) for share, size in zip(SOFT, (1, 2)))
-        self._field: Float32Array = (1 + billows * np.clip(field / np.std(field), -1, 1.5)).astype(np.float32)
+        fine, coarse = (share * _smooth(noise, self._rows / 12 * size) for share, size in zip(SOFT, (1, 2)))
+        field = (fine + coarse) / np.std(fine + coarse)
+        self._field: Float32Array = (1 + billows * np.clip(field, -1, 1.5)).astype(np.float32)
 
     def clear(self, view: View, yaw: float, time: float) -> Float32Array:
         """(height, width) float32: the share of the contrast that is left, 0..1.
@@ -59,9 +62,9 @@ class Smoke:
             flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_REPLICATE))
 
 
-def _smooth(noise: Float32Array, size: float) -> Float32Array:
-    """Noise without details below a size [pixel], which goes on at the opposite edge."""
-    waves = [np.fft.fftfreq(length) for length in noise.shape]
+def _smooth(noise: FloatArray, size: float) -> FloatArray:
+    """Noise without details below a size [pixel], which goes on at the opposite edge; its deviation is 1."""
+    waves: List[FloatArray] = [np.fft.fftfreq(length) for length in noise.shape]    # type: ignore[call-overload]
     kept = np.exp(-2 * (np.pi * size) ** 2 * np.add.outer(waves[0] ** 2, waves[1] ** 2) / 4)
     smooth = np.fft.ifft2(np.fft.fft2(noise) * kept).real
     return np.asarray(smooth / smooth.std())

@@ -9,8 +9,9 @@ import atexit
 import contextlib
 import os
 import signal
+import sys
 import threading
-from typing import Any, List
+from typing import Any, List, Type
 
 import rospy
 
@@ -32,11 +33,17 @@ class _Ending:
         for number in SIGNALS:
             signal.signal(number, self._take)
         atexit.register(self._finish)       # is called before rospy's, which does not wait
+        self._hook, sys.excepthook = sys.excepthook, self._print
 
     def _take(self, number: int, _: Any) -> None:
         self._came.append(number)
         with contextlib.suppress(BlockingIOError):      # so many signals came before
             os.write(self._writing, b'\0')
+
+    def _print(self, kind: Type[BaseException], *error: Any) -> None:
+        """Print what ends the main program, unless it is that a signal has ended the node while it starts."""
+        if not (self._came and issubclass(kind, rospy.ROSInterruptException)):
+            self._hook(kind, *error)
 
     def _run(self) -> None:
         os.read(self._reading, 1)
