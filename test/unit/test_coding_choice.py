@@ -26,6 +26,10 @@ def test_the_first_image_is_coded_as_its_link_is(now: Conditions, layered: bool)
     assert CodingChoice().update(now, 5.0) is layered
 
 
+def test_images_stay_layered_while_other_streams_take_all_of_the_link() -> None:
+    assert all(run(CodingChoice(), 0.5, 2 * MEASURED, 0.0, conditions(room=0.0)))
+
+
 def test_a_link_that_gets_worse_counts_at_once_and_one_that_gets_better_after_a_while() -> None:
     choice = CodingChoice()
     assert not choice.update(conditions(), 0.0)

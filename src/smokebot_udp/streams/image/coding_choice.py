@@ -73,8 +73,9 @@ class CodingChoice:
 
     def update(self, conditions: Conditions, now: float) -> bool:
         """Choose for the next image."""
-        # raw images that are larger than requested are never whole
-        whole = max(conditions.period, conditions.raw / conditions.room) if conditions.raw < math.inf else math.inf
+        # raw images that are larger than requested are never whole, nor is any while other streams take all of the link
+        possible = conditions.raw < math.inf and conditions.room > 0
+        whole = max(conditions.period, conditions.raw / conditions.room) if possible else math.inf
         if len(self._durations) == MEASURED and statistics.median(self._durations) > whole:
             self._slow_until = now + RETRY
             self._durations.clear()
