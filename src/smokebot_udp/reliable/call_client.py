@@ -131,8 +131,8 @@ class CallClient:
         self._end(lambda call: True, reason)
 
     def lost(self, reason: str) -> None:
-        """The session of a channel is over, and what was in flight in it: the calls fail that were sent. Others wait for
-        the robot's session."""
+        """The session of a channel is over, and what was in flight in it: the calls fail that were sent. Others wait
+        for the robot's session."""
         self._fail_sent(reason)
         self._server, self._greeting = 0, -math.inf if self._calls else math.inf
 
