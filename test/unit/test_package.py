@@ -22,7 +22,7 @@ LAYERS = {
     'congestion': {'monitoring.stats', 'monitoring.windows'},
     'link_lab': {'udpros', 'msg'}, 'mission_report': {'codecs', 'streams.image.source'},
     'link': {'udpros.datagram', 'udpros.depacketizer', 'udpros.endpoints', 'udpros.frame',
-             'udpros.loss_emulation', 'udpros.packetizer', 'udpros.records'},
+             'udpros.loss_emulation', 'udpros.packetizer', 'udpros.records', 'udpros.sequence'},
     'teleop': {'monitoring.clock_offset', 'monitoring.windows'}, 'reliable': set(),
     'capture': {'codecs', 'reliable.round_trip'},
     'udpros': {'limited_log'}, 'mission': set(), 'monitoring': set(), 'codecs': set(), 'simulation': set(),
@@ -30,7 +30,7 @@ LAYERS = {
 """Each package, and the packages and modules below it that it may import."""
 
 EVERYWHERE = {'arrays', 'budget', 'checksum', 'frame_names', 'image_error', 'numpy_messages', 'optional', 'packed',
-              'serialised', 'traffic', 'transport', 'units', 'version'}
+              'rotation', 'serialised', 'traffic', 'transport', 'units', 'version'}
 PURE = {'capture', 'codecs', 'congestion', 'mission', 'mission_report', 'monitoring', 'reliable', 'simulation',
         'streams', 'teleop'}
 """Packages without threads, sockets, topics or a clock."""

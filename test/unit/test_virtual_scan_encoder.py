@@ -12,8 +12,9 @@ from smokebot_udp.codecs.perception.virtual_scan import COLUMNS
 from smokebot_udp.mission.parameters import check
 from smokebot_udp.mission.settings import Settings
 from smokebot_udp.msg import ScanSegment
+from smokebot_udp.rotation import rotation
 from smokebot_udp.streams.virtual_scan.encoder import VirtualScanEncoder
-from smokebot_udp.streams.virtual_scan.fans import FanCache, mounting, rotation
+from smokebot_udp.streams.virtual_scan.fans import FanCache, mounting
 from smokebot_udp.udpros.datagram import OVERHEAD
 
 MOUNT, AHEAD = 0.9, COLUMNS // 2

@@ -10,6 +10,7 @@ import collections
 import numpy as np
 
 from ..arrays import BoolArray, IntArray
+from ..udpros.sequence import first_of_each
 
 WINDOW = 2048
 """How far behind the highest counter a late datagram is taken [datagrams]."""
@@ -42,22 +43,13 @@ class ReplayWindow:
         """
         if not len(counters):
             return np.zeros(0, bool)
-        first = _first_of_each(counters)
+        first = first_of_each(counters)
         top = int(counters.max())
         if top > self.highest:
             self._seen[np.arange(max(self.highest, top - WINDOW) + 1, top + 1) % WINDOW] = False
             self.highest = top
         self._seen[counters[counters > self.highest - WINDOW] % WINDOW] = True
         return first
-
-
-def _first_of_each(values: IntArray) -> BoolArray:
-    """(n,) bool: True at the first occurrence of a value."""
-    if len(values) == 1 or (np.diff(values) > 0).all():
-        return np.ones(len(values), bool)
-    first = np.zeros(len(values), bool)
-    first[np.unique(values, return_index=True)[1]] = True
-    return first
 
 
 class HandshakeMemory:

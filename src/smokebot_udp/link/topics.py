@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Publishers and subscribers of a link, see smokebot_udp/transport.py for their interface."""
 import functools
-import io
 import threading
 import time
 import traceback
@@ -11,6 +10,7 @@ from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Union
 import numpy as np
 
 from ..arrays import BoolArray, IntArray, Records, UInt8Array
+from ..serialised import serialised
 from ..transport import always
 from ..udpros.datagram import IP_UDP_HEADERS, LENGTH, Buffer
 from ..udpros.depacketizer import Arrivals, Arrived, BatchCallback, Depacketizer
@@ -104,7 +104,7 @@ class Publisher:
         self._check(type(message))
         with self._lock:
             self._seq += 1
-            data = serialised(message, self._seq)
+            data = headed(message, self._seq)
             for connection in self._connections if only is None else (only,):
                 connection.packetizer.send_message(data)
 
@@ -297,17 +297,12 @@ class Incoming:
                 'receive_buffer': None, 'kernel_drops': self.kernel_drops}
 
 
-def serialised(message: Any, seq: int) -> bytes:
-    """A message with its length prefix, numbered in its header if it has one.
+def headed(message: Any, seq: int) -> bytes:
+    """A serialised message with its length prefix, numbered in its header if it has one.
 
     :raises genpy.SerializationError: if a field has a wrong type
     """
     if has_header(type(message)):
         message.header.seq = seq
-    buffer = io.BytesIO()
-    buffer.seek(LENGTH.size)
-    message.serialize(buffer)
-    size = buffer.tell() - LENGTH.size
-    buffer.seek(0)
-    buffer.write(LENGTH.pack(size))
-    return buffer.getvalue()
+    data = serialised(message)
+    return LENGTH.pack(len(data)) + data

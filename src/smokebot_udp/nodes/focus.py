@@ -63,6 +63,7 @@ class FocusControl:
         self._problems = problems
         self._status = rospy.Publisher('~status', RobotStatus, queue_size=1, latch=True)
         self._modified_topic = rospy.Publisher('~focus/modified', Bool, queue_size=1, latch=True)
+        self._carrying_out = threading.Lock()   # otherwise an answer might name another operator's focus
         self._publishing = threading.Lock()     # otherwise an older status might be latched after a newer one
         self._published: Any = None     # what may change without a request, as it was published last
         self._present: FrozenSet[str] = frozenset()     # operators
@@ -104,12 +105,13 @@ class FocusControl:
 
     def _carry_out(self, part: str, changes: Mapping[str, Any]) -> str:
         """Change settings by hand, see MissionControl.request_part; what a switch of the focus changes, in words."""
-        before = self._streams(self.control.state())
-        self.control.request_part(part, changes)
+        with self._carrying_out:
+            before = self._streams(self.control.state())
+            self.control.request_part(part, changes)
+            state = self.control.state()
         if part != FOCUS_PART:
             return ''
         self._publish()
-        state = self.control.state()
         return answer(state.focus, before, self._streams(state))
 
     def standing_changed(self) -> None:

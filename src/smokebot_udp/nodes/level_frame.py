@@ -8,7 +8,7 @@ import rospy
 
 from ..arrays import FloatArray
 from ..frame_names import frame_name
-from ..streams.virtual_scan.fans import rotation
+from ..rotation import rotation
 
 
 class TransformLookup:

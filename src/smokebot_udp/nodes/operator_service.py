@@ -52,7 +52,7 @@ class OperatorService:
         if self._refused is None:
             self._requests = calls_channel(
                 self._link, self.name, TO_ROBOT, BOUNDS._replace(age=self._client.timeout), on_joined=self._greet,
-                on_unknown=self._unknown)
+                on_left=self._left, on_unknown=self._unknown)
             self._channels = [self._requests, calls_channel(
                 self._link, self.name, TO_OPERATOR, on_message=self._received)]
             self._worker.start()
@@ -112,6 +112,11 @@ class OperatorService:
         """The robot's node is there, perhaps another one than before: its session is asked for."""
         with self._worker.changing():
             self._client.greet(time.monotonic())
+
+    def _left(self, peer: str, reason: str) -> None:
+        with self._worker.changing():
+            self._client.lost("the robot's node %s during the call" % (
+                'restarted' if reason == 'restart' else 'was away'))
 
     def _unknown(self, peer: str) -> None:
         with self._worker.changing():

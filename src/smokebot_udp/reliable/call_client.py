@@ -5,12 +5,8 @@ import math
 from dataclasses import dataclass
 from typing import Callable, Counter, Deque, Dict, Optional
 
-from .calls import MAX_CALLS, MAX_SIZE, SLOWEST, WELCOME, Outcome, Request, unpack_answer
+from .calls import MAX_CALLS, MAX_SIZE, WELCOME, Outcome, Request, unpack_answer
 from .clock_bound import ClockBound
-
-FIRST_REPEAT = 1.0
-"""A request is repeated after this time [s], then after twice the time, and so on, in each case after what it takes to
-cross (see SLOWEST): the channel below repeats what it loses, but not what it gave up."""
 
 GREETING_PERIOD = 0.25
 """While calls wait for a robot it is asked for its session this often [s]."""
@@ -32,8 +28,6 @@ class _Call:
     done: Done
     server: int = 0
     """Session of the robot's node that may have executed it; 0: it was not sent yet."""
-    due: float = -math.inf
-    wait: float = FIRST_REPEAT
 
 
 class CallClient:
@@ -99,9 +93,8 @@ class CallClient:
         if not self._server:
             return None
         for number, call in self._calls.items():
-            if call.due <= now:
-                call.server, call.wait = self._server, 2 * call.wait
-                call.due = now + call.wait / 2 + len(call.data) / SLOWEST
+            if not call.server:
+                call.server = self._server
                 until = self._clock.at(call.until)
                 return Request(self.session, self._server, number, self._checksum, until, call.data).pack()
         return None
@@ -110,7 +103,7 @@ class CallClient:
         """When `poll` has something to do; None: not before the next call or answer."""
         times = [self._greeting]
         for call in self._calls.values():
-            times += [call.until, call.due if self._server else math.inf]
+            times += [call.until, -math.inf if self._server and not call.server else math.inf]
         first = min(times)
         return None if first == math.inf else first
 
@@ -137,6 +130,12 @@ class CallClient:
         """All calls in flight fail."""
         self._end(lambda call: True, reason)
 
+    def lost(self, reason: str) -> None:
+        """The session of a channel is over, and what was in flight in it: the calls fail that were sent. Others wait
+        for the robot's session."""
+        self._fail_sent(reason)
+        self._server, self._greeting = 0, -math.inf if self._calls else math.inf
+
     def refuse(self, reason: str) -> None:
         """The robot does not take calls: those fail that were not sent to it."""
         self._end(lambda call: not call.server, reason + ': it was not called')
@@ -155,8 +154,10 @@ class CallClient:
         if self._server:
             self._retired.append(self._server)
         self._server, self._clock = server, ClockBound()
-        self._end(lambda call: call.server != 0,
-                  "the robot's node restarted during the call: whether the service was called is unknown")
+        self._fail_sent("the robot's node restarted during the call")
+
+    def _fail_sent(self, reason: str) -> None:
+        self._end(lambda call: call.server != 0, reason + ': whether the service was called is unknown')
 
     def _expire(self, now: float) -> None:
         self._end(lambda call: call.until <= now and not call.server,

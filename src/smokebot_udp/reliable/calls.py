@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Calls of a service of the robot: what its two sides send each other, and how a call ends.
 
-Both sides are pure: call_client.py (operator) and call_server.py (robot). A call is executed at most once, however
-often its request and its answer are lost, repeated or late:
+Both sides are pure: call_client.py (operator) and call_server.py (robot). A call is executed at most once:
 
+* Requests and answers cross in channels, which deliver each once, and repeat it until it arrives or their session ends.
+  A request is sent to one session of a channel only.
 * Each node has a session, a random number. A client numbers its calls from 1 on; a number is never used again.
 * A request names the session of the robot's node that it is for. Another one, such as the same node after a restart,
   does not execute it and answers with its own session: then the client fails the calls that it sent to the old one.
-* The server remembers the numbers that it has seen. It answers a repeated request with the answer that it kept.
 * A request says until when it may be executed, by the robot's clock, whose time is in each answer: after a cut nothing
   is executed for a caller who has given up.
 
@@ -26,10 +26,6 @@ MAX_CALLS = 32
 
 MAX_TIMEOUT = 3600.0
 """Of a call [s]."""
-
-SLOWEST = 16e3
-"""What the channel below carries at least. A request or an answer is not repeated while its last copy may still be
-crossing at this rate: large ones would fill the link [byte/s]."""
 
 MAX_TEXT = 1000
 """Of the reason of a failure [byte]."""

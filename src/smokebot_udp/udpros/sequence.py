@@ -94,7 +94,7 @@ class SequenceTracker:
         place = seqs % WINDOW
         fresh: BoolArray = ~self._seen[place]
         if (seqs[1:] - seqs[:-1]).view(np.int32).min(initial=1) <= 0:   # not ascending: there may be duplicates
-            fresh &= _first_of_each(place)
+            fresh &= first_of_each(place)
         self._seen[place] = True
         count = int(np.count_nonzero(fresh))
         self.received += count
@@ -113,8 +113,10 @@ class SequenceTracker:
         return np.array([before != number])
 
 
-def _first_of_each(values: Array) -> BoolArray:
+def first_of_each(values: Array) -> BoolArray:
     """(n,) bool: True at the first occurrence of a value."""
+    if len(values) == 1 or (values[1:] > values[:-1]).all():
+        return np.ones(len(values), bool)
     first = np.zeros(len(values), bool)
     first[np.unique(values, return_index=True)[1]] = True
     return first

@@ -38,7 +38,7 @@ def overview(cells: Array, corner: Tuple[int, int], room: int, most_datagrams: i
         pieces = _pieces(area, room, most_datagrams)
         if pieces is not None:
             return shift, pieces
-        area, shift = _halved(area), shift + 1
+        area, shift = halved(area), shift + 1
 
 
 def _pieces(area: Area, room: int, most: int) -> Optional[List[Piece]]:
@@ -57,7 +57,7 @@ def _pieces(area: Area, room: int, most: int) -> Optional[List[Piece]]:
     return done
 
 
-def _halved(area: Area) -> Area:
+def halved(area: Area) -> Area:
     """Reduced by 2; blocks are those of the lattice, so the first and last ones may be incomplete."""
     blocks = area.place.blocks(1)
     whole = Rectangle(2 * blocks.column, 2 * blocks.row, 2 * blocks.width, 2 * blocks.height)

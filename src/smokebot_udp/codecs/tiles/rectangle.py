@@ -1,6 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Rectangles of a lattice's cells."""
-from typing import NamedTuple, Tuple
+from typing import NamedTuple, Optional, Tuple
+
+import numpy as np
+
+from ...arrays import BoolArray
 
 
 class Rectangle(NamedTuple):
@@ -9,6 +13,14 @@ class Rectangle(NamedTuple):
     row: int
     width: int
     height: int
+
+    @classmethod
+    def around(cls, cells: BoolArray) -> Optional['Rectangle']:
+        """The smallest one around the cells that are True, in (height, width) bool; None: none is."""
+        rows, columns = np.flatnonzero(cells.any(axis=1)), np.flatnonzero(cells.any(axis=0))
+        if not len(rows):
+            return None
+        return cls(int(columns[0]), int(rows[0]), int(columns[-1] - columns[0]) + 1, int(rows[-1] - rows[0]) + 1)
 
     def moved(self, columns: int, rows: int) -> 'Rectangle':
         """One of the same size beside it."""

@@ -7,6 +7,7 @@ from geometry_msgs.msg import Point, Pose
 
 from ...arrays import Array
 from ...codecs.tiles.rectangle import Rectangle
+from ...rotation import rotation
 from .placed import moved, renumbered
 from .snapshot import grid_message
 
@@ -105,11 +106,5 @@ def age_message(head: Any, area: Rectangle, seconds: Array) -> Any:
 def _shifted(pose: Pose, x: float, y: float) -> Pose:
     """A pose moved along its own axes [m]."""
     q = pose.orientation
-    norm = q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w or 1.0
-    along_x = 1 - 2 * (q.y * q.y + q.z * q.z) / norm, 2 * (q.x * q.y + q.z * q.w) / norm, 2 * (
-        q.x * q.z - q.y * q.w) / norm
-    along_y = 2 * (q.x * q.y - q.z * q.w) / norm, 1 - 2 * (q.x * q.x + q.z * q.z) / norm, 2 * (
-        q.y * q.z + q.x * q.w) / norm
-    moves = [x * a + y * b for a, b in zip(along_x, along_y)]
-    at = pose.position
-    return Pose(Point(at.x + moves[0], at.y + moves[1], at.z + moves[2]), q)
+    at = rotation(q.x, q.y, q.z, q.w) @ (x, y, 0.0) + (pose.position.x, pose.position.y, pose.position.z)
+    return Pose(Point(*at.tolist()), q)

@@ -9,7 +9,9 @@ from typing import Tuple
 import numpy as np
 
 from ...arrays import Array
+from ...codecs.tiles.overview import halved
 from ...codecs.tiles.rectangle import Rectangle
+from ...codecs.tiles.tiling import Area
 from ...codecs.wire.grid import UNKNOWN
 from .canvas import FORMER, NEVER, Canvas
 from .placed import moved, renumbered
@@ -122,7 +124,7 @@ class Coarse:
         """Change the size of the blocks. What is known for others is good enough for cells that were never received."""
         values, blocks = self._values, self.blocks
         for _ in range(self.shift, shift):
-            values, blocks = _halved(values, blocks)
+            blocks, values = halved(Area(blocks, values))
         for _ in range(shift, self.shift):
             values, blocks = _doubled(values, blocks)
         self._place(self.area, shift, values, np.where(values > UNKNOWN, FORMER, NEVER).astype(np.uint32), blocks)
@@ -131,14 +133,6 @@ class Coarse:
         self.area, self.shift, self.blocks = area, shift, area.blocks(shift)
         self._values = moved(values, blocks, self.blocks, UNKNOWN)
         self._numbers = moved(numbers, blocks, self.blocks, NEVER)
-
-
-def _halved(values: Array, blocks: Rectangle) -> Tuple[Array, Rectangle]:
-    """Maxima of blocks twice as large."""
-    halved = blocks.blocks(1)
-    whole = moved(values, blocks, Rectangle(halved.column * 2, halved.row * 2, halved.width * 2, halved.height * 2),
-                  UNKNOWN)
-    return whole.reshape(halved.height, 2, halved.width, 2).max(axis=(1, 3)), halved
 
 
 def _doubled(values: Array, blocks: Rectangle) -> Tuple[Array, Rectangle]:

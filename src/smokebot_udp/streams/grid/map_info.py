@@ -6,6 +6,7 @@ from typing import Any, Sequence, Tuple, Union
 import numpy as np
 
 from ...arrays import Array, Records
+from ...rotation import rotation
 
 
 def check_origin(origin: Any) -> None:
@@ -55,11 +56,6 @@ def cell_at(info: Any, x: float, y: float, z: float) -> Tuple[float, float]:
     :param x, y, z: [m]
     """
     at, turn = info.origin.position, info.origin.orientation
-    norm = turn.x ** 2 + turn.y ** 2 + turn.z ** 2 + turn.w ** 2 or 1.0
-    a, b, c = x - at.x, y - at.y, z - at.z
-    # the first two rows of the inverse rotation
-    along = a + 2 / norm * (-(turn.y ** 2 + turn.z ** 2) * a + (turn.x * turn.y + turn.z * turn.w) * b
-                            + (turn.x * turn.z - turn.y * turn.w) * c)
-    across = b + 2 / norm * ((turn.x * turn.y - turn.z * turn.w) * a - (turn.x ** 2 + turn.z ** 2) * b
-                             + (turn.y * turn.z + turn.x * turn.w) * c)
-    return along / info.resolution, across / info.resolution
+    inverse = rotation(turn.x, turn.y, turn.z, turn.w).T
+    along, across, _ = inverse @ (x - at.x, y - at.y, z - at.z) / info.resolution
+    return float(along), float(across)

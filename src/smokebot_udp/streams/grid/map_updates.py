@@ -77,25 +77,21 @@ def changed_rectangles(before: Array, after: Array) -> List[Rectangle]:
     :param before, after: (height, width) arrays
     """
     differs = before != after
-    rows, columns = np.flatnonzero(differs.any(axis=1)), np.flatnonzero(differs.any(axis=0))
-    if not len(rows):
+    whole = Rectangle.around(differs)
+    if whole is None:
         return []
     blocks = np.logical_or.reduceat(np.logical_or.reduceat(differs, np.arange(0, differs.shape[0], BLOCK), axis=0),
                                     np.arange(0, differs.shape[1], BLOCK), axis=1)
     labels, count = ndimage.label(blocks, np.ones((3, 3)))
     if count > MAX_RECTANGLES:
-        return [Rectangle(int(columns[0]), int(rows[0]), int(columns[-1] - columns[0]) + 1,
-                          int(rows[-1] - rows[0]) + 1)]
-    return [_around(differs, *(slice(BLOCK * side.start, BLOCK * side.stop) for side in found))
-            for found in ndimage.find_objects(labels)]
-
-
-def _around(differs: Array, rows: slice, columns: slice) -> Rectangle:
-    """The rectangle around the cells that differ within a part of the map."""
-    part = differs[rows, columns]
-    found, beside = np.flatnonzero(part.any(axis=1)), np.flatnonzero(part.any(axis=0))
-    return Rectangle(columns.start + int(beside[0]), rows.start + int(found[0]), int(beside[-1] - beside[0]) + 1,
-                     int(found[-1] - found[0]) + 1)
+        return [whole]
+    rectangles = []
+    for found in ndimage.find_objects(labels):
+        rows, columns = (slice(BLOCK * side.start, BLOCK * side.stop) for side in found)
+        part = Rectangle.around(differs[rows, columns])
+        if part is not None:
+            rectangles.append(part.moved(columns.start, rows.start))
+    return rectangles
 
 
 def update_of(grid: Any, part: Rectangle) -> Any:

@@ -99,12 +99,8 @@ class TileBook:
     def _changed(self, place: Rectangle, now: Area) -> Optional[Rectangle]:
         """The smallest rectangle around the cells that differ from the map before; None: none do."""
         assert self._before is not None     # there was a tile
-        differ = self._before.at(place) != now.at(place)
-        rows, columns = np.flatnonzero(differ.any(axis=1)), np.flatnonzero(differ.any(axis=0))
-        if not len(rows):
-            return None
-        return Rectangle(place.column + int(columns[0]), place.row + int(rows[0]),
-                         int(columns[-1] - columns[0]) + 1, int(rows[-1] - rows[0]) + 1)
+        found = Rectangle.around(self._before.at(place) != now.at(place))
+        return found and found.moved(place.column, place.row)
 
     def _shows_news(self, place: Rectangle, now: Area) -> bool:
         """Whether a new place has cells that changed, or new known ones; else operators lack nothing they would see."""

@@ -20,6 +20,7 @@ from ...udpros.frame import Frame
 from ...units import KBIT
 from ..held import Holding
 from .copies import Pattern, sent_for
+from .identified_map import PROOF
 from .numbering import Numbering
 from .overview_schedule import RESIDUAL, OverviewSchedule, datagrams
 from .pace import Pace
@@ -32,9 +33,6 @@ BEAT_PERIOD = 1.0
 
 BEAT_PART = 0.25
 """What operators lack takes this part of the bitrate in statements, at most; else they do not say it."""
-
-PROOF = 3
-"""An operator shows another map, or one of another size, when this number of its datagrams has been received."""
 
 TICK = 0.02
 """What is due within this time leaves together [s]."""

@@ -11,6 +11,7 @@ from ...codecs.perception import virtual_scan
 from ...codecs.perception.ground import GroundFinder
 from ...codecs.wire.points import read_cloud
 from ...frame_names import frame_name, unknown_transform
+from ...rotation import rotation
 from ..codec import Codec, ImportedCodec
 
 FAN_SETTINGS = ('base_frame', 'mount_height', 'mount_roll', 'mount_pitch', 'min_height', 'slope', 'range_min',
@@ -31,13 +32,6 @@ class Levelled(NamedTuple):
     """That it is in."""
     problems: Tuple[str, ...]
     """Of the cloud, and of tf."""
-
-
-def rotation(x: float, y: float, z: float, w: float) -> FloatArray:
-    """(3, 3) rotation matrix of a unit quaternion."""
-    return np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-                     [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-                     [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]])
 
 
 def mounting(roll: float, pitch: float) -> FloatArray:
