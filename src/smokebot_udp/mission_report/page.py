@@ -15,7 +15,9 @@ td, th { border: 1px solid #ccc; padding: .2em .6em; text-align: right }
 td:first-child, th:first-child, td.text { text-align: left }
 h2 { border-top: 1px solid #ccc; padding-top: 1em } p.note { color: #a00 }
 figure { display: inline-block; margin: .3em; vertical-align: top } figcaption { font-size: 13px; color: #555 }
-h1, h2, h3, td, figcaption { overflow-wrap: anywhere }
+h1, h2, h3, td.text, figcaption { overflow-wrap: anywhere }
+td { white-space: nowrap }
+td.text { white-space: normal }
 .strip { display: grid; grid-template-columns: repeat(4, 1fr) } .strip figure { min-width: 0 }
 .strip img { width: 100% }
 '''
