@@ -108,7 +108,7 @@ def _gaps(mission: Mission) -> str:
         return '<p>%s</p>' % ('None above 1 s.' if OPERATOR in mission.spans else "Unknown without the operator's bag.")
     return _cut(len(found)) + _table(['stream', 'from', 'to', 'duration', 'cause'], [
         [gap.stream, _time(mission, gap.begin), _time(mission, gap.end), '%.1f s' % gap.duration, gap.cause]
-        for gap in found[:MAX_ROWS]])
+        for gap in found[:MAX_ROWS]], text=4)
 
 
 def _events(mission: Mission) -> str:
