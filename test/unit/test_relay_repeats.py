@@ -217,7 +217,8 @@ def test_with_room_both_are_granted() -> None:
 
 
 @pytest.mark.parametrize('rate, sent, wanted', [
-    (3e5, 2e5, SHARE * 2e5),                    # overestimated
+    (4e5, 3e5, SHARE * 3e5),                    # overestimated
+    (1e5, 6e4, UNUSED_SHARE * 4e4),             # the camera does not fill the link
     (1e5, 2e5, SHARE * 1e5),                    # a dip
     (6e4, 1e4, UNUSED_SHARE * 5e4),             # little else is sent
     (1e6, 1e4, MAX_UNUSED)])

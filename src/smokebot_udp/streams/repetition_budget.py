@@ -9,9 +9,9 @@ SHARE = 0.03
 """Of what is sent: what the streams with a share of the link, such as images, hardly miss. The rate that may be sent is
 overestimated where much is lost: 3 Mbit/s at 20 % loss on a link of 2."""
 
-IDLE, UNUSED_SHARE, MAX_UNUSED = 0.5, 0.1, 64 * KBIT
-"""Where less than the part IDLE of the rate is sent: up to UNUSED_SHARE of what is left, which nobody misses, and no
-more than three short messages of 10 Hz take that are repeated and copied [1, 1, byte/s]."""
+UNUSED_SHARE, MAX_UNUSED = 0.1, 56 * KBIT
+"""Or of what is left of the rate, which nobody misses, where that is more; but no more than three short messages of 10
+Hz take that are repeated and copied, 3 % of 2 Mbit/s [1, byte/s]."""
 
 SPAN = 1.0
 """What was not used within this time is lost [s]."""
@@ -38,8 +38,7 @@ class RepetitionBudget:
         if rate is None:
             self._rate = math.inf
             return
-        unused = rate - sent if sent < IDLE * rate else 0.0
-        self._rate = max(SHARE * min(rate, sent), min(UNUSED_SHARE * unused, MAX_UNUSED))
+        self._rate = max(SHARE * min(rate, sent), min(UNUSED_SHARE * max(0.0, rate - sent), MAX_UNUSED))
 
     def take(self, size: int, now: float, can_wait: bool) -> bool:
         """Whether so much may be sent; then it counts as sent.
