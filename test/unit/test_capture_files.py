@@ -40,11 +40,11 @@ def test_images_are_read_as_they_were(encoding: str, bigendian: bool) -> None:
 
 
 def test_the_level_of_a_png_is_not_that_of_this_opencv(monkeypatch: Any) -> None:
-    """Its default is 1 or 3, by the version."""
+    """Its default is 1 or 3, by the version; with Huffman codes only no level matters."""
     encode, options = cv2.imencode, []
     monkeypatch.setattr(cv2, 'imencode', lambda *arguments: options.extend(arguments[2:]) or encode(*arguments))
     file_of(image('mono16'))
-    assert list(*options) == [cv2.IMWRITE_PNG_COMPRESSION, 1]
+    assert list(*options) == [cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_HUFFMAN_ONLY]
 
 
 def test_what_opencv_cannot_write_is_refused() -> None:

@@ -17,7 +17,7 @@ DIRECT = {
     'nodes/operator_stream.py', 'nodes/robot_sender.py', 'nodes/trace.py', 'nodes/transports.py',
     'udpros/rospy_binding.py', 'link/transport.py',
     # once for each name, peer or outage, which they remember
-    'nodes/live.py', 'nodes/namesake.py', 'nodes/reliable_link.py', 'udpros/connector.py', 'udpros/rpc.py',
+    'nodes/namesake.py', 'nodes/reliable_link.py', 'udpros/connector.py', 'udpros/rpc.py',
     # a child process has ended; they wait longer and longer before the next start
     'nodes/launches.py', 'nodes/rviz_keeper.py',
     # the answer to a goal of a person, who sees no other

@@ -184,8 +184,8 @@ def test_a_robot_that_says_that_it_leaves_is_not_reported_as_silent(made: Links,
     wait_for(lambda: (operator.problem() or '').startswith('no answer'))
     if says:
         wait_for(lambda: log[-1].endswith('has left: closed'))
-        operator._report_problem(time.monotonic())                          # it begins to last
-        operator._report_problem(time.monotonic() + 2 * PROBLEM_AFTER)
+        operator.report_problem(time.monotonic())                          # it begins to last
+        operator.report_problem(time.monotonic() + 2 * PROBLEM_AFTER)
         assert not told
     else:
         wait_for(lambda: told)

@@ -318,7 +318,8 @@ def shares(noise: float, bound: float, pitch: float = 0, roll: float = 0, seeds:
 @pytest.mark.parametrize('noise, bound', [(0, 0.05), (0.03, 0.1)])
 def test_the_scans_of_the_building_are_right(noise, bound) -> None:
     obstacles, landmarks = shares(noise, bound).T
-    assert obstacles.min() >= 0.99 and landmarks.mean() >= 0.98
+    # with noise a ring that meets somebody who lies there some mm below TOLERANCE may be above it
+    assert obstacles.min() >= (0.98 if noise else 0.99) and landmarks.mean() >= 0.98
     # where but one ring looks over a shelf, what it sees may as well be the ceiling
     assert landmarks.min() >= 0.9
 

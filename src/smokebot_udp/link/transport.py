@@ -366,7 +366,7 @@ class OperatorTransport(LinkTransport):
         self._resolver.poll(self._operator.problem is not None, now)
         if self._resolver.address is not None:
             self._operator.set_address((self._resolver.address, self._robot_port), now)
-        self._report_problem(now)
+        self.report_problem(now)
         return super().poll(now)
 
     def on_event(self, event: Event) -> None:
@@ -375,7 +375,7 @@ class OperatorTransport(LinkTransport):
             self._has_left = isinstance(event, Left) and event.reason == CLOSED
         super().on_event(event)
 
-    def _report_problem(self, now: float) -> None:
+    def report_problem(self, now: float) -> None:
         """Report each problem that lasts, once until there is another one or none. That a robot which has said that it
         leaves does not answer is none to report."""
         problem = self._connection_problem()

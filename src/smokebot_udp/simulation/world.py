@@ -188,7 +188,7 @@ FACE, JACKET, TROUSERS = (110, 140, 190), (90, 110, 60), (90, 70, 60)
 LYING: Sequence[Tuple[str, float, float, float, float, float, float, Tuple[float, ...]]] = (
     ('', 0.15, 0.0, 0.62, 0.42, 0.26, CLOTHES, JACKET), ("'s head", 0.62, 0.0, 0.22, 0.2, 0.22, SKIN, FACE),
     ("'s legs", -0.6, 0.0, 0.88, 0.3, 0.16, CLOTHES - 1.5, TROUSERS),
-    ("'s arm", 0.3, -0.42, 0.16, 0.5, 0.1, SKIN, FACE))
+    ("'s arm", 0.3, -0.42, 0.16, 0.5, 0.08, SKIN, FACE))
 """Parts of a person who lies on the floor: (name, x, y of its centre in the person's frame, length, width, height [m],
 temperature [degC], BGR)."""
 
