@@ -201,7 +201,8 @@ def check_robot(streams: Streams, graph: Graph, seconds: float, link: Optional[f
     found: List[Finding] = []
     if any(stream.settings['type'] in check.PLACED for stream in robot) and not buffer.can_transform(
             fixed, base, rospy.Time(0)):
-        found.append(Finding(WARN, 'tf', 'it knows no way from %s to %s: rviz shows nothing in 3D' % (base, fixed)))
+        found.append(Finding(WARN, 'tf', 'it knows no way from %s to %s: rviz shows nothing in 3D (other frames: '
+                             'doc/operator_desk.md, "Frames of other names")' % (base, fixed)))
     for stream in robot:
         found += check.judge(stream, graph, missing)
         if stream.source is not None and check.is_there(stream.source, graph):

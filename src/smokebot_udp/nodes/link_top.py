@@ -238,7 +238,8 @@ def print_once(listener: Listener, wait: float, as_json: bool, whole: bool) -> i
     if as_json:
         print_json(listener)
     if not body:
-        return fail('link_top', 'no report of robot_sender or operator_receiver on /diagnostics within %g s' % wait)
+        return fail('link_top', 'no report of robot_sender or operator_receiver on /diagnostics within %g s: '
+                    'neither runs at this master, or it waits, and its log says why' % wait)
     if not as_json:
         print('\n'.join(line.text for line in top + body), flush=True)
     return 0
