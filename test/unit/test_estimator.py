@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from smokebot_udp.congestion.estimator import (
     HORIZON,
     MBIT,
+    REPORT_INTERVAL,
     REPORT_TIMEOUT,
     Estimator,
     Limits,
@@ -77,6 +78,13 @@ def test_loss_of_one_report_beyond_the_airs() -> None:
     assert loss.beyond_air(counts(100, 90).loss) == 0 and loss.beyond_air(counts(0, 0).loss) == 0
 
 
+def silent(estimator: Estimator, begun: float, now: float, sent: float) -> None:
+    """No report comes from `begun` until `now`."""
+    for k in range(1, int((now - begun) / REPORT_INTERVAL)):
+        estimator.poll(begun + k * REPORT_INTERVAL, sent)
+    estimator.poll(now, sent)
+
+
 def test_each_report_timeout_halves_the_rate() -> None:
     limits = Limits(min_rate=10000.0, start_rate=100000.0, max_rate=1e6)
     estimator, rates = Estimator(0.0, limits), []
@@ -91,13 +99,22 @@ def test_each_report_timeout_halves_the_rate() -> None:
 def test_silence_says_nothing_where_little_is_sent_and_is_answered_at_once_where_more_is() -> None:
     limits = Limits(min_rate=10000.0, start_rate=100000.0)
     estimator = Estimator(0.0, limits)
-    for now in (1.1 * REPORT_TIMEOUT, 3.3 * REPORT_TIMEOUT):
-        estimator.poll(now, limits.min_rate)
+    for begun, now in ((0.0, 1.1 * REPORT_TIMEOUT), (1.1 * REPORT_TIMEOUT, 3.3 * REPORT_TIMEOUT)):
+        silent(estimator, begun, now, limits.min_rate)
         assert estimator.link.capacity == estimator.rate == 100000 and estimator.timeouts == int(now / REPORT_TIMEOUT)
     estimator.poll(3.4 * REPORT_TIMEOUT, 1.1 * limits.min_rate)
     assert estimator.link.capacity == 12500
-    estimator.poll(1e6, 2e5)
+    silent(estimator, 3.4 * REPORT_TIMEOUT, 20.0, 2e5)
     assert estimator.link.capacity == limits.min_rate
+
+
+def test_a_node_that_stood_still_has_heard_no_silence() -> None:
+    estimator = Estimator(0.0, Limits(min_rate=10000.0, start_rate=100000.0))
+    silent(estimator, 0.0, 0.2, 20000.0)
+    estimator.poll(3.0, 20000.0)
+    assert estimator.link.capacity == 100000 and estimator.mode is Mode.FOLLOW
+    silent(estimator, 3.0, 3.3, 20000.0)
+    assert estimator.link.capacity == 50000
 
 
 @pytest.mark.parametrize('unreported, capacity', [(5000, 100000), (5001, 10000)])
@@ -154,7 +171,7 @@ def test_what_the_link_carried_before_a_timeout_is_known_until_a_short_queue_sho
     before = 1e6
     estimator = Estimator(0.0, Limits(start_rate=before))
     estimator.on_feedback(burst(0.1, 1000), 0.1)
-    estimator.poll(3.0, math.inf)
+    silent(estimator, 0.1, 3.0, math.inf)
     assert estimator.link.capacity < before / 4
     estimator.on_feedback(burst(3.1, 11000, 0.05), 3.1)
     assert estimator.link.capacity < before / 4
@@ -166,7 +183,7 @@ def test_what_the_link_carried_before_a_timeout_is_known_where_hardly_anything_w
     before = 1e6
     estimator = Estimator(0.0, Limits(start_rate=before))
     estimator.on_feedback(single(0), 0.1)
-    estimator.poll(3.0, math.inf)
+    silent(estimator, 0.1, 3.0, math.inf)
     assert estimator.link.capacity < before / 4
     estimator.on_feedback(single(6, 0.2), 3.1)
     assert estimator.link.capacity == before
@@ -180,6 +197,7 @@ def test_without_reports_a_queue_seen_before_does_not_lower_the_rate_for_long() 
         chain = [PacketSample(sent, sent + 5 + 0.002 * k, 1000, 10000 * k + 1000 * at)      # later with each report
                  for at, sent in enumerate(times)]
         estimator.on_feedback(Feedback(chain, 0.02, 10, 10, 0, False), now)
+        estimator.poll(now, 1e5)
     assert estimator.rate < estimator.link.capacity
     estimator.poll(now + HORIZON / 2, 1e5)
     assert estimator.rate < estimator.link.capacity

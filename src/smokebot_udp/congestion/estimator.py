@@ -104,6 +104,10 @@ REPORT_INTERVAL = 0.1
 REPORT_TIMEOUT = 0.5
 """The rate is halved each time no report came for this long, where more than min_rate is sent [s]."""
 
+STALL = 2 * REPORT_INTERVAL
+"""A node that polls later than this stood still, as others had the processor: reports that came meanwhile are read only
+now, so that time is no silence [s]."""
+
 REPORT_LOSS_PROBABILITY = 0.01
 """Reports are lost like datagrams: the timeout is longer where losing all of them is more probable than this."""
 
@@ -199,7 +203,7 @@ class Estimator:
         self.mode = Mode.FOLLOW
         self._path, self._loss, self._probes, self._pause = Path(), Loss(), ProbeController(), Pause()
         self._ceiling, self._competition = LossCeiling(), Competition()
-        self._reported = now            # when the last report came
+        self._reported = self._polled = now     # when the last report came, and poll was called
         self._at_timeout = 0.0          # capacity at the first timeout since the last report [byte/s]
         self._before_timeout = 0.0      # capacity; less once it was measured to be less [byte/s]
         self._silence = 0.0             # of a timeout; 0 once a short queue, or the capacity, was seen after it [s]
@@ -276,6 +280,8 @@ class Estimator:
 
         :param sent: lately, at most [byte/s]; where that is a safe rate, silence is no sign of congestion
         """
+        self._reported = min(now, self._reported + max(0.0, now - self._polled - STALL))
+        self._polled = now
         loss = min(max(self.link.loss, REPORT_LOSS_PROBABILITY), MAX_AIR_LOSS)
         timeout = max(REPORT_TIMEOUT, REPORT_INTERVAL * math.log(REPORT_LOSS_PROBABILITY) / math.log(loss))
         missed = max(self.timeouts, math.ceil((now - self._reported) / timeout) - 1)
