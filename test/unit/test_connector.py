@@ -26,7 +26,7 @@ class Publisher:
         self.uri = 'http://127.0.0.1:%d/' % self.server.server_address[1]
         self.topics: List[str] = []
         self.ports: List[int] = []
-        self.failures = 0
+        self.failures, self.reason = 0, 'not today'
         threading.Thread(target=self.server.serve_forever, args=(0.01,), daemon=True).start()
 
     def request(self, caller: str, topic: str, offers: Any) -> Any:
@@ -34,7 +34,7 @@ class Publisher:
         self.ports.append(offers[0][3])
         if len(self.ports) <= self.failures:
             raise OSError('the answer is lost')
-        return [0, 'not today', 0]
+        return [0, self.reason, 0]
 
 
 @pytest.fixture
@@ -69,6 +69,19 @@ def test_a_publisher_is_asked_once_it_is_wanted(publisher: Publisher, monkeypatc
     impl = subscriber(publisher, wanted, monkeypatch)
     assert Connector(lambda *_: (0, 'by TCPROS', 0)).connect_topic('/topic', publisher.uri)[0] == 0
     assert requests_before == [0, 0, 0, 0] and publisher.topics == ['/topic'] and not impl.connecting
+
+
+@pytest.mark.parametrize('reason, told', [
+    ('not today', True), ('not a publisher of [/topic]', False), ('Not a publisher of [/topic]', False)])
+def test_that_a_publisher_has_unregistered_is_no_error(
+        reason: str, told: bool, publisher: Publisher, monkeypatch: Any) -> None:
+    lines: List[str] = []
+    publisher.reason = reason
+    subscriber(publisher, lambda: True, monkeypatch)
+    monkeypatch.setattr(rospy, 'logerr', lambda text, *values: lines.append(text % values))
+    Connector(lambda *_: (0, 'by TCPROS', 0)).connect_topic('/topic', publisher.uri)
+    assert [line for line in lines if publisher.uri in line] == told * [
+        '[/topic]: %s refuses: requestTopic: %s' % (publisher.uri, reason)]
 
 
 def test_a_subscriber_that_ends_before_asks_nobody(publisher: Publisher, monkeypatch: Any) -> None:

@@ -31,6 +31,7 @@ from .negotiation import (
     Reply,
     Request,
     check_formats,
+    has_unregistered,
     is_other_format,
     is_other_version,
     other_type,
@@ -128,7 +129,7 @@ class Connector:
             except Refused as refusal:
                 if is_other_format(refusal):        # one line for all topics, whichever side refuses
                     logerr('', str(refusal).split('requestTopic: ')[-1], OTHER_VERSION_PERIOD)
-                else:
+                elif not has_unregistered(refusal):
                     logerr('[%s]' % impl.resolved_name, '%s refuses: %s' % (uri, refusal),
                            OTHER_VERSION_PERIOD if is_other_version(refusal) else 10)
                 return 0, str(refusal), 0

@@ -31,6 +31,9 @@ FALLBACK_PERIOD, MAX_FALLBACK_PERIOD = 3.0, 60.0
 OTHER_TYPE = ' with md5sum '
 """By which a subscriber recognises the refusal in the publisher's text."""
 
+NO_PUBLISHER = 'not a publisher of ['
+"""By which a subscriber recognises the refusal of a node which has unregistered the topic; in lower case."""
+
 OTHER_VERSION_PERIOD = 3600
 """A refusal of another type or wire format is logged again only after this time: it lasts until somebody updates a
 machine [s]."""
@@ -67,6 +70,12 @@ def is_other_version(refusal: Exception) -> bool:
 def is_other_format(refusal: Exception) -> bool:
     """Whether a refusal is one of `check_formats`: it is the same for all topics of the two nodes."""
     return CANNOT_TALK in str(refusal)
+
+
+def has_unregistered(refusal: Exception) -> bool:
+    """Whether a publisher, of this package or of rospy, refuses since it no longer is one, as a node that ends. The
+    master says so next."""
+    return NO_PUBLISHER in str(refusal).lower()
 
 
 def check_formats(publisher: Mapping[str, str], subscriber: Mapping[str, str]) -> None:
