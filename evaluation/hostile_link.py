@@ -10,7 +10,7 @@ import sys
 import threading
 import time
 from dataclasses import dataclass
-from typing import Any, Callable, Dict, List, Mapping
+from typing import Callable, Dict, List, Mapping
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from .link_run import AIR
 from .listener import Listener
 from .own_masters import RECEIVER, ROBOT, OwnMasters
 from .processes import Peer
+from .started import Started
 
 SIDES = 'robot', 'operator'
 LINK = {**AIR, 'delay': 0.01}
@@ -62,7 +63,7 @@ class Phase:
     """{reason: datagrams, more than before}, of the side that was attacked."""
 
 
-class HostileLink:
+class HostileLink(Started):
     """Both sides and the stranger; a context manager.
 
     :param folder: for files
@@ -74,17 +75,15 @@ class HostileLink:
 
     def __init__(self, folder: pathlib.Path, count: int, rate: float, half_open: int, seed: int = 1,
                  kept: float = KEPT) -> None:
+        super().__init__()
         self._folder, self._kept, self._patience = folder, kept, max(count, half_open) / SLOWEST + STARTING
         key_file = folder / 'link.key'
         make_key(str(key_file))
-        self.stack = OwnMasters(seed, folder / 'nodes.log', key_file)
+        self.stack = self.enter_context(OwnMasters(seed, folder / 'nodes.log', key_file))
         self._options = ['--count', str(count), '--rate', str(rate), '--half-open', str(half_open)]
         self._strangers: Dict[str, Peer] = {}
-        try:
+        with self.starting():
             self._start()
-        except BaseException:
-            self.close()
-            raise
 
     def _start(self) -> None:
         self.stack.lab.set(LINK)
@@ -109,6 +108,7 @@ class HostileLink:
         command = [sys.executable, '-m', 'evaluation.link_attack', '--to', to, *self._options]
         with (self._folder / 'stranger.log').open('ab') as log:
             peer = Peer(self.stack.lab.command(side, command), cwd=str(TOP), stderr=log)
+        self.callback(peer.close)
         assert peer.line() == 'ready'
         return peer
 
@@ -180,18 +180,6 @@ class HostileLink:
         if heard.heard:
             raise RuntimeError('an uninvited operator sees images')
         return {}
-
-    def close(self) -> None:
-        """End everything."""
-        for stranger in self._strangers.values():
-            stranger.close()
-        self.stack.close()
-
-    def __enter__(self) -> 'HostileLink':
-        return self
-
-    def __exit__(self, *_: Any) -> None:
-        self.close()
 
 
 def quiet() -> Dict[str, int]:

@@ -13,6 +13,7 @@ from smokebot_udp.link.packets import Kind
 from . import TOP
 from .listener import Heard, Listener
 from .own_masters import PORT, OwnMasters
+from .started import Started
 from .tap import Tap
 from .way_back_nodes import wait_for
 
@@ -49,7 +50,7 @@ def with_relays(file: pathlib.Path, count: int = RELAYS) -> str:
     return '_streams_file:=%s' % file
 
 
-class Joins:
+class Joins(Started):
     """Both sides; a context manager.
 
     :param folder: for files
@@ -58,15 +59,13 @@ class Joins:
     """
 
     def __init__(self, folder: pathlib.Path, seed: int) -> None:
+        super().__init__()
         make_key(str(folder / 'link.key'))
         self._log = folder / 'nodes.log'
         self._streams = with_relays(folder / 'streams.yaml')
-        self.stack = OwnMasters(seed, self._log, folder / 'link.key')
-        try:
+        self.stack = self.enter_context(OwnMasters(seed, self._log, folder / 'link.key'))
+        with self.starting():
             self._start()
-        except BaseException:
-            self.stack.close()
-            raise
 
     def _start(self) -> None:
         self.stack.start_node('robot', 'simulated_robot', '_width:=320', '_height:=240')
@@ -104,9 +103,3 @@ class Joins:
         def names(heard: Heard) -> Any:
             return [heard.topic] if heard.topic == IMAGE else [name for name in PARTS if heard.amount.get(name)]
         return {name: heard.arrival for heard in self._listener.heard[count:][::-1] for name in names(heard)}
-
-    def __enter__(self) -> 'Joins':
-        return self
-
-    def __exit__(self, *_: Any) -> None:
-        self.stack.close()

@@ -22,6 +22,7 @@ from smokebot_udp.link_lab.link_trace import SIDES
 from . import TOP
 from .listener import Heard, Listener, Subscription
 from .stack import Stack
+from .started import Started
 
 Measured = TypeVar('Measured')
 
@@ -144,7 +145,7 @@ class SensorSource:
         self._stdin.flush()
 
 
-class LinkRun:
+class LinkRun(Started):
     """The link and the nodes; a context manager.
 
     :param seed: of the link
@@ -155,15 +156,13 @@ class LinkRun:
     """
 
     def __init__(self, seed: int, log: pathlib.Path, quick: bool = False, adapt: bool = False) -> None:
+        super().__init__()
         self._settle = QUICK_SETTLE if quick else SETTLE
         self._warm: Set[str] = set()    # sources of the methods that were used
-        self._stack = Stack(seed, log=log)
+        self._stack = self.enter_context(Stack(seed, log=log))
         self.watch = LabWatch(self._stack.lab)
-        try:
+        with self.starting():
             self._start(adapt)
-        except BaseException:
-            self._stack.close()
-            raise
 
     def _start(self, adapt: bool) -> None:
         self._set_link({})
@@ -217,16 +216,6 @@ class LinkRun:
             self.watch.forget()
             return self.listener.during(seconds), self.watch.state()
         return repeated(once)
-
-    def close(self) -> None:
-        """End the nodes and the link."""
-        self._stack.close()
-
-    def __enter__(self) -> 'LinkRun':
-        return self
-
-    def __exit__(self, *_: Any) -> None:
-        self.close()
 
 
 def summary(heard: Sequence[Heard], seconds: float) -> Dict[str, Any]:

@@ -18,6 +18,7 @@ from .quality import psnr
 from .shaped_link import ShapedLink
 from .shapers import Shaper
 from .stack import Stack
+from .started import Started
 
 START_TIMEOUT = 60.0
 """A method that has shown no image by then never will [s]."""
@@ -57,7 +58,7 @@ class Outcome(NamedTuple):
     """When the first image appeared, when each further rate was set, and the end."""
 
 
-class LiveRun:
+class LiveRun(Started):
     """A method's two sides and the link between them; a context manager.
 
     :param method: one of OURS or of WAYS
@@ -73,19 +74,18 @@ class LiveRun:
     def __init__(self, cell: Cell, method: str, folder: pathlib.Path, log: pathlib.Path,
                  masters: Type[Stack] = Stack, camera: bool = True,
                  prepare: Callable[[TwoSides], Any] = lambda sides: None) -> None:
+        super().__init__()
         self._cell, self._name = cell, method
         self._images = folder / 'screen'
         self._images.write_bytes(b'')
+        self.callback(self._images.unlink)
         log.write_bytes(b'')
         self.link = ShapedLink(cell.shaper, cell.rates[0], cell.loss)
         made = masters if method in OURS else Stack
-        self.stack = made(log=log, sides=self.link.sides)
-        try:
+        self.stack = self.enter_context(made(log=log, sides=self.link.sides))
+        with self.starting():
             prepare(self.link.sides)
             self.method = self._started(method, log, camera)
-        except BaseException:
-            self.stack.close()
-            raise
 
     def _started(self, method: str, log: pathlib.Path, camera: bool) -> Method:
         if method in OURS:
@@ -142,17 +142,6 @@ class LiveRun:
         images: Array = np.fromfile(str(self._images), np.uint8)
         images = images[:len(images) // (HEIGHT * WIDTH) * HEIGHT * WIDTH].reshape(-1, HEIGHT, WIDTH)
         return remembered(lambda number, place: psnr(clip.image(number), images[place]))
-
-    def close(self) -> None:
-        """End both sides and the link, and delete the recorded images."""
-        self.stack.close()
-        self._images.unlink()
-
-    def __enter__(self) -> 'LiveRun':
-        return self
-
-    def __exit__(self, *_: Any) -> None:
-        self.close()
 
 
 def remembered(quality: Quality) -> Quality:

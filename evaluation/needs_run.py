@@ -15,6 +15,7 @@ from smokebot_udp.link_lab.lab import DEVICE
 from . import TOP
 from .listener import Listener
 from .own_masters import OwnMasters
+from .started import Started
 
 LINKS: Mapping[str, Dict[str, float]] = {
     'bad': {'loss': 0.2, 'delay': 0.02, 'rate': 2e6, 'queue': 0.2},
@@ -70,7 +71,7 @@ def sent_bytes(text: str, device: str) -> int:
     return int(text.split(device + ':')[1].split()[8])
 
 
-class NeedsRun(contextlib.ExitStack):
+class NeedsRun(Started):
     """Both nodes and the simulated robot, started; a context manager.
 
     :param log: of the nodes
@@ -80,11 +81,8 @@ class NeedsRun(contextlib.ExitStack):
     def __init__(self, case: Case, seed: int, log: pathlib.Path) -> None:
         super().__init__()
         self._case = case
-        try:
+        with self.starting():
             self._start(seed, log)
-        except BaseException:
-            self.close()
-            raise
 
     def _start(self, seed: int, log: pathlib.Path) -> None:
         folder = pathlib.Path(self.enter_context(tempfile.TemporaryDirectory()))

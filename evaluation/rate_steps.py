@@ -17,6 +17,7 @@ from .link_run import LOAD_CODEC, LabWatch, repeated
 from .listener import Heard, Listener, Subscription
 from .quality import psnr
 from .stack import Stack
+from .started import Started
 
 RATES = 20e6, 5e6, 1e6, 0.3e6, 20e6
 """[bit/s]"""
@@ -137,7 +138,7 @@ class Step:
         return next((sample for sample in self.counts if sample[0] >= self.begun + after), self.counts[-1])
 
 
-class RateStepRun:
+class RateStepRun(Started):
     """Both sides and the link between them, with one method; a context manager.
 
     :param folder: where images are recorded while it lasts, and nodes.log is written
@@ -146,18 +147,17 @@ class RateStepRun:
     """
 
     def __init__(self, method: Method, seed: int, folder: pathlib.Path, rate: float = RATES[0]) -> None:
+        super().__init__()
         self.method = method
         self._files = {side: folder / ('%s.recorded' % side) for side in ('robot', 'operator')}
         for file in self._files.values():
             file.write_bytes(b'')
-        self.stack = Stack(seed, method.congestion_control, folder / 'nodes.log')
+            self.callback(file.unlink)
+        self.stack = self.enter_context(Stack(seed, method.congestion_control, folder / 'nodes.log'))
         self._watch = LabWatch(self.stack.lab)
-        try:
+        with self.starting():
             self.set_link(rate, 0.0)
             self._start()
-        except BaseException:
-            self.stack.close()
-            raise
 
     def _start_robot(self) -> None:
         self._robot = self.stack.start_node('robot', 'simulated_robot', '_width:=%d' % recorder.WIDTH,
@@ -248,18 +248,6 @@ class RateStepRun:
     def recorded(self, side: str) -> Array:
         """The images that were heard on a side, see recorder.load."""
         return recorder.load(self._files[side])
-
-    def close(self) -> None:
-        """End the nodes and the link, and delete the recorded images."""
-        self.stack.close()
-        for file in self._files.values():
-            file.unlink()
-
-    def __enter__(self) -> 'RateStepRun':
-        return self
-
-    def __exit__(self, *_: Any) -> None:
-        self.close()
 
 
 def queue_delay(before: Counts, after: Counts, share: float, side: str = 'robot') -> Optional[int]:

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Scans of 1081 ranges beside all other streams, through both nodes as shipped, over a link lab."""
-import contextlib
 import pathlib
 import sys
 import time
@@ -12,16 +11,15 @@ from . import TOP
 from .listener import Listener
 from .scan_source import SCAN
 from .stack import Stack
-
-RATE_LIMIT, QUEUE, DELAY = 2e6, 0.2, 0.02
-"""Of the link [bit/s, s], and each way [s]."""
+from .started import Started
+from .state_run import LINK_CONDITIONS
 
 SHOWN = '/operator' + SCAN
 SETTLE = 6.0
 """Until the streams have their parts of the link [s]."""
 
 
-class ScanRun:
+class ScanRun(Started):
     """Both nodes and the sources, started; a context manager.
 
     :param log: of the nodes
@@ -29,15 +27,12 @@ class ScanRun:
     """
 
     def __init__(self, seed: int, log: pathlib.Path) -> None:
-        self._resources = contextlib.ExitStack()
-        try:
+        super().__init__()
+        with self.starting():
             self._start(seed, log)
-        except BaseException:
-            self.close()
-            raise
 
     def _start(self, seed: int, log: pathlib.Path) -> None:
-        self.stack = self._resources.enter_context(Stack(seed, log=log))
+        self.stack = self.enter_context(Stack(seed, log=log))
         self.stack.start('robot', sys.executable, '-m', 'evaluation.scan_source', cwd=str(TOP))
         self.stack.start_node('robot', 'simulated_robot', '_scan_rate:=0')
         self._shown = Listener(self.stack)
@@ -54,8 +49,8 @@ class ScanRun:
         :param loss: packet-loss ratio, 0..1
         :param exact: as the setting of scan streams
         """
-        self.stack.lab.set({'loss': loss, 'delay': DELAY, 'rate': RATE_LIMIT, 'queue': QUEUE})
-        self._on_robot('rosparam', 'set', '/robot_sender/scan/exact', str(exact).lower())
+        self.stack.lab.set({'loss': loss, **LINK_CONDITIONS})
+        self.stack.set_parameter('/robot_sender/scan/exact', exact)
         self._shown.during(SETTLE)
         begun = time.monotonic()
         heard = self._shown.during(seconds)
@@ -66,16 +61,3 @@ class ScanRun:
                 'whole [%]': 100 * float(np.mean([share == 1 for share in shares])),
                 'ranges [%]': 100 * float(np.mean(shares)), 'age p50 [ms]': float(np.percentile(ages, 50)),
                 'age p95 [ms]': float(np.percentile(ages, 95)), 'seconds': duration}
-
-    def _on_robot(self, *command: str) -> None:
-        self.stack.lab.run('robot', command, env=self.stack.environment('robot'), check=True)
-
-    def close(self) -> None:
-        """End everything."""
-        self._resources.close()
-
-    def __enter__(self) -> 'ScanRun':
-        return self
-
-    def __exit__(self, *_: Any) -> None:
-        self.close()

@@ -42,6 +42,7 @@ from .soak import (
     surplus,
     usual,
 )
+from .started import Started
 
 LINK = {'loss': 0.05, 'delay': 0.01, 'rate': 54e6, 'queue': 0.1}
 """5 % of the packets are lost in either direction; the rest is 802.11g's nominal rate."""
@@ -121,7 +122,7 @@ class Sample(NamedTuple):
     usage: Usage
 
 
-class Soak:
+class Soak(Started):
     """The parts, and what they do; a context manager.
 
     :param folder: for files and the nodes' output
@@ -131,8 +132,9 @@ class Soak:
     """
 
     def __init__(self, folder: pathlib.Path, seed: int) -> None:
+        super().__init__()
         self._clock = RobotClock(folder / 'clock')
-        self._stack = NamedStack(folder, seed, folder / 'nodes.log')
+        self._stack = self.enter_context(NamedStack(folder, seed, folder / 'nodes.log'))
         self._begun = time.time()
         self.samples: List[Sample] = []
         self._parts: Dict[str, Any] = {'master': self._stack.masters['robot']}
@@ -140,11 +142,9 @@ class Soak:
         self._settled: Dict[Tuple[str, ...], List[Dict[str, Usage]]] = {}       # by the parts that ran
         self._gone: Set[str] = set()            # addresses that the operator's machine had
         self._ended = threading.Event()
-        try:
+        self.callback(self._ended.set)
+        with self.starting():
             self._start(folder)
-        except BaseException:
-            self.close()
-            raise
 
     def _start(self, folder: pathlib.Path) -> None:
         config = classified(yaml.safe_load(STREAMS.read_text())['streams']).streams
@@ -327,14 +327,3 @@ class Soak:
         with contextlib.suppress(subprocess.TimeoutExpired):
             flood.wait(fault.seconds + 10)
         self._stack.end(flood)
-
-    def close(self) -> None:
-        """End all parts, and the link."""
-        self._ended.set()
-        self._stack.close()
-
-    def __enter__(self) -> 'Soak':
-        return self
-
-    def __exit__(self, *_: Any) -> None:
-        self.close()

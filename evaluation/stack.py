@@ -102,6 +102,10 @@ class Stack:
         self.ip('operator', 'addr del %s peer %s dev %s' % (old, peer, DEVICE))
         self.ip('operator', 'addr add %s peer %s dev %s' % (self.operator_address, peer, DEVICE))
 
+    def set_parameter(self, name: str, value: bool) -> None:
+        """Set a parameter at the robot's master."""
+        self.lab.run('robot', ['rosparam', 'set', name, str(value).lower()], env=self.environment('robot'), check=True)
+
     def ip(self, side: str, line: str) -> None:
         """Run the command `ip` on a side."""
         self.lab.run(side, ['ip', *line.split()], check=True)

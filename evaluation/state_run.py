@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Small states through both nodes as shipped, over a link lab: which share comes, how old, and what that costs."""
 import bisect
-import contextlib
 import math
 import pathlib
 import sys
@@ -19,13 +18,14 @@ from . import TOP
 from .listener import Heard, Listener
 from .rate_steps import queue_delay
 from .stack import Stack
+from .started import Started
 from .state_source import CAMERA, RATE, STREAMS
 
-RATE_LIMIT, QUEUE = 2e6, 0.2
-"""Of the link [bit/s, s]."""
+RATE_LIMIT, DELAY = 2e6, 0.02
+"""Of the link [bit/s], and each way [s]."""
 
-DELAY = 0.02
-"""Each way [s]."""
+LINK_CONDITIONS = {'rate': RATE_LIMIT, 'delay': DELAY, 'queue': 0.2}
+"""See link_lab."""
 
 LINK = '/robot_sender/link'
 
@@ -33,7 +33,7 @@ SETTLE = 6.0
 """Until reports name a loss, and the rate follows what is sent [s]."""
 
 
-class StateRun:
+class StateRun(Started):
     """Both nodes and the sources, started; a context manager.
 
     :param log: of the nodes
@@ -41,16 +41,13 @@ class StateRun:
     """
 
     def __init__(self, seed: int, log: pathlib.Path) -> None:
-        self._resources = contextlib.ExitStack()
-        try:
+        super().__init__()
+        with self.starting():
             self._start(seed, log)
-        except BaseException:
-            self.close()
-            raise
 
     def _start(self, seed: int, log: pathlib.Path) -> None:
-        self.stack = self._resources.enter_context(Stack(seed, log=log))
-        folder = pathlib.Path(self._resources.enter_context(tempfile.TemporaryDirectory()))
+        self.stack = self.enter_context(Stack(seed, log=log))
+        folder = pathlib.Path(self.enter_context(tempfile.TemporaryDirectory()))
         streams = {name: {'type': 'relay', 'message_type': class_._type, 'robot_topic': topic,
                           'operator_topic': '/operator' + topic, 'rate': RATE}
                    for name, (topic, class_) in STREAMS.items()}
@@ -73,9 +70,8 @@ class StateRun:
         :param loss: packet-loss ratio, 0..1
         :param camera: whether its images are sent, too
         """
-        self.stack.lab.set({'loss': loss, 'delay': DELAY, 'rate': RATE_LIMIT, 'queue': QUEUE})
-        self.stack.lab.run('robot', ['rosparam', 'set', '/robot_sender/camera/enabled', str(camera).lower()],
-                           env=self.stack.environment('robot'), check=True)
+        self.stack.lab.set({'loss': loss, **LINK_CONDITIONS})
+        self.stack.set_parameter('/robot_sender/camera/enabled', camera)
         self._shown.during(SETTLE)
         begin, before = time.time(), self.stack.lab.counts()
         self._shown.during(seconds)
@@ -121,16 +117,6 @@ class StateRun:
                     found.append(one)
                 seen.add(one.amount[0])
         return found
-
-    def close(self) -> None:
-        """End everything."""
-        self._resources.close()
-
-    def __enter__(self) -> 'StateRun':
-        return self
-
-    def __exit__(self, *_: Any) -> None:
-        self.close()
 
 
 def _quantile(seconds: List[float], percent: float) -> float:

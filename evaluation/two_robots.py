@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Two robots, each with a master and an emulated link of its own, and one desk with its master."""
-import contextlib
 import pathlib
 from typing import Any, Dict, Optional
 
 from smokebot_udp.link_lab.lab import DEVICE
 
 from .own_masters import PORT, OwnMasters
+from .started import Started
 
 NAMES = 'ugv1', 'ugv2'
 SECOND_DEVICE = 'air2'
@@ -16,7 +16,7 @@ SECOND = {'robot': '10.77.1.1', 'operator': '10.77.1.2'}
 ROBOTS = {'ugv1': '10.77.0.1:%d' % PORT, 'ugv2': '%s:%d' % (SECOND['robot'], PORT)}
 
 
-class TwoRobots(contextlib.ExitStack):
+class TwoRobots(Started):
     """The desk is the operator's side of the first robot's stack; a context manager.
 
     `stacks` by name: the second one has a robot's side and a link only.
@@ -29,14 +29,11 @@ class TwoRobots(contextlib.ExitStack):
     def __init__(self, seed: int, log: Optional[pathlib.Path] = None, key_file: Optional[pathlib.Path] = None) -> None:
         super().__init__()
         self.stacks: Dict[str, OwnMasters] = {}
-        try:
+        with self.starting():
             for number, name in enumerate(NAMES):
                 self.stacks[name] = self.enter_context(OwnMasters(seed + number, log, key_file))
             self.desk, second = self.stacks.values()
             self._join_desk(second)
-        except BaseException:
-            self.close()
-            raise
 
     def _join_desk(self, second: OwnMasters) -> None:
         """Move the second link's end into the desk's namespace, and give it addresses of its own."""

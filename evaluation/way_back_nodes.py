@@ -4,7 +4,6 @@
 On the robot's side run sensor_source and robot_sender, on the operator's side operator_receiver. On both sides run a
 Teleoperator, which sends, and a listener of teleoperated, which reports what came.
 """
-import contextlib
 import itertools
 import pathlib
 import random
@@ -18,6 +17,7 @@ from .link_run import AIR, SensorSource, lab_state
 from .listener import Listener, Subscription
 from .own_masters import RECEIVER, SENDER, OwnMasters
 from .stack import Stack
+from .started import Started
 from .teleoperator import Teleoperator
 from .way_back_results import HALF_ROUND_TRIP, Log
 
@@ -51,7 +51,7 @@ DISORDER = 1.0
 """Messages of several topics are in order, but for this time [s]."""
 
 
-class WayBackNodes:
+class WayBackNodes(Started):
     """A context manager.
 
     :param folder: for files
@@ -62,18 +62,15 @@ class WayBackNodes:
     """
 
     def __init__(self, folder: pathlib.Path, seed: int, own_masters: bool = True, shared_air: bool = False) -> None:
+        super().__init__()
         self.random = random.Random(seed)
         self.log = folder / 'nodes.log'
         """What all of them write."""
-        self._resources = contextlib.ExitStack()
-        try:
-            self._stack = self._resources.enter_context(
+        with self.starting():
+            self._stack = self.enter_context(
                 OwnMasters(seed, self.log, key_of(folder), shared_air) if own_masters
                 else Stack(seed, log=self.log, shared_air=shared_air))
             self._start()
-        except BaseException:
-            self.close()
-            raise
 
     def _start(self) -> None:
         self.set_link({})
@@ -91,7 +88,7 @@ class WayBackNodes:
 
     def _teleoperator(self, side: str) -> Teleoperator:
         teleoperator = Teleoperator(self._stack, side, SENT[side], self.log)
-        self._resources.callback(teleoperator.close)
+        self.callback(teleoperator.close)
         return teleoperator
 
     def _start_node(self, side: str, name: str) -> Any:
@@ -182,16 +179,6 @@ class WayBackNodes:
         time.sleep(SETTLE)
         self.state()
         return begun
-
-    def close(self) -> None:
-        """End everything."""
-        self._resources.close()
-
-    def __enter__(self) -> 'WayBackNodes':
-        return self
-
-    def __exit__(self, *_: Any) -> None:
-        self.close()
 
 
 def key_of(folder: pathlib.Path) -> pathlib.Path:

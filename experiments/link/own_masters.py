@@ -9,6 +9,7 @@ from typing import Any, Callable, Dict, List, NamedTuple, Sequence, Union
 from evaluation.link_run import AIR, lab_state
 from evaluation.listener import Listener
 from evaluation.own_masters import PORT, OwnMasters
+from evaluation.started import Started
 from evaluation.tap import Tap
 from smokebot_udp.link.keys import make_key
 from smokebot_udp.link.packets import Kind
@@ -62,7 +63,7 @@ class Times(NamedTuple):
     all_streams: Sequence[float]
 
 
-class Scene:
+class Scene(Started):
     """Both sides, and what happens to them; a context manager.
 
     :param run: gives the folder, and how long a cut is
@@ -70,15 +71,16 @@ class Scene:
     """
 
     def __init__(self, run: Run, seed: int) -> None:
+        super().__init__()
         self._cut = QUICK_CUT if run.quick else CUT
         key_file = run.folder / 'link.key'
         if not key_file.exists():
             make_key(str(key_file))
-        self.stack = OwnMasters(seed, run.folder / ('nodes_%d.log' % seed), key_file)
+        self.stack = self.enter_context(OwnMasters(seed, run.folder / ('nodes_%d.log' % seed), key_file))
         self.topics = {name: values['operator_topic'] for name, values in streams().items()}
         self._images = {values['operator_topic'] for values in streams().values() if values['type'] == 'image'}
         self._nodes: Dict[str, Any] = {}
-        try:
+        with self.starting():
             self.stack.lab.set(AIR)
             self.stack.start_node('robot', 'simulated_robot', '_width:=320', '_height:=240')
             self.listener = Listener(self.stack)
@@ -86,9 +88,6 @@ class Scene:
             self._tap = Tap(self.stack, PORT)
             wait_for_source(self.stack)
             self.stack.lab.set(BAD)
-        except BaseException:
-            self.stack.close()
-            raise
 
     def events(self) -> Dict[str, Callable[[], float]]:
         """{event: make it happen, and return when packets can cross again}, in the order of GOALS."""
@@ -138,12 +137,6 @@ class Scene:
             awaited.values(), TIMEOUT, lambda heard: heard.topic not in self._images or heard.age < FRESH)
         return {name: round(begun + found[topic] - since, 2) if topic in found else None
                 for name, topic in awaited.items()}
-
-    def __enter__(self) -> 'Scene':
-        return self
-
-    def __exit__(self, *_: Any) -> None:
-        self.stack.close()
 
 
 def run(run: Run) -> None:

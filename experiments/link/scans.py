@@ -8,7 +8,8 @@ import numpy as np
 from evaluation.offline_link import Receiver, Sender, received, wire_size
 from evaluation.recordings import RECORDINGS
 from evaluation.rooms import rooms, scan_message
-from evaluation.scan_run import RATE_LIMIT, ScanRun
+from evaluation.scan_run import ScanRun
+from evaluation.state_run import RATE_LIMIT
 from smokebot_udp.arrays import Float32Array
 
 from .. import table
