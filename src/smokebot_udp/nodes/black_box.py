@@ -29,10 +29,11 @@ from .bag_store import MB, BagStore
 from .common import Parameters, operator_topic, read_streams
 from .launches import Launch, end_all
 from .logging import log_error
-from .machine_load import MachineLoad
+from .machine_load import present_load
 from .namesake import SECOND_OPERATOR, wait_until_free
 from .parameters import BLACK_BOX
 from .recorded_images import RecordedImages, topics_of
+from .worker import PeriodicWorker
 
 PERIOD = 1.0
 """How often the disk, the master and rosbag are looked at [s]."""
@@ -207,10 +208,11 @@ def main() -> None:
     topics = [*all_topics(streams, side, resolve), said.resolved_name, loads.resolved_name]
     recorded = RecordedImages([topic for stream in images.values() for topic in stream.topics],
                               parameters['image_rate'], functools.partial(logwarn, 'the black box'))
-    load = MachineLoad(loads.publish, LOAD_PERIOD)
+    load = PeriodicWorker('load', lambda: loads.publish(present_load()), log_error("this machine's load"), LOAD_PERIOD)
+    load.start()
     split = max(1, min(parameters['split_mb'], parameters['max_mb'] // SPLITS))
     rospy.loginfo('black box: recording %d topics in %s', len(topics), store.folder / (prefix + '_*.bag'))
     least_free, name = max(1, parameters['min_free_mb'] // 2), rospy.get_name().split('/')[-1] + '_recorder'
     BlackBox(store, recording(record, topics, str(store.folder / prefix), split, least_free, name)).run()
-    load.close()
+    load.stop()
     recorded.close()

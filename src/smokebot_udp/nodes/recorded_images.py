@@ -6,7 +6,7 @@ Compressing has a thread of low priority: what is sent and shown comes first.
 import os
 import threading
 import time
-from typing import Any, Callable, Dict, Iterable, List
+from typing import Any, Callable, Dict, Iterable, List, Tuple
 
 import rospy
 from sensor_msgs.msg import CompressedImage, Image
@@ -15,6 +15,8 @@ from std_msgs.msg import Header
 from .. import udpros
 from ..streams.recorded_images import Backlog, RawRate, Thinning, recorded
 from .any_type import class_of, read
+from .logging import log_error
+from .worker import DeadlineWorker
 
 ARRIVED, IMAGES = '~arrived', '~images'
 """Beginnings of the topics on which the arrival and the image of a topic are recorded."""
@@ -41,7 +43,9 @@ class RecordedImages:
 
     def __init__(self, topics: Iterable[str], rate: float, warn: Callable[[str], object]) -> None:
         self._warn, self._backlog, self._raw = warn, Backlog(), RawRate()
-        self._news, self._ended = threading.Condition(), False
+        self._worker: DeadlineWorker[Tuple[str, Any]] = DeadlineWorker(
+            'images', lambda now: self._backlog.take(), lambda: None, self._record,
+            log_error('an image is not recorded'))
         self._told: Dict[str, int] = {}     # how many were left out, as warned of
         self._publishers: Dict[str, Dict[Any, Any]] = {}
         self._thinning: Dict[str, Thinning] = {}
@@ -54,14 +58,11 @@ class RecordedImages:
                                        CompressedImage: udpros.Publisher(compressed, CompressedImage, queue_size=20)}
             self._subscribers.append(rospy.Subscriber(topic, rospy.AnyMsg, self._take, topic, queue_size=2,
                                                       buff_size=BUFFER))
-        self._thread = threading.Thread(target=self._run, name='images', daemon=True)
-        self._thread.start()
+        self._worker.start()
 
     def close(self) -> None:
         """End the thread."""
-        with self._news:
-            self._ended = True
-            self._news.notify()
+        self._worker.close()
 
     def _take(self, message: Any, topic: str) -> None:
         """A message of a camera; rospy's thread."""
@@ -75,30 +76,20 @@ class RecordedImages:
         stamp = image.header.stamp.to_sec() or rospy.get_time()
         if isinstance(image, Image) and not self._thinning[topic].takes(stamp):
             return
-        with self._news:
+        with self._worker.changing():
             self._backlog.add(topic, image, len(image.data))
-            self._news.notify()
 
-    def _run(self) -> None:
+    def _record(self, item: Tuple[str, Any]) -> None:
+        """Publish what is recorded of an image; the worker's thread."""
         os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICE)
-        while True:
-            with self._news:
-                self._news.wait_for(lambda: self._ended or self._next())
-                if self._ended:
-                    return
-                (topic, image), self._found = self._found, None
-                left_out, hurries = dict(self._backlog.left_out), self._backlog.hurries
-            if left_out != self._told:
-                self._told = left_out
-                self._warn('the processor is too slow to record the images. Left out until now are %s; '
-                           'record_streams:= chooses fewer streams, record_image_rate:= a lower rate' % ', '.join(
-                               '%d of %s' % (count, name) for name, count in left_out.items()))
-            raw = hurries and self._raw.take(len(image.data), time.monotonic())
-            made = image if raw else recorded(image)
-            self._publishers[topic][type(made)].publish(made)
-
-    _found: Any = None
-
-    def _next(self) -> bool:
-        self._found = self._backlog.take()
-        return self._found is not None
+        topic, image = item
+        with self._worker.lock:
+            left_out, hurries = dict(self._backlog.left_out), self._backlog.hurries
+        if left_out != self._told:
+            self._told = left_out
+            self._warn('the processor is too slow to record the images. Left out until now are %s; '
+                       'record_streams:= chooses fewer streams, record_image_rate:= a lower rate' % ', '.join(
+                           '%d of %s' % (count, name) for name, count in left_out.items()))
+        raw = hurries and self._raw.take(len(image.data), time.monotonic())
+        made = image if raw else recorded(image)
+        self._publishers[topic][type(made)].publish(made)
