@@ -2,6 +2,7 @@
 """The command for each robot of a desk; integration/operator_desk.test runs them."""
 import pathlib
 from typing import Any
+from xml.etree import ElementTree
 
 import pytest
 import roslaunch
@@ -11,7 +12,8 @@ from smokebot_udp.nodes.operator_desk import PASSED_ON, operator_launch
 
 DESK = {'robots_file': '/crew/robots.yaml', 'streams_file': '/crew/streams.yaml', 'rviz': False,
         'max_datagram_size': 1392, 'loss': 0.0, 'dscp': False, 'record': True, 'record_streams': 'camera,odom',
-        'record_lossless': False, 'record_dir': '/crew/bags', 'record_split_mb': 64, 'record_max_mb': 256}
+        'record_lossless': False, 'record_image_rate': 2.5, 'record_dir': '/crew/bags', 'record_split_mb': 64,
+        'record_max_mb': 256}
 PACKAGE = pathlib.Path(__file__).resolve().parents[2]
 CONFIG = PACKAGE / 'config' / 'robots.yaml'
 
@@ -29,8 +31,8 @@ def test_a_robot_has_the_settings_of_the_desk_and_its_own() -> None:
         'name': 'ugv1', 'robot': '10.0.0.7:17002', 'frame_prefix': 'ugv1/', 'key_file': '',
         'allow_unsealed_commands': 'false', 'rviz': 'false',
         'max_datagram_size': '1392', 'loss': '0.0', 'dscp': 'false', 'streams': '/crew/streams.yaml', 'record': 'true',
-        'record_streams': 'camera,odom', 'record_lossless': 'false', 'record_dir': '/crew/bags',
-        'record_split_mb': '64', 'record_max_mb': '256'}
+        'record_streams': 'camera,odom', 'record_lossless': 'false', 'record_image_rate': '2.5',
+        'record_dir': '/crew/bags', 'record_split_mb': '64', 'record_max_mb': '256'}
 
 
 def test_each_robot_is_driven_without_a_key_only_where_that_is_allowed() -> None:
@@ -66,3 +68,9 @@ def test_the_launch_file_takes_a_relative_robots_yaml_from_the_folder_of_the_use
     node, = config.nodes
     assert '_robots_file:="%s"' % expected in node.args
     assert [one for one in PASSED_ON if '_%s:=' % one not in node.args] == []
+
+
+def test_a_desk_of_several_robots_records_as_one_of_a_single_robot_may() -> None:
+    root = ElementTree.parse(str(PACKAGE / 'launch' / 'operator.launch')).getroot()
+    names = {arg.get('name', '') for arg in root.iter('arg')}
+    assert {name for name in names if name.startswith('record')} <= set(PASSED_ON)

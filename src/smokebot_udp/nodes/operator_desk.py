@@ -23,8 +23,8 @@ QUIET = ('--no-summary', '--disable-title', '--skip-log-check')
 LAUNCH = ('roslaunch', '--wait', *QUIET, 'smokebot_udp', 'operator.launch')
 """It waits for the desk's master: otherwise it would start one of its own where that one is being restarted."""
 
-PASSED_ON = ('rviz', 'max_datagram_size', 'loss', 'dscp', 'record', 'record_streams', 'record_lossless', 'record_dir',
-             'record_split_mb', 'record_max_mb')
+PASSED_ON = ('rviz', 'max_datagram_size', 'loss', 'dscp', 'record', 'record_streams', 'record_lossless',
+             'record_image_rate', 'record_dir', 'record_split_mb', 'record_max_mb')
 """Arguments of operator.launch that are the desk's."""
 
 

@@ -141,6 +141,7 @@ OPERATOR_DESK = {
     'record': Parameter(False, '', 'whether to record what comes from each robot in bags'),
     'record_streams': BLACK_BOX['record_streams'],
     'record_lossless': BLACK_BOX['lossless'],
+    'record_image_rate': BLACK_BOX['image_rate'],
     'record_dir': BLACK_BOX['folder'],
     'record_split_mb': BLACK_BOX['split_mb'],
     'record_max_mb': BLACK_BOX['max_mb'],
