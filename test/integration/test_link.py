@@ -60,6 +60,8 @@ class Link(unittest.TestCase):
         self.port = free_port()
         for side in (self.robot, self.desk):
             side.forget_output()
+        # what another test's robot had: it would pass for the settings of this one's, which replace it when they come
+        self.desk.master.call('deleteParam', '/robot_sender')
         self.statuses.clear()
         self.images.clear()
 
