@@ -80,10 +80,6 @@ class Capacity:
             self._variance = max(self._variance, min(UNKNOWN, (rate / self.value - 1) ** 2))
             self.value = rate
 
-    def is_known_since(self, time: float) -> bool:
-        """Whether it was measured since a time [s]."""
-        return self._at >= time
-
     def forget(self) -> None:
         """Nothing that was measured counts any more."""
         self._variance, self._at, self._doubted = UNKNOWN, -math.inf, 0.0

@@ -235,7 +235,6 @@ class Controller:
         capacity = self._capacity(now)
         shares, rooms, self._grants = self._divide(capacity, demands, protected, now)
         self._divide_slower_links(demands, protected, now)
-        rooms = {name: room / self.gain(now) for name, room in rooms.items()}
         unlimited = math.inf if capacity is None else capacity
         return Plan(self.rate(now), self._datagram_size.update(unlimited), shares, dict(self._grants),
                     self._decimation.update(unlimited, protected, now), rooms)
@@ -358,8 +357,8 @@ class Controller:
         """(shares, rooms, grants) as in a Plan."""
         if capacity is None:
             return {}, {}, {name: {} for name in demands}
-        estimator = self._estimator(now)
-        budget = (_budget(estimator) if estimator else PLANNING_SHARE * capacity) * self.gain(now)
+        estimator, gain = self._estimator(now), self.gain(now)
+        budget = (_budget(estimator) if estimator else PLANNING_SHARE * capacity) * gain
         allocated = self._allocator.allocate(budget, demands, protected, now)
         limited = {name for name, grant in allocated.items()
                    if grant.point is not None and grant.point < len(demands[name].points) - 1}
@@ -373,7 +372,8 @@ class Controller:
                 grants[name], rooms[name] = self._limiting_settings(name, grant, demands[name], part), grant.cost + part
             else:
                 grants[name] = None if grant.point is None else {}
-        return {name: grant.share for name, grant in allocated.items()}, rooms, grants
+        return ({name: grant.share for name, grant in allocated.items()},
+                {name: room / gain for name, room in rooms.items()}, grants)
 
     def _divide_slower_links(self, demands: Mapping[str, Demand], protected: float, now: float) -> None:
         """Decide which part of each stream operators with slower links get, by weights and min_bitrates alike."""

@@ -86,13 +86,6 @@ class Grant(NamedTuple):
     bound: Bound
 
 
-class Chosen(NamedTuple):
-    """What is sent of an image's stream."""
-    points: int
-    """Truncation points."""
-    bound: Bound
-
-
 class Costs(NamedTuple):
     """What a byte of an image's stream takes."""
     overhead: float
