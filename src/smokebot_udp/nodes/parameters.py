@@ -119,8 +119,8 @@ BLACK_BOX = {
     'streams_file': _STREAMS_FILE,
     'lossless': Parameter(True, '', 'whether raw images are recorded as PNG, without loss, by a thread of low '
                           'priority; those that it has no time for are left out; false: raw, all of them'),
-    'image_rate': Parameter(5.0, 'Hz', 'raw images of a stream that are recorded, at most, where lossless is true; 0: '
-                            'all', least=0.0, most=1000.0),
+    'image_rate': Parameter(5.0, 'Hz', 'maximum rate at which the raw images of a stream are recorded, where lossless '
+                            'is true; 0: all', least=0.0, most=1000.0),
     'record_streams': Parameter('', '', 'the streams that are recorded, separated by commas; empty: all'),
     'folder': Parameter('', '', 'where the bags are written; empty: black_box in ~/.ros, or in ROS_HOME'),
     'split_mb': Parameter(1024, 'MB', 'size at which a new bag is begun; a quarter of max_mb at most', least=1,
