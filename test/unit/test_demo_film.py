@@ -43,12 +43,18 @@ def test_what_waits_is_replaced_by_what_is_newer() -> None:
 
 def test_a_slow_subscriber_skips_what_came_while_one_was_on_its_way() -> None:
     server, newest = socket.create_server(('127.0.0.1', 0)), Newest()
-    threading.Thread(target=demo_film.publish, args=(server, newest), daemon=True).start()
+    publisher = threading.Thread(target=demo_film.publish, args=(server, newest), daemon=True)
+    publisher.start()
     newest.put(framed(image(1, 1 << 23)))           # more than the buffers of both sockets hold
-    with socket.create_connection(server.getsockname()) as connection:
-        stream = frames(connection.makefile('rb').read)
+    with socket.create_connection(server.getsockname()) as connection, connection.makefile('rb') as file:
+        stream = frames(file.read)
         begun = connection.recv(1, socket.MSG_PEEK)
         for number in range(2, 100):
             newest.put(framed(image(number)))
         came = [CompressedImage().deserialize(next(stream)[4:]).header.stamp.secs for _ in range(2)]
     assert begun and came == [1, 99]
+    server.shutdown(socket.SHUT_RDWR)
+    while publisher.is_alive():         # that its subscriber has gone it notices when it sends again
+        newest.put(framed(image(100)))
+        publisher.join(0.01)
+    server.close()

@@ -221,13 +221,14 @@ def test_a_side_knows_itself_by_a_local_address() -> None:
 
 
 def descriptors(port: Optional[int], master: Optional[int] = None) -> int:
-    """Of this process, now."""
+    """Of this process, now. Those that a test before has left half open would count as idle."""
     return process_usage.lasting([process_usage.resources(os.getpid(), port, master)]).descriptors
 
 
 def test_connections_that_clients_keep_open_do_not_count() -> None:
     with socket.create_server(('127.0.0.1', 0)) as server:
         port = server.getsockname()[1]
+        assert not process_usage.resources(os.getpid(), port).idle, 'a test before has left a connection half open'
         before = descriptors(port)
         clients = [socket.create_connection(('127.0.0.1', port)) for _ in range(9)]
         served = [server.accept()[0] for _ in clients]

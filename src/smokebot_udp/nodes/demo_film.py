@@ -137,11 +137,12 @@ def watch(topic: str) -> None:
 
 
 def publish(server: socket.socket, newest: Newest) -> None:
-    """Send the newest image, again and again, to whoever has connected last."""
-    while True:
-        with server.accept()[0] as subscriber, contextlib.suppress(OSError):
-            while True:
-                subscriber.sendall(newest.get())
+    """Send the newest image, again and again, to whoever has connected last, until the server is shut down."""
+    with contextlib.suppress(OSError):
+        while True:
+            with server.accept()[0] as subscriber, contextlib.suppress(OSError):
+                while True:
+                    subscriber.sendall(newest.get())
 
 
 def send(port: str, path: str) -> None:
