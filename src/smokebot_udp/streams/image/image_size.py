@@ -10,7 +10,7 @@ sum, among those that the link has room for until the next image:
     minimise    max(D(n) - D(good), 0) / MOTION + min(D(n), D(good)) + G t(n)
     where       t(n) = n (overhead / room + coding)
     subject to  n overhead <= granted
-    D(n)        mean squared error of n bytes of the stream; good: GOOD_BITS
+    D(n)        mean squared error of n bytes of the stream; good: GOOD_ERROR, or that of GOOD_BITS if it is larger
     G           growth of the mean squared error with the age of an image
 
 `grant` knows the link and the settings, and comes before the image is coded: no more is coded than fits. `choose` knows
@@ -47,9 +47,13 @@ MOTION = 0.03
 (752 x 480, G 45 count^2/s) each image takes all of 1 Mbit/s up to 0.3. With more than 0.03 images of a robot that turns
 fast are blurred, with less they are older: a simulated thermal camera at 57 degrees/s, 20 Mbit/s."""
 
+GOOD_ERROR = 255 ** 2 / 10 ** (42.5 / 10)
+"""Mean squared error of a good image, 42.5 dB of 8 bits: with more bytes the recorded camera gains less from its coding
+than it loses by its age, at 3 Mbit/s and above [count^2]."""
+
 GOOD_BITS = 1.2
-"""Of a good image: 47 dB of that camera. With less an image is further from what the link could show, with more the
-screen is no better, as it is older [bit per value]."""
+"""An image of this many bits is good, whatever its error: that of a noisy sensor, or of 16 bits, stays larger
+[bit per value]."""
 
 CLEARLY = 0.98
 """Where no further bytes bring the squared error to this part of it, an image is not made shorter for its freshness."""
@@ -135,7 +139,7 @@ def choose(ends: IntArray, errors: FloatArray, cells: int, growth: float, costs:
     :param cells: values of the image
     :param growth: of the mean squared error with the age of an image [count^2/s]
     """
-    good = errors[min(int(np.searchsorted(ends, GOOD_BITS / 8 * cells)), len(ends) - 1)]
+    good = max(GOOD_ERROR, errors[min(int(np.searchsorted(ends, GOOD_BITS / 8 * cells)), len(ends) - 1)])
     lacking = np.maximum(errors - good, 0) + MOTION * np.minimum(errors, good)
     best = int(np.argmin(lacking + age_cost(growth, costs.duration) * ends))
     better_later = bool((errors[best + 1:] < CLEARLY * errors[best]).any())
