@@ -64,7 +64,7 @@ def options(arguments: Sequence[str], quick: bool = False) -> argparse.Namespace
     parser.add_argument('--shapers', type=shapers, default=shapers('tbf6,tbf32,lab'),
                         help='tbf1.5, tbf6, tbf32, htb, lab, wifi, each with /QUEUE [ms] (200)')
     parser.add_argument('--methods', type=methods, default=methods('ours,layered,ideal,gst,fec,rtx,srt'))
-    parser.add_argument('--seconds', type=float, default=30.0, help='of each cell, after the first image')
+    parser.add_argument('--seconds', type=float, default=30.0, help='of each cell')
     parser.add_argument('--steps', type=numbers, default=list(STEPS), help='rates of a cell [Mbit/s]; empty: none')
     parser.add_argument('--idle', type=float, default=0.3, metavar='RATE', help='of the idle cell [Mbit/s]; 0: none')
     parser.add_argument('--masters', choices=MASTERS, default='shared', help='of our nodes')

@@ -63,7 +63,8 @@ def head(columns: Columns) -> List[str]:
 
 def text(results: Mapping[str, Any]) -> str:
     """All tables, and the goals that were missed."""
-    lines = ['camera: %s, 752 x 480 grey, 10 Hz; from %g s after the first image on' % (results['clip'], SETTLED)]
+    lines = ['camera: %s, 752 x 480 grey, 10 Hz; watched from its third second on, without the first %g s'
+             % (results['clip'], SETTLED)]
     for key, title, columns in (('rows', 'live', COLUMNS), ('steps', 'steps of the rate [Mbit/s]', STEP_COLUMNS),
                                 ('idle', IDLE, IDLE_COLUMNS)):
         if results[key]:
@@ -111,6 +112,6 @@ def plot(title: str, found: Mapping[str, Outcome], folder: pathlib.Path) -> None
         axes.grid(alpha=0.3)
     panels[0, 0].set_title('%s: PSNR [dB]' % title)
     panels[0, 0].legend(loc='lower right', ncol=2, fontsize=8)
-    panels[-1, 0].set_xlabel('time since the first image [s]')
+    panels[-1, 0].set_xlabel('time watched [s]')
     figure.tight_layout()
     figure.savefig(str(folder / (slug(title) + '.png')), dpi=90)

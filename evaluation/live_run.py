@@ -19,6 +19,7 @@ from .shaped_link import ShapedLink
 from .shapers import Shaper
 from .stack import Stack
 from .started import Started
+from .video_clips import RATE
 
 START_TIMEOUT = 60.0
 """A method that has shown no image by then never will [s]."""
@@ -31,6 +32,11 @@ OURS: Dict[str, Tuple[str, ...]] = {'ours': (), 'layered': ('_camera/coding:=lay
 """{method: robot_sender's arguments}"""
 
 
+BEGUN = 2.0
+"""All methods are watched from when the camera has run for this long, so that they are judged by the same scene: nodes
+show their first image after up to 1.6 s, GStreamer at once. How fast the scene moves changes the screen by 0.4 dB [s]."""
+
+
 class Cell(NamedTuple):
     """A link."""
     shaper: Shaper
@@ -39,7 +45,7 @@ class Cell(NamedTuple):
     loss: float
     """Of UDP datagrams to the operator, 0..1."""
     seconds: float
-    """At each rate, after the first image."""
+    """At each rate."""
 
     @property
     def name(self) -> str:
@@ -55,7 +61,7 @@ class Outcome(NamedTuple):
     notes: Dict[int, Sized]
     """See Method.notes."""
     moments: List[float]
-    """When the first image appeared, when each further rate was set, and the end."""
+    """When it began, see `LiveRun.measure`, when each further rate was set, and the end."""
 
 
 class LiveRun(Started):
@@ -106,11 +112,12 @@ class LiveRun(Started):
         return self.method.shown()[0].arrival
 
     def measure(self) -> Outcome:
-        """Watch from the first image on; at its end, nothing is sent any more.
+        """Watch from the first image on, and from BEGUN at the earliest; at its end, nothing is sent any more.
 
         :raises RuntimeError: where there is none
         """
-        begun = self.first_image()
+        first = self.first_image()
+        begun = max(first, self.method.taken[0].stamp - self.method.taken[0].number / RATE + BEGUN)
         moments, told = [begun], []     # type: List[float], List[Told]
         for rate in self._cell.rates:
             if told:

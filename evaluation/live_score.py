@@ -19,7 +19,7 @@ SAMPLED = 0.017
 """The screen is judged this often: no part of the time between two images, so that each part of it counts [s]."""
 
 SETTLED = 5.0
-"""What comes within this time after the first image does not count [s]."""
+"""What comes within this time after the begin, see live_run.BEGUN, does not count [s]."""
 
 TOLERANCE = 0.1
 """Of the estimated capacity, in terms of the true rate."""
