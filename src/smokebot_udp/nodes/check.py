@@ -8,7 +8,7 @@ import statistics
 import struct
 import sys
 import time
-from typing import Any, Dict, List, Optional, Sequence, Tuple
+from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
 
 import rosgraph
 import rospkg
@@ -52,7 +52,11 @@ LINK_TIMEOUT = 3.0
 class Listener:
     """Listens to one topic, whatever its type."""
 
-    def __init__(self, topic: str, class_: Any) -> None:
+    def __init__(self, topic: str, class_: Any, each: Callable[[Any], None] = lambda message: None) -> None:
+        """
+        :param each: called with each message, rospy.AnyMsg
+        """
+        self._each = each
         self._class, self._sizes = class_, []     # type: Any, List[int]
         self._ages: List[float] = []
         self._begun = time.monotonic()
@@ -64,6 +68,7 @@ class Listener:
     def _take(self, message: Any) -> None:
         # of another type where this node subscribes the topic with its type as well, as tf2 does
         self.last, data = message, message._buff if isinstance(message, rospy.AnyMsg) else serialised(message)
+        self._each(message)
         self._sizes.append(len(data))
         if self._class is not None and self._class._has_header and len(data) >= HEADER.size:
             _, seconds, nanoseconds, length = HEADER.unpack_from(data)
