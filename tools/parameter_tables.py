@@ -10,7 +10,7 @@ from typing import Any, List, Mapping
 
 from smokebot_udp.mission.parameters import Parameter
 from smokebot_udp.nodes.parameters import NODES
-from smokebot_udp.streams import KINDS, TYPES, tables
+from smokebot_udp.streams import KINDS, TYPES, config, tables
 from smokebot_udp.streams.parameters import OPERATOR, ROBOT
 
 PATH = pathlib.Path(__file__).resolve().parent.parent / 'doc' / 'parameters.md'
@@ -30,6 +30,14 @@ These are the settings of a stream in streams.yaml. Live settings of the robot's
 `/robot_sender/status` shows what the link grants of them. An operator started with `name:=desk2` has its settings under
 `/desk2/operator_receiver/<stream>/`. Where the robot has a master of its own (`link_port`), an operator's master shows
 the robot's live settings as well, under `/robot_sender/` in the operator's namespace: `/desk2/robot_sender/<stream>/`.
+
+"""
+
+
+FRAMES = """
+## Frames
+
+These stand under `frames:` in streams.yaml, beside `streams:`. `make_streams` proposes them.
 
 """
 
@@ -71,6 +79,7 @@ def page() -> str:
             own = {name: parameter for name, parameter in parameters.items() if listed.get(name) != parameter}
             if own:
                 parts += ["\n### %s, %s's side\n\n" % (kind, side), table(own)]
+    parts += [FRAMES, table(config.FRAMES)]
     for node, parameters in NODES.items():
         parts += ['\n## /%s\n\n' % node, table({'~' + name: parameter for name, parameter in parameters.items()})]
     return ''.join(parts)

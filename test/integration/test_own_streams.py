@@ -13,13 +13,14 @@ import actionlib
 import numpy as np
 import rospy
 import rostest
-from geometry_msgs.msg import Twist
+from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Twist
 from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
-from nav_msgs.msg import OccupancyGrid
+from nav_msgs.msg import OccupancyGrid, Odometry
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import Image, Imu, LaserScan, PointCloud2, PointField
-from std_msgs.msg import String
+from std_msgs.msg import Header, String
 from std_srvs.srv import SetBool, SetBoolResponse
+from tf2_msgs.msg import TFMessage
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from waiting import Collector, is_sent_here, is_silent, ticks, wait_for
@@ -56,6 +57,11 @@ TYPES = {'nose': Image, 'tail': Image, 'plan': OccupancyGrid, 'spinner': PointCl
 WIDTH = 160
 
 
+def placed(parent: str, child: str) -> TransformStamped:
+    return TransformStamped(Header(stamp=rospy.Time.now(), frame_id=parent), child,
+                            Transform(rotation=Quaternion(w=1.0)))
+
+
 class Sources(threading.Thread):
     """Publishes all of the robot's sensors without pause."""
 
@@ -74,7 +80,10 @@ class Sources(threading.Thread):
                 PointField(name, 4 * place, PointField.FLOAT32, 1) for place, name in enumerate('xyz')],
                 data=points.tobytes()),
             '/sick': LaserScan(angle_min=-1.0, angle_increment=0.01, angle_max=1.0, range_max=30.0, ranges=[2.0] * 201),
-            '/xsens': Imu()}
+            '/xsens': Imu(), '/wheels': Odometry(child_frame_id='rover')}
+        self.mounts = rospy.Publisher('/tf_static', TFMessage, queue_size=1, latch=True)
+        self.mounts.publish([placed('rover', 'mast')])
+        self.transforms = rospy.Publisher('/tf', TFMessage, queue_size=1)
         self.publishers = {topic: rospy.Publisher(topic, type(message), queue_size=1)
                            for topic, message in self.messages.items()}
 
@@ -82,8 +91,10 @@ class Sources(threading.Thread):
         for number, _ in enumerate(ticks(RATE)):
             self.plan.data[number % 2500] = 100 - self.plan.data[number % 2500]
             for topic, message in self.messages.items():
-                message.header.stamp, message.header.frame_id = rospy.Time.now(), 'mast'
+                message.header.stamp = rospy.Time.now()
+                message.header.frame_id = 'odom' if topic in ('/plan', '/wheels') else 'mast'
                 self.publishers[topic].publish(message)
+            self.transforms.publish([placed('odom', 'rover')])
 
 
 class OwnStreams(unittest.TestCase):
@@ -176,6 +187,7 @@ class OwnStreams(unittest.TestCase):
                               check=True, timeout=100).stdout.decode()
         streams, problems = config.load(text)
         self.assertEqual(problems, [])
+        self.assertEqual(streams.frames, ('odom', 'rover'), text)
         self.assertLessEqual({*self.sources.messages, '/steer'}, {
             settings.get('robot_topic') for settings in streams.values()}, text)
         self.assertEqual(streams['dock']['action_type'], 'move_base_msgs/MoveBaseAction')
@@ -185,6 +197,8 @@ class OwnStreams(unittest.TestCase):
             done = subprocess.run(['rosrun', 'smokebot_udp', 'check', str(path), '--seconds', '2'],
                                   stdout=subprocess.PIPE, timeout=100)
         self.assertEqual(done.returncode, 0, done.stdout.decode())
+        self.assertNotIn('tf knows no way', done.stdout.decode())
+        self.assertNotIn('it knows no way', done.stdout.decode())
 
 
 if __name__ == '__main__':

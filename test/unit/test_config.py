@@ -141,3 +141,37 @@ def test_the_package_s_own_streams_take_no_name_or_topic_of_the_user_s(user: str
     assert streams['robot_link']['robot_topic'] == '~link'
     assert streams['robot_link']['operator_topic'] == 'operator/robot_link'
     assert streams['status']['operator_topic'] == 'operator/status'
+
+
+# frames
+
+PLACED = """
+streams:
+  plan: {type: grid, robot_topic: /plan, operator_topic: /o/plan}
+  walls: {type: virtual_scan, robot_topic: /walls, operator_topic: /o/walls}
+  own: {type: virtual_scan, robot_topic: /own, operator_topic: /o/own, base_frame: level}
+  none: {type: virtual_scan, robot_topic: /none, operator_topic: /o/none, base_frame: ''}
+"""
+
+
+def test_frames_and_what_they_are_the_default_of() -> None:
+    streams, problems = config.load('frames: {fixed: odom, base: rover}' + PLACED)
+    assert not problems and streams.frames == ('odom', 'rover')
+    assert streams['plan']['robot_frame'] == 'rover'
+    assert [streams[name]['base_frame'] for name in ('walls', 'own', 'none')] == ['rover', 'level', '']
+
+
+def test_frames_that_are_not_given() -> None:
+    streams, _ = config.load(PLACED)
+    assert streams.frames == ('map', 'base_link') and streams['walls']['base_frame'] == 'base_link'
+    assert config.load('frames: {base: rover}' + PLACED)[0].frames == ('map', 'rover')
+    assert config.load('')[0].frames == ('map', 'base_link')
+
+
+@pytest.mark.parametrize('frames', [
+    '5', '[map]', '{odd: map}', '{fixed: 5}', "{fixed: ''}", '{base: /rover}', '{base: "a b"}', r'{base: "rover\n"}',
+    '{base: %s}' % ('r' * 101), '{base: r\u00f6ver}'])
+def test_wrong_frames_are_reported_and_the_streams_are_used(frames: str) -> None:
+    streams, problems = config.load('frames: ' + frames + PLACED)
+    assert len(problems) == 1 and problems[0].startswith('frames: ')
+    assert streams.frames == ('map', 'base_link') and 'plan' in streams

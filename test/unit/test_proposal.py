@@ -8,7 +8,7 @@ from smokebot_udp.streams.proposal import Proposed, Topic, propose, text_of
 
 def read(proposed: Sequence[Proposed]) -> Dict[str, Any]:
     """As streams.yaml: all of it is valid."""
-    streams, problems = config.load(text_of(proposed, 5.0))
+    streams, problems = config.load(text_of(proposed, {}, 5.0))
     assert not problems
     return streams
 
@@ -74,7 +74,7 @@ def test_what_the_user_has_to_decide_stands_as_a_comment() -> None:
     off = {stream.name: stream.comment for stream in proposed() if stream.off}
     assert off == {'grid_cells': 'a message takes 4 datagrams, and is lost with any of them',
                    'odd': 'this machine does not know its type', 'joy_cmd_vel': 'drives the robot, too'}
-    text = text_of(proposed(), 5.0)
+    text = text_of(proposed(), {}, 5.0)
     assert '  # grid_cells:    # a message takes 4 datagrams, and is lost with any of them\n' in text
     assert '  front:    # also: /front/image_rect, /front/image_raw/compressed\n' in text
 
@@ -92,3 +92,9 @@ def test_the_first_topic_that_drives_is_what_teleop_keyboard_publishes() -> None
 def test_names_are_unique() -> None:
     topics = [Topic('/%s/data' % name, 'sensor_msgs/Imu') for name in ('a/imu', 'b/a/imu', 'c/a/imu')]
     assert list(read(propose(topics, {}, []))) == ['a_imu', 'a_imu_2', 'a_imu_3', 'diagnostics', 'link', 'status']
+
+
+def test_frames() -> None:
+    for frames in ({'fixed': 'odom', 'base': 'rover'}, {'fixed': 'no', 'base': 'null'}, {'base': 'rover'}, {}):
+        streams, problems = config.load(text_of(proposed(), frames, 5.0))
+        assert not problems and streams.frames == config.Frames(**frames)

@@ -51,6 +51,22 @@ def test_the_shipped_streams() -> None:
     assert goal['Topic'] == 'operator/goal'     # in the namespace of this operator's rviz
 
 
+def test_the_frames_of_streams_yaml() -> None:
+    manager = yaml.safe_load(with_prefix(of('frames: {fixed: odom, base: rover}\n' + SHIPPED), 'ugv1/'))[
+        'Visualization Manager']
+    assert manager['Global Options']['Fixed Frame'] == 'ugv1/odom'
+    assert manager['Views']['Current']['Target Frame'] == 'ugv1/rover'
+
+
+def test_a_fixed_frame_that_the_user_has_saved_stays() -> None:
+    document = yaml.safe_load(of(TWO))
+    document['Visualization Manager']['Global Options']['Fixed Frame'] = 'utm'
+    users, now = yaml.safe_dump(document), of('frames: {fixed: odom, base: rover}' + TWO)
+    manager = yaml.safe_load(merged(of(TWO), users, now))['Visualization Manager']
+    assert manager['Global Options']['Fixed Frame'] == 'utm'
+    assert manager['Views']['Current']['Target Frame'] == 'rover'
+
+
 def test_the_state_of_the_docks_is_as_qt_writes_it() -> None:
     """Saved by rviz 1.14 with these three docks, but for the positions, which Qt computes itself."""
     assert docks_state(['Status', 'Thermal', 'Camera']) == (

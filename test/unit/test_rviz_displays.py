@@ -1,12 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What rviz shows of a streams.yaml; integration/rviz.test looks at rviz itself."""
-import pathlib
 from typing import Any, Dict, List
 
 from smokebot_udp.nodes import rviz_displays
 from smokebot_udp.streams import config
-
-CONFIG = pathlib.Path(__file__).resolve().parents[2] / 'config'
 
 
 def streams_of(text: str) -> Dict[str, Any]:
@@ -60,17 +57,8 @@ def test_an_own_robot() -> None:
     assert rviz_displays.tools_of(streams) == [{'Class': 'rviz/SetInitialPose', 'Topic': 'desk/start'}]
     assert rviz_displays.transforms_of(streams) == {'/tf': 'desk/frames'}
     assert rviz_displays.odometry_of(streams) == '/desk/wheels'
-    assert (rviz_displays.fixed_frame_of(streams), rviz_displays.base_frame_of(streams)) == ('odom', 'base_link')
     assert rviz_displays.colours_of(streams) == {
         'kinect': None, 'ouster': (255, 40, 40), 'sick': (60, 160, 255)}
-
-
-def test_frames() -> None:
-    fixed, base = rviz_displays.fixed_frame_of, rviz_displays.base_frame_of
-    assert fixed(streams_of((CONFIG / 'streams.yaml').read_text())) == 'map'
-    alone = streams_of('streams: {a: {type: virtual_scan, robot_topic: /a, operator_topic: /o/a, base_frame: body}}')
-    assert fixed(alone) == base(alone) == 'body'
-    assert fixed({}) == base({}) == 'base_link'
 
 
 def test_of_several_maps_the_first_is_shown() -> None:

@@ -8,7 +8,7 @@ import statistics
 import struct
 import sys
 import time
-from typing import Any, Dict, List, Optional, Sequence, Tuple
+from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
 
 import rosgraph
 import rospkg
@@ -27,6 +27,7 @@ from ..monitoring.status import ERROR, WARN
 from ..msg import LinkStatus
 from ..serialised import serialised
 from ..streams import KINDS, config, encoder_class, live_tables
+from ..streams.config import Streams
 from ..streams.message_types import action_types
 from ..streams.relay.parameters import TO_ROBOT
 from ..streams.segments import size_on_air
@@ -34,7 +35,6 @@ from ..udpros import rpc
 from ..units import KBIT
 from .any_type import read
 from .parameters import OPERATOR_RECEIVER, ROBOT_SENDER
-from .rviz_displays import Streams, base_frame_of, fixed_frame_of
 from .terminal import fail, master_answers, run_node
 
 RMEM_MAX = '/proc/sys/net/core/rmem_max'
@@ -52,7 +52,11 @@ LINK_TIMEOUT = 3.0
 class Listener:
     """Listens to one topic, whatever its type."""
 
-    def __init__(self, topic: str, class_: Any) -> None:
+    def __init__(self, topic: str, class_: Any, each: Callable[[Any], None] = lambda message: None) -> None:
+        """
+        :param each: called with each message, rospy.AnyMsg
+        """
+        self._each = each
         self._class, self._sizes = class_, []     # type: Any, List[int]
         self._ages: List[float] = []
         self._begun = time.monotonic()
@@ -64,6 +68,7 @@ class Listener:
     def _take(self, message: Any) -> None:
         # of another type where this node subscribes the topic with its type as well, as tf2 does
         self.last, data = message, message._buff if isinstance(message, rospy.AnyMsg) else serialised(message)
+        self._each(message)
         self._sizes.append(len(data))
         if self._class is not None and self._class._has_header and len(data) >= HEADER.size:
             _, seconds, nanoseconds, length = HEADER.unpack_from(data)
@@ -196,13 +201,13 @@ def check_robot(streams: Streams, graph: Graph, seconds: float, link: Optional[f
     buffer = tf2_ros.Buffer()
     listener = tf2_ros.TransformListener(buffer)
     robot = listen([checked(name, dict(settings)) for name, settings in streams.items()], graph, seconds)
-    fixed, base = fixed_frame_of(streams), base_frame_of(streams)
+    fixed, base = streams.frames
     missing = missing_frames(buffer, robot, fixed)
     found: List[Finding] = []
     if any(stream.settings['type'] in check.PLACED for stream in robot) and not buffer.can_transform(
             fixed, base, rospy.Time(0)):
-        found.append(Finding(WARN, 'tf', 'it knows no way from %s to %s: rviz shows nothing in 3D (other frames: '
-                             'doc/operator_desk.md, "Frames of other names")' % (base, fixed)))
+        found.append(Finding(WARN, 'tf', 'it knows no way from %s to %s: rviz shows little in 3D (see "frames:" of '
+                             'streams.yaml, which make_streams proposes)' % (base, fixed)))
     for stream in robot:
         found += check.judge(stream, graph, missing)
         if stream.source is not None and check.is_there(stream.source, graph):

@@ -2,7 +2,7 @@
 """Common to the nodes of both sides: they read their parameters, and load the streams of streams.yaml."""
 import functools
 import os
-from typing import Any, Callable, Dict, List, Mapping, Tuple
+from typing import Any, Callable, Dict, List, Mapping, Tuple, TypeVar
 
 import rospkg
 import rospy
@@ -11,7 +11,9 @@ from ..mission.parameters import Table
 from ..streams import config
 from ..udpros import rpc
 
-Load = Callable[[str, Callable[[str], None]], Tuple[Dict[str, Any], List[str]]]
+Good = TypeVar('Good', bound=Mapping[str, Any])
+
+Load = Callable[[str, Callable[[str], None]], Tuple[Good, List[str]]]
 """f(text, warn) -> ({name: valid entry}, [problem, ...])"""
 
 
@@ -56,7 +58,7 @@ class Parameters:
         self.values.update({name: value for name, value in values.items() if not self[name]})
 
 
-def read_file(parameters: Parameters, name: str, default: str, load: Load) -> Dict[str, Any]:
+def read_file(parameters: Parameters, name: str, default: str, load: Load[Good]) -> Good:
     """The good parts of the file that a node's parameter names; what is wrong is reported.
 
     :param name: of the parameter
@@ -67,14 +69,14 @@ def read_file(parameters: Parameters, name: str, default: str, load: Load) -> Di
         with open(path) as file:
             good, problems = load(file.read(), lambda warning: rospy.logwarn('%s: %s', path, warning))
     except (OSError, UnicodeDecodeError) as error:
-        good, problems = {}, ['it cannot be read: %s' % error]
+        good, problems = load('', lambda warning: None)[0], ['it cannot be read: %s' % error]
     for problem in problems:
         parameters.report('%s: %s' % (path, problem))
     return good
 
 
-def read_streams(parameters: Parameters) -> Dict[str, Dict[str, Any]]:
-    """The good streams of the node's ~streams_file: {name: settings}.
+def read_streams(parameters: Parameters) -> config.Streams:
+    """The good streams of the node's ~streams_file.
 
     It imports what they need, which takes most of a node's start: call it before a transport tells others to come.
     """

@@ -3,7 +3,7 @@
 import argparse
 import sys
 import time
-from typing import Any, List
+from typing import Any, Dict, List, Tuple
 
 import rosgraph
 import rospy
@@ -12,9 +12,11 @@ from rospy import AnyMsg
 
 from ..monitoring.sources import OWN_NODES, Graph, graph_of
 from ..streams.proposal import IMAGES, Topic, propose, text_of
+from ..streams.proposed_frames import ODOMETRY, Placed, Tree, proposed_frames
 from ..udpros import rpc
 from .any_type import read
 from .check import Listener
+from .rviz_displays import TF, TF_STATIC, TF_TYPES
 from .terminal import fail, master_answers, run_node
 
 OTHERS = ('/rosout', '/make_streams', '/record', '/rviz', '/rqt')
@@ -29,28 +31,46 @@ def is_robots(node: str) -> bool:
     return not node.startswith(OTHERS) and not node.endswith(OWN_NODES)
 
 
-def topics_of(graph: Graph, seconds: float) -> List[Topic]:
-    """What the robot publishes, listened to for a while."""
+def topics_of(graph: Graph, seconds: float) -> Tuple[List[Topic], Dict[str, str]]:
+    """What the robot publishes, listened to for a while, and its frames."""
+    tree = Tree()
     published = {topic: graph.types[topic] for topic, nodes in sorted(graph.publishers.items())
                  if graph.types.get(topic, '*') != '*' and any(map(is_robots, nodes))
                  and not any(node.endswith(OPERATORS_NODE) for node in graph.subscribers.get(topic, ()))}
-    listeners = {topic: Listener(topic, get_message_class(type_)) for topic, type_ in published.items()}
+    listeners = {topic: _listener(topic, type_, tree) for topic, type_ in published.items()}
     time.sleep(seconds)
-    found = []
+    found, placed = [], []
     for topic, listener in listeners.items():
         heard, last = listener.heard(), listener.last
         latched = last is not None and (last._connection_header or {}).get('latching') == '1'
-        found.append(Topic(topic, published[topic], heard.rate, heard.size, latched, _encoding(published[topic], last),
+        encoding = _text(published[topic], last, 'encoding') if published[topic] == IMAGES[0] else ''
+        found.append(Topic(topic, published[topic], heard.rate, heard.size, latched, encoding,
                            get_message_class(published[topic]) is not None))
-    return found
+        child = _text(published[topic], last, 'child_frame_id') if published[topic] == ODOMETRY else ''
+        placed.append(Placed(topic, published[topic], heard.frame or '', child))
+    return found, proposed_frames(placed, tree)
 
 
-def _encoding(type_: str, last: Any) -> str:
-    """Of an image; empty: unknown."""
-    if type_ != IMAGES[0] or not isinstance(last, AnyMsg):
+def _listener(topic: str, type_: str, tree: Tree) -> Listener:
+    """Listens to a topic; the tree gets its transforms."""
+    class_ = get_message_class(type_)
+
+    def add(message: Any) -> None:
+        try:
+            tree.add(read(message, class_).transforms, topic == TF_STATIC)
+        except ValueError as error:
+            rospy.logdebug('%s: %s', topic, error)
+    if topic in TF and type_ in TF_TYPES and class_ is not None:
+        return Listener(topic, class_, add)
+    return Listener(topic, class_)
+
+
+def _text(type_: str, last: Any, field: str) -> str:
+    """A text in a message; empty: unknown."""
+    if not isinstance(last, AnyMsg):
         return ''
     try:
-        return str(read(last, get_message_class(type_)).encoding)
+        return str(getattr(read(last, get_message_class(type_)), field))
     except ValueError:
         return ''
 
@@ -64,8 +84,9 @@ def run(arguments: argparse.Namespace) -> int:
     graph = graph_of(rpc.call(master, 'getSystemState'), rpc.call(master, 'getTopicTypes'))
     listened = {topic: graph.types.get(topic, '*') for topic, nodes in graph.subscribers.items()
                 if any(map(is_robots, nodes)) and not any(map(is_robots, graph.publishers.get(topic, ())))}
-    proposed = propose(topics_of(graph, arguments.seconds), listened, graph.publishers)
-    print(text_of(proposed, arguments.seconds), end='')
+    topics, frames = topics_of(graph, arguments.seconds)
+    proposed = propose(topics, listened, graph.publishers)
+    print(text_of(proposed, frames, arguments.seconds), end='')
     print('make_streams: %d streams%s' % (
         sum(not stream.off for stream in proposed), '; others stand as comments' * any(
             stream.off for stream in proposed)), file=sys.stderr)

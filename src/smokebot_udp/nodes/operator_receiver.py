@@ -38,7 +38,7 @@ from .parameters import OPERATOR_RECEIVER
 from .path_monitor import PathAnswers
 from .problems import Problems
 from .robot_markers import RobotMarkers
-from .rviz_displays import base_frame_of, colours_of, odometry_of
+from .rviz_displays import colours_of, odometry_of
 from .settings_mirror import SettingsMirror
 from .stale import StaleStreams
 from .status_listener import StatusListener
@@ -57,7 +57,7 @@ class OperatorReceiver:
         parameters = Parameters(OPERATOR_RECEIVER, problems.report)
         udpros.emulate_loss(parameters['loss'], parameters['loss_seed'])
         streams = read_streams(parameters)
-        parameters.fill_in({'odom_topic': odometry_of(streams), 'base_frame': base_frame_of(streams)})
+        parameters.fill_in({'odom_topic': odometry_of(streams), 'base_frame': streams.frames.base})
         definitions = classified(streams)
         self._transport = operator_transport(parameters)
         self._path = PathAnswers(self._transport)

@@ -108,8 +108,8 @@ OPERATOR_RECEIVER = {
                              'last cloud or scan of a stream that is stale or not sent any more: rviz would go on '
                              'showing it'),
     'frame_prefix': Parameter('', '', "goes before all frames of the robot's messages, such as ugv1/"),
-    'base_frame': Parameter('', '', 'frame of the robot above which NO DATA stands; empty: the first base_frame or '
-                            'robot_frame of the streams, usually base_link'),
+    'base_frame': Parameter('', '', 'frame of the robot above which NO DATA stands; empty: base of the frames '
+                            'in streams.yaml'),
     **DIAGNOSTICS,
 }
 

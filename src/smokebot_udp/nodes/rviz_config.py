@@ -8,7 +8,8 @@ from typing import Any, List, Mapping, Sequence, Tuple
 import yaml
 
 from ..streams import frame_prefix
-from .rviz_displays import Streams, base_frame_of, displays_of, fixed_frame_of, images_of, tools_of
+from ..streams.config import Streams
+from .rviz_displays import displays_of, images_of, tools_of
 
 FRAMES = re.compile(r'^( *(?:Fixed|Target|Reference) Frame: )(?!<)(\S.*)$', re.MULTILINE)
 """Lines that name a frame; <Fixed Frame> is not a name."""
@@ -48,8 +49,8 @@ def generated(template: str, streams: Streams) -> str:
     displays = {display['Name']: display for display in manager['Displays']}
     shown = [{**image.display, 'Name': name} for image, name in zip(images, names[1:])]
     manager['Displays'] = [displays.pop(STATUS), *shown, *displays_of(streams), *displays.values()]
-    manager['Global Options']['Fixed Frame'] = fixed_frame_of(streams)
-    manager['Views']['Current']['Target Frame'] = base_frame_of(streams)
+    manager['Global Options']['Fixed Frame'] = streams.frames.fixed
+    manager['Views']['Current']['Target Frame'] = streams.frames.base
     manager['Tools'] += tools_of(streams)
     geometry = config['Window Geometry']
     geometry['QMainWindow State'] = docks_state(names)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What rviz shows of the streams of a streams.yaml: a display for each, tools for what goes to the robot, frames.
+"""What rviz shows of the streams of a streams.yaml: a display for each, tools for what goes to the robot.
 
 All topics are relative: operators use the same streams.yaml, each in the namespace of its rviz.
 """
@@ -57,7 +57,8 @@ TOOLS = {'geometry_msgs/PoseStamped': 'rviz/SetGoal', 'geometry_msgs/PoseWithCov
 """{type of a message to the robot: tool that publishes it}"""
 
 ODOMETRY = 'nav_msgs/Odometry'
-TF, TF_TYPES = {'/tf', '/tf_static'}, {'tf2_msgs/TFMessage', 'tf/tfMessage'}
+TF_STATIC = '/tf_static'
+TF, TF_TYPES = {'/tf', TF_STATIC}, {'tf2_msgs/TFMessage', 'tf/tfMessage'}
 
 
 class Image(NamedTuple):
@@ -127,18 +128,6 @@ def transforms_of(streams: Streams) -> Dict[str, str]:
     """{/tf or /tf_static: the operator's topic of it}, of those that are relayed."""
     return {settings['robot_topic']: relative(settings['operator_topic']) for settings in streams.values()
             if settings.get('message_type') in TF_TYPES and settings['robot_topic'] in TF}
-
-
-def base_frame_of(streams: Streams) -> str:
-    """The frame of the robot, which the view follows."""
-    frames = [settings.get('base_frame') or settings.get('robot_frame') for settings in streams.values()]
-    return next((str(frame) for frame in frames if frame), 'base_link')
-
-
-def fixed_frame_of(streams: Streams) -> str:
-    """The frame of the 3D view, REP-105: map where there is a map, odom where there is odometry, else the robot's."""
-    kinds = {kind_of(settings) for name, settings in streams.items() if 'costmap' not in words_of(name)}
-    return 'map' if kinds & GRIDS else 'odom' if ODOMETRY in kinds else base_frame_of(streams)
 
 
 def odometry_of(streams: Streams) -> str:

@@ -35,7 +35,7 @@ from .logging import log_error
 from .namesake import SECOND_OPERATOR, resolved, wait_until_free
 from .restarts import Restarts
 from .rviz_config import generated, merged, remappings, with_prefix
-from .rviz_displays import Streams, transforms_of
+from .rviz_displays import transforms_of
 
 NODE = 'operator_rviz'
 
@@ -183,7 +183,7 @@ def rviz_arguments(arguments: Sequence[str], folder: str) -> List[str]:
     return [*(['-d', str(path)] if path else []), *others]
 
 
-def _users_file(streams: Streams, streams_path: str, name: str, prefix: str) -> pathlib.Path:
+def _users_file(streams: config.Streams, streams_path: str, name: str, prefix: str) -> pathlib.Path:
     """The user's own file, up to date: one for each streams.yaml and namespace.
 
     :param streams: of streams.yaml, whose path is the next one

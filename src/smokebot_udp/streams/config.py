@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""streams.yaml: the streams by name, each checked against its kind's parameters.
+"""streams.yaml: the streams by name, each checked against its kind's parameters; and the robot's frames.
 
 A stream that is wrong is left out and reported; the others are used. Streams that the package itself needs are added
 where the file has none.
 """
 import re
-from typing import Any, Callable, Container, Dict, List, Mapping, Tuple
+from typing import Any, Callable, Container, Dict, List, Mapping, NamedTuple, Tuple
 
+from ..frame_names import BASE_FRAME, FIXED_FRAME, is_legal
 from ..mission.parameters import EXCHANGES, LINK_STATUS, ROBOT_STATUS, Parameter, check
 from ..mission.yaml_text import read_yaml
 from . import TYPES, parameters_module, tables
@@ -15,6 +16,15 @@ from .routes import Routes, check_routes, routes_of
 
 NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]*$')
 TYPE = Parameter(None, '', 'the kind of stream', choices=TYPES)
+
+FRAMES: Mapping[str, Parameter] = {
+    'fixed': Parameter(FIXED_FRAME, '', 'frame in which the world stands still: the fixed frame of rviz'),
+    'base': Parameter(BASE_FRAME, '', 'frame of the robot itself: rviz follows it; default of base_frame, robot_frame'),
+}
+"""In streams.yaml under "frames:"."""
+
+BASE_FRAMES = 'base_frame', 'robot_frame'
+"""Settings of streams whose default is the base."""
 
 VIEWS = 'cloud', 'image', 'scan', 'virtual_scan'
 """Types that require_fresh may name: a map, or a message that is relayed, gets old where nothing changes."""
@@ -29,6 +39,17 @@ OWN_STREAMS: Mapping[str, Mapping[str, Any]] = {
 """Relays of robot_sender's own topics; added where a file has no stream with their message types."""
 
 
+class Frames(NamedTuple):
+    """Of the robot, without a prefix."""
+    fixed: str = FIXED_FRAME
+    base: str = BASE_FRAME
+
+
+class Streams(Dict[str, Dict[str, Any]]):
+    """{name: {setting: value}} of the good streams."""
+    frames = Frames()
+
+
 def parameters_of(kind: str) -> Dict[str, Parameter]:
     """{name: Parameter}: all parameters in streams.yaml of a stream of this kind."""
     robot, operator = tables(kind)
@@ -36,24 +57,28 @@ def parameters_of(kind: str) -> Dict[str, Parameter]:
 
 
 def load(text: str, warn: Callable[[str], None] = lambda warning: None,
-         refuse: Callable[[str, str], None] = lambda name, why: None) -> Tuple[Dict[str, Dict[str, Any]], List[str]]:
+         refuse: Callable[[str, str], None] = lambda name, why: None) -> Tuple[Streams, List[str]]:
     """Read the text of a streams.yaml.
 
     :param warn: called with each warning
     :param refuse: f(name, why), called with each stream that is left out; problems have it, too
-    :return: ({name: {setting: value}} of the good streams, [problem, ...] in words)
+    :return: (the good streams, [problem, ...] in words)
     """
     document, problems = read_yaml(text)
     if document is None and problems:
-        return {}, problems
+        return Streams(), problems
     streams = document.get('streams') if isinstance(document, dict) else None
     if not isinstance(streams, dict):
-        return {}, problems + ['it has no "streams:" with the streams by name']
-    good: Dict[str, Dict[str, Any]] = {}
+        return Streams(), problems + ['it has no "streams:" with the streams by name']
+    good = Streams()
+    try:
+        good.frames = _frames(document.get('frames', {}))
+    except ValueError as error:
+        problems.append('frames: %s' % error)
     routes: Dict[str, Routes] = {}
     for name, values in streams.items():
         try:
-            settings = _check(name, values, warn)
+            settings = _check(name, values, good.frames.base, warn)
             found = routes_of(settings)
             check_routes(found, routes)
             good[name], routes[name] = settings, found
@@ -92,14 +117,26 @@ def _missing_own_streams(good: Mapping[str, Mapping[str, Any]], routes: Mapping[
     return missing
 
 
-def _check(name: Any, values: Any, warn: Callable[[str], None]) -> Dict[str, Any]:
+def _frames(values: Any) -> Frames:
+    if not isinstance(values, dict):
+        raise ValueError('they are %r, not names with values' % (values,))
+    frames = Frames(**check(values, FRAMES))
+    for name, frame in zip(frames._fields, frames):
+        if not is_legal(frame):
+            raise ValueError('%s is %r, must be letters, digits, _, ., - and /, beginning with a letter or _, at most '
+                             '100' % (name, frame))
+    return frames
+
+
+def _check(name: Any, values: Any, base: str, warn: Callable[[str], None]) -> Dict[str, Any]:
     if not isinstance(name, str) or not NAME.match(name):
         raise ValueError('a name has letters, digits and _, and begins with a letter')
     if not isinstance(values, dict):
         raise ValueError('its settings are %r, not names with values' % (values,))
     kind = values.get('type')
     check({'type': kind}, {'type': TYPE})
-    checked = check(values, parameters_of(str(kind)))
+    table = parameters_of(str(kind))
+    checked = check({**{setting: base for setting in BASE_FRAMES if setting in table}, **values}, table)
     if kind == 'image':
         checked['view_topic'] = {'': checked['operator_topic'] + VIEW, 'none': ''}.get(
             checked['view_topic'], checked['view_topic'])

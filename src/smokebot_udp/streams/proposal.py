@@ -5,6 +5,7 @@ import re
 from typing import Any, Collection, Dict, List, Mapping, NamedTuple, Sequence, Set, Tuple
 
 from ..mission.roles import OBSTACLES, PRIMARY_IMAGE, roles_of, words_of
+from .config import FRAMES
 
 LARGEST = 1400
 """Longest relayed message that fits a datagram [byte]."""
@@ -119,11 +120,18 @@ def propose(published: Sequence[Topic], listened: Mapping[str, str], names: Coll
                         for draft in drafts])
 
 
-def text_of(proposed: Sequence[Proposed], seconds: float) -> str:
-    """The text of a streams.yaml."""
+def text_of(proposed: Sequence[Proposed], frames: Mapping[str, str], seconds: float) -> str:
+    """The text of a streams.yaml.
+
+    :param frames: entries of "frames:", by proposed_frames
+    """
     lines = ['# Proposed by make_streams: what the robot published within %g s. Remove what you do not need: it costs'
              % seconds, '# bandwidth. Give robot.launch and operator.launch this file (streams:=FILE), and try',
-             '# `rosrun smokebot_udp check FILE`. All settings: doc/parameters.md; roles: doc/focus.md.', 'streams:']
+             '# `rosrun smokebot_udp check FILE`. All settings: doc/parameters.md; roles: doc/focus.md.']
+    if frames:
+        lines += ['frames:', *("  %s: '%s'    # %s" % (name, frame, FRAMES[name].meaning)
+                               for name, frame in frames.items())]
+    lines.append('streams:')
     if not proposed:
         lines[-1] = 'streams: {}     # nothing was published'
     for stream in proposed:

@@ -12,7 +12,7 @@ from ...arrays import Array
 from ...codecs.tiles.lattice import Lattice
 from ...codecs.wire import grid
 from ...congestion.operating_points import OperatingPoint
-from ...frame_names import unknown_transform
+from ...frame_names import BASE_FRAME, unknown_transform
 from ...mission.parameters import Parameter
 from ...mission.settings import Settings
 from ...msg import GridSegment, MapTile
@@ -81,8 +81,8 @@ class GridEncoder(Encoder[Any]):
         'repeat_rate': Parameter(0.2, 'Hz', 'interleaved: rate at which an unchanged map is repeated, for lost '
                                  'datagrams and late subscribers; tiles: rate at which the map is repeated for '
                                  'operators who do not report what they hold', above=0.0, most=100.0, live=True),
-        'robot_frame': Parameter('base_link', '', 'tiles: tf frame of the robot, whose surroundings are sent first; '
-                                 'empty: the surroundings of the last change are'),
+        'robot_frame': Parameter(BASE_FRAME, '', 'tiles: tf frame of the robot, whose surroundings are sent first; '
+                                 'default: base of frames; empty: the surroundings of the last change are'),
         'updates_topic': Parameter('', '', 'topic of map_msgs/OccupancyGridUpdate with changes of parts of the map; '
                                    'empty: robot_topic with _updates appended'),
         'max_cells': Parameter(1300, '', 'interleaved: maximum number of cells in a segment', least=1, most=65000,

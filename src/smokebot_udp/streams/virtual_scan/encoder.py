@@ -12,7 +12,7 @@ from sensor_msgs.msg import LaserScan, PointCloud2
 
 from ...codecs.perception import virtual_scan
 from ...codecs.wire.scan import in_millimetres
-from ...frame_names import is_unknown_transform
+from ...frame_names import BASE_FRAME, is_unknown_transform
 from ...mission.parameters import Parameter
 from ...mission.settings import Settings
 from ...msg import ScanSegment
@@ -42,8 +42,8 @@ class VirtualScanEncoder(Encoder[Any]):
         'select': Parameter('obstacle', '', 'obstacle: the nearest obstacles; landmark: the farthest walls',
                             choices=SELECT, live=True),
         'scan_topic': Parameter('', '', "topic of the scan on the robot; empty: the stream's name"),
-        'base_frame': Parameter('base_link', '', 'level frame on the floor; where tf does not know it, the settings of '
-                                'the mount are used'),
+        'base_frame': Parameter(BASE_FRAME, '', 'level frame on the floor; where tf does not know it, the settings of '
+                                'the mount are used; default: base of frames'),
         'mount_height': Parameter(0.9, 'm', 'height of the sensor above the floor', least=0.0, most=100.0, live=True),
         'mount_roll': Parameter(0.0, 'rad', 'roll of the sensor', least=-1.6, most=1.6, live=True),
         'mount_pitch': Parameter(0.0, 'rad', 'pitch of the sensor; > 0 looks down', least=-1.6, most=1.6, live=True),
