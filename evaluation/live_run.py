@@ -34,7 +34,7 @@ OURS: Dict[str, Tuple[str, ...]] = {'ours': (), 'layered': ('_camera/coding:=lay
 
 BEGUN = 2.0
 """All methods are watched from when the camera has run for this long, so that they are judged by the same scene: nodes
-show their first image after up to 1.6 s, GStreamer at once. How fast the scene moves changes the screen by 0.4 dB [s]."""
+show their first image after up to 1.6 s, GStreamer at once [s]."""
 
 
 class Cell(NamedTuple):
