@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """When images cross in layers, and when interleaved."""
-from typing import Any
+from typing import Any, List
 
 import cv2
 import needs_numba  # noqa: F401
@@ -70,11 +70,14 @@ def test_auto_is_interleaved_where_raw_pixels_fit_and_layered_where_they_do_not_
 
 
 def test_auto_layers_colours_that_are_good_that_way_though_their_raw_pixels_would_fit() -> None:
-    # a fine texture that passes fast is sent coarse, as each image is outdated at once
-    texture = 255 * cv2.GaussianBlur(np.random.RandomState(0).rand(96, 128, 3), (0, 0), 1.0)
-    passing = [np.roll(texture.astype(np.uint8), 2 * number, 1) for number in range(30)]
-    for scene, most, expected in ((30 * [CASES['bgr8']], 0.0, LayeredSegment), (passing, 0.0, ImageSegment),
-                                  (passing, 10.0, LayeredSegment)):     # which is how good they are to be
+    def passing(grain: float) -> List[Any]:
+        texture = 255 * cv2.GaussianBlur(np.random.RandomState(0).rand(96, 128, 3), (0, 0), grain)
+        return [np.roll(texture.astype(np.uint8), 2 * number, 1) for number in range(30)]
+
+    # a fine texture that passes fast is sent coarse, as each image is outdated at once; of others it is good
+    for scene, most, expected in ((30 * [CASES['bgr8']], 0.0, LayeredSegment), (passing(1.0), 0.0, ImageSegment),
+                                  (passing(1.5), 0.0, LayeredSegment), (passing(2.0), 0.0, LayeredSegment),
+                                  (passing(1.0), 10.0, LayeredSegment)):    # which is how good they are to be
         seconds, of = [0.0], settings(coding='auto', rate=10.0, max_quality=most)
         made = encoder(of, NO_LOSS._replace(room=3e6), clock=lambda now=seconds: now[0])    # type: ignore[misc]
         for number, pixels in enumerate(scene):

@@ -13,6 +13,8 @@ import statistics
 from collections import deque
 from typing import Deque, NamedTuple, Optional
 
+from .image_size import GOOD_ERROR
+
 FITS, STILL_FITS = 0.5, 0.8
 """Raw pixels fit if they take this part of the frame period; once in use, until they take this part."""
 
@@ -33,9 +35,10 @@ MEASURED = 5
 """The duration and the error of layered coding are the medians of this many images; the first one after a change counts
 for nothing."""
 
-ENOUGH = 255 / 10 ** (45 / 20)
-"""Rms error of an image of 8 bits with a PSNR of 45 dB: beside its original no difference is seen. A recorded camera
-whose images are good has 47 dB (image_size.GOOD_BITS) [count]."""
+ENOUGH = 10 ** (0.5 / 20) * math.sqrt(GOOD_ERROR)
+"""Rms error of an image that is shown well enough: half a decibel more than that of a good image, which is no sharper
+where the scene moves, so that it is younger. Else such a scene would cross as raw pixels, at ten times the rate
+[count]."""
 
 
 class Conditions(NamedTuple):

@@ -52,7 +52,7 @@ GOOD_ERROR = 255 ** 2 / 10 ** (42.5 / 10)
 than it loses by its age, at 3 Mbit/s and above [count^2]."""
 
 GOOD_BITS = 1.2
-"""An image of this many bits is good, whatever its error: that of a noisy sensor, or of 16 bits, stays larger
+"""An image of this size is good, whatever its error is: of a noisy sensor the error stays above GOOD_ERROR
 [bit per value]."""
 
 CLEARLY = 0.98
@@ -131,15 +131,17 @@ def grant(settings: Mapping[str, Any], room: float, period: float, waiting: floa
     return Grant(max(size, LEAST_BYTES), bound)
 
 
-def choose(ends: IntArray, errors: FloatArray, cells: int, growth: float, costs: Costs) -> Tuple[int, float]:
+def choose(ends: IntArray, errors: FloatArray, cells: int, growth: float, costs: Costs,
+           least: float = GOOD_ERROR) -> Tuple[int, float]:
     """The number of truncation points with which the screen is best, and the mean squared error then.
 
     :param ends: (s,) truncation points of a stream, those that the grant has room for [byte]
     :param errors: (s,) mean squared errors there [count^2]
     :param cells: values of the image
     :param growth: of the mean squared error with the age of an image [count^2/s]
+    :param least: mean squared error from which on an image is good; 0: of measurements only GOOD_BITS say so [count^2]
     """
-    good = max(GOOD_ERROR, errors[min(int(np.searchsorted(ends, GOOD_BITS / 8 * cells)), len(ends) - 1)])
+    good = max(least, errors[min(int(np.searchsorted(ends, GOOD_BITS / 8 * cells)), len(ends) - 1)])
     lacking = np.maximum(errors - good, 0) + MOTION * np.minimum(errors, good)
     best = int(np.argmin(lacking + age_cost(growth, costs.duration) * ends))
     better_later = bool((errors[best + 1:] < CLEARLY * errors[best]).any())

@@ -24,7 +24,7 @@ from .coding_time import CodingTime
 from .compressed_images import CompressedImages
 from .freshness import MotionMeter, Repeats
 from .held_by_all import HeldByAll
-from .image_size import LEAST_BYTES, MORE, SPARE, Bound, Costs, Grant, age_cost, choose
+from .image_size import GOOD_ERROR, LEAST_BYTES, MORE, SPARE, Bound, Costs, Grant, age_cost, choose
 from .pixel_layers import Layerable, layerable
 from .prediction import SAVES, Prediction, Predictor
 from .references import CodedImage, ends_of, with_motion
@@ -109,7 +109,8 @@ class LayeredImages(CompressedImages):
         ends, errors = _useful(stream, settings['max_quality'], source.pixels.itemsize)
         self._estimate(source, prediction, stream, int(ends[-1]), datagrams, outlook)
         costs = Costs(datagrams.protected(outlook.loss(LIKELY)), self._time.per_byte, outlook.room)
-        points, square = choose(ends, np.maximum(errors, 0) / stream.cells, stream.cells, growth, costs)
+        points, square = choose(ends, np.maximum(errors, 0) / stream.cells, stream.cells, growth, costs,
+                                GOOD_ERROR if source.pixels.itemsize == 1 else 0.0)
         self.error = math.sqrt(square)
         self.bound = _bound_of(stream, points, len(ends), useful, granted)
         needed = float(ends[points - 1])
