@@ -50,14 +50,13 @@ LINK_TIMEOUT = 3.0
 
 
 class Listener:
-    """Listens to one topic, whatever its type."""
+    """Listens to one topic, whatever its type.
+
+    :param each: called with each message, rospy.AnyMsg
+    """
 
     def __init__(self, topic: str, class_: Any, each: Callable[[Any], None] = lambda message: None) -> None:
-        """
-        :param each: called with each message, rospy.AnyMsg
-        """
-        self._each = each
-        self._class, self._sizes = class_, []     # type: Any, List[int]
+        self._class, self._each, self._sizes = class_, each, []     # type: Any, Callable[[Any], None], List[int]
         self._ages: List[float] = []
         self._begun = time.monotonic()
         self.last: Any = None

@@ -41,7 +41,8 @@ class Tree:
                 continue
             if child in self._parents or len(self._parents) < MAX_FRAMES:
                 self._parents[child] = parent
-                self._static |= {child} if static else set()
+                if static:
+                    self._static.add(child)
 
     def __contains__(self, frame: str) -> bool:
         return frame in self._parents or frame in self._parents.values()
