@@ -71,7 +71,7 @@ def side() -> Iterator[Any]:
     outbox.start()
     codec: Any = SimpleNamespace(ready=lambda: False)
     lookup: Any = SimpleNamespace(pose=lambda frames, header: None)
-    captures = RobotCaptures(link, STREAMS, lookup, codec, 0.4)
+    captures = RobotCaptures(link, STREAMS, lookup, codec, 0.4, 'site')
     yield captures, topic, image
     captures.close()
     outbox.stop()
@@ -95,7 +95,7 @@ def test_a_capture_without_a_pose_says_so(side: Any, monkeypatch: Any) -> None:
     monkeypatch.setattr('rospy.logwarn', lambda text, *values: logged.append(text % values))
     side[1].ask(id=9, stream='thermal')
     wait_for(lambda: logged)
-    assert logged == ["stream 'thermal': tf knows no transform from '' to 'map or odom': a capture has no pose"]
+    assert logged == ["stream 'thermal': tf knows no transform from '' to 'site or odom': a capture has no pose"]
 
 
 def test_a_refusal_is_sent_likewise(side: Any) -> None:

@@ -4,6 +4,7 @@
 Pieces leave as a stream of the outbox: they are paced with all others, and link reports name them. Its share of the
 link is `capture_share`, and whatever the other streams leave over.
 """
+import collections
 import time
 from typing import Any, Dict, Mapping, Union
 
@@ -35,8 +36,8 @@ REQUESTS, PIECES = '/smokebot_udp/capture/request', '/smokebot_udp/capture/piece
 NAME = '~captures'
 """Of the stream of pieces in link reports and in the packet scheduler. No stream of streams.yaml has such a name."""
 
-FIXED_FRAMES = 'map', 'odom'
-"""The pose is that in the first one of these that tf knows."""
+ODOMETRY_FRAME = 'odom'
+"""The pose is that in the fixed frame of streams.yaml, or in this one of REP-105 where tf does not know that one."""
 
 BATCH_DURATION, MAX_BATCH = 0.004, 16
 """Pieces that leave together occupy the link for this long at most, unless it is a single one [s]; their number."""
@@ -52,11 +53,13 @@ class RobotCaptures:
     :param lookup: of transforms
     :param codec: of layered images
     :param share: of the link, 0..1, while there is a transfer
+    :param fixed_frame: of streams.yaml
     """
 
     def __init__(self, link: RobotLink, streams: Mapping[str, RobotStream], lookup: TransformLookup,
-                 codec: CompiledCodec, share: float) -> None:
+                 codec: CompiledCodec, share: float, fixed_frame: str) -> None:
         self._link, self._streams = link, streams
+        self._frames = tuple(collections.OrderedDict.fromkeys((fixed_frame, ODOMETRY_FRAME)))
         self._lookup, self._codec, self._share = lookup, codec, share
         self._transfers = Transfers()
         self._worker: DeadlineWorker[Union[Load, Batch]] = DeadlineWorker(
@@ -136,10 +139,10 @@ class RobotCaptures:
             raise ValueError('the robot keeps no originals')
         found = self._link.histories.find(request.stream, request.stamp)
         message = cropped(raw_image(found.message), request.region)
-        pose = self._lookup.pose(FIXED_FRAMES, message.header)
+        pose = self._lookup.pose(self._frames, message.header)
         if pose is None:
             logwarn("stream '%s'" % request.stream, unknown_transform(
-                message.header.frame_id, ' or '.join(FIXED_FRAMES), 'a capture has no pose'), ERROR_PERIOD)
+                message.header.frame_id, ' or '.join(self._frames), 'a capture has no pose'), ERROR_PERIOD)
         return pack(message, pose, request.layered and self._codec.ready())
 
     def _send(self, batch: Batch) -> None:

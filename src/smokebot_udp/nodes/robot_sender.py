@@ -69,7 +69,8 @@ class RobotSender:
         problems = Problems()
         parameters = Parameters(ROBOT_SENDER, problems.report)
         udpros.emulate_loss(parameters['loss'], parameters['loss_seed'])
-        definitions = classified(read_streams(parameters))
+        streams = read_streams(parameters)
+        definitions = classified(streams)
         transport = robot_transport(parameters)
         size = transport.max_datagram_size
         profiles = read_file(parameters, 'focus_file', 'focus.yaml', lambda text, warn: focus.load(text))
@@ -88,7 +89,8 @@ class RobotSender:
             maker = _StreamMaker(link, self._codec)
             self.streams = start_streams(definitions.streams, maker, parameters.report,
                                          parameters.refused.__setitem__)
-            self._captures = RobotCaptures(link, self.streams, maker.lookup, self._codec, parameters['capture_share'])
+            self._captures = RobotCaptures(link, self.streams, maker.lookup, self._codec, parameters['capture_share'],
+                                           streams.frames.fixed)
             control = RobotControl(transport, link.outbox, is_open(transport, parameters['allow_unsealed_commands']))
             self._way_back = _way_back(definitions, control, link, parameters)
             self._link = LinkControl(shared, link, self.streams, control.reported,
