@@ -54,6 +54,17 @@ def test_a_good_stream_is_fine_and_all_its_values_are_shown() -> None:
     assert found.values['address'] == '10.0.0.1:4000' and found.values['loss [%]'] == pytest.approx(10)
 
 
+@pytest.mark.parametrize('side, sent, busy, slow', [
+    (ROBOT, 6, 0.95, True), (ROBOT, 6, 0.8, False), (ROBOT, 10, 0.95, False),
+    (OPERATOR, 6, 0.95, True), (OPERATOR, 6, 0.8, False)])
+def test_a_processor_that_is_the_limit_is_named(side: str, sent: int, busy: float, slow: bool) -> None:
+    """The source has 30 Hz, of which 10 are wanted."""
+    stream = watch(side, messages_in=lambda s: 30 * s, messages_out=lambda s: sent * s, rate=10.0,
+                   busy=lambda s: busy * s, connections=connection())[0]
+    assert (stream.message == 'this computer manages no more than 6 Hz of it: lower its rate or its size') == slow
+    assert stream.level == (WARN if slow else OK)
+
+
 @pytest.mark.parametrize('lost, level', [(29, OK), (30, WARN), (69, WARN), (70, ERROR)])
 def test_loss_is_judged(lost: int, level: int) -> None:
     stream, found = watch(OPERATOR, messages_out=tenfold, connections=connection(

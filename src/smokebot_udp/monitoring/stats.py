@@ -81,6 +81,8 @@ class StreamStats:
     """Whether operators send it and the robot receives it; there may be no operator."""
     problem: Optional[str] = None
     """Another problem, in words, that deserves a warning now."""
+    busy: float = 0.0
+    """Time that its coding has taken so far [s]; messages are coded one after the other."""
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,10 @@ from .status import ERROR, ROBOT, TO_ROBOT, WARN, Status, Verdict, by_reason, sc
 from .thresholds import Thresholds
 from .windows import Rate, Samples, Silence
 
+MAX_BUSY, MET = 0.9, 0.9
+"""Where its coding takes this part of the time, the processor limits a stream: a single thread codes it. That suffices
+where it is sent at this part of its maximum rate, or of the source's."""
+
 
 class StreamMonitor:
     """Follows the stats of one stream on one side of the link.
@@ -23,7 +27,7 @@ class StreamMonitor:
 
     def __init__(self, side: str, name: str, topic: str, thresholds: Thresholds, now: float) -> None:
         self._side, self._name, self._topic, self._thresholds = side, name, topic, thresholds
-        self._rate_in, self._rate_out = Rate(), Rate()
+        self._rate_in, self._rate_out, self._busy = Rate(), Rate(), Rate()
         self._silence_in, self._silence_out = Silence(now), Silence(now)
         self._ages, self._completeness, self._errors = Samples(), Samples(), Samples()
         self._last_error: Optional[ImageError] = None
@@ -38,6 +42,7 @@ class StreamMonitor:
         """
         self._rate_in.read(stats.messages_in, now)
         self._rate_out.read(stats.messages_out, now)
+        self._busy.read(int(1e3 * stats.busy), now)
         self._silence_in.read(stats.messages_in, now)
         self._silence_out.read(stats.messages_out, now)
         for age, completeness, error in stats.shown:
@@ -76,6 +81,7 @@ class StreamMonitor:
         verdict = Verdict()
         if stats.enabled:
             self._judge_silence(verdict, stats, now)
+            self._judge_speed(verdict, stats)
             self._judge_quality(verdict, age if stats.steady else None, completeness, error)
         if stats.problem:
             verdict.add(WARN, stats.problem)
@@ -112,6 +118,14 @@ class StreamMonitor:
                 verdict.add(ERROR, 'no connection to the robot')
             elif stats.steady:
                 verdict.add(ERROR, 'nothing is shown for %.0f s' % silence_out)
+
+    def _judge_speed(self, verdict: Verdict, stats: StreamStats) -> None:
+        """Say so where the processor limits the stream."""
+        source, rate, busy = self._rate_in.per_second, self._rate_out.per_second, self._busy.per_second
+        if not source or rate is None or busy is None or busy < 1e3 * MAX_BUSY:
+            return
+        if self._side != ROBOT or rate < MET * min(source, stats.rate or source):
+            verdict.add(WARN, 'this computer manages no more than %.3g Hz of it: lower its rate or its size' % rate)
 
     def _judge_quality(self, verdict: Verdict, age: Optional[float], completeness: Optional[float],
                        error: Optional[ImageError]) -> None:

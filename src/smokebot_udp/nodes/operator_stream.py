@@ -86,6 +86,7 @@ class OperatorStream:
         self.assembler: Assembler[Any, Any] = class_(settings, time.monotonic, **shared)
         self.settings = SettingsStore(live(class_.PARAMETERS), settings)
         self.received, self.published = 0, 0
+        self._busy = 0.0        # the worker, so far [s]
         self.last_shown: Optional[float] = None
         """When a message was published last, by time.monotonic() [s]."""
         self.last_stamp: Optional[int] = None
@@ -104,7 +105,7 @@ class OperatorStream:
         self._outputs: List[Any] = []
         self._renew: Optional[Callable[[], None]] = None    # publishes calibrations that came after their images
         self._worker: DeadlineWorker[Callable[[], None]] = DeadlineWorker(
-            name, self._next_job, self.assembler.deadline, lambda job: job(), self._report)
+            name, self._next_job, self.assembler.deadline, self._work, self._report)
         self.settings.subscribe(self._configure)
 
     def start(self) -> None:
@@ -165,7 +166,8 @@ class OperatorStream:
         return StreamStats(
             self.received, self.published, steady=self.assembler.STEADY, dropped=self._dropped(),
             shown=shown, connections=connections,
-            problem=self._problem() or self.assembler.problem(self.settings.current, time.monotonic()))
+            problem=self._problem() or self.assembler.problem(self.settings.current, time.monotonic()),
+            busy=self._busy)
 
     def _dropped(self) -> Dict[str, int]:
         return {**self.assembler.dropped, **(self._decoder.dropped if self._decoder is not None else {})}
@@ -264,6 +266,13 @@ class OperatorStream:
             return functools.partial(self._show, finished)
         work = self.assembler.work()
         return None if work is None else functools.partial(self._do, work)
+
+    def _work(self, job: Callable[[], None]) -> None:
+        began = time.monotonic()
+        try:
+            job()
+        finally:
+            self._busy += time.monotonic() - began
 
     def _do(self, work: Work) -> None:
         """Do what takes time before a message can be finished, in the worker's thread."""

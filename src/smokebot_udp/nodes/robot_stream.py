@@ -110,6 +110,7 @@ class RobotStream(rospy.SubscribeListener):
         self.encoder, self.link = encoder, link
         self.settings = SettingsStore(live(encoder.PARAMETERS), settings, encoder.check)
         self.received, self.sent = 0, 0
+        self._busy = 0.0        # the encoder, so far [s]
         """Messages of the source; messages handed to the outbox, repeats included where they are PROTECTED."""
         self._make_subscriber, self._make_local_publisher = subscriber, local_publisher
         self._publishers: Dict[str, Publisher] = {}   # of the parts advertised
@@ -240,7 +241,7 @@ class RobotStream(rospy.SubscribeListener):
             {'replaced': self._schedule.replaced + self.encoder.replaced, 'invalid': self._invalid,
              'datagrams of replaced messages': self.link.outbox.dropped(self.name)},
             connections=connections,
-            problem=PAUSED if settings.paused else self.encoder.problem)
+            problem=PAUSED if settings.paused else self.encoder.problem, busy=self._busy)
 
     # -- input: rospy's threads, and those that change settings ------------------------------------
 
@@ -358,7 +359,9 @@ class RobotStream(rospy.SubscribeListener):
         if encoder.STAMPED:
             self._stamp = message.header.stamp
         if self._local_publisher is not None:
+            began = time.monotonic()
             message = encoder.derive(message, settings)
+            self._busy += time.monotonic() - began
             self._local_publisher.publish(message)
             if not self.wanted or not self._may_send(settings):
                 return
@@ -386,6 +389,7 @@ class RobotStream(rospy.SubscribeListener):
             encoder.waiting = self.link.outbox.takes(self.name) / self._dip
         began = time.monotonic()
         frames = encoder.encode(message, settings, self._datagram_size)
+        self._busy += time.monotonic() - began
         if TRACE.on and encoder.STAMPED:
             TRACE.mark(self.name, self._stamp.to_nsec(), stages.STARTED, began)
             TRACE.mark(self.name, self._stamp.to_nsec(), stages.ENCODED)
