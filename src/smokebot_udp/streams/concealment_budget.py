@@ -12,6 +12,9 @@ STRIKES = 2
 FALLBACK = 10.0
 """How long the cheapest method is used before the requested one is tried again, once [s]."""
 
+REPORTED = 2
+"""The fallback in a row that is worth a line in the log: while a node starts, all takes longer."""
+
 LONGEST_PERIOD = 2.0
 """Longer intervals between frames do not count: some were lost, or the source paused [s]."""
 
@@ -26,7 +29,7 @@ class ConcealmentBudget:
         self._period = math.inf     # smoothed [s]
         self._stamp: Optional[int] = None       # of the newest frame [ns]
         self._request: Optional[Tuple[str, float]] = None
-        self._strikes = 0
+        self._strikes = self._fallbacks = 0
         self._until = -math.inf     # end of the fallback [s]
 
     def frame_began(self, stamp: int) -> None:
@@ -48,7 +51,8 @@ class ConcealmentBudget:
         :param now: by a steady clock [s]
         """
         if (requested, limit) != self._request:
-            self._request, self._strikes, self._until = (requested, limit), 0, -math.inf
+            self._request, self._until = (requested, limit), -math.inf
+            self._strikes = self._fallbacks = 0
         return CHEAPEST if self.falls_back(now) else requested
 
     def falls_back(self, now: float) -> bool:
@@ -59,13 +63,16 @@ class ConcealmentBudget:
         """Note how long the concealment of the last frame took.
 
         :param method: as ``method`` returned it
-        :return: whether a fallback begins
+        :return: whether a fallback begins that is to be reported
         """
         if method == CHEAPEST or self._request is None:
             return False
-        self._strikes = self._strikes + 1 if seconds > min(self._request[1], self._period) else 0
+        if seconds <= min(self._request[1], self._period):
+            self._strikes = self._fallbacks = 0
+            return False
+        self._strikes += 1
         if self._strikes < STRIKES:
             return False
-        self._strikes = STRIKES - 1
+        self._strikes, self._fallbacks = STRIKES - 1, self._fallbacks + 1
         self._until = now + FALLBACK
-        return True
+        return self._fallbacks == REPORTED
