@@ -29,10 +29,10 @@ MAX_DURATION = 0.12
 
 QUEUES, AGREE = 12, 2
 """The depth is the greatest that AGREE of the last QUEUES queues have shown. A queue that begins while the bucket is
-not full shows a smaller one. Where there is no bucket, jitter or the pauses of others delay a queue now and then, and it
-shows one: a single queue is not enough (experiments supervisor_simulation: beside jitter of 10 ms 98 % of 5 Mbit/s are
-used instead of 87, and the queue has 18 ms instead of 40; with three to agree a receiver that pauses is believed to be
-more than twice as fast for 6 % of the time)."""
+not full shows a smaller one. Where there is no bucket, jitter or the pauses of others delay a queue now and then, which
+shows one: a single queue is not enough. In experiments supervisor_simulation 98 % of 5 Mbit/s are used beside jitter of
+10 ms instead of 87, and the queue has 18 ms instead of 40. With three to agree a link whose receiver pauses is believed
+to be more than twice as fast for 6 % of the time."""
 
 SAME_RATE, RATES = 0.3, 3
 """The path has changed where the median of the last RATES measured rates differs by this part from the rate at which
