@@ -15,6 +15,7 @@ import numpy as np
 import rospy
 import rostest
 from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import Twist
 from move_base_msgs.msg import MoveBaseAction
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Log
@@ -38,6 +39,7 @@ REASONS = {
     'stopped': 'nobody publishes /sick',
     'hangs': '/wrong_streams publishes /wheels, but nothing comes',
     'wrong_type': '/fix is published as std_msgs/String, must be sensor_msgs/NavSatFix',
+    'deaf': 'nobody on the robot listens to /base/cmdd; similar: /base/cmd',
     'lamp': 'the robot has no service /lmap; similar: /lamp',
     'dock': 'the robot has no action server /dok; similar: /dock'}
 """{stream: what is wrong with its source, or how that begins}"""
@@ -84,6 +86,7 @@ class WrongStreams(unittest.TestCase):
         cls.status = Collector('/operator/status', RobotStatus)
         cls.overlays: List[Any] = []
         rospy.Subscriber('/operator/overlay', Image, cls.overlays.append)
+        rospy.Subscriber('/base/cmd', Twist, lambda message: None)
         rospy.Service('/lamp', SetBool, lambda request: SetBoolResponse(True, ''))
         cls.dock = actionlib.SimpleActionServer('/dock', MoveBaseAction, lambda goal: None, auto_start=False)
         cls.dock.start()
@@ -112,7 +115,7 @@ class WrongStreams(unittest.TestCase):
         for stream, reason in REASONS.items():
             when = wait_for(lambda name=stream, why=reason: self.logged(name, why), LIMIT + 2, reason)
             self.assertLess(when[0] - begun, LIMIT, stream)
-        # of eight problems six are in the status, which crosses the link
+        # of nine problems six are in the status, which crosses the link
         wait_for(lambda: len(self.shown()) >= 6, 30, 'the reasons: %s' % self.shown())
         tree = json.loads(subprocess.run(['rosrun', 'smokebot_udp', 'link_top', '--once', '--json'],
                                          stdout=subprocess.PIPE, check=True, timeout=60).stdout)
@@ -157,7 +160,8 @@ class WrongStreams(unittest.TestCase):
     def check_that_it_ends(self) -> None:
         """A source that comes back is no problem any more."""
         self.sources.messages['/wheels'] = Odometry()
-        wait_for(lambda: "stream 'hangs': its source is there now" in [text for _, text in self.lines], 20, 'its end')
+        wait_for(lambda: any(text.startswith("stream 'hangs': this is over: ") for _, text in self.lines), 20,
+                 'its end')
         wait_for(lambda: self.statuses['robot_sender: hangs'].message == 'fine', 20, 'fine')
         wait_for(lambda: not any(text.startswith('hangs') for text in self.status.newest().problems), 30, 'the status')
 

@@ -6,16 +6,16 @@ import pytest
 
 from smokebot_udp.monitoring import check
 from smokebot_udp.monitoring.check import Checked, Cost, Finding, Heard
-from smokebot_udp.monitoring.sources import SERVICE, TOPIC, Graph, Source
+from smokebot_udp.monitoring.sources import LISTENER, SERVICE, TOPIC, Graph, Source
 from smokebot_udp.monitoring.status import ERROR, OK, WARN
 
-GRAPH = Graph({'/scan': ['/sick']}, {'/scan': 'sensor_msgs/LaserScan'}, ['/lamp'], {'/cmd_vel': ['/base']})
+GRAPH = Graph({'/scan': ['/sick']}, {'/scan': 'sensor_msgs/LaserScan'}, {'/lamp': ['/z']}, {'/cmd_vel': ['/base']})
 SCAN = Source(TOPIC, '/scan', 'sensor_msgs/LaserScan')
 GOOD = Heard(10.0, 4000.0, 0.01, 'laser', True)
 
 
 def scan(**fields: Any) -> Checked:
-    return Checked(**{'name': 'scan', 'settings': {'type': 'scan', 'rate': 5.0}, 'source': SCAN, 'listener': '',
+    return Checked(**{'name': 'scan', 'settings': {'type': 'scan', 'rate': 5.0}, 'source': SCAN,
                       'steady': True, 'heard': GOOD, **fields})
 
 
@@ -46,12 +46,15 @@ def judged(stream: Checked) -> List[Tuple[int, str]]:
      [(WARN, "tf knows no way from its frame 'lost' to the fixed frame: rviz cannot place it")]),
     (scan(failure='its ranges are 5'), [(ERROR, 'a message cannot be sent: its ranges are 5')]),
     (relay(heard=GOOD._replace(size=300000.0)),
-     [(WARN, 'its messages take 215 datagrams each, and are lost with any of them')]),
+     [(WARN, 'its messages take 215 datagrams each, and are lost with any of them; ' + check.LONG_REMEDY)]),
     (relay({'reliable': True}, heard=GOOD._replace(size=300000.0)), []),
     (relay(heard=GOOD._replace(frame='lost', size=100.0)), []),
     (scan(source=SCAN._replace(type='a/B')), [(ERROR, '/scan is published as sensor_msgs/LaserScan, must be a/B')]),
-    (scan(source=None, listener='/cmd_vel', heard=Heard()), []),
-    (scan(source=None, listener='/cmd', heard=Heard()), [(WARN, 'nobody on the robot listens to /cmd')]),
+    (scan(source=Source(LISTENER, '/cmd_vel'), heard=Heard(), steady=False), []),
+    (scan(source=Source(LISTENER, '/cmd_vl'), heard=Heard(), steady=False),
+     [(WARN, 'nobody on the robot listens to /cmd_vl; similar: /cmd_vel')]),
+    (relay(source=Source(TOPIC, '/robot_sender/status'), heard=GOOD._replace(size=3000.0)),
+     [(ERROR, 'nobody publishes /robot_sender/status')][:0]),
     (scan(source=Source(SERVICE, '/lamp'), heard=Heard()), []),
     (scan(source=Source(SERVICE, '/lmp'), heard=Heard()),
      [(ERROR, 'the robot has no service /lmp; similar: /lamp')])])
@@ -60,10 +63,14 @@ def test_a_stream(stream: Checked, found: List[Tuple[int, str]]) -> None:
 
 
 def test_the_link() -> None:
-    streams = [scan(cost=Cost(100.0, 2000.0)), scan(cost=Cost(900.0, 900.0)), scan()]
+    image = scan(settings={'type': 'image', 'rate': 5.0}, cost=Cost(100.0, 2000.0))
+    streams = [image, scan(cost=Cost(900.0, 900.0)), scan()]
     assert check.judge_link(streams, None) == [Finding(
-        OK, 'link', 'the streams take 1 Mbit/s at least and 2.9 Mbit/s at most; its capacity is unknown, give --link '
+        OK, 'link', 'the streams take 1 Mbit/s at least, and more makes images sharper; give its capacity by --link '
         'MBIT')]
+    assert check.judge_link(streams, 2e3)[0].text == (
+        'the streams take 1 Mbit/s at least, it carries 2 Mbit/s: images share 1.1 Mbit/s of it')
+    assert check.judge_link(streams[1:], 2e3)[0].text == 'the streams take 900 kbit/s at least, it carries 2 Mbit/s'
     assert check.judge_link(streams, 999.0)[0].level == ERROR and check.judge_link(streams, 1e3)[0].level == OK
 
 

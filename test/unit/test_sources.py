@@ -11,6 +11,7 @@ from smokebot_udp.monitoring.sources import (
     ACTION,
     FIRST_PERIOD,
     GRACE,
+    LISTENER,
     PERIOD,
     SERVICE,
     TOPIC,
@@ -33,7 +34,9 @@ GRAPH = Graph(
      '/any': ['/talker'], '/gone': []},
     {'/front/image_raw/compressed': 'sensor_msgs/CompressedImage', '/front/image_raw': 'sensor_msgs/Image',
      '/scan': 'sensor_msgs/LaserScan', '/fix': 'std_msgs/String', '/operator/front/image_raw': 'sensor_msgs/Image',
-     '/dock/result': 'move_base_msgs/MoveBaseActionResult', '/any': '*'}, ['/lamp', '/driver/set_logger_level'])
+     '/dock/result': 'move_base_msgs/MoveBaseActionResult', '/any': '*', '/base/cmd': 'geometry_msgs/Twist'},
+    {'/lamp': ['/z'], '/driver/set_logger_level': ['/driver']},
+    {'/base/cmd': ['/base'], '/scan': ['/slam'], '/cmd_vel': ['/operator_receiver']})
 
 
 @pytest.mark.parametrize('source, problem', [
@@ -48,6 +51,11 @@ GRAPH = Graph(
      'sensor_msgs/NavSatFix'),
     (Source(TOPIC, '/scan', 'sensor_msgs/LaserScan'), '/sick publishes /scan, but nothing comes'),
     (Source(TOPIC, '/any', 'sensor_msgs/Imu'), '/talker publishes /any, but nothing comes'),
+    (Source(LISTENER, '/base/cmd', 'geometry_msgs/Twist'), None),
+    (Source(LISTENER, '/base/cmdd', 'geometry_msgs/Twist'), 'nobody on the robot listens to /base/cmdd; similar: '
+     '/base/cmd'),
+    (Source(LISTENER, '/cmd_vel', 'geometry_msgs/Twist'), 'nobody on the robot listens to /cmd_vel; of its type: '
+     '/base/cmd'),
     (Source(SERVICE, '/lamp'), None), (Source(SERVICE, '/lmap'), 'the robot has no service /lmap; similar: /lamp'),
     (Source(ACTION, '/dock', 'move_base_msgs/MoveBaseActionResult'), None),
     (Source(ACTION, '/dok', 'move_base_msgs/MoveBaseActionResult'), 'the robot has no action server /dok; similar: '
@@ -66,7 +74,7 @@ def test_a_topic_that_may_be_silent() -> None:
 
 def test_the_masters_answers() -> None:
     assert graph_of([[['/scan', ['/sick']]], [['/x', ['/y']]], [['/lamp', ['/z']]]], [('/scan', 'a/B')]) == Graph(
-        {'/scan': ['/sick']}, {'/scan': 'a/B'}, ['/lamp'], {'/x': ['/y']})
+        {'/scan': ['/sick']}, {'/scan': 'a/B'}, {'/lamp': ['/z']}, {'/x': ['/y']})
 
 
 class Asked:
@@ -138,7 +146,7 @@ def test_problems_are_noted_with_one_line_each(monkeypatch: Any) -> None:
     for source, other in ((None, None), ('nobody publishes /a', None), ('nobody publishes /a', 'too slow'),
                           (None, '2 calls hang'), (None, '3 calls hang'), (None, None)):
         problems.note('front', source, other)
-    assert lines == ["stream 'front': nobody publishes /a", "stream 'front': its source is there now"]
+    assert lines == ["stream 'front': nobody publishes /a", "stream 'front': this is over: nobody publishes /a"]
     assert [change.get('front') for change in changes] == ['nobody publishes /a', '2 calls hang', None]
     assert problems.current == {'bad': 'its rate is wrong'}
     problems.note('rear', 'x' * 1000)

@@ -10,6 +10,9 @@ LEVELS = {OK: 'OK', WARN: 'WARN', ERROR: 'ERROR'}
 MAX_OFFSET = 1.0
 """Of stamps from this machine's clock: ages would be wrong, and commands refused [s]."""
 
+LONG_REMEDY = 'with "reliable: true" and "newest: true" the newest one arrives whole'
+"""What to do about it."""
+
 LARGEST = 1400
 """A relayed message that is longer takes several datagrams, and is lost with any of them [byte]."""
 
@@ -56,10 +59,7 @@ class Checked(NamedTuple):
     """One stream, and what is known of its source."""
     name: str
     settings: Mapping[str, Any]
-    source: Optional[Source]
-    """None: operators send it, see `listener`."""
-    listener: str
-    """Topic that must have a subscriber on the robot; empty: none."""
+    source: Source
     steady: bool
     """Whether a silent source is a fault."""
     heard: Heard = Heard()
@@ -75,8 +75,6 @@ def judge(stream: Checked, graph: Graph, missing_frames: Sequence[str]) -> List[
     """
     problems = _of_source(stream, graph) + ([(ERROR, 'a message cannot be sent: ' + stream.failure)]
                                             if stream.failure else [])
-    if stream.listener and not graph.subscribers.get(stream.listener):
-        problems.append((WARN, 'nobody on the robot listens to %s' % stream.listener))
     if stream.heard.rate:
         problems += _of_messages(stream, missing_frames)
     return [Finding(level, stream.name, text) for level, text in problems]
@@ -85,10 +83,15 @@ def judge(stream: Checked, graph: Graph, missing_frames: Sequence[str]) -> List[
 def _of_source(stream: Checked, graph: Graph) -> List[Tuple[int, str]]:
     """What is wrong with the source of a stream."""
     heard = bool(stream.heard.rate)
-    if stream.source and stream.source.name.startswith(OWN_TOPICS) and not graph.publishers.get(stream.source.name):
+    if is_own(stream.source) and not graph.publishers.get(stream.source.name):
         return []
-    problem = stream.source and problem_of(stream.source, graph, stream.steady and not heard)
+    problem = problem_of(stream.source, graph, stream.steady and not heard)
     return [(ERROR if stream.steady or heard else WARN, problem)] if problem else []
+
+
+def is_own(source: Source) -> bool:
+    """Whether robot_sender publishes it."""
+    return source.name.startswith(OWN_TOPICS)
 
 
 def _of_messages(stream: Checked, missing_frames: Sequence[str]) -> List[Tuple[int, str]]:
@@ -103,8 +106,9 @@ def _of_messages(stream: Checked, missing_frames: Sequence[str]) -> List[Tuple[i
         found.append('its messages have no frame_id: rviz cannot place them')
     elif settings['type'] in PLACED and heard.frame in missing_frames:
         found.append('tf knows no way from its frame %r to the fixed frame: rviz cannot place it' % heard.frame)
-    if settings['type'] == 'relay' and not settings['reliable'] and heard.size > LARGEST:
-        found.append('its messages take %d datagrams each, and are lost with any of them' % -(-heard.size // LARGEST))
+    if settings['type'] == 'relay' and not settings['reliable'] and heard.size > LARGEST and not is_own(stream.source):
+        found.append('its messages take %d datagrams each, and are lost with any of them; %s' % (
+            -(-heard.size // LARGEST), LONG_REMEDY))
     return [(WARN, text) for text in found]
 
 
@@ -113,12 +117,17 @@ def judge_link(streams: Sequence[Checked], link: Optional[float]) -> List[Findin
 
     :param link: its capacity; None: unknown [kbit/s]
     """
-    known = [stream.cost for stream in streams if stream.cost is not None]
-    least, most = sum(cost.least for cost in known), sum(cost.most for cost in known)
-    text = 'the streams take %s at least and %s at most' % (rate_text(least), rate_text(most))
+    known = [(stream, stream.cost) for stream in streams if stream.cost is not None]
+    least = sum(cost.least for _, cost in known)
+    text = 'the streams take %s at least' % rate_text(least)
     if link is None:
-        return [Finding(OK, 'link', text + '; its capacity is unknown, give --link MBIT')]
-    return [Finding(ERROR if least > link else OK, 'link', '%s, it carries %s' % (text, rate_text(link)))]
+        return [Finding(OK, 'link', text + ', and more makes images sharper; give its capacity by --link MBIT')]
+    text += ', it carries ' + rate_text(link)
+    if least > link:
+        return [Finding(ERROR, 'link', text + ': remove streams, or lower their rates')]
+    images = [cost.least for stream, cost in known if stream.settings['type'] == 'image']
+    return [Finding(OK, 'link', '%s: images share %s of it' % (
+        text, rate_text(link - least + sum(images))) if images else text)]
 
 
 def judge_buffer(allowed: int, wanted: int) -> List[Finding]:
@@ -139,9 +148,9 @@ def judge_service_type(name: str, found: Optional[str], expected: str) -> List[F
     return [] if found == expected else [Finding(ERROR, name, 'its service is %s, must be %s' % (found, expected))]
 
 
-def is_there(source: Optional[Source], graph: Graph) -> bool:
+def is_there(source: Source, graph: Graph) -> bool:
     """Whether a source is a service that the robot has."""
-    return source is not None and source.kind == SERVICE and source.name in graph.services
+    return source.kind == SERVICE and source.name in graph.services
 
 
 def table(streams: Sequence[Checked], roles: Mapping[str, str]) -> List[str]:

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Why nothing comes from the source of a stream: what the master knows of topics, services and actions, in words."""
+"""Why nothing comes from the source of a stream, or nobody takes what comes: what the master knows of topics, services
+and actions, in words."""
 import difflib
 from typing import Any, Callable, Collection, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
-TOPIC, SERVICE, ACTION = 'topic', 'service', 'action'
-"""Kinds of sources."""
+TOPIC, SERVICE, ACTION, LISTENER = 'topic', 'service', 'action', 'listener'
+"""Kinds of sources. A LISTENER is no source, but who receives what operators send on a topic."""
 
 STATUS, RESULT = '/status', '/result'
 """Topics of an action that its server publishes."""
@@ -30,7 +31,7 @@ OWN_NODES = '/robot_sender', '/operator_receiver'
 
 
 class Source(NamedTuple):
-    """What a stream waits for on its own side."""
+    """What a stream needs on its own side."""
     kind: str
     name: str
     """Resolved."""
@@ -45,20 +46,29 @@ class Graph(NamedTuple):
     """{topic: nodes}"""
     types: Mapping[str, str]
     """{topic: package/Type}"""
-    services: Collection[str]
+    services: Mapping[str, Sequence[str]]
+    """{service: nodes}"""
     subscribers: Mapping[str, Sequence[str]] = {}
     """{topic: nodes}"""
 
     def published(self) -> List[str]:
         """The topics that may be sources."""
-        return [topic for topic, nodes in self.publishers.items()
-                if any(not node.endswith(OWN_NODES) for node in nodes)]
+        return _of_others(self.publishers)
+
+    def listened(self) -> List[str]:
+        """The topics that a node of the robot subscribes."""
+        return _of_others(self.subscribers)
+
+
+def _of_others(topics: Mapping[str, Sequence[str]]) -> List[str]:
+    """Those of {topic: nodes} with a node that is none of this package's."""
+    return [topic for topic, nodes in topics.items() if any(not node.endswith(OWN_NODES) for node in nodes)]
 
 
 def graph_of(state: Sequence[Any], types: Sequence[Tuple[str, str]]) -> Graph:
     """The Graph of the master's getSystemState and getTopicTypes."""
     return Graph({str(topic): nodes for topic, nodes in state[0]}, {str(topic): type_ for topic, type_ in types},
-                 [service for service, _ in state[2]], {str(topic): nodes for topic, nodes in state[1]})
+                 {str(service): nodes for service, nodes in state[2]}, {str(topic): nodes for topic, nodes in state[1]})
 
 
 def problem_of(source: Source, graph: Graph, silent: bool = True) -> Optional[str]:
@@ -75,13 +85,21 @@ def problem_of(source: Source, graph: Graph, silent: bool = True) -> Optional[st
                 topic[:-len(STATUS)] for topic in graph.published() if topic.endswith(STATUS)
                 and topic[:-len(STATUS)] + RESULT in graph.publishers]))
         return _other_type(Source(TOPIC, source.name + RESULT, source.type), graph)
+    if source.kind == LISTENER:
+        topics = graph.listened()
+        return None if source.name in topics else 'nobody on the robot listens to %s%s' % (
+            source.name, _proposed(source.name, topics, _of_type(source, topics, graph)))
     nodes = graph.publishers.get(source.name)
     if not nodes:
         topics = graph.published()
-        return 'nobody publishes %s%s' % (source.name, _proposed(source.name, topics, [
-            topic for topic in topics if source.type and graph.types.get(topic) in source.type.split(' or ')]))
+        return 'nobody publishes %s%s' % (source.name, _proposed(source.name, topics, _of_type(source, topics, graph)))
     return _other_type(source, graph) or (
         '%s publishes %s, but nothing comes' % (', '.join(sorted(nodes)[:PROPOSED]), source.name) if silent else None)
+
+
+def _of_type(source: Source, topics: Sequence[str], graph: Graph) -> List[str]:
+    """Those of some topics that have the type of a source."""
+    return [topic for topic in topics if source.type and graph.types.get(topic) in source.type.split(' or ')]
 
 
 def _other_type(source: Source, graph: Graph) -> Optional[str]:

@@ -22,7 +22,7 @@ from ..mission.roles import roles_of
 from ..mission.settings import Settings
 from ..monitoring import check
 from ..monitoring.check import Checked, Cost, Finding, Heard
-from ..monitoring.sources import ACTION, SERVICE, TOPIC, Graph, Source, graph_of
+from ..monitoring.sources import ACTION, LISTENER, SERVICE, TOPIC, Graph, Source, graph_of
 from ..monitoring.status import ERROR, WARN
 from ..msg import LinkStatus
 from ..serialised import serialised
@@ -89,19 +89,19 @@ def checked(name: str, settings: Dict[str, Any]) -> Checked:
     """A stream, and where its messages come from."""
     kind = settings['type']
     if kind == 'service':
-        return Checked(name, settings, Source(SERVICE, _resolved(settings['robot_service'])), '', True)
+        return Checked(name, settings, Source(SERVICE, _resolved(settings['robot_service'])), True)
     if kind == 'action':
         return Checked(name, settings, Source(ACTION, _resolved(settings['robot_action']), action_types(
-            settings['action_type']).result._type), '', True)
+            settings['action_type']).result._type), True)
     topic = _resolved(settings['robot_topic'])
     if kind == 'command' or settings.get('direction') == TO_ROBOT:
-        return Checked(name, settings, None, topic, False)
+        return Checked(name, settings, Source(LISTENER, topic, settings['message_type']), False)
     if kind == 'relay':
         steady = not (settings['latch'] or settings['reliable'])
-        return Checked(name, settings, Source(TOPIC, topic, settings['message_type']), '', steady)
+        return Checked(name, settings, Source(TOPIC, topic, settings['message_type']), steady)
     encoder = encoder_class(kind)
     accepted = ' or '.join(class_._type for class_ in encoder.ACCEPTED or [encoder.MESSAGE])
-    return Checked(name, settings, Source(TOPIC, topic, accepted), '', encoder.STEADY)
+    return Checked(name, settings, Source(TOPIC, topic, accepted), encoder.STEADY)
 
 
 def _resolved(name: str) -> str:
@@ -141,7 +141,7 @@ def listen(streams: Sequence[Checked], graph: Graph, seconds: float) -> List[Che
     listeners = {}
     for stream in streams:
         source = stream.source
-        if source is not None and source.kind == TOPIC and graph.publishers.get(source.name):
+        if source.kind == TOPIC and graph.publishers.get(source.name):
             found = graph.types.get(source.name, '*')
             listeners[stream.name] = Listener(source.name, get_message_class(found) if '/' in found else None)
     time.sleep(seconds)
@@ -209,14 +209,15 @@ def check_robot(streams: Streams, graph: Graph, seconds: float, link: Optional[f
                              'streams.yaml, which make_streams proposes)' % (base, fixed)))
     for stream in robot:
         found += check.judge(stream, graph, missing)
-        if stream.source is not None and check.is_there(stream.source, graph):
-            found += check.judge_service_type(stream.name, _service_type(stream.source.name),
+        if check.is_there(stream.source, graph):
+            found += check.judge_service_type(stream.name, service_type(stream.source.name),
                                               stream.settings['service_type'])
     listener.unregister()
     return robot, found + check.judge_link(robot, link)
 
 
-def _service_type(name: str) -> Optional[str]:
+def service_type(name: str) -> Optional[str]:
+    """The type of a service; None: it does not answer."""
     try:
         return str(rosservice.get_service_type(name))
     except rosservice.ROSServiceIOException:

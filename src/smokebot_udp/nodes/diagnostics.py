@@ -23,7 +23,7 @@ from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from .. import udpros
 from ..monitoring.link_status import clock_status, link_status
 from ..monitoring.request_status import RequestMonitor
-from ..monitoring.sources import ACTION, SERVICE, SourceWatch, graph_of
+from ..monitoring.sources import TOPIC, SourceWatch, graph_of
 from ..monitoring.stats import PAUSED, StreamStats
 from ..monitoring.status import ERROR, OPERATOR, ROBOT, Status
 from ..monitoring.stream_status import StreamMonitor
@@ -184,7 +184,7 @@ def _source_problem(stream: Any, stats: StreamStats, monitor: StreamMonitor, wat
     source = stream.source
     if source is None or not stats.enabled:
         return None
-    if source.kind in (SERVICE, ACTION):
+    if source.kind != TOPIC:
         return watch.problem(source, now)
     if not monitor.waits_for_source(stats, now):
         return None

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """make_streams: looks at what a running robot publishes, and writes a streams.yaml that sends it."""
 import argparse
+import re
 import sys
 import time
 from typing import Any, Dict, List, Tuple
@@ -15,12 +16,18 @@ from ..streams.proposal import IMAGES, Topic, propose, text_of
 from ..streams.proposed_frames import ODOMETRY, Placed, Tree, proposed_frames
 from ..udpros import rpc
 from .any_type import read
-from .check import Listener
+from .check import Listener, service_type
 from .rviz_displays import TF, TF_STATIC, TF_TYPES
 from .terminal import fail, master_answers, run_node
 
 OTHERS = ('/rosout', '/make_streams', '/record', '/rviz', '/rqt')
 """Beginnings of the names of nodes that are no part of a robot."""
+
+LEFT_OUT = re.compile(r'/(get_loggers|set_logger_level|set_parameters|tf2_frames)$|^/rosout/')
+"""Services that nodes have anyway."""
+
+MAX_SERVICES = 30
+"""That are asked for their type, each at its node; further ones are not proposed."""
 
 OPERATORS_NODE = '/operator_receiver'
 """End of its name; what it listens to is what operators send."""
@@ -49,6 +56,14 @@ def topics_of(graph: Graph, seconds: float) -> Tuple[List[Topic], Dict[str, str]
         child = _text(published[topic], last, 'child_frame_id') if published[topic] == ODOMETRY else ''
         placed.append(Placed(topic, published[topic], heard.frame or '', child))
     return found, proposed_frames(placed, tree)
+
+
+def services_of(graph: Graph) -> Dict[str, str]:
+    """{service: its type} of the robot's services."""
+    names = [service for service, nodes in sorted(graph.services.items())
+             if any(map(is_robots, nodes)) and not LEFT_OUT.search(service)]
+    types = {name: service_type(name) for name in names[:MAX_SERVICES]}
+    return {name: type_ for name, type_ in types.items() if type_}
 
 
 def _listener(topic: str, type_: str, tree: Tree) -> Listener:
@@ -85,7 +100,7 @@ def run(arguments: argparse.Namespace) -> int:
     listened = {topic: graph.types.get(topic, '*') for topic, nodes in graph.subscribers.items()
                 if any(map(is_robots, nodes)) and not any(map(is_robots, graph.publishers.get(topic, ())))}
     topics, frames = topics_of(graph, arguments.seconds)
-    proposed = propose(topics, listened, graph.publishers)
+    proposed = propose(topics, listened, graph.publishers, services_of(graph))
     print(text_of(proposed, frames, arguments.seconds), end='')
     print('make_streams: %d streams%s' % (
         sum(not stream.off for stream in proposed), '; others stand as comments' * any(

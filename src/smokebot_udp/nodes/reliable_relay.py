@@ -290,8 +290,6 @@ class Sink(ReliableRelay):
     :param rewrite: see Rewrite
     :param refusal: f(peer) -> why its messages are not published now, None: they are
     """
-    source = None
-
     def __init__(self, name: str, settings: Mapping[str, Any], link: ReliableLink, topic: str,
                  rewrite: Rewrite = lambda message: message,
                  refusal: Callable[[str], Optional[str]] = lambda peer: None) -> None:
@@ -303,6 +301,12 @@ class Sink(ReliableRelay):
         """See ReliableRelay."""
         self._topic = rospy.Publisher(self.topic, self._class, queue_size=QUEUE, latch=self._latch, tcp_nodelay=True)
         self._open(on_message=self._publish, on_left=self._left)
+
+    @property
+    def source(self) -> Optional[sources.Source]:
+        """Who must listen on the robot; None: somebody does, or the desk publishes it."""
+        heard = not self._on_robot or self._latch or self._topic is not None and self._topic.get_num_connections() > 0
+        return None if heard else sources.Source(sources.LISTENER, self.topic, self._class._type)
 
     def stats(self) -> StreamStats:
         """See ReliableRelay."""

@@ -14,6 +14,7 @@ import rospy
 from ..limited_log import logerr
 from ..mission.parameters import live
 from ..mission.settings import Settings, SettingsStore
+from ..monitoring.sources import LISTENER, Source
 from ..monitoring.stats import ConnectionStats, Shown, StreamStats
 from ..msg import Command
 from ..streams.command.parameters import ROBOT, timeout_message
@@ -49,8 +50,6 @@ class RobotCommand:
     :param settings: {name: value}, checked
     :raises ValueError: where the settings are impossible
     """
-    source = None
-
     def __init__(self, name: str, settings: Mapping[str, Any], way: RobotWay) -> None:
         self.name, self.topic = name, rospy.resolve_name(settings['robot_topic'])
         self.settings = SettingsStore(live(ROBOT), settings)
@@ -94,6 +93,12 @@ class RobotCommand:
             time.sleep(FLUSH_TIME)
         if self._publisher is not None:
             self._publisher.unregister()
+
+    @property
+    def source(self) -> Optional[Source]:
+        """Who must listen to the commands; None: somebody does."""
+        heard = self._publisher is not None and self._publisher.get_num_connections() > 0
+        return None if heard else Source(LISTENER, self.topic, self._class._type)
 
     def stats(self) -> StreamStats:
         """What the stream does and did, for diagnostics; ages since the last call."""

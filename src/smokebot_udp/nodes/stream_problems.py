@@ -50,7 +50,7 @@ class StreamProblems:
                 self._logged.add(stream)
         elif not source and stream in self._logged:
             self._logged.remove(stream)
-            rospy.loginfo("stream '%s': its source is there now", stream)
+            rospy.loginfo("stream '%s': this is over: %s", stream, missing)
         if kind_of(before) != kind_of(now):
             for listener in self._listeners:
                 listener()

@@ -13,6 +13,9 @@ LARGEST = 1400
 MAX_RATE = 10.0
 """That is proposed: operators see no more, and the link has other streams [Hz]."""
 
+MAX_WHOLE = 5e3
+"""Longer messages are proposed as reliable ones where they take less of the link than this [byte/s]."""
+
 SECONDARY_RATE = 5.0
 """Of images that one does not drive by [Hz]."""
 
@@ -93,12 +96,14 @@ class Proposed(NamedTuple):
     """Whether it stands as a comment: the user has to decide."""
 
 
-def propose(published: Sequence[Topic], listened: Mapping[str, str], names: Collection[str]) -> List[Proposed]:
+def propose(published: Sequence[Topic], listened: Mapping[str, str], names: Collection[str],
+            services: Mapping[str, str]) -> List[Proposed]:
     """The streams for a robot.
 
     :param published: by its nodes
     :param listened: {topic to which a node of it listens, and that nobody publishes: type}
     :param names: all topics that are published
+    :param services: {service: its type}
     """
     actions = _actions(published)
     of_actions = {action + part for action in actions for part in ACTION_TOPICS}
@@ -113,6 +118,9 @@ def propose(published: Sequence[Topic], listened: Mapping[str, str], names: Coll
     drafts += [_Draft(action, [('type', 'action', ''), ('action_type', type_, ''), ('robot_action', action, ''),
                                ('operator_action', '/operator' + action, '')])
                for action, type_ in sorted(actions.items())]
+    drafts += [_Draft(service, [('type', 'service', ''), ('service_type', type_, ''), ('robot_service', service, ''),
+                                ('operator_service', '/operator' + service, '')], 'for operators to call', True)
+               for service, type_ in sorted(services.items())]
     drafts += [_Draft(name, [*_both('relay', topic), *settings, ('reliable', True, '')])
                for name, topic, settings in REPORTS if topic in names or (drafts and topic == DIAGNOSTICS)]
     taken: Set[str] = set()
@@ -154,7 +162,8 @@ def _with_roles(streams: Sequence[Proposed]) -> List[Proposed]:
     for stream in streams:
         role, settings = roles.get(stream.name, ''), list(stream.settings)
         if role:
-            settings.append(('role', role, 'for the mission focus'))
+            settings.append(('role', role, 'for the mission focus' if role != PRIMARY_IMAGE else
+                             'what one drives by: give it to another image if that is wrong'))
         if role in WEIGHTS:
             settings.append(('weight', WEIGHTS[role], 'share of the link, relative to the others\' (1.0)'))
         if settings[0][1] == 'image' and role != PRIMARY_IMAGE:
@@ -234,9 +243,12 @@ def _relay(topic: Topic) -> _Draft:
         return _Draft(topic.name, settings)
     if topic.type in TRANSFORMS:
         return _Draft(topic.name, [*settings, ('rate', 20.0, 'of each frame')])
+    if parts > 1 and topic.rate * topic.size <= MAX_WHOLE:
+        return _Draft(topic.name, [*settings, ('reliable', True, 'a message takes %d datagrams' % parts),
+                                   ('newest', True, 'a new one replaces one that waits')])
     if parts > 1:
-        return _Draft(topic.name, settings + _rate(topic), 'a message takes %d datagrams, and is lost with any of them'
-                      % parts, True)
+        return _Draft(topic.name, settings + _rate(topic), 'a message takes %d datagrams, and is lost with any of '
+                      'them; with "reliable: true" and "newest: true" the newest one arrives whole' % parts, True)
     return _Draft(topic.name, settings + _rate(topic))
 
 
