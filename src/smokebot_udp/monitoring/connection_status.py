@@ -3,7 +3,7 @@
 from typing import Collection, Optional
 
 from .stats import ConnectionStats
-from .status import WARN, Status, Verdict, by_reason, scaled
+from .status import WARN, Kind, Status, Verdict, by_reason, scaled
 from .thresholds import Thresholds
 from .windows import Rate
 
@@ -29,13 +29,13 @@ class ConnectionMonitor:
             # `lost` falls when a message arrives late; only this sum never does
             self.expected.read(stats.received + stats.lost, now)
 
-    def status(self, stream: str, side: str, stats: ConnectionStats, thresholds: Thresholds) -> Status:
+    def status(self, stream: str, stats: ConnectionStats, thresholds: Thresholds) -> Status:
         """The status of the connection of a stream, by the counters read last."""
         verdict = Verdict()
         loss = judge_connections(verdict, [self], thresholds)
         name = stats.name or stream
-        return Status('%s, %s' % (name, stats.peer), verdict.level, str(verdict) or 'connected', {
-            'side': side, 'stream': name, 'peer': stats.peer, 'address': '%s:%s' % tuple(stats.address[:2]),
+        return Status(Kind.CONNECTION, '%s, %s' % (name, stats.peer), verdict.level, str(verdict) or 'connected', {
+            'stream': name, 'peer': stats.peer, 'address': '%s:%s' % tuple(stats.address[:2]),
             'datagrams': stats.datagrams, 'datagrams/s': self.datagrams.per_second, 'bytes/s': self.bytes.per_second,
             'lost': stats.lost, 'loss [%]': scaled(loss, 100), 'idle [s]': stats.idle,
             'kernel drops': stats.kernel_drops, 'receive buffer [byte]': stats.receive_buffer,

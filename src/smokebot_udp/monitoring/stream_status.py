@@ -5,7 +5,7 @@ from typing import Dict, Iterable, List, Optional, Tuple
 from ..image_error import ImageError
 from .connection_status import ConnectionMonitor, judge_connections
 from .stats import ConnectionStats, StreamStats
-from .status import ERROR, ROBOT, TO_ROBOT, WARN, Status, Verdict, by_reason, scaled
+from .status import ERROR, ROBOT, TO_ROBOT, WARN, Kind, Status, Verdict, by_reason, scaled
 from .thresholds import Thresholds
 from .windows import Rate, Samples, Silence
 
@@ -49,8 +49,7 @@ class StreamMonitor:
             self._silence_out.reset(now)
         connections = self._follow(stats.connections, now)
         return [self._status(stats, now)] + [
-            monitor.status(self._name, self._side, connection, self._thresholds)
-            for monitor, connection in connections]
+            monitor.status(self._name, connection, self._thresholds) for monitor, connection in connections]
 
     def waits_for_source(self, stats: StreamStats, now: float) -> bool:
         """Whether the source is silent although messages are expected, by the stats of the last `update`."""
@@ -81,8 +80,8 @@ class StreamMonitor:
             verdict.add(WARN, stats.problem)
         monitors = self._connections.values()
         loss = judge_connections(verdict, monitors, self._thresholds)
-        return Status(self._name, verdict.level, str(verdict) or ('fine' if stats.enabled else 'off'), {
-            'side': self._side, 'stream': self._name, 'topic': self._topic,
+        return Status(Kind.STREAM, self._name, verdict.level, str(verdict) or ('fine' if stats.enabled else 'off'), {
+            'stream': self._name, 'topic': self._topic,
             'direction': TO_ROBOT if stats.to_robot else None, 'activity': stats.activity or None,
             'rate in [Hz]': self._rate_in.per_second, 'rate out [Hz]': self._rate_out.per_second,
             'datagrams': _sum(connection.datagrams for connection in stats.connections),
