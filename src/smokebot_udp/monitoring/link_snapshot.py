@@ -40,9 +40,7 @@ SENDER: Fields = {'source_hz': ('rate in [Hz]', 1.0), 'sent_hz': ('rate out [Hz]
 RECEIVER: Fields = {
     'received_hz': ('rate in [Hz]', 1.0), 'shown_hz': ('rate out [Hz]', 1.0), 'loss': ('loss [%]', 0.01),
     'age_median': ('age p50 [ms]', 1e-3), 'age_p99': ('age p99 [ms]', 1e-3)}
-ON_ROBOT: Fields = {'sent_at_most_hz': ('at most [Hz]', 1.0)}
 ON_OPERATOR: Fields = {'completeness': ('completeness [%]', 0.01), 'error': ('error', None)}
-COUNTED: Fields = {'bytes_per_second': ('bytes/s', 1.0)}
 
 NOT_REPORTED = Status(Kind.STREAM, '', 0, '', {})
 """Represents a side that has not reported a stream."""
@@ -105,7 +103,7 @@ def _node(node: str, statuses: Sequence[Status]) -> Tree:
     parts = {kind: _values(found[kind], fields) if kind in found else None for kind, fields in PARTS.items()}
     control, wifi, transport = parts[Kind.CONTROL], parts[Kind.WIFI], parts[Kind.TRANSPORT]
     if transport is not None:
-        transport['dropped_by_reason'] = {key.partition(', ')[2]: _number(found[Kind.TRANSPORT], key, 1.0)
+        transport['dropped_by_reason'] = {key.partition(', ')[2]: _number(found[Kind.TRANSPORT], key)
                                           for key in found[Kind.TRANSPORT].values if key.startswith('dropped, ')}
     own = {Kind.LINK: parts[Kind.LINK]} if statuses[0].side == ROBOT else {Kind.CLOCK: parts[Kind.CLOCK]}
     return {
@@ -133,8 +131,9 @@ def _stream(name: str, robot: Status, operator: Status) -> Tree:
     return {
         'stream': name, 'to_robot': back, 'level': LEVELS[max(robot.level, operator.level)],
         'problems': ['%s: %s' % (status.side, status.message) for status in (robot, operator) if status.level],
-        **_values(sender, SENDER), **_values(robot, ON_ROBOT), **_values(receiver, RECEIVER),
-        **_values(operator, ON_OPERATOR), **_values(robot if operator is NOT_REPORTED else operator, COUNTED)}
+        **_values(sender, SENDER), 'sent_at_most_hz': _number(robot, 'at most [Hz]'), **_values(receiver, RECEIVER),
+        **_values(operator, ON_OPERATOR),
+        'bytes_per_second': _number(robot if operator is NOT_REPORTED else operator, 'bytes/s')}
 
 
 def _said(status: Status) -> Tree:
@@ -148,7 +147,7 @@ def _values(status: Status, fields: Fields) -> Tree:
             for name, (key, factor) in fields.items()}
 
 
-def _number(status: Status, key: str, factor: float) -> Optional[float]:
+def _number(status: Status, key: str, factor: float = 1.0) -> Optional[float]:
     """A finite number of a status times `factor`; None: there is none, or it is too old."""
     try:
         number = float(status.values.get(key, '')) * factor
