@@ -23,7 +23,9 @@ from tf2_msgs.msg import TFMessage
 
 from smokebot_udp import udpros
 from smokebot_udp.codecs.wire.partial_image import RECEIVED
+from smokebot_udp.monitoring.status import Kind
 from smokebot_udp.msg import LinkStatus, RelaySegment
+from smokebot_udp.nodes.status_messages import statuses_of
 from smokebot_udp.streams.blank import has_blank
 from smokebot_udp.streams.relay.contents import size_of, stamp_of
 from smokebot_udp.streams.relay.parts import PartJoiner
@@ -51,11 +53,11 @@ KINDS: Dict[str, Tuple[Any, Callable[[Any], Any]]] = {
     'diagnostics': (DiagnosticArray, lambda message: [status.message for status in message.status] + [
         pair.key for status in message.status for pair in status.values if 'refused' in pair.key]),
     'parts': (DiagnosticArray, lambda message: {
-        values['stream']: int(values['datagrams']) for values in (
-            {pair.key: pair.value for pair in status.values} for status in message.status) if 'peer' in values}),
+        status.values['stream']: int(status.values['datagrams']) for status in statuses_of(message.status)
+        if status.kind == Kind.CONNECTION}),
     'link transport': (DiagnosticArray, lambda message: {
-        pair.key: pair.value for status in message.status if status.name.endswith('link transport')
-        for pair in status.values}),
+        key: value for status in statuses_of(message.status) if status.kind == Kind.TRANSPORT
+        for key, value in status.values.items()}),
 }
 """{kind: (message class, f(message) -> amount)}; the amount: bytes, points, ranges, transforms, the share of pixels
 or ranges that were received, the datagrams of each part of a stream, the longest datagram that passes, of a relay's

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from skimage.metrics import peak_signal_noise_ratio
 
-from smokebot_udp.monitoring.link_board import NodeStatus
+from smokebot_udp.monitoring.status import Kind, Status
 from smokebot_udp.nodes.demo_images import psnr, stacked
 from smokebot_udp.nodes.demo_report import DatagramCounts, in_namespace, loss_text
 
@@ -23,9 +23,8 @@ def test_psnr_of_counts_is_over_the_range_of_the_sent_image() -> None:
     assert psnr(sent, sent + np.uint16(20)) == pytest.approx(20 * math.log10(2000 / 20))
 
 
-def report(stream: str, datagrams: int, lost: int, side: str = 'operator') -> NodeStatus:
-    return NodeStatus('receiver', 0, '', {'side': side, 'stream': stream, 'topic': '/x', 'datagrams': str(datagrams),
-                                          'lost': str(lost)})
+def report(stream: str, datagrams: int, lost: int, side: str = 'operator') -> Status:
+    return Status(Kind.STREAM, stream, 0, '', {'datagrams': str(datagrams), 'lost': str(lost)}, side, '/receiver')
 
 
 def test_the_report_counts_how_many_datagrams_were_lost() -> None:
@@ -34,7 +33,7 @@ def test_the_report_counts_how_many_datagrams_were_lost() -> None:
     counts.add([report('thermal', 500, 100), report('gas', 10, 0)])
     counts.reset()
     counts.add([report('thermal', 900, 200), report('gas', 10, 0), report('thermal', 9999, 0, 'robot'),
-                NodeStatus('receiver', 0, '', {'side': 'operator', 'stream': 'map', 'topic': '/map'})])
+                Status(Kind.STREAM, 'map', 0, '', {}, 'operator', '/receiver')])
     assert counts.counted() == (400, 100)
 
 

@@ -7,7 +7,9 @@ from hypothesis import strategies as st
 from link_reports import board, report
 
 from smokebot_udp.monitoring.link_board import STALE_AFTER, Board
-from smokebot_udp.monitoring.link_snapshot import Key, plotted, snapshot
+from smokebot_udp.monitoring.link_snapshot import snapshot
+from smokebot_udp.monitoring.link_table import render
+from smokebot_udp.monitoring.status import Kind
 
 
 def test_robots_and_operators_are_apart() -> None:
@@ -23,8 +25,9 @@ def test_robots_and_operators_are_apart() -> None:
         'interface': 'wlan0', 'ssid': 'net', 'signal_dbm': -60.0, 'noise_dbm': None, 'tx_bitrate_mbit': 65.0,
         'rx_bitrate_mbit': 6.5, 'retries': 12.0, 'failed': None, 'beacon_loss': None}
     operator, = tree['operators']
-    assert operator == {'node': '/op', 'level': 'WARN', 'problems': [], 'wifi': None,
-                        'receives_from': ['/robot_sender'], 'clock': {'offset': -0.012, 'uncertainty': 0.0015}}
+    assert operator == {'node': '/op', 'level': 'WARN', 'problems': [], 'wifi': None, 'control': None,
+                        'transport': None, 'receives_from': ['/robot_sender'],
+                        'clock': {'offset': -0.012, 'uncertainty': 0.0015, 'round_trip': None}}
 
 
 def test_streams_have_the_values_of_both_sides() -> None:
@@ -41,7 +44,7 @@ def test_streams_have_the_values_of_both_sides() -> None:
 
 def test_connections() -> None:
     assert snapshot(board(), 0.5)['connections'] == [{
-        'node': '/op', 'level': 'OK', 'problems': [], 'stream': 'thermal', 'peer': '/robot_sender',
+        'node': '/op', 'side': 'operator', 'level': 'OK', 'problems': [], 'stream': 'thermal', 'peer': '/robot_sender',
         'address': '10.0.0.7:4000', 'datagrams': 12.0, 'loss': 0.5, 'bytes_per_second': None, 'kernel_drops': None}]
 
 
@@ -54,25 +57,45 @@ def test_one_operator_alone() -> None:
 def test_old_numbers_are_unknown() -> None:
     tree = snapshot(board(), STALE_AFTER + 1)
     assert {robot['level'] for robot in tree['robots']} == {'STALE'} and tree['robots'][1]['link'] is None
-    assert all(number is None for number in plotted(tree).values())
+    numbers = [value for stream in tree['streams'] for name, value in stream.items()
+               if name not in ('robots', 'operator', 'stream', 'to_robot', 'level', 'problems')]
+    assert set(numbers) == {None}
 
 
 def test_nothing_reported() -> None:
     assert snapshot(Board(), 0.0) == {'last_report_age': None, 'robots': [], 'operators': [], 'streams': [],
-                                      'connections': []}
+                                      'connections': [], 'statuses': []}
 
 
-def test_what_is_plotted() -> None:
-    numbers = plotted(snapshot(board(), 0.5))
-    assert numbers[Key('robots', '/robot_sender', '', 'sent_mbit')] == 4.4
-    assert numbers[Key('streams', '/op', 'thermal', 'age_median')] == 0.123
-    assert numbers[Key('streams', '/alone', 'thermal', 'shown_hz')] is None
+def test_the_statuses_of_nodes_as_a_whole() -> None:
+    tree = snapshot(board(), 0.5)
+    assert [(status['node'], status['kind'], status['level']) for status in tree['statuses']] == [
+        ('/op', 'clock', 'OK'), ('/op', 'wifi', 'OK'), ('/robot_sender', 'link', 'OK'), ('/robot_sender', 'wifi', 'OK'),
+        ('/robot_sender', 'control', 'WARN')]
+    assert tree['statuses'][-1] == {
+        'node': '/robot_sender', 'side': 'robot', 'level': 'WARN', 'problems': ['emergency stop'], 'kind': 'control',
+        'name': 'control', 'message': 'emergency stop'}
 
 
-@given(st.dictionaries(st.sampled_from(['wifi', 'state', 'jumps', 'peer', 'control', 'stream', 'topic', 'signal [dBm]',
-                                        'loss [%]', 'offset [ms]', 'rate in [Hz]']), st.text(max_size=8)))
-def test_every_tree_is_json(values: Dict[str, Any]) -> None:
+def test_the_transport() -> None:
     made = Board()
-    made.add([report('/n', side, 2, 'x', **{**values, 'peer': '/r'}) for side in ('robot', 'operator')], 0.0)
-    made.add([report('/m', 'robot', 9 % 4, 'x', **values)], 0.0)
-    json.dumps(snapshot(made, 0.0), allow_nan=False)
+    made.add([report('transport', '/op', 'operator', sealed='yes', handshakes=2, dropped=12, **{
+        'connected to': 'nobody', 'dropped, replayed': 12})], 0.0)
+    assert snapshot(made, 0.0)['operators'][0]['transport'] == {
+        'connected_to': 'nobody', 'sealed': 'yes', 'handshakes': 2.0, 'dropped': 12.0,
+        'dropped_by_reason': {'replayed': 12.0}}
+
+
+KINDS = st.sampled_from([kind for name, kind in vars(Kind).items() if name.isupper()]) | st.text(max_size=3)
+
+
+@given(KINDS, st.dictionaries(st.sampled_from([
+    'wifi', 'state', 'jumps', 'peer', 'control', 'stream', 'topic', 'signal [dBm]', 'loss [%]', 'offset [ms]',
+    'rate in [Hz]']), st.text(max_size=8)))
+def test_every_tree_is_json_and_a_table(kind: str, values: Dict[str, Any]) -> None:
+    made = Board()
+    made.add([report(kind, '/n', side, 2, 'x', **values) for side in ('robot', 'operator')], 0.0)
+    made.add([report(kind, '/m', 'robot', 9 % 4, 'x', **values)], 0.0)
+    tree = snapshot(made, 0.0)
+    json.dumps(tree, allow_nan=False)
+    assert len(render(tree)) > 1

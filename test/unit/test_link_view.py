@@ -1,84 +1,63 @@
 # SPDX-License-Identifier: BSD-3-Clause
+"""The live view of link_top in a terminal."""
+import curses
 import fcntl
-import io
 import os
 import pty
+import re
 import signal
 import struct
 import sys
 import termios
-import time
 from typing import Any, Iterator, List
 
 import pytest
-from link_reports import SHOWN, board, report, stream
+from link_reports import LINK, SHOWN, board, report, stream
 from polling import wait_for
 
-from smokebot_udp import optional
-from smokebot_udp.monitoring.history import ASCII_BARS
-from smokebot_udp.monitoring.link_snapshot import Tree, snapshot
-from smokebot_udp.nodes.link_top import VIEW as VIEW_MODULE
-
-VIEW = optional.attempt(VIEW_MODULE, 'rich')
-if VIEW.module is None:
-    pytest.skip('%s: link_top has its plain table' % VIEW.problem, allow_module_level=True)
-from rich.console import Console  # noqa: E402
-
-from smokebot_udp.nodes import link_view  # noqa: E402
+from smokebot_udp.monitoring.link_snapshot import snapshot
+from smokebot_udp.monitoring.link_table import STREAM_COLUMNS, render
+from smokebot_udp.monitoring.plots import SPAN, Plots
+from smokebot_udp.nodes import link_view
 
 
-def rendered(trees: List[Tree], width: int = 220, **options: Any) -> str:
-    """The view of the last of trees, taken 3 s apart."""
-    view, file = link_view.LinkView(lambda: width, **options), io.StringIO()
-    for second, tree in enumerate(trees):
-        content = view.render(tree, 3.0 * second)
-    Console(file=file, width=width).print(content)
-    return file.getvalue()
+def table(plots: Plots) -> List[str]:
+    return render(snapshot(board(), 0.5), plots=plots)
 
 
-def test_robots_operators_and_streams_are_apart() -> None:
-    lines = [line.rstrip() for line in rendered([snapshot(board(), 0.5)]).splitlines()]
-    assert lines[0] == 'smokebot_udp link: last report 0.5 s ago'
-    expected = ['Robots', 'Operators', 'Wi-Fi', 'Streams of /robot_sender at /op', 'Streams of /alone', 'Connections']
-    assert [line for line in lines if line in expected] == expected
-    robot = next(line for line in lines if '/robot_sender' in line and 'EMERGENCY' in line)
-    assert robot.startswith('WARN') and '4.4 ' in robot
-    assert lines[lines.index('Wi-Fi') + 3].split() == [
-        '/robot_sender', 'wlan0', 'net', '-60', '-', '65.0', '6.5', '12.0', '-', '-']
-    assert lines[lines.index('Wi-Fi') + 4].split() == ['/op'] + 9 * ['-']
-    operator = lines[lines.index('Operators') + 2]
-    assert operator.split() == ['WARN', '/op', '/robot_sender', 'behind', 'by', '12.0', 'ms', '1.5']
-    thermal = lines[lines.index('Streams of /robot_sender at /op') + 2]
-    assert thermal.startswith('WARN') and thermal.endswith('400.0  operator: old')
-
-
-def test_the_last_minute_is_plotted() -> None:
-    trees = []
-    for hertz in 0.0, 3.5, 7.0:
+def test_the_last_minute_is_plotted_in_the_same_table() -> None:
+    plots = Plots()
+    for second, hertz in (0.0, 0.0), (SPAN / 20, 3.5), (SPAN / 10, 7.0):
+        plots.begin(20, second)
         made = board()
         made.add([stream('/op', 'operator', **{**SHOWN, 'rate out [Hz]': hertz})], 0.0)
-        trees.append(snapshot(made, 0.5))
-    assert '7.0 ' + ' ' * 17 + '▁▅█' in rendered(trees)
-    assert '7.0 ' + ' ' * 17 + '_=#' in rendered(trees, bars=ASCII_BARS)
-    assert '7.0 ' + ' ' * 4 + '█' in rendered(trees, width=100)
+        made.add([report('link', '/robot_sender', 'robot', **{**LINK, 'sent [Mbit/s]': 2 * hertz})], 0.0)
+        tree = snapshot(made, 0.5)
+        lines = render(tree, plots=plots)
+    bars = 17 * ' ' + '▁▅█'
+    thermal = next(line for line in lines if line.startswith('OK     thermal') and '7.0' in line)
+    assert ' 7.0 ' + bars in thermal and ' 12.5 ' + 17 * ' ' + '███' in thermal
+    assert ': 14.0 %s of 5.0 Mbit/s sent, 77.0 wanted, - %s carried; queue 14 ' % (bars, 20 * ' ') in lines[1]
+    without = next(line for line in render(tree) if line.startswith('OK     thermal') and '7.0' in line)
+    assert re.sub(' [ ▁▅█]{20}', '', thermal) == without
 
 
-def test_no_colour_where_it_is_not_a_terminal_and_no_markup_of_others() -> None:
-    made = board()
-    made.add([report('/op', 'operator', 1, '[bold red]x[/]', problems=1)], 0.0)
-    text = rendered([snapshot(made, 0.5)])
-    assert '[bold red]x[/]' in text and '\x1b' not in text
+def test_the_sparklines_of_a_wide_terminal_fit() -> None:
+    width = sum(abs(column.width) + 1 for column in STREAM_COLUMNS)
+    for columns, bars in link_view.ROOM:
+        assert width + 3 * (bars + 1) <= columns
 
 
 @pytest.fixture
 def terminal() -> Iterator[Any]:
-    """f() -> (pid, a person's side of a terminal) of a process that shows a board."""
+    """f(columns, plain, **environment) -> (pid, a person's side of a terminal) of a process that shows a board."""
     started = []
 
-    def start() -> Any:
+    def start(columns: int = 100, plain: bool = False, **environment: str) -> Any:
         pid, person = pty.fork()
         if not pid:
-            show_until_quit()
+            os.environ.update(TERM='xterm', LANG='C.UTF-8', **environment)
+            show_until_quit(columns, plain)
         started.append((pid, person))
         return pid, person
     yield start
@@ -91,15 +70,14 @@ def terminal() -> Iterator[Any]:
             pass
 
 
-def show_until_quit() -> None:
+def show_until_quit(columns: int, plain: bool) -> None:
     """In the process of the terminal: it ends by 0 if the view is quit, by 7 by Ctrl-C."""
-    os.environ.update(TERM='xterm', LANG='C.UTF-8')
-    fcntl.ioctl(0, termios.TIOCSWINSZ, struct.pack('HHHH', 12, 100, 0, 0))
+    fcntl.ioctl(0, termios.TIOCSWINSZ, struct.pack('HHHH', 12, columns, 0, 0))
     sys.stdin, sys.stdout = open(0), open(1, 'w', encoding='utf-8')     # noqa: SIM115: pytest replaces them
     signal.signal(signal.SIGINT, signal.default_int_handler)
     code = 9
     try:
-        link_view.show(lambda: snapshot(board(), 0.5), time.monotonic, 0.05)
+        curses.wrapper(link_view.show, table, plain)
         code = 0
     except KeyboardInterrupt:
         code = 7
@@ -122,7 +100,7 @@ def read_until(person: int, wanted: bytes) -> bytes:
 @pytest.mark.parametrize('key, code', [(b'q', 0), (b'\x03', 7)])
 def test_the_terminal_is_restored_at_the_end(terminal: Any, key: bytes, code: int) -> None:
     pid, person = terminal()
-    shown = read_until(person, b'Robots')
+    shown = read_until(person, b'LEVEL')
     assert b'\x1b[?1049h' in shown      # the alternate screen
     os.write(person, key)
     read_until(person, b'\x1b[?1049l')
@@ -132,10 +110,23 @@ def test_the_terminal_is_restored_at_the_end(terminal: Any, key: bytes, code: in
 
 def test_keys_scroll_and_the_window_may_change(terminal: Any) -> None:
     _, person = terminal()
-    assert b'Connections' not in read_until(person, b'Robots')      # 12 lines
-    os.write(person, b'\x1b[6~')
-    read_until(person, b'Connections')
-    os.write(person, b'\x1b[5~')
+    assert b'DATAGRAMS' not in read_until(person, b'LEVEL')      # 12 lines
+    os.write(person, 2 * b'\x1b[6~')
+    read_until(person, b'DATAGRAMS')
+    os.write(person, 2 * b'\x1b[5~')
     read_until(person, b'last report')
     fcntl.ioctl(person, termios.TIOCSWINSZ, struct.pack('HHHH', 60, 200, 0, 0))
-    read_until(person, b'Connections')
+    assert b'CAME' in read_until(person, b'DATAGRAMS')
+
+
+@pytest.mark.parametrize('columns, plain, plotted', [(180, False, True), (180, True, False), (120, False, False)])
+def test_sparklines_where_there_is_room_and_they_are_wanted(
+        terminal: Any, columns: int, plain: bool, plotted: bool) -> None:
+    _, person = terminal(columns, plain)
+    assert ('█'.encode() in read_until(person, b'LEVEL')) == plotted
+
+
+@pytest.mark.parametrize('environment, coloured', [({}, True), ({'NO_COLOR': '1'}, False)])
+def test_colours_unless_they_are_not_wanted(terminal: Any, environment: Any, coloured: bool) -> None:
+    _, person = terminal(**environment)
+    assert (b'\x1b[32m' in read_until(person, b'LEVEL')) == coloured

@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from smokebot_udp.monitoring import wifi_texts
-from smokebot_udp.monitoring.status import ROBOT
 from smokebot_udp.monitoring.wifi import WifiMeter, WifiState, WifiTexts, choose_interface, wifi_status
 from smokebot_udp.monitoring.wifi_texts import WirelessRow
 
@@ -152,9 +151,9 @@ def test_counters_that_start_again(readings: List[Tuple[float, str, int]], rate:
 
 
 def test_status() -> None:
-    none = wifi_status(WifiState(), ROBOT)
+    none = wifi_status(WifiState())
     assert none.level == 0 and none.values['wifi'] == '-' and 'ssid' not in none.values
-    some = wifi_status(WifiState('wlan0', 'net', -60.0), ROBOT)
+    some = wifi_status(WifiState('wlan0', 'net', -60.0))
     assert (some.values['wifi'], some.values['ssid'], some.values['signal [dBm]']) == ('wlan0', 'net', -60.0)
 
 

@@ -8,7 +8,7 @@ import pytest
 import wifi_outputs as outputs
 from polling import wait_for
 
-from smokebot_udp.monitoring.status import OK, ROBOT, WARN
+from smokebot_udp.monitoring.status import OK, WARN
 from smokebot_udp.monitoring.wifi import wifi_status
 from smokebot_udp.nodes import wifi_monitor
 from smokebot_udp.nodes.wifi_monitor import WifiMonitor
@@ -76,9 +76,9 @@ def test_without_an_interface_nothing_is_executed(machine: Path) -> None:
 
 def test_a_configured_interface_that_is_not_there_is_a_warning(machine: Path) -> None:
     for root in (machine, machine / 'nothing'):
-        status = wifi_status(monitor(root, 'wlan7').state, ROBOT)
+        status = wifi_status(monitor(root, 'wlan7').state)
         assert (status.level, status.message) == (WARN, 'there is no wireless interface wlan7')
-    status = wifi_status(monitor(machine, 'wlan0').state, ROBOT)
+    status = wifi_status(monitor(machine, 'wlan0').state)
     assert (status.level, status.message, status.values['wifi']) == (OK, 'fine', 'wlan0')
 
 

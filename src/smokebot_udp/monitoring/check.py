@@ -3,9 +3,7 @@
 from typing import Any, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 from .sources import SERVICE, Graph, Source, problem_of
-from .status import ERROR, OK, WARN
-
-LEVELS = {OK: 'OK', WARN: 'WARN', ERROR: 'ERROR'}
+from .status import ERROR, LEVELS, OK, WARN
 
 MAX_OFFSET = 1.0
 """Of stamps from this machine's clock: ages would be wrong, and commands refused [s]."""

@@ -23,6 +23,9 @@ CONFIRMATIONS = 3
 
 MAX_EXCHANGES = 128
 
+MAX_ROUND_TRIP = 10.0
+"""Exchanges with a longer round trip are refused: a clock jumped meanwhile, or they are useless [s]."""
+
 MAX_EXTRAPOLATION = 10.0
 """The offset of a clock of another rate is unknown this long after an exchange [s]."""
 
@@ -60,20 +63,19 @@ class ClockOffset:
     """Estimates the offset of the other machine's clock.
 
     :param window: maximum age of an exchange, and validity of the estimate [s]
-    :param max_round_trip: exchanges with a longer round trip are refused: a clock jumped meanwhile, or they are
-        useless [s]
     :param any_rate: whether the clocks may run at different rates, as a simulation's does
     """
 
-    def __init__(self, window: float = 60.0, max_round_trip: float = 10.0, any_rate: bool = False) -> None:
-        self.window, self.max_round_trip, self._any_rate = window, max_round_trip, any_rate
+    def __init__(self, window: float = 60.0, any_rate: bool = False) -> None:
+        self._window, self._any_rate = window, any_rate
         self.refused: Counter[str] = collections.Counter()
         """Exchanges without effect, by reason: no time, order, round trip, contradiction."""
         self.jumps = 0
         """Number of detected clock jumps."""
         self._exchanges: Deque[Exchange] = collections.deque(maxlen=MAX_EXCHANGES)
         self._contradicting: List[Exchange] = []
-        self._best: Optional[Exchange] = None
+        self.best: Optional[Exchange] = None
+        """The exchange that gives the offset; None before the first good one."""
         self._last: Deque[Sample] = collections.deque(maxlen=EXCHANGES)     # also those that contradict
         self._line: Optional[ClockLine] = None
         self._refuted = 0       # exchanges in a row that contradict the estimate
@@ -82,16 +84,6 @@ class ClockOffset:
     def refuted(self) -> bool:
         """Whether the last exchanges contradict all that could be an estimate."""
         return self._refuted >= CONFIRMATIONS and self._line is None
-
-    @property
-    def offset(self) -> Optional[float]:
-        """The other clock minus this one [s]; None before the first good exchange."""
-        return self._best.offset if self._best else None
-
-    @property
-    def round_trip(self) -> Optional[float]:
-        """Round trip of the exchange that gave the offset [s]; None before the first good exchange."""
-        return self._best.round_trip if self._best else None
 
     @property
     def exchanges(self) -> int:
@@ -103,18 +95,14 @@ class ClockOffset:
         """Whether the last exchange contradicts the estimate: one of the clocks may have been set."""
         return bool(self._contradicting)
 
-    def uncertainty(self, now: float) -> float:
-        """Maximum error of the offset [s]; infinite before the first good exchange."""
-        return self._best.uncertainty(now) if self._best else math.inf
-
     def estimate(self, now: float) -> Optional[ClockEstimate]:
         """The estimate; None without a good exchange in the window, or where the last ones refute it."""
         line = self._line
         if line is not None and now - line.newest <= MAX_EXTRAPOLATION:
             return ClockEstimate(line.offset_at(now), 2 * self._last[-1].error, line.error_at(now))
-        if self._best is None or self.refuted or not 0 <= now - self._exchanges[-1].at <= self.window:
+        if self.best is None or self.refuted or not 0 <= now - self._exchanges[-1].at <= self._window:
             return None
-        return ClockEstimate(self._best.offset, self._best.round_trip, self._best.uncertainty(now))
+        return ClockEstimate(self.best.offset, self.best.round_trip, self.best.uncertainty(now))
 
     def add(self, asked: float, received: float, answered: float, came: float, now: float) -> bool:
         """Add an exchange. Impossible ones are refused and counted; nothing is raised.
@@ -133,7 +121,7 @@ class ClockOffset:
             self.refused['no time'] += 1    # a ROS time is 0 if it was not set, and has at most 32 bits of seconds
         elif came < asked or answered < received:
             self.refused['order'] += 1
-        elif not 0 <= (came - asked) - (answered - received) <= self.max_round_trip:
+        elif not 0 <= (came - asked) - (answered - received) <= MAX_ROUND_TRIP:
             self.refused['round trip'] += 1
         else:
             return Exchange(((received - asked) + (answered - came)) / 2, (came - asked) - (answered - received), now)
@@ -149,9 +137,9 @@ class ClockOffset:
 
     def _fits(self, exchange: Exchange, now: float) -> bool:
         """Whether an exchange is one of a clock of about this rate; the estimate then follows it."""
-        while self._exchanges and now - self._exchanges[0].at > self.window:
+        while self._exchanges and now - self._exchanges[0].at > self._window:
             self._exchanges.popleft()
-        if self._exchanges and self._best is not None and exchange.contradicts(self._best):
+        if self._exchanges and self.best is not None and exchange.contradicts(self.best):
             if any(map(exchange.contradicts, self._contradicting)):
                 self._contradicting.clear()
             self._contradicting.append(exchange)
@@ -164,5 +152,5 @@ class ClockOffset:
         else:
             self._exchanges.append(exchange)
         self._contradicting.clear()
-        self._best = min(self._exchanges, key=lambda known: known.uncertainty(now))
+        self.best = min(self._exchanges, key=lambda known: known.uncertainty(now))
         return True

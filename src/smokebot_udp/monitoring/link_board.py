@@ -1,25 +1,19 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The newest reports of all nodes, for the table of link_top."""
+"""The newest reports of all nodes, for link_top."""
 import collections
 import math
-from typing import Dict, Iterable, List, Mapping, NamedTuple, Optional, OrderedDict, Sequence, Set, Tuple
+from typing import Dict, List, Optional, OrderedDict, Sequence, Set, Tuple
 
-from .status import ROBOT
+from .status import ROBOT, STALE, Kind, Status
 
-LEVELS = {0: 'OK', 1: 'WARN', 2: 'ERROR', 3: 'STALE'}
-"""As in diagnostic_msgs/DiagnosticStatus."""
-
-STALE = 3
 STALE_AFTER = 3.0
 """A node without a report for this long is shown as STALE [s]; nodes report once a second."""
 
 MAX_NODES = 32
 """Number of nodes whose reports are kept, the newest."""
 
-KINDS = {'topic': 'stream', 'peer': 'connection', 'jumps': 'clock', 'state': 'link', 'problems': 'settings',
-         'refused requests': 'requests', 'handshakes': 'transport', 'control': 'control', 'wifi': 'wifi',
-         'refused': 'refused'}
-"""{value that only this kind of status has: kind}"""
+OWN = ''
+"""The part of a node's reports that are its own diagnostics; other parts are relayed of its robot."""
 
 DIAGNOSTICS = 'diagnostic_msgs/DiagnosticArray'
 """The part of what is relayed of a robot that has all the others."""
@@ -27,43 +21,11 @@ DIAGNOSTICS = 'diagnostic_msgs/DiagnosticArray'
 UNKNOWN_ROBOT = '/robot'
 """Name of a robot that is known only by relayed reports."""
 
-Report = Tuple[float, List['NodeStatus']]
+Report = Tuple[float, List[Status]]
 """When it came [s], and its content."""
 
 
-class NodeStatus(NamedTuple):
-    """One status of a node."""
-    node: str
-    level: int
-    message: str
-    values: Mapping[str, str]
-    """`side`, robot or operator, is always among them."""
-
-    @property
-    def kind(self) -> str:
-        """One of the values of KINDS, or other."""
-        return next((kind for key, kind in KINDS.items() if key in self.values), 'other')
-
-    @property
-    def stream(self) -> str:
-        """The name of the stream that it is about; empty: none."""
-        return self.values.get('stream', '')
-
-    def number(self, key: str, digits: int, factor: float = 1.0) -> str:
-        """A value times `factor`, rounded; - where it is not a finite number."""
-        try:
-            number = float(self.values.get(key, ''))
-        except ValueError:
-            return '-'
-        return '%.*f' % (digits, number * factor) if math.isfinite(number) else '-'
-
-
-def printable(text: str) -> str:
-    """The text without control characters: text from the network must not control the terminal."""
-    return ''.join(sign if sign.isascii() and sign.isprintable() else '?' for sign in text)
-
-
-def robots_of(operator: str, statuses: Sequence[NodeStatus]) -> List[str]:
+def robots_of(operator: str, statuses: Sequence[Status]) -> List[str]:
     """The names of the robots that an operator's node receives from, one for each connection.
 
     Robots with masters of their own may have the same name. They differ by their addresses.
@@ -71,9 +33,9 @@ def robots_of(operator: str, statuses: Sequence[NodeStatus]) -> List[str]:
     :param statuses: those of other nodes are ignored
     """
     own = [status for status in statuses if status.node == operator]
-    own_masters = any(status.kind == 'transport' for status in own)
-    return [status.values['peer'] + (' at ' + status.values.get('address', '-') if own_masters else '')
-            for status in own if status.kind == 'connection']
+    own_masters = any(status.kind == Kind.TRANSPORT for status in own)
+    return [status.values.get('peer', '-') + (' at ' + status.values.get('address', '-') if own_masters else '')
+            for status in own if status.kind == Kind.CONNECTION]
 
 
 class Board:
@@ -84,77 +46,80 @@ class Board:
     """
 
     def __init__(self) -> None:
-        self._reports: OrderedDict[str, Report] = collections.OrderedDict()     # by node, the newest last
-        self._relayed: OrderedDict[str, Dict[str, Report]] = collections.OrderedDict()  # by operator and part
+        # {node: {part: its newest report}}, the node that was heard last at the end
+        self._nodes: OrderedDict[str, Dict[str, Report]] = collections.OrderedDict()
 
-    def add(self, statuses: Sequence[NodeStatus], now: float) -> None:
+    def add(self, statuses: Sequence[Status], now: float) -> None:
         """Add the content of one DiagnosticArray; it replaces the earlier reports of its nodes."""
         for node in {status.node for status in statuses}:
-            self._reports[node] = now, [status for status in statuses if status.node == node]
-            self._reports.move_to_end(node)
-        while len(self._reports) > MAX_NODES:
-            self._reports.popitem(last=False)
+            self._put(node, OWN, [status for status in statuses if status.node == node], now)
 
-    def add_relayed(self, operator: str, part: str, statuses: Sequence[NodeStatus], now: float) -> None:
+    def add_relayed(self, operator: str, part: str, statuses: Sequence[Status], now: float) -> None:
         """Add a part of what an operator's node relays of its robot; it replaces the same part relayed earlier.
 
         :param operator: the operator's node
-        :param statuses: of the robot, whose node's name is unknown
+        :param statuses: of the robot, whose node's name may be unknown
         """
-        self._relayed.setdefault(operator, {})[part] = now, list(statuses)
-        self._relayed.move_to_end(operator)
-        while len(self._relayed) > MAX_NODES:
-            self._relayed.popitem(last=False)
+        self._put(operator, part, list(statuses), now)
+
+    def _put(self, node: str, part: str, statuses: List[Status], now: float) -> None:
+        self._nodes.setdefault(node, {})[part] = now, statuses
+        self._nodes.move_to_end(node)
+        if len(self._nodes) > MAX_NODES:
+            self._nodes.popitem(last=False)
 
     @property
     def sides(self) -> Set[str]:
         """The sides whose diagnostics came."""
-        return {status.values['side'] for _, statuses in self._reports.values() for status in statuses}
+        return {status.side for _, statuses in self._own().values() for status in statuses}
 
     def age(self, now: float) -> Optional[float]:
         """Time since the last report [s]; None without any."""
         return min((now - when for reports in self._known(now).values() for when, _ in reports), default=None)
 
-    def statuses(self, now: float) -> List[NodeStatus]:
+    def statuses(self, now: float) -> List[Status]:
         """All statuses, sorted by their nodes' names; those that are too old are STALE."""
         return [status if now - when <= STALE_AFTER
                 else status._replace(level=STALE, message='silent for %.0f s' % (now - when))
                 for _, reports in sorted(self._known(now).items()) for when, statuses in reports for status in statuses]
 
+    def _own(self) -> Dict[str, Report]:
+        """{node: its own diagnostics}"""
+        return {node: parts[OWN] for node, parts in self._nodes.items() if OWN in parts}
+
     def _known(self, now: float) -> Dict[str, List[Report]]:
-        """{node: its report}; what was relayed of a robot counts where its own report is missing or too old, and of
-        each part from when that came."""
-        known = {node: [report] for node, report in self._reports.items()}
-        for operator, parts in self._relayed.items():
-            robot = self._robot_of(operator)
-            if now - parts.get(DIAGNOSTICS, (-math.inf, []))[0] <= STALE_AFTER:
-                parts = {DIAGNOSTICS: parts[DIAGNOSTICS]}
-            newest = max(came for came, _ in parts.values())
-            fresh = robot in self._reports and now - self._reports[robot][0] <= STALE_AFTER
-            if robot not in known or (not fresh and newest > max(came for came, _ in known[robot])):
-                # old diagnostics last: what the others have is newer
-                known[robot] = _merged(robot, [parts[part] for part in sorted(parts, key=DIAGNOSTICS.__eq__)])
+        """{node: its reports}; what was relayed of a robot counts where its own report is missing, or too old and
+        older."""
+        own = self._own()
+        relayed: Dict[str, List[Tuple[str, Report]]] = {}
+        for operator, parts in self._nodes.items():
+            of_robot = [(part, report) for part, report in parts.items() if part != OWN]
+            if of_robot:
+                relayed.setdefault(self._robot_of(operator, own), []).extend(of_robot)
+        known = {node: [report] for node, report in own.items()}
+        for robot, reports in relayed.items():
+            when = own[robot][0] if robot in own else -math.inf
+            if now - when > STALE_AFTER and max(came for _, (came, _) in reports) > when:
+                known[robot] = _merged(robot, reports, now)
         return known
 
-    def _robot_of(self, operator: str) -> str:
+    @staticmethod
+    def _robot_of(operator: str, own: Dict[str, Report]) -> str:
         """The robot that an operator's node receives from."""
-        peers = robots_of(operator, self._reports.get(operator, (0.0, []))[1])
-        robots = [node for node, (_, reported) in self._reports.items()
-                  if any(status.values['side'] == ROBOT for status in reported)]
+        peers = robots_of(operator, own.get(operator, (0.0, []))[1])
+        robots = [node for node, (_, statuses) in own.items() if any(status.side == ROBOT for status in statuses)]
         return peers[0] if peers else robots[0] if len(robots) == 1 else UNKNOWN_ROBOT
 
 
-def _merged(robot: str, parts: Iterable[Report]) -> List[Report]:
-    """The parts of what is relayed of a robot, without what a part before has."""
+def _merged(robot: str, parts: Sequence[Tuple[str, Report]], now: float) -> List[Report]:
+    """What is relayed of a robot: its diagnostics alone while they come, else of each status the newest of the other
+    parts, and what only the old diagnostics have."""
+    ordered = sorted(parts, key=lambda item: (item[0] == DIAGNOSTICS, -item[1][0]))
+    whole = [report for part, report in ordered if part == DIAGNOSTICS and now - report[0] <= STALE_AFTER]
     merged: List[Report] = []
-    replaced: Set[Tuple[str, ...]] = set()
-    for when, statuses in parts:
-        left = [status._replace(node=robot) for status in statuses if _subject(status) not in replaced]
+    known: Set[Tuple[str, str]] = set()
+    for when, statuses in whole[:1] or [report for _, report in ordered]:
+        left = [status._replace(node=robot) for status in statuses if (status.kind, status.name) not in known]
         merged.append((when, left))
-        replaced.update(map(_subject, left))
+        known.update((status.kind, status.name) for status in left)
     return merged
-
-
-def _subject(status: NodeStatus) -> Tuple[str, ...]:
-    """What a status is about."""
-    return status.kind, status.stream, status.values.get('peer', '')

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A status as diagnostics show it, and the verdict from which its level and its message come."""
-from typing import Any, Dict, List, NamedTuple, Optional
+from typing import Any, Dict, List, Mapping, NamedTuple, Optional
 
-OK, WARN, ERROR = 0, 1, 2
+OK, WARN, ERROR, STALE = 0, 1, 2, 3
+LEVELS = {OK: 'OK', WARN: 'WARN', ERROR: 'ERROR', STALE: 'STALE'}
 """Levels, as in diagnostic_msgs/DiagnosticStatus."""
 
 ROBOT, OPERATOR = 'robot', 'operator'
@@ -12,14 +13,26 @@ TO_ROBOT = 'to the robot'
 """Direction of what operators send, in the status of a stream; the others have none."""
 
 
+class Kind:
+    """Kinds of statuses."""
+    STREAM, CONNECTION, LINK, CLOCK, CONTROL, TRANSPORT, WIFI, SETTINGS, REQUESTS, REFUSED = (
+        'stream', 'connection', 'link', 'clock', 'control', 'transport', 'wifi', 'settings', 'requests', 'refused')
+
+
 class Status(NamedTuple):
-    """The content of a diagnostic_msgs/DiagnosticStatus."""
+    """The content of a diagnostic_msgs/DiagnosticStatus; nodes/status_messages.py makes one of the other."""
+    kind: str
+    """One of Kind; a node of another release may have others."""
     name: str
+    """Unique in its node."""
     level: int
-    """OK, WARN or ERROR."""
     message: str
-    values: Dict[str, Any]
-    """{key, with its unit: value} in display order; values that are None are unknown and not published."""
+    values: Mapping[str, Any]
+    """{key, with its unit: value} in display order; values that are None are unknown and not published. Of a status
+    that was received they are texts."""
+    side: str = ''
+    """ROBOT or OPERATOR; empty before it is published, as is `node`."""
+    node: str = ''
 
 
 class Verdict:
@@ -56,3 +69,8 @@ def scaled(value: Optional[float], factor: float) -> Optional[float]:
 def by_reason(what: str, counts: Dict[str, int]) -> Dict[str, int]:
     """Counts by reason as values of a Status: {'what, reason': count}, sorted by reason."""
     return {'%s, %s' % (what, reason): count for reason, count in sorted(counts.items())}
+
+
+def printable(text: str) -> str:
+    """The text without control characters: text from the network must not control the terminal."""
+    return ''.join(sign if sign.isascii() and sign.isprintable() else '?' for sign in text)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Dict, NamedTuple, Optional, Sequence
 
 from . import wifi_texts
-from .status import OK, WARN, Status
+from .status import OK, WARN, Kind, Status
 from .wifi_texts import Station
 from .windows import Rate
 
@@ -109,13 +109,13 @@ class WifiMeter:
         return math.nan if total is None or rate.per_second is None else rate.per_second
 
 
-def wifi_status(state: WifiState, side: str) -> Status:
-    """The status of the Wi-Fi, on one side; - is the interface where there is none."""
+def wifi_status(state: WifiState) -> Status:
+    """The status of the Wi-Fi; - is the interface where there is none."""
     values = {'signal [dBm]': state.signal, 'noise [dBm]': state.noise, 'tx bitrate [Mbit/s]': state.tx_bitrate,
               'rx bitrate [Mbit/s]': state.rx_bitrate, 'retries [1/s]': state.retries, 'failed [1/s]': state.failed,
               'beacon loss [1/s]': state.beacon_loss}
     level, message = OK, 'fine' if state.interface else 'no wireless interface'
     if state.missing:
         level, message = WARN, 'there is no wireless interface %s' % state.interface
-    return Status('wifi', level, message, {
-        'side': side, 'wifi': state.interface or '-', **({'ssid': state.ssid} if state.ssid else {}), **values})
+    return Status(Kind.WIFI, 'wifi', level, message, {
+        'wifi': state.interface or '-', **({'ssid': state.ssid} if state.ssid else {}), **values})

@@ -18,8 +18,7 @@ import rospy
 from diagnostic_msgs.msg import DiagnosticArray
 
 from ..monitoring.comparison import LEGEND, Compared, table
-from ..monitoring.link_board import NodeStatus
-from ..monitoring.status import OPERATOR
+from ..monitoring.status import OPERATOR, Kind, Status
 from ..streams import classified
 from ..udpros import rpc
 from .common import Parameters, read_streams
@@ -27,8 +26,8 @@ from .demo_drive import DemoDrive, topics_of
 from .demo_images import ImageComparison, stacked
 from .foreign_publishers import register_publishers
 from .launches import end_own_launch
-from .link_top import as_status
 from .parameters import DEMO_REPORT
+from .status_messages import statuses_of
 
 FIRST_IMAGE_TIMEOUT = 60.0
 """After this time without images from every stream the report begins anyway [s]."""
@@ -44,12 +43,12 @@ class DatagramCounts:
         self._first: Dict[Tuple[str, str], Counts] = {}     # by node and stream
         self._last: Dict[Tuple[str, str], Counts] = {}
 
-    def add(self, statuses: Iterable[NodeStatus]) -> None:
+    def add(self, statuses: Iterable[Status]) -> None:
         """Take diagnostics."""
         for status in statuses:
             values = status.values
-            if status.kind == 'stream' and values['side'] == OPERATOR and 'datagrams' in values and 'lost' in values:
-                key, counts = (status.node, status.stream), (int(values['datagrams']), int(values['lost']))
+            if (status.kind, status.side) == (Kind.STREAM, OPERATOR) and 'datagrams' in values and 'lost' in values:
+                key, counts = (status.node, status.name), (int(values['datagrams']), int(values['lost']))
                 self._first.setdefault(key, counts)
                 self._last[key] = counts
 
@@ -175,7 +174,7 @@ def main() -> None:
     images, others = comparisons_of(classified(definitions).streams, operator, bool(path))
     datagrams = DatagramCounts()
     rospy.Subscriber('/diagnostics', DiagnosticArray, lambda message: datagrams.add(
-        status for status in map(as_status, message.status) if status is not None), queue_size=20)
+        statuses_of(message.status)), queue_size=20)
     comparisons: List[Union[ImageComparison, RateComparison]] = [*images, *others]
     master, topics = parameters['operator_master'], {
         '/diagnostics', *(topic for one in comparisons for topic in one.operator_topics), *(topics_to_robot or ())}

@@ -11,34 +11,34 @@ What the statuses mean is decided in monitoring/, from the stats of streams, con
 """
 import dataclasses
 import functools
-import socket
 import time
 from typing import Any, Callable, Dict, Iterable, List, Mapping, Optional, Sequence
 
 import diagnostic_updater
 import rosgraph
 import rospy
-from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from .. import udpros
-from ..monitoring.link_status import clock_status, link_status
-from ..monitoring.request_status import RequestMonitor
+from ..monitoring.node_status import RequestMonitor, clock_status, link_status, transport_status
 from ..monitoring.sources import TOPIC, SourceWatch, graph_of
 from ..monitoring.stats import PAUSED, StreamStats
-from ..monitoring.status import ERROR, OPERATOR, ROBOT, Status
+from ..monitoring.status import ERROR, OPERATOR, ROBOT, Kind, Status
 from ..monitoring.stream_status import StreamMonitor
 from ..monitoring.thresholds import Thresholds
-from ..monitoring.transport_status import transport_status
 from ..monitoring.wifi import WifiState, wifi_status
 from ..transport import Transport
 from ..udpros import rpc
 from .logging import log_error
+from .status_messages import as_message
 from .stream_problems import StreamProblems
 from .way_back import WayBack
 from .worker import PeriodicWorker
 
 PERIOD = 1.0
 """[s]"""
+
+Statuses = Callable[[float], List[Status]]
+"""f(time [s]) -> statuses"""
 
 
 def read_thresholds(names: Iterable[str], parameters: Any) -> Dict[str, Thresholds]:
@@ -54,23 +54,16 @@ def read_thresholds(names: Iterable[str], parameters: Any) -> Dict[str, Threshol
     return thresholds
 
 
-def as_message(status: Status) -> Any:
-    """The diagnostic_msgs/DiagnosticStatus of a Status."""
-    return DiagnosticStatus(
-        name=status.name, level=status.level, message=status.message, hardware_id=socket.gethostname(),
-        values=[KeyValue(key, '%.6g' % value if isinstance(value, float) else str(value))
-                for key, value in status.values.items() if value is not None])
-
-
 class Diagnostics:
     """Publishes statuses from its own thread: a simulated clock that stops must not stop it.
 
-    :param sources: functions of the time [s] that return statuses; if one fails the others are still published
+    :param side: ROBOT or OPERATOR
+    :param sources: if one fails the others are still published
     :param watch: what they ask the master for
     """
 
-    def __init__(self, sources: Sequence[Callable[[float], List[Status]]], watch: 'MasterWatch') -> None:
-        self._sources, self._watch, self._log_error = sources, watch, log_error('diagnostics')
+    def __init__(self, side: str, sources: Sequence[Statuses], watch: 'MasterWatch') -> None:
+        self._side, self._sources, self._watch, self._log_error = side, sources, watch, log_error('diagnostics')
         # only the Updater's publish: its list of tasks is fixed, but connections come and go
         self._updater = diagnostic_updater.Updater()
         self._worker = PeriodicWorker('diagnostics', self._publish, self._log_error, PERIOD)
@@ -80,7 +73,7 @@ class Diagnostics:
         messages, now = [], time.monotonic()
         for source in self._sources:
             try:
-                messages += [as_message(status) for status in source(now)]
+                messages += [as_message(status, self._side) for status in source(now)]
             except Exception as error:
                 self._log_error(error)
         if not rospy.is_shutdown():
@@ -123,20 +116,17 @@ def robot_diagnostics(streams: Mapping[str, Any], way_back: WayBack, link: Any, 
     :param found: gets what is wrong with the sources of streams
     :return: to be closed before the streams and the transport
     """
-    watch, requests = MasterWatch(), RequestMonitor(ROBOT)
+    watch, of_node = MasterWatch(), _of_node(way_back, parameters, problems, transport)
 
     def update(stream: Any, monitor: StreamMonitor, now: float) -> List[Status]:
         stats: StreamStats = stream.stats()
         problem = _source_problem(stream, stats, monitor, watch, now)
         found.note(stream.name, problem, stats.problem if stats.problem != PAUSED else None)
-        return monitor.update(_with_problem(stats, problem), now)
+        return monitor.update(dataclasses.replace(stats, problem=stats.problem or problem), now)
 
     def update_node(now: float) -> List[Status]:
-        return [link_status(link.stats(now)), wifi_status(link.wifi.state, ROBOT), *way_back.statuses(now),
-                _settings_status(problems, ROBOT, now),
-                *_refused_status(parameters.refused, ROBOT), requests.update(udpros.refused_requests(), now),
-                *_transport_status(transport, ROBOT, now)]
-    return Diagnostics(_sources(ROBOT, {**streams, **way_back.streams}, parameters, update) + [update_node],
+        return [link_status(link.stats(now)), wifi_status(link.wifi.state), *of_node(now)]
+    return Diagnostics(ROBOT, _sources(ROBOT, {**streams, **way_back.streams}, parameters, update) + [update_node],
                        watch)
 
 
@@ -154,7 +144,7 @@ def operator_diagnostics(streams: Mapping[str, Any], way_back: WayBack, clock: A
     :param wifi: f() -> the state of this machine's Wi-Fi
     :return: to be closed before the streams, the clock and the transport
     """
-    watch, requests = MasterWatch(), RequestMonitor(OPERATOR)
+    watch, of_node = MasterWatch(), _of_node(way_back, parameters, problems, transport)
 
     def update(stream: Any, monitor: StreamMonitor, now: float) -> List[Status]:
         stats, robot, estimate = stream.stats(), sent().get(stream.name), clock.estimate
@@ -164,15 +154,28 @@ def operator_diagnostics(streams: Mapping[str, Any], way_back: WayBack, clock: A
 
     def update_back(stream: Any, monitor: StreamMonitor, now: float) -> List[Status]:
         stats: StreamStats = stream.stats()
-        return monitor.update(_with_problem(stats, _source_problem(stream, stats, monitor, watch, now, False)), now)
+        problem = _source_problem(stream, stats, monitor, watch, now, False)
+        return monitor.update(dataclasses.replace(stats, problem=stats.problem or problem), now)
 
     def update_node(now: float) -> List[Status]:
-        return [clock_status(clock.estimate, clock.counts), wifi_status(wifi(), OPERATOR), *way_back.statuses(now),
-                _settings_status(problems, OPERATOR, now),
-                *_refused_status(parameters.refused, OPERATOR), requests.update(udpros.refused_requests(), now),
-                *_transport_status(transport, OPERATOR, now)]
-    return Diagnostics(_sources(OPERATOR, streams, parameters, update)
+        return [clock_status(clock.estimate, clock.counts), wifi_status(wifi()), *of_node(now)]
+    return Diagnostics(OPERATOR, _sources(OPERATOR, streams, parameters, update)
                        + _sources(OPERATOR, way_back.streams, parameters, update_back) + [update_node], watch)
+
+
+def _of_node(way_back: WayBack, parameters: Any, problems: Any, transport: Transport) -> Statuses:
+    """The statuses that a node has on either side, besides those of streams."""
+    requests = RequestMonitor()
+
+    def update(now: float) -> List[Status]:
+        refused, stats = parameters.refused, transport.stats(now)
+        statuses = [*way_back.statuses(now), problems.status(now), requests.update(udpros.refused_requests(), now)]
+        if refused:
+            reasons = '; '.join('%s: %s' % item for item in refused.items())
+            statuses.append(Status(Kind.REFUSED, 'refused streams', ERROR, reasons, {
+                'refused': len(refused), **refused}))
+        return statuses + ([] if stats is None else [transport_status(stats)])
+    return update
 
 
 def _source_problem(stream: Any, stats: StreamStats, monitor: StreamMonitor, watch: SourceWatch, now: float,
@@ -192,32 +195,9 @@ def _source_problem(stream: Any, stats: StreamStats, monitor: StreamMonitor, wat
     return problem if must_exist or ' must be ' in (problem or '') else None
 
 
-def _with_problem(stats: StreamStats, problem: Optional[str]) -> StreamStats:
-    """The stats of a stream; a problem of its source is its problem, unless it has one."""
-    return stats if stats.problem or not problem else dataclasses.replace(stats, problem=problem)
-
-
 def _sources(side: str, streams: Mapping[str, Any], parameters: Any,
-             update: Callable[[Any, StreamMonitor, float], List[Status]]) -> List[Callable[[float], List[Status]]]:
+             update: Callable[[Any, StreamMonitor, float], List[Status]]) -> List[Statuses]:
     """A source of statuses for each stream."""
     thresholds, now = read_thresholds(streams, parameters), time.monotonic()
     return [functools.partial(update, stream, StreamMonitor(side, name, stream.topic, thresholds[name], now))
             for name, stream in streams.items()]
-
-
-def _settings_status(problems: Any, side: str, now: float) -> Status:
-    """The status of the settings: which ones were refused."""
-    level, message, values = problems.verdict(now)
-    return Status('settings', level, message, {'side': side, **values})
-
-
-def _refused_status(refused: Mapping[str, str], side: str) -> List[Status]:
-    """The status of the streams that do not run, where there are any."""
-    return [Status('refused streams', ERROR, '; '.join('%s: %s' % item for item in refused.items()), {
-        'side': side, 'refused': len(refused), **refused})] if refused else []
-
-
-def _transport_status(transport: Transport, side: str, now: float) -> List[Status]:
-    """The status of the transport, where it has one."""
-    stats = transport.stats(now)
-    return [] if stats is None else [transport_status(stats, side)]

@@ -17,7 +17,7 @@ from ..capture.content import Captured, Refused, unpack
 from ..capture.receiving import Receiving
 from ..capture.sending import Piece
 from ..limited_log import ERROR_PERIOD, logwarn
-from ..monitoring.link_board import printable
+from ..monitoring.status import printable
 from ..msg import CapturePiece, CaptureProgress, CaptureRequest
 from ..srv import Capture, CaptureResponse
 from ..streams.frame_prefix import add_prefix

@@ -16,7 +16,7 @@ from std_msgs.msg import Bool, Empty, String
 from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 
 from ..limited_log import logerr
-from ..monitoring.control_status import operator_control_status
+from ..monitoring.node_status import operator_control_status
 from ..monitoring.status import Status
 from ..msg import ControlRequest, ControlStatus
 from ..teleop import records

@@ -6,14 +6,13 @@ import time
 from typing import Any, Deque, Dict, Tuple
 
 from ..limited_log import logerr
-from ..monitoring.status import OK, WARN
+from ..monitoring.status import OK, WARN, Kind, Status
 
 REMEMBERED = 5
 """Problems."""
 
 RECENT = 60.0
 """Time for which a problem makes diagnostics WARN [s]."""
-
 
 AGAIN = 1.0
 """Problems of one kind are logged this far apart: a person may try another value, a program many [s]."""
@@ -34,8 +33,8 @@ class Problems:
             self.count += 1
             self._last.append((time.monotonic(), problem))
 
-    def verdict(self, now: float) -> Tuple[int, str, Dict[str, Any]]:
-        """(level, message, {name: value}) for diagnostics.
+    def status(self, now: float) -> Status:
+        """For diagnostics: which settings were refused.
 
         :param now: time.monotonic() [s]
         """
@@ -44,4 +43,4 @@ class Problems:
             values: Dict[str, Any] = {'problems': self.count}
             values.update(('problem %d' % (self.count - back), '%s (%.0f s ago)' % (problem, now - when))
                           for back, (when, problem) in enumerate(reversed(self._last)))
-        return (WARN, recent[-1], values) if recent else (OK, 'fine', values)
+        return Status(Kind.SETTINGS, 'settings', WARN if recent else OK, recent[-1] if recent else 'fine', values)

@@ -15,7 +15,7 @@ from std_msgs.msg import Bool
 from std_srvs.srv import SetBool, SetBoolResponse
 
 from ..limited_log import logerr
-from ..monitoring.control_status import robot_control_status
+from ..monitoring.node_status import robot_control_status
 from ..monitoring.status import Status
 from ..msg import ControlPeer, ControlRequest, ControlStatus
 from ..teleop import records

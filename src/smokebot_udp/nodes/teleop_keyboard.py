@@ -20,7 +20,7 @@ from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool, Trigger
 
 from .. import udpros
-from ..monitoring.link_board import printable
+from ..monitoring.status import printable
 from ..teleop.keyboard import MOVES, STOP, Keyboard, StopKey, Velocity, Wish
 from ..teleop.keyboard_screen import HELP, status_lines
 from ..teleop.keys import Keys

@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The statuses of a node as a whole: the link, the clocks, who drives, the transport, and refused requests."""
+from typing import Dict, Mapping, Optional, Sequence
+
+from ..transport import PeerStats, TransportStats
+from ..units import MBIT
+from .clock_offset import ClockEstimate
+from .stats import LinkStats
+from .status import ERROR, OK, WARN, Kind, Status, Verdict, by_reason, scaled
+from .windows import Growths
+
+HOLE = 'datagrams above %d bytes do not pass'
+
+
+def link_status(stats: LinkStats) -> Status:
+    """The status of the link, on the robot's side."""
+    verdict, hole = Verdict(), {} if stats.longest is None else {'longest datagram [byte]': stats.longest}
+    if stats.adaptive and stats.timeout:
+        verdict.add(WARN, stats.state)
+    if stats.longest is not None:
+        verdict.add(WARN, HOLE % stats.longest)
+    return Status(Kind.LINK, 'link control', verdict.level, str(verdict) or 'fine', {
+        'state': stats.state, 'rate [Mbit/s]': (stats.rate or 0.0) / MBIT,
+        'sent [Mbit/s]': stats.sent / MBIT, 'wanted [Mbit/s]': stats.wanted / MBIT,
+        'capacity [Mbit/s]': stats.capacity / MBIT, 'loss [%]': 100 * stats.loss,
+        'queue delay [ms]': 1e3 * stats.queue_delay, 'round trip [ms]': 1e3 * stats.round_trip,
+        **hole, **{'rate for %s [Mbit/s]' % operator: rate / MBIT for operator, rate in sorted(stats.slower.items())},
+        **{'reports refused, ' + reason: count for reason, count in sorted(stats.refused_reports.items())}})
+
+
+def clock_status(estimate: Optional[ClockEstimate], counts: Dict[str, int]) -> Status:
+    """The status of the clocks, on the operator's side.
+
+    :param counts: {event: how often it happened}
+    """
+    if estimate is None:
+        level, message, values = WARN, "the offset of the robot's clock is unknown, and so are ages", {}
+    else:
+        level, message, values = OK, 'known', {
+            '%s [ms]' % name: 1e3 * seconds for name, seconds in estimate._asdict().items()}
+    return Status(Kind.CLOCK, 'clock', level, message, {**values, **counts})
+
+
+def control_text(driver: str, estop: bool, operators: Sequence[str]) -> str:
+    """Who drives, in words.
+
+    :param driver: name; empty: nobody
+    :param operators: names of all that are present
+    """
+    others = [name for name in operators if name != driver]
+    return '%s%s%s' % ('EMERGENCY STOP; ' if estop else '', '%s drives' % driver if driver else 'nobody drives',
+                       ', present: ' + ', '.join(others) if others else '')
+
+
+def robot_control_status(driver: str, estop_by: Optional[str], operators: Sequence[str],
+                         dropped: Mapping[str, int]) -> Status:
+    """The status of the control, on the robot's side.
+
+    :param estop_by: who engaged the emergency stop; None: it is not engaged
+    :param dropped: {reason: requests that were refused}
+    """
+    estop = estop_by is not None
+    message = 'emergency stop, engaged by %s' % estop_by if estop else 'fine'
+    return Status(Kind.CONTROL, 'control', WARN if estop else OK, message, {
+        'control': control_text(driver, estop, operators), 'driver': driver or 'nobody',
+        'emergency stop': 'engaged' if estop else 'released', 'operators': ', '.join(operators) or 'none',
+        **by_reason('dropped', dict(dropped))})
+
+
+def operator_control_status(state: str, locked: bool, uncertainty: Optional[float], loss: Optional[float]) -> Status:
+    """The status of the control, on the operator's side.
+
+    :param state: in words, see OperatorControl
+    :param locked: whether no command would leave now
+    :param uncertainty: of the robot's clock [s]; None: it is unknown
+    :param loss: ratio of this node's datagrams that do not reach the robot, 0..1; None: unknown
+    """
+    level = ERROR if uncertainty is None else WARN if locked else OK
+    return Status(Kind.CONTROL, 'control', level, state if level else 'fine', {
+        'control': state, 'uncertainty of the robot\'s clock [ms]': scaled(uncertainty, 1e3),
+        'loss to the robot [%]': scaled(loss, 100)})
+
+
+def transport_status(stats: TransportStats) -> Status:
+    """The status of a transport."""
+    wrong = '; '.join(([stats.problem] if stats.problem else []) + list(stats.remarks))
+    return Status(Kind.TRANSPORT, 'link transport', WARN if wrong else OK, wrong or 'fine', {
+        'sealed': 'yes' if stats.sealed else 'no: anybody on the network can watch',
+        'connected to': '; '.join(map(_peer, stats.peers)) or 'nobody', 'handshakes': stats.handshakes,
+        'dropped': sum(stats.dropped.values()), **by_reason('dropped', dict(stats.dropped))})
+
+
+def _peer(peer: PeerStats) -> str:
+    """A peer in words: only what is known of it."""
+    parts = ['silent for %.0f s' % peer.silence] if peer.silence >= 1 else []
+    if peer.round_trip is not None:
+        parts.append('round trip %.0f ms' % (1e3 * peer.round_trip))
+    return '%s at %s:%d%s' % (peer.name, *peer.address, ' (%s)' % ', '.join(parts) if parts else '')
+
+
+class RequestMonitor:
+    """Follows the refused requests of a node."""
+
+    def __init__(self) -> None:
+        self._growths = Growths()
+
+    def update(self, refused: Mapping[str, int], now: float) -> Status:
+        """The status at a time [s].
+
+        :param refused: {reason: requests refused until now}
+        """
+        recent = self._growths.update(refused, now)
+        text = 'requests refused: ' + ', '.join('%d %s' % (count, reason) for reason, count in recent.items())
+        return Status(Kind.REQUESTS, 'connection requests', WARN if recent else OK, text if recent else 'fine', {
+            'refused requests': sum(refused.values()), **by_reason('refused', dict(refused))})

@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: BSD-3-Clause
+import dataclasses
+import math
+from typing import List
+
+import pytest
+
+from smokebot_udp.monitoring.clock_offset import ClockEstimate
+from smokebot_udp.monitoring.node_status import (
+    RequestMonitor,
+    clock_status,
+    control_text,
+    link_status,
+    operator_control_status,
+    robot_control_status,
+    transport_status,
+)
+from smokebot_udp.monitoring.stats import LinkStats
+from smokebot_udp.monitoring.status import ERROR, OK, ROBOT, WARN, Status, Verdict
+from smokebot_udp.monitoring.thresholds import Thresholds
+from smokebot_udp.nodes.status_messages import as_message, statuses_of
+from smokebot_udp.streams.config import NAME
+from smokebot_udp.transport import PeerStats, TransportStats
+from smokebot_udp.units import MBIT
+
+
+def test_thresholds_must_be_numbers() -> None:
+    thresholds, problems = Thresholds().override({'warn_loss': 0.1, 'error_silence': 5, 'fill': 'nearest'})
+    assert thresholds == Thresholds(warn_loss=0.1, error_silence=5.0) and not problems
+    for wrong in ('0.1', True, -1, math.nan, None, [1]):
+        thresholds, problems = Thresholds(warn_loss=0.2).override({'warn_loss': wrong})
+        assert thresholds == Thresholds(warn_loss=0.2) and 'warn_loss' in problems[0] and '0.2' in problems[0]
+
+
+def test_the_worst_level_is_the_verdict_s() -> None:
+    verdict = Verdict()
+    verdict.check(None, 1.0, 2.0, '%.0f', 1)
+    verdict.check(0.9, 1.0, 2.0, '%.0f', 1)
+    assert verdict.level == OK and not str(verdict)
+    verdict.check(2.0, 1.0, 2.0, '%.0f cm', 100)
+    verdict.check(1.0, 1.0, 2.0, '%.0f m', 1)
+    assert verdict.level == ERROR and str(verdict) == '200 cm, 1 m'
+
+
+def test_the_clock_s_status() -> None:
+    status = clock_status(ClockEstimate(-0.0125, 0.003, 0.002), {'jumps': 1})
+    assert status.level == OK and status.values == pytest.approx(
+        {'offset [ms]': -12.5, 'round_trip [ms]': 3.0, 'uncertainty [ms]': 2.0, 'jumps': 1})
+    assert clock_status(None, {'jumps': 0}).level == WARN
+
+
+def test_the_link_s_status() -> None:
+    stats = LinkStats(True, 2 * MBIT, MBIT, 5 * MBIT, 3 * MBIT, 0.1, 0.02, operator='/op', silence=2.0,
+                      refused_reports={'too many operators': 5, 'order': 1})
+    status = link_status(stats)
+    assert (status.name, status.level, status.message) == ('link control', OK, 'fine')
+    assert not NAME.match(status.name)      # else diagnostics could have it twice: streams.yaml has a stream `link`
+    assert status.values == pytest.approx({
+        'state': 'as /op reports', 'rate [Mbit/s]': 2, 'sent [Mbit/s]': 1, 'wanted [Mbit/s]': 5,
+        'capacity [Mbit/s]': 3, 'loss [%]': 10, 'queue delay [ms]': 20, 'round trip [ms]': math.nan,
+        'reports refused, order': 1, 'reports refused, too many operators': 5}, nan_ok=True)
+    status = link_status(dataclasses.replace(stats, timeout=True))
+    assert (status.level, status.message) == (WARN, 'no reports of /op for 2.0 s')
+    holed = link_status(dataclasses.replace(stats, timeout=True, longest=1172))
+    assert (holed.level, holed.message) == (
+        WARN, 'no reports of /op for 2.0 s, datagrams above 1172 bytes do not pass')
+    assert holed.values['longest datagram [byte]'] == 1172
+    fixed = link_status(dataclasses.replace(stats, adaptive=False, rate=None, timeout=True))
+    assert (fixed.level, fixed.message) == (OK, 'fine')
+    assert fixed.values['state'] == 'fixed' and fixed.values['rate [Mbit/s]'] == 0
+    assert link_status(dataclasses.replace(stats, operator=None)).values['state'] == 'no operator has reported yet'
+
+
+def test_a_message_has_no_unknown_values() -> None:
+    message = as_message(Status('k', 'a', WARN, 'b', {'x': None, 'y': 1.23456789, 'z': 1234567}), ROBOT)
+    assert [(pair.key, pair.value) for pair in message.values] == [
+        ('side', 'robot'), ('kind', 'k'), ('y', '1.23457'), ('z', '1234567')]
+    assert (message.name, message.level, message.message) == ('a', WARN, 'b')
+
+
+def test_a_message_is_read_as_the_status_that_it_was_made_of() -> None:
+    """Also where a value has the name of what tells statuses apart, as that of a refused stream may."""
+    status = Status('refused', 'node: a', WARN, 'b', {'refused': 2, 'kind': 'rate is -5', 'x': 'y'})
+    read, = statuses_of([as_message(status, ROBOT)])
+    assert read == Status('refused', 'a', WARN, 'b', {'refused': '2', 'x': 'y'}, ROBOT, '/node')
+
+
+@pytest.mark.parametrize('driver, estop, operators, text', [
+    ('', False, [], 'nobody drives'), ('/a', False, ['/a'], '/a drives'),
+    ('/a', True, ['/b', '/a'], 'EMERGENCY STOP; /a drives, present: /b'),
+    ('', False, ['/a', '/b'], 'nobody drives, present: /a, /b')])
+def test_who_drives_in_words(driver: str, estop: bool, operators: List[str], text: str) -> None:
+    assert control_text(driver, estop, operators) == text
+
+
+def test_an_emergency_stop_is_a_warning_that_names_who_engaged_it() -> None:
+    status = robot_control_status('/a', '/b', ['/a', '/b'], {'too many operators': 3})
+    assert (status.level, status.message) == (WARN, 'emergency stop, engaged by /b')
+    assert status.values == {'control': 'EMERGENCY STOP; /a drives, present: /b', 'driver': '/a',
+                             'emergency stop': 'engaged', 'operators': '/a, /b', 'dropped, too many operators': 3}
+    fine = robot_control_status('', None, [], {})
+    assert (fine.level, fine.message, fine.values['driver']) == (OK, 'fine', 'nobody')
+
+
+def test_an_operator_without_the_robots_clock_cannot_command() -> None:
+    assert operator_control_status('in control', False, 0.002, 0.5)[2:5] == (OK, 'fine', {
+        'control': 'in control', "uncertainty of the robot's clock [ms]": 2.0,
+        'loss to the robot [%]': 50.0})
+    assert operator_control_status('LOCKED: thermal is 2.0 s old', True, 0.002, None).level == WARN
+    unknown = operator_control_status('LOCKED: the robot was not heard yet', True, None, None)
+    assert (unknown.level, unknown.message) == (ERROR, 'LOCKED: the robot was not heard yet')
+
+
+def test_peers_and_drops_are_listed() -> None:
+    peers = [PeerStats('/operator_receiver@desk', ('10.0.0.9', 40000), 0.2, 0.0124),
+             PeerStats('/ugv1/operator_receiver@truck', ('10.0.0.8', 40001), 12.4, None)]
+    status = transport_status(TransportStats(True, peers, 3, {'wrong tag': 2, 'replayed': 5}, None))
+    assert (status.name, status.level, status.message) == ('link transport', OK, 'fine')
+    assert status.values == {
+        'sealed': 'yes',
+        'connected to': '/operator_receiver@desk at 10.0.0.9:40000 (round trip 12 ms); '
+                        '/ugv1/operator_receiver@truck at 10.0.0.8:40001 (silent for 12 s)',
+        'handshakes': 3, 'dropped': 7, 'dropped, replayed': 5, 'dropped, wrong tag': 2}
+
+
+def test_a_problem_is_a_warning() -> None:
+    remarked = transport_status(TransportStats(True, [], 0, {}, None, ['the buffer is short']))
+    assert (remarked.level, remarked.message) == (WARN, 'the buffer is short')
+    status = transport_status(TransportStats(False, [], 0, {}, '10.0.0.7:17001 does not answer'))
+    assert (status.level, status.message) == (WARN, '10.0.0.7:17001 does not answer')
+    assert status.values == {'sealed': 'no: anybody on the network can watch', 'connected to': 'nobody',
+                             'handshakes': 0, 'dropped': 0}
+
+
+def test_requests_that_are_refused_are_a_warning_for_a_while() -> None:
+    monitor = RequestMonitor()
+    assert monitor.update({}, 0.0)[2:4] == (OK, 'fine')
+    status = monitor.update({'address': 2, 'datagram size': 1}, 1.0)
+    assert (status.level, status.message) == (WARN, 'requests refused: 2 address, 1 datagram size')
+    assert status.values == {'refused requests': 3, 'refused, address': 2, 'refused, datagram size': 1}
+    for now in range(2, 20):
+        status = monitor.update({'address': 2, 'datagram size': 1}, float(now))
+    assert (status.level, status.values['refused requests']) == (OK, 3)
+    assert monitor.update({'address': 3, 'datagram size': 1}, 20.0).message == 'requests refused: 1 address'
