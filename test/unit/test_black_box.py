@@ -7,8 +7,8 @@ import pytest
 import rospy
 
 from smokebot_udp.limited_log import ERROR_PERIOD
+from smokebot_udp.monitoring.computer import load
 from smokebot_udp.nodes import black_box
-from smokebot_udp.nodes.machine_load import load
 from smokebot_udp.streams.recorded_topics import RecordedStream
 
 ERROR = 'the black box does not record: %s. It goes on when that has changed'

@@ -2,8 +2,8 @@
 """The runner of the operator's side, with topics that stay in this process."""
 import queue
 import threading
-from types import SimpleNamespace
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any, Dict, Iterator, List, Optional, Sequence
 
 import numpy as np

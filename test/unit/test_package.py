@@ -20,7 +20,7 @@ LAYERS = {
     'streams': {'codecs', 'congestion.operating_points', 'mission.parameters', 'mission.roles', 'mission.settings',
                 'mission.yaml_text', 'udpros.frame', 'udpros.datagram', 'msg'},
     'congestion': {'monitoring.stats', 'monitoring.windows'},
-    'link_lab': {'udpros', 'msg'}, 'mission_report': {'codecs', 'streams.image.source'},
+    'link_lab': {'udpros', 'msg'}, 'mission_report': {'codecs', 'monitoring.computer', 'streams.image.source'},
     'link': {'udpros.datagram', 'udpros.depacketizer', 'udpros.endpoints', 'udpros.frame',
              'udpros.loss_emulation', 'udpros.packetizer', 'udpros.records', 'udpros.sequence'},
     'teleop': {'monitoring.clock_offset', 'monitoring.windows'}, 'reliable': set(),

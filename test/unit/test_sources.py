@@ -183,10 +183,10 @@ def test_the_diagnostics_of_a_silent_stream_give_the_reason_and_do_not_wait_for_
     parameters = SimpleNamespace(values={}, report=None, refused={})
     way_back = SimpleNamespace(streams={}, statuses=lambda now: [])
     noted = StreamProblems({})
-    made: Tuple[Any, Any] = diagnostics.robot_diagnostics(  # type: ignore[assignment]
+    made: Tuple[Any, Any, Any] = diagnostics.robot_diagnostics(  # type: ignore[assignment]
         streams, way_back, None, parameters, None, SimpleNamespace(stats=lambda now: None),  # type: ignore[arg-type]
         noted)
-    (fix, odom, _), watch = made
+    _, (fix, odom, _), watch = made
     for second in range(5):
         count[0] += 10
         odom(start + second)

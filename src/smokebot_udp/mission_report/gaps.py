@@ -5,6 +5,7 @@ from typing import Callable, List, NamedTuple
 import numpy as np
 
 from ..arrays import FloatArray
+from ..monitoring.computer import OVERLOAD
 from .mission import Mission, Span
 from .record import LOAD_PERIOD as PERIOD
 from .record import OPERATOR, ROBOT, SIDES, State
@@ -18,9 +19,8 @@ PERIODS = 2.5
 MOST = 0.8
 """A reason explains a gap if it holds for this part of it."""
 
-OVERLOAD, STALLED = 2.0, 4.0
-"""Programs that want a processor, for each of them. With two each has half of the time, and images come at half of
-their rate; some come nevertheless. With four, a second without a message may be due to that as well as to the link."""
+STALLED = 2 * OVERLOAD
+"""Programs for each processor: a second without a message may be due to that as well as to the link."""
 
 LEAST_TOLD = 0.3
 """A machine that tells its load less often than this part of what it should stood still."""

@@ -83,9 +83,10 @@ def _node_lines(statuses: Sequence[Tree], nodes: Dict[str, Tree], several: Dict[
                 whose = ' of ' + status['node'] if several.get(kind) else ''
                 lines.append('%-6s %s' % (status['level'], text(status, nodes[status['node']].get(kind), whose, plots)))
     for status in statuses:
-        if status['kind'] in (Kind.SETTINGS, Kind.REQUESTS, Kind.REFUSED):
+        if status['kind'] in (Kind.SETTINGS, Kind.REQUESTS, Kind.REFUSED, Kind.COMPUTER):
             if status['level'] != 'OK':
-                lines.append('%-6s %s: %s' % (status['level'], status['node'], status['message']))
+                subject = "%s's computer" if status['kind'] == Kind.COMPUTER else '%s'
+                lines.append('%-6s %s: %s' % (status['level'], subject % status['node'], status['message']))
         elif status['kind'] not in TEXTS:   # of another release
             lines.append('%-6s %s: %s: %s' % (status['level'], status['node'], status['name'], status['message']))
     return list(dict.fromkeys(lines))

@@ -15,8 +15,9 @@ TO_ROBOT = 'to the robot'
 
 class Kind:
     """Kinds of statuses."""
-    STREAM, CONNECTION, LINK, CLOCK, CONTROL, TRANSPORT, WIFI, SETTINGS, REQUESTS, REFUSED = (
-        'stream', 'connection', 'link', 'clock', 'control', 'transport', 'wifi', 'settings', 'requests', 'refused')
+    STREAM, CONNECTION, LINK, CLOCK, CONTROL, TRANSPORT, WIFI, COMPUTER, SETTINGS, REQUESTS, REFUSED = (
+        'stream', 'connection', 'link', 'clock', 'control', 'transport', 'wifi', 'computer', 'settings', 'requests',
+        'refused')
 
 
 class Status(NamedTuple):

@@ -19,6 +19,7 @@ import rosgraph
 import rospy
 
 from .. import udpros
+from ..monitoring.computer import ComputerMonitor
 from ..monitoring.node_status import RequestMonitor, clock_status, link_status, transport_status
 from ..monitoring.sources import TOPIC, SourceWatch, graph_of
 from ..monitoring.stats import PAUSED, StreamStats
@@ -29,6 +30,7 @@ from ..monitoring.wifi import WifiState, wifi_status
 from ..transport import Transport
 from ..udpros import rpc
 from .logging import log_error
+from .machine_load import present_load
 from .status_messages import as_message
 from .stream_problems import StreamProblems
 from .way_back import WayBack
@@ -165,11 +167,12 @@ def operator_diagnostics(streams: Mapping[str, Any], way_back: WayBack, clock: A
 
 def _of_node(way_back: WayBack, parameters: Any, problems: Any, transport: Transport) -> Statuses:
     """The statuses that a node has on either side, besides those of streams."""
-    requests = RequestMonitor()
+    requests, computer = RequestMonitor(), ComputerMonitor()
 
     def update(now: float) -> List[Status]:
         refused, stats = parameters.refused, transport.stats(now)
-        statuses = [*way_back.statuses(now), problems.status(now), requests.update(udpros.refused_requests(), now)]
+        statuses = [*way_back.statuses(now), problems.status(now), requests.update(udpros.refused_requests(), now),
+                    computer.update(present_load(), now)]
         if refused:
             reasons = '; '.join('%s: %s' % item for item in refused.items())
             statuses.append(Status(Kind.REFUSED, 'refused streams', ERROR, reasons, {
