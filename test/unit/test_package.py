@@ -15,12 +15,14 @@ TOP = pathlib.Path(__file__).resolve().parents[2]
 SOURCE = TOP / 'src' / 'smokebot_udp'
 MODULES = sorted(SOURCE.rglob('*.py'))
 LAYERS = {
-    'nodes': {'streams', 'codecs', 'congestion', 'mission', 'monitoring', 'udpros', 'link', 'simulation', 'teleop',
-              'reliable', 'capture', 'mission_report', 'link_lab', 'limited_log', 'msg', 'srv'},
+    'demo': {'nodes', 'streams', 'codecs', 'monitoring', 'udpros', 'link.keys', 'link_lab', 'simulation'},
+    'nodes': {'streams', 'codecs', 'congestion', 'mission', 'monitoring', 'udpros', 'link', 'teleop', 'reliable',
+              'capture', 'mission_report.record', 'limited_log', 'msg', 'srv'},
     'streams': {'codecs', 'congestion.operating_points', 'mission.parameters', 'mission.roles', 'mission.settings',
                 'mission.yaml_text', 'udpros.frame', 'udpros.datagram', 'msg'},
     'congestion': {'monitoring.stats', 'monitoring.windows'},
-    'link_lab': {'udpros', 'msg'}, 'mission_report': {'codecs', 'streams.image.source'},
+    'link_lab': {'udpros', 'msg'},
+    'mission_report': {'codecs', 'streams.config', 'streams.image.source', 'streams.recorded_topics'},
     'link': {'udpros.datagram', 'udpros.depacketizer', 'udpros.endpoints', 'udpros.frame',
              'udpros.loss_emulation', 'udpros.packetizer', 'udpros.records', 'udpros.sequence'},
     'teleop': {'monitoring.clock_offset', 'monitoring.windows'}, 'reliable': set(),
