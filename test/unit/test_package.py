@@ -47,7 +47,7 @@ IMPURE_LINK = {'endpoint', 'keys', 'peer_topics', 'resolver', 'topics', 'transpo
 IMPURE = {'rospy', 'socket', 'select', 'time', 'rosgraph', 'udpros'}
 USES_ROSPY_INTERNALS = {('udpros', 'acceptor'), ('udpros', 'connector'), ('udpros', 'master'),
                         ('udpros', 'registration'), ('udpros', 'rospy_binding'), ('udpros', 'rospy_transports'),
-                        ('udpros', 'starting'), ('udpros', 'topics'), ('udpros', 'watch'), ('nodes', 'live')}
+                        ('udpros', 'starting'), ('udpros', 'topics'), ('udpros', 'watch'), ('nodes', 'parameter_watch')}
 
 BESIDE = {'evaluation': {'smokebot_udp'}, 'benchmarks': {'smokebot_udp', 'evaluation'},
           'experiments': {'smokebot_udp', 'evaluation'}}

@@ -24,8 +24,9 @@ from ..msg import RobotStatus, StreamStatus
 from ..srv import SetFocus, SetFocusResponse
 from ..streams import classified
 from ..units import KBIT
-from .live import LiveSettings, ParameterWatch
+from .live import LiveSettings
 from .logging import log_error
+from .parameter_watch import ParameterWatch
 from .robot_control import Standing
 from .robot_stream import RobotLink
 from .settings_host import SettingsHost
@@ -161,7 +162,7 @@ class FocusControl:
     def close(self) -> None:
         """End all threads and subscriptions."""
         self._host.close()
-        self._watch.stop()
+        self._watch.close()
         self._show.stop()
         self._changes.stop()
 

@@ -26,7 +26,7 @@ from .compiled_codec import CompiledCodec
 from .diagnostics import operator_diagnostics
 from .held_reporter import HeldReporter
 from .link_reporter import LinkReporter
-from .live import LiveSettings, ParameterWatch
+from .live import LiveSettings
 from .motion import MotionListener
 from .namesake import SECOND_OPERATOR, living, wait_until_free
 from .notice import Notice
@@ -34,6 +34,7 @@ from .operator_capture import OperatorCapture
 from .operator_control import OperatorControl
 from .operator_stream import OperatorLink, OperatorStream
 from .overlay import Overlay
+from .parameter_watch import ParameterWatch
 from .parameters import OPERATOR_RECEIVER
 from .path_monitor import PathAnswers
 from .problems import Problems
@@ -134,7 +135,7 @@ class OperatorReceiver:
         self._wifi.close()
         self._robot.close()
         self._capture.close()
-        self._watch.stop()
+        self._watch.close()
         self._motion.close()
         self._way_back.close()
         for stream in self.streams.values():

@@ -20,8 +20,9 @@ from ..msg import SettingsRequest, SettingsState
 from ..srv import SetFocus, SetFocusResponse
 from ..traffic import EXPEDITED
 from ..transport import Transport
-from .live import LiveSettings, ParameterWatch
+from .live import LiveSettings
 from .logging import log_error
+from .parameter_watch import ParameterWatch
 from .settings_messages import REQUESTS, STATES, request_message, state_of
 from .worker import DeadlineWorker, PeriodicWorker
 
@@ -59,7 +60,7 @@ class SettingsMirror:
         """End all threads and topics."""
         self._states.unregister()
         if self._watch is not None:
-            self._watch.stop()
+            self._watch.close()
         self._show.stop()
         self._worker.close()
         self._requests.unregister()
