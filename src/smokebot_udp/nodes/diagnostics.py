@@ -87,7 +87,7 @@ class Diagnostics:
             self._updater.publish(messages)
 
     def close(self) -> None:
-        self._worker.stop()
+        self._worker.close()
         self._watch.close()
 
 
@@ -108,7 +108,7 @@ class MasterWatch(SourceWatch):
 
     def close(self) -> None:
         """End the thread."""
-        self._worker.stop()
+        self._worker.close()
 
 
 def robot_diagnostics(streams: Mapping[str, Any], way_back: WayBack, link: Any, parameters: Any, problems: Any,
