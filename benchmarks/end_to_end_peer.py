@@ -20,7 +20,7 @@ from std_msgs.msg import Header
 
 from smokebot_udp.arrays import Array
 from smokebot_udp.codecs.wire import pixels
-from smokebot_udp.nodes.simulated_topics import cloud
+from smokebot_udp.demo.simulated_topics import cloud
 from smokebot_udp.simulation import mounts
 from smokebot_udp.simulation.lidar import Lidar
 from smokebot_udp.simulation.pinhole import Pinhole

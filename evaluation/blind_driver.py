@@ -19,8 +19,8 @@ from geometry_msgs.msg import Twist
 from sensor_msgs.msg import Image, LaserScan
 from std_msgs.msg import String
 
+from smokebot_udp.demo.simulated_driving import planar
 from smokebot_udp.nodes.operator_control import IN_CONTROL, STATE_TOPIC
-from smokebot_udp.nodes.simulated_driving import planar
 from smokebot_udp.simulation.pose import Pose
 
 from .driver_steering import is_reached, nearest_ahead, steer

@@ -12,3 +12,14 @@ def serialised(message: Any) -> bytes:
     buffer = io.BytesIO()
     message.serialize(buffer)
     return buffer.getvalue()
+
+
+def deserialised(class_: Any, data: bytes) -> Any:
+    """The message, request or response of a class.
+
+    :raises ValueError: the bytes are none
+    """
+    try:
+        return class_().deserialize(data)
+    except Exception:   # genpy's readers raise DeserializationError, UnicodeError, ... on hostile bytes
+        raise ValueError('it is no %s' % class_._type) from None

@@ -15,8 +15,8 @@ from sensor_msgs.msg import Image
 from std_msgs.msg import String
 from waiting import free_port, ticks, wait_for
 
+from smokebot_udp.demo.foreign_publishers import register_publishers
 from smokebot_udp.link.keys import make_key
-from smokebot_udp.nodes.foreign_publishers import register_publishers
 
 STREAMS = pathlib.Path(__file__).resolve().parent / 'commands_streams.yaml'
 IN_CONTROL = 'LOCKED: seeing: no image of thermal'

@@ -49,12 +49,12 @@ class ReliablePair:
         transport, _ = self._links.operator(self.cable.port, OPERATOR)
         link = ReliableLink(transport, 'operator')
         link.start()
-        self.operator: Any = OperatorWay(transport, FixedControl(100), link, print, '', lambda *_: None)
+        self.operator: Any = OperatorWay(transport, FixedControl(100), link, '', lambda *_: None)
 
     def _robot_way(self) -> Any:
         link = ReliableLink(self._transport, 'robot')
         link.start()
-        return RobotWay(self._transport, None, self.control, link, print)
+        return RobotWay(self._transport, self.control, link)
 
     def prefix_frames(self, prefix: str) -> None:
         """For the operator's streams that are made from now on."""

@@ -16,9 +16,9 @@ import rostest
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from waiting import undisturbed
 
+from smokebot_udp.demo.pictures import COLUMNS, OURS, SCREENS, TCP
+from smokebot_udp.demo.strip import CAPTION, CELL
 from smokebot_udp.link_lab.lab import Lab, LabError
-from smokebot_udp.nodes.demo_pictures import COLUMNS, OURS, SCREENS, TCP
-from smokebot_udp.nodes.demo_strip import CAPTION, CELL
 
 STREAMS = 'thermal', 'lidar', 'scan', 'tf', 'odom'
 

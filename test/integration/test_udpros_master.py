@@ -23,7 +23,8 @@ from waiting import free_port, give_time, stays, undisturbed, wait_for
 from smokebot_udp import udpros
 from smokebot_udp.mission.parameters import Parameter
 from smokebot_udp.mission.settings import SettingsStore
-from smokebot_udp.nodes.live import LiveSettings, ParameterWatch
+from smokebot_udp.nodes.live import LiveSettings
+from smokebot_udp.nodes.parameter_watch import ParameterWatch
 from smokebot_udp.srv import SetFocus, SetFocusResponse
 from smokebot_udp.udpros.silence import SILENCE_TIMEOUT
 
@@ -144,7 +145,7 @@ class Master(unittest.TestCase):
         self.assertEqual(self.master.call('getParam', NODE + '/late/rate'), 2.0)
         self.master.call('setParam', NODE + '/late/rate', 3.0)
         wait_for(lambda: store.current.requested['rate'] == 3.0, 5, 'the change')
-        watch.stop()
+        watch.close()
 
     @undisturbed()
     def test_a_working_connection_outlives_the_master(self) -> None:

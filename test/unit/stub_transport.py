@@ -3,11 +3,14 @@
 from typing import Any, Callable, List
 
 
-class SilentPublisher:
-    """A publisher to which nobody is connected."""
+class SilentTopic:
+    """A publisher or subscriber to which nobody is connected."""
 
     def connections(self) -> List[Any]:
         return []
+
+    def unregister(self) -> None:
+        """It has nothing to end."""
 
 
 class StubTransport:
@@ -18,8 +21,8 @@ class StubTransport:
     """
     name, max_datagram_size, room, overhead, tos_mask = '/desk', 1472, 1472, 0, 0xff
 
-    def __init__(self, publisher: Callable[..., Any] = lambda *_, **__: SilentPublisher(),
-                 subscriber: Callable[..., Any] = lambda *_, **__: None) -> None:
+    def __init__(self, publisher: Callable[..., Any] = lambda *_, **__: SilentTopic(),
+                 subscriber: Callable[..., Any] = lambda *_, **__: SilentTopic()) -> None:
         self.publisher, self.subscriber = publisher, subscriber
 
     def limit(self, room: int) -> None:

@@ -5,7 +5,7 @@ from typing import Any, Sequence
 
 import pytest
 
-from smokebot_udp.monitoring.comparison import Compared, Images, table
+from smokebot_udp.demo.comparison import Compared, Images, table
 
 RELAY, SCAN = {'type': 'relay', 'rate': 10.0, 'latch': False}, {'type': 'scan', 'rate': 10.0}
 EXACT = (math.inf,)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from smokebot_udp.nodes.demo_drive import LATE, Topics, lateness, share_in_force, topics_of
+from smokebot_udp.demo.drive import LATE, Topics, lateness, share_in_force, topics_of
 from smokebot_udp.simulation.course import Course
 from smokebot_udp.simulation.drive import Drive, ahead
 from smokebot_udp.simulation.motion import RADIUS

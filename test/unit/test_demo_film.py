@@ -9,8 +9,8 @@ import rospy
 from sensor_msgs.msg import CompressedImage
 from std_msgs.msg import Header
 
-from smokebot_udp.nodes import demo_film
-from smokebot_udp.nodes.demo_film import LENGTH, TIME, Newest, framed, frames, records, seen_in
+from smokebot_udp.demo import film
+from smokebot_udp.demo.film import LENGTH, TIME, Newest, framed, frames, records, seen_in
 
 
 def image(number: int, size: int = 3) -> CompressedImage:
@@ -43,7 +43,7 @@ def test_what_waits_is_replaced_by_what_is_newer() -> None:
 
 def test_a_slow_subscriber_skips_what_came_while_one_was_on_its_way() -> None:
     server, newest = socket.create_server(('127.0.0.1', 0)), Newest()
-    publisher = threading.Thread(target=demo_film.publish, args=(server, newest), daemon=True)
+    publisher = threading.Thread(target=film.publish, args=(server, newest), daemon=True)
     publisher.start()
     newest.put(framed(image(1, 1 << 23)))           # more than the buffers of both sockets hold
     with socket.create_connection(server.getsockname()) as connection, connection.makefile('rb') as file:

@@ -6,7 +6,7 @@ import pytest
 import rospy
 from sensor_msgs.msg import Image
 
-from smokebot_udp.nodes.demo_images import ImageComparison
+from smokebot_udp.demo.images import ImageComparison
 
 SETTINGS = {'robot_topic': '/thermal', 'operator_topic': '/operator/thermal', 'view_topic': '', 'type': 'image',
             'rate': 1.0}

@@ -2,7 +2,7 @@
 """The demo over a bad link: its arguments, and the keys that change the link."""
 import pytest
 
-from smokebot_udp.nodes.demo_link import BAD, arguments, changed, conditions, described
+from smokebot_udp.demo.link import BAD, arguments, changed, conditions, described
 
 
 def test_arguments_have_defaults() -> None:

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from skimage.metrics import peak_signal_noise_ratio
 
+from smokebot_udp.demo.images import psnr, stacked
+from smokebot_udp.demo.report import DatagramCounts, in_namespace, loss_text
 from smokebot_udp.monitoring.status import Kind, Status
-from smokebot_udp.nodes.demo_images import psnr, stacked
-from smokebot_udp.nodes.demo_report import DatagramCounts, in_namespace, loss_text
 
 
 @pytest.mark.parametrize('shape', [(40, 60), (40, 60, 3)])

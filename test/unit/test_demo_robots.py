@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What the demo of several robots writes; integration/demo.test runs it."""
+from smokebot_udp.demo.robots import picture_of, robots_yaml
 from smokebot_udp.mission.robots import load
-from smokebot_udp.nodes.demo_robots import picture_of, robots_yaml
 
 
 def test_the_desk_reads_the_robots() -> None:

@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from smokebot_udp.nodes.demo_pictures import summary
-from smokebot_udp.nodes.demo_strip import (
+from smokebot_udp.demo.pictures import summary
+from smokebot_udp.demo.strip import (
     CAPTION,
     CELL,
     FILM_RATE,

@@ -31,6 +31,9 @@ class Channel:
         self.sent.append(data)
         return 1
 
+    def close(self) -> None:
+        """It has nothing to end."""
+
 
 class Sending:
     """A source whose messages go nowhere."""
@@ -42,7 +45,8 @@ class Sending:
         settings = load(STREAM % (message_class._type, MAX_BYTES))[0]['state']
         self._class, self._channel = message_class, Channel()
         callbacks: List[Any] = []
-        monkeypatch.setattr(reliable_relay.rospy, 'Subscriber', lambda *given, **_: callbacks.append(given[2]))
+        monkeypatch.setattr(reliable_relay.rospy, 'Subscriber', lambda *given, **_: (
+            callbacks.append(given[2]), SimpleNamespace(unregister=lambda: None))[1])
         link: Any = SimpleNamespace(channel=lambda *_, **__: self._channel)
         reliable_relay.Source('state', settings, link, '/state').start()
         self._receive, = callbacks

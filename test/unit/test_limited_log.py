@@ -13,7 +13,7 @@ SOURCE = pathlib.Path(__file__).resolve().parents[2] / 'src' / 'smokebot_udp'
 
 DIRECT = {
     # once in the life of a process, a link or a stream
-    'nodes/black_box.py', 'nodes/common.py', 'nodes/compiled_codec.py', 'nodes/demo_report.py',
+    'nodes/black_box.py', 'nodes/common.py', 'nodes/compiled_codec.py', 'demo/report.py',
     'nodes/operator_stream.py', 'nodes/robot_sender.py', 'nodes/trace.py', 'nodes/transports.py',
     'udpros/rospy_binding.py', 'link/transport.py',
     # once for each name, peer or outage, which they remember
@@ -21,7 +21,7 @@ DIRECT = {
     # a child process has ended; they wait longer and longer before the next start
     'nodes/launches.py', 'nodes/rviz_keeper.py',
     # the answer to a goal of a person, who sees no other
-    'nodes/simulated_driving.py',
+    'demo/simulated_driving.py',
 }
 """Modules that log warnings or errors by rospy itself."""
 

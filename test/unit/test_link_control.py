@@ -32,13 +32,15 @@ def ros(monkeypatch: Any) -> Any:
     """What ROS does for a LinkControl: `published` has its messages, and the test calls `report` and `tick`."""
     ros = SimpleNamespace(published=[])
 
-    def subscriber(topic: str, kind: Any, callback: Any, **_: Any) -> None:
+    def subscriber(topic: str, kind: Any, callback: Any, **_: Any) -> Any:
         ros.report = callback
+        return SimpleNamespace(unregister=lambda: None)
 
     def worker(name: str, work: Any, log: Any, period: float) -> Any:
         ros.tick = work
-        return SimpleNamespace(start=lambda: None)
-    monkeypatch.setattr(rospy, 'Publisher', lambda *_, **__: SimpleNamespace(publish=ros.published.append))
+        return SimpleNamespace(start=lambda: None, close=lambda: None)
+    monkeypatch.setattr(rospy, 'Publisher', lambda *_, **__: SimpleNamespace(
+        publish=ros.published.append, unregister=lambda: None))
     monkeypatch.setattr(rospy.Time, 'now', lambda: rospy.Time(1))
     ros.transport = StubTransport(subscriber=subscriber)
     monkeypatch.setattr(link_control, 'PeriodicWorker', worker)

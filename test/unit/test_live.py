@@ -15,7 +15,11 @@ from polling import WAIT
 from smokebot_udp.mission.parameters import Parameter, live
 from smokebot_udp.mission.settings import SettingsStore
 from smokebot_udp.nodes import live as module
-from smokebot_udp.nodes.live import LiveSettings, ParameterWatch, config_type
+from smokebot_udp.nodes import parameter_watch
+from smokebot_udp.nodes.live import LiveSettings, publish_all
+from smokebot_udp.nodes.live_description import config_type
+from smokebot_udp.nodes.live_server import serve
+from smokebot_udp.nodes.parameter_watch import ParameterWatch
 from smokebot_udp.streams import TYPES, tables
 from smokebot_udp.udpros import master
 
@@ -66,8 +70,8 @@ class Node:
         table = {**live(TABLE), 'min_bitrate': Parameter(0.0, 'kbit/s', 'at least', least=0.0, live=True)}
         self.store = SettingsStore(table, START)
         self.live = LiveSettings('thermal', self.store, self.problems.append)
-        self.live.publish()
-        self.live.serve()
+        publish_all([self.live])
+        serve(self.live)
 
     def write(self, values: Mapping[str, Any]) -> None:
         """As write_parameters of udpros/master.py."""
@@ -176,14 +180,14 @@ def test_settings_begin_later_where_the_master_is_away_at_the_start(
                         ('get_param_cached', lambda _: subscribed.set()),
                         ('logerr', lambda text, *values: logged.append(text % values))):
         monkeypatch.setattr('rospy.' + name, value)
-    monkeypatch.setattr(module.udpros, 'registered_together', contextlib.nullcontext)
-    monkeypatch.setattr(module, 'RETRY_PERIOD', 0.01)
+    monkeypatch.setattr(parameter_watch.udpros, 'registered_together', contextlib.nullcontext)
+    monkeypatch.setattr(parameter_watch, 'RETRY_PERIOD', 0.01)
     served = threading.Event()
     part = LiveSettings('map', SettingsStore(live(TABLE), {**START, 'topic': 'x'}), node.problems.append)
-    monkeypatch.setattr(part, 'serve', served.set)
+    monkeypatch.setattr(parameter_watch, 'serve', lambda _: served.set())
     watch = ParameterWatch([part], background)
     assert served.wait(WAIT) and subscribed.is_set() and not failures
-    watch.stop()
+    watch.close()
     assert logged == ['settings cannot be changed until the master answers: [Errno 111] refused',
                       'settings cannot be changed until the master answers: IncompleteRead(0 bytes read)']
 
@@ -199,14 +203,14 @@ def test_a_value_that_is_set_while_the_settings_begin_is_read(node: Node, monkey
     monkeypatch.setattr(module, 'write_parameters', write)
     for name, value in (('get_param', lambda *_: there), ('get_param_cached', subscribe)):
         monkeypatch.setattr('rospy.' + name, value)
-    monkeypatch.setattr(module.udpros, 'registered_together', contextlib.nullcontext)
+    monkeypatch.setattr(parameter_watch.udpros, 'registered_together', contextlib.nullcontext)
     store, changed = SettingsStore(live(TABLE), {**START, 'topic': 'x'}), threading.Event()
     part = LiveSettings('map', store, node.problems.append)
-    monkeypatch.setattr(part, 'serve', lambda: None)
+    monkeypatch.setattr(parameter_watch, 'serve', lambda _: None)
     store.subscribe(lambda settings, changes: changed.set())
     watch = ParameterWatch([part], background=False)
     assert changed.wait(WAIT) and store.current['rate'] == 3.0
-    watch.stop()
+    watch.close()
 
 
 def test_another_nodes_settings_are_shown_in_its_namespace(node: Node, monkeypatch: Any) -> None:
@@ -216,18 +220,18 @@ def test_another_nodes_settings_are_shown_in_its_namespace(node: Node, monkeypat
         key[len(name + '/map/'):]: value for key, value in node.parameters.items()}})
     for name in ('get_param_cached', 'logerr'):
         monkeypatch.setattr('rospy.' + name, lambda *_: None)
-    monkeypatch.setattr(module.udpros, 'registered_together', contextlib.nullcontext)
+    monkeypatch.setattr(parameter_watch.udpros, 'registered_together', contextlib.nullcontext)
     kept: List[str] = []
-    monkeypatch.setattr(module, 'keep_parameters', kept.append)
+    monkeypatch.setattr(parameter_watch, 'keep_parameters', kept.append)
     store, requests = SettingsStore(live(TABLE), {**START, 'topic': 'x'}), []
     part = LiveSettings('map', store, node.problems.append, lambda changes: requests.extend(changes.items()),
                         '/desk/robot')
     served = threading.Event()
-    monkeypatch.setattr(part, 'serve', served.set)
+    monkeypatch.setattr(parameter_watch, 'serve', lambda _: served.set())
     watch = ParameterWatch([], background=True, node='/desk/robot')
     watch.add(part)
     assert served.wait(WAIT)
-    watch.stop()
+    watch.close()
     assert node.parameters == {'/desk/robot/map/' + name: START[name] for name in live(TABLE)}
     assert kept == ['/desk/robot'] and not requests
     part.read({'map': {**part.values, 'rate': 5.0}})
@@ -248,8 +252,8 @@ class Master:
             monkeypatch.setattr('rospy.' + name, value)
         monkeypatch.setattr(master.rpc, 'call_all', self.call_all)
         monkeypatch.setattr(master.rpc, 'call', lambda _, method, *args: self.call(method, ('', *args)))
-        monkeypatch.setattr(module.udpros, 'registered_together', contextlib.nullcontext)
-        monkeypatch.setattr(LiveSettings, 'serve', lambda _: None)
+        monkeypatch.setattr(parameter_watch.udpros, 'registered_together', contextlib.nullcontext)
+        monkeypatch.setattr(parameter_watch, 'serve', lambda _: None)
 
     def read(self, *_: Any) -> Any:
         found = copy.deepcopy(self.values['robot'])
@@ -289,7 +293,7 @@ def test_what_others_set_while_the_settings_begin_stays(monkeypatch: Any) -> Non
     table = {**live(TABLE), 'min_bitrate': Parameter(0.0, 'kbit/s', 'at least', least=0.0, live=True)}
     watch = ParameterWatch([LiveSettings(name, SettingsStore(table, START), lambda _: None)
                             for name in ('thermal', 'map')], background=False)
-    watch.stop()
+    watch.close()
     assert server.values['robot'] == {
         'thermal': {**START, 'min_bitrate': 50.0, 'warn_loss': 0.2, 'warn_age': 2.0}, 'map': START,
         'streams_file': 'x', 'estop_by': '/desk'}

@@ -35,11 +35,11 @@ from std_msgs.msg import String
 
 from smokebot_udp import optional
 from smokebot_udp.mission_report import plots as mission_plots
+from smokebot_udp.mission_report.cli import main
 from smokebot_udp.mission_report.gaps import CUT, PAUSED, Gap, longest
 from smokebot_udp.mission_report.mission import joined, rate
 from smokebot_udp.mission_report.plots import fitting
 from smokebot_udp.mission_report.summary import _with_one_cause
-from smokebot_udp.nodes.mission_report import main
 from smokebot_udp.streams.recorded_images import Thinning, recorded
 
 VOID = {'meta', 'img', 'br'}

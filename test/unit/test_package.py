@@ -15,12 +15,15 @@ TOP = pathlib.Path(__file__).resolve().parents[2]
 SOURCE = TOP / 'src' / 'smokebot_udp'
 MODULES = sorted(SOURCE.rglob('*.py'))
 LAYERS = {
-    'nodes': {'streams', 'codecs', 'congestion', 'mission', 'monitoring', 'udpros', 'link', 'simulation', 'teleop',
-              'reliable', 'capture', 'mission_report', 'link_lab', 'limited_log', 'msg', 'srv'},
+    'demo': {'nodes', 'streams', 'codecs', 'monitoring', 'udpros', 'link.keys', 'link_lab', 'simulation'},
+    'nodes': {'streams', 'codecs', 'congestion', 'mission', 'monitoring', 'udpros', 'link', 'teleop', 'reliable',
+              'capture', 'mission_report.record', 'limited_log', 'msg', 'srv'},
     'streams': {'codecs', 'congestion.operating_points', 'mission.parameters', 'mission.roles', 'mission.settings',
                 'mission.yaml_text', 'udpros.frame', 'udpros.datagram', 'msg'},
     'congestion': {'monitoring.stats', 'monitoring.windows'},
-    'link_lab': {'udpros', 'msg'}, 'mission_report': {'codecs', 'monitoring.computer', 'streams.image.source'},
+    'link_lab': {'udpros', 'msg'},
+    'mission_report': {'codecs', 'monitoring.computer', 'streams.config', 'streams.image.source',
+                       'streams.recorded_topics'},
     'link': {'udpros.datagram', 'udpros.depacketizer', 'udpros.endpoints', 'udpros.frame',
              'udpros.loss_emulation', 'udpros.packetizer', 'udpros.records', 'udpros.sequence'},
     'teleop': {'monitoring.clock_offset', 'monitoring.windows'}, 'reliable': set(),
@@ -45,7 +48,7 @@ IMPURE_LINK = {'endpoint', 'keys', 'peer_topics', 'resolver', 'topics', 'transpo
 IMPURE = {'rospy', 'socket', 'select', 'time', 'rosgraph', 'udpros'}
 USES_ROSPY_INTERNALS = {('udpros', 'acceptor'), ('udpros', 'connector'), ('udpros', 'master'),
                         ('udpros', 'registration'), ('udpros', 'rospy_binding'), ('udpros', 'rospy_transports'),
-                        ('udpros', 'starting'), ('udpros', 'topics'), ('udpros', 'watch'), ('nodes', 'live')}
+                        ('udpros', 'starting'), ('udpros', 'topics'), ('udpros', 'watch'), ('nodes', 'parameter_watch')}
 
 BESIDE = {'evaluation': {'smokebot_udp'}, 'benchmarks': {'smokebot_udp', 'evaluation'},
           'experiments': {'smokebot_udp', 'evaluation'}}

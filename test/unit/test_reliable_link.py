@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Reliable channels over a real link: sockets, threads, and a robot with two operators."""
+import functools
 import threading
 from typing import Any, Callable, Iterator, List, Tuple
 
@@ -9,10 +10,12 @@ from polling import WAIT, wait_for
 
 from smokebot_udp.congestion.packet_scheduler import PacketScheduler
 from smokebot_udp.msg import ReliableSegment
+from smokebot_udp.nodes.channel import ChannelKind, ChannelListener
 from smokebot_udp.nodes.outbox import Outbox
-from smokebot_udp.nodes.reliable_link import TO_OPERATOR, TO_ROBOT, ReliableLink, as_frame
+from smokebot_udp.nodes.reliable_link import ReliableLink, as_frame
 from smokebot_udp.reliable.bounds import Bounds
 from smokebot_udp.reliable.segment import Kind, Segment
+from smokebot_udp.streams.relay.parameters import TO_OPERATOR, TO_ROBOT
 
 TYPE = 'std_msgs/String', '992ce8a1687cec8c8bd883ec73ca41d1'
 ROBOT = '/robot_sender@ugv1'
@@ -26,11 +29,10 @@ class Inbox:
         self.told: List[Tuple[Any, ...]] = []
         self._new = threading.Condition()
 
-    def callbacks(self) -> Any:
-        return {'on_message': self._message, 'on_joined': lambda peer: self._tell('joined', peer),
-                'on_left': lambda *what: self._tell('left', *what),
-                'on_given_up': lambda *what: self._tell('given up', *what),
-                'on_unknown': lambda peer: self._tell('unknown', peer)}
+    @property
+    def listener(self) -> ChannelListener:
+        return ChannelListener(self._message, *(functools.partial(self._tell, what)
+                                                for what in ('given up', 'joined', 'left', 'unknown')))
 
     def _message(self, peer: str, data: bytes) -> None:
         with self._new:
@@ -80,7 +82,7 @@ def world(request: Any) -> Iterator[World]:
 
 
 def channel(link: ReliableLink, direction: str, inbox: Inbox, name: str = 'chat', **options: Any) -> Any:
-    return link.channel(name, direction, *TYPE, **inbox.callbacks(), **options)
+    return link.channel(ChannelKind(name, direction, *TYPE, **options), inbox.listener)
 
 
 def test_messages_reach_the_robot_and_each_operator(world: World) -> None:
@@ -143,11 +145,11 @@ def test_a_channel_that_the_other_side_does_not_have(world: World) -> None:
 
 def test_a_failing_callback_stops_nobody(world: World) -> None:
     desk, got = world.operator(), Inbox()
-    downs = [world.robot.channel(name, TO_OPERATOR, *TYPE) for name in ('bad', 'good')]
+    downs = [world.robot.channel(ChannelKind(name, TO_OPERATOR, *TYPE)) for name in ('bad', 'good')]
 
     def fail(peer: str, data: bytes) -> None:
         raise RuntimeError('a fault of the test')
-    desk.channel('bad', TO_OPERATOR, *TYPE, on_message=fail)
+    desk.channel(ChannelKind('bad', TO_OPERATOR, *TYPE), ChannelListener(received=fail))
     channel(desk, TO_OPERATOR, got, 'good')
     world.robot.start()
     desk.start()

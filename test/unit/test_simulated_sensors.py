@@ -9,7 +9,7 @@ import tf2_ros
 from std_msgs.msg import Header
 
 from smokebot_udp.codecs.wire.points import as_points
-from smokebot_udp.nodes import simulated_topics
+from smokebot_udp.demo import simulated_topics
 from smokebot_udp.simulation import battery, mounts, scanner
 from smokebot_udp.simulation.drive import Drive
 from smokebot_udp.simulation.gas import FRESH_AIR, GasSensor, carbon_monoxide

@@ -73,7 +73,7 @@ def test_the_same_again_and_again_in_spite_of_errors() -> None:
     began = time.monotonic()
     worker.start()
     work.wait(4)
-    worker.stop()
+    worker.close()
     gaps = [after - before for before, after in zip([began] + work.times, work.times)]
     assert min(gaps) >= 0.049 and [str(error) for error in work.errors] == ['time 1', 'time 2']
 
@@ -88,7 +88,7 @@ def test_wake_does_it_at_once_and_stop_waits_for_no_period() -> None:
         work.wait(1)
         worker.wake()
         work.wait(1)
-        worker.stop()
+        worker.close()
         assert time.monotonic() - began < 10 and len(work.times) == 2 and not work.errors
 
 
@@ -107,9 +107,9 @@ def test_who_is_woken_while_it_works_works_again() -> None:
     worker.wake()
     free.set()
     work.wait(2)
-    worker.stop()
+    worker.close()
     assert not work.errors
 
 
 def test_what_never_started_can_be_stopped() -> None:
-    PeriodicWorker('periodic', lambda: None, lambda error: None, 1.0).stop()
+    PeriodicWorker('periodic', lambda: None, lambda error: None, 1.0).close()

@@ -17,8 +17,8 @@ from sensor_msgs.msg import Image, PointCloud2
 
 from ..arrays import Array
 from ..codecs.wire.bayer import BAYER
-from ..codecs.wire.pixels import as_pixels, pixel_type
-from ..serialised import serialised
+from ..codecs.wire.pixels import image_pixels, pixel_type
+from ..serialised import deserialised, serialised
 from .coding import Coding, code_image, decode_image, from_planes, to_planes
 
 MAX_DATA = 1 << 26
@@ -70,8 +70,7 @@ def cropped(message: Any, region: Tuple[int, int, int, int]) -> Any:
         if region != WHOLE:
             raise ValueError('a region is of an image, not of a %s' % message._type)
         return message
-    pixels = as_pixels(message.data, message.height, message.width, message.step, message.encoding,
-                       message.is_bigendian)
+    pixels = image_pixels(message)
     x, y, width, height = region
     width, height = width or max(0, message.width - x), height or max(0, message.height - y)
     if not (width and height and x + width <= message.width and y + height <= message.height):
@@ -128,19 +127,12 @@ def unpack(content: bytes, message_class: Any) -> Captured:
         raise ValueError('what came is no original')
     _, digest, coding, first, second = _HEAD.unpack_from(content)
     ends = _HEAD.size + first, _HEAD.size + first + second
-    message = _read(message_class, content[_HEAD.size:ends[0]])
-    pose = _read(TransformStamped, content[ends[0]:ends[1]]) if second else None
+    message = deserialised(message_class, content[_HEAD.size:ends[0]])
+    pose = deserialised(TransformStamped, content[ends[0]:ends[1]]) if second else None
     message.data = _decoded(message, coding, content[ends[1]:])
     if hashlib.sha256(serialised(message)).digest() != digest:
         raise ValueError('what came is not what the robot sent: its checksum differs')
     return Captured(message, pose)
-
-
-def _read(message_class: Any, data: bytes) -> Any:
-    try:
-        return message_class().deserialize(data)
-    except Exception:       # genpy's readers raise DeserializationError, UnicodeError, ... on hostile bytes
-        raise ValueError('what came is no %s' % message_class._type) from None
 
 
 def _decoded(message: Any, coding: int, coded: bytes) -> bytes:
@@ -170,7 +162,6 @@ def _check_rows(message: Any) -> None:
 
 
 def _pixels(message: Any) -> Array:
-    pixels = as_pixels(message.data, message.height, message.width, message.step, message.encoding,
-                       message.is_bigendian)
+    pixels = image_pixels(message)
     return np.ascontiguousarray(pixels, pixels.dtype.newbyteorder('='))
 

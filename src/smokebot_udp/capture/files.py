@@ -14,7 +14,7 @@ from sensor_msgs.msg import Image, PointField
 
 from ..arrays import Array
 from ..codecs.wire.compressed import PNG_OPTIONS
-from ..codecs.wire.pixels import as_pixels
+from ..codecs.wire.pixels import image_pixels
 
 PCD_TYPES = {PointField.INT8: ('I', 1), PointField.UINT8: ('U', 1), PointField.INT16: ('I', 2),
              PointField.UINT16: ('U', 2), PointField.INT32: ('I', 4), PointField.UINT32: ('U', 4),
@@ -40,8 +40,7 @@ def file_of(message: Any) -> Tuple[str, bytes]:
 
 def image_file(message: Any) -> Tuple[str, bytes]:
     """As `file_of`, of an Image."""
-    pixels = as_pixels(message.data, message.height, message.width, message.step, message.encoding,
-                       message.is_bigendian)
+    pixels = image_pixels(message)
     native: Array = np.ascontiguousarray(pixels, pixels.dtype.newbyteorder('='))
     if message.encoding in SWAPPED:
         native = cv2.cvtColor(native, SWAPPED[message.encoding])

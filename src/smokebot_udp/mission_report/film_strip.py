@@ -8,7 +8,7 @@ import numpy as np
 
 from ..arrays import Array, UInt8Array
 from ..codecs.display.colouring import Colouring
-from ..codecs.wire.pixels import as_pixels
+from ..codecs.wire.pixels import image_pixels
 from ..streams.image.source import raw_image
 from .bags import BagFile
 from .mission import Mission
@@ -172,8 +172,7 @@ def _decoded(message: Any) -> Optional[Tuple[Array, str]]:
         return None
     try:
         image = raw_image(message)
-        return as_pixels(image.data, image.height, image.width, image.step, image.encoding,
-                         image.is_bigendian), image.encoding
+        return image_pixels(image), image.encoding
     except (AttributeError, ValueError):
         return None
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The channels of an action stream: which of actionlib's five topics crosses the link how.
+"""What both sides of an action stream share: which of actionlib's five topics crosses the link how.
 
 * Goals and cancellations share one channel to the robot, in order: a cancellation of all goals must not overtake the
   goal that was sent before it. Older ones than `max_age` are given up: a goal must not arrive when nobody expects it.
@@ -7,13 +7,21 @@
 * Of status and feedback only the newest counts. Each is the only message of its channel that waits, and is repeated
   until it is acknowledged or replaced: also the last one before a silence arrives, and nothing piles up.
 """
-from typing import Any, Dict, NamedTuple, Optional, Tuple
+import collections
+from typing import Any, Callable, Counter, Dict, Mapping, Tuple
 
+import rospy
 from actionlib_msgs.msg import GoalStatus
 
 from ..reliable.bounds import Bounds
-from ..streams.message_types import ActionTypes
-from .reliable_link import TO_OPERATOR, TO_ROBOT, Channel, ReliableLink
+from ..serialised import deserialised
+from ..streams.message_types import ActionTypes, action_types
+from ..streams.relay.parameters import TO_OPERATOR, TO_ROBOT
+from .channel import NO_LISTENER, Channel, ChannelKind, ChannelListener
+from .way import Way, WayBackStream
+
+QUEUE = 100
+"""Of the topics of the action [messages]."""
 
 MAX_BYTES = 1 << 20
 """Of what waits in a channel."""
@@ -32,47 +40,63 @@ FINAL = (GoalStatus.PREEMPTED, GoalStatus.SUCCEEDED, GoalStatus.ABORTED, GoalSta
 """Of a goal that has ended."""
 
 
-class ChannelOptions(NamedTuple):
-    """Arguments of ReliableLink.channel."""
-    direction: str
-    type_name: str
-    md5: str
-    options: Dict[str, Any]
-
-    def open(self, link: ReliableLink, name: str, **callbacks: Any) -> Channel:
-        """Begin the channel."""
-        return link.channel(name, self.direction, self.type_name, self.md5, **self.options, **callbacks)
-
-
-def action_channels(types: ActionTypes, max_age: float) -> Dict[str, ChannelOptions]:
-    """The channels of an action: {what follows the stream's name: ChannelOptions}."""
-    newest = Bounds(messages=1, bytes=MAX_BYTES, age=max_age)
-    return {
-        '/goal': _options(TO_ROBOT, types.goal, True, Bounds(messages=100, bytes=MAX_BYTES, age=max_age)),
-        '/result': _options(TO_OPERATOR, types.result, True, Bounds(messages=100, bytes=MAX_BYTES, age=RESULT_AGE)),
-        '/status': _options(TO_OPERATOR, types.status, False, newest),
-        '/feedback': _options(TO_OPERATOR, types.feedback, False, newest),
-    }
+def action_channels(name: str, types: ActionTypes, max_age: float) -> Dict[str, ChannelKind]:
+    """The channels of an action: {what follows the stream's name: ChannelKind}."""
+    def kind(part: str, direction: str, messages: int, age: float, expedited: bool = False) -> ChannelKind:
+        message_class = getattr(types, part[1:])
+        return ChannelKind(name + part, direction, message_class._type, message_class._md5sum, expedited=expedited,
+                           bounds=Bounds(messages, MAX_BYTES, age))
+    return {'/goal': kind('/goal', TO_ROBOT, 100, max_age, expedited=True),
+            '/result': kind('/result', TO_OPERATOR, 100, RESULT_AGE, expedited=True),
+            '/status': kind('/status', TO_OPERATOR, 1, max_age),
+            '/feedback': kind('/feedback', TO_OPERATOR, 1, max_age)}
 
 
-def _options(direction: str, message_class: Any, expedited: bool, bounds: Bounds) -> ChannelOptions:
-    return ChannelOptions(direction, message_class._type, message_class._md5sum,
-                          {'ordered': True, 'expedited': expedited, 'bounds': bounds})
+class ActionStream(WayBackStream):
+    """An action stream on one side.
+
+    :param name: of the stream in streams.yaml
+    :param topic: of the action on this side, resolved
+    :param settings: {name: value}, checked
+    :param way: carries all of it
+    """
+
+    def __init__(self, name: str, topic: str, settings: Mapping[str, Any], way: Way) -> None:
+        super().__init__(name, topic, settings)
+        self._types = action_types(settings['action_type'])
+        self._link, self._max_age = way.reliable, settings['max_age']
+        self._dropped: Counter[str] = collections.Counter()
+        self._goals = self._results = 0
+        self._channels: Dict[str, Channel] = {}     # made by start(), as are these
+        self._publishers: Dict[str, Any] = {}
+
+    def _publish(self, *parts: str) -> None:
+        """Publish topics of the action."""
+        for part in parts:
+            self._publishers[part] = self._opened.topic(rospy.Publisher(
+                self.topic + part, getattr(self._types, part[1:]), queue_size=QUEUE, tcp_nodelay=True))
+
+    def _subscribe(self, callbacks: Mapping[str, Callable[[Any], None]]) -> None:
+        """Subscribe topics of the action."""
+        for part, callback in callbacks.items():
+            self._opened.topic(rospy.Subscriber(self.topic + part, getattr(self._types, part[1:]), callback,
+                                                queue_size=QUEUE, tcp_nodelay=True))
+
+    def _open_channels(self, listeners: Mapping[str, ChannelListener]) -> None:
+        """Begin all channels."""
+        for part, kind in action_channels(self.name, self._types, self._max_age).items():
+            self._channels[part] = self._opened.add(self._link.channel(kind, listeners.get(part, NO_LISTENER)))
 
 
-def read_request(types: ActionTypes, data: bytes) -> Optional[Tuple[bytes, Any]]:
-    """(GOAL or CANCEL, the message) in a message to the robot; None: it is neither."""
+def read_request(types: ActionTypes, data: bytes) -> Tuple[bytes, Any]:
+    """(GOAL or CANCEL, the message) in a message to the robot.
+
+    :raises ValueError: it is neither
+    """
     class_ = {GOAL: types.goal, CANCEL: types.cancel}.get(data[:1])
-    message = None if class_ is None else read(class_, data[1:])
-    return None if message is None else (data[:1], message)
-
-
-def read(message_class: Any, data: bytes) -> Optional[Any]:
-    """The message; None: the bytes are none of this class."""
-    try:
-        return message_class().deserialize(data)
-    except Exception:       # genpy's readers raise DeserializationError, UnicodeError, ... on hostile bytes
-        return None
+    if class_ is None:
+        raise ValueError('it is neither a goal nor a cancellation')
+    return data[:1], deserialised(class_, data[1:])
 
 
 def ended(types: ActionTypes, goal_id: Any, status: int, text: str, now: Any) -> Any:

@@ -214,5 +214,5 @@ def main() -> None:
     rospy.loginfo('black box: recording %d topics in %s', len(topics), store.folder / (prefix + '_*.bag'))
     least_free, name = max(1, parameters['min_free_mb'] // 2), rospy.get_name().split('/')[-1] + '_recorder'
     BlackBox(store, recording(record, topics, str(store.folder / prefix), split, least_free, name)).run()
-    load.stop()
+    load.close()
     recorded.close()

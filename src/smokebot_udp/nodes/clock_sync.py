@@ -17,39 +17,38 @@ from ..msg import ClockEcho
 from ..traffic import EXPEDITED
 from ..transport import Transport
 from .logging import log_error
+from .opened import Part
 from .worker import PeriodicWorker
 
 ASK = '/smokebot_udp/clock/ask'
 ANSWER = '/smokebot_udp/clock/answer'
 """Wire topics of questions and answers."""
 
-class ClockServer:
+
+class ClockServer(Part):
     """The robot's side: publishes answers; each operator picks its own."""
 
     def __init__(self, transport: Transport) -> None:
-        self._answers = transport.publisher(ANSWER, ClockEcho, queue_size=1, tos=EXPEDITED)
-        self._questions = transport.subscriber(ASK, ClockEcho, self._answer, queue_size=1)
+        super().__init__()
+        self._answers = self._opened.topic(transport.publisher(ANSWER, ClockEcho, queue_size=1, tos=EXPEDITED))
+        self._opened.topic(transport.subscriber(ASK, ClockEcho, self._answer, queue_size=1))
 
     def _answer(self, question: Any) -> None:
         answer = ClockEcho(asked=question.asked, received=rospy.Time.now())
         answer.header.stamp = rospy.Time.now()
         self._answers.publish(answer)
 
-    def close(self) -> None:
-        self._questions.unregister()
-        self._answers.unregister()
 
-
-class ClockClient:
+class ClockClient(Part):
     """The operator's side: asks, and estimates the offset from the answers. ~clock_offset shows it [s]."""
 
     def __init__(self, transport: Transport) -> None:
+        super().__init__()
         self._echoes, self._lock = EchoClient(), threading.Lock()
-        self._answers = transport.subscriber(ANSWER, ClockEcho, self._answered, queue_size=1)
-        self._questions = transport.publisher(ASK, ClockEcho, queue_size=1, tos=EXPEDITED)
-        self._offsets = rospy.Publisher('~clock_offset', Float64, queue_size=1)
-        self._worker = PeriodicWorker('clock', self._ask, log_error("asking for the robot's clock"), PERIOD)
-        self._worker.start()
+        self._offsets = self._opened.topic(rospy.Publisher('~clock_offset', Float64, queue_size=1))
+        self._questions = self._opened.topic(transport.publisher(ASK, ClockEcho, queue_size=1, tos=EXPEDITED))
+        self._opened.topic(transport.subscriber(ANSWER, ClockEcho, self._answered, queue_size=1))
+        self._opened.started(PeriodicWorker('clock', self._ask, log_error("asking for the robot's clock"), PERIOD))
 
     @property
     def estimate(self) -> Optional[ClockEstimate]:
@@ -88,9 +87,3 @@ class ClockClient:
         with self._lock:
             self._echoes.answer(answer.asked.to_nsec(), answer.received.to_sec(), answer.header.stamp.to_sec(),
                                 came.to_sec(), now)
-
-    def close(self) -> None:
-        self._worker.stop()
-        self._answers.unregister()
-        self._questions.unregister()
-        self._offsets.unregister()

@@ -21,7 +21,7 @@ import rospy
 from .. import udpros
 from ..monitoring.computer import ComputerMonitor
 from ..monitoring.node_status import RequestMonitor, clock_status, link_status, transport_status
-from ..monitoring.sources import TOPIC, SourceWatch, graph_of
+from ..monitoring.sources import LISTENER, TOPIC, SourceWatch, graph_of
 from ..monitoring.stats import PAUSED, StreamStats
 from ..monitoring.status import ERROR, OPERATOR, ROBOT, Kind, Status
 from ..monitoring.stream_status import StreamMonitor
@@ -82,7 +82,7 @@ class Diagnostics:
             self._updater.publish(messages)
 
     def close(self) -> None:
-        self._worker.stop()
+        self._worker.close()
         self._watch.close()
 
 
@@ -103,7 +103,7 @@ class MasterWatch(SourceWatch):
 
     def close(self) -> None:
         """End the thread."""
-        self._worker.stop()
+        self._worker.close()
 
 
 def robot_diagnostics(streams: Mapping[str, Any], way_back: WayBack, link: Any, parameters: Any, problems: Any,
@@ -189,6 +189,8 @@ def _source_problem(stream: Any, stats: StreamStats, monitor: StreamMonitor, wat
     """
     source = stream.source
     if source is None or not stats.enabled:
+        return None
+    if source.kind == LISTENER and stream.heard:
         return None
     if source.kind != TOPIC:
         return watch.problem(source, now)

@@ -24,11 +24,15 @@ from ..msg import RobotStatus, StreamStatus
 from ..srv import SetFocus, SetFocusResponse
 from ..streams import classified
 from ..units import KBIT
-from .live import LiveSettings, ParameterWatch
+from .link_control import LinkControl
+from .live import LiveSettings
 from .logging import log_error
-from .robot_control import Standing
+from .opened import Part
+from .parameter_watch import ParameterWatch
+from .robot_control import RobotControl
 from .robot_stream import RobotLink
 from .settings_host import SettingsHost
+from .stream_problems import StreamProblems
 from .worker import PeriodicWorker
 
 CHANGES_PERIOD = 10.0
@@ -41,26 +45,23 @@ FIELDS = 'enabled', 'rate', 'weight', 'min_bitrate'
 """Settings that StreamStatus has as fields of their own."""
 
 
-class FocusControl:
+class FocusControl(Part):
     """Serves the focus and the streams' live settings, and publishes the status.
 
     :param stores: {stream: SettingsStore}
     :param profiles: {name: Profile}
-    :param shares: f() -> {stream: its share of the link [byte/s]}
-    :param switched: f(), called after each switch of the focus
-    :param report: f(problem), called with what is refused
     :param link: over which operators request a focus, and settings where they have masters of their own
-    :param standing: f() -> who drives now
-    :param problems: f() -> {stream: what is wrong with its source, or why it does not run}
+    :param rate: of the link, which is divided anew after each switch of the focus
+    :param driving: who drives, for the status
+    :param problems: of the streams, for the status
+    :param report: f(problem), called with what is refused
     """
 
-    def __init__(self, stores: Mapping[str, SettingsStore], profiles: Mapping[str, Profile],
-                 shares: Callable[[], Mapping[str, float]], switched: Callable[[], None],
-                 report: Callable[[str], None], link: RobotLink,
-                 standing: Callable[[], Standing] = Standing,
-                 problems: Callable[[], Mapping[str, str]] = dict) -> None:
-        self._shares, self._forget, self._report, self._standing = shares, switched, report, standing
-        self._problems = problems
+    def __init__(self, stores: Mapping[str, SettingsStore], profiles: Mapping[str, Profile], link: RobotLink,
+                 rate: LinkControl, driving: RobotControl, problems: StreamProblems,
+                 report: Callable[[str], None]) -> None:
+        super().__init__()
+        self._rate, self._driving, self._problems, self._report = rate, driving, problems, report
         self._status = rospy.Publisher('~status', RobotStatus, queue_size=1, latch=True)
         self._modified_topic = rospy.Publisher('~focus/modified', Bool, queue_size=1, latch=True)
         self._carrying_out = threading.Lock()   # otherwise an answer might name another operator's focus
@@ -68,25 +69,27 @@ class FocusControl:
         self._published: Any = None     # what may change without a request, as it was published last
         self._present: FrozenSet[str] = frozenset()     # operators
         self._show = PeriodicWorker('settings', self._show_all, log_error('settings'), None)
-        self.control = MissionControl(stores, profiles, report, self._switched, self._show.wake)
-        self._host = SettingsHost(self.control, self._carry_out, link, report)
-        self._parts = [LiveSettings('', self.control.focus_store, report, self.control.request_focus)]
-        self._parts += [LiveSettings(name, store, report, functools.partial(self.control.request, name))
+        self._control = MissionControl(stores, profiles, report, self._switched, self._show.wake)
+        self._host = self._opened.add(SettingsHost(self._control, self._carry_out, link, report))
+        self._parts = [LiveSettings('', self._control.focus_store, report, self._control.request_focus)]
+        self._parts += [LiveSettings(name, store, report, functools.partial(self._control.request, name))
                         for name, store in stores.items()]
         # a stream's own parameters take precedence over the focus
-        self._watch = ParameterWatch(self._parts, background=False)
-        self._show.start()
-        self._changes = PeriodicWorker('status', self._publish_changes, log_error('status'), CHANGES_PERIOD)
-        self._changes.start()
+        self._opened.add(ParameterWatch(self._parts, background=False))
+        self._opened.started(self._show)
+        self._changes = self._opened.started(PeriodicWorker(
+            'status', self._publish_changes, log_error('status'), CHANGES_PERIOD))
         rospy.Service('~set_focus', SetFocus, self._serve)
         self._publish()
-        for warning in self.control.warnings:
+        for warning in self._control.warnings:
             logwarn('', warning, ERROR_PERIOD)
+        driving.subscribe(self._standing_changed)
+        problems.subscribe(self._changes.wake)
 
     def _switched(self, focus: str) -> None:
-        self._forget()
+        self._rate.forget()
         rospy.loginfo('focus: %s', focus)
-        warning = self.control.warning(focus)
+        warning = self._control.warning(focus)
         if warning:
             logwarn('', warning, ERROR_PERIOD)
 
@@ -106,23 +109,19 @@ class FocusControl:
     def _carry_out(self, part: str, changes: Mapping[str, Any]) -> str:
         """Change settings by hand, see MissionControl.request_part; what a switch of the focus changes, in words."""
         with self._carrying_out:
-            before = self._streams(self.control.state())
-            self.control.request_part(part, changes)
-            state = self.control.state()
+            before = self._streams(self._control.state())
+            self._control.request_part(part, changes)
+            state = self._control.state()
         if part != FOCUS_PART:
             return ''
         self._publish()
         return answer(state.focus, before, self._streams(state))
 
-    def standing_changed(self) -> None:
+    def _standing_changed(self) -> None:
         """Publish the status soon, with who drives now; any thread. Who comes back from a cut has missed changes."""
-        before, self._present = self._present, frozenset(self._standing().operators)
+        before, self._present = self._present, frozenset(self._driving.standing.operators)
         if self._present - before:
             self._host.joined()
-        self.changed()
-
-    def changed(self) -> None:
-        """Publish the status soon, where anything of it has changed; any thread."""
         self._changes.wake()
 
     def _publish_changes(self) -> None:
@@ -133,13 +132,13 @@ class FocusControl:
     def _publish(self) -> None:
         """Publish the status."""
         with self._publishing:
-            state, standing = self.control.state(), self._standing()
+            state, standing = self._control.state(), self._driving.standing
             self._published = self._changing()
             status = RobotStatus(
-                focus=state.focus, modified=bool(state.modified), profiles=self.control.profiles,
+                focus=state.focus, modified=bool(state.modified), profiles=self._control.profiles,
                 driver=standing.driver, estop=standing.estop, operators=list(standing.operators),
                 streams=self._streams(state),
-                problems=['%s: %s' % problem for problem in list(self._problems().items())[:MAX_PROBLEMS]])
+                problems=['%s: %s' % problem for problem in list(self._problems.current.items())[:MAX_PROBLEMS]])
             status.header.stamp = rospy.Time.now()
             self._status.publish(status)
             self._modified_topic.publish(status.modified)
@@ -148,22 +147,15 @@ class FocusControl:
         """What of the status may change without a request. Grants follow the link: their first digit counts."""
         granted = [None if settings.granted is None else {
             name: '%.1g' % value if isinstance(value, float) else value for name, value in settings.granted.items()}
-            for settings in self.control.state().streams.values()]
-        return granted, self._standing(), self._problems()
+            for settings in self._control.state().streams.values()]
+        return granted, self._driving.standing, self._problems.current
 
     def _streams(self, state: State) -> List[Any]:
         """The StreamStatus of each stream with a share of the link."""
-        shares = self._shares()
-        return [stream_status(name, settings, self.control.configured(name), name in state.modified,
+        shares = self._rate.shares
+        return [stream_status(name, settings, self._control.configured(name), name in state.modified,
                               shares.get(name, 0.0) / KBIT)
                 for name, settings in classified(state.streams).streams.items()]
-
-    def close(self) -> None:
-        """End all threads and subscriptions."""
-        self._host.close()
-        self._watch.stop()
-        self._show.stop()
-        self._changes.stop()
 
 
 def stream_status(name: str, settings: Settings, configured: Mapping[str, Any], modified: bool, share: float) -> Any:

@@ -9,24 +9,26 @@ from ..streams.held_schedule import HeldSchedule
 from ..traffic import EXPEDITED
 from ..transport import Transport
 from .logging import log_error
+from .opened import Part
 from .worker import DeadlineWorker
 
 QUEUE_SIZE = 8
 """Reports of different streams that leave at one moment."""
 
 
-class HeldReporter:
+class HeldReporter(Part):
     """Sends the reports of a node's streams; lives as long as the node."""
 
     def __init__(self, transport: Transport) -> None:
+        super().__init__()
         self._transport = transport
         self._schedule = HeldSchedule()
         self._streams: Dict[str, Callable[[], Optional[Holding]]] = {}
-        self._publisher = transport.publisher(TOPIC, Held, queue_size=QUEUE_SIZE, tos=EXPEDITED)
-        self._worker: DeadlineWorker[str] = DeadlineWorker(
+        self._publisher = self._opened.topic(
+            transport.publisher(TOPIC, Held, queue_size=QUEUE_SIZE, tos=EXPEDITED))
+        self._worker: DeadlineWorker[str] = self._opened.started(DeadlineWorker(
             'held reports', self._schedule.poll, self._schedule.deadline, self._report,
-            log_error('reports of what is held'))
-        self._worker.start()
+            log_error('reports of what is held')))
 
     def received(self, name: str, holding: Callable[[], Optional[Holding]], interval: float) -> None:
         """Note that segments of a stream were received that may be held; any thread.
@@ -37,11 +39,6 @@ class HeldReporter:
         with self._worker.adding():
             self._streams[name] = holding
             self._schedule.received(name, time.monotonic(), interval)
-
-    def close(self) -> None:
-        """Stop reporting."""
-        self._worker.close()
-        self._publisher.unregister()
 
     def _report(self, name: str) -> None:
         holding = self._streams[name]()

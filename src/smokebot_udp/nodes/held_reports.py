@@ -7,24 +7,22 @@ from ..limited_log import logwarn
 from ..msg import Held
 from ..streams.held import TOPIC, from_message
 from ..transport import Transport
+from .opened import Part
 from .robot_stream import RobotStream
 
 
-class HeldReports:
+class HeldReports(Part):
     """Receives reports; lives as long as its node.
 
     :param streams: {name: RobotStream}
     """
 
     def __init__(self, streams: Mapping[str, RobotStream], transport: Transport) -> None:
+        super().__init__()
         self.dropped: Counter[str] = collections.Counter()
         """{reason: count} of the reports that are not used."""
         self._streams = streams
-        self._subscriber = transport.subscriber(TOPIC, Held, self._receive, queue_size=20)
-
-    def close(self) -> None:
-        """End the subscription."""
-        self._subscriber.unregister()
+        self._opened.topic(transport.subscriber(TOPIC, Held, self._receive, queue_size=20))
 
     def _receive(self, report: Any) -> None:
         """Take a report; the transport's thread."""

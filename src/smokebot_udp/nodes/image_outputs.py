@@ -9,26 +9,36 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_msgs.msg import Header
 
 from ..codecs.wire import compressed
-from ..codecs.wire.pixels import as_pixels
+from ..codecs.wire.pixels import image_pixels
 from ..limited_log import logerr
 from ..mission.settings import SettingsStore
 from ..streams.image.assembled import ShownImage
 from ..streams.image.camera_info import info_topic
 from .notice import Notice
+from .opened import Part
 from .view_publisher import ViewPublisher
 
 MAX_WAITING = 8
 """Images whose calibration may come after them, as where a segment overtakes that of a change."""
 
 
-class MaskOutput:
+class _Output(Part):
+    """Publishes a further topic of an image stream."""
+
+    def __init__(self, topic: str, message_class: Any, queue_size: int = 2) -> None:
+        super().__init__()
+        self._publisher = self._opened.topic(
+            rospy.Publisher(topic, message_class, queue_size=queue_size, tcp_nodelay=True))
+
+
+class MaskOutput(_Output):
     """Publishes the origin of each image's pixels, or their quality, see streams.image.assembled.
 
     :param topic: resolved topic of the images; the mask's is `mask` beside it
     """
 
     def __init__(self, topic: str, settings: SettingsStore, clock_offset: Callable[[], float], notice: Notice) -> None:
-        self._publisher = rospy.Publisher(rospy.names.namespace(topic) + 'mask', Image, queue_size=2, tcp_nodelay=True)
+        super().__init__(rospy.names.namespace(topic) + 'mask', Image)
 
     def show(self, assembled: ShownImage) -> None:
         """Publish the mask of an image, if there is any subscriber."""
@@ -37,9 +47,6 @@ class MaskOutput:
             self._publisher.publish(Image(
                 header=image.header, height=image.height, width=image.width, encoding='mono8', step=image.width,
                 data=assembled.mask().tobytes()))
-
-    def close(self) -> None:
-        self._publisher.unregister()
 
 
 class ViewOutput:
@@ -57,8 +64,7 @@ class ViewOutput:
     def show(self, assembled: ShownImage) -> None:
         """Publish the view of an image soon."""
         image = assembled.message
-        pixels = as_pixels(image.data, image.height, image.width, image.step, image.encoding, image.is_bigendian)
-        self._view.show(pixels, image.encoding, image.header, assembled.known_ratio, error=assembled.error,
+        self._view.show(image_pixels(image), image.encoding, image.header, assembled.known_ratio, error=assembled.error,
                         arrival=assembled.arrival)
 
     def close(self) -> None:
@@ -66,14 +72,14 @@ class ViewOutput:
         self._view.close()
 
 
-class CameraInfoOutput:
+class CameraInfoOutput(_Output):
     """Publishes the calibration of each image, with its header: after the image, or when it comes.
 
     :param topic: resolved topic of the images; camera_info is beside it
     """
 
     def __init__(self, topic: str, settings: SettingsStore, clock_offset: Callable[[], float], notice: Notice) -> None:
-        self._publisher = rospy.Publisher(info_topic(topic), CameraInfo, queue_size=MAX_WAITING, tcp_nodelay=True)
+        super().__init__(info_topic(topic), CameraInfo, MAX_WAITING)
         self._waiting: Deque[Tuple[Header, Callable[[], Any]]] = collections.deque(maxlen=MAX_WAITING)
         self._lock = threading.Lock()
 
@@ -95,35 +101,28 @@ class CameraInfoOutput:
                 info.header = Header(stamp=header.stamp, frame_id=header.frame_id)      # rospy writes into it
                 self._publisher.publish(info)
 
-    def close(self) -> None:
-        self._publisher.unregister()
 
-
-class CompressedOutput:
+class CompressedOutput(_Output):
     """Publishes each image compressed, as image_transport does: 8 bits as JPEG, 16 bits as PNG.
 
     :param topic: resolved topic of the images; `compressed` is below it
     """
 
     def __init__(self, topic: str, settings: SettingsStore, clock_offset: Callable[[], float], notice: Notice) -> None:
-        self._publisher = rospy.Publisher(topic + '/compressed', CompressedImage, queue_size=2, tcp_nodelay=True)
+        super().__init__(topic + '/compressed', CompressedImage)
 
     def show(self, assembled: ShownImage) -> None:
         """Publish an image, if there is any subscriber."""
         if not self._publisher.get_num_connections():
             return
         image = assembled.message
-        pixels = as_pixels(image.data, image.height, image.width, image.step, image.encoding, image.is_bigendian)
         try:
-            description, data = compressed.encode(pixels, image.encoding)
+            description, data = compressed.encode(image_pixels(image), image.encoding)
         except ValueError as error:
             logerr(self._publisher.name, 'an image is not published: %s' % error)
             return
         header = Header(stamp=image.header.stamp, frame_id=image.header.frame_id)
         self._publisher.publish(CompressedImage(header=header, format=description, data=data))
-
-    def close(self) -> None:
-        self._publisher.unregister()
 
 
 Output = Union[MaskOutput, ViewOutput, CameraInfoOutput, CompressedOutput]

@@ -21,6 +21,7 @@ from ..streams.outlook import Outlook, Rooms, StreamLosses
 from ..units import MBIT
 from .link_reporter import TOPIC
 from .logging import log_error
+from .opened import Part
 from .outbox import Departed
 from .path_monitor import PathMonitor
 from .robot_stream import RobotLink, RobotStream
@@ -72,8 +73,8 @@ class SharedController:
             controller.on_sent_besides(size)
 
 
-class LinkControl:
-    """Runs a controller; lives as long as its node.
+class LinkControl(Part):
+    """Runs a controller; lives as long as its node. The outbox keeps its last rate then.
 
     :param controller: that the outbox reports to
     :param link: of the streams; its datagram_size follows the plan
@@ -87,21 +88,21 @@ class LinkControl:
     def __init__(self, controller: SharedController, link: RobotLink, streams: Mapping[str, RobotStream],
                  reported: Callable[[str, int], None] = lambda operator, seq: None, wifi_interface: str = '',
                  further: Callable[[float], Mapping[str, Demand]] = lambda capacity: {}) -> None:
+        super().__init__()
         self._controller, self._link, self._streams, self._reported = controller, link, streams, reported
         self._further, self._capacity = further, 0.0
         self._losses, self._rooms = StreamLosses(), Rooms()
-        self._paths = PathMonitor(link.transport, link.outbox)
+        opened = self._opened
+        self._status = opened.topic(rospy.Publisher('~link', LinkStatus, queue_size=1))
+        self._paths = opened.add(PathMonitor(link.transport, link.outbox))
         controller.sent = self._paths.sent
         with controller as unshared:
             unshared.on_arrivals = self._losses.add
         self.shares: Dict[str, float] = {}
         """{stream: its share of the link [byte/s]}; empty: unlimited."""
-        self._status = rospy.Publisher('~link', LinkStatus, queue_size=1)
-        self._reports = link.transport.subscriber(TOPIC, LinkReport, self._on_report, queue_size=10)
-        self.wifi = WifiMonitor(self._hosts, wifi_interface)
-        self.wifi.start()
-        self._ticks = PeriodicWorker('link', self._tick, log_error('link'), REPORT_INTERVAL)
-        self._ticks.start()
+        self._reports = opened.topic(link.transport.subscriber(TOPIC, LinkReport, self._on_report, queue_size=10))
+        self.wifi = opened.started(WifiMonitor(self._hosts, wifi_interface))
+        self._ticks = opened.started(PeriodicWorker('link', self._tick, log_error('link'), REPORT_INTERVAL))
         link.subscribed = self._count_operators
 
     def forget(self) -> None:
@@ -188,14 +189,6 @@ class LinkControl:
     def _hosts(self) -> List[str]:
         """The hosts of the operators that report."""
         return [connection['address'][0] for connection in self._reports.connections()]
-
-    def close(self) -> None:
-        """Stop; the outbox keeps its last rate."""
-        self._ticks.stop()
-        self._paths.close()
-        self.wifi.close()
-        self._reports.unregister()
-        self._status.unregister()
 
 
 def grant(plan: Plan, streams: Mapping[str, RobotStream], capacity: float = 0.0) -> None:

@@ -11,6 +11,7 @@ from ..msg import ArrivalMark, LinkReport, StreamArrivals
 from ..traffic import EXPEDITED
 from ..transport import Transport
 from .logging import log_error
+from .opened import Part
 from .worker import PeriodicWorker
 
 TOPIC = '/smokebot_udp/link/report'
@@ -25,16 +26,16 @@ def as_message(report: Report) -> LinkReport:
         marks=[ArrivalMark(mark.stream, mark.seq, mark.age) for mark in report.marks])
 
 
-class LinkReporter:
+class LinkReporter(Part):
     """Counts what the streams' subscribers receive, and reports it."""
 
     def __init__(self, transport: Transport) -> None:
+        super().__init__()
         self._history = ReceiveHistory(lambda: int.from_bytes(os.urandom(4), 'little'))
         self._lock = threading.Lock()
-        self._publisher = transport.publisher(TOPIC, LinkReport, queue_size=1, tos=EXPEDITED)
-        self._reports = PeriodicWorker('link reports', self._report, log_error('link reports to the robot'),
-                                       REPORT_INTERVAL)
-        self._reports.start()
+        self._publisher = self._opened.topic(transport.publisher(TOPIC, LinkReport, queue_size=1, tos=EXPEDITED))
+        self._opened.started(PeriodicWorker(
+            'link reports', self._report, log_error('link reports to the robot'), REPORT_INTERVAL))
 
     def arrived(self, stream: str, number: int, seq: int, size: int, count: int, when: float,
                 marked: int) -> None:
@@ -53,8 +54,3 @@ class LinkReporter:
     def hosts(self) -> List[str]:
         """The hosts that get the reports: the robot's."""
         return [connection['address'][0] for connection in self._publisher.connections()]
-
-    def close(self) -> None:
-        """Stop reporting."""
-        self._reports.stop()
-        self._publisher.unregister()

@@ -10,9 +10,10 @@ from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 
 from ..streams.standstill import StandstillDetector
+from .opened import Part
 
 
-class MotionListener:
+class MotionListener(Part):
     """Feeds a StandstillDetector; any thread may call it.
 
     :param odom_topic: of nav_msgs/Odometry on the operator's side
@@ -20,12 +21,13 @@ class MotionListener:
     """
 
     def __init__(self, odom_topic: str, cmd_vel_topic: str) -> None:
+        super().__init__()
         self._detector = StandstillDetector()
         self._lock = threading.Lock()
-        self._subscribers = [
-            rospy.Subscriber(odom_topic, Odometry, lambda m: self._note(self._detector.odometry, m.twist.twist),
-                             queue_size=1),
-            rospy.Subscriber(cmd_vel_topic, Twist, lambda m: self._note(self._detector.command, m), queue_size=1)]
+        self._opened.topic(rospy.Subscriber(
+            odom_topic, Odometry, lambda m: self._note(self._detector.odometry, m.twist.twist), queue_size=1))
+        self._opened.topic(rospy.Subscriber(
+            cmd_vel_topic, Twist, lambda m: self._note(self._detector.command, m), queue_size=1))
 
     def images_compared(self, changed: Optional[float]) -> None:
         """Note the comparison of two images: the share of their cells that differ; None: not comparable."""
@@ -36,10 +38,6 @@ class MotionListener:
         """Whether the robot is known to stand still."""
         with self._lock:
             return self._detector.is_still(time.monotonic())
-
-    def close(self) -> None:
-        for subscriber in self._subscribers:
-            subscriber.unregister()
 
     def _note(self, source: Callable[[float, float, float], None], twist: Any) -> None:
         speed = math.sqrt(twist.linear.x ** 2 + twist.linear.y ** 2 + twist.linear.z ** 2)

@@ -1,26 +1,22 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Runs the operator's side of an action stream: an action server for the operator's nodes, which the robot's serves."""
-import collections
 import functools
 import time
-from typing import Any, Callable, Counter, Dict, List, Mapping, Optional, Tuple
+from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple
 
 import rospy
 from actionlib_msgs.msg import GoalID, GoalStatus
 
 from ..limited_log import ERROR_PERIOD, logwarn
-from ..mission.settings import SettingsStore
 from ..monitoring.stats import StreamStats
-from ..serialised import serialised
+from ..serialised import deserialised, serialised
 from ..streams.action.goal_watch import GoalWatch, Lost
 from ..streams.action.missing_goals import MissingGoals
 from ..streams.frame_prefix import add_prefix, strip_prefix
-from ..streams.message_types import action_types
-from .action_channels import CANCEL, FINAL, GOAL, PURSUED, action_channels, ended, read
+from .action_channels import CANCEL, FINAL, GOAL, PURSUED, ActionStream, ended
+from .channel import ChannelListener
 from .common import operator_topic
 from .logging import log_error
-from .reliable_link import ReliableLink
-from .robot_action import QUEUE
 from .way import OperatorWay
 from .worker import DeadlineWorker
 
@@ -30,70 +26,47 @@ ANSWER_TIME = 2.0
 NOBODY = 'no robot is connected'
 
 
-class OperatorAction:
+class OperatorAction(ActionStream):
     """Sends goals and cancellations to the robot, and publishes its status, feedback and results.
 
-    A goal that the robot does not take up ends with a result that says why.
+    A goal that the robot does not take up ends with a result that says why. After `close` the robot goes on with its
+    goals.
 
     :param name: of the stream in streams.yaml
     :param settings: {name: value}, checked
     :param way: carries all of it
     :param refused: why no goal is sent; None: they are
     """
-    source = None
 
     def __init__(self, name: str, settings: Mapping[str, Any], way: OperatorWay,
                  refused: Optional[str] = None) -> None:
-        self.name, self.topic = name, operator_topic(settings['operator_action'])
-        self._types = action_types(settings['action_type'])
-        self.settings = SettingsStore({}, settings)
-        self._max_age, self._prefix, self._refused = settings['max_age'], way.frame_prefix, refused
-        self._link: ReliableLink = way.reliable
+        super().__init__(name, operator_topic(settings['operator_action']), settings, way)
+        self._prefix, self._refused = way.frame_prefix, refused
         self._watch = GoalWatch(self._max_age + ANSWER_TIME)
         self._missing = MissingGoals()
         self._worker: DeadlineWorker[Lost] = DeadlineWorker(
             name, self._watch.poll, self._watch.deadline, self._lose, log_error("stream '%s'" % name))
-        self._dropped: Counter[str] = collections.Counter()
-        self._goals = self._results = 0
         self._unknown = False       # whether the robot's node lacks this action
-        self._channels: Dict[str, Any] = {}     # made by start(), as are these
-        self._publishers: Dict[str, Any] = {}
-        self._subscribers: List[Any] = []
 
     def start(self) -> None:
         """Offer the action."""
-        types = self._types
         outputs: Dict[str, Callable[[Any], None]] = {
             '/status': self._status, '/feedback': self._feedback, '/result': self._result}
         # not latched: who starts while the robot is out of reach must not find its action server
-        self._publishers = {part: rospy.Publisher(self.topic + part, getattr(types, part[1:]), queue_size=QUEUE,
-                                                  tcp_nodelay=True) for part in outputs}
+        self._publish(*outputs)
         if self._refused is None:
-            for part, channel in action_channels(types, self._max_age).items():
-                callbacks: Dict[str, Any] = (
-                    {'on_message': functools.partial(self._received, part, outputs[part])} if part in outputs else
-                    {'on_joined': self._joined, 'on_unknown': self._lacks})
-                self._channels[part] = channel.open(self._link, self.name + part, **callbacks)
-            self._worker.start()
-        self._subscribers = [
-            rospy.Subscriber(self.topic + part, class_, callback, queue_size=QUEUE, tcp_nodelay=True)
-            for part, class_, callback in (('/goal', types.goal, self._goal), ('/cancel', types.cancel, self._cancel))]
+            self._open_channels({
+                '/goal': ChannelListener(joined=self._joined, unknown=self._lacks),
+                **{part: ChannelListener(received=functools.partial(self._received, part, take))
+                   for part, take in outputs.items()}})
+            self._opened.started(self._worker)
+        self._subscribe({'/goal': self._goal, '/cancel': self._cancel})
 
     def stats(self) -> StreamStats:
         """What the stream did, for diagnostics: results that came, goals that left."""
         return StreamStats(self._results, self._goals, enabled=self._refused is None, steady=False,
                            to_robot=True, dropped=dict(self._dropped), problem=self._refused,
                            connections=() if self._refused else self._link.connections(sending=True))
-
-    def close(self) -> None:
-        """End all topics and channels; the robot goes on with its goals."""
-        for subscriber in self._subscribers:
-            subscriber.unregister()
-        self._worker.close()
-        for channel in self._channels.values():
-            channel.close()
-        for publisher in self._publishers.values():
-            publisher.unregister()
 
     def _goal(self, message: Any) -> None:
         if self._refused is not None:
@@ -143,8 +116,9 @@ class OperatorAction:
 
     def _received(self, part: str, take: Callable[[Any], None], peer: str, data: bytes) -> None:
         """Take a message of the robot, in the link's thread."""
-        message = read(getattr(self._types, part[1:]), data)
-        if message is None:
+        try:
+            message = deserialised(getattr(self._types, part[1:]), data)
+        except ValueError:
             self._dropped['malformed'] += 1
             return
         self._unknown = False

@@ -24,6 +24,7 @@ from ..streams.frame_prefix import add_prefix
 from ..transport import Transport
 from .common import Parameters
 from .compiled_codec import CompiledCodec
+from .opened import Part
 from .operator_stream import OperatorStream
 from .robot_captures import NAME, PIECES, REQUESTS
 
@@ -47,7 +48,7 @@ class _Failed(Exception):
     """A capture failed: what is wrong, said of the stream."""
 
 
-class OperatorCapture:
+class OperatorCapture(Part):
     """Serves ~capture; lives as long as its node. One capture is fetched at a time.
 
     :param streams: {name: OperatorStream}
@@ -57,6 +58,7 @@ class OperatorCapture:
 
     def __init__(self, transport: Transport, streams: Mapping[str, OperatorStream], codec: CompiledCodec,
                  arrived: Callable[..., None], parameters: Parameters) -> None:
+        super().__init__()
         self._streams, self._codec = streams, codec
         self._prefix, self._timeout = parameters['frame_prefix'], parameters['capture_timeout']
         self._folder = os.path.expanduser(parameters['capture_directory'])
@@ -65,16 +67,10 @@ class OperatorCapture:
         self._id, self._receiving, self._came = 0, Receiving(), 0.0
         self._outputs: Dict[str, Any] = {}          # {stream: publisher}
         self._progress = rospy.Publisher('~capture_progress', CaptureProgress, queue_size=10, latch=True)
-        self._requests = transport.publisher(REQUESTS, CaptureRequest, queue_size=1)
-        self._pieces = transport.subscriber(PIECES, CapturePiece, self._take,
-                                            arrived=functools.partial(arrived, NAME))
-        self._service = rospy.Service('~capture', Capture, self._serve)
-
-    def close(self) -> None:
-        """End the service."""
-        self._service.shutdown()
-        self._pieces.unregister()
-        self._requests.unregister()
+        self._requests = self._opened.topic(transport.publisher(REQUESTS, CaptureRequest, queue_size=1))
+        self._opened.topic(transport.subscriber(PIECES, CapturePiece, self._take,
+                                                arrived=functools.partial(arrived, NAME)))
+        self._opened.callback(rospy.Service('~capture', Capture, self._serve).shutdown)
 
     # -- the transport's thread ------------------------------------------------------------------------
 

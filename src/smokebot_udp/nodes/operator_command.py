@@ -12,7 +12,7 @@ import rospy
 
 from ..limited_log import ERROR_PERIOD, logerr, logwarn
 from ..mission.parameters import live
-from ..mission.settings import Settings, SettingsStore
+from ..mission.settings import Settings
 from ..monitoring.sources import TOPIC, Source
 from ..monitoring.stats import ConnectionStats, StreamStats
 from ..msg import Command
@@ -29,7 +29,7 @@ from ..traffic import EXPEDITED
 from ..transport import Publisher
 from .common import operator_topic
 from .robot_command import COMMANDS
-from .way import OperatorWay
+from .way import OperatorWay, WayBackStream
 from .worker import DeadlineWorker
 
 NEW = 1.0
@@ -38,7 +38,7 @@ NEW = 1.0
 HINT = '. Where the sticks are at rest, call ~set_neutral, or set on_timeout of the stream to what they show'
 
 
-class OperatorCommand:
+class OperatorCommand(WayBackStream):
     """One command stream.
 
     :param name: of the stream in streams.yaml
@@ -47,10 +47,10 @@ class OperatorCommand:
     """
 
     def __init__(self, name: str, settings: Mapping[str, Any], way: OperatorWay) -> None:
-        self.name, self.topic = name, operator_topic(settings['operator_topic'])
-        self.settings = SettingsStore(live(OPERATOR), settings)
+        super().__init__(name, operator_topic(settings['operator_topic']), settings, live(OPERATOR))
         self._way = way
         self._class = message_class(settings['message_type'])
+        self.source = Source(TOPIC, self.topic, self._class._type)
         self._sender = CommandSender(way.control.session, self._class._md5sum, settings['max_age'])
         self._view = settings['require_fresh']
         on_timeout = timeout_message(settings)
@@ -61,32 +61,18 @@ class OperatorCommand:
         self._received = self._sent = 0
         self._problem: Optional[str] = None
         self._warned = False
-        self._publisher: Optional[Publisher] = None     # made by start(), as is this
-        self._subscriber: Any = None
+        self._publisher: Optional[Publisher] = None     # made by start()
         self._worker: DeadlineWorker[Copy] = DeadlineWorker(name, self._poll, self._sender.deadline, self._send,
                                                             self._report)
         self.settings.subscribe(self._configure)
 
-    @property
-    def source(self) -> Source:
-        """Where the commands come from."""
-        return Source(TOPIC, self.topic, self._class._type)
-
     def start(self) -> None:
         """Begin to send."""
-        self._publisher = self._way.transport.publisher(wire_topic(self.name, COMMANDS), Command, queue_size=1,
-                                                        carries=carried(self._class), tos=EXPEDITED)
-        self._worker.start()
-        self._way.control.add_commands(self.name, self._lock, self._rest)
-        self._subscriber = rospy.Subscriber(self.topic, self._class, self._receive, queue_size=1, tcp_nodelay=True)
-
-    def close(self) -> None:
-        """End the thread and the topics."""
-        if self._subscriber is not None:
-            self._subscriber.unregister()
-        self._worker.close()
-        if self._publisher is not None:
-            self._publisher.unregister()
+        self._publisher = self._opened.topic(self._way.transport.publisher(
+            wire_topic(self.name, COMMANDS), Command, queue_size=1, carries=carried(self._class), tos=EXPEDITED))
+        self._opened.started(self._worker)
+        self._way.control.add_commands(self)
+        self._opened.topic(rospy.Subscriber(self.topic, self._class, self._receive, queue_size=1, tcp_nodelay=True))
 
     def stats(self) -> StreamStats:
         """What the stream does and did, for diagnostics."""
@@ -104,9 +90,8 @@ class OperatorCommand:
     def _view_age(self, now: float) -> Optional[float]:
         return self._way.view_age(self._view, now) if self._view else None
 
-    def _lock(self, now: float) -> Optional[str]:
-        """Why no command would leave now, see OperatorControl.add_commands. A neutral one is asked for only where
-        commands come."""
+    def lock(self, now: float) -> Optional[str]:
+        """See operator_control.Commands."""
         outlook, age = self._way.control.outlook(now), self._view_age(now)
         with self._worker.adding():
             reason = self._follow(self._interlock.look(age, self._sender.accepts(outlook.time), outlook.refusal,
@@ -114,8 +99,8 @@ class OperatorCommand:
             silent = now - self._newest[1] >= NEW
         return None if silent and reason is not None and reason.startswith(START_FROM_NEUTRAL) else reason
 
-    def _rest(self, now: float) -> Optional[str]:
-        """The sticks are at rest, see OperatorControl.add_commands."""
+    def rest(self, now: float) -> Optional[str]:
+        """See operator_control.Commands."""
         with self._worker.lock:
             message, came = self._newest
             return self._neutral.rests(message) if now - came < NEW and self._interlock.awaits_neutral else None
@@ -129,8 +114,8 @@ class OperatorCommand:
 
     def _receive(self, message: Any) -> None:
         """Take a command; rospy's thread."""
-        if message._type != self.source.type:   # where this node subscribes the topic with another type as well
-            self._report(ValueError('it is %s, must be %s' % (message._type, self.source.type)))
+        if message._type != self._class._type:   # where this node subscribes the topic with another type as well
+            self._report(ValueError('it is %s, must be %s' % (message._type, self._class._type)))
             return
         now = time.monotonic()
         outlook, age = self._way.control.outlook(now), self._view_age(now)

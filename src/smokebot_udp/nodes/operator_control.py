@@ -9,7 +9,7 @@ import math
 import random
 import threading
 import time
-from typing import Any, Callable, Dict, Mapping, NamedTuple, Optional, Tuple
+from typing import Any, List, Mapping, NamedTuple, Optional, Protocol, Tuple
 
 import rospy
 from std_msgs.msg import Bool, Empty, String
@@ -32,6 +32,7 @@ from ..transport import Transport
 from .common import operator_topic
 from .logging import log_error
 from .notice import Notice
+from .opened import Part
 from .robot_control import REQUEST, STATUS
 from .worker import DeadlineWorker, PeriodicWorker
 
@@ -50,12 +51,6 @@ ESTOP_TOPIC, RELEASE_TOPIC, STATE_TOPIC = '/operator/estop', '/operator/estop_re
 IN_CONTROL = 'in control'
 """The state in which commands leave and are obeyed."""
 
-Lock = Callable[[float], Optional[str]]
-"""f(now) -> why a command stream would not send now, None: it would; by time.monotonic() [s]"""
-
-Rest = Callable[[float], Optional[str]]
-"""f(now) -> what a command stream's sticks show, which is neutral from now on, None: it does not wait for that"""
-
 LOCKED = 'LOCKED: '
 NO_COMMANDS = 'no command stream'
 
@@ -70,51 +65,53 @@ class Outlook(NamedTuple):
     """How often the emergency stop was released; None: unknown."""
 
 
-class OperatorControl:
+class Commands(Protocol):
+    """A command stream, as control sees it. Times are by time.monotonic() [s]."""
+    name: str
+
+    def lock(self, now: float) -> Optional[str]:
+        """Why it would not send now; None: it would. A neutral command is asked for only where commands come."""
+
+    def rest(self, now: float) -> Optional[str]:
+        """The sticks are at rest: what they show, which is neutral from now on; None: it does not wait for that."""
+
+
+class OperatorControl(Part):
     """Lives as long as its node. Any thread may use it.
 
     :param notice: that the views show
     """
 
     def __init__(self, transport: Transport, notice: Notice) -> None:
+        super().__init__()
         self.session = random.randint(1, 2 ** 32 - 1)
         """Of this node."""
         self._client, self._clock, self._input = ControlClient(self.session), RobotClock(), EstopInput()
         self._notice, self._stall = notice, Stall()
         self.commanded = False
         """Whether a command came at this desk: until then images show no lock. Command streams set it."""
-        self._locks: Dict[str, Lock] = {}       # by command stream, as are these
-        self._rests: Dict[str, Rest] = {}
+        self._commands: List[Commands] = []     # replaced, not changed
         self._answered = threading.Condition()
         self._state = ''
         log = log_error('control of the robot')
         self._asked = -math.inf     # when the last request was sent [s]
         self._worker: DeadlineWorker[records.Request] = DeadlineWorker('control', self._poll, self._deadline,
                                                                        self._send, log)
-        self._states = rospy.Publisher(operator_topic(STATE_TOPIC), String, queue_size=1, latch=True)
+        opened = self._opened
+        self._states = opened.topic(rospy.Publisher(operator_topic(STATE_TOPIC), String, queue_size=1, latch=True))
         self._show = PeriodicWorker('control state', self._show_state, log, SHOW_PERIOD)
-        self._requests = transport.publisher(REQUEST, ControlRequest, queue_size=5, tos=EXPEDITED)
-        self._worker.start()
-        self._show.start()
+        self._requests = opened.topic(transport.publisher(REQUEST, ControlRequest, queue_size=5, tos=EXPEDITED))
+        opened.started(self._worker)
+        opened.started(self._show)
         rospy.Service('~take_control', Trigger, lambda _: TriggerResponse(*self._ask(Wish.TAKE_CONTROL)))
         rospy.Service('~release_control', Trigger, lambda _: TriggerResponse(*self._ask(Wish.RELEASE_CONTROL)))
         rospy.Service('~estop', SetBool, self._serve_estop)
         rospy.Service('~set_neutral', Trigger, lambda _: TriggerResponse(*self._set_neutral()))
-        self._estop = rospy.Subscriber(operator_topic(ESTOP_TOPIC), Bool, self._pressed, queue_size=10,
-                                       tcp_nodelay=True)
-        self._release = rospy.Subscriber(operator_topic(RELEASE_TOPIC), Empty, self._released, queue_size=1,
-                                         tcp_nodelay=True)
-        self._statuses = transport.subscriber(STATUS, ControlStatus, self._receive)
-
-    def close(self) -> None:
-        """End all threads and topics."""
-        self._estop.unregister()
-        self._release.unregister()
-        self._statuses.unregister()
-        self._show.stop()
-        self._worker.close()
-        self._requests.unregister()
-        self._states.unregister()
+        opened.topic(transport.subscriber(STATUS, ControlStatus, self._receive))
+        self._release = opened.topic(rospy.Subscriber(operator_topic(RELEASE_TOPIC), Empty, self._released,
+                                                      queue_size=1, tcp_nodelay=True))
+        opened.topic(rospy.Subscriber(operator_topic(ESTOP_TOPIC), Bool, self._pressed, queue_size=10,
+                                      tcp_nodelay=True))
 
     def alive(self, when: float) -> None:
         """A datagram of the robot's streams came; any thread.
@@ -159,9 +156,9 @@ class OperatorControl:
             return Outlook(self._stall.look(now) or self._client.refusal(now), self._clock.robot_time(now),
                            status.releases if status else None)
 
-    def add_commands(self, name: str, lock: Lock, rest: Rest) -> None:
+    def add_commands(self, commands: Commands) -> None:
         """Show the state of a command stream, too, and have ~set_neutral serve it."""
-        self._locks, self._rests = {**self._locks, name: lock}, {**self._rests, name: rest}
+        self._commands = [*self._commands, commands]
 
     def status(self, now: float) -> Status:
         """For diagnostics."""
@@ -214,7 +211,7 @@ class OperatorControl:
     def _set_neutral(self) -> Tuple[bool, str]:
         """The sticks are at rest: (whether any stream waited for that, in words)."""
         now = time.monotonic()
-        found = {name: rest(now) for name, rest in self._rests.items()}
+        found = {one.name: one.rest(now) for one in self._commands}
         shown = ['%s: %s' % item for item in found.items() if item[1] is not None]
         return bool(shown), '; '.join(shown) or 'no command stream gets commands and waits for neutral ones'
 
@@ -275,7 +272,7 @@ class OperatorControl:
         now = time.monotonic()
         notice = self._notice_text(now)
         self._notice.show(view_text(notice, self.commanded))
-        state = notice or self.outlook(now).refusal or (IN_CONTROL if self._locks else NO_COMMANDS)
+        state = notice or self.outlook(now).refusal or (IN_CONTROL if self._commands else NO_COMMANDS)
         if state != self._state and not rospy.is_shutdown():
             self._state = state
             self._states.publish(state)
@@ -285,10 +282,10 @@ class OperatorControl:
         with self._worker.lock:
             estop, driving, status = self._client.estop, self._client.in_control(now), self._client.status
             heard = self._client.heard(now)
-        reasons = {name: lock(now) for name, lock in self._locks.items()}
+        reasons = {one.name: one.lock(now) for one in self._commands}
         if estop:
             return 'EMERGENCY STOP'
-        if self._locks and heard and not driving and status is not None and status.driver:
+        if self._commands and heard and not driving and status is not None and status.driver:
             return 'NOT IN CONTROL: %s drives' % status.driver
         return lock_text(reasons)
 

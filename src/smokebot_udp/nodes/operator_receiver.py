@@ -10,7 +10,7 @@ node's namespace, which distinguishes several operators of one robot. Services: 
 operator_control.py. Commands, services, actions and reliable relays go back over the same link, see way_back.py. Where
 the robot has a master of its own, the robot's settings are mirrored in robot_sender/, in the node's namespace.
 """
-from typing import Optional
+from typing import Any, Mapping, Optional
 
 import rospy
 
@@ -26,17 +26,20 @@ from .compiled_codec import CompiledCodec
 from .diagnostics import operator_diagnostics
 from .held_reporter import HeldReporter
 from .link_reporter import LinkReporter
-from .live import LiveSettings, ParameterWatch
+from .live import LiveSettings
 from .motion import MotionListener
 from .namesake import SECOND_OPERATOR, living, wait_until_free
 from .notice import Notice
+from .opened import Opened
 from .operator_capture import OperatorCapture
 from .operator_control import OperatorControl
 from .operator_stream import OperatorLink, OperatorStream
 from .overlay import Overlay
+from .parameter_watch import ParameterWatch
 from .parameters import OPERATOR_RECEIVER
 from .path_monitor import PathAnswers
 from .problems import Problems
+from .reliable_link import ReliableLink
 from .robot_markers import RobotMarkers
 from .rviz_displays import colours_of, odometry_of
 from .settings_mirror import SettingsMirror
@@ -53,98 +56,74 @@ class OperatorReceiver:
     """Hosts the operator's streams; lives as long as its node."""
 
     def __init__(self) -> None:
+        self._opened = opened = Opened()
         problems = Problems()
         parameters = Parameters(OPERATOR_RECEIVER, problems.report)
         udpros.emulate_loss(parameters['loss'], parameters['loss_seed'])
         streams = read_streams(parameters)
         parameters.fill_in({'odom_topic': odometry_of(streams), 'base_frame': streams.frames.base})
-        definitions = classified(streams)
-        self._transport = operator_transport(parameters)
-        self._path = PathAnswers(self._transport)
+        definitions, prefix = classified(streams), parameters['frame_prefix']
+        self._transport = transport = opened.add(operator_transport(parameters))
+        opened.add(PathAnswers(transport))
         notice = Notice()
         with udpros.registered_together():
-            self._motion = MotionListener(operator_topic(parameters['odom_topic']), parameters['cmd_vel_topic'])
-            self._clock = ClockClient(self._transport)
-            self._reporter = LinkReporter(self._transport)
-            self._codec = CompiledCodec()
-            self._held = HeldReporter(self._transport)
-            control = self._control = OperatorControl(self._transport, notice)
-            link = OperatorLink(self._transport, self._motion.is_still, self._motion.images_compared,
-                                self._arrived, self._clock.offset, self._codec, VideoDecoder,
-                                self._held.received, parameters['frame_prefix'], notice)
+            motion = opened.add(MotionListener(operator_topic(parameters['odom_topic']), parameters['cmd_vel_topic']))
+            self._clock = opened.add(ClockClient(transport))
+            self._reporter = opened.add(LinkReporter(transport))
+            codec = opened.add(CompiledCodec())
+            held = opened.add(HeldReporter(transport))
+            self._control = control = opened.add(OperatorControl(transport, notice))
+            link = OperatorLink(transport, motion.is_still, motion.images_compared, self._arrived, self._clock.offset,
+                                codec, VideoDecoder, held.received, prefix, notice)
             self.streams = start_streams(
                 definitions.streams, lambda name, settings: OperatorStream(name, settings, link), parameters.report,
                 parameters.refused.__setitem__)
-            self._capture = OperatorCapture(self._transport, self.streams, self._codec, self._reporter.arrived,
-                                            parameters)
+            for stream in self.streams.values():
+                opened.add(stream)
+            opened.add(OperatorCapture(transport, self.streams, codec, self._reporter.arrived, parameters))
             status = [stream.topic for stream in self.streams.values() if stream.assembler.MESSAGE is RobotStatus]
-            self._robot = StatusListener(status[0] if status else None)
-            self._way_back = WayBack(
-                OPERATOR, definitions, control, lambda reliable: OperatorWay(
-                    self._transport, control, reliable, parameters.report, parameters['frame_prefix'], self._view_age),
-                self._transport, parameters)
-            self._wifi = WifiMonitor(self._reporter.hosts, parameters['wifi_interface'])
-            self._wifi.start()
-            self._diagnostics = operator_diagnostics(self.streams, self._way_back, self._clock, parameters, problems,
-                                                     self._robot.sent, self._transport, lambda: self._wifi.state)
-            self._start_displays(parameters, control)
+            robot = opened.add(StatusListener(status[0] if status else None))
+            reliable = opened.add(ReliableLink(transport, OPERATOR))
+            way_back = opened.add(WayBack(OPERATOR, definitions, OperatorWay(
+                transport, control, reliable, prefix, self._view_age), parameters))
+            wifi = opened.started(WifiMonitor(self._reporter.hosts, parameters['wifi_interface']))
+            opened.add(operator_diagnostics(self.streams, way_back, self._clock, parameters, problems, robot.sent,
+                                            transport, lambda: wifi.state))
+            self._start_displays(parameters, robot, wifi)
         stores = {name: stream.settings for name, stream in self.streams.items() if stream.settings.table}
-        parts = [LiveSettings(name, store, problems.report)
-                 for name, store in {**stores, **self._way_back.stores}.items()]
-        self._watch = ParameterWatch(parts, background=True)
-        self._mirror = self._mirror_settings(parameters['focus_patience'], problems)
-        rospy.on_shutdown(self.close)
+        parts = [LiveSettings(name, store, problems.report) for name, store in {**stores, **way_back.stores}.items()]
+        opened.add(ParameterWatch(parts, background=True))
+        opened.add(self._mirror_settings({**self.streams, **way_back.streams}, parameters['focus_patience'], problems))
+        rospy.on_shutdown(opened.close)
 
     def _arrived(self, stream: str, number: int, seq: int, size: int, count: int, when: float, marked: int) -> None:
         """Datagrams of a stream arrived, see udpros.depacketizer.Arrived; any thread."""
         self._reporter.arrived(stream, number, seq, size, count, when, marked)
         self._control.alive(when)
 
-    def _start_displays(self, parameters: Parameters, control: OperatorControl) -> None:
+    def _start_displays(self, parameters: Parameters, robot: StatusListener, wifi: WifiMonitor) -> None:
         """Start what rviz shows beside the streams."""
-        self._stale = StaleStreams(
-            self.streams, self._robot.sent, operator_topic(parameters['stale_topic']),
+        self._opened.add(StaleStreams(
+            self.streams, robot.sent, operator_topic(parameters['stale_topic']),
             with_prefix(parameters['base_frame'], parameters['frame_prefix']), parameters['stale_after'],
-            parameters['clear_stale'])
-        self._markers = RobotMarkers(parameters)
-        self._overlay = Overlay(self.streams, self._robot, control, operator_topic(parameters['overlay_topic']),
-                                colours_of({name: stream.settings.current for name, stream in self.streams.items()}),
-                                lambda: self._wifi.state.signal)
+            parameters['clear_stale']))
+        self._opened.add(RobotMarkers(parameters))
+        colours = colours_of({name: stream.settings.current for name, stream in self.streams.items()})
+        self._opened.add(Overlay(self.streams, robot, self._control, operator_topic(parameters['overlay_topic']),
+                                 colours, lambda: wifi.state.signal))
 
     def _view_age(self, name: str, now: float) -> Optional[float]:
         """How old what is shown of a stream is [s]; None: unknown."""
         stream, estimate = self.streams.get(name), self._clock.estimate
         return None if stream is None else stream.age(estimate.offset if estimate else None, now)
 
-    def _mirror_settings(self, timeout: float, problems: Problems) -> SettingsMirror:
+    def _mirror_settings(self, streams: Mapping[str, Any], timeout: float, problems: Problems) -> SettingsMirror:
         """The robot's settings at this master, unless they are there already."""
         robot = rospy.resolve_name('robot_sender')
         if not self._transport.own_masters or living(robot):
             return SettingsMirror(None, {}, self._transport, timeout, problems.report)
-        tables = {name: live_tables(stream.settings.current.requested).robot
-                  for name, stream in {**self.streams, **self._way_back.streams}.items()}
+        tables = {name: live_tables(stream.settings.current.requested).robot for name, stream in streams.items()}
         return SettingsMirror(robot, tables, self._transport, timeout, problems.report)
-
-    def close(self) -> None:
-        self._mirror.close()
-        self._overlay.close()
-        self._markers.close()
-        self._stale.close()
-        self._diagnostics.close()
-        self._wifi.close()
-        self._robot.close()
-        self._capture.close()
-        self._watch.stop()
-        self._motion.close()
-        self._way_back.close()
-        for stream in self.streams.values():
-            stream.close()
-        self._held.close()
-        self._codec.close()
-        self._reporter.close()
-        self._path.close()
-        self._clock.close()
-        self._transport.close()
 
 
 def main() -> None:

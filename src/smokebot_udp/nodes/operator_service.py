@@ -2,26 +2,26 @@
 """Runs the operator's side of a service stream: offers a service of the robot to the operator's nodes."""
 import queue
 import time
-from typing import Any, List, Mapping, Optional
+from typing import Any, Mapping, Optional
 
 import rospy
 
-from ..mission.settings import SettingsStore
 from ..monitoring.stats import StreamStats
 from ..reliable.call_client import CallClient
 from ..reliable.calls import Outcome, type_checksum
-from ..serialised import serialised
+from ..serialised import deserialised, serialised
 from ..streams.frame_prefix import add_prefix, strip_prefix
 from ..streams.message_types import service_class
+from ..streams.relay.parameters import TO_OPERATOR, TO_ROBOT
+from .channel import ChannelListener
 from .common import operator_topic
 from .logging import log_error
-from .reliable_link import TO_OPERATOR, TO_ROBOT, ReliableLink
 from .robot_service import BOUNDS, calls_channel
-from .way import OperatorWay
+from .way import OperatorWay, WayBackStream
 from .worker import DeadlineWorker
 
 
-class OperatorService:
+class OperatorService(WayBackStream):
     """Sends the calls of a service to the robot; each ends with its answer, or a ServiceException that says why.
 
     :param name: of the stream in streams.yaml
@@ -29,34 +29,31 @@ class OperatorService:
     :param way: carries requests and answers
     :param refused: why no call is sent; None: they are
     """
-    source = None
 
     def __init__(self, name: str, settings: Mapping[str, Any], way: OperatorWay,
                  refused: Optional[str] = None) -> None:
-        self.name, self.topic = name, operator_topic(settings['operator_service'])
-        self.settings = SettingsStore({}, settings)
+        super().__init__(name, operator_topic(settings['operator_service']), settings)
         self._class = service_class(settings['service_type'])
-        self._link: ReliableLink = way.reliable
+        self._link = way.reliable
         self._prefix, self._refused = way.frame_prefix, refused
         self._client = CallClient(way.control.session, type_checksum(self._class._type, self._class._md5sum),
                                   settings['timeout'])
         self._worker: DeadlineWorker[bytes] = DeadlineWorker(
             name, self._client.poll, self._client.deadline, self._send, log_error("stream '%s'" % name))
-        self._channels: List[Any] = []      # made by start(), as are these
-        self._requests: Any = None
-        self._service: Any = None
+        self._requests: Any = None      # made by start()
         self._calls = self._answered = 0
 
     def start(self) -> None:
         """Offer the service."""
         if self._refused is None:
-            self._requests = calls_channel(
-                self._link, self.name, TO_ROBOT, BOUNDS._replace(age=self._client.timeout), on_joined=self._greet,
-                on_left=self._left, on_unknown=self._unknown)
-            self._channels = [self._requests, calls_channel(
-                self._link, self.name, TO_OPERATOR, on_message=self._received)]
-            self._worker.start()
-        self._service = rospy.Service(self.topic, self._class, self._call)
+            self._requests = self._opened.add(self._link.channel(
+                calls_channel(self.name, TO_ROBOT, BOUNDS._replace(age=self._client.timeout)),
+                ChannelListener(joined=self._greet, left=self._left, unknown=self._unknown)))
+            self._opened.add(self._link.channel(
+                calls_channel(self.name, TO_OPERATOR), ChannelListener(received=self._received)))
+            self._opened.started(self._worker)
+        self._opened.callback(self._fail)
+        self._opened.callback(rospy.Service(self.topic, self._class, self._call).shutdown)
 
     def stats(self) -> StreamStats:
         """What the stream did, for diagnostics: responses that came, calls that were made."""
@@ -64,16 +61,11 @@ class OperatorService:
                            to_robot=True, dropped=dict(self._client.dropped), problem=self._refused,
                            connections=() if self._refused else self._link.connections(sending=True))
 
-    def close(self) -> None:
-        """End the service; the calls in flight fail."""
-        if self._service is not None:
-            self._service.shutdown()
+    def _fail(self) -> None:
+        """The node ends, and with it the calls in flight."""
         with self._worker.changing():
             self._refused = 'the node of the service has ended'
             self._client.fail(self._refused)
-        self._worker.close()
-        for channel in self._channels:
-            channel.close()
 
     def _call(self, request: Any) -> Any:
         """Call the robot's service, in a thread of rospy.
@@ -96,8 +88,8 @@ class OperatorService:
 
     def _response(self, data: bytes) -> Any:
         try:
-            response = self._class._response_class().deserialize(data)
-        except Exception:       # genpy's readers raise DeserializationError, UnicodeError, ... on hostile bytes
+            response = deserialised(self._class._response_class, data)
+        except ValueError:
             raise rospy.ServiceException('its answer is no %s' % self._class._response_class._type) from None
         return add_prefix(response, self._prefix)
 

@@ -10,6 +10,7 @@ from sensor_msgs.msg import BatteryState, Image
 from ..codecs.display.overlay import OperatorStatus, Tile, overlay, tiles
 from ..msg import LinkStatus
 from .logging import log_error
+from .opened import Part
 from .operator_control import IN_CONTROL, NO_COMMANDS, OperatorControl
 from .status_listener import StatusListener
 from .worker import PeriodicWorker
@@ -21,7 +22,7 @@ REPEAT_PERIOD = 1.0
 """The same image is repeated for new viewers [s]."""
 
 
-class Overlay:
+class Overlay(Part):
     """Lives as long as its node. The link and the battery are those of the first stream with such messages.
 
     :param streams: {name: OperatorStream}, started
@@ -32,17 +33,17 @@ class Overlay:
 
     def __init__(self, streams: Mapping[str, Any], robot: StatusListener, control: OperatorControl, topic: str,
                  legend: Mapping[str, Optional[Tuple[int, int, int]]], signal: Callable[[], float]) -> None:
+        super().__init__()
         self._robot, self._control, self._signal, self._legend = robot, control, signal, legend
         self._sources = {class_: stream for stream in reversed(list(streams.values()))
                          for class_ in (LinkStatus, BatteryState) if stream.assembler.MESSAGE is class_}
         self._newest: Dict[Any, Any] = {}     # by class
         self._shown: Tuple[Tuple[Tile, ...], Tuple[str, ...]] = (), ()
         self._published = -math.inf     # [s]
-        self._subscribers = [rospy.Subscriber(stream.topic, class_, self._take, class_, queue_size=1)
-                             for class_, stream in self._sources.items()]
-        self._publisher = rospy.Publisher(topic, Image, queue_size=1, tcp_nodelay=True)
-        self._worker = PeriodicWorker('overlay', self._update, log_error('overlay'), PERIOD)
-        self._worker.start()
+        self._publisher = self._opened.topic(rospy.Publisher(topic, Image, queue_size=1, tcp_nodelay=True))
+        for class_, stream in self._sources.items():
+            self._opened.topic(rospy.Subscriber(stream.topic, class_, self._take, class_, queue_size=1))
+        self._opened.started(PeriodicWorker('overlay', self._update, log_error('overlay'), PERIOD))
 
     def _take(self, message: Any, class_: Any) -> None:
         self._newest[class_] = message
@@ -83,9 +84,3 @@ class Overlay:
         if stream is None:
             return math.nan
         return math.inf if stream.last_shown is None else now - stream.last_shown
-
-    def close(self) -> None:
-        self._worker.stop()
-        for subscriber in self._subscribers:
-            subscriber.unregister()
-        self._publisher.unregister()

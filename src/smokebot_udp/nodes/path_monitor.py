@@ -16,6 +16,7 @@ from ..transport import Transport
 from ..udpros.datagram import IP_UDP_HEADERS
 from ..udpros.endpoints import path_payload
 from ..udpros.frame import Frame
+from .opened import Part
 from .outbox import Outbox
 
 PROBES, ANSWERS = '/smokebot_udp/path/probe', '/smokebot_udp/path/answer'
@@ -25,20 +26,21 @@ MTU_PERIOD = 5.0
 """How often the kernel is asked [s]."""
 
 
-class PathMonitor:
+class PathMonitor(Part):
     """The robot's side. All but `tick` and `close` are called in any thread.
 
     :param outbox: what is sent is charged there
     """
 
     def __init__(self, transport: Transport, outbox: Outbox) -> None:
+        super().__init__()
         self._transport, self._outbox = transport, outbox
         self._longest = transport.max_datagram_size + transport.overhead
         self._paths: Dict[str, PathLength] = {}     # by operator; replaced, not changed
         self._lock = threading.Lock()               # of the paths
         self._kernel, self._kernel_due = self._longest, 0.0
-        self._publisher = transport.publisher(PROBES, PathProbe, whole=True)
-        self._subscriber = transport.subscriber(ANSWERS, PathAnswer, self._answered)
+        self._publisher = self._opened.topic(transport.publisher(PROBES, PathProbe, whole=True))
+        self._opened.topic(transport.subscriber(ANSWERS, PathAnswer, self._answered))
 
     def sent(self, stream: str, seq: int, count: int, size: int, now: float, limits: Mapping[str, int]) -> None:
         """Datagrams were sent, see outbox.Departed."""
@@ -92,20 +94,16 @@ class PathMonitor:
             path.probed(first)
         self._outbox.charge(1 + SHORT_PROBES, sum(len(frame) * frame.datagram_size for frame in frames))
 
-    def close(self) -> None:
-        """End the topics."""
-        self._subscriber.unregister()
-        self._publisher.unregister()
 
-
-class PathAnswers:
+class PathAnswers(Part):
     """The operator's side."""
 
     def __init__(self, transport: Transport) -> None:
+        super().__init__()
         transport.limit(USUAL[-1] - transport.overhead)
         self._newest, self._arrived, self._source = 0, 0, None
-        self._publisher = transport.publisher(ANSWERS, PathAnswer, queue_size=1)
-        self._subscriber = transport.subscriber(PROBES, PathProbe, self._probed)
+        self._publisher = self._opened.topic(transport.publisher(ANSWERS, PathAnswer, queue_size=1))
+        self._opened.topic(transport.subscriber(PROBES, PathProbe, self._probed))
 
     def _probed(self, probe: Any) -> None:
         """Answer; the transport's thread."""
@@ -118,11 +116,6 @@ class PathAnswers:
         elif self._newest - number < ANSWER_BITS:
             self._arrived |= 1 << self._newest - number
         self._publisher.publish(PathAnswer(newest=self._newest, arrived=self._arrived))
-
-    def close(self) -> None:
-        """End the topics."""
-        self._subscriber.unregister()
-        self._publisher.unregister()
 
 
 def _frame(size: int, count: int) -> Frame:

@@ -12,18 +12,19 @@ import rospy
 
 from .. import udpros
 from ..limited_log import ERROR_PERIOD, logerr, logwarn
-from ..mission.settings import SettingsStore
 from ..monitoring import sources
 from ..monitoring.stats import StreamStats
 from ..packed import pack, unpack
 from ..reliable.bounds import Bounds
-from ..serialised import serialised
+from ..serialised import deserialised, serialised
 from ..streams import live_tables
 from ..streams.message_types import message_class
 from ..streams.relay.contents import QUEUE, Contents, kept_together, publisher_of
 from ..streams.relay.parameters import LEVELS, LOG, TO_OPERATOR, TO_ROBOT
 from ..streams.relay.turns import Turns
-from .reliable_link import Channel, ReliableLink
+from .channel import Channel, ChannelKind, ChannelListener
+from .reliable_link import ReliableLink
+from .way import WayBackStream
 from .worker import PeriodicWorker
 
 RECENT = 10.0
@@ -46,7 +47,7 @@ REASONS = {'age': 'not acknowledged in time', 'count': 'more than max_messages w
            'left': 'the other side has left'}
 
 
-class ReliableRelay:
+class ReliableRelay(WayBackStream):
     """One relay on one side.
 
     :param name: of the stream in streams.yaml
@@ -57,41 +58,24 @@ class ReliableRelay:
     """
 
     def __init__(self, name: str, settings: Mapping[str, Any], link: ReliableLink, sends: bool, topic: str) -> None:
-        self.name, self.topic = name, topic
-        on_robot = sends == (settings['direction'] == TO_OPERATOR)
-        self.settings = SettingsStore(live_tables(settings).robot if on_robot else {}, settings)
-        self._on_robot = on_robot
+        self._on_robot = sends == (settings['direction'] == TO_OPERATOR)
+        super().__init__(name, topic, settings, live_tables(settings).robot if self._on_robot else {})
         self._link, self._sends, self._direction = link, sends, settings['direction']
         self._class, self._latch = message_class(settings['message_type']), settings['latch']
         # a message to the robot expires also where it is latched
         self._bounds = Bounds(settings['max_messages'], settings['max_bytes'], settings['max_age'],
                               keeps_last=self._latch and self._direction == TO_OPERATOR)
         self._channel: Optional[Channel] = None     # made by start()
-        self._topic: Any = None                     # likewise
 
     @property
     def _off(self) -> bool:
         """Whether the robot's side relays nothing."""
         return self._on_robot and not self.settings.current['enabled']
 
-    def start(self) -> None:
-        """Begin to relay."""
-        raise NotImplementedError
-
-    def _open(self, **callbacks: Any) -> None:
-        self._channel = self._link.channel('relay ' + self.name, self._direction, self._class._type,
-                                           self._class._md5sum, bounds=self._bounds, **callbacks)
-
-    def stats(self) -> StreamStats:
-        """What the relay does and did, for diagnostics."""
-        raise NotImplementedError
-
-    def close(self) -> None:
-        """End the channel and the topic."""
-        if self._topic is not None:
-            self._topic.unregister()
-        if self._channel is not None:
-            self._channel.close()
+    def _open_channel(self, listener: ChannelListener) -> None:
+        self._channel = self._opened.add(self._link.channel(ChannelKind(
+            'relay ' + self.name, self._direction, self._class._type, self._class._md5sum, bounds=self._bounds),
+            listener))
 
     def _stats(self, received: int, sent: int, dropped: Dict[str, int], problem: Optional[str]) -> StreamStats:
         return StreamStats(
@@ -126,12 +110,13 @@ class Source(ReliableRelay):
         self._problem = ''
 
     def start(self) -> None:
-        """See ReliableRelay."""
-        self._open(on_given_up=self._given_up, on_joined=self._joined)
-        self._topic = rospy.Subscriber(self.topic, self._class, self._receive, queue_size=QUEUE, tcp_nodelay=True)
+        """See WayBackStream."""
+        self._open_channel(ChannelListener(given_up=self._given_up, joined=self._joined))
+        self._opened.topic(rospy.Subscriber(self.topic, self._class, self._receive, queue_size=QUEUE,
+                                            tcp_nodelay=True))
 
     def stats(self) -> StreamStats:
-        """See ReliableRelay."""
+        """See WayBackStream."""
         channel = self._channel.stats() if self._channel is not None else None
         given_up = {} if channel is None else {'given up: ' + REASONS.get(reason, reason): count
                                                for reason, count in channel.given_up.items()}
@@ -142,8 +127,8 @@ class Source(ReliableRelay):
 
     def _receive(self, message: Any) -> None:
         """A message of the topic; rospy's threads. It may be of another type, see RobotStream."""
-        if message._type != self.source.type:
-            self._report('it is %s, must be %s' % (message._type, self.source.type))
+        if message._type != self._class._type:
+            self._report('it is %s, must be %s' % (message._type, self._class._type))
             return
         publisher = publisher_of(message)
         source = message.name if self._is_log else publisher
@@ -234,31 +219,35 @@ class Source(ReliableRelay):
         logerr("stream '%s'" % self.name, 'a message of %s is not sent: %s' % (self.topic, problem))
 
 
-class NewestSource(Source):
-    """With `newest`: the newest content of each name, once the one before has arrived and a small part of the link has
-    room for it; the contents take turns.
+class TurnsSource(Source):
+    """With `newest`: contents take turns, as a small part of the link has room for them. Subclasses say which do.
 
     Where both sides share a master, an operator's own messages are not sent back to it.
     """
 
-    def __init__(self, name: str, settings: Mapping[str, Any], link: ReliableLink, topic: str,
-                 rewrite: Rewrite = lambda message: message) -> None:
-        super().__init__(name, settings, link, topic, rewrite)
-        self._states: Dict[str, Turns] = {}     # {peer: what waits for it}
-        self._turns = PeriodicWorker(name, self._take_turns, self._report, TURN_PERIOD)
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self._turns = PeriodicWorker(self.name, self._take_turns, self._report, TURN_PERIOD)
 
     def start(self) -> None:
-        """See ReliableRelay."""
+        """See WayBackStream."""
         super().start()
-        self._turns.start()
-
-    def close(self) -> None:
-        """See ReliableRelay."""
-        self._turns.stop()
-        super().close()
+        self._opened.started(self._turns)
 
     def _wanted(self, source: str) -> bool:
         return source not in self._link.peers()
+
+    def _take_turns(self) -> None:
+        """Send what is due."""
+        raise NotImplementedError
+
+
+class NewestSource(TurnsSource):
+    """Sends the newest content of each name, once the one before has arrived."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self._states: Dict[str, Turns] = {}     # {peer: what waits for it}
 
     def _send(self, message: Any, source: str) -> None:
         self._check(message)
@@ -290,26 +279,30 @@ class Sink(ReliableRelay):
     :param rewrite: see Rewrite
     :param refusal: f(peer) -> why its messages are not published now, None: they are
     """
+
     def __init__(self, name: str, settings: Mapping[str, Any], link: ReliableLink, topic: str,
                  rewrite: Rewrite = lambda message: message,
                  refusal: Callable[[str], Optional[str]] = lambda peer: None) -> None:
         super().__init__(name, settings, link, False, topic)
         self._rewrite, self._refusal = rewrite, refusal
+        if self._on_robot and not self._latch:      # who subscribes later gets what is latched
+            self.source = sources.Source(sources.LISTENER, topic, self._class._type)
+        self._topic: Any = None     # made by start()
         self._received = self._published = self._invalid = self._disabled = self._refused = 0
 
     def start(self) -> None:
-        """See ReliableRelay."""
-        self._topic = rospy.Publisher(self.topic, self._class, queue_size=QUEUE, latch=self._latch, tcp_nodelay=True)
-        self._open(on_message=self._publish, on_left=self._left)
+        """See WayBackStream."""
+        self._topic = self._opened.topic(rospy.Publisher(self.topic, self._class, queue_size=QUEUE, latch=self._latch,
+                                                         tcp_nodelay=True))
+        self._open_channel(ChannelListener(received=self._publish, left=self._left))
 
     @property
-    def source(self) -> Optional[sources.Source]:
-        """Who must listen on the robot; None: somebody does, or the desk publishes it."""
-        heard = not self._on_robot or self._latch or self._topic is not None and self._topic.get_num_connections() > 0
-        return None if heard else sources.Source(sources.LISTENER, self.topic, self._class._type)
+    def heard(self) -> bool:
+        """See WayBackStream."""
+        return self._topic is not None and bool(self._topic.get_num_connections())
 
     def stats(self) -> StreamStats:
-        """See ReliableRelay."""
+        """See WayBackStream."""
         return self._stats(self._received, self._published,
                            {'message': self._invalid, 'disabled': self._disabled, 'refused': self._refused}, None)
 
@@ -325,8 +318,8 @@ class Sink(ReliableRelay):
             logwarn("stream '%s'" % self.name, 'a message of %s is refused: %s' % (peer, refusal), ERROR_PERIOD)
             return
         try:
-            message = self._class().deserialize(unpack(data, self._bounds.bytes))
-        except Exception:   # genpy's readers raise DeserializationError, UnicodeError, ... on hostile bytes
+            message = deserialised(self._class, unpack(data, self._bounds.bytes))
+        except ValueError:
             self._invalid += 1
             logerr("stream '%s'" % self.name, 'what %s sent is no %s' % (peer, self._class._type))
             return

@@ -2,35 +2,32 @@
 """Runs the robot's side of an action stream: an action client of the robot's server for all operators."""
 import collections
 import time
-from typing import Any, Counter, Dict, List, Mapping, Optional, OrderedDict, Tuple
+from typing import Any, Mapping, Optional, OrderedDict, Tuple
 
 import rospy
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 
 from ..limited_log import logerr
-from ..mission.settings import SettingsStore
 from ..monitoring.sources import ACTION, Source
 from ..monitoring.stats import StreamStats
 from ..serialised import serialised
 from ..streams.action.goal_watch import MAX_GOALS
 from ..streams.action.throttle import Throttle
-from ..streams.message_types import action_types
-from .action_channels import CANCEL, PURSUED, action_channels, ended, read_request
+from .action_channels import CANCEL, PURSUED, ActionStream, ended, read_request
+from .channel import ChannelListener
 from .logging import log_error
-from .reliable_link import ReliableLink
 from .way import RobotWay
 from .worker import DeadlineWorker
-
-QUEUE = 100
 
 CANCEL_PERIOD = 0.2
 """While the emergency stop is engaged: goals that go on are cancelled again after this time [s]."""
 
 
-class RobotAction:
+class RobotAction(ActionStream):
     """Publishes the goals and cancellations of operators, and sends them status, feedback and results.
 
-    Goals are those of the operator who drives; everybody may cancel. The emergency stop cancels all.
+    Goals are those of the operator who drives; everybody may cancel. The emergency stop cancels all. After `close` the
+    action server goes on with its goals.
 
     :param name: of the stream in streams.yaml
     :param settings: {name: value}, checked
@@ -38,39 +35,24 @@ class RobotAction:
     """
 
     def __init__(self, name: str, settings: Mapping[str, Any], way: RobotWay) -> None:
-        self.name, self.topic = name, str(rospy.resolve_name(settings['robot_action']))
-        self._types = action_types(settings['action_type'])
+        super().__init__(name, rospy.resolve_name(settings['robot_action']), settings, way)
         self.source = Source(ACTION, self.topic, self._types.result._type)
-        self.settings = SettingsStore({}, settings)
-        self._max_age, self._control = settings['max_age'], way.control
-        self._link: ReliableLink = way.reliable
+        self._control = way.control
         self._stopped = False, 0        # whether the emergency stop is engaged, how often it was released
         self._cancelled = 0.0       # when all goals were cancelled last
         self._senders: OrderedDict[str, str] = collections.OrderedDict()    # {goal that has not ended: operator}
         self._throttles = {part: Throttle(settings['feedback_rate']) for part in ('/status', '/feedback')}
         self._worker: DeadlineWorker[Tuple[str, bytes]] = DeadlineWorker(
             name, self._poll, self._deadline, self._send, log_error("stream '%s'" % name))
-        self._dropped: Counter[str] = collections.Counter()
-        self._goals = self._results = 0
-        self._channels: Dict[str, Any] = {}     # made by start(), as are these
-        self._publishers: Dict[str, Any] = {}
-        self._subscribers: List[Any] = []
 
     def start(self) -> None:
         """Begin to take goals."""
-        types = self._types
-        self._publishers = {part: rospy.Publisher(self.topic + part, class_, queue_size=QUEUE, tcp_nodelay=True)
-                            for part, class_ in (('/goal', types.goal), ('/cancel', types.cancel))}
-        for part, channel in action_channels(types, self._max_age).items():
-            callback: Dict[str, Any] = {'on_message': self._requested} if part == '/goal' else {}
-            self._channels[part] = channel.open(self._link, self.name + part, **callback)
-        self._worker.start()
+        self._publish('/goal', '/cancel')
+        self._opened.callback(self._publishers.clear)   # the emergency stop may still be engaged
+        self._open_channels({'/goal': ChannelListener(received=self._requested)})
+        self._opened.started(self._worker)
         self._control.subscribe(self._follow)
-        self._subscribers = [
-            rospy.Subscriber(self.topic + part, class_, callback, queue_size=QUEUE, tcp_nodelay=True)
-            for part, class_, callback in (('/status', types.status, self._status),
-                                           ('/feedback', types.feedback, self._feedback),
-                                           ('/result', types.result, self._result))]
+        self._subscribe({'/status': self._status, '/feedback': self._feedback, '/result': self._result})
 
     def stats(self) -> StreamStats:
         """What the stream did, for diagnostics: goals that came, results that left."""
@@ -104,24 +86,13 @@ class RobotAction:
             return 'the robot has no action server %s' % self.topic
         return refusal
 
-    def close(self) -> None:
-        """End all topics and channels; the action server goes on with its goals."""
-        for subscriber in self._subscribers:
-            subscriber.unregister()
-        self._worker.close()
-        for channel in self._channels.values():
-            channel.close()
-        publishers, self._publishers = self._publishers, {}     # the emergency stop may still be engaged
-        for publisher in publishers.values():
-            publisher.unregister()
-
     def _requested(self, peer: str, data: bytes) -> None:
         """Take a goal or a cancellation of an operator, in the link's thread."""
-        request = read_request(self._types, data)
-        if request is None:
+        try:
+            kind, message = read_request(self._types, data)
+        except ValueError:
             self._dropped['malformed'] += 1
             return
-        kind, message = request
         if kind == CANCEL:
             self._publishers['/cancel'].publish(message)
             return

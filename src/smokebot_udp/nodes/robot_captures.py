@@ -27,6 +27,7 @@ from ..udpros.frame import Frame
 from .compiled_codec import CompiledCodec
 from .level_frame import TransformLookup
 from .logging import log_error
+from .opened import Part
 from .robot_stream import RobotLink, RobotStream
 from .worker import DeadlineWorker
 
@@ -46,7 +47,7 @@ DURATION = 2.0
 """On a link with nothing else to do a transfer would take about as long [s]."""
 
 
-class RobotCaptures:
+class RobotCaptures(Part):
     """Serves captures; lives as long as its node.
 
     :param streams: {name: RobotStream}
@@ -58,6 +59,7 @@ class RobotCaptures:
 
     def __init__(self, link: RobotLink, streams: Mapping[str, RobotStream], lookup: TransformLookup,
                  codec: CompiledCodec, share: float, fixed_frame: str) -> None:
+        super().__init__()
         self._link, self._streams = link, streams
         self._frames = tuple(collections.OrderedDict.fromkeys((fixed_frame, ODOMETRY_FRAME)))
         self._lookup, self._codec, self._share = lookup, codec, share
@@ -65,9 +67,10 @@ class RobotCaptures:
         self._worker: DeadlineWorker[Union[Load, Batch]] = DeadlineWorker(
             'captures', self._transfers.poll, lambda: self._transfers.deadline(time.monotonic()), self._work,
             log_error('captures'))
-        self._publisher = link.transport.publisher(PIECES, CapturePiece, tos=BULK | ECT)
-        self._subscriber = link.transport.subscriber(REQUESTS, CaptureRequest, self._receive, queue_size=20)
-        self._worker.start()
+        self._publisher = self._opened.topic(link.transport.publisher(PIECES, CapturePiece, tos=BULK | ECT))
+        self._opened.callback(link.outbox.drop, NAME)
+        self._opened.started(self._worker)
+        self._opened.topic(link.transport.subscriber(REQUESTS, CaptureRequest, self._receive, queue_size=20))
         if any(stream.settings.current.requested.get('history') for stream in streams.values()):
             lookup.prepare()
 
@@ -84,13 +87,6 @@ class RobotCaptures:
         most = max(least, min(left / DURATION, MAX_RATE))
         points = [OperatingPoint({}, rate) for rate in (least, most)]
         return {NAME: Demand(points, weight=0.0, min_bitrate=least)}
-
-    def close(self) -> None:
-        """End all transfers."""
-        self._subscriber.unregister()
-        self._worker.close()
-        self._link.outbox.drop(NAME)
-        self._publisher.unregister()
 
     # -- the transport's thread ------------------------------------------------------------------------
 

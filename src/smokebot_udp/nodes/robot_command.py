@@ -13,10 +13,11 @@ import rospy
 
 from ..limited_log import logerr
 from ..mission.parameters import live
-from ..mission.settings import Settings, SettingsStore
+from ..mission.settings import Settings
 from ..monitoring.sources import LISTENER, Source
 from ..monitoring.stats import ConnectionStats, Shown, StreamStats
 from ..msg import Command
+from ..serialised import deserialised
 from ..streams.command.parameters import ROBOT, timeout_message
 from ..streams.message_types import message_class
 from ..streams.relay.parts import carried
@@ -28,7 +29,7 @@ from ..teleop.timeout import CommandTimeout, State
 from ..transport import Subscriber
 from ..udpros.records import has_header
 from .logging import log_error
-from .way import RobotWay
+from .way import RobotWay, WayBackStream
 from .worker import DeadlineWorker
 
 COMMANDS = 'commands'
@@ -43,18 +44,19 @@ FLUSH_TIME = 0.1
 PROBLEMS = {State.STOPPING: 'no command came in time: it stops', State.ESTOP: 'emergency stop'}
 
 
-class RobotCommand:
+class RobotCommand(WayBackStream):
     """One command stream.
 
     :param name: of the stream in streams.yaml
     :param settings: {name: value}, checked
     :raises ValueError: where the settings are impossible
     """
+
     def __init__(self, name: str, settings: Mapping[str, Any], way: RobotWay) -> None:
-        self.name, self.topic = name, rospy.resolve_name(settings['robot_topic'])
-        self.settings = SettingsStore(live(ROBOT), settings)
+        super().__init__(name, rospy.resolve_name(settings['robot_topic']), settings, live(ROBOT))
         self._way, self._wire_topic = way, wire_topic(name, COMMANDS)
         self._class = message_class(settings['message_type'])
+        self.source = Source(LISTENER, self.topic, self._class._type)
         self._on_timeout = timeout_message(settings)
         self._gate = CommandGate(way.control.session, self._class._md5sum, settings['max_age'])
         self._timeout = CommandTimeout(settings['timeout'], settings['rate'], settings['hold'])
@@ -70,19 +72,19 @@ class RobotCommand:
 
     def start(self) -> None:
         """Begin to accept commands."""
-        self._publisher = rospy.Publisher(self.topic, self._class, queue_size=1, tcp_nodelay=True)
+        self._publisher = self._opened.topic(
+            rospy.Publisher(self.topic, self._class, queue_size=1, tcp_nodelay=True))
         self._worker.start()
+        self._opened.callback(self._end)
         self._way.control.subscribe(self._follow)
         self._follow()
         self._look_for_suspension()
         self.settings.subscribe(self._configure)
-        self._subscriber = self._way.transport.subscriber(self._wire_topic, Command, self._take,
-                                                          carries=carried(self._class))
+        self._subscriber = self._opened.topic(self._way.transport.subscriber(
+            self._wire_topic, Command, self._take, carries=carried(self._class)))
 
-    def close(self) -> None:
-        """End the thread and the topics; a robot that is driven is stopped."""
-        if self._subscriber is not None:
-            self._subscriber.unregister()
+    def _end(self) -> None:
+        """End the thread; a robot that is driven is stopped."""
         with self._worker.changing():
             self._gate.rule(0, False, 0, time.monotonic())     # nor is taken what another thread is about to take
             driven = self._timeout.state is State.DRIVING
@@ -91,14 +93,11 @@ class RobotCommand:
         self._worker.close()
         if driven:
             time.sleep(FLUSH_TIME)
-        if self._publisher is not None:
-            self._publisher.unregister()
 
     @property
-    def source(self) -> Optional[Source]:
-        """Who must listen to the commands; None: somebody does."""
-        heard = self._publisher is not None and self._publisher.get_num_connections() > 0
-        return None if heard else Source(LISTENER, self.topic, self._class._type)
+    def heard(self) -> bool:
+        """See WayBackStream."""
+        return self._publisher is not None and bool(self._publisher.get_num_connections())
 
     def stats(self) -> StreamStats:
         """What the stream does and did, for diagnostics; ages since the last call."""
@@ -163,8 +162,8 @@ class RobotCommand:
         if accepted is None:
             return
         try:
-            command = self._class().deserialize(accepted.data)
-        except Exception:   # genpy's readers raise DeserializationError, UnicodeError, ... on hostile bytes
+            command = deserialised(self._class, accepted.data)
+        except ValueError:
             self._dropped['message'] += 1
             return
         self._timeout.accepted(now, accepted.age)

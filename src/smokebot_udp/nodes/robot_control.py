@@ -24,6 +24,7 @@ from ..traffic import EXPEDITED
 from ..transport import Transport
 from ..udpros import rpc
 from .logging import log_error
+from .opened import Part
 from .outbox import Outbox
 from .worker import DeadlineWorker, PeriodicWorker
 
@@ -70,7 +71,7 @@ class Standing(NamedTuple):
         return None
 
 
-class RobotControl:
+class RobotControl(Part):
     """Serves the requests of operators and sends them ControlStatus; lives as long as its node. Any thread may use it.
 
     :param outbox: whose rate pays for what is sent
@@ -78,6 +79,7 @@ class RobotControl:
     """
 
     def __init__(self, transport: Transport, outbox: Outbox, is_open: bool = False) -> None:
+        super().__init__()
         self.session = random.randint(1, 2 ** 32 - 1)
         """Of this node."""
         self._outbox = outbox
@@ -88,31 +90,23 @@ class RobotControl:
         self._peers: FrozenSet[str] = frozenset()
         self._missing: FrozenSet[str] = frozenset()     # operators without a connection when last looked for
         self._log = log = log_error('control')
+        opened = self._opened
         self._worker: DeadlineWorker[Tuple[Optional[records.Status], bool]] = DeadlineWorker(
             'control', self._poll, self._server.deadline, self._send, log)
-        self._estop = rospy.Publisher('~estop', Bool, queue_size=1, latch=True)
+        self._estop = opened.topic(rospy.Publisher('~estop', Bool, queue_size=1, latch=True))
         self._show = PeriodicWorker('estop', self._show_estop, log, None)   # not in the transport's thread
-        self._watch = PeriodicWorker('operators', self._watch_peers, log, PEERS_PERIOD)
-        self._statuses = transport.publisher(STATUS, ControlStatus, queue_size=1, tos=EXPEDITED)
+        self._statuses = opened.topic(transport.publisher(STATUS, ControlStatus, queue_size=1, tos=EXPEDITED))
         self._keep = PeriodicWorker('kept estop', self._keep_estop, log, KEEP_PERIOD)
         self._kept = str(rpc.repeated(lambda: rospy.get_param(KEPT, '')))
         if self._kept:
             self._server.set_estop(True, self._kept, time.monotonic())
             self._follow()
         self._show.wake()
-        for worker in (self._worker, self._show, self._watch, self._keep):
-            worker.start()
+        for worker in (self._worker, self._keep, self._show,
+                       PeriodicWorker('operators', self._watch_peers, log, PEERS_PERIOD)):
+            opened.started(worker)
         rospy.Service('~set_estop', SetBool, self._set_estop)
-        self._requests = transport.subscriber(REQUEST, ControlRequest, self._receive)
-
-    def close(self) -> None:
-        """End all threads and topics."""
-        self._requests.unregister()
-        for worker in (self._watch, self._show, self._keep):
-            worker.stop()
-        self._worker.close()
-        self._statuses.unregister()
-        self._estop.unregister()
+        opened.topic(transport.subscriber(REQUEST, ControlRequest, self._receive))
 
     @property
     def standing(self) -> Standing:

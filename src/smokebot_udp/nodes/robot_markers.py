@@ -14,6 +14,7 @@ from ..mission.footprint import DEFAULT_FOOTPRINT, Footprint, read_footprint
 from ..streams.frame_prefix import with_prefix
 from .common import Parameters, operator_topic
 from .logging import log_error
+from .opened import Part
 from .worker import PeriodicWorker
 
 PERIOD = 1.0
@@ -24,7 +25,7 @@ LINE_WIDTH, ARROW_WIDTH, ARROW_REACH = 0.05, 0.14, 0.4
 """The arrow begins at the robot's origin and reaches so far beyond the footprint [m]."""
 
 
-class RobotMarkers:
+class RobotMarkers(Part):
     """Lives as long as its node.
 
     :param parameters: footprint, footprint_topic, path_topic, odom_topic, base_frame and frame_prefix of
@@ -32,16 +33,17 @@ class RobotMarkers:
     """
 
     def __init__(self, parameters: Parameters) -> None:
+        super().__init__()
         self._path, self._header, self._changed = DrivenPath(), Header(), False
         self._lock = threading.Lock()
-        self._footprint = rospy.Publisher(operator_topic(parameters['footprint_topic']), MarkerArray, queue_size=1,
-                                          latch=True)
-        self._paths = rospy.Publisher(operator_topic(parameters['path_topic']), Path, queue_size=1, latch=True)
-        self._odometry = rospy.Subscriber(operator_topic(parameters['odom_topic']), Odometry, self._take, queue_size=1)
-        self._worker = PeriodicWorker('driven path', self._publish, log_error('driven path'), PERIOD)
-        self._footprint.publish(MarkerArray(outline(
+        footprint, self._paths = (
+            self._opened.topic(rospy.Publisher(operator_topic(parameters[name]), class_, queue_size=1, latch=True))
+            for name, class_ in (('footprint_topic', MarkerArray), ('path_topic', Path)))
+        footprint.publish(MarkerArray(outline(
             self._outline(parameters), with_prefix(parameters['base_frame'], parameters['frame_prefix']))))
-        self._worker.start()
+        self._opened.started(PeriodicWorker('driven path', self._publish, log_error('driven path'), PERIOD))
+        self._opened.topic(rospy.Subscriber(operator_topic(parameters['odom_topic']), Odometry, self._take,
+                                            queue_size=1))
 
     @staticmethod
     def _outline(parameters: Parameters) -> Footprint:
@@ -68,12 +70,6 @@ class RobotMarkers:
             pose.pose.position, pose.pose.orientation.w = Point(*position), 1.0
         if not rospy.is_shutdown():
             self._paths.publish(path)
-
-    def close(self) -> None:
-        self._odometry.unregister()
-        self._worker.stop()
-        self._paths.unregister()
-        self._footprint.unregister()
 
 
 def outline(footprint: Footprint, frame: str) -> List[Any]:

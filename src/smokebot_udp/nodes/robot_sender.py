@@ -30,7 +30,7 @@ from ..congestion.packet_scheduler import PacketScheduler
 from ..limited_log import logerr
 from ..mission import focus
 from ..monitoring.status import ROBOT
-from ..streams import Definitions, classified, encoder_class
+from ..streams import classified, encoder_class
 from ..streams.virtual_scan.fans import FanCache
 from ..udpros.datagram import IP_UDP_HEADERS
 from ..units import MBIT
@@ -44,9 +44,11 @@ from .held_reports import HeldReports
 from .level_frame import TransformLookup
 from .link_control import LinkControl, SharedController
 from .namesake import wait_until_free
+from .opened import Opened
 from .outbox import Outbox
 from .parameters import ROBOT_SENDER
 from .problems import Problems
+from .reliable_link import ReliableLink
 from .robot_captures import RobotCaptures
 from .robot_control import RobotControl
 from .robot_stream import RobotLink, RobotStream
@@ -60,65 +62,6 @@ BURST = 16
 """Datagrams that may leave at once on a fast link: roscpp's receiver holds 92, a Wi-Fi driver's queue not many more."""
 
 MEGABYTE = 1 << 20
-
-
-class RobotSender:
-    """Hosts the robot's streams; lives as long as its node."""
-
-    def __init__(self) -> None:
-        problems = Problems()
-        parameters = Parameters(ROBOT_SENDER, problems.report)
-        udpros.emulate_loss(parameters['loss'], parameters['loss_seed'])
-        streams = read_streams(parameters)
-        definitions = classified(streams)
-        transport = robot_transport(parameters)
-        size = transport.max_datagram_size
-        profiles = read_file(parameters, 'focus_file', 'focus.yaml', lambda text, warn: focus.load(text))
-        found = StreamProblems(parameters.refused)
-        controller = Controller(*_rates(parameters), size)
-        shared = SharedController(controller)
-        burst = BURST * (size + transport.overhead + IP_UDP_HEADERS)
-        scheduler = PacketScheduler(controller.rate(time.monotonic()), burst)
-        self._codec = CompiledCodec()
-        with udpros.registered_together():
-            link = RobotLink(transport, Outbox(scheduler, shared.on_sent, _log, shared.conforming,
-                                               transport.overhead, shared.on_sent_besides),
-                             histories=Histories(parameters['history_memory'] * MEGABYTE))
-            link.outbox.start()
-            self._outbox, self._transport = link.outbox, transport
-            maker = _StreamMaker(link, self._codec)
-            self.streams = start_streams(definitions.streams, maker, parameters.report,
-                                         parameters.refused.__setitem__)
-            self._captures = RobotCaptures(link, self.streams, maker.lookup, self._codec, parameters['capture_share'],
-                                           streams.frames.fixed)
-            control = RobotControl(transport, link.outbox, is_open(transport, parameters['allow_unsealed_commands']))
-            self._way_back = _way_back(definitions, control, link, parameters)
-            self._link = LinkControl(shared, link, self.streams, control.reported,
-                                     parameters['wifi_interface'], self._captures.demands)
-            stores = {name: stream.settings for name, stream in self.streams.items()}
-            self.focus = FocusControl({**stores, **self._way_back.stores}, profiles, lambda: self._link.shares,
-                                      self._link.forget, problems.report, link, lambda: control.standing,
-                                      lambda: found.current)
-            control.subscribe(self.focus.standing_changed)
-            found.subscribe(self.focus.changed)
-            self._clock, self._held = ClockServer(transport), HeldReports(self.streams, transport)
-            self._diagnostics = robot_diagnostics(self.streams, self._way_back, self._link, parameters, problems,
-                                                  transport, found)
-        rospy.on_shutdown(self.close)
-
-    def close(self) -> None:
-        self._way_back.close()      # first: it stops a robot that is driven
-        self._diagnostics.close()
-        self._link.close()
-        self._captures.close()
-        self._clock.close()
-        self._held.close()
-        self.focus.close()
-        for stream in self.streams.values():
-            stream.close()
-        self._codec.close()
-        self._outbox.stop()
-        self._transport.close()
 
 
 class _StreamMaker:
@@ -159,11 +102,48 @@ def tell_of_pcl() -> None:
         rospy.logwarn('%s: clouds are filtered by loops that numba compiles, or by numpy where it is missing', problem)
 
 
-def _way_back(definitions: Definitions, control: RobotControl, link: RobotLink, parameters: Parameters) -> WayBack:
-    """The way back, started."""
-    def make_way(reliable: Any) -> RobotWay:
-        return RobotWay(link.transport, link.outbox, control, reliable, parameters.report)
-    return WayBack(ROBOT, definitions, control, make_way, link.transport, parameters, link.outbox)
+def run_streams() -> Dict[str, RobotStream]:
+    """Start all parts of the node, which live as long as it does; returns {name: stream}."""
+    opened = Opened()
+    problems = Problems()
+    parameters = Parameters(ROBOT_SENDER, problems.report)
+    udpros.emulate_loss(parameters['loss'], parameters['loss_seed'])
+    defined = read_streams(parameters)
+    definitions = classified(defined)
+    transport = opened.add(robot_transport(parameters))
+    size = transport.max_datagram_size
+    profiles = read_file(parameters, 'focus_file', 'focus.yaml', lambda text, warn: focus.load(text))
+    found = StreamProblems(parameters.refused)
+    controller = Controller(*_rates(parameters), size)
+    shared = SharedController(controller)
+    burst = BURST * (size + transport.overhead + IP_UDP_HEADERS)
+    scheduler = PacketScheduler(controller.rate(time.monotonic()), burst)
+    outbox = Outbox(scheduler, shared.on_sent, _log, shared.conforming, transport.overhead, shared.on_sent_besides)
+    opened.callback(outbox.stop)
+    codec = opened.add(CompiledCodec())
+    with udpros.registered_together():
+        link = RobotLink(transport, outbox, histories=Histories(parameters['history_memory'] * MEGABYTE))
+        outbox.start()
+        maker = _StreamMaker(link, codec)
+        streams = start_streams(definitions.streams, maker, parameters.report, parameters.refused.__setitem__)
+        for stream in streams.values():
+            opened.add(stream)
+        captures = opened.add(RobotCaptures(link, streams, maker.lookup, codec, parameters['capture_share'],
+                                            defined.frames.fixed))
+        control = opened.add(RobotControl(transport, outbox,
+                                          is_open(transport, parameters['allow_unsealed_commands'])))
+        reliable = opened.add(ReliableLink(transport, ROBOT, outbox))
+        way_back = WayBack(ROBOT, definitions, RobotWay(transport, control, reliable), parameters)
+        rate = opened.add(LinkControl(shared, link, streams, control.reported, parameters['wifi_interface'],
+                                      captures.demands))
+        stores = {name: stream.settings for name, stream in streams.items()}
+        opened.add(FocusControl({**stores, **way_back.stores}, profiles, link, rate, control, found, problems.report))
+        opened.add(ClockServer(transport))
+        opened.add(HeldReports(streams, transport))
+        opened.add(robot_diagnostics(streams, way_back, rate, parameters, problems, transport, found))
+    opened.add(way_back)    # the last one, so it ends first: it stops a robot that is driven
+    rospy.on_shutdown(opened.close)
+    return streams
 
 
 def _rates(parameters: Parameters) -> Tuple[Limits, bool]:
@@ -182,7 +162,7 @@ def main() -> None:
     udpros.race_all_connections()
     wait_until_free('robot_sender', 'A master can have one robot_sender.')
     udpros.init_node('robot_sender')
-    sender = RobotSender()
+    streams = run_streams()
     garbage.collect_regularly()
-    rospy.loginfo('robot_sender: sending %s', ', '.join(sender.streams) or 'nothing: no stream is valid')
+    rospy.loginfo('robot_sender: sending %s', ', '.join(streams) or 'nothing: no stream is valid')
     rospy.spin()

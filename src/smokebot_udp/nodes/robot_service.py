@@ -4,20 +4,20 @@ import ast
 import re
 import threading
 import time
-from typing import Any, List, Mapping, Optional
+from typing import Any, Mapping, Optional
 
 import rospy
 
-from ..mission.settings import SettingsStore
 from ..monitoring.sources import SERVICE, Source
 from ..monitoring.stats import StreamStats
 from ..reliable.bounds import Bounds
 from ..reliable.call_server import CallServer, Execution
 from ..reliable.calls import MAX_CALLS, MAX_TIMEOUT, Outcome, type_checksum
-from ..serialised import serialised
+from ..serialised import deserialised, serialised
 from ..streams.message_types import service_class
-from .reliable_link import TO_OPERATOR, TO_ROBOT, Channel, ReliableLink
-from .way import RobotWay
+from ..streams.relay.parameters import TO_OPERATOR, TO_ROBOT
+from .channel import ChannelKind, ChannelListener
+from .way import RobotWay, WayBackStream
 
 CALLS = 'service'
 """Type of both channels of a service stream: services of another type are refused with a reason, by the call."""
@@ -29,13 +29,15 @@ RAISED = re.compile(r'service \[(?P<service>.*?)\] responded with an error: (?P<
 """rospy's words for what a service raised; the text is the repr() of bytes."""
 
 
-def calls_channel(link: ReliableLink, name: str, direction: str, bounds: Bounds = BOUNDS, **callbacks: Any) -> Channel:
-    """Begin one of a service stream's two channels."""
-    return link.channel(name, direction, CALLS, '', ordered=False, expedited=True, bounds=bounds, **callbacks)
+def calls_channel(name: str, direction: str, bounds: Bounds = BOUNDS) -> ChannelKind:
+    """One of a service stream's two channels."""
+    return ChannelKind(name, direction, CALLS, '', ordered=False, expedited=True, bounds=bounds)
 
 
-class RobotService:
+class RobotService(WayBackStream):
     """Executes calls, each in a thread of its own: one that hangs delays no other.
+
+    After `close` it takes no more calls; those that are executed end without an answer.
 
     :param name: of the stream in streams.yaml
     :param settings: {name: value}, checked
@@ -43,22 +45,21 @@ class RobotService:
     """
 
     def __init__(self, name: str, settings: Mapping[str, Any], way: RobotWay) -> None:
-        self.name, self.topic = name, str(rospy.resolve_name(settings['robot_service']))
-        self.settings = SettingsStore({}, settings)
+        super().__init__(name, rospy.resolve_name(settings['robot_service']), settings)
         self._class = service_class(settings['service_type'])
         self.source = Source(SERVICE, self.topic)
-        self._link: ReliableLink = way.reliable
+        self._link = way.reliable
         self._server = CallServer(way.control.session, type_checksum(self._class._type, self._class._md5sum),
                                   self._class._type)
         self._lock = threading.Lock()
-        self._channels: List[Any] = []
         self._answers: Any = None       # made by start()
         self._calls = self._answered = 0
 
     def start(self) -> None:
         """Begin to take calls."""
-        self._answers = calls_channel(self._link, self.name, TO_OPERATOR)
-        self._channels = [self._answers, calls_channel(self._link, self.name, TO_ROBOT, on_message=self._received)]
+        self._answers = self._opened.add(self._link.channel(calls_channel(self.name, TO_OPERATOR)))
+        self._opened.add(self._link.channel(
+            calls_channel(self.name, TO_ROBOT), ChannelListener(received=self._received)))
 
     def stats(self) -> StreamStats:
         """What the stream did, for diagnostics."""
@@ -68,11 +69,6 @@ class RobotService:
             self._calls, self._answered, steady=False, to_robot=True, dropped=dropped,
             connections=self._link.connections(sending=False),
             problem='%d calls of %s hang' % (overdue, self.topic) if overdue else None)
-
-    def close(self) -> None:
-        """Take no more calls; those that are executed end without an answer."""
-        for channel in self._channels:
-            channel.close()
 
     def _received(self, peer: str, data: bytes) -> None:
         """Take a message of an operator, in the link's thread."""
@@ -106,8 +102,8 @@ class RobotService:
     def _call(self, data: bytes) -> Outcome:
         """Call the service. A proxy for each call finds the service's node also after its restart."""
         try:
-            request = self._class._request_class().deserialize(data)
-        except Exception:       # genpy's readers raise DeserializationError, UnicodeError, ... on hostile bytes
+            request = deserialised(self._class._request_class, data)
+        except ValueError:
             return Outcome(failure='its request is no %s' % self._class._request_class._type)
         try:
             return Outcome(serialised(rospy.ServiceProxy(self.topic, self._class)(request)))

@@ -17,12 +17,13 @@ from ..mission.settings_server import SettingsServer
 from ..msg import SettingsRequest, SettingsState
 from ..traffic import SENSORS
 from .logging import log_error
+from .opened import Part
 from .robot_stream import RobotLink
 from .settings_messages import REQUESTS, STATES, request_of, state_message
 from .worker import DeadlineWorker
 
 
-class SettingsHost(rospy.SubscribeListener):
+class SettingsHost(Part, rospy.SubscribeListener):
     """Lives as long as its node.
 
     :param control: all requests for settings go through it
@@ -42,9 +43,10 @@ class SettingsHost(rospy.SubscribeListener):
             'settings across the link', self._server.poll, self._server.deadline, self._send,
             log_error('settings across the link'))
         self.update()
-        self._states = link.transport.publisher(STATES, SettingsState, subscriber_listener=self, tos=SENSORS)
-        self._worker.start()
-        self._requests = link.transport.subscriber(REQUESTS, SettingsRequest, self._receive)
+        self._states = self._opened.topic(
+            link.transport.publisher(STATES, SettingsState, subscriber_listener=self, tos=SENSORS))
+        self._opened.started(self._worker)
+        self._opened.topic(link.transport.subscriber(REQUESTS, SettingsRequest, self._receive))
 
     def update(self) -> None:
         """Settings may have changed; any thread that holds no lock of theirs."""
@@ -63,12 +65,6 @@ class SettingsHost(rospy.SubscribeListener):
         """An operator may lack what was sent before; any thread."""
         with self._worker.changing():
             self._server.joined()
-
-    def close(self) -> None:
-        """End the thread and the topics."""
-        self._requests.unregister()
-        self._worker.close()
-        self._states.unregister()
 
     def _receive(self, message: Any) -> None:
         """Serve a request; the transport's thread."""

@@ -20,8 +20,10 @@ from ..msg import SettingsRequest, SettingsState
 from ..srv import SetFocus, SetFocusResponse
 from ..traffic import EXPEDITED
 from ..transport import Transport
-from .live import LiveSettings, ParameterWatch
+from .live import LiveSettings
 from .logging import log_error
+from .opened import Part
+from .parameter_watch import ParameterWatch
 from .settings_messages import REQUESTS, STATES, request_message, state_of
 from .worker import DeadlineWorker, PeriodicWorker
 
@@ -29,7 +31,7 @@ ENDING = 1.0
 """The node ends where a request is neither answered nor given up within this time after its timeout [s]."""
 
 
-class SettingsMirror:
+class SettingsMirror(Part):
     """Lives as long as its node.
 
     :param node: resolved name of the robot's node, as if it were at this master; None: it is there already
@@ -40,29 +42,23 @@ class SettingsMirror:
 
     def __init__(self, node: Optional[str], tables: Mapping[str, Table], transport: Transport, timeout: float,
                  report: Callable[[str], None]) -> None:
+        super().__init__()
         self._node, self._timeout, self._report = node, timeout, report
         self._client = SettingsClient(tables, lambda: random.randint(1, 2 ** 32 - 1))
         self._parts: Dict[str, LiveSettings] = {}
-        self._watch = ParameterWatch([], background=True, node=node) if node else None
+        self._watch = None if node is None else ParameterWatch([], background=True, node=node)
         self._worker: DeadlineWorker[Request] = DeadlineWorker(
             'requests for settings', self._poll, self._client.deadline, self._send, log_error('requests for settings'))
         # not in the transport's thread: the master is asked
         self._show = PeriodicWorker("the robot's settings", self._show_changed, log_error("the robot's settings"), None)
-        self._requests = transport.publisher(REQUESTS, SettingsRequest, tos=EXPEDITED)
-        self._worker.start()
-        self._show.start()
-        self._states = transport.subscriber(STATES, SettingsState, self._receive)
+        self._requests = self._opened.topic(transport.publisher(REQUESTS, SettingsRequest, tos=EXPEDITED))
+        self._opened.started(self._worker)
+        self._opened.started(self._show)
+        if self._watch is not None:
+            self._opened.add(self._watch)
+        self._opened.topic(transport.subscriber(STATES, SettingsState, self._receive))
         for name in ('~set_focus', *([node + '/set_focus'] if node else [])):
             rospy.Service(name, SetFocus, self._set_focus)
-
-    def close(self) -> None:
-        """End all threads and topics."""
-        self._states.unregister()
-        if self._watch is not None:
-            self._watch.stop()
-        self._show.stop()
-        self._worker.close()
-        self._requests.unregister()
 
     def _receive(self, message: Any) -> None:
         """Take a state; the transport's thread."""

@@ -13,6 +13,7 @@ from visualization_msgs.msg import Marker
 
 from ..monitoring.staleness import Freshness, outdated_streams, stale_streams, stale_text
 from .logging import log_error
+from .opened import Part
 from .worker import PeriodicWorker
 
 PERIOD = 0.5
@@ -22,7 +23,7 @@ FULL_SIZE = 16
 """Longer texts are smaller, so that operator.rviz shows all of them [letters]."""
 
 
-class StaleStreams:
+class StaleStreams(Part):
     """Publishes a text above the robot, and clears streams.
 
     :param streams: {name: OperatorStream}, started
@@ -35,12 +36,12 @@ class StaleStreams:
 
     def __init__(self, streams: Mapping[str, Any], sent: Callable[[], Dict[str, Any]], topic: str, frame: str,
                  after: float, clears: bool) -> None:
+        super().__init__()
         self._streams, self._sent, self._frame, self._after = streams, sent, frame, after
         self._clears = clears
         self._shown = ''
-        self._publisher = rospy.Publisher(topic, Marker, queue_size=1, latch=True)
-        self._worker = PeriodicWorker('stale', self._update, log_error('stale streams'), PERIOD)
-        self._worker.start()
+        self._publisher = self._opened.topic(rospy.Publisher(topic, Marker, queue_size=1, latch=True))
+        self._opened.started(PeriodicWorker('stale', self._update, log_error('stale streams'), PERIOD))
 
     def _update(self) -> None:
         sent = self._sent()
@@ -61,10 +62,6 @@ class StaleStreams:
         marker.pose.position.z, marker.pose.orientation.w = 1.5, 1.0
         marker.scale.z = 0.5 * min(1.0, FULL_SIZE / max(len(text), 1))
         return marker
-
-    def close(self) -> None:
-        self._worker.stop()
-        self._publisher.unregister()
 
 
 def _freshness(stream: Any, sent: Any) -> Freshness:

@@ -5,18 +5,21 @@ from typing import Any, Dict, Optional
 import rospy
 
 from ..msg import RobotStatus
+from .opened import Part
 
 
-class StatusListener:
+class StatusListener(Part):
     """Lives as long as its node.
 
     :param topic: topic on which the operator receives RobotStatus; None where no stream carries it
     """
 
     def __init__(self, topic: Optional[str]) -> None:
+        super().__init__()
         self.status: Any = None
         """The robot's last RobotStatus; None: there was none."""
-        self._subscriber = rospy.Subscriber(topic, RobotStatus, self._take, queue_size=5) if topic else None
+        if topic:
+            self._opened.topic(rospy.Subscriber(topic, RobotStatus, self._take, queue_size=5))
 
     def _take(self, status: Any) -> None:
         self.status = status
@@ -25,8 +28,3 @@ class StatusListener:
         """{stream: StreamStatus}, as the robot reported last."""
         status = self.status
         return {stream.name: stream for stream in status.streams} if status else {}
-
-    def close(self) -> None:
-        """End the subscription."""
-        if self._subscriber is not None:
-            self._subscriber.unregister()

@@ -1,31 +1,29 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The way back: all streams of a node by which operators command the robot, and those that are acknowledged.
-
-Each kind has a class for either side, which is imported when the first stream of it is made. It is made of a stream's
-name, its settings and a way.RobotWay or way.OperatorWay, and has start(), close(), stats(), `name`, `topic`,
-`source` and `settings`, as RobotStream has them.
-"""
-import importlib
-from typing import Any, Callable, Dict, List, Optional
+"""The way back: all streams of a node by which operators command the robot, and those that are acknowledged."""
+from typing import Any, Callable, Dict, List, Mapping
 
 from ..mission.settings import SettingsStore
 from ..monitoring.status import OPERATOR, ROBOT, Status
 from ..streams import Definitions
-from ..transport import Transport
 from .common import Parameters, start_streams
-from .outbox import Outbox
+from .operator_action import OperatorAction
+from .operator_command import OperatorCommand
+from .operator_service import OperatorService
+from .relays import operator_relay, robot_relay
+from .robot_action import RobotAction
+from .robot_command import RobotCommand
+from .robot_service import RobotService
+from .way import Way, WayBackStream
 from .way_back_policy import refused
 
-MAKERS = {
-    'command': ('robot_command.RobotCommand', 'operator_command.OperatorCommand'),
-    'relay': ('relays.robot_relay', 'relays.operator_relay'),
-    'service': ('robot_service.RobotService', 'operator_service.OperatorService'),
-    'action': ('robot_action.RobotAction', 'operator_action.OperatorAction'),
-}
-"""{type of a stream: what makes it on the robot's side, and on the operator's}"""
+MAKERS: Dict[str, Mapping[str, Callable[..., WayBackStream]]] = {
+    ROBOT: {'command': RobotCommand, 'relay': robot_relay, 'service': RobotService, 'action': RobotAction},
+    OPERATOR: {'command': OperatorCommand, 'relay': operator_relay, 'service': OperatorService,
+               'action': OperatorAction}}
+"""{side: {type of a stream: f(name, settings, way) -> stream}}"""
 
 ANSWERING = ('service', 'action')
-"""Types whose streams are made also where they are refused, on the operator's side."""
+"""Types whose streams are made also where they are refused, on the operator's side: f(..., refused=why)."""
 
 
 class WayBack:
@@ -33,38 +31,29 @@ class WayBack:
 
     :param side: ROBOT or OPERATOR
     :param definitions: of streams.yaml
-    :param control: RobotControl or OperatorControl, which ends with this
-    :param make_way: f(ReliableLink or None) -> RobotWay or OperatorWay
-    :param outbox: on the robot's side
+    :param way: of this side; its reliable link is started if a stream needs it
     """
 
-    def __init__(self, side: str, definitions: Definitions, control: Any, make_way: Callable[[Any], Any],
-                 transport: Transport, parameters: Parameters, outbox: Optional[Outbox] = None) -> None:
-        self._side, self._control = side, control
+    def __init__(self, side: str, definitions: Definitions, way: Way, parameters: Parameters) -> None:
+        self._control = way.control
         acknowledged = {**definitions.reliable, **definitions.services, **definitions.actions}
         defined = {**definitions.commands, **acknowledged}
-        self.refused = refused(defined, transport, parameters['allow_unsealed_commands'])
-        """{stream: why it is refused}"""
-        for sentence in self.refused.values():
+        why = refused(defined, way.transport, parameters['allow_unsealed_commands'])
+        for sentence in why.values():
             parameters.report(sentence)
-        wanted = {name: settings for name, settings in defined.items() if name not in self.refused}
-        self._reliable: Any = None
-        if wanted.keys() & acknowledged.keys():
-            from .reliable_link import ReliableLink
-            self._reliable = ReliableLink(transport, side, outbox)
-        way = make_way(self._reliable)
-        if side == OPERATOR:    # whoever calls a refused service, or sends a goal, is told why
-            wanted.update((name, settings) for name, settings in defined.items() if settings['type'] in ANSWERING)
+        parameters.refused.update(why)
+        # whoever calls a refused service, or sends a goal, is told why
+        wanted = {name: settings for name, settings in defined.items()
+                  if name not in why or (side == OPERATOR and settings['type'] in ANSWERING)}
 
-        def make_stream(name: str, settings: Dict[str, Any]) -> Any:
-            why = {'refused': self.refused[name]} if name in self.refused else {}
-            return _maker_of(settings['type'], side)(name, settings, way, **why)
-        parameters.refused.update(self.refused)
-        self.streams: Dict[str, Any] = start_streams(wanted, make_stream, parameters.report,
-                                                     parameters.refused.__setitem__)
+        def make_stream(name: str, settings: Dict[str, Any]) -> WayBackStream:
+            options = {'refused': why[name]} if name in why else {}
+            return MAKERS[side][settings['type']](name, settings, way, **options)
+        self.streams: Dict[str, WayBackStream] = start_streams(wanted, make_stream, parameters.report,
+                                                               parameters.refused.__setitem__)
         """{name: stream}, started"""
-        if self._reliable is not None:
-            self._reliable.start()
+        if acknowledged.keys() - why.keys():
+            way.reliable.start()
 
     @property
     def stores(self) -> Dict[str, SettingsStore]:
@@ -76,15 +65,6 @@ class WayBack:
         return [self._control.status(now)]
 
     def close(self) -> None:
-        """End all streams, and the control."""
+        """End all streams, commands first."""
         for stream in self.streams.values():
             stream.close()
-        if self._reliable is not None:
-            self._reliable.close()
-        self._control.close()
-
-
-def _maker_of(kind: str, side: str) -> Any:
-    """What makes a type's streams on one side."""
-    module, name = MAKERS[kind][0 if side == ROBOT else 1].split('.')
-    return getattr(importlib.import_module('.' + module, __package__), name)

@@ -7,7 +7,6 @@ import contextlib
 import os
 import socket
 import subprocess
-import threading
 import time
 from typing import Callable, Iterable, List, Optional
 
@@ -35,7 +34,9 @@ class WifiMonitor:
 
     def __init__(self, peers: Callable[[], Iterable[str]], interface: str, root: str = '/') -> None:
         self._peers, self._forced, self._root = peers, interface, root
-        self._meter, self._state, self._lock = WifiMeter(), WifiState(), threading.Lock()
+        self._meter = WifiMeter()
+        self.state = WifiState()
+        """The last state; any thread."""
         self._worker = PeriodicWorker('wifi', self.update, log_error('the state of the Wi-Fi'), PERIOD)
 
     def start(self) -> None:
@@ -43,17 +44,9 @@ class WifiMonitor:
         self._worker.wake()
         self._worker.start()
 
-    @property
-    def state(self) -> WifiState:
-        """The last state."""
-        with self._lock:
-            return self._state
-
     def update(self) -> None:
         """Read the state now."""
-        state = self._read()
-        with self._lock:
-            self._state = state
+        self.state = self._read()
 
     def _read(self) -> WifiState:
         wireless = self._interfaces()
@@ -84,7 +77,7 @@ class WifiMonitor:
         return ''
 
     def close(self) -> None:
-        self._worker.stop()
+        self._worker.close()
 
 
 def _iw(*arguments: str) -> str:

@@ -126,7 +126,7 @@ class PeriodicWorker:
         with self._worker.changing():
             self._next = -math.inf
 
-    def stop(self) -> None:
+    def close(self) -> None:
         """End the thread after its present work; without effect where it was not started."""
         self._worker.close()
 

@@ -21,6 +21,7 @@ from rospy.topics import _PublisherImpl, _SubscriberImpl, _TopicImpl
 
 from ..arrays import BoolArray, Records
 from ..limited_log import logerr
+from ..serialised import deserialised
 from .depacketizer import Arrived, BatchCallback
 from .endpoints import Address, DatagramReceiver, DatagramSender, PeerGone
 from .frame import Frame, first_messages
@@ -223,8 +224,8 @@ class SubscriberTransport(UdpTransport):
         """Deserialise a message and pass it to the callbacks, see depacketizer.Consumer."""
         self._update_counts()
         try:
-            message = self._impl.data_class().deserialize(data)
-        except Exception:   # genpy's readers raise DeserializationError, UnicodeError, ... on hostile bytes
+            message = deserialised(self._impl.data_class, data)
+        except ValueError:
             self.subscription.depacketizer.inbox.dropped['message'] += 1
             return
         message._connection_header = self.header

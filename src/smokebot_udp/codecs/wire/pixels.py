@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The pixels of a sensor_msgs/Image as arrays, without a copy: encodings, step, byte order (REP-118, sensor_msgs)."""
-from typing import Tuple
+from typing import Any, Tuple
 
 import cv2
 import numpy as np
@@ -44,6 +44,11 @@ def as_pixels(data: Buffer, height: int, width: int, step: int, encoding: str, i
     step = row_length(data, height, width, step, encoding)
     shape = (height, width) + (channels,) * (channels > 1)
     return np.ndarray(shape, dtype, data, 0, (step, channels * dtype.itemsize, dtype.itemsize)[:len(shape)])
+
+
+def image_pixels(message: Any) -> Array:
+    """The pixels of a sensor_msgs/Image, see `as_pixels`."""
+    return as_pixels(message.data, message.height, message.width, message.step, message.encoding, message.is_bigendian)
 
 
 def as_items(data: Buffer, height: int, width: int, step: int, encoding: str) -> Array:

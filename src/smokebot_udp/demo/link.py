@@ -29,10 +29,10 @@ from ..link.keys import make_key
 from ..link_lab.cli import SOCKET, parse
 from ..link_lab.lab import ADDRESSES, Lab, LabError, environment
 from ..link_lab.server import LabServer
-from .demo_pictures import Pictures
-from .launches import Launch, keep_all
-from .operator_desk import QUIET
-from .terminal import is_terminal, single_keys
+from ..nodes.launches import Launch, keep_all
+from ..nodes.operator_desk import QUIET
+from ..nodes.terminal import is_terminal, single_keys
+from .pictures import Pictures
 
 BAD = {'loss': 0.2, 'delay': 0.02, 'jitter': 0.005, 'rate': 2e6, 'queue': 0.2}
 """The conditions of link:=bad, as link_lab has them: a Wi-Fi at the end of its range."""

@@ -17,10 +17,10 @@ import rospy
 
 from .. import udpros
 from ..link.keys import make_key
-from .common import Parameters
-from .launches import Launch, end_all, end_own_launch, keep_all
-from .operator_desk import LAUNCH, QUIET
-from .parameters import DEMO_ROBOTS
+from ..nodes.common import Parameters
+from ..nodes.launches import Launch, end_all, end_own_launch, keep_all
+from ..nodes.operator_desk import LAUNCH, QUIET
+from ..nodes.parameters import DEMO_ROBOTS
 
 ROBOT_LAUNCH = ('roslaunch', *QUIET, 'smokebot_udp', 'simulated_robot.launch')
 

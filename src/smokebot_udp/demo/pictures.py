@@ -14,9 +14,9 @@ import numpy as np
 
 from ..codecs.display.view import duration
 from ..link_lab.lab import ADDRESSES, Lab
-from .child_process import with_parent
-from .demo_film import seen_in
-from .demo_strip import Seen, at, moments, strip, write_film
+from ..nodes.child_process import with_parent
+from .film import seen_in
+from .strip import Seen, at, moments, strip, write_film
 
 PORT = 17002
 """TCP port of what image_transport sends, on the robot's side."""
@@ -58,7 +58,7 @@ class Pictures:
 
     def _start(self, lab: Lab, side: str, words: List[str], variables: Optional[Dict[str, str]] = None,
                **options: Any) -> Any:
-        command = lab.command(side, [sys.executable, '-m', __package__ + '.demo_film', *words])
+        command = lab.command(side, [sys.executable, '-m', __package__ + '.film', *words])
         self._processes.append(subprocess.Popen(
             with_parent(command, 'TERM'), env={**self._variables, **(variables or {})}, start_new_session=True,
             **{'stdin': subprocess.DEVNULL, **options}))

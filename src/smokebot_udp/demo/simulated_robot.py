@@ -39,6 +39,9 @@ import numpy as np
 import rospy
 
 from .. import udpros
+from ..nodes import malloc_tuning
+from ..nodes.common import Parameters
+from ..nodes.parameters import SIMULATED_ROBOT
 from ..simulation import mounts
 from ..simulation.camera import Camera
 from ..simulation.drive import Drive
@@ -52,10 +55,7 @@ from ..simulation.robot import Robot
 from ..simulation.scanner import Scanner
 from ..simulation.thermal import ThermalCamera
 from ..simulation.world import building
-from . import malloc_tuning
 from . import simulated_topics as topics
-from .common import Parameters
-from .parameters import SIMULATED_ROBOT
 from .simulated_driving import Commands, Counter, MoveBase, SharedRobot
 
 FIELD_OF_VIEW = np.radians(70)

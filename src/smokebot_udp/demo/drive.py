@@ -19,14 +19,14 @@ from geometry_msgs.msg import Pose, PoseStamped, Twist, Vector3
 from move_base_msgs.msg import MoveBaseActionGoal, MoveBaseActionResult
 from std_msgs.msg import String
 
+from ..nodes.operator_control import IN_CONTROL, STATE_TOPIC
+from ..nodes.parameters import SIMULATED_ROBOT
 from ..simulation.drive import ahead
 from ..streams import classified
 from ..streams.frame_prefix import with_prefix
 from ..streams.relay.parameters import TO_ROBOT
 from ..udpros import rpc
 from .foreign_publishers import published_at
-from .operator_control import IN_CONTROL, STATE_TOPIC
-from .parameters import SIMULATED_ROBOT
 from .simulated_driving import planar, pose_message
 
 ROBOT_GOAL, ROBOT_RESULT, ROBOT_COMMAND = '/move_base_simple/goal', '/move_base/result', '/cmd_vel'

@@ -12,9 +12,9 @@ from sensor_msgs.msg import Image
 
 from ..arrays import Array, UInt8Array
 from ..codecs.display.view import titled
-from ..codecs.wire.pixels import as_pixels
-from ..monitoring.comparison import Compared, Images
+from ..codecs.wire.pixels import image_pixels
 from ..streams.image.view import colouring_of
+from .comparison import Compared, Images
 
 MAX_WAITING = 64
 """Number of sent images that wait for the received ones with the same stamps."""
@@ -62,7 +62,7 @@ class ImageComparison:
             self._uncompared += source is None
         if source is None:
             return
-        sent, received = _pixels(source), _pixels(message)
+        sent, received = image_pixels(source), image_pixels(message)
         alike = (sent.shape, sent.dtype) == (received.shape, received.dtype)
         quality = psnr(sent, received) if alike else math.nan
         with self._lock:
@@ -76,7 +76,7 @@ class ImageComparison:
         with self._lock:
             source = self._waiting.get(view.header.stamp)
             if source is not None:
-                self._pair = source, _pixels(view)
+                self._pair = source, image_pixels(view)
 
     def reset(self) -> None:
         """Start counting anew."""
@@ -98,14 +98,10 @@ class ImageComparison:
         if pair is None:
             return None
         sent, view = pair
-        coloured = colouring_of(self._settings)(_pixels(sent), sent.encoding, sent.header.stamp.to_sec())
+        coloured = colouring_of(self._settings)(image_pixels(sent), sent.encoding, sent.header.stamp.to_sec())
         left = titled(coloured, '%s, as sent' % self.name)
         height = min(left.shape[0], view.shape[0])      # the operator's may have another size: scale, region
         return np.hstack([_of_height(image, height) for image in (left, view)])
-
-
-def _pixels(message: Any) -> Array:
-    return as_pixels(message.data, message.height, message.width, message.step, message.encoding, message.is_bigendian)
 
 
 def _kind(message: Any) -> str:

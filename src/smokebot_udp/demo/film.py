@@ -28,8 +28,8 @@ from sensor_msgs.msg import CompressedImage, Image
 from std_msgs.msg import Header
 
 from .. import udpros
-from ..codecs.wire.pixels import as_pixels
-from .demo_strip import Seen
+from ..codecs.wire.pixels import image_pixels
+from .strip import Seen
 
 JPEG_QUALITY = 80
 """The default of compressed_image_transport."""
@@ -128,8 +128,7 @@ def watch(topic: str) -> None:
         signal.signal(number, lambda *_: os._exit(0))
 
     def take(image: Any) -> None:
-        pixels = as_pixels(image.data, image.height, image.width, image.step, image.encoding, image.is_bigendian)
-        data = cv2.imencode('.jpg', pixels, (cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY))[1].tobytes()
+        data = cv2.imencode('.jpg', image_pixels(image), (cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY))[1].tobytes()
         header = Header(stamp=image.header.stamp, frame_id=image.header.frame_id)
         record(framed(CompressedImage(header, 'bgr8; jpeg compressed bgr8', data)))
     rospy.Subscriber(topic, Image, take, queue_size=1, buff_size=1 << 24, tcp_nodelay=True)

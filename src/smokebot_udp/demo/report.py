@@ -17,17 +17,17 @@ import cv2
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray
 
-from ..monitoring.comparison import LEGEND, Compared, table
 from ..monitoring.status import OPERATOR, Kind, Status
+from ..nodes.common import Parameters, read_streams
+from ..nodes.launches import end_own_launch
+from ..nodes.parameters import DEMO_REPORT
+from ..nodes.status_messages import statuses_of
 from ..streams import classified
 from ..udpros import rpc
-from .common import Parameters, read_streams
-from .demo_drive import DemoDrive, topics_of
-from .demo_images import ImageComparison, stacked
+from .comparison import LEGEND, Compared, table
+from .drive import DemoDrive, topics_of
 from .foreign_publishers import register_publishers
-from .launches import end_own_launch
-from .parameters import DEMO_REPORT
-from .status_messages import statuses_of
+from .images import ImageComparison, stacked
 
 FIRST_IMAGE_TIMEOUT = 60.0
 """After this time without images from every stream the report begins anyway [s]."""

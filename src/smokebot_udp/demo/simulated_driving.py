@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Drives the simulated robot: by commands as a base's driver, and to goals as a navigation stack, with their names.
 
-Topics and services: see nodes/simulated_robot.py. The robot itself is simulation.robot.Robot.
+Topics and services: see demo/simulated_robot.py. The robot itself is simulation.robot.Robot.
 """
 import itertools
 import math

@@ -15,11 +15,11 @@ from typing import Any, Dict, List, Optional, Sequence, Tuple
 import rospkg
 
 from .. import optional
-from ..mission_report import bags, film_strip, page, plots, sides
-from ..mission_report.mission import Mission
-from ..mission_report.record import SIDES, Description, MissionRecord, Stream
 from ..streams import config
 from ..streams.recorded_topics import recorded_streams
+from . import bags, film_strip, page, plots, sides
+from .mission import Mission
+from .record import SIDES, Description, MissionRecord, Stream
 
 PATTERNS = '*.bag', '*.bag.active'
 """Of bags in a folder."""
