@@ -12,3 +12,14 @@ def serialised(message: Any) -> bytes:
     buffer = io.BytesIO()
     message.serialize(buffer)
     return buffer.getvalue()
+
+
+def deserialised(message_class: Any, data: bytes) -> Any:
+    """The message, request or response of a class that bytes from the network are.
+
+    :raises ValueError: where they are none
+    """
+    try:
+        return message_class().deserialize(data)
+    except Exception:       # genpy's readers raise DeserializationError, UnicodeError, ... on hostile bytes
+        raise ValueError('what came is no %s' % message_class._type) from None

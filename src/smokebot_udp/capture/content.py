@@ -18,7 +18,7 @@ from sensor_msgs.msg import Image, PointCloud2
 from ..arrays import Array
 from ..codecs.wire.bayer import BAYER
 from ..codecs.wire.pixels import as_pixels, pixel_type
-from ..serialised import serialised
+from ..serialised import deserialised, serialised
 from .coding import Coding, code_image, decode_image, from_planes, to_planes
 
 MAX_DATA = 1 << 26
@@ -128,19 +128,12 @@ def unpack(content: bytes, message_class: Any) -> Captured:
         raise ValueError('what came is no original')
     _, digest, coding, first, second = _HEAD.unpack_from(content)
     ends = _HEAD.size + first, _HEAD.size + first + second
-    message = _read(message_class, content[_HEAD.size:ends[0]])
-    pose = _read(TransformStamped, content[ends[0]:ends[1]]) if second else None
+    message = deserialised(message_class, content[_HEAD.size:ends[0]])
+    pose = deserialised(TransformStamped, content[ends[0]:ends[1]]) if second else None
     message.data = _decoded(message, coding, content[ends[1]:])
     if hashlib.sha256(serialised(message)).digest() != digest:
         raise ValueError('what came is not what the robot sent: its checksum differs')
     return Captured(message, pose)
-
-
-def _read(message_class: Any, data: bytes) -> Any:
-    try:
-        return message_class().deserialize(data)
-    except Exception:       # genpy's readers raise DeserializationError, UnicodeError, ... on hostile bytes
-        raise ValueError('what came is no %s' % message_class._type) from None
 
 
 def _decoded(message: Any, coding: int, coded: bytes) -> bytes:

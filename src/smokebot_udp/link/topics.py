@@ -10,7 +10,7 @@ from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Union
 import numpy as np
 
 from ..arrays import BoolArray, IntArray, Records, UInt8Array
-from ..serialised import serialised
+from ..serialised import deserialised, serialised
 from ..transport import always
 from ..udpros.datagram import IP_UDP_HEADERS, LENGTH, Buffer
 from ..udpros.depacketizer import Arrivals, Arrived, BatchCallback, Depacketizer
@@ -281,8 +281,8 @@ class Incoming:
         """See depacketizer.Consumer."""
         callback = self._subscriber.callback
         try:
-            message = self._subscriber.message_class().deserialize(data)
-        except Exception:   # genpy's readers raise DeserializationError, UnicodeError, ... on hostile bytes
+            message = deserialised(self._subscriber.message_class, data)
+        except ValueError:
             self._depacketizer.inbox.dropped['message'] += 1
             return
         message._connection_header = self._header

@@ -12,6 +12,7 @@ from typing import Any, Dict, NamedTuple, Optional, Tuple
 from actionlib_msgs.msg import GoalStatus
 
 from ..reliable.bounds import Bounds
+from ..serialised import deserialised
 from ..streams.message_types import ActionTypes
 from .reliable_link import TO_OPERATOR, TO_ROBOT, Channel, ReliableLink
 
@@ -62,16 +63,9 @@ def _options(direction: str, message_class: Any, expedited: bool, bounds: Bounds
 
 def read_request(types: ActionTypes, data: bytes) -> Optional[Tuple[bytes, Any]]:
     """(GOAL or CANCEL, the message) in a message to the robot; None: it is neither."""
-    class_ = {GOAL: types.goal, CANCEL: types.cancel}.get(data[:1])
-    message = None if class_ is None else read(class_, data[1:])
-    return None if message is None else (data[:1], message)
-
-
-def read(message_class: Any, data: bytes) -> Optional[Any]:
-    """The message; None: the bytes are none of this class."""
     try:
-        return message_class().deserialize(data)
-    except Exception:       # genpy's readers raise DeserializationError, UnicodeError, ... on hostile bytes
+        return data[:1], deserialised({GOAL: types.goal, CANCEL: types.cancel}[data[:1]], data[1:])
+    except (KeyError, ValueError):
         return None
 
 

@@ -11,12 +11,12 @@ from actionlib_msgs.msg import GoalID, GoalStatus
 from ..limited_log import ERROR_PERIOD, logwarn
 from ..mission.settings import SettingsStore
 from ..monitoring.stats import StreamStats
-from ..serialised import serialised
+from ..serialised import deserialised, serialised
 from ..streams.action.goal_watch import GoalWatch, Lost
 from ..streams.action.missing_goals import MissingGoals
 from ..streams.frame_prefix import add_prefix, strip_prefix
 from ..streams.message_types import action_types
-from .action_channels import CANCEL, FINAL, GOAL, PURSUED, action_channels, ended, read
+from .action_channels import CANCEL, FINAL, GOAL, PURSUED, action_channels, ended
 from .common import operator_topic
 from .logging import log_error
 from .reliable_link import ReliableLink
@@ -143,8 +143,9 @@ class OperatorAction:
 
     def _received(self, part: str, take: Callable[[Any], None], peer: str, data: bytes) -> None:
         """Take a message of the robot, in the link's thread."""
-        message = read(getattr(self._types, part[1:]), data)
-        if message is None:
+        try:
+            message = deserialised(getattr(self._types, part[1:]), data)
+        except ValueError:
             self._dropped['malformed'] += 1
             return
         self._unknown = False

@@ -16,6 +16,7 @@ from ..mission.parameters import live
 from ..mission.settings import Settings, SettingsStore
 from ..monitoring.stats import ConnectionStats, Shown, StreamStats
 from ..msg import Command
+from ..serialised import deserialised
 from ..streams.command.parameters import ROBOT, timeout_message
 from ..streams.message_types import message_class
 from ..streams.relay.parts import carried
@@ -158,8 +159,8 @@ class RobotCommand:
         if accepted is None:
             return
         try:
-            command = self._class().deserialize(accepted.data)
-        except Exception:   # genpy's readers raise DeserializationError, UnicodeError, ... on hostile bytes
+            command = deserialised(self._class, accepted.data)
+        except ValueError:
             self._dropped['message'] += 1
             return
         self._timeout.accepted(now, accepted.age)
