@@ -6,7 +6,7 @@ statuses that are due. The other side publishes all that it knows, once a second
 """
 import threading
 import time
-from typing import Any, Dict, Mapping, Optional, Sequence
+from typing import Any, Dict, Optional, Sequence
 
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -15,8 +15,7 @@ from ..limited_log import logerr
 from ..packed import pack
 from ..reliable.carousel import Carousel, Kept
 from ..serialised import serialised
-from .reliable_link import ReliableLink
-from .reliable_relay import TURN_PERIOD, Rewrite, Sink, Source
+from .reliable_relay import Sink, TurnsSource
 from .worker import PeriodicWorker
 
 SHARE = 0.008
@@ -42,28 +41,13 @@ def is_ended(status: Any) -> bool:
     return bool(status.message == ENDED and status.level == DiagnosticStatus.STALE and not status.values)
 
 
-class DiagnosticsSource(Source):
-    """The side that sends. Where both sides share a master, an operator's own statuses are not sent back to it."""
+class DiagnosticsSource(TurnsSource):
+    """The side that sends."""
 
-    def __init__(self, name: str, settings: Mapping[str, Any], link: ReliableLink, topic: str,
-                 rewrite: Rewrite = lambda message: message) -> None:
-        super().__init__(name, settings, link, topic, rewrite)
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
         self._carousels: Dict[str, Carousel] = {}       # by peer
         self._head = b''        # serialised header of the newest array
-        self._turns = PeriodicWorker(name, self._take_turns, self._report, TURN_PERIOD)
-
-    def start(self) -> None:
-        """See ReliableRelay."""
-        super().start()
-        self._turns.start()
-
-    def close(self) -> None:
-        """See ReliableRelay."""
-        self._turns.stop()
-        super().close()
-
-    def _wanted(self, source: str) -> bool:
-        return source not in self._link.peers()
 
     def _send(self, message: Any, source: str) -> None:
         peers, now = self._link.peers(), time.monotonic()
@@ -78,7 +62,7 @@ class DiagnosticsSource(Source):
         self._turns.wake()
 
     def _take_turns(self) -> None:
-        """Send each peer what is due for it."""
+        """See TurnsSource."""
         channel, now = self._channel, time.monotonic()
         assert channel is not None
         rate, room = self._link.part_of_rate(SHARE), self._link.room

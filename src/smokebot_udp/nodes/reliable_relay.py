@@ -17,7 +17,7 @@ from ..monitoring import sources
 from ..monitoring.stats import StreamStats
 from ..packed import pack, unpack
 from ..reliable.bounds import Bounds
-from ..serialised import serialised
+from ..serialised import deserialised, serialised
 from ..streams import live_tables
 from ..streams.message_types import message_class
 from ..streams.relay.contents import QUEUE, Contents, kept_together, publisher_of
@@ -234,9 +234,8 @@ class Source(ReliableRelay):
         logerr("stream '%s'" % self.name, 'a message of %s is not sent: %s' % (self.topic, problem))
 
 
-class NewestSource(Source):
-    """With `newest`: the newest content of each name, once the one before has arrived and a small part of the link has
-    room for it; the contents take turns.
+class TurnsSource(Source):
+    """With `newest`: what each peer gets is looked for each TURN_PERIOD, and when something comes.
 
     Where both sides share a master, an operator's own messages are not sent back to it.
     """
@@ -244,7 +243,6 @@ class NewestSource(Source):
     def __init__(self, name: str, settings: Mapping[str, Any], link: ReliableLink, topic: str,
                  rewrite: Rewrite = lambda message: message) -> None:
         super().__init__(name, settings, link, topic, rewrite)
-        self._states: Dict[str, Turns] = {}     # {peer: what waits for it}
         self._turns = PeriodicWorker(name, self._take_turns, self._report, TURN_PERIOD)
 
     def start(self) -> None:
@@ -260,6 +258,20 @@ class NewestSource(Source):
     def _wanted(self, source: str) -> bool:
         return source not in self._link.peers()
 
+    def _take_turns(self) -> None:
+        """Send each peer what is due for it."""
+        raise NotImplementedError
+
+
+class NewestSource(TurnsSource):
+    """The newest content of each name, once the one before has arrived and a small part of the link has room for it;
+    the contents take turns.
+    """
+
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        self._states: Dict[str, Turns] = {}     # {peer: what waits for it}
+
     def _send(self, message: Any, source: str) -> None:
         self._check(message)
         peers = self._link.peers()
@@ -272,7 +284,7 @@ class NewestSource(Source):
             self._report(max(problems))
 
     def _take_turns(self) -> None:
-        """Send what waits next to each peer that has got the message before."""
+        """See TurnsSource; to each peer that has got the message before."""
         channel = self._channel
         assert channel is not None
         rate, now = self._link.part_of_rate(STATES_SHARE), time.monotonic()
@@ -321,8 +333,8 @@ class Sink(ReliableRelay):
             logwarn("stream '%s'" % self.name, 'a message of %s is refused: %s' % (peer, refusal), ERROR_PERIOD)
             return
         try:
-            message = self._class().deserialize(unpack(data, self._bounds.bytes))
-        except Exception:   # genpy's readers raise DeserializationError, UnicodeError, ... on hostile bytes
+            message = deserialised(self._class, unpack(data, self._bounds.bytes))
+        except ValueError:
             self._invalid += 1
             logerr("stream '%s'" % self.name, 'what %s sent is no %s' % (peer, self._class._type))
             return
