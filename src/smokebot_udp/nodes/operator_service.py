@@ -8,9 +8,9 @@ import rospy
 
 from ..mission.settings import SettingsStore
 from ..monitoring.stats import StreamStats
-from ..reliable.call_client import CallClient
+from ..reliable.call_client import CallClient, Message
 from ..reliable.calls import Outcome, type_checksum
-from ..serialised import serialised
+from ..serialised import deserialised, serialised
 from ..streams.frame_prefix import add_prefix, strip_prefix
 from ..streams.message_types import service_class
 from .common import operator_topic
@@ -38,9 +38,9 @@ class OperatorService:
         self._class = service_class(settings['service_type'])
         self._link: ReliableLink = way.reliable
         self._prefix, self._refused = way.frame_prefix, refused
-        self._client = CallClient(way.control.session, type_checksum(self._class._type, self._class._md5sum),
+        self._client = CallClient(way.control.session << 32, type_checksum(self._class._type, self._class._md5sum),
                                   settings['timeout'])
-        self._worker: DeadlineWorker[bytes] = DeadlineWorker(
+        self._worker: DeadlineWorker[Message] = DeadlineWorker(
             name, self._client.poll, self._client.deadline, self._send, log_error("stream '%s'" % name))
         self._channels: List[Any] = []      # made by start(), as are these
         self._requests: Any = None
@@ -51,7 +51,7 @@ class OperatorService:
         """Offer the service."""
         if self._refused is None:
             self._requests = calls_channel(
-                self._link, self.name, TO_ROBOT, BOUNDS._replace(age=self._client.timeout), on_joined=self._greet,
+                self._link, self.name, TO_ROBOT, BOUNDS._replace(age=self._client.timeout), on_joined=self._joined,
                 on_left=self._left, on_unknown=self._unknown)
             self._channels = [self._requests, calls_channel(
                 self._link, self.name, TO_OPERATOR, on_message=self._received)]
@@ -96,26 +96,24 @@ class OperatorService:
 
     def _response(self, data: bytes) -> Any:
         try:
-            response = self._class._response_class().deserialize(data)
-        except Exception:       # genpy's readers raise DeserializationError, UnicodeError, ... on hostile bytes
-            raise rospy.ServiceException('its answer is no %s' % self._class._response_class._type) from None
-        return add_prefix(response, self._prefix)
+            return add_prefix(deserialised(self._class._response_class, data), self._prefix)
+        except ValueError as error:
+            raise rospy.ServiceException(str(error)) from None
 
-    def _send(self, data: bytes) -> None:
-        self._requests.send(data)
+    def _send(self, message: Message) -> None:
+        self._requests.send(message.data, message.robot)
 
     def _received(self, peer: str, data: bytes) -> None:
         with self._worker.changing():
-            self._client.receive(data, time.monotonic())
+            self._client.receive(peer, data, time.monotonic())
 
-    def _greet(self, peer: str) -> None:
-        """The robot's node is there, perhaps another one than before: its session is asked for."""
+    def _joined(self, peer: str) -> None:
         with self._worker.changing():
-            self._client.greet(time.monotonic())
+            self._client.joined(peer)
 
     def _left(self, peer: str, reason: str) -> None:
         with self._worker.changing():
-            self._client.lost("the robot's node %s during the call" % (
+            self._client.left(peer, "the robot's node %s during the call" % (
                 'restarted' if reason == 'restart' else 'was away'))
 
     def _unknown(self, peer: str) -> None:

@@ -14,15 +14,15 @@ from ..monitoring.stats import StreamStats
 from ..reliable.bounds import Bounds
 from ..reliable.call_server import CallServer, Execution
 from ..reliable.calls import MAX_CALLS, MAX_TIMEOUT, Outcome, type_checksum
-from ..serialised import serialised
+from ..serialised import deserialised, serialised
 from ..streams.message_types import service_class
 from .reliable_link import TO_OPERATOR, TO_ROBOT, Channel, ReliableLink
 from .way import RobotWay
 
-CALLS = 'service'
+CALLS = 'call'
 """Type of both channels of a service stream: services of another type are refused with a reason, by the call."""
 
-BOUNDS = Bounds(messages=2 * MAX_CALLS, bytes=4 << 20, age=MAX_TIMEOUT)
+BOUNDS = Bounds(messages=2 * MAX_CALLS, bytes=4 << 20, age=MAX_TIMEOUT, one_session=True)
 """Of requests and of answers."""
 
 RAISED = re.compile(r'service \[(?P<service>.*?)\] responded with an error: (?P<text>b.*)$', re.DOTALL)
@@ -48,8 +48,7 @@ class RobotService:
         self._class = service_class(settings['service_type'])
         self.source = Source(SERVICE, self.topic)
         self._link: ReliableLink = way.reliable
-        self._server = CallServer(way.control.session, type_checksum(self._class._type, self._class._md5sum),
-                                  self._class._type)
+        self._server = CallServer(type_checksum(self._class._type, self._class._md5sum), self._class._type)
         self._lock = threading.Lock()
         self._channels: List[Any] = []
         self._answers: Any = None       # made by start()
@@ -106,10 +105,7 @@ class RobotService:
     def _call(self, data: bytes) -> Outcome:
         """Call the service. A proxy for each call finds the service's node also after its restart."""
         try:
-            request = self._class._request_class().deserialize(data)
-        except Exception:       # genpy's readers raise DeserializationError, UnicodeError, ... on hostile bytes
-            return Outcome(failure='its request is no %s' % self._class._request_class._type)
-        try:
+            request = deserialised(self._class._request_class, data)
             return Outcome(serialised(rospy.ServiceProxy(self.topic, self._class)(request)))
         except Exception as error:      # also what the sockets raise
             return Outcome(failure=failure_of(str(error)))
