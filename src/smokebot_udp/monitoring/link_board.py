@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The newest reports of all nodes, for the table of link_top."""
-import collections
 import math
-from typing import Dict, Iterable, List, Mapping, NamedTuple, Optional, OrderedDict, Sequence, Set, Tuple
+from typing import Dict, Iterable, List, Mapping, NamedTuple, Optional, Sequence, Set, Tuple
 
+from ..newest import Newest
 from .status import ROBOT
 
 LEVELS = {0: 'OK', 1: 'WARN', 2: 'ERROR', 3: 'STALE'}
@@ -84,16 +84,13 @@ class Board:
     """
 
     def __init__(self) -> None:
-        self._reports: OrderedDict[str, Report] = collections.OrderedDict()     # by node, the newest last
-        self._relayed: OrderedDict[str, Dict[str, Report]] = collections.OrderedDict()  # by operator and part
+        self._reports: Newest[str, Report] = Newest(MAX_NODES)      # by node
+        self._relayed: Newest[str, Dict[str, Report]] = Newest(MAX_NODES)   # by operator and part
 
     def add(self, statuses: Sequence[NodeStatus], now: float) -> None:
         """Add the content of one DiagnosticArray; it replaces the earlier reports of its nodes."""
         for node in {status.node for status in statuses}:
             self._reports[node] = now, [status for status in statuses if status.node == node]
-            self._reports.move_to_end(node)
-        while len(self._reports) > MAX_NODES:
-            self._reports.popitem(last=False)
 
     def add_relayed(self, operator: str, part: str, statuses: Sequence[NodeStatus], now: float) -> None:
         """Add a part of what an operator's node relays of its robot; it replaces the same part relayed earlier.
@@ -101,10 +98,7 @@ class Board:
         :param operator: the operator's node
         :param statuses: of the robot, whose node's name is unknown
         """
-        self._relayed.setdefault(operator, {})[part] = now, list(statuses)
-        self._relayed.move_to_end(operator)
-        while len(self._relayed) > MAX_NODES:
-            self._relayed.popitem(last=False)
+        self._relayed.of(operator, dict)[part] = now, list(statuses)
 
     @property
     def sides(self) -> Set[str]:
