@@ -4,15 +4,15 @@
 Two problems are of one kind if their texts differ in numbers only: what is wrong with each message of a stream is one
 problem, whatever the values are. A line says how many of its kind were left out before it.
 """
-import collections
 import re
 import threading
 import time
-from typing import Any, Callable, NamedTuple, Optional, OrderedDict, Tuple
+from typing import Any, Callable, NamedTuple, Optional, Tuple
 
 import rospy
 
 from .budget import Budget
+from .newest import Newest
 
 ERROR_PERIOD, WARNING_PERIOD = 5.0, 60.0
 """A kind of problem of a subject is logged once in this time, unless a caller says otherwise [s]."""
@@ -21,7 +21,7 @@ BURST, PERIOD = 60, 2.0
 """Of all lines together: so many at once, and one more each PERIOD [s]. Names of strangers may be in a subject."""
 
 MAX_REMEMBERED = 512
-"""Kinds; the one logged longest ago is forgotten first."""
+"""Kinds; the one that came up longest ago is forgotten first."""
 
 CLOSED = 'to a closed topic'
 """Part of what rospy raises in a thread that publishes while the node's other threads end: rospy.is_shutdown() is True
@@ -42,7 +42,7 @@ class LogLimiter:
     """Decides what is logged; any thread may ask."""
 
     def __init__(self) -> None:
-        self._logged: OrderedDict[Tuple[str, str], _Logged] = collections.OrderedDict()
+        self._logged: Newest[Tuple[str, str], _Logged] = Newest(MAX_REMEMBERED)
         self._budget = Budget(BURST, PERIOD)
         self._lock = threading.Lock()
 
@@ -62,9 +62,6 @@ class LogLimiter:
                     self._logged[key] = before._replace(left_out=before.left_out + 1)
                 return None
             self._logged[key] = _Logged(now, 0)
-            self._logged.move_to_end(key)
-            if len(self._logged) > MAX_REMEMBERED:
-                self._logged.popitem(last=False)
             return before.left_out if before is not None else 0
 
 

@@ -39,7 +39,7 @@ def unpack_beside(packed: bytes, known: bytes) -> bytes:
 
     :raises ValueError: where it was not packed so, or is longer than MAX_DEFLATED
     """
-    return _inflated(packed, zlib.decompressobj(wbits=-zlib.MAX_WBITS, zdict=known), MAX_DEFLATED)
+    return inflated(packed, zlib.decompressobj(wbits=-zlib.MAX_WBITS, zdict=known), MAX_DEFLATED)
 
 
 def unpack(packed: bytes, most: int) -> bytes:
@@ -50,7 +50,7 @@ def unpack(packed: bytes, most: int) -> bytes:
     """
     kind, data = packed[:1], packed[1:]
     if kind == DEFLATED:
-        return _inflated(data, zlib.decompressobj(), min(most, MAX_DEFLATED))
+        return inflated(data, zlib.decompressobj(), min(most, MAX_DEFLATED))
     if kind != PLAIN:
         raise ValueError('it begins with %r' % kind)
     if len(data) > most:
@@ -58,8 +58,11 @@ def unpack(packed: bytes, most: int) -> bytes:
     return data
 
 
-def _inflated(packed: bytes, inflater: Any, most: int) -> bytes:
-    """:raises ValueError: where it is longer than `most`, or was not packed"""
+def inflated(packed: bytes, inflater: Any, most: int) -> bytes:
+    """What an inflater makes of one whole stream.
+
+    :raises ValueError: where it is longer than `most`, or no such stream
+    """
     try:
         data: bytes = inflater.decompress(packed, most + 1)
     except zlib.error as error:

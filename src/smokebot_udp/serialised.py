@@ -14,12 +14,12 @@ def serialised(message: Any) -> bytes:
     return buffer.getvalue()
 
 
-def deserialised(class_: Any, data: bytes) -> Any:
-    """The message, request or response of a class.
+def deserialised(message_class: Any, data: bytes) -> Any:
+    """The message, request or response of a class that bytes from the network are.
 
-    :raises ValueError: the bytes are none
+    :raises ValueError: where they are none
     """
     try:
-        return class_().deserialize(data)
-    except Exception:   # genpy's readers raise DeserializationError, UnicodeError, ... on hostile bytes
-        raise ValueError('it is no %s' % class_._type) from None
+        return message_class().deserialize(data)
+    except Exception:       # genpy's readers raise DeserializationError, UnicodeError, ... on hostile bytes
+        raise ValueError('what came is no %s' % message_class._type) from None

@@ -10,12 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from reliable_sides import DOWN, UP, Link
 
+from smokebot_udp.reliable.bounds import Bounds
 from smokebot_udp.reliable.call_client import CallClient
 from smokebot_udp.reliable.call_server import CallServer
 from smokebot_udp.reliable.calls import Outcome
 
 CHECKSUM, TIMEOUT, STEP = 31, 10.0, 0.001
-CHANNELS = {channel: {'ordered': False, 'expedited': True} for channel in (UP, DOWN)}
+CHANNELS = {channel: {'ordered': False, 'expedited': True, 'bounds': Bounds(one_session=True)}
+            for channel in (UP, DOWN)}
 
 
 class Calls:
@@ -30,11 +32,11 @@ class Calls:
         self.executed: Dict[bytes, int] = {}
         self.outcomes: Dict[bytes, Outcome] = {}
         self.times: List[float] = []
-        self._sessions, self._numbers = itertools.count(100), itertools.count()
+        self._numbers = itertools.count()
         self._new_robot()
 
     def _new_robot(self) -> None:
-        self._server = CallServer(next(self._sessions), CHECKSUM, 'std_srvs/Trigger')
+        self._server = CallServer(CHECKSUM, 'std_srvs/Trigger')
         self._ends: List[Tuple[float, Any]] = []      # of calls that are executed
 
     def restart_robot(self) -> None:
@@ -64,22 +66,22 @@ class Calls:
 
     def _exchange(self) -> None:
         while True:
-            data = self.client.poll(self.link.now)
-            if data is None:
+            message = self.client.poll(self.link.now)
+            if message is None:
                 break
-            self.link.send(UP, data)
+            self.link.send(UP, message.data)
         self.link.run(self._step)
         desk = self.link.desk
         told, desk.told[:] = list(desk.told), []
         for event in told:      # as nodes/operator_service.py does
             if event == 'joined':
-                self.client.greet(self.link.now)
+                self.client.joined('robot')
             else:
-                self.client.lost('the session of the channel has ended')
+                self.client.left('robot', 'the session of the channel has ended')
         self._execute()
         answers, desk.got[DOWN][:] = list(desk.got[DOWN]), []
         for answer in answers:
-            self.client.receive(answer, self.link.now)
+            self.client.receive('robot', answer, self.link.now)
 
     def _execute(self) -> None:
         now = self.link.now

@@ -1,10 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A new address gets no more than it sent, and proves itself with the challenge."""
 import pytest
-from link_channel import random_bytes
 
 from smokebot_udp.link.control import CHALLENGE_SIZE, SIZE, Control, message
-from smokebot_udp.link.host_budget import MAX_HOSTS, HostBudgets
 from smokebot_udp.link.path import AGAIN, LEFT_AFTER, PathCheck
 
 HERE, THERE = (1, 2), (1, 3)
@@ -43,17 +41,3 @@ def test_the_bytes_of_the_cores_own_messages() -> None:
     assert message(Control.KEEP_ALIVE).hex() == '00000000' '00' '00' '0100' '0000000000000000'
     assert message(Control.PATH_CHALLENGE, b'12345678').hex() == '01000000' '00' '00' '0100' + b'12345678'.hex()
     assert len(message(Control.CLOSE)) == SIZE == 8 + CHALLENGE_SIZE
-
-
-def test_one_host_does_not_take_the_others_share() -> None:
-    budgets = HostBudgets(3, 0.1)
-    assert [budgets.take(1, 5.0) for _ in range(4)] == [True] * 3 + [False]
-    assert budgets.take(2, 5.0)
-    assert budgets.take(1, 5.11) and not budgets.take(1, 5.12)
-
-
-def test_few_hosts_are_remembered() -> None:
-    budgets, random = HostBudgets(3, 0.1), random_bytes(1)
-    for _ in range(2000):
-        budgets.take(int.from_bytes(random(4), 'little'), 1.0)
-    assert len(budgets) == MAX_HOSTS

@@ -146,6 +146,13 @@ def test_a_new_session_gets_only_what_the_old_one_cannot_have() -> None:
     assert drained(sender, 0.0) == [data(1, content=b'new')]
 
 
+def test_what_is_for_one_session_is_not_sent_in_the_next_one() -> None:
+    sender = made_sender(one_session=True)
+    sender.send(b'not sent yet', 0.0)
+    sender.renew()
+    assert sender.given_up == {'restart': 1} and drained(sender, 0.0) == []
+
+
 def test_a_peer_without_the_channel_is_asked_rarely() -> None:
     sender = made_sender()
     sender.send(b'', 0.0)

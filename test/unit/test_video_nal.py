@@ -5,8 +5,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from smokebot_udp.codecs.video import nal, parameter_sets, slice_header
-from smokebot_udp.codecs.video.bits import BitReader, BitWriter, escaped, unescaped
 from smokebot_udp.codecs.video.parameter_sets import ParameterSets
+from smokebot_udp.codecs.wire.bits import BitReader, BitWriter, escaped, unescaped
 
 GREY = bytes.fromhex('0000000167640016f2d01787b42000000300200000030291e2c5d4' '0000000168ef3eb0')
 COLOUR = bytes.fromhex('0000000167640016acb405e1ed08000003000800000300a478b175' '0000000168ef3eb0')

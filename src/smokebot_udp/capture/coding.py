@@ -8,6 +8,7 @@ from typing import Optional, Tuple
 import numpy as np
 
 from ..arrays import Array, UInt8Array
+from ..packed import inflated
 
 LEVEL = 6
 """Of zlib."""
@@ -41,11 +42,7 @@ def from_planes(coded: bytes, expected: int) -> bytes:
     :raises ValueError: it is no such coding of this length
     """
     size = int.from_bytes(coded[:2], 'little')
-    decoder = zlib.decompressobj()
-    try:
-        plain = decoder.decompress(coded[2:], expected + 1)
-    except zlib.error as error:
-        raise ValueError('it cannot be decompressed: %s' % error) from None
+    plain = inflated(coded[2:], zlib.decompressobj(), expected)
     if len(plain) != expected or not size or expected % size:
         raise ValueError('it has not the length that is announced, %d bytes' % expected)
     return bytes(np.frombuffer(plain, np.uint8).reshape(size, -1).T.tobytes())

@@ -4,6 +4,7 @@ clock [s]."""
 import math
 from typing import Dict, List, NamedTuple, Optional, Tuple, Union
 
+from ..newest import Newest
 from .sending import Piece, Sending
 
 MAX_TRANSFERS = 4
@@ -63,7 +64,7 @@ class Transfers:
         self.refused = 0
         """Impossible reports."""
         self._transfers: Dict[str, _Transfer] = {}      # the next one's turn comes first
-        self._ended: Dict[str, int] = {}                # {operator: the last capture that ended}
+        self._ended: Newest[str, int] = Newest(MAX_ENDED)   # {operator: the last capture that ended}
         self._due = -math.inf       # nothing leaves before
 
     @property
@@ -96,8 +97,6 @@ class Transfers:
         if known is not None and known.request.id == id_:
             del self._transfers[operator]
             self._ended[operator] = id_
-            if len(self._ended) > MAX_ENDED:
-                del self._ended[next(iter(self._ended))]
 
     def loaded(self, load: Load, data: bytes, length: int, now: float) -> None:
         """An original is coded: it is sent in pieces of this length."""

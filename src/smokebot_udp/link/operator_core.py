@@ -21,12 +21,12 @@ Rules; each has a test in test_operator_core:
    each: who sees the link's traffic can forge or repeat it.
 9. Silence of 60 s, or a CLOSE, ends the peer. Handshakes go on.
 """
-import collections
 import math
 from dataclasses import dataclass
 from typing import List, Optional, Tuple
 
 from ..arrays import IntArray, Records, UInt8Array
+from ..newest import Newest
 from ..version import OURS, Software, difference
 from .control import Control, message
 from .cookie import Place
@@ -139,7 +139,7 @@ class OperatorCore(LinkCore):
         """Why there is no robot: one sentence; None if there is one."""
         self._place: Optional[Place] = None
         self._handshake: Optional[Handshake] = None
-        self._attempts: collections.OrderedDict[int, Attempt] = collections.OrderedDict()     # by our index
+        self._attempts: Newest[int, Attempt] = Newest(MAX_ATTEMPTS)     # by our index
         self._hinted = False
         self._refusal: Tuple[float, str] = (-math.inf, '')      # when, and why; also answers from another address
         self._entry: Optional[Entry] = None         # under which is sent
@@ -243,8 +243,6 @@ class OperatorCore(LinkCore):
             noise = Initiator(self._key, suite, prologue(cookie), self._random(EPHEMERAL_SIZE))
             payload = noise.write(payload)
         self._attempts[index] = Attempt(token, noise, suite, place, now)
-        if len(self._attempts) > MAX_ATTEMPTS:
-            self._attempts.popitem(last=False)
         return self._tags.tagged(Init(cookie.version, cookie.mode, cookie.suite, cookie.nonce, cookie.cookie, index,
                                       payload))
 

@@ -25,11 +25,11 @@ import collections
 from typing import Dict, Optional
 
 from ..budget import Budget
+from ..newest import Newest
 from ..version import OURS, Software, difference
 from .control import CHALLENGE_SIZE, SIZE, Control, message
 from .cookie import LIFETIME, CookieJar, Place
 from .core import MAX_ATTEMPTS, MIN_DATAGRAM_SIZE, Entry, LinkCore, Random
-from .host_budget import HostBudgets
 from .noise import Forged, Responder
 from .packets import (
     EPHEMERAL_SIZE,
@@ -54,6 +54,9 @@ from .replay import HandshakeMemory
 from .session import KeyedSession, OpenSession, Session
 
 MAX_PEERS = 8
+
+MAX_HOSTS = 256
+"""Whose budgets are remembered, so that one host cannot take the others' share."""
 
 INIT_BURST, INIT_PERIOD = 64, 0.02
 """INITs of one host: eight operators behind one address, all of them beginning anew [s]."""
@@ -88,11 +91,11 @@ class RobotCore(LinkCore):
         self._suite = suite if key is not None else Suite.OPEN
         self._cookies = CookieJar(random)
         self._taken = HandshakeMemory(2 * LIFETIME)
-        self._inits = HostBudgets(INIT_BURST, INIT_PERIOD)
+        self._inits: Newest[int, Budget] = Newest(MAX_HOSTS)        # by the IPv4 address of the host, as below
         self._hints = Budget(UNKNOWN_BURST, UNKNOWN_PERIOD)
         self._paths: Dict[int, PathCheck] = {}      # by the peer's number
         self._told: Dict[Reason, float] = {}        # when a refusal became an event
-        self._versions = HostBudgets(1, VERSION_PERIOD)
+        self._versions: Newest[int, Budget] = Newest(MAX_HOSTS)
 
     def _on_packet(self, packet: Packet, source: Place, now: float) -> None:
         if isinstance(packet, Hello):
@@ -122,14 +125,14 @@ class RobotCore(LinkCore):
     def _refuse(self, reason: Reason, source: Place, nonce: int, now: float) -> None:
         self._send_refusal(Refuse(VERSION, self.mode, reason, nonce), source, TO_US[reason], now)
 
-    def _send_refusal(self, refuse: Refuse, source: Place, text: str, now: float, budgets: Optional[HostBudgets] = None
-                      ) -> None:
-        """:param budgets: how often each host's refusal may become an event"""
+    def _send_refusal(self, refuse: Refuse, source: Place, text: str, now: float,
+                      budgets: Optional[Newest[int, Budget]] = None) -> None:
+        """:param budgets: by host; a refusal of each may become an event once in VERSION_PERIOD"""
         reason = Reason(refuse.reason)
         self.dropped[REFUSED[reason]] += 1
         self._send(source, refuse.pack())
         if (now - self._told.get(reason, -EVENT_PERIOD) >= EVENT_PERIOD
-                and (budgets is None or budgets.take(source[0], now))):
+                and (budgets is None or budgets.of(source[0], lambda: Budget(1, VERSION_PERIOD)).take(now))):
             self._told[reason] = now
             self._events.append(Refused(reason, 'refused %s:%d: %s' % (*address_of(source), text)))
 
@@ -142,7 +145,7 @@ class RobotCore(LinkCore):
             self._refuse(Reason.WRONG_KEY, source, init.nonce, now)
         elif _ephemeral_of(init) in self._taken:
             self.dropped['replayed handshake'] += 1
-        elif not self._inits.take(source[0], now):
+        elif not self._inits.of(source[0], lambda: Budget(INIT_BURST, INIT_PERIOD)).take(now):
             self.dropped['too many handshakes'] += 1
         elif self.mode == Mode.KEYED:
             self._answer_keyed(init, source, now)

@@ -21,6 +21,7 @@ import zlib
 from typing import Dict, FrozenSet, List, NamedTuple, Optional, Sequence, Tuple
 
 from ..budget import Budget
+from ..packed import inflated
 from .control import FIRST_TABLE_ID, FIRST_TOPIC_ID
 from .packets import Malformed
 from .parts import PART, Arriving, Repeated, capacity
@@ -145,7 +146,7 @@ def parse_names(packed: bytes) -> List[Entry]:
     :raises Malformed: if it is none
     """
     try:
-        data, at, entries = _unpacked(packed), 0, []
+        data, at, entries = inflated(packed, zlib.decompressobj(), MAX_NAMES_SIZE), 0, []
         while at < len(data):
             role, at = Role(data[at]), at + 1
             texts = []
@@ -165,18 +166,6 @@ def parse_names(packed: bytes) -> List[Entry]:
     except (IndexError, ValueError) as error:
         raise Malformed('NAMES: %s' % error) from error
     return entries
-
-
-def _unpacked(packed: bytes) -> bytes:
-    """:raises ValueError: where it is not one whole stream of zlib, or too long"""
-    stream = zlib.decompressobj()
-    try:
-        data = stream.decompress(packed, MAX_NAMES_SIZE + 1)
-    except zlib.error as error:
-        raise ValueError(str(error)) from error
-    if len(data) > MAX_NAMES_SIZE or not stream.eof or stream.unused_data:
-        raise ValueError('%d bytes of another length' % len(packed))
-    return data
 
 
 class Local:

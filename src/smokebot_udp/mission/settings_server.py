@@ -6,9 +6,10 @@ often, so that every operator has all of them in the end.
 """
 import collections
 import math
-from typing import Any, Counter, Deque, Dict, Mapping, Optional, OrderedDict, Sequence, Tuple
+from typing import Any, Counter, Deque, Dict, Mapping, Optional, Sequence, Tuple
 
 from ..budget import Budget
+from ..newest import Newest
 from .remote import FOCUS_PART, MAX_TEXT, PartState, Request
 
 INTERVAL = 0.05
@@ -54,7 +55,7 @@ class SettingsServer:
         """{reason: count} of the requests that were not served."""
         self._session, self._profiles = session, tuple(profiles)
         self._parts: Dict[str, _Part] = {}
-        self._served: OrderedDict[int, Tuple[str, str]] = collections.OrderedDict()     # {id: refusal, changes}
+        self._served: Newest[int, Tuple[str, str]] = Newest(MAX_REMEMBERED)     # {id: refusal, changes}
         self._answers: Deque[Request] = collections.deque(maxlen=MAX_REMEMBERED)
         self._sent = -math.inf
         self._budget = Budget(BURST, REQUEST_PERIOD)
@@ -99,8 +100,6 @@ class SettingsServer:
         :param changes: what it has changed, in words
         """
         self._served[request.id] = refusal[:MAX_TEXT], changes[:MAX_TEXT]
-        while len(self._served) > MAX_REMEMBERED:
-            self._served.popitem(last=False)
         self._answers.append(request)
 
     def deadline(self) -> Optional[float]:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The newest reports of all nodes, for link_top."""
-import collections
 import math
-from typing import Dict, List, Optional, OrderedDict, Sequence, Set, Tuple
+from typing import Dict, List, Optional, Sequence, Set, Tuple
 
+from ..newest import Newest
 from .status import ROBOT, STALE, Kind, Status
 
 STALE_AFTER = 3.0
@@ -46,8 +46,7 @@ class Board:
     """
 
     def __init__(self) -> None:
-        # {node: {part: its newest report}}, the node that was heard last at the end
-        self._nodes: OrderedDict[str, Dict[str, Report]] = collections.OrderedDict()
+        self._nodes: Newest[str, Dict[str, Report]] = Newest(MAX_NODES)     # {node: {part: its newest report}}
 
     def add(self, statuses: Sequence[Status], now: float) -> None:
         """Add the content of one DiagnosticArray; it replaces the earlier reports of its nodes."""
@@ -63,10 +62,7 @@ class Board:
         self._put(operator, part, list(statuses), now)
 
     def _put(self, node: str, part: str, statuses: List[Status], now: float) -> None:
-        self._nodes.setdefault(node, {})[part] = now, statuses
-        self._nodes.move_to_end(node)
-        if len(self._nodes) > MAX_NODES:
-            self._nodes.popitem(last=False)
+        self._nodes.of(node, dict)[part] = now, statuses
 
     @property
     def sides(self) -> Set[str]:

@@ -2,8 +2,9 @@
 """Messages of a subscriber that takes any type."""
 from typing import Any, Sequence
 
-from genpy import DeserializationError
 from rospy import AnyMsg
+
+from ..serialised import deserialised
 
 
 def class_of(message: Any, classes: Sequence[Any]) -> Any:
@@ -27,7 +28,4 @@ def read(message: Any, class_: Any) -> Any:
     """
     if not isinstance(message, AnyMsg):
         return message
-    try:
-        return class_().deserialize(message._buff)
-    except (DeserializationError, UnicodeError) as error:
-        raise ValueError('it is no %s: %s' % (class_._type, error)) from error
+    return deserialised(class_, message._buff)

@@ -62,7 +62,7 @@ class DiagnosticsSource(TurnsSource):
         self._turns.wake()
 
     def _take_turns(self) -> None:
-        """Send each peer what is due for it."""
+        """See TurnsSource."""
         channel, now = self._channel, time.monotonic()
         assert channel is not None
         rate, room = self._link.part_of_rate(SHARE), self._link.room

@@ -7,7 +7,7 @@ from typing import Any, Mapping, Optional
 import rospy
 
 from ..monitoring.stats import StreamStats
-from ..reliable.call_client import CallClient
+from ..reliable.call_client import CallClient, Message
 from ..reliable.calls import Outcome, type_checksum
 from ..serialised import deserialised, serialised
 from ..streams.frame_prefix import add_prefix, strip_prefix
@@ -36,9 +36,9 @@ class OperatorService(WayBackStream):
         self._class = service_class(settings['service_type'])
         self._link = way.reliable
         self._prefix, self._refused = way.frame_prefix, refused
-        self._client = CallClient(way.control.session, type_checksum(self._class._type, self._class._md5sum),
+        self._client = CallClient(way.control.session << 32, type_checksum(self._class._type, self._class._md5sum),
                                   settings['timeout'])
-        self._worker: DeadlineWorker[bytes] = DeadlineWorker(
+        self._worker: DeadlineWorker[Message] = DeadlineWorker(
             name, self._client.poll, self._client.deadline, self._send, log_error("stream '%s'" % name))
         self._requests: Any = None      # made by start()
         self._calls = self._answered = 0
@@ -48,7 +48,7 @@ class OperatorService(WayBackStream):
         if self._refused is None:
             self._requests = self._opened.add(self._link.channel(
                 calls_channel(self.name, TO_ROBOT, BOUNDS._replace(age=self._client.timeout)),
-                ChannelListener(joined=self._greet, left=self._left, unknown=self._unknown)))
+                ChannelListener(joined=self._joined, left=self._left, unknown=self._unknown)))
             self._opened.add(self._link.channel(
                 calls_channel(self.name, TO_OPERATOR), ChannelListener(received=self._received)))
             self._opened.started(self._worker)
@@ -88,26 +88,24 @@ class OperatorService(WayBackStream):
 
     def _response(self, data: bytes) -> Any:
         try:
-            response = deserialised(self._class._response_class, data)
-        except ValueError:
-            raise rospy.ServiceException('its answer is no %s' % self._class._response_class._type) from None
-        return add_prefix(response, self._prefix)
+            return add_prefix(deserialised(self._class._response_class, data), self._prefix)
+        except ValueError as error:
+            raise rospy.ServiceException(str(error)) from None
 
-    def _send(self, data: bytes) -> None:
-        self._requests.send(data)
+    def _send(self, message: Message) -> None:
+        self._requests.send(message.data, message.robot)
 
     def _received(self, peer: str, data: bytes) -> None:
         with self._worker.changing():
-            self._client.receive(data, time.monotonic())
+            self._client.receive(peer, data, time.monotonic())
 
-    def _greet(self, peer: str) -> None:
-        """The robot's node is there, perhaps another one than before: its session is asked for."""
+    def _joined(self, peer: str) -> None:
         with self._worker.changing():
-            self._client.greet(time.monotonic())
+            self._client.joined(peer)
 
     def _left(self, peer: str, reason: str) -> None:
         with self._worker.changing():
-            self._client.lost("the robot's node %s during the call" % (
+            self._client.left(peer, "the robot's node %s during the call" % (
                 'restarted' if reason == 'restart' else 'was away'))
 
     def _unknown(self, peer: str) -> None:

@@ -261,7 +261,7 @@ class NewestSource(TurnsSource):
             self._report(max(problems))
 
     def _take_turns(self) -> None:
-        """Send what waits next to each peer that has got the message before."""
+        """See TurnsSource; to each peer that has got the message before."""
         channel = self._channel
         assert channel is not None
         rate, now = self._link.part_of_rate(STATES_SHARE), time.monotonic()

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Runs the robot's side of an action stream: an action client of the robot's server for all operators."""
-import collections
 import time
-from typing import Any, Mapping, Optional, OrderedDict, Tuple
+from typing import Any, Mapping, Optional, Tuple
 
 import rospy
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
@@ -10,6 +9,7 @@ from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 from ..limited_log import logerr
 from ..monitoring.sources import ACTION, Source
 from ..monitoring.stats import StreamStats
+from ..newest import Newest
 from ..serialised import serialised
 from ..streams.action.goal_watch import MAX_GOALS
 from ..streams.action.throttle import Throttle
@@ -40,7 +40,7 @@ class RobotAction(ActionStream):
         self._control = way.control
         self._stopped = False, 0        # whether the emergency stop is engaged, how often it was released
         self._cancelled = 0.0       # when all goals were cancelled last
-        self._senders: OrderedDict[str, str] = collections.OrderedDict()    # {goal that has not ended: operator}
+        self._senders: Newest[str, str] = Newest(MAX_GOALS)     # {goal that has not ended: operator}
         self._throttles = {part: Throttle(settings['feedback_rate']) for part in ('/status', '/feedback')}
         self._worker: DeadlineWorker[Tuple[str, bytes]] = DeadlineWorker(
             name, self._poll, self._deadline, self._send, log_error("stream '%s'" % name))
@@ -100,8 +100,6 @@ class RobotAction(ActionStream):
         if reason is None:
             self._goals += 1
             self._senders[message.goal_id.id] = peer
-            if len(self._senders) > MAX_GOALS:
-                self._senders.popitem(last=False)
             self._publishers['/goal'].publish(message)
         else:
             self._dropped['refused'] += 1

@@ -19,10 +19,10 @@ from ..streams.relay.parameters import TO_OPERATOR, TO_ROBOT
 from .channel import ChannelKind, ChannelListener
 from .way import RobotWay, WayBackStream
 
-CALLS = 'service'
+CALLS = 'call'
 """Type of both channels of a service stream: services of another type are refused with a reason, by the call."""
 
-BOUNDS = Bounds(messages=2 * MAX_CALLS, bytes=4 << 20, age=MAX_TIMEOUT)
+BOUNDS = Bounds(messages=2 * MAX_CALLS, bytes=4 << 20, age=MAX_TIMEOUT, one_session=True)
 """Of requests and of answers."""
 
 RAISED = re.compile(r'service \[(?P<service>.*?)\] responded with an error: (?P<text>b.*)$', re.DOTALL)
@@ -49,8 +49,7 @@ class RobotService(WayBackStream):
         self._class = service_class(settings['service_type'])
         self.source = Source(SERVICE, self.topic)
         self._link = way.reliable
-        self._server = CallServer(way.control.session, type_checksum(self._class._type, self._class._md5sum),
-                                  self._class._type)
+        self._server = CallServer(type_checksum(self._class._type, self._class._md5sum), self._class._type)
         self._lock = threading.Lock()
         self._answers: Any = None       # made by start()
         self._calls = self._answered = 0
@@ -103,9 +102,6 @@ class RobotService(WayBackStream):
         """Call the service. A proxy for each call finds the service's node also after its restart."""
         try:
             request = deserialised(self._class._request_class, data)
-        except ValueError:
-            return Outcome(failure='its request is no %s' % self._class._request_class._type)
-        try:
             return Outcome(serialised(rospy.ServiceProxy(self.topic, self._class)(request)))
         except Exception as error:      # also what the sockets raise
             return Outcome(failure=failure_of(str(error)))

@@ -13,6 +13,8 @@ class Bounds(NamedTuple):
     pace.MIN_RATE it is given up all the same [s]."""
     keeps_last: bool = False
     """Whether the newest message is not given up by its age: a state, which is not old before there is another one."""
+    one_session: bool = False
+    """Whether also what was not sent yet is given up when the session with the peer ends."""
 
 
 USUAL = Bounds()

@@ -3,22 +3,23 @@
 import collections
 import math
 from dataclasses import dataclass
-from typing import Callable, Counter, Deque, Dict, Optional
+from typing import Callable, Counter, Dict, NamedTuple, Optional
 
-from .calls import MAX_CALLS, MAX_SIZE, WELCOME, Outcome, Request, unpack_answer
+from .calls import GREETING, MAX_CALLS, MAX_SIZE, Outcome, Request, unpack_answer
 from .clock_bound import ClockBound
-
-GREETING_PERIOD = 0.25
-"""While calls wait for a robot it is asked for its session this often [s]."""
 
 MAX_BYTES = 4 << 20
 """Of all requests in flight."""
 
-MAX_RETIRED = 16
-"""Sessions of the robot's node that are remembered to be over."""
-
 Done = Callable[[Outcome], None]
 """Called once for each call, from any of the client's methods."""
+
+
+class Message(NamedTuple):
+    """What is to be sent."""
+    robot: str
+    """The robot's node."""
+    data: bytes
 
 
 @dataclass
@@ -26,30 +27,29 @@ class _Call:
     data: bytes
     until: float
     done: Done
-    server: int = 0
-    """Session of the robot's node that may have executed it; 0: it was not sent yet."""
+    robot: str = ''
+    """The robot's node that it was sent to; empty: it was not sent yet."""
 
 
 class CallClient:
     """Calls of one service. The clock is an argument [s, any steady clock].
 
-    :param session: of this node, not 0
+    :param first: the first call's number: a random one of 64 bits, other than GREETING
     :param checksum: see calls.type_checksum
     :param timeout: of each call [s]
     """
 
-    def __init__(self, session: int, checksum: int, timeout: float) -> None:
-        self.session, self.timeout = session, timeout
+    def __init__(self, first: int, checksum: int, timeout: float) -> None:
+        self.timeout = timeout
         self.dropped: Counter[str] = collections.Counter()
         """{reason: answers that were discarded}"""
         self._checksum = checksum
         self._calls: Dict[int, _Call] = {}      # by number, oldest first
-        self._last = 0
-        self._server = 0        # the robot's session; 0: unknown
-        self._clock = ClockBound()      # of the robot
-        self._retired: Deque[int] = collections.deque(maxlen=MAX_RETIRED)
-        self._greeting = math.inf       # when it is due
-        self._greeted = 0               # its number, until it is answered; 0: there is none
+        self._next = first
+        self._peer = ''         # the robot's node with which the channels have a session; empty: none
+        self._greets = False    # whether that node is to be greeted
+        self._robot = ''        # the node that has answered the greeting
+        self._clock = ClockBound()      # of it
 
     def __len__(self) -> int:
         """The number of calls in flight."""
@@ -64,10 +64,9 @@ class CallClient:
         if refusal is not None:
             done(Outcome(failure=refusal))
             return
-        self._last += 1
-        self._calls[self._last] = _Call(data, now + self.timeout, done)
-        if not self._server:
-            self._greeting = min(self._greeting, now)
+        self._calls[self._next] = _Call(data, now + self.timeout, done)
+        self._next += 1
+        self._greets |= not self._robot
 
     def _refusal(self, size: int) -> Optional[str]:
         """Why a request of this size is not sent; None: it is."""
@@ -77,50 +76,46 @@ class CallClient:
             return '%d calls of it wait for an answer already' % len(self._calls)
         return None
 
-    def greet(self, now: float) -> None:
-        """Ask the robot for its session: it may be another node now."""
-        self._greeting = now
+    def joined(self, peer: str) -> None:
+        """A session with a node of the robot has begun."""
+        self._peer, self._greets = peer, True
 
-    def poll(self, now: float) -> Optional[bytes]:
-        """The next message to the robot; None: there is none until `deadline`. Calls whose time is over fail."""
+    def left(self, peer: str, reason: str) -> None:
+        """That session is over, and what was in flight in it: the calls fail that were sent. Others wait for the next
+        one."""
+        self._end(lambda call: call.robot == peer, reason + ': whether the service was called is unknown')
+        if peer == self._robot:
+            self._robot = ''
+
+    def poll(self, now: float) -> Optional[Message]:
+        """The next message; None: there is none until `deadline`. Calls whose time is over fail."""
         self._expire(now)
-        if self._greeting <= now:
-            self._greeting = now + GREETING_PERIOD if self._calls and not self._server else math.inf
-            if not self._greeted:
-                self._last += 1
-                self._greeted = self._last
-            return Request(self.session, 0, self._greeted, self._checksum, 0.0, b'').pack()
-        if not self._server:
-            return None
+        if self._greets and self._peer:
+            self._greets = False
+            return Message(self._peer, Request(GREETING, self._checksum, 0.0, b'').pack())
         for number, call in self._calls.items():
-            if not call.server:
-                call.server = self._server
-                until = self._clock.at(call.until)
-                return Request(self.session, self._server, number, self._checksum, until, call.data).pack()
+            if self._robot and not call.robot:
+                call.robot = self._robot
+                request = Request(number, self._checksum, self._clock.at(call.until), call.data)
+                return Message(call.robot, request.pack())
         return None
 
-    def deadline(self) -> Optional[float]:
-        """When `poll` has something to do; None: not before the next call or answer."""
-        times = [self._greeting]
-        for call in self._calls.values():
-            times += [call.until, -math.inf if self._server and not call.server else math.inf]
-        first = min(times)
-        return None if first == math.inf else first
+    def deadline(self) -> float:
+        """When `poll` has something to do [s]; infinite: not before the next call or answer."""
+        if (self._greets and self._peer) or (self._robot and not all(call.robot for call in self._calls.values())):
+            return -math.inf
+        return min((call.until for call in self._calls.values()), default=math.inf)
 
-    def receive(self, data: bytes, now: float) -> None:
-        """Take a message of the robot."""
+    def receive(self, peer: str, data: bytes, now: float) -> None:
+        """Take a message of a node of the robot."""
         answer = unpack_answer(data)
         if answer is None:
             self.dropped['malformed'] += 1
-        elif answer.client != self.session or answer.server in self._retired:
-            self.dropped['another session'] += 1
-        elif answer.kind == WELCOME:
-            if answer.server != self._server and not self._answers_the_present(answer.number):
-                self.dropped['late'] += 1
-                return
-            self._welcome(answer.server)
+        elif answer.number == GREETING:
+            if peer != self._robot:
+                self._robot, self._clock = peer, ClockBound()
             self._clock.add(answer.clock, now)
-        elif answer.number not in self._calls or self._calls[answer.number].server != answer.server:
+        elif answer.number not in self._calls or self._calls[answer.number].robot != peer:
             self.dropped['late'] += 1
         else:
             self._clock.add(answer.clock, now)
@@ -130,37 +125,12 @@ class CallClient:
         """All calls in flight fail."""
         self._end(lambda call: True, reason)
 
-    def lost(self, reason: str) -> None:
-        """The session of a channel is over, and what was in flight in it: the calls fail that were sent. Others wait
-        for the robot's session."""
-        self._fail_sent(reason)
-        self._server, self._greeting = 0, -math.inf if self._calls else math.inf
-
     def refuse(self, reason: str) -> None:
         """The robot does not take calls: those fail that were not sent to it."""
-        self._end(lambda call: not call.server, reason + ': it was not called')
-
-    def _answers_the_present(self, number: int) -> bool:
-        """Whether an answer is to something that was sent after the present robot's node was known: then the node that
-        gave it is no former one, whose answer was held up."""
-        call = self._calls.get(number)
-        return not self._server or 0 < number == self._greeted or (call is not None and call.server == self._server)
-
-    def _welcome(self, server: int) -> None:
-        """The robot's node has this session: another one has lost the calls that it did not answer."""
-        self._greeting, self._greeted = math.inf, 0
-        if server == self._server:
-            return
-        if self._server:
-            self._retired.append(self._server)
-        self._server, self._clock = server, ClockBound()
-        self._fail_sent("the robot's node restarted during the call")
-
-    def _fail_sent(self, reason: str) -> None:
-        self._end(lambda call: call.server != 0, reason + ': whether the service was called is unknown')
+        self._end(lambda call: not call.robot, reason + ': it was not called')
 
     def _expire(self, now: float) -> None:
-        self._end(lambda call: call.until <= now and not call.server,
+        self._end(lambda call: call.until <= now and not call.robot,
                   'no robot answered within %g s: the service was not called' % self.timeout)
         self._end(lambda call: call.until <= now,
                   'no answer within %g s: whether the service was called is unknown' % self.timeout)

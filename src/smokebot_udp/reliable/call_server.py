@@ -3,7 +3,7 @@
 import collections
 from typing import Counter, Deque, List, NamedTuple, Optional
 
-from .calls import MAX_CALLS, MAX_SIZE, MAX_TIMEOUT, WELCOME, Answer, Outcome, Request, answer_to, unpack_request
+from .calls import GREETING, MAX_CALLS, MAX_SIZE, MAX_TIMEOUT, Answer, Outcome, Request, unpack_request
 
 MAX_RUNNING = 8
 """Calls of one service that are executed at the same time; further ones wait."""
@@ -21,13 +21,11 @@ class Execution(NamedTuple):
 class CallServer:
     """Calls of one service by all operators. The clock is an argument [s, any steady clock].
 
-    :param session: of this node, not 0
     :param checksum: see calls.type_checksum
     :param type_name: of the service
     """
 
-    def __init__(self, session: int, checksum: int, type_name: str) -> None:
-        self.session = session
+    def __init__(self, checksum: int, type_name: str) -> None:
         self.dropped: Counter[str] = collections.Counter()
         """{reason: requests that were not executed}"""
         self._checksum, self._type_name = checksum, type_name
@@ -52,15 +50,13 @@ class CallServer:
         if request is None:
             self.dropped['malformed'] += 1
             return None
-        if request.server != self.session:
-            if request.server:
-                self.dropped['another session'] += 1
-            return Answer(request.client, self.session, request.number, now, WELCOME).pack()
+        if request.number == GREETING:
+            return Answer(GREETING, now, Outcome()).pack()
         refusal = self._refusal(request)
-        if refusal is None:
-            self._waiting.append(Execution(peer, request, min(request.until, now + MAX_TIMEOUT)))
-            return None
-        return answer_to(request, self.session, now, Outcome(failure=refusal)).pack()
+        if refusal is not None:
+            return Answer(request.number, now, Outcome(failure=refusal)).pack()
+        self._waiting.append(Execution(peer, request, min(request.until, now + MAX_TIMEOUT)))
+        return None
 
     def take(self, now: float) -> Optional[Execution]:
         """The next call to execute; None: none waits, or MAX_RUNNING are executed."""
@@ -77,7 +73,7 @@ class CallServer:
         self._running.remove(execution)
         if len(outcome.data) > MAX_SIZE:
             outcome = Outcome(failure='its answer has %d bytes, may have %d' % (len(outcome.data), MAX_SIZE))
-        return answer_to(execution.request, self.session, now, outcome).pack()
+        return Answer(execution.request.number, now, outcome).pack()
 
     def _refusal(self, request: Request) -> Optional[str]:
         """Why a new call is not executed; None: it is."""

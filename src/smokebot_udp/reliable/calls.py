@@ -4,15 +4,13 @@
 Both sides are pure: call_client.py (operator) and call_server.py (robot). A call is executed at most once:
 
 * Requests and answers cross in channels, which deliver each once, and repeat it until it arrives or their session ends.
-  A request is sent to one session of a channel only.
-* Each node has a session, a random number. A client numbers its calls from 1 on; a number is never used again.
-* A request names the session of the robot's node that it is for. Another one, such as the same node after a restart,
-  does not execute it and answers with its own session: then the client fails the calls that it sent to the old one.
+  A request is sent to one node, in one session: what waits in a channel when that ends is given up.
+* Calls are numbered from a random number on; a number is never used again, so no answer belongs to two calls.
 * A request says until when it may be executed, by the robot's clock, whose time is in each answer: after a cut nothing
   is executed for a caller who has given up.
 
-A client that does not know the robot's session asks for it with a request for session 0. It believes in another session
-only if the answer is to such a question, or to a call, that it sent since it knows the present one.
+In each session the client first greets the robot: a request with the number GREETING, whose answer has the robot's
+clock. A robot that does not have the channel says so.
 """
 import struct
 import zlib
@@ -30,12 +28,14 @@ MAX_TIMEOUT = 3600.0
 MAX_TEXT = 1000
 """Of the reason of a failure [byte]."""
 
-_REQUEST, _ANSWER = 0xc1, 0xc2      # the first byte
-_REQUEST_HEADER = struct.Struct('<BIIIIQ')
-_ANSWER_HEADER = struct.Struct('<BIIIQB')
+MAX_TIME = 1e12
+"""Of a clock [s]."""
 
-WELCOME, ANSWERED, FAILED = range(3)
-"""Kinds of answers: the robot's session; the service's response; the reason of a failure."""
+GREETING = 0
+"""Number of a request that is no call."""
+
+_REQUEST = struct.Struct('<QIQ')
+_ANSWER = struct.Struct('<QQ?')
 
 
 class Outcome(NamedTuple):
@@ -48,12 +48,7 @@ class Outcome(NamedTuple):
 
 class Request(NamedTuple):
     """A call on its way to the robot."""
-    client: int
-    """Session of the operator's node."""
-    server: int
-    """Session of the robot's node that may execute it; 0: it asks for the session."""
     number: int
-    """Of the call, or of the question for the session; from 1 on."""
     checksum: int
     """See type_checksum."""
     until: float
@@ -62,63 +57,42 @@ class Request(NamedTuple):
     """The serialised request."""
 
     def pack(self) -> bytes:
-        return _REQUEST_HEADER.pack(_REQUEST, self.client, self.server, self.number, self.checksum,
-                                    _microseconds(self.until)) + self.data
+        return _REQUEST.pack(self.number, self.checksum, _microseconds(self.until)) + self.data
 
 
 class Answer(NamedTuple):
     """The answer to a Request."""
-    client: int
-    server: int
-    """Session of the robot's node that sends it."""
     number: int
     clock: float
-    """When it answers, by its steady clock [s]."""
-    kind: int
-    """WELCOME, ANSWERED or FAILED."""
-    data: bytes = b''
-    """The serialised response, or the reason of a failure in UTF-8."""
+    """When the robot's node answers, by its steady clock [s]."""
+    outcome: Outcome
 
     def pack(self) -> bytes:
-        return _ANSWER_HEADER.pack(_ANSWER, self.client, self.server, self.number, _microseconds(self.clock),
-                                   self.kind) + self.data
-
-    @property
-    def outcome(self) -> Outcome:
-        if self.kind == ANSWERED:
-            return Outcome(self.data)
-        return Outcome(failure=self.data[:MAX_TEXT].decode('utf-8', 'replace') or 'no reason is given')
-
-
-def answer_to(request: Request, server: int, clock: float, outcome: Outcome) -> Answer:
-    """The answer of the robot's node of session `server`."""
-    if outcome.failure is None:
-        return Answer(request.client, server, request.number, clock, ANSWERED, outcome.data)
-    return Answer(request.client, server, request.number, clock, FAILED, outcome.failure.encode()[:MAX_TEXT])
+        data, failure = self.outcome
+        return _ANSWER.pack(self.number, _microseconds(self.clock), failure is not None) + (
+            data if failure is None else failure.encode()[:MAX_TEXT])
 
 
 def unpack_request(data: bytes) -> Optional[Request]:
     """The request in a message; None: it is none."""
-    if not _REQUEST_HEADER.size <= len(data) <= _REQUEST_HEADER.size + MAX_SIZE:
+    if not _REQUEST.size <= len(data) <= _REQUEST.size + MAX_SIZE:
         return None
-    kind, client, server, number, checksum, until = _REQUEST_HEADER.unpack_from(data)
-    if kind != _REQUEST or not client or not number:
-        return None
-    return Request(client, server, number, checksum, until / 1e6, data[_REQUEST_HEADER.size:])
+    number, checksum, until = _REQUEST.unpack_from(data)
+    return Request(number, checksum, until / 1e6, data[_REQUEST.size:])
 
 
 def unpack_answer(data: bytes) -> Optional[Answer]:
     """The answer in a message; None: it is none."""
-    if not _ANSWER_HEADER.size <= len(data) <= _ANSWER_HEADER.size + MAX_SIZE:
+    if not _ANSWER.size <= len(data) <= _ANSWER.size + MAX_SIZE:
         return None
-    kind, client, server, number, clock, answer = _ANSWER_HEADER.unpack_from(data)
-    if kind != _ANSWER or not server or answer > FAILED or (answer != WELCOME and not number):
-        return None
-    return Answer(client, server, number, clock / 1e6, answer, data[_ANSWER_HEADER.size:])
+    number, clock, failed = _ANSWER.unpack_from(data)
+    data = data[_ANSWER.size:]
+    failure = data[:MAX_TEXT].decode('utf-8', 'replace') or 'no reason is given'
+    return Answer(number, clock / 1e6, Outcome(failure=failure) if failed else Outcome(data))
 
 
 def _microseconds(seconds: float) -> int:
-    return int(1e6 * max(seconds, 0.0))
+    return int(1e6 * min(max(seconds, 0.0), MAX_TIME))
 
 
 def type_checksum(type_name: str, md5sum: str) -> int:

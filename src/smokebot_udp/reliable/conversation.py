@@ -4,6 +4,7 @@ import collections
 import math
 from typing import Callable, Counter, Dict, List, NamedTuple, Optional
 
+from ..newest import Newest
 from .bounds import Bounds
 from .events import Event, GivenUp, Joined, Left, Received, Unknown
 from .greeting import Greeting
@@ -58,7 +59,7 @@ class Conversation:
         self._definitions: Dict[int, Definition] = {}
         self._room, self._pace = room, pace
         self._seq = self._arrived = 0
-        self._departures: Dict[int, float] = {}
+        self._departures: Newest[int, float] = Newest(REMEMBERED)
         self._acknowledgements: Dict[int, int] = {}     # {channel: seq of what caused it}
         self._unknown: Dict[int, int] = {}              # likewise
         self._virtual = 0.0     # start-time fair queueing of channels, as in congestion/packet_scheduler.py [byte]
@@ -271,8 +272,6 @@ class Conversation:
         self._seq += 1
         if departs is not None:
             self._departures[self._seq] = departs
-            if len(self._departures) > REMEMBERED:
-                del self._departures[next(iter(self._departures))]
         return segment._replace(seq=self._seq)
 
     # -- events ---------------------------------------------------------------------------------------

@@ -112,7 +112,7 @@ class ReliableSender:
 
     def renew(self) -> None:
         """The peer has a new session. What was sent may have reached the old one, so it must not be sent again."""
-        while self._messages and self._messages[0].start:
+        while self._messages and (self._messages[0].start or self.bounds.one_session):
             self._give_up('restart')
         self._pause = -math.inf
         self._renumber()

@@ -3,8 +3,9 @@
 
 Names come from messages and from the network, so only some are kept.
 """
-import collections
-from typing import Callable, Generic, List, OrderedDict, TypeVar
+from typing import Callable, Generic, List, TypeVar
+
+from ..newest import Newest
 
 Value = TypeVar('Value')
 
@@ -20,16 +21,11 @@ class Recent(Generic[Value]):
 
     def __init__(self, make: Callable[[], Value]) -> None:
         self._make = make
-        self._of: OrderedDict[str, Value] = collections.OrderedDict()
+        self._of: Newest[str, Value] = Newest(MAX_SOURCES)
 
     def of(self, name: str) -> Value:
         """That of a source."""
-        if name not in self._of:
-            if len(self._of) == MAX_SOURCES:
-                self._of.popitem(last=False)
-            self._of[name] = self._make()
-        self._of.move_to_end(name)
-        return self._of[name]
+        return self._of.of(name, self._make)
 
     def all(self) -> List[Value]:
         """That of all sources."""

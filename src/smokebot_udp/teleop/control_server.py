@@ -6,8 +6,9 @@ Call `poll` after every other method and at `deadline`, and send the status that
 import collections
 import dataclasses
 import math
-from typing import Any, Counter, Dict, List, Optional, OrderedDict, Tuple
+from typing import Any, Counter, Dict, List, Optional, Tuple
 
+from ..newest import Newest
 from .control import Control
 from .estop import EstopLatch
 from .loss import LossMeter
@@ -62,7 +63,7 @@ class ControlServer:
         self.dropped: Counter[str] = collections.Counter()
         """{reason: count} of the datagrams of those who are no operators."""
         self._peers: Dict[Tuple[str, int], _Peer] = {}      # {(name, session): of it}
-        self._answers: OrderedDict[Tuple[str, int], Answers] = collections.OrderedDict()    # who asked last is last
+        self._answers: Newest[Tuple[str, int], Answers] = Newest(MAX_SESSIONS)     # of who has asked
         self._sent = -math.inf      # when the status was sent last
         self._busy = -math.inf      # when a command, a request or a change came last
         self._prompted = True       # whether it is to be sent at once
@@ -86,7 +87,7 @@ class ControlServer:
                 peer.clock, peer.came = request.clock, now
         if request.id:
             self._prompted, self._busy = True, now
-            answers = self._answers_to(name, request.session)
+            answers = self._answers.of((name, request.session), Answers)    # whether of an operator or not
             answers.asked = now
             if answers.take(request.id):
                 answers.answer(request.id, self._carry_out(name, request, stranger, now))
@@ -179,14 +180,6 @@ class ControlServer:
         peer.loss.add(topic, seq, now)
         self._forget(now)
         return None
-
-    def _answers_to(self, name: str, session: int) -> Answers:
-        """The requests of a session, whether of an operator or not."""
-        answers = self._answers.setdefault((name, session), Answers())
-        self._answers.move_to_end((name, session))
-        while len(self._answers) > MAX_SESSIONS:
-            self._answers.popitem(last=False)
-        return answers
 
     def _forget(self, now: float) -> None:
         """Forget sessions that have ended."""

@@ -7,8 +7,9 @@ releases nothing: a release is an act of its own, a call of the service.
 A publisher that repeats True holds the button, or presses it again: each is a press, as somebody may have released the
 stop in between, unheard. So the stop stays in force for as long as the button is held.
 """
-import collections
 import math
+
+from ..newest import Newest
 
 MIN_INTERVAL = 0.1
 """No person presses a button twice within this time, but a node may publish it at any rate [s]."""
@@ -21,7 +22,7 @@ class EstopInput:
     """Reads the topic of all its publishers."""
 
     def __init__(self) -> None:
-        self._pressed: collections.OrderedDict[str, float] = collections.OrderedDict()
+        self._pressed: Newest[str, float] = Newest(MAX_SOURCES)
         """{publisher: when its last press began, while it publishes True}"""
 
     def is_press(self, source: str, pressed: bool, now: float) -> bool:
@@ -36,6 +37,4 @@ class EstopInput:
         if now - self._pressed.get(source, -math.inf) < MIN_INTERVAL:
             return False
         self._pressed[source] = now
-        while len(self._pressed) > MAX_SOURCES:
-            self._pressed.popitem(last=False)
         return True

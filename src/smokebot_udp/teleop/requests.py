@@ -13,6 +13,7 @@ import dataclasses
 import math
 from typing import Deque, Optional, Tuple
 
+from ..newest import Newest
 from .records import Wish
 
 MAX_AGE = 1.0
@@ -103,7 +104,7 @@ class RequestClient:
 
     def __init__(self) -> None:
         self._waiting: Deque[Pending] = collections.deque()     # of each wish one at most; the first one is sent
-        self._outcomes: collections.OrderedDict[int, str] = collections.OrderedDict()
+        self._outcomes: Newest[int, str] = Newest(MAX_OUTCOMES)
         self._last = 0
 
     @property
@@ -164,6 +165,5 @@ class RequestClient:
 
     def _end(self, outcome: str) -> None:
         ended = self._waiting.popleft()
-        self._outcomes.update((request, outcome) for request in (*ended.replaced, ended.id))
-        while len(self._outcomes) > MAX_OUTCOMES:
-            self._outcomes.popitem(last=False)
+        for request in (*ended.replaced, ended.id):
+            self._outcomes[request] = outcome

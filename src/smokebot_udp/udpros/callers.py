@@ -3,11 +3,12 @@
 import threading
 import time
 import urllib.parse
-from typing import Dict, List, NamedTuple, Optional
+from typing import List, NamedTuple, Optional
 
 import rosgraph
 
 from ..budget import Budget
+from ..newest import Newest
 from . import rpc
 from .bus_info import BusEntry, udpros_entries
 from .endpoints import addresses_of, is_loopback
@@ -44,7 +45,7 @@ class Callers:
         self._uris: SharedAnswers[str, Optional[str]] = SharedAnswers(_look_up, 0.0)
         self._buses: SharedAnswers[str, Bus] = SharedAnswers(_bus_of, QUESTION_PERIOD)
         self._lock = threading.Lock()
-        self._known: Dict[str, None] = {}
+        self._known: Newest[str, None] = Newest(MAX_KNOWN)
         self._strangers = Budget(MAX_STRANGERS, 1 / MAX_STRANGERS)
 
     def uri(self, name: str) -> Optional[str]:
@@ -58,11 +59,10 @@ class Callers:
                 raise Refused('too many requests of unknown nodes, try again later', 'too many requests')
         uri = self._uris.ask(name, MAX_AGE)
         with self._lock:
-            self._known.pop(name, None)
             if uri is not None:
                 self._known[name] = None
-                if len(self._known) > MAX_KNOWN:
-                    del self._known[next(iter(self._known))]
+            else:
+                self._known.pop(name, None)
         return uri
 
     def bus(self, uri: str, max_age: float = 0.0) -> Optional[Bus]:

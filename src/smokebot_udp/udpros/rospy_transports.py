@@ -6,7 +6,6 @@ ROS messages and their classes have no types, so they are Any here.
 import collections
 import contextlib
 import functools
-import io
 import threading
 import time
 import traceback
@@ -21,7 +20,7 @@ from rospy.topics import _PublisherImpl, _SubscriberImpl, _TopicImpl
 
 from ..arrays import BoolArray, Records
 from ..limited_log import logerr
-from ..serialised import deserialised
+from ..serialised import deserialised, serialised
 from .depacketizer import Arrived, BatchCallback
 from .endpoints import Address, DatagramReceiver, DatagramSender, PeerGone
 from .frame import Frame, first_messages
@@ -382,8 +381,6 @@ class UdpSubscriberImpl(_SubscriberImpl):
 
 
 def _as_records(message: Any) -> Records:
-    buffer = io.BytesIO()
-    message.serialize(buffer)
-    data = buffer.getvalue()
+    data = serialised(message)
     records: Records = np.ndarray((1,), record_dtype(type(message), lengths_of(type(message), data)), data)
     return records

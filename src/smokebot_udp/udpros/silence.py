@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """When a subscriber asks about a topic that is silent, and when it replaces a connection."""
-import collections
-from typing import Generic, Iterable, List, OrderedDict, Protocol, TypeVar
+from typing import Generic, Iterable, List, Protocol, TypeVar
+
+from ..newest import Newest
 
 SILENCE_TIMEOUT = 3.0
 """After this time without a message of a topic, the master and its publishers are asked for it [s]."""
@@ -147,13 +148,11 @@ class NewestAddresses:
     """The address that each node has moved to."""
 
     def __init__(self) -> None:
-        self._addresses: OrderedDict[str, str] = collections.OrderedDict()
+        self._addresses: Newest[str, str] = Newest(MAX_MOVED)
 
     def is_new(self, uri: str, address: str) -> bool:
         """Whether a node that has moved to this address was not known to be there."""
         if self._addresses.get(uri) == address:
             return False
         self._addresses[uri] = address
-        if len(self._addresses) > MAX_MOVED:
-            self._addresses.popitem(last=False)
         return True

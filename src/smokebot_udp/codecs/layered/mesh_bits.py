@@ -13,6 +13,7 @@ import numpy as np
 
 from ...arrays import IntArray
 from ..wire.bit_fields import unzigzag, zigzag
+from ..wire.bits import BitReader
 
 PARAMETER_BITS = 4
 MAX_PREFIX = 24
@@ -21,36 +22,19 @@ LIMIT = 1 << 14
 """Displacements are from -LIMIT to LIMIT."""
 
 
-class BitReader:
-    """Reads bits from bytes, the highest of each byte first."""
-
-    def __init__(self, data: bytes) -> None:
-        self._bits = ''.join(f'{byte:08b}' for byte in data)
-        self._at = 0
-
-    def number(self, width: int) -> int:
-        """An unsigned number.
-
-        :raises ValueError: there are fewer bits
-        """
-        field = self._bits[self._at:self._at + width]
-        if len(field) < width:
-            raise ValueError('displacements end too early')
-        self._at += width
-        return int(field, 2) if width else 0
+class _Reader(BitReader):
 
     def rice(self, parameter: int) -> int:
         """A number in a Rice code.
 
         :raises ValueError: there are fewer bits, or its prefix is longer than MAX_PREFIX
         """
-        end = self._bits.find('0', self._at)
-        prefix = (len(self._bits) if end < 0 else end) - self._at
-        if prefix > MAX_PREFIX:
-            raise ValueError('a displacement is too long')
-        self._at += prefix
-        self.number(1)      # the end of the prefix
-        return prefix << parameter | self.number(parameter)
+        prefix = 0
+        while self.flag():
+            prefix += 1
+            if prefix > MAX_PREFIX:
+                raise ValueError('a displacement is too long')
+        return prefix << parameter | self.bits(parameter)
 
 
 def prolonged(nodes: IntArray) -> IntArray:
@@ -114,7 +98,7 @@ def read(data: bytes, level: int) -> IntArray:
 
     :raises ValueError: the bytes end too early, or a displacement is not from -LIMIT to LIMIT
     """
-    reader = BitReader(data)
+    reader = _Reader(data)
     corners = _differences(reader, 4)
     corners[1:3] += corners[0]
     corners[3] += corners[1] + corners[2] - corners[0]
@@ -128,10 +112,10 @@ def read(data: bytes, level: int) -> IntArray:
     return nodes
 
 
-def _differences(reader: BitReader, count: int) -> IntArray:
+def _differences(reader: _Reader, count: int) -> IntArray:
     """(count, 2) int: of one level."""
     columns = []
     for _ in range(2):
-        parameter = reader.number(PARAMETER_BITS)
+        parameter = reader.bits(PARAMETER_BITS)
         columns.append([reader.rice(parameter) for _ in range(count)])
     return unzigzag(np.array(columns, np.uint64).T)

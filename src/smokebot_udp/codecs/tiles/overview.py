@@ -5,11 +5,10 @@ from typing import List, NamedTuple, Optional, Tuple
 import numpy as np
 
 from ...arrays import Array
+from ..wire.grid import UNKNOWN
 from . import coder
 from .rectangle import Rectangle
 from .tiling import Area
-
-UNKNOWN = -1
 
 
 class Piece(NamedTuple):

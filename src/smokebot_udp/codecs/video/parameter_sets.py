@@ -6,8 +6,8 @@ order is that of decoding.
 """
 from typing import Dict, NamedTuple, Tuple
 
+from ..wire.bits import BitReader, unescaped
 from . import nal
-from .bits import BitReader, unescaped
 
 MAX_BYTES = 256
 """Of both parameter sets, at most. libx264's have 40 [byte]."""

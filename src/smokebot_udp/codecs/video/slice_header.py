@@ -7,8 +7,8 @@ images therefore puts a slice in place of each lost one: all its macroblocks are
 """
 from typing import NamedTuple
 
+from ..wire.bits import BitReader, BitWriter, escaped, unescaped
 from . import nal
-from .bits import BitReader, BitWriter, escaped, unescaped
 from .parameter_sets import ParameterSets
 
 MAX_HEADER = 64

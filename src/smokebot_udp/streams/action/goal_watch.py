@@ -12,6 +12,8 @@ import dataclasses
 import math
 from typing import Dict, Iterable, List, Mapping, NamedTuple, Optional, OrderedDict
 
+from ...newest import Newest
+
 MAX_GOALS = 100
 """That are followed at the same time, and as many that are lost or cancelled."""
 
@@ -44,7 +46,7 @@ class GoalWatch:
     def __init__(self, patience: float) -> None:
         self.patience = patience
         self._sent: OrderedDict[str, _Sent] = collections.OrderedDict()    # the oldest first
-        self._unwanted: OrderedDict[str, float] = collections.OrderedDict()    # when each may be cancelled again
+        self._unwanted: Newest[str, float] = Newest(MAX_GOALS)     # when each may be cancelled again
         self._pursued: Dict[str, float] = {}
 
     def sent(self, goal: str, stamp: float, now: float) -> None:
@@ -124,5 +126,3 @@ class GoalWatch:
     def _give_up(self, goal: str, due: float) -> None:
         """A goal is to be cancelled from a time on, where the robot pursues it."""
         self._unwanted[goal] = due
-        if len(self._unwanted) > MAX_GOALS:
-            self._unwanted.popitem(last=False)

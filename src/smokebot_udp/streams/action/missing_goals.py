@@ -9,6 +9,7 @@ never comes: a client would wait for it for ever, and is to be told.
 import collections
 from typing import Any, Container, Dict, List, Mapping, NamedTuple, OrderedDict
 
+from ...newest import Newest
 from .goal_watch import MAX_GOALS
 
 PATIENCE = 10.0
@@ -32,15 +33,13 @@ class MissingGoals:
     def __init__(self) -> None:
         self._listed: OrderedDict[str, Any] = collections.OrderedDict()    # the last statuses of goals without results
         self._since: Dict[str, float] = {}      # when each ended, or left, by the time below
-        self._ended: OrderedDict[str, None] = collections.OrderedDict()    # goals with results
+        self._ended: Newest[str, None] = Newest(MAX_GOALS)     # goals with results
         self._time = 0.0        # during which statuses came
         self._last = 0.0
 
     def ended(self, goal: str) -> None:
         """The result of a goal has come."""
         self._ended[goal] = None
-        if len(self._ended) > MAX_GOALS:
-            self._ended.popitem(last=False)
         self._forget(goal)
 
     def update(self, statuses: Mapping[str, Any], final: Container[str], now: float) -> Missing:

@@ -4,11 +4,11 @@ import copy
 import math
 from typing import Counter, Dict, Optional
 
-from genpy import DeserializationError
 from sensor_msgs.msg import CameraInfo
 
 from ...arrays import Records
 from ...msg import CameraInfoSegment
+from ...serialised import deserialised
 from .camera_info import image_size
 
 REMEMBERED = 8
@@ -36,8 +36,8 @@ class InfoHistory:
         :param record: of CameraInfoSegment
         """
         try:
-            segment = CameraInfoSegment().deserialize(record.tobytes())
-        except (DeserializationError, UnicodeError):
+            segment = deserialised(CameraInfoSegment, record.tobytes())
+        except ValueError:
             self._dropped['camera_info'] += 1
             return
         info, since = segment.info, segment.since.to_nsec()

@@ -3,6 +3,7 @@
 from typing import Any, Iterable, Iterator, Mapping, Optional, Sequence
 
 from ...msg import RelaySegment
+from ...serialised import deserialised
 from ..assembler import Assembled, Assembler, Clock, no_clock
 from ..message_types import message_class
 from ..parameters import OPERATOR
@@ -44,8 +45,8 @@ class RelayAssembler(Assembler[None, Assembled]):
     def _messages(self, found: Iterable[bytes]) -> Iterator[Any]:
         for data in found:
             try:
-                yield self.MESSAGE().deserialize(data)
-            except Exception:   # genpy's readers raise DeserializationError, UnicodeError, ... on hostile bytes
+                yield deserialised(self.MESSAGE, data)
+            except ValueError:
                 self.dropped['message'] += 1
 
     def forward(self, message: Any) -> Optional[Assembled]:

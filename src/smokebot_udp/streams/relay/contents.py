@@ -6,10 +6,10 @@ eight sonars, all from one node or from several. So each message has a name, or 
 """
 import collections
 import copy
-import io
 from typing import Any, Callable, Dict, Hashable, Iterable, List, Mapping, NamedTuple, Optional, OrderedDict, Tuple
 
 from ...frame_names import frame_name
+from ...serialised import serialised
 
 QUEUE = 100
 """Queue size of subscribers: small messages of many publishers."""
@@ -199,9 +199,7 @@ def publisher_of(message: Any) -> str:
 
 def size_of(message: Any) -> int:
     """Size of a message when serialised [byte]."""
-    buffer = io.BytesIO()
-    message.serialize(buffer)
-    return buffer.tell()
+    return len(serialised(message))
 
 
 def _text(name: Hashable) -> str:

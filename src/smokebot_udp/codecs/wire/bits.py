@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Bits of an H.264 NAL unit (ITU-T H.264, 7.2, 7.3.1 and 9.1): read from the network, so each read is checked."""
+"""Numbers in bits, the highest of each byte first, as in NAL units of H.264 (ITU-T H.264, 7.2, 7.3.1 and 9.1).
+
+They are read from the network, so each read is checked.
+"""
 import re
 
 MAX_ZEROS = 31
@@ -23,7 +26,7 @@ def escaped(payload: bytes) -> bytes:
 class BitReader:
     """Reads from the first bit on.
 
-    :param payload: of a NAL unit, without emulation prevention bytes
+    :param payload: without emulation prevention bytes
     """
 
     def __init__(self, payload: bytes) -> None:
@@ -36,7 +39,7 @@ class BitReader:
         :raises ValueError: the payload ends before
         """
         if count > self._left:
-            raise ValueError('%d bits are wanted of a NAL unit, %d are left' % (count, self._left))
+            raise ValueError('%d bits are wanted, %d are left' % (count, self._left))
         self._left -= count
         return self._value >> self._left & (1 << count) - 1
 
