@@ -18,6 +18,7 @@ from layered_operator import (
 )
 from sensor_msgs.msg import Image
 
+from evaluation.linked_encoder import LinkedEncoder
 from evaluation.offline_link import MAX_DATAGRAM_SIZE, Sender
 from smokebot_udp.codecs.layered.depth import to_counts
 from smokebot_udp.codecs.layered.image import encode
@@ -92,8 +93,8 @@ def test_an_image_that_cannot_be_completed_waits_for_reordered_datagrams_only() 
 def test_all_layers_of_rare_images_come_before_the_operator_stops_waiting(rate: float) -> None:
     """With the defaults of both sides, and a link that is slower than the robot expects."""
     of = Settings(check({'robot_topic': '/in', 'coding': 'layered', 'rate': rate}, ImageEncoder.PARAMETERS), {})
-    encoder, operator, room = ImageEncoder(of.requested), Operator(), 300000.0
-    encoder.outlook = Outlook(Air({0.0: 1.0}, None, True), room)
+    encoder, operator, room = LinkedEncoder(ImageEncoder(of.requested)), Operator(), 300000.0
+    encoder.see(outlook=Outlook(Air({0.0: 1.0}, None, True), room))
     pixels = np.random.RandomState(1).randint(0, 2000, (240, 320)).astype(np.uint16)
     message = Image(height=240, width=320, encoding='mono16', step=640, data=pixels.tobytes())
     for number in range(1, 3):
