@@ -18,6 +18,7 @@ from genpy.message import get_message_class
 
 from ..link.keys import read_key
 from ..mission import focus
+from ..mission.parameters import kind_of
 from ..mission.roles import roles_of
 from ..mission.settings import Settings
 from ..monitoring import check
@@ -150,7 +151,7 @@ def listen(streams: Sequence[Checked], graph: Graph, seconds: float) -> List[Che
     result = []
     for stream in streams:
         stream = stream._replace(heard=heard.get(stream.name, Heard()))
-        if stream.heard.rate and stream.settings['type'] in KINDS and not stream.settings.get('reliable'):
+        if stream.heard.rate and kind_of(stream.settings) in KINDS:
             cost, failure = cost_of(stream, listeners[stream.name].last)
             stream = stream._replace(cost=cost, failure=failure)
         result.append(stream)
