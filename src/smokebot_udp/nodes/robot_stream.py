@@ -118,7 +118,7 @@ class RobotStream(rospy.SubscribeListener):
         self._make_subscriber = subscriber
         self._publishers: Dict[str, Publisher] = {}   # of the parts advertised
         self._part_of = {class_: part for part, class_ in encoder.SEGMENTS.items()}
-        self._encoded = Encoded()       # the last message
+        self._encoded = Encoded()       # the last message, without its frames
         self._inputs: List[Any] = []    # subscribers, made by start()
         self._invalid = 0
         self._stamp: Any = None         # of the last message encoded
@@ -393,7 +393,7 @@ class RobotStream(rospy.SubscribeListener):
 
         :param arrival: that crosses with it [ns]
         """
-        encoded = self._encoded = self._made(message, settings)
+        encoded = self._noted(self._made(message, settings))
         self._follow_repeats()
         if not encoded.frames:
             return
@@ -420,6 +420,10 @@ class RobotStream(rospy.SubscribeListener):
             TRACE.write(stages.Sized(self.name, self._stamp.to_nsec(), time.monotonic(), *encoded.sizing))
         return encoded
 
+    def _noted(self, encoded: Encoded) -> Encoded:
+        self._encoded = encoded._replace(frames=(), beside=())     # they take memory until they have left, no longer
+        return encoded
+
     def _await_rest(self) -> None:
         """Wait until a new message may take the place of what is left of the one before: part of that has left while
         the new one was encoded. A message of another source is none of its versions, and leaves as a whole."""
@@ -438,7 +442,7 @@ class RobotStream(rospy.SubscribeListener):
         if self._encoded.backlog is not None:
             self.link.outbox.await_rest(self.name, False, self._encoded.backlog)
         if self.wanted and not self.link.outbox.sending(self.name):
-            encoded = self._encoded = self.encoder.repeat(self.settings.current, self._view)
+            encoded = self._noted(self.encoder.repeat(self.settings.current, self._view))
             if encoded.frames:
                 sent = self._send(encoded.frames)
                 self.sent += sent if self.encoder.protected and self.encoder.traits.keeps else 0    # no mere copies
