@@ -18,6 +18,7 @@ from smokebot_udp.streams.segments import MAIN_PART, TILES
 from smokebot_udp.udpros.datagram import IP_UDP_HEADERS
 from smokebot_udp.udpros.frame import Frame
 
+from .linked_encoder import LinkedEncoder
 from .maps import map_message
 from .offline_link import MAX_DATAGRAM_SIZE, operator_side, work_off
 
@@ -68,9 +69,9 @@ class MapTransfer:
         self._now = 0.0
         self._settings = Settings(check({'robot_topic': 'unused', 'coding': coding, 'max_bitrate': rate / 1e3},
                                         GridEncoder.PARAMETERS))
-        self._encoder = GridEncoder(self._settings.requested, clock=lambda: self._now, session=lambda: seed + 1)
-        self._encoder.operators = lambda part: (OPERATOR,)
-        self._encoder.outlook = Outlook(Air({loss: 1.0}, None, True))
+        self._encoder = LinkedEncoder(
+            GridEncoder(self._settings.requested, clock=lambda: self._now, session=lambda: seed + 1),
+            operators=lambda part: (OPERATOR,), outlook=Outlook(Air({loss: 1.0}, None, True)))
         self._assembler, self._shown_settings = operator_side('grid', rate=RATE)
         self._forth = Channel(LinkConditions(loss=loss, delay=DELAY, rate=rate, queue=1.0), '%d forth' % seed)
         self._back = Channel(LinkConditions(loss=loss, delay=DELAY), '%d back' % seed)

@@ -16,10 +16,13 @@ from smokebot_udp.optional import found
 from smokebot_udp.streams import assembler_class, encoder_class
 from smokebot_udp.streams.air import Air
 from smokebot_udp.streams.assembler import Assembled, Assembler
+from smokebot_udp.streams.encoder import Deriver
 from smokebot_udp.streams.held import Holding
 from smokebot_udp.streams.outlook import Outlook
 from smokebot_udp.streams.segments import MAIN_PART, size_on_air
 from smokebot_udp.udpros.frame import Frame
+
+from .linked_encoder import LinkedEncoder
 
 MAX_DATAGRAM_SIZE = 1472
 """[byte of UDP payload]"""
@@ -93,7 +96,7 @@ class Sender:
     def __init__(self, kind: str, *shared: Any, **settings: Any) -> None:
         class_: Any = encoder_class(kind)
         self._settings = Settings(check({'robot_topic': 'unused', **settings}, class_.PARAMETERS))
-        self._encoder = class_(self._settings.requested, *shared)
+        self._encoder = LinkedEncoder(class_(self._settings.requested, *shared))
 
     @property
     def warnings(self) -> Sequence[str]:
@@ -103,11 +106,11 @@ class Sender:
 
     def expect(self, air: Air) -> None:
         """Plan for such a link from now on, whatever its rate."""
-        self._encoder.outlook = Outlook(air)
+        self._encoder.see(outlook=Outlook(air))
 
     def serve(self, operator: str) -> None:
         """Send to an operator of this name from now on."""
-        self._encoder.operators = lambda part: (operator,)
+        self._encoder.see(operators=lambda part: (operator,))
 
     def held(self, operator: str, holding: Holding) -> None:
         """Take an operator's report of what it holds."""
@@ -115,9 +118,9 @@ class Sender:
 
     def frames(self, message: Any) -> List[Frame]:
         """The frames that carry a message, in sending order."""
-        frames: List[Frame] = self._encoder.encode(self._encoder.derive(message, self._settings), self._settings,
-                                                   MAX_DATAGRAM_SIZE)
-        return frames
+        if isinstance(self._encoder.encoder, Deriver):
+            message = self._encoder.derive(message, self._settings)
+        return self._encoder.encode(message, self._settings, MAX_DATAGRAM_SIZE)
 
 
 class Receiver:

@@ -24,6 +24,7 @@ import numpy as np
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
 from evaluation.golden_streams import STREAMS, Stream  # noqa: E402
 from evaluation.golden_values import COMPUTED  # noqa: E402
+from evaluation.linked_encoder import LinkedEncoder  # noqa: E402
 from evaluation.offline_link import MAX_DATAGRAM_SIZE, operator_side, part_of, work_off  # noqa: E402
 from smokebot_udp import msg  # noqa: E402
 from smokebot_udp.arrays import Records  # noqa: E402
@@ -32,6 +33,7 @@ from smokebot_udp.mission.settings import Settings  # noqa: E402
 from smokebot_udp.serialised import serialised  # noqa: E402
 from smokebot_udp.streams import encoder_class  # noqa: E402
 from smokebot_udp.streams.air import Air  # noqa: E402
+from smokebot_udp.streams.encoder import Deriver  # noqa: E402
 from smokebot_udp.streams.outlook import Outlook  # noqa: E402
 from smokebot_udp.udpros.datagram import OVERHEAD  # noqa: E402
 from smokebot_udp.udpros.records import lengths_of, record_dtype  # noqa: E402
@@ -139,15 +141,17 @@ class Robot:
         known: Dict[str, Any] = {}
         if stream.kind in ('image', 'grid'):
             known = {'clock': lambda: self.now, 'session': lambda: next(sessions)}
-        self.encoder = class_(self._settings.requested, **known)
-        self.encoder.outlook = Outlook(AIR, 1e6)
-        self.encoder.operators = lambda part: operators
+        self.encoder = LinkedEncoder(class_(self._settings.requested, **known), outlook=Outlook(AIR, 1e6),
+                                     operators=lambda part: operators)
         self._seqs: Counter[Any] = collections.Counter()
 
     def frames(self, number: int, now: float) -> List[Any]:
         """What carries a message of the source."""
         self.now = now
-        message = self.encoder.merge(None, self.encoder.derive(self._stream.source(number), self._settings))
+        message = self._stream.source(number)
+        if isinstance(self.encoder.encoder, Deriver):
+            message = self.encoder.derive(message, self._settings)
+        message = self.encoder.merge(None, message)
         return self._numbered(self.encoder.encode(message, self._settings, MAX_DATAGRAM_SIZE))
 
     def repeat(self, now: float) -> List[Any]:

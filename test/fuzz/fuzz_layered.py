@@ -27,7 +27,7 @@ from smokebot_udp.codecs.layered.image import encode, read  # noqa: E402
 from smokebot_udp.codecs.layered.pieces import GROUP, Layer, Plan, protect  # noqa: E402
 from smokebot_udp.codecs.layered.plan import best_plan, worth  # noqa: E402
 from smokebot_udp.msg import LayeredSegment  # noqa: E402
-from smokebot_udp.streams.image.coded_shape import CodedShape  # noqa: E402
+from smokebot_udp.streams.image.pixel_layers import CodedShape  # noqa: E402
 from smokebot_udp.streams.image.references import CodedImage, ends_of, with_motion  # noqa: E402
 from smokebot_udp.streams.segments import LAYERS  # noqa: E402
 from smokebot_udp.udpros.frame import Frame  # noqa: E402

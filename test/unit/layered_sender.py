@@ -7,6 +7,7 @@ import numpy as np
 from genpy import Time
 from sensor_msgs.msg import Image
 
+from evaluation.linked_encoder import LinkedEncoder
 from smokebot_udp.codecs.layered.image import Decoded, decode
 from smokebot_udp.codecs.layered.pieces import Layer, Restorer
 from smokebot_udp.mission.parameters import check
@@ -50,10 +51,8 @@ def settings(granted: Optional[Mapping[str, Any]] = None, **changes: Any) -> Set
                     granted or {})
 
 
-def encoder(of: Settings, outlook: Outlook = NO_LOSS, **options: Any) -> ImageEncoder:
-    made = ImageEncoder(of.requested, **options)
-    made.outlook = outlook
-    return made
+def encoder(of: Settings, outlook: Outlook = NO_LOSS, **options: Any) -> LinkedEncoder:
+    return LinkedEncoder(ImageEncoder(of.requested, **options), outlook=outlook)
 
 
 def segments(frames: Sequence[Any]) -> List[Any]:

@@ -39,7 +39,7 @@ class PredictedLink:
         self.operators: Dict[str, Operator] = {}
         for name in names:
             self.join(name)
-        self.encoder.operators = lambda part: list(self.operators)
+        self.encoder.see(operators=lambda part: list(self.operators))
         self._reports: List[Tuple[int, str, Any]] = []      # number of the image when it comes, operator, message
         self.sent: List[Any] = []
         """Records of each image."""

@@ -15,9 +15,10 @@ from stub_transport import StubTransport
 from smokebot_udp.mission.parameters import Parameter
 from smokebot_udp.mission.settings import Settings
 from smokebot_udp.msg import ScanSegment
+from smokebot_udp.nodes.derived_stream import DerivedStream
 from smokebot_udp.nodes.outbox import Outbox
 from smokebot_udp.nodes.robot_stream import RobotLink, RobotStream
-from smokebot_udp.streams.encoder import Encoder
+from smokebot_udp.streams.encoder import Encoded, Encoder, LinkView
 from smokebot_udp.streams.parameters import ROBOT
 from smokebot_udp.udpros.frame import Frame
 
@@ -64,17 +65,19 @@ class Recorder(Encoder[Any]):
     def __init__(self, settings: Mapping[str, Any]) -> None:
         super().__init__(settings)
         self.calls: List[Any] = []
+        self.seen = LinkView()      # last
 
     @staticmethod
     def check(settings: Mapping[str, Any]) -> None:
         if settings['weight'] > 100:
             raise ValueError('weight is %g' % settings['weight'])
 
-    def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Any]:
-        self.calls.append((len(message.ranges), settings['rate'], max_datagram_size))
+    def encode(self, message: Any, settings: Settings, link: LinkView) -> Encoded:
+        self.calls.append((len(message.ranges), settings['rate'], link.datagram_size))
+        self.seen = link
         if not message.ranges:
             raise ValueError('it has no ranges')
-        return [self.frame(len(message.ranges))]
+        return Encoded([self.frame(len(message.ranges))])
 
     @staticmethod
     def frame(number: int) -> Frame:
@@ -99,10 +102,10 @@ def logged(monkeypatch: Any) -> List[str]:
 
 @pytest.fixture
 def make(logged: List[str]) -> Iterator[Make]:
-    """Makes a stream that is started: its link, its topics as `segments` and `local`, its source's as `source`."""
+    """Makes a stream that is started: its link, its topics as `segments`, `local` and `source`."""
     made = []
 
-    def make_one(kind: Any = Recorder, **changes: Any) -> Any:
+    def make_one(kind: Any = Recorder, runner: Any = RobotStream, **changes: Any) -> Any:
         settings = {**{name: parameter.default for name, parameter in kind.PARAMETERS.items()}, 'robot_topic': '/in',
                     'rate': 1000.0, **changes}
         topics: List[Topic] = []
@@ -116,10 +119,11 @@ def make(logged: List[str]) -> Iterator[Make]:
 
         link = RobotLink(StubTransport(topic), Outbox())
         link.outbox.start()
-        stream = RobotStream('scan', settings, kind(settings), link, topic, topic)
+        derived = [topic] if runner is DerivedStream else []
+        stream = runner('scan', settings, kind(settings), link, topic, *derived)
         stream.start()
         made.append((stream, link))
-        return SimpleNamespace(stream=stream, link=link, segments=topics[0], local=topics[1] if kind.DERIVED else None,
+        return SimpleNamespace(stream=stream, link=link, segments=named('/smokebot_udp/scan/segments'), local=topics[0],
                                source=topics[-1], topics=topics, named=named)
 
     yield make_one

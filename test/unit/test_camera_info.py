@@ -12,10 +12,9 @@ from sensor_msgs.msg import CameraInfo, Image, RegionOfInterest
 
 from smokebot_udp.msg import CameraInfoSegment
 from smokebot_udp.serialised import serialised
-from smokebot_udp.streams.image.camera_info import info_topic, part_info
+from smokebot_udp.streams.image.camera_info import Region, info_topic, parse_region, part_info, whole
 from smokebot_udp.streams.image.info_history import REMEMBERED, InfoHistory
 from smokebot_udp.streams.image.info_sender import COPIES, FIRST_IMAGES, PERIOD, InfoSender
-from smokebot_udp.streams.image.region import Region, parse, whole
 from smokebot_udp.streams.image.source import SourceImage
 
 SIZE = 480, 640
@@ -91,14 +90,14 @@ def test_a_point_is_seen_where_its_block_is(x: int, y: int, scale: int, column: 
     ('', None), ('  ', None), ('1, 2, 3, 4', Region(1, 2, 3, 4)), ('1 2 3 4', Region(1, 2, 3, 4)),
     ('0,0,640,480', Region(0, 0, 640, 480))])
 def test_regions_are_read(text: str, wanted: Optional[Region]) -> None:
-    assert parse(text) == wanted
+    assert parse_region(text) == wanted
 
 
 @pytest.mark.parametrize('text', ['1, 2, 3', '1, 2, 3, 4, 5', '-1, 2, 3, 4', '1.5, 2, 3, 4', 'a', '1, 2, 0, 4',
                                   '1, 2, 3, 0', '1, 2, 3, 99999999'])
 def test_wrong_regions_are_named(text: str) -> None:
     with pytest.raises(ValueError, match='region is %r' % text):
-        parse(text)
+        parse_region(text)
 
 
 @pytest.mark.parametrize('region, even, wanted', [

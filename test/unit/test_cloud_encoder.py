@@ -6,6 +6,7 @@ import pytest
 from genpy import Time
 from sensor_msgs.msg import PointCloud2, PointField
 
+from evaluation.linked_encoder import LinkedEncoder
 from smokebot_udp.codecs.perception.voxel import voxel_filter
 from smokebot_udp.mission.parameters import check
 from smokebot_udp.mission.settings import Settings
@@ -44,7 +45,7 @@ def settings(granted: Optional[dict] = None, **options: Any) -> Settings:
 
 def frame_of(message: Any, size: int = DATAGRAM, **options: Any) -> Any:
     of = settings(**options)
-    frame, = CloudEncoder(of.requested).encode(message, of, size)
+    frame, = LinkedEncoder(CloudEncoder(of.requested)).encode(message, of, size)
     assert frame.datagram_size <= size
     return frame
 
@@ -137,8 +138,8 @@ def test_what_sorting_does_not_shorten_is_sent_as_packed(x: Any, step: float) ->
     ({0.5: 0.6, 0.9: 0.4}, True, 22), ({0.99: 1.0}, True, 32), ({1.0: 1.0}, True, 32), ({0.9: 1.0}, False, 8)])
 def test_the_more_is_lost_the_more_datagrams_there_are(scan: Any, losses: Any, known: bool, least: int) -> None:
     of = settings(encoding='sorted')
-    encoder = CloudEncoder(of.requested)
-    encoder.outlook = Outlook(Air(losses, None, known))
+    encoder = LinkedEncoder(CloudEncoder(of.requested))
+    encoder.see(outlook=Outlook(Air(losses, None, known)))
     frame, = encoder.encode(cloud_message(scan), of, DATAGRAM)
     assert len(frame) == least
 
@@ -157,7 +158,7 @@ def test_a_cloud_in_which_nothing_was_seen_is_sent(encoding: str) -> None:
     bare = PointCloud2(height=1, width=0)
     for message in (cloud_message(points), cloud_message(points[:0]), bare):
         of = settings(encoding=encoding, intensity=True, fields='ring')
-        encoder = CloudEncoder(of.requested)
+        encoder = LinkedEncoder(CloudEncoder(of.requested))
         frame, = encoder.encode(message, of, DATAGRAM)
         assert len(frame) == 1 and frame.records['points'].tolist() == [0] and frame.records['data'].size == 0
         assert not encoder.warnings or message.width
@@ -165,7 +166,7 @@ def test_a_cloud_in_which_nothing_was_seen_is_sent(encoding: str) -> None:
 
 def test_nothing_seen_says_nothing_of_what_clouds_take(scan: Any) -> None:
     of = settings()
-    encoder = CloudEncoder(of.requested)
+    encoder = LinkedEncoder(CloudEncoder(of.requested))
     encoder.encode(cloud_message(scan), of, DATAGRAM)
     size = encoder.message_size
     encoder.encode(cloud_message(scan[:0]), of, DATAGRAM)
@@ -175,7 +176,7 @@ def test_nothing_seen_says_nothing_of_what_clouds_take(scan: Any) -> None:
 @pytest.mark.parametrize('change', [{'row_step': 0}, {'row_step': 4000 * POINT.itemsize}])
 def test_a_row_step_that_contradicts_the_data_is_told_once(scan: Any, change: dict) -> None:
     of = settings()
-    encoder, message = CloudEncoder(of.requested), cloud_message(scan[:4000])
+    encoder, message = LinkedEncoder(CloudEncoder(of.requested)), cloud_message(scan[:4000])
     wanted, = encoder.encode(message, of, DATAGRAM)
     message.height, message.width = 40, 100
     encoder.warnings.clear()
@@ -200,7 +201,7 @@ def test_a_crop_box_that_is_turned_round_is_refused() -> None:
 
 def test_the_granted_leaf_size_counts_and_the_requested_one_is_the_best(scan: Any) -> None:
     of = settings({'leaf_size': 0.4})
-    encoder = CloudEncoder(of.requested)
+    encoder = LinkedEncoder(CloudEncoder(of.requested))
     assert encoder.operating_points(10.0, of) == []
     frame, = encoder.encode(cloud_message(scan), of, DATAGRAM)
     assert frame.records['points'][0] == len(thinned(scan, leaf=0.4)[0])
@@ -213,7 +214,7 @@ def test_the_granted_leaf_size_counts_and_the_requested_one_is_the_best(scan: An
 
 def test_a_cloud_that_is_not_filtered_comes_more_rarely(scan: Any) -> None:
     of = settings(leaf_size=0.0)
-    encoder = CloudEncoder(of.requested)
+    encoder = LinkedEncoder(CloudEncoder(of.requested))
     frames = encoder.encode(cloud_message(scan), of, DATAGRAM)
     points = encoder.operating_points(10.0, of)
     assert points[0].settings == {'rate': 1.0} and points[-1].cost == pytest.approx(10.0 * size_on_air(frames))

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sensor_msgs.msg import PointCloud2, PointField
 
+from evaluation.linked_encoder import LinkedEncoder
 from evaluation.offline_link import Sender, assemble_all, operator_side
 from smokebot_udp.codecs.wire.cloud import MAX_BYTES, MAX_POINTS, CloudParts, deal, plain
 from smokebot_udp.codecs.wire.cloud_fields import CloudField, bytes_dtype, names_of, read_fields, write_fields
@@ -129,7 +130,7 @@ def test_intensity_as_a_field_is_exact() -> None:
 def robot_side(**options: Any) -> Any:
     """f(message, max_datagram_size) -> the warnings of encoding it."""
     values = Settings(check({'robot_topic': 'unused', **options}, CloudEncoder.PARAMETERS))
-    encoder = CloudEncoder(values.requested)
+    encoder = LinkedEncoder(CloudEncoder(values.requested))
 
     def encode(message: PointCloud2, size: int = 1472) -> List[str]:
         encoder.warnings.clear()

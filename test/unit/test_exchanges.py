@@ -8,7 +8,7 @@ from sensor_msgs.msg import Joy
 
 from smokebot_udp.mission.control import MissionControl
 from smokebot_udp.mission.focus import Profile
-from smokebot_udp.mission.parameters import is_reliable
+from smokebot_udp.mission.parameters import RELIABLE, kind_of
 from smokebot_udp.mission.settings import SettingsStore
 from smokebot_udp.streams import TYPES, classified, config, live_tables, tables
 from smokebot_udp.streams.command.parameters import timeout_message
@@ -65,7 +65,7 @@ def test_streams_are_divided_by_what_runs_them() -> None:
     assert [list(part) for part in found] == [
         ['thermal', 'link', 'status'], ['cmd_vel'], ['count'], ['move'], ['log', 'goal']]
     assert found.commands['cmd_vel'] is good['cmd_vel']
-    assert is_reliable(good['log']) and is_reliable(good['goal']) and not is_reliable(good['link'])
+    assert [kind_of(good[name]) for name in ('log', 'goal', 'link')] == [RELIABLE, RELIABLE, 'relay']
 
 
 def test_every_type_has_settings_for_both_sides() -> None:

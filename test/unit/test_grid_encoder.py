@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from nav_msgs.msg import OccupancyGrid
 
+from evaluation.linked_encoder import LinkedEncoder
 from smokebot_udp.mission.parameters import check
 from smokebot_udp.mission.settings import Settings
 from smokebot_udp.msg import GridSegment
@@ -35,7 +36,7 @@ def settings(granted: Optional[dict] = None, **changes: Any) -> Settings:
 
 def encoded(message: Any, size: int = 1472, **changes: Any) -> List[Any]:
     of = settings(**changes)
-    return GridEncoder(of.requested).encode(message, of, size)
+    return LinkedEncoder(GridEncoder(of.requested)).encode(message, of, size)
 
 
 def segments_of(frames: Any) -> List[Any]:
@@ -68,7 +69,7 @@ def test_the_largest_map_goes() -> None:
 
 
 def test_the_same_map_only_gets_a_new_stamp() -> None:
-    encoder, of = GridEncoder(settings().requested), settings()
+    encoder, of = LinkedEncoder(GridEncoder(settings().requested)), settings()
     assert not encoder.repeat(of, 1472)
     frames = encoder.encode(grid_message(some_cells(), stamp=5), of, 1472)
     assert encoder.encode(grid_message(some_cells(), stamp=8), of, 1472) == []
@@ -88,7 +89,7 @@ def one_wall_more(message: Any) -> None:
     lambda message: setattr(message.info, 'resolution', 0.1),
     lambda message: setattr(message.header, 'frame_id', 'other')])
 def test_a_changed_map_goes_at_once(change: Callable[[Any], None]) -> None:
-    encoder, of, message = GridEncoder(settings().requested), settings(), grid_message(some_cells())
+    encoder, of, message = LinkedEncoder(GridEncoder(settings().requested)), settings(), grid_message(some_cells())
     before = encoder.encode(message, of, 1472)
     kept = [frame.rows.copy() for frame in before]
     change(message)
@@ -98,7 +99,7 @@ def test_a_changed_map_goes_at_once(change: Callable[[Any], None]) -> None:
 
 
 def test_new_settings_cut_the_same_map_anew() -> None:
-    encoder, message = GridEncoder(settings().requested), grid_message(some_cells())
+    encoder, message = LinkedEncoder(GridEncoder(settings().requested)), grid_message(some_cells())
     encoder.encode(message, settings(), 1472)
     frames = encoder.encode(message, settings({'max_cells': 100}), 1472)
     assert frames and max(len(segment.data) for segment in segments_of(frames)) <= 100
@@ -114,7 +115,8 @@ def test_a_place_that_is_none(part: str, axis: str, value: float) -> None:
 
 
 def test_what_is_wrong_leaves_the_map_before_as_it_is() -> None:
-    encoder, of, wrong = GridEncoder(settings().requested), settings(), grid_message(some_cells(), stamp=9)
+    encoder, of = LinkedEncoder(GridEncoder(settings().requested)), settings()
+    wrong = grid_message(some_cells(), stamp=9)
     frames = encoder.encode(grid_message(some_cells()), of, 1472)
     wrong.info.resolution = math.nan
     with pytest.raises(ValueError, match='resolution is nan'):
@@ -124,7 +126,7 @@ def test_what_is_wrong_leaves_the_map_before_as_it_is() -> None:
 
 
 def test_an_unchanged_map_is_repeated_at_the_granted_rate() -> None:
-    encoder = GridEncoder(settings().requested)
+    encoder = LinkedEncoder(GridEncoder(settings().requested))
     encoder.encode(grid_message(some_cells()), settings(), 1472)
     assert encoder.repeat_period(settings()) == 5.0
     assert encoder.repeat_period(settings({'repeat_rate': 0.05})) == 20.0
@@ -132,7 +134,7 @@ def test_an_unchanged_map_is_repeated_at_the_granted_rate() -> None:
 
 def test_operating_points_are_of_the_requested_map() -> None:
     granted = settings({'max_segments': 8, 'repeat_rate': 0.02})
-    encoder = GridEncoder(granted.requested)
+    encoder = LinkedEncoder(GridEncoder(granted.requested))
     assert encoder.operating_points(10.0, granted) == []
     encoder.encode(grid_message(some_cells(300, 200)), granted, 1472)
     best = encoder.operating_points(10.0, granted)[-1]

@@ -13,7 +13,8 @@ from smokebot_udp.codecs.wire.interleave import Interleave
 from smokebot_udp.mission.parameters import check
 from smokebot_udp.mission.settings import Settings
 from smokebot_udp.streams.concealment_budget import CHEAPEST, FALLBACK
-from smokebot_udp.streams.image.assembler import AssembledImage, ImageAssembler
+from smokebot_udp.streams.image.assembler import ImageAssembler
+from smokebot_udp.streams.image.interleaved_receiver import AssembledImage
 
 
 def noise(seed: int) -> Any:

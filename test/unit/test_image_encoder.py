@@ -6,6 +6,7 @@ import pytest
 from genpy import Time
 from sensor_msgs.msg import Image
 
+from evaluation.linked_encoder import LinkedEncoder
 from smokebot_udp.mission.parameters import check
 from smokebot_udp.mission.settings import Settings
 from smokebot_udp.msg import ImageSegment
@@ -34,7 +35,7 @@ def settings(granted: Optional[dict] = None, **changes: Any) -> Settings:
 
 def encoded(message: Any, of: Optional[Settings] = None, size: int = DATAGRAM) -> List[Any]:
     of = of or settings()
-    return ImageEncoder(of.requested).encode(message, of, size)
+    return LinkedEncoder(ImageEncoder(of.requested)).encode(message, of, size)
 
 
 def segments(frames: List[Any]) -> List[Any]:
@@ -71,7 +72,7 @@ def test_all_subimages_are_sent_once_and_fit(size: int) -> None:
 
 
 def test_an_image_that_is_leaving_is_not_touched_by_the_next_one() -> None:
-    encoder = ImageEncoder(settings().requested)
+    encoder = LinkedEncoder(ImageEncoder(settings().requested))
     leaving = encoder.encode(image(noise(1)), settings(), DATAGRAM)
     before = [frame.rows.copy() for frame in leaving]
     encoder.encode(image(noise(2), 2), settings(), DATAGRAM)
@@ -99,7 +100,7 @@ def test_what_is_wrong_is_named() -> None:
 
 def test_operating_points_are_of_the_requested_image() -> None:
     of = settings({'max_subimages': 5, 'rate': 2.0}, rate=8.0)
-    encoder = ImageEncoder(of.requested)
+    encoder = LinkedEncoder(ImageEncoder(of.requested))
     assert encoder.operating_points(8.0, of) == []
     encoder.encode(image(noise()), of, DATAGRAM)
     best = encoder.operating_points(8.0, of)[-1]
@@ -110,7 +111,7 @@ def test_operating_points_are_of_the_requested_image() -> None:
 
 
 def test_what_is_left_over_makes_more_subimages_up_to_all() -> None:
-    encoder, point = ImageEncoder(settings().requested), {'max_subimages': 1, 'rate': 2.0}
+    encoder, point = LinkedEncoder(ImageEncoder(settings().requested)), {'max_subimages': 1, 'rate': 2.0}
     assert encoder.refine(point, 1e9) == point      # nothing is known yet
     frames = encoder.encode(image(noise()), settings(), 256)
     first = frames[0]
@@ -121,7 +122,7 @@ def test_what_is_left_over_makes_more_subimages_up_to_all() -> None:
 
 def test_a_grant_of_fewer_images_does_not_lift_the_requested_number_of_subimages() -> None:
     of = settings(max_subimages=2, degradation_preference=0.0)
-    encoder = ImageEncoder(of.requested)
+    encoder = LinkedEncoder(ImageEncoder(of.requested))
     encoder.encode(image(noise()), of, DATAGRAM)
     point = encoder.operating_points(10.0, of)[-2]
     assert point.settings['rate'] < 10.0

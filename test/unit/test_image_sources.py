@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What cameras publish, through an image stream's encoder and assembler."""
-from typing import Any
+from typing import Any, List, Tuple
 
 import cv2
 import numpy as np
@@ -8,9 +8,11 @@ import pytest
 from genpy import Time
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
+from evaluation.linked_encoder import LinkedEncoder
 from evaluation.offline_link import Sender, assemble_all, operator_side
 from smokebot_udp.mission.parameters import check
 from smokebot_udp.mission.settings import Settings
+from smokebot_udp.streams.encoder import Encoded
 from smokebot_udp.streams.image.encoder import ImageEncoder
 from smokebot_udp.streams.image.source import raw_image
 from smokebot_udp.streams.segments import INFO, MAIN_PART
@@ -175,24 +177,25 @@ def calibration() -> Any:
     return info
 
 
-def with_calibration(message: Any, **changes: Any) -> ImageEncoder:
-    """An encoder that took a calibration and then encoded an image."""
+def with_calibration(message: Any, **changes: Any) -> Tuple[Encoded, List[str]]:
+    """What an encoder that took a calibration makes of an image, and its warnings."""
     settings = Settings(check({'robot_topic': '/camera/image', 'coding': 'interleaved', **changes},
                               ImageEncoder.PARAMETERS))
-    encoder = ImageEncoder(settings)
+    encoder = LinkedEncoder(ImageEncoder(settings))
     wanted = bool(changes.get('camera_info'))
     assert {topic: class_._type for topic, class_ in encoder.sources(settings).items()} == (
         {'/camera/camera_info': 'sensor_msgs/CameraInfo'} if wanted else {})
     assert encoder.takes(calibration()) == wanted and not encoder.takes(message)
-    assert encoder.encode(message, settings, 1472)
-    return encoder
+    encoded = encoder.encoded(message, settings)
+    assert encoded.frames
+    return encoded, list(encoder.warnings)
 
 
 @pytest.mark.parametrize('scale', [1, 2])
 def test_each_image_has_its_calibration(scale: int) -> None:
     settings = {'camera_info': True, 'scale': scale, 'region': '20, 10, 80, 40'}
     message = image(noise((120, 160)), 'mono8')
-    frames = with_calibration(message, **settings).beside
+    frames = with_calibration(message, **settings)[0].beside
     assembler, of = operator_side('image', camera_info=True)
     assert set(assembler.subscribed()) == set(assembler.SEGMENTS)
     for with_info in (False, True):
@@ -215,21 +218,23 @@ def test_each_image_has_its_calibration(scale: int) -> None:
 
 
 def test_without_the_setting_none_is_sent_or_received() -> None:
-    assert with_calibration(image(noise((120, 160)), 'mono8')).beside == []
+    assert not with_calibration(image(noise((120, 160)), 'mono8'))[0].beside
     assembler, _ = operator_side('image')
     assert INFO not in assembler.subscribed()
 
 
 def test_a_calibration_of_another_size_is_named_and_the_image_is_sent() -> None:
-    encoder = with_calibration(image(noise((60, 80)), 'mono8'), camera_info=True)
-    assert encoder.beside == []
-    assert 'camera_info is of 160 x 120 pixels, the image has 80 x 60' in encoder.warnings[0]
+    encoded, warnings = with_calibration(image(noise((60, 80)), 'mono8'), camera_info=True)
+    assert not encoded.beside
+    assert 'camera_info is of 160 x 120 pixels, the image has 80 x 60' in warnings[0]
 
 
 def test_a_calibration_that_is_no_number_is_named_and_the_image_is_sent() -> None:
     settings = Settings(check({'robot_topic': '/camera/image', 'coding': 'interleaved', 'camera_info': True},
                               ImageEncoder.PARAMETERS))
-    encoder, info = ImageEncoder(settings), calibration()
+    encoder, info = LinkedEncoder(ImageEncoder(settings)), calibration()
     info.D = [0.5, float('nan')]
-    assert encoder.takes(info) and encoder.encode(image(noise((120, 160)), 'mono8'), settings, 1472)
-    assert encoder.beside == [] and list(encoder.warnings) == ['camera_info has D: 0.5, nan. It is not sent']
+    assert encoder.takes(info)
+    encoded = encoder.encoded(image(noise((120, 160)), 'mono8'), settings)
+    assert encoded.frames and not encoded.beside
+    assert list(encoder.warnings) == ['camera_info has D: 0.5, nan. It is not sent']

@@ -18,6 +18,7 @@ from layered_operator import (
 )
 from sensor_msgs.msg import Image
 
+from evaluation.linked_encoder import LinkedEncoder
 from evaluation.offline_link import MAX_DATAGRAM_SIZE, Sender
 from smokebot_udp.codecs.layered.depth import to_counts
 from smokebot_udp.codecs.layered.image import encode
@@ -28,9 +29,9 @@ from smokebot_udp.mission.parameters import check
 from smokebot_udp.mission.settings import Settings
 from smokebot_udp.streams.air import Air
 from smokebot_udp.streams.frame_end import FIRST_MARGIN
-from smokebot_udp.streams.image.assembled import RestoredImage
+from smokebot_udp.streams.image.assembled import DecodedImage
 from smokebot_udp.streams.image.encoder import ImageEncoder
-from smokebot_udp.streams.image.held_images import HeldImages
+from smokebot_udp.streams.image.layered_receiver import LayeredReceiver
 from smokebot_udp.streams.outlook import Outlook
 from smokebot_udp.streams.segments import MAIN_PART, size_on_air
 
@@ -43,7 +44,7 @@ def test_enough_datagrams_make_the_exact_image_at_once(came: Sequence[int]) -> N
     assert (pixels_of(assembled) == scene()).all()
     assert (message.height, message.width, message.step, message.encoding) == (48, 64, 128, 'mono16')
     assert (message.header.frame_id, message.header.stamp.to_nsec()) == ('camera', 7 * 10 ** 9 + 5)
-    assert isinstance(assembled, RestoredImage) and assembled.error == ImageError(0.0)
+    assert isinstance(assembled, DecodedImage) and assembled.error == ImageError(0.0)
     assert (assembled.stamp, assembled.completeness, assembled.changed) == (7 * 10 ** 9 + 5, None, None)
     assert (assembled.mask() == 255).all() and assembled.mask().shape == (48, 64)
 
@@ -92,8 +93,8 @@ def test_an_image_that_cannot_be_completed_waits_for_reordered_datagrams_only() 
 def test_all_layers_of_rare_images_come_before_the_operator_stops_waiting(rate: float) -> None:
     """With the defaults of both sides, and a link that is slower than the robot expects."""
     of = Settings(check({'robot_topic': '/in', 'coding': 'layered', 'rate': rate}, ImageEncoder.PARAMETERS), {})
-    encoder, operator, room = ImageEncoder(of.requested), Operator(), 300000.0
-    encoder.outlook = Outlook(Air({0.0: 1.0}, None, True), room)
+    encoder, operator, room = LinkedEncoder(ImageEncoder(of.requested)), Operator(), 300000.0
+    encoder.see(outlook=Outlook(Air({0.0: 1.0}, None, True), room))
     pixels = np.random.RandomState(1).randint(0, 2000, (240, 320)).astype(np.uint16)
     message = Image(height=240, width=320, encoding='mono16', step=640, data=pixels.tobytes())
     for number in range(1, 3):
@@ -190,12 +191,12 @@ def test_an_error_is_given_in_the_unit_of_the_view() -> None:
 
 
 def test_what_is_held_is_reported_also_while_the_next_image_is_decoded(monkeypatch: Any) -> None:
-    operator, seen, decode = Operator(), [], HeldImages.decode      # type: Any, List[Any], Any
+    operator, seen, decode = Operator(), [], LayeredReceiver.decode      # type: Any, List[Any], Any
 
     def watched(*given: Any) -> Any:
         seen.append(operator.assembler.holding())
         return decode(*given)
-    monkeypatch.setattr(HeldImages, 'decode', watched)
+    monkeypatch.setattr(LayeredReceiver, 'decode', watched)
     for number in range(3):
         operator(segments(scene(), 7 + number), 1.0 + number)
     assert seen[0] is None and None not in seen[1:]

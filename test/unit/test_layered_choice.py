@@ -44,9 +44,10 @@ def test_images_cross_interleaved_until_the_codec_is_loaded_and_every_operator_r
     made = encoder(of, NO_LOSS._replace(room=1e4), codec=codec)
     assert made.parts(of)[:2] == ['segments', 'layers'] and made.parts(settings(coding='interleaved')) == ['segments']
     assert kind(made, of, 1) is ImageSegment
-    codec.loaded, made.heard = True, lambda part: part == 'segments'
+    codec.loaded = True
+    made.see(heard=lambda part: part == 'segments')
     assert kind(made, of, 2) is ImageSegment
-    made.heard = lambda part: True
+    made.see(heard=lambda part: True)
     assert kind(made, of, 3) is LayeredSegment
 
 
@@ -84,9 +85,9 @@ def test_auto_layers_colours_that_are_good_that_way_though_their_raw_pixels_woul
             seconds[0] = 0.1 * number
             message = image(pixels, 'bgr8')
             message.header.stamp = Time(1, 10 ** 7 * number)
-            frames = made.encode(message, of, DATAGRAM)
-        assert frames[0].message_class is expected
-        assert bool(made.wished) is (expected is ImageSegment)
+            encoded = made.encoded(message, of, DATAGRAM)
+        assert encoded.frames[0].message_class is expected
+        assert bool(encoded.wished) is (expected is ImageSegment)
 
 
 def test_auto_goes_by_the_images_that_the_source_has() -> None:
@@ -94,12 +95,12 @@ def test_auto_goes_by_the_images_that_the_source_has() -> None:
     made = encoder(of, NO_LOSS._replace(room=1.45e6))       # raw images take 27 kB, so 18 ms
     assert kind(made, of, 1) is LayeredSegment
     slow = encoder(of, NO_LOSS._replace(room=1.45e6))
-    slow.source_rate = 5.0
+    slow.see(source_rate=5.0)
     assert kind(slow, of, 1) is ImageSegment
 
 
 def test_auto_gives_up_layers_on_a_processor_that_is_too_slow() -> None:
-    now = iter(np.arange(0.0, 1e3, 0.01))       # at each look at the clock it is 10 ms later: an image takes 50 ms
+    now = iter(np.arange(0.0, 1e3, 0.01))       # at each look at the clock it is 10 ms later: an image takes 40 ms
     of = settings(coding='auto', rate=30.0)
     made = encoder(of, BAD, clock=lambda: float(next(now)))
     kinds = [kind(made, of, second) for second in range(1, 12)]
@@ -110,7 +111,7 @@ def test_auto_goes_by_the_time_between_the_images_that_the_source_has() -> None:
     now = iter(np.arange(0.0, 1e3, 0.01))
     of = settings(coding='auto', rate=30.0)
     made = encoder(of, BAD, clock=lambda: float(next(now)))
-    made.source_rate = 10.0     # 50 ms are not too slow
+    made.see(source_rate=10.0)      # 40 ms are not too slow
     assert [kind(made, of, second) for second in range(1, 12)] == 11 * [LayeredSegment]
 
 

@@ -75,7 +75,7 @@ def test_depth_with_scattered_holes_is_shown_on_a_slow_link() -> None:
         assert len(difference) > 0.9 * finite.sum()
         assert quality.from_byte(error) == pytest.approx(float(np.sqrt((difference ** 2).mean())), rel=0.5)
     # where there is room for the whole map it comes, and stays
-    made.outlook = NO_LOSS
+    made.see(outlook=NO_LOSS)
     for second in range(3, 8):
         parts = segments(made.encode(image(metres, '32FC1', second), of, DATAGRAM))
         decoded, error = received(parts, range(len(parts)))

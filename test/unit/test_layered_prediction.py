@@ -21,7 +21,7 @@ from smokebot_udp.codecs.layered.pieces import Layer, Restorer
 from smokebot_udp.codecs.layered.quality import from_byte
 from smokebot_udp.streams.held import Holding
 from smokebot_udp.streams.image.held_by_all import TIMEOUT
-from smokebot_udp.streams.image.held_images import MISTRUST
+from smokebot_udp.streams.image.layered_receiver import MISTRUST
 
 TYPES = {'mono8': np.uint8, 'mono16': np.uint16, 'bgr8': np.uint8}
 

@@ -22,6 +22,7 @@ from smokebot_udp.msg import LinkReport
 from smokebot_udp.nodes import link_control, link_reporter
 from smokebot_udp.nodes.link_control import UNPACED, LinkControl, SharedController, as_message, grant
 from smokebot_udp.nodes.outbox import Outbox
+from smokebot_udp.nodes.robot_sender import RUNNERS
 from smokebot_udp.nodes.robot_stream import RobotLink, RobotStream
 from smokebot_udp.streams import encoder_class
 from smokebot_udp.units import MBIT
@@ -51,7 +52,7 @@ def stream(kind: str, link: RobotLink, **settings: Any) -> RobotStream:
     """A RobotStream that is not started: nobody listens to it."""
     class_ = encoder_class(kind)
     checked = check({'robot_topic': '/source', **settings}, class_.PARAMETERS)
-    return RobotStream('unnamed', checked, class_(checked), link)
+    return RUNNERS.get(kind, RobotStream)('unnamed', checked, class_(checked), link)
 
 
 def effective(streams: Mapping[str, RobotStream], *names: str) -> Dict[str, List[Any]]:
@@ -191,11 +192,11 @@ def test_encoders_know_what_reports_say_about_their_stream_whichever_part_is_sen
     streams = {'thermal': stream('image', link), 'camera': stream('image', link)}
     LinkControl(shared, link, streams)
     ros.tick()
-    assert not streams['thermal'].encoder.outlook.air.known
+    assert not streams['thermal'].outlook.air.known
     header, seqs = {'callerid': '/op'}, {'thermal': 0, 'thermal/layers': 0, 'camera': 0}
 
     def second(name: str, lost: int) -> float:
-        """Ten reports, each of ten datagrams of which some are lost: the loss that thermal's encoder expects."""
+        """Ten reports, each of ten datagrams of which some are lost: the loss that thermal expects."""
         for _ in range(10):
             for one, missing in ((name, lost), ('camera', 0)):
                 shared.on_sent(one, seqs[one] + 1, 10, 1000, clock.now)
@@ -208,16 +209,16 @@ def test_encoders_know_what_reports_say_about_their_stream_whichever_part_is_sen
             report._connection_header = header
             ros.report(report)
         ros.tick()
-        return streams['thermal'].encoder.outlook.loss(0.5)
+        return streams['thermal'].outlook.loss(0.5)
 
     assert second('thermal', 0) < 0.02
     assert 0.2 < second('thermal', 3) < 0.45
     assert 0.2 < second('thermal/layers', 3) < 0.45     # what is known of the stream is known of its other part
     assert second('thermal/layers', 0) < 0.05
-    assert streams['camera'].encoder.outlook.loss(0.5) < 0.02
+    assert streams['camera'].outlook.loss(0.5) < 0.02
     clock.now += 2.0
     ros.tick()
-    assert not streams['thermal'].encoder.outlook.air.known     # no reports
+    assert not streams['thermal'].outlook.air.known     # no reports
 
 
 def test_a_plan_says_what_a_stream_may_use_beside_the_others(ros: Any, monkeypatch: Any) -> None:

@@ -8,6 +8,7 @@ import pytest
 import rospy
 from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
+from relay_frames import relay_frame
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
@@ -19,7 +20,6 @@ from evaluation.listener import KINDS, RELAYED, Heard, Relayed  # noqa: E402
 from evaluation.listener import stamp as heard_stamp  # noqa: E402
 from experiments.link import adaptation  # noqa: E402
 from smokebot_udp.msg import RelaySegment  # noqa: E402
-from smokebot_udp.streams.relay.parts import relay_frame  # noqa: E402
 from smokebot_udp.udpros.datagram import OVERHEAD  # noqa: E402
 
 

@@ -10,7 +10,7 @@ from layered_operator import scene
 
 from smokebot_udp.codecs.layered.image import encode
 from smokebot_udp.codecs.layered.pieces import GROUP, Layer
-from smokebot_udp.streams.image.coded_shape import CodedShape, shape_of
+from smokebot_udp.streams.image.pixel_layers import CodedShape, shape_of
 from smokebot_udp.streams.image.references import (
     LEAST_PICTURES,
     MAX_BYTES,
@@ -64,7 +64,7 @@ def test_the_newest_images_are_kept_fewer_of_large_ones() -> None:
         references.add((7, number), coded())
     references.add((7, 4), coded())     # again: it is the newest
     assert references.layers(7) == dict.fromkeys(range(3, MAX_PICTURES + 3), 3)
-    assert references.layers(8) == {} and (7, 4) in references and (7, 2) not in references
+    assert references.layers(8) == {} and 4 in references.layers(7) and 2 not in references.layers(7)
     references.add((8, 0), coded(CodedShape(2048, 2048, 1, 2)))
     assert len(references.layers(7)) + 1 == MAX_BYTES // (2048 * 2048 * 2)
     references.add((8, 1), coded(CodedShape(1 << 20, 1 << 10, 1, 2)))

@@ -8,12 +8,14 @@ from geometry_msgs.msg import TransformStamped
 from hypothesis import given
 from hypothesis import strategies as st
 from nav_msgs.msg import Odometry
+from relay_frames import relay_frame
 from sensor_msgs.msg import JointState, Range
 from std_msgs.msg import Float32, String
 from texts import noise
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker, MarkerArray
 
+from evaluation.linked_encoder import LinkedEncoder
 from evaluation.offline_link import operator_side
 from smokebot_udp.mission.parameters import check
 from smokebot_udp.mission.settings import Settings
@@ -25,7 +27,7 @@ from smokebot_udp.streams.relay.encoder import (
     MAX_PROTECTED_TOGETHER,
     RelayEncoder,
 )
-from smokebot_udp.streams.relay.parts import MAX_MESSAGE_SIZE, PartJoiner, relay_frame
+from smokebot_udp.streams.relay.parts import MAX_MESSAGE_SIZE, PartJoiner
 from smokebot_udp.udpros.datagram import IP_UDP_HEADERS, OVERHEAD
 from smokebot_udp.udpros.frame import Frame
 
@@ -98,7 +100,7 @@ def test_the_stamp_of_a_message() -> None:
 
 def relay(message_type: str, **changes: Any) -> Tuple[RelayEncoder, Settings]:
     settings = Settings(check({'robot_topic': '/t', 'message_type': message_type, **changes}, RelayEncoder.PARAMETERS))
-    return RelayEncoder(settings.requested), settings
+    return LinkedEncoder(RelayEncoder(settings.requested)), settings
 
 
 def segments_of(frame: Frame) -> List[RelaySegment]:
@@ -141,7 +143,7 @@ def test_only_the_newest_message_goes_and_as_it_is() -> None:
     encoder, settings = relay('nav_msgs/Odometry')
     message, = encoded(encoder, settings, Odometry(child_frame_id='old'), Odometry(child_frame_id='new'))
     assert message == Odometry(child_frame_id='new') and encoder.MESSAGE is Odometry
-    assert not encoder.KEEPS and encoder.STEADY and encoder.repeat_period(settings) is None
+    assert not encoder.traits.keeps and encoder.traits.steady and encoder.repeat_period(settings) is None
     assert repeated(encoder, settings) == []
 
 
@@ -163,7 +165,7 @@ def test_groups_leave_room_for_the_transports_header() -> None:
 
 def test_latched_transforms_are_sent_with_all_before_them_and_again() -> None:
     encoder, settings = relay('tf2_msgs/TFMessage', latch=True)
-    assert encoder.KEEPS and not encoder.STEADY and repeated(encoder, settings) == []
+    assert encoder.traits.keeps and not encoder.traits.steady and repeated(encoder, settings) == []
     encoded(encoder, settings, transforms(('base', 'laser')))
     assert names(encoded(encoder, settings, transforms(('base', 'camera')))) == [['laser', 'camera']]
     assert [names(repeated(encoder, settings)) for _ in range(2)] == [[['laser', 'camera']]] * 2
@@ -230,11 +232,11 @@ def test_short_messages_are_repeated_less_and_less_often() -> None:
 def test_only_short_messages_are_protected() -> None:
     encoder, settings = relay('std_msgs/String')
     sent(encoder, settings, String(noise(1400 * MAX_PROTECTED_DATAGRAMS)))
-    assert encoder.PROTECTED
+    assert encoder.protected
     for length in 2000 * MAX_PROTECTED_DATAGRAMS, 1:    # another message would overtake what is left of a long one
         sent(encoder, settings, String(noise(length)))
-        assert not encoder.PROTECTED
-    assert relay('std_msgs/String')[0].PROTECTED
+        assert not encoder.protected
+    assert relay('std_msgs/String')[0].protected
 
 
 def test_a_long_message_is_warned_of_once_and_again_where_it_is_twice_as_long() -> None:
@@ -374,7 +376,7 @@ def test_the_newest_range_of_each_sonar_crosses() -> None:
     frames = encoder.encode(waiting, settings, 1472)
     assert [(one.header.frame_id, one.range) for one in messages_of(encoder, frames)] == [
         ('sonar%d' % number, 2.0) for number in range(8)]
-    assert encoder.PROTECTED and encoder.replaced == 16
+    assert encoder.protected and encoder.replaced == 16
 
 
 def test_joints_of_several_controllers_cross() -> None:
@@ -427,9 +429,9 @@ def test_many_messages_at_a_time_are_not_protected() -> None:
     encoder, settings = relay('visualization_msgs/Marker')
     waiting = None
     for number in range(MAX_PROTECTED_TOGETHER + 1):
-        assert encoder.PROTECTED
+        assert encoder.protected
         waiting = encoder.merge(waiting, marker(number))
-    assert len(encoder.encode(waiting, settings, 1472)) == MAX_PROTECTED_TOGETHER + 1 and not encoder.PROTECTED
+    assert len(encoder.encode(waiting, settings, 1472)) == MAX_PROTECTED_TOGETHER + 1 and not encoder.protected
 
 
 # one bad message does not spoil what is kept

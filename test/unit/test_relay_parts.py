@@ -10,12 +10,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from nav_msgs.msg import Odometry
+from relay_frames import relay_frame
 from std_msgs.msg import Empty, String
 from texts import noise
 
 from smokebot_udp.msg import RelaySegment
 from smokebot_udp.packed import MAX_DEFLATED
-from smokebot_udp.streams.relay.parts import MAX_MESSAGE_SIZE, MAX_PARTIALS, PartJoiner, relay_frame
+from smokebot_udp.streams.relay.parts import MAX_MESSAGE_SIZE, MAX_PARTIALS, PartJoiner
 from smokebot_udp.udpros.datagram import OVERHEAD
 
 

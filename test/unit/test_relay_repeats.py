@@ -14,6 +14,7 @@ from sensor_msgs.msg import Imu
 from std_msgs.msg import Float32, String
 from texts import noise
 
+from evaluation.linked_encoder import LinkedEncoder
 from evaluation.offline_link import operator_side
 from smokebot_udp.mission.parameters import check
 from smokebot_udp.mission.settings import Settings
@@ -32,8 +33,8 @@ class Robot:
     def __init__(self, message_type: str, number: int = 0, size: int = 1472, **changes: Any) -> None:
         self.settings = Settings(check({'robot_topic': '/t', 'message_type': message_type, **changes},
                                        RelayEncoder.PARAMETERS))
-        self.encoder, self._size = RelayEncoder(self.settings.requested, number), size
-        self.encoder.loss = COPIED_LOSS
+        self.encoder, self._size = LinkedEncoder(RelayEncoder(self.settings.requested, number)), size
+        self.encoder.see(loss=COPIED_LOSS)
         self._seq = itertools.count(number)
 
     def send(self, message: Any) -> List[RelaySegment]:
@@ -143,9 +144,9 @@ def test_a_restarted_robot_is_heard_at_once() -> None:
 
 def test_copies_where_much_is_lost_halfway_to_the_next_message_and_once() -> None:
     robot = Robot('std_msgs/Float32', rate=20.0)
-    robot.encoder.source_rate = 10.0
+    robot.encoder.see(source_rate=10.0)
     for loss, period in (0.0, None), (float('nan'), None), (COPIED_LOSS, 0.05), (0.5, 0.05):
-        robot.encoder.loss = loss
+        robot.encoder.see(loss=loss)
         original, = robot.send(Float32(1))
         assert robot.encoder.repeat_period(robot.settings) == period
     copy, = robot.copy()
@@ -160,7 +161,7 @@ def test_what_cannot_be_afforded_is_left_out() -> None:
         asked.append((size, datagram))
         return False
     robot.send(Float32(0))
-    robot.encoder.afford = afford
+    robot.encoder.see(afford=afford)
     segment, = robot.send(Float32(1))
     assert segment.before == b'' and robot.copy() == []
     assert asked == [(asked[0][0], False), (OVERHEAD + 38 + 5, True)] and 0 < asked[0][0] < 12

@@ -16,7 +16,7 @@ from smokebot_udp.mission.settings import Settings
 from smokebot_udp.monitoring.stages import read_sizes
 from smokebot_udp.msg import ScanSegment
 from smokebot_udp.nodes.trace import Trace
-from smokebot_udp.streams.encoder import Sizing
+from smokebot_udp.streams.encoder import Encoded, LinkView, Sizing
 
 __all__ = ['logged', 'make']
 
@@ -43,10 +43,10 @@ def test_the_newest_message_counts(make: Make) -> None:
     busy, free = threading.Event(), threading.Event()
 
     class Slow(Recorder):
-        def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Any]:
+        def encode(self, message: Any, settings: Settings, link: LinkView) -> Encoded:
             busy.set()
             assert free.wait(WAIT)
-            return super().encode(message, settings, max_datagram_size)
+            return super().encode(message, settings, link)
 
     made = make(Slow)
     made.stream.receive(scan(1))
@@ -63,9 +63,9 @@ def test_a_trace_says_what_decided_the_size_of_a_message(make: Make, tmp_path: p
     monkeypatch.setattr('smokebot_udp.nodes.robot_stream.TRACE', Trace(str(tmp_path / 'trace')))
 
     class Sized(Recorder):
-        def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Any]:
-            self.sizing = Sizing('layered', 1500.0, 1400, 'room', 2.5) if len(message.ranges) > 5 else None
-            return super().encode(message, settings, max_datagram_size)
+        def encode(self, message: Any, settings: Settings, link: LinkView) -> Encoded:
+            sizing = Sizing('layered', 1500.0, 1400, 'room', 2.5) if len(message.ranges) > 5 else None
+            return super().encode(message, settings, link)._replace(sizing=sizing)
 
     made = make(Sized)
     for number in (5, 6):
@@ -225,8 +225,11 @@ def test_grants_that_differ_in_their_last_digits_let_no_more_through(make: Make)
 @pytest.mark.parametrize('backlog, waits', [(None, 0.02), (0.0, 0.0), (0.1, 0.1)])
 def test_a_newer_message_waits_for_the_rest_as_the_encoder_says(make: Make, monkeypatch: Any, backlog: Any,
                                                                waits: float) -> None:
-    made, asked = make(), []
-    made.stream.encoder.backlog = backlog
+    class Waiting(Recorder):
+        def encode(self, message: Any, settings: Settings, link: LinkView) -> Encoded:
+            return super().encode(message, settings, link)._replace(backlog=backlog)
+
+    made, asked = make(Waiting), []
     monkeypatch.setattr(made.link.outbox, 'await_rest', lambda *arguments: asked.append(arguments))
     made.stream.receive(scan(5))
     wait_for(lambda: made.segments.published == [5])
@@ -254,9 +257,11 @@ def test_a_demand_is_of_the_source_where_that_is_slower(make: Make) -> None:
         made.stream.received = step     # ten a second
         demand = made.stream.demand(0.1 * step)
     assert demand.rate == pytest.approx(10.0, rel=0.05) and demand.weight == 2.0 and demand.min_bitrate == 1000.0
-    assert made.stream.encoder.source_rate == demand.rate
     assert demand.points[-1].cost == pytest.approx(1000 * demand.rate)
     assert demand.refine({'rate': 3.0}, 100.0) == {'rate': 3.0}
+    made.stream.receive(scan(5))
+    wait_for(lambda: made.segments.published)
+    assert made.stream.encoder.seen.source_rate == demand.rate
     made.segments.listeners = 0
     assert made.stream.demand(3.1) is None
 

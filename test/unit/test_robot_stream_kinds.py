@@ -11,6 +11,9 @@ from sensor_msgs.msg import LaserScan, PointCloud2
 from smokebot_udp.mission.parameters import Parameter
 from smokebot_udp.mission.settings import Settings
 from smokebot_udp.msg import GridSegment, ScanSegment
+from smokebot_udp.nodes.derived_stream import DerivedStream
+from smokebot_udp.nodes.relay_stream import RelayStream
+from smokebot_udp.streams.encoder import Encoded, LinkView, Traits
 from smokebot_udp.streams.parameters import ROBOT
 from smokebot_udp.udpros.frame import Frame
 
@@ -25,17 +28,17 @@ class TwoParts(Recorder):
     def parts(self, settings: Settings) -> Sequence[str]:
         return ['segments'] if settings['coding'] == 'interleaved' else ['segments', 'layers']
 
-    def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Any]:
+    def encode(self, message: Any, settings: Settings, link: LinkView) -> Encoded:
         number = len(message.ranges)
         self.message_size = 1000
-        if number <= 10 or not self.heard('layers'):
-            return [self.frame(number)]
+        if number <= 10 or not link.heard('layers'):
+            return Encoded([self.frame(number)])
         frame = Frame(GridSegment, 1, {})
         frame.records['index'] = number
-        return [frame]
+        return Encoded([frame])
 
 
-class Deriver(Recorder):
+class Maker(Recorder):
     MESSAGE, DERIVED = PointCloud2, LaserScan
     PARAMETERS = {**ROBOT, 'scan_topic': Parameter('', '', '')}
 
@@ -45,14 +48,15 @@ class Deriver(Recorder):
 
 class Protected(Recorder):
     """Sends scans at once until one has 100 ranges."""
-    PROTECTED, STAMPED, QUEUE_SIZE = True, False, 100
+    traits = Traits(stamped=False, queue_size=100)
+    protected, replaced = True, 0
 
-    def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Any]:
-        self.calls.append(max_datagram_size)
+    def encode(self, message: Any, settings: Settings, link: LinkView) -> Encoded:
+        self.calls.append(link.datagram_size)
         self.warnings.append('half of it is missing')
-        self.PROTECTED = self.PROTECTED and len(message.ranges) < 100
+        self.protected = self.protected and len(message.ranges) < 100
         self.message_size = 1000
-        return [self.frame(len(message.ranges))] * 2
+        return Encoded([self.frame(len(message.ranges))] * 2)
 
 
 LAYERS = '/smokebot_udp/scan/layers'
@@ -107,7 +111,7 @@ def cloud(number: int) -> Any:
 
 
 def test_derived_messages_are_published_at_the_requested_rate_and_sent_at_the_granted_one(make: Make) -> None:
-    made = make(Deriver)
+    made = make(Maker, DerivedStream)
     assert (made.local.name, made.local.message_class) == ('scan', LaserScan)
     made.stream.settings.grant({'rate': 0.001})
     for number in range(1, 6):
@@ -121,7 +125,7 @@ def test_derived_messages_are_published_at_the_requested_rate_and_sent_at_the_gr
 
 
 def test_derived_messages_need_no_operator(make: Make) -> None:
-    made = make(Deriver, scan_topic='/obstacles')
+    made = make(Maker, DerivedStream, scan_topic='/obstacles')
     assert made.local.name == '/obstacles'
     made.segments.listeners = 0
     made.stream.receive(cloud(1))
@@ -133,7 +137,7 @@ def test_derived_messages_need_no_operator(make: Make) -> None:
 
 
 def test_protected_messages_leave_at_once(make: Make, logged: List[str]) -> None:
-    made = make(Protected)
+    made = make(Protected, RelayStream)
     assert made.source.options['queue_size'] == 100
     made.link.datagram_size = 736
     made.link.outbox.change(lambda scheduler: scheduler.set_rate(1.0, time.monotonic()))
@@ -147,7 +151,7 @@ def test_protected_messages_leave_at_once(make: Make, logged: List[str]) -> None
 
 
 def test_a_stream_that_is_no_longer_protected_has_a_share_of_the_link(make: Make) -> None:
-    made = make(Protected)
+    made = make(Protected, RelayStream)
     made.link.datagram_size = 736
     for number in (100, 5):
         made.stream.receive(scan(number))

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The runner of the robot's streams: messages that are kept, repeated, and sent until operators hold them."""
 import time
-from typing import Any, List, Mapping, Optional, Sequence
+from typing import Any, List, Mapping, Optional
 
 from nav_msgs.msg import Odometry
 from polling import give_time, wait_for
@@ -9,6 +9,7 @@ from robot_stream_case import Make, Recorder, logged, make, scan
 from sensor_msgs.msg import LaserScan
 
 from smokebot_udp.mission.settings import Settings
+from smokebot_udp.streams.encoder import Encoded, LinkView, Traits
 from smokebot_udp.streams.held import Holding
 
 __all__ = ['logged', 'make']
@@ -16,19 +17,19 @@ __all__ = ['logged', 'make']
 
 class Keeper(Recorder):
     """As maps: kept for late subscribers, encoded again, repeated."""
-    STAMPED, KEEPS, REENCODES = False, True, True
+    traits = Traits(stamped=False, keeps=True, reencodes=True)
     number: Optional[int] = None
 
-    def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Any]:
+    def encode(self, message: Any, settings: Settings, link: LinkView) -> Encoded:
         before, self.number = self.number, len(message.ranges)
         self.calls.append(self.number)
-        return [] if self.number == before else [self.frame(self.number)]
+        return Encoded([] if self.number == before else [self.frame(self.number)])
 
-    def repeat_period(self, settings: Settings) -> Optional[float]:
+    def repeat_period(self, settings: Settings, link: LinkView) -> Optional[float]:
         return 1.0 / float(settings['repeat_rate'])
 
-    def repeat(self, settings: Settings, max_datagram_size: int) -> Sequence[Any]:
-        return [self.frame(100 + (self.number or 0))]
+    def repeat(self, settings: Settings, link: LinkView) -> Encoded:
+        return Encoded([self.frame(100 + (self.number or 0))])
 
 
 def test_what_came_before_its_listener_is_sent_to_it_at_once(make: Make) -> None:
@@ -81,7 +82,7 @@ def test_nothing_is_repeated_while_it_is_still_leaving(make: Make) -> None:
 
 class Counting(Recorder):
     """Counts down to 0, one datagram each 10 ms, from what operators report; a further topic sets the count."""
-    STAMPED, KEEPS = False, True
+    traits = Traits(stamped=False, keeps=True)
 
     def __init__(self, settings: Mapping[str, Any]) -> None:
         super().__init__(settings)
@@ -97,16 +98,16 @@ class Counting(Recorder):
             raise ValueError('it is too much')
         return None
 
-    def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Any]:
+    def encode(self, message: Any, settings: Settings, link: LinkView) -> Encoded:
         self.left = len(message.ranges)
-        return self.repeat(settings, max_datagram_size)     # type: ignore[return-value]
+        return self.repeat(settings, link)
 
-    def repeat_period(self, settings: Settings) -> Optional[float]:
+    def repeat_period(self, settings: Settings, link: LinkView) -> Optional[float]:
         return 0.01 if self.left else 1000.0
 
-    def repeat(self, settings: Settings, max_datagram_size: int) -> Sequence[Any]:
+    def repeat(self, settings: Settings, link: LinkView) -> Encoded:
         self.left -= 1
-        return [self.frame(self.left)]
+        return Encoded([self.frame(self.left)])
 
     def held(self, operator: str, holding: Holding) -> None:
         self.calls.append(operator)

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sensor_msgs.msg import LaserScan
 
+from evaluation.linked_encoder import LinkedEncoder
 from smokebot_udp.codecs.wire.scan import ScanParts, in_millimetres
 from smokebot_udp.mission.parameters import check
 from smokebot_udp.mission.settings import Settings
@@ -21,7 +22,7 @@ from smokebot_udp.udpros.datagram import OVERHEAD
 def encoded(message: Any, intensity: bool = False, size: int = 1472, **settings_: Any) -> List[Any]:
     settings = Settings(check({'robot_topic': '/scan', 'intensity': intensity, 'exact': True, **settings_},
                               ScanEncoder.PARAMETERS))
-    return ScanEncoder(settings.requested).encode(message, settings, size)
+    return LinkedEncoder(ScanEncoder(settings.requested)).encode(message, settings, size)
 
 
 def laser_scan(count: int = 720, **changes: Any) -> Any:
@@ -90,7 +91,7 @@ def test_a_field_that_the_ranges_contradict_is_told_and_follows_from_them(change
                                                                           sent: float) -> None:
     message = laser_scan(**{**INCREMENT, **changes})
     settings = Settings(check({'robot_topic': '/scan'}, ScanEncoder.PARAMETERS))
-    encoder = ScanEncoder(settings.requested)
+    encoder = LinkedEncoder(ScanEncoder(settings.requested))
     records = encoder.encode(message, settings, 1472)[0].records
     assert float(records[field][0]) == pytest.approx(sent, rel=1e-6)
     assert [float(records[name][0]) for name in INCREMENT if name != field] == pytest.approx(
@@ -162,7 +163,7 @@ def test_no_datagram_is_too_long(count: int, max_datagram_size: int) -> None:
 
 def test_a_slow_link_gets_fewer_scans() -> None:
     settings = Settings(check({'robot_topic': '/scan'}, ScanEncoder.PARAMETERS))
-    encoder = ScanEncoder(settings.requested)
+    encoder = LinkedEncoder(ScanEncoder(settings.requested))
     assert encoder.operating_points(10.0, settings) == []
     size = size_on_air(encoder.encode(scanner(), settings, 1472))
     points = encoder.operating_points(10.0, settings)

@@ -10,6 +10,7 @@ from map_msgs.msg import OccupancyGridUpdate
 from map_receiver import MapReceiver, segments_of
 from test_grid_encoder import grid_message, settings
 
+from evaluation.linked_encoder import LinkedEncoder
 from smokebot_udp.codecs.tiles import coder
 from smokebot_udp.mission.settings import Settings
 from smokebot_udp.msg import GridSegment, MapTile
@@ -41,14 +42,15 @@ class Robot:
         self.settings = settings(coding='tiles', **changes)
         self.codec = SimpleNamespace(ready=lambda: ready)
         numbers = iter(range(7, 100))
-        self.encoder = GridEncoder(self.settings.requested, self.codec, lambda: self.now, lookup, lambda: next(numbers))
-        self.encoder.operators = lambda part: self.parts[part]
-        self.encoder.heard = lambda part: bool(self.parts[part]) and set(self.parts[part]) >= {
-            name for names in self.parts.values() for name in names}
+        self.encoder = LinkedEncoder(
+            GridEncoder(self.settings.requested, self.codec, lambda: self.now, lookup, lambda: next(numbers)),
+            operators=lambda part: self.parts[part],
+            heard=lambda part: bool(self.parts[part]) and set(self.parts[part]) >= {
+                name for names in self.parts.values() for name in names})
         self.set_loss(0.0)
 
     def set_loss(self, loss: float) -> None:
-        self.encoder.outlook = SimpleNamespace(loss=lambda probability: loss)   # type: ignore[assignment]
+        self.encoder.see(outlook=SimpleNamespace(loss=lambda probability: loss))
 
     def take(self, cells: Any, **changes: Any) -> Any:
         return self.encoder.encode(grid_message(cells, **changes), self.settings, 1472)
@@ -410,7 +412,7 @@ def test_updates_of_a_refused_map_in_another_place_are_not_drawn_into_the_old_on
 
 def test_interleaved_maps_may_have_any_values() -> None:
     of = settings(coding='interleaved')
-    encoder, cells = GridEncoder(of.requested), building()
+    encoder, cells = LinkedEncoder(GridEncoder(of.requested)), building()
     cells[3, 4] = 101
     encoder.merge(None, grid_message(cells))
     merged = encoder.merge(None, update_of(0, 0, [[-5]]))

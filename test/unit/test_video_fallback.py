@@ -7,6 +7,7 @@ import pytest
 from genpy import Time
 from sensor_msgs.msg import Image
 
+from evaluation.linked_encoder import LinkedEncoder
 from smokebot_udp.mission.parameters import check
 from smokebot_udp.mission.settings import Settings
 from smokebot_udp.msg import ImageSegment
@@ -28,9 +29,9 @@ class Robot:
     def __init__(self, coding: str = 'h264', operators: Collection[str] = ('/desk', '/tablet')) -> None:
         self.settings = Settings(check({'robot_topic': '/in', 'coding': coding}, ImageEncoder.PARAMETERS))
         self.now = 0.0
-        self.encoder = ImageEncoder(self.settings.requested, Loaded(), lambda: self.now)
-        self.encoder.heard = lambda part: part == MAIN_PART
-        self.encoder.operators = lambda part: operators if part == MAIN_PART else ()
+        self.encoder = LinkedEncoder(ImageEncoder(self.settings.requested, Loaded(), lambda: self.now))
+        self.encoder.see(heard=lambda part: part == MAIN_PART)
+        self.encoder.see(operators=lambda part: operators if part == MAIN_PART else ())
 
     def warnings(self, now: float) -> List[str]:
         """Of an image at this time."""
@@ -60,7 +61,7 @@ def test_without_pyav_on_the_robot_its_log_says_so_where_video_is_asked_for(
 def test_operators_that_do_not_receive_video_are_named_once_they_should(monkeypatch: Any) -> None:
     hide(monkeypatch, False)
     robot = Robot()
-    robot.encoder.why_not = lambda part, operator: 'lacks ' + part
+    robot.encoder.see(why_not=lambda part, operator: 'lacks ' + part)
     assert robot.warnings(10.0) == [] and robot.warnings(10.0 + CONNECTED) == []
     warning, = robot.warnings(10.1 + CONNECTED)
     assert 'video is not sent: /desk lacks video; /tablet lacks video.' in warning
@@ -73,7 +74,7 @@ def test_where_pyav_cannot_be_imported_images_are_sent_nevertheless(monkeypatch:
     monkeypatch.delitem(sys.modules, 'smokebot_udp.codecs.video.encoder', raising=False)
     monkeypatch.setitem(sys.modules, 'av', None)
     robot = Robot()
-    robot.encoder.heard = lambda part: part != LAYERS
+    robot.encoder.see(heard=lambda part: part != LAYERS)
     warning, = robot.warnings(0.0)
     assert 'PyAV cannot be used here: ModuleNotFoundError' in warning
     assert robot.warnings(1.0) == []

@@ -192,7 +192,7 @@ def test_an_image_that_would_come_too_late_is_not_sent_and_the_next_ones_repair_
     robot, operator = Robot(Outlook(NO_LOSS.air, 1e5)), Operator()
     for number in range(4):
         assert operator.receive(robot.records(noise(number), number), number)
-    robot.encoder.outlook = Outlook(NO_LOSS.air, 0.4e5)      # libx264 follows with the next image but one
+    robot.encoder.see(outlook=Outlook(NO_LOSS.air, 0.4e5))   # libx264 follows with the next image but one
     assert robot.frames(noise(4), 4) == [] and robot.encoder.message_size
     for number in range(5, 20):
         shown = operator.receive(robot.records(scene(number, height=240, width=320), number), number)
@@ -217,7 +217,7 @@ def test_where_the_link_has_no_room_for_video_images_are_layered_and_it_is_said(
     assert {frame.message_class for frame in robot.frames(large(), 0)} == {LayeredSegment}
     warning, = robot.encoder.warnings
     assert 'no room for video of 1920 x 1080 pixels' in warning
-    robot.encoder.outlook = NO_LOSS
+    robot.encoder.see(outlook=NO_LOSS)
     assert {frame.message_class for frame in robot.frames(large(), 1)} == {VideoSlice}
     assert len(robot.encoder.warnings) == 1
 

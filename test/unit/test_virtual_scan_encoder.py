@@ -8,6 +8,7 @@ import pytest
 from genpy import Time
 from sensor_msgs.msg import PointCloud2, PointField
 
+from evaluation.linked_encoder import LinkedEncoder
 from smokebot_udp.codecs.perception.virtual_scan import COLUMNS
 from smokebot_udp.mission.parameters import check
 from smokebot_udp.mission.settings import Settings
@@ -58,7 +59,7 @@ def test_the_scan_of_a_wall(select: str) -> None:
 
 def test_a_scan_takes_two_datagrams_of_whole_millimetres() -> None:
     of = settings()
-    encoder = VirtualScanEncoder(of.requested)
+    encoder = LinkedEncoder(VirtualScanEncoder(of.requested))
     scan = encoder.derive(cloud(room()), of)
     frames = encoder.encode(scan, of, 1472)
     segments = [ScanSegment().deserialize(row[OVERHEAD:].tobytes()) for frame in frames for row in frame.rows]
@@ -124,7 +125,7 @@ def test_where_nothing_was_seen_nothing_is_free(select: str) -> None:
 
 def test_unknown_tf_is_told_of() -> None:
     of = settings()
-    encoder = VirtualScanEncoder(of.requested, FanCache(lambda frame, header: None))
+    encoder = LinkedEncoder(VirtualScanEncoder(of.requested, FanCache(lambda frame, header: None)))
     encoder.derive(cloud(room(), '/velodyne'), of)
     assert list(encoder.warnings) == ["tf knows no transform from 'velodyne' to 'base_link': mount_height, mount_roll "
                                       'and mount_pitch are used']

@@ -9,6 +9,7 @@ import numpy as np
 from genpy import Time
 from sensor_msgs.msg import Image
 
+from evaluation.linked_encoder import LinkedEncoder
 from evaluation.offline_link import operator_side
 from smokebot_udp.mission.parameters import check
 from smokebot_udp.mission.settings import Settings
@@ -58,10 +59,10 @@ class Robot:
 
     def __init__(self, outlook: Outlook = NO_LOSS, operators: Collection[str] = ('desk',), **changes: Any) -> None:
         self.settings, self.now, self.sessions = settings(**changes), 0.0, 0
-        self.encoder = ImageEncoder(self.settings.requested, clock=lambda: self.now, session=self._session)
-        self.encoder.outlook = outlook
         self.operators = operators
-        self.encoder.operators = lambda part: self.operators
+        self.encoder = LinkedEncoder(
+            ImageEncoder(self.settings.requested, clock=lambda: self.now, session=self._session), outlook=outlook,
+            operators=lambda part: self.operators)
 
     def _session(self) -> int:
         self.sessions += 1

@@ -10,6 +10,9 @@ LINK_STATUS, ROBOT_STATUS = STATUS_TYPES = 'smokebot_udp/LinkStatus', 'smokebot_
 EXCHANGES = frozenset({'action', 'command', 'service'})
 """Types of streams without encoder and assembler: what operators send the robot, and its answers."""
 
+RELIABLE = 'reliable'
+"""What a relay with `reliable` is, see `kind_of`: it has neither encoder nor assembler."""
+
 SMALLEST = 1e-6
 """What dialogs offer beyond a limit that is itself not allowed: a micrometre, a microsecond."""
 
@@ -118,13 +121,14 @@ def live(table: Table) -> Dict[str, Parameter]:
     return {name: parameter for name, parameter in table.items() if parameter.live}
 
 
-def is_reliable(settings: Mapping[str, Any]) -> bool:
-    """Whether a stream is a relay that is acknowledged and repeated.
+def kind_of(settings: Mapping[str, Any]) -> str:
+    """What a stream is: RELIABLE, for a relay that is acknowledged and repeated, or its type.
 
     :param settings: of the stream, as streams.yaml has them
     """
-    return settings.get('type') == 'relay' and bool(
-        settings.get('reliable') or settings.get('direction') == 'to_robot')
+    kind = str(settings.get('type'))
+    acknowledged = settings.get('reliable') or settings.get('direction') == 'to_robot'
+    return RELIABLE if kind == 'relay' and acknowledged else kind
 
 
 def works_in_every_focus(settings: Mapping[str, Any]) -> bool:
@@ -132,5 +136,4 @@ def works_in_every_focus(settings: Mapping[str, Any]) -> bool:
 
     True of the relays that the switch of the focus needs, and of all that operators send the robot.
     """
-    return (settings.get('message_type') in STATUS_TYPES or settings.get('type') in EXCHANGES
-            or is_reliable(settings))
+    return settings.get('message_type') in STATUS_TYPES or kind_of(settings) in {*EXCHANGES, RELIABLE}

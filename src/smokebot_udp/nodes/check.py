@@ -18,6 +18,7 @@ from genpy.message import get_message_class
 
 from ..link.keys import read_key
 from ..mission import focus
+from ..mission.parameters import kind_of
 from ..mission.roles import roles_of
 from ..mission.settings import Settings
 from ..monitoring import check
@@ -28,6 +29,7 @@ from ..msg import LinkStatus
 from ..serialised import serialised
 from ..streams import KINDS, config, encoder_class, live_tables
 from ..streams.config import Streams
+from ..streams.encoder import Deriver, LinkView
 from ..streams.message_types import action_types
 from ..streams.relay.parameters import TO_ROBOT
 from ..streams.segments import size_on_air
@@ -101,7 +103,7 @@ def checked(name: str, settings: Dict[str, Any]) -> Checked:
         return Checked(name, settings, Source(TOPIC, topic, settings['message_type']), steady)
     encoder = encoder_class(kind)
     accepted = ' or '.join(class_._type for class_ in encoder.ACCEPTED or [encoder.MESSAGE])
-    return Checked(name, settings, Source(TOPIC, topic, accepted), encoder.STEADY)
+    return Checked(name, settings, Source(TOPIC, topic, accepted), encoder.traits.steady)
 
 
 def _resolved(name: str) -> str:
@@ -121,13 +123,13 @@ def cost_of(stream: Checked, message: Any) -> Tuple[Optional[Cost], str]:
         found = next((class_ for class_ in classes if class_._type == message._connection_header['type']), None)
         if found is None:
             return None, ''
-        encoder.heard, encoder.source_rate = lambda part: True, stream.heard.rate
         merged = encoder.merge(None, read(message, found))
-        if encoder.DERIVED is not None:
+        if isinstance(encoder, Deriver):
             merged = encoder.derive(merged, settings)
-        frames = encoder.encode(merged, settings, ROBOT_SENDER['max_datagram_size'].default)
+        link = LinkView(ROBOT_SENDER['max_datagram_size'].default, source_rate=stream.heard.rate)
+        frames = encoder.encode(merged, settings, link).frames
         rate = min(stream.settings['rate'], stream.heard.rate)
-        points = [] if encoder.PROTECTED else encoder.operating_points(rate, settings)
+        points = [] if encoder.protected else encoder.operating_points(rate, settings)
     except ValueError as error:
         return None, str(error)
     if points:
@@ -149,7 +151,7 @@ def listen(streams: Sequence[Checked], graph: Graph, seconds: float) -> List[Che
     result = []
     for stream in streams:
         stream = stream._replace(heard=heard.get(stream.name, Heard()))
-        if stream.heard.rate and stream.settings['type'] in KINDS and not stream.settings.get('reliable'):
+        if stream.heard.rate and kind_of(stream.settings) in KINDS:
             cost, failure = cost_of(stream, listeners[stream.name].last)
             stream = stream._replace(cost=cost, failure=failure)
         result.append(stream)

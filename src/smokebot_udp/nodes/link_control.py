@@ -4,6 +4,7 @@
 """
 import collections
 import dataclasses
+import functools
 import math
 import threading
 import time
@@ -31,10 +32,6 @@ from .worker import PeriodicWorker
 UNPACED = 800 * MBIT
 """On a faster link datagrams are not paced. It is no radio, and nothing on the way to it is faster: there is no queue
 that they could overrun. A raw image leaves in a quarter of the time [byte/s]."""
-
-
-MIN_SHARED_RATE = 0.2
-"""Of a relay with max_share, however slow the link is [Hz]."""
 
 
 class SharedController:
@@ -144,12 +141,10 @@ class LinkControl(Part):
                                    self._link.outbox.protected)
             stats = dataclasses.replace(controller.stats(now), longest=self._paths.hole)
             self._capacity = stats.capacity if math.isfinite(stats.capacity) else plan.rate or 0.0
-            self._give_outlooks(plan, now)
+            self._give_outlooks(plan, stats.loss, now)
         self._link.datagram_size, self.shares = min(plan.datagram_size, self._link.transport.room), plan.shares
         grant(plan, self._streams, self._capacity)
         self._link.follow(plan.rate, stats.sent)
-        for stream in self._streams.values():
-            stream.encoder.loss = stats.loss
 
         def follow(scheduler: PacketScheduler) -> None:
             self._set_rate(scheduler, now)
@@ -160,13 +155,15 @@ class LinkControl(Part):
         status.header.stamp = rospy.Time.now()
         self._status.publish(status)
 
-    def _give_outlooks(self, plan: Plan, now: float) -> None:
-        """Pass on to the encoders what to expect of the link, under the controller's lock: reports change it."""
+    def _give_outlooks(self, plan: Plan, loss: float, now: float) -> None:
+        """Pass on to the streams what to expect of the link, under the controller's lock: reports change it."""
         rooms = self._rooms.update(plan.rooms)
+
+        def outlook(name: str) -> Outlook:
+            return Outlook(self._losses.air(name, self._streams[name].subscribers, now),
+                           rooms.get(name, math.inf) / self._link.expansion, self._gain)
         for name, stream in self._streams.items():
-            if stream.encoder.FORESEES:
-                stream.encoder.outlook = Outlook(self._losses.air(name, stream.subscribers, now),
-                                                 rooms.get(name, math.inf) / self._link.expansion, self._gain)
+            stream.follow(loss, functools.partial(outlook, name))
 
     def _gain(self) -> float:
         """As Outlook.gain; any thread."""
@@ -197,27 +194,7 @@ def grant(plan: Plan, streams: Mapping[str, RobotStream], capacity: float = 0.0)
     :param capacity: of the link; 0: unknown and unlimited [byte/s]
     """
     for name, stream in streams.items():
-        limits = plan.grants.get(name, {})
-        if stream.encoder.PROTECTED:
-            limits = _protected_limits(stream, plan.decimation, capacity)
-        stream.settings.grant(limits)
-
-
-def _protected_limits(stream: RobotStream, decimation: float, capacity: float) -> Dict[str, float]:
-    """Settings that limit a stream which is sent before all others.
-
-    :param decimation: as in a Plan
-    :param capacity: as of `grant` [byte/s]
-    """
-    requested, encoder = stream.settings.current.requested, stream.encoder
-    limits = {} if decimation >= 1 else {
-        setting: max(decimation * requested[setting], min(least, requested[setting]))
-        for setting, least in encoder.LEAST.items()}
-    share, rate = requested.get('max_share', 1.0), limits.get('rate', requested['rate'])
-    if share < 1 and capacity and encoder.message_size:
-        size = stream.link.expansion * encoder.message_size
-        limits['rate'] = min(rate, max(share * capacity / size, MIN_SHARED_RATE))
-    return limits
+        stream.settings.grant(stream.limits(plan.grants.get(name, {}), plan.decimation, capacity))
 
 
 def as_message(stats: LinkStats, wifi: WifiState) -> LinkStatus:

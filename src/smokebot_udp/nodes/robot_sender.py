@@ -18,7 +18,7 @@ import functools
 import math
 import random
 import time
-from typing import Any, DefaultDict, Dict, Tuple
+from typing import Any, DefaultDict, Dict, Mapping, Tuple, Type
 
 import rospy
 
@@ -38,6 +38,7 @@ from . import garbage, malloc_tuning
 from .clock_sync import ClockServer
 from .common import Parameters, read_file, read_streams, start_streams
 from .compiled_codec import CompiledCodec
+from .derived_stream import DerivedStream
 from .diagnostics import robot_diagnostics
 from .focus import FocusControl
 from .held_reports import HeldReports
@@ -48,6 +49,7 @@ from .opened import Opened
 from .outbox import Outbox
 from .parameters import ROBOT_SENDER
 from .problems import Problems
+from .relay_stream import RelayStream
 from .reliable_link import ReliableLink
 from .robot_captures import RobotCaptures
 from .robot_control import RobotControl
@@ -62,6 +64,9 @@ BURST = 16
 """Datagrams that may leave at once on a fast link: roscpp's receiver holds 92, a Wi-Fi driver's queue not many more."""
 
 MEGABYTE = 1 << 20
+
+RUNNERS: Mapping[str, Type[RobotStream]] = {'relay': RelayStream, 'virtual_scan': DerivedStream}
+"""{type of stream: its runner}; all others have RobotStream."""
 
 
 class _StreamMaker:
@@ -91,7 +96,7 @@ class _StreamMaker:
         if kind == 'grid':
             shared['lookup'] = self.lookup
             self.lookup.prepare()
-        return RobotStream(name, settings, encoder_class(kind)(settings, **shared), self._link)
+        return RUNNERS.get(kind, RobotStream)(name, settings, encoder_class(kind)(settings, **shared), self._link)
 
 
 @functools.lru_cache(maxsize=None)      # once

@@ -4,13 +4,14 @@
 A part of a stream is a topic on the wire. It is advertised when the encoder needs it first, and stays.
 
 One thread per stream encodes the newest message when its rate allows, and repeats the last one when that is due. The
-encoder (streams/encoder.py) decides how messages are encoded, the outbox (outbox.py) when datagrams leave.
+encoder (streams/encoder.py) decides how messages are encoded, the outbox (outbox.py) when datagrams leave. Relays and
+scans that are derived of clouds have runners of their own (relay_stream.py, derived_stream.py).
 """
 import functools
 import threading
 import time
 from dataclasses import dataclass
-from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence, Set, Tuple
+from typing import Any, Callable, ClassVar, Dict, List, Mapping, NamedTuple, Optional, Sequence, Set
 
 import rospy
 from rospy import AnyMsg
@@ -27,9 +28,9 @@ from ..monitoring import stages
 from ..monitoring.sources import TOPIC, Source
 from ..monitoring.stats import PAUSED, ConnectionStats, StreamStats
 from ..monitoring.windows import Rate
-from ..streams.encoder import Encoder
+from ..streams.encoder import Encoded, Encoder, LinkView
 from ..streams.held import Holding
-from ..streams.rate import RateLimiter
+from ..streams.outlook import Outlook
 from ..streams.recent import Recent
 from ..streams.repetition_budget import RepetitionBudget
 from ..streams.schedule import Schedule
@@ -75,7 +76,7 @@ class RobotLink:
         """Of frames from now on, as the transport counts it; shorter on slow links [byte]."""
 
     def afford(self, size: int, datagram: bool) -> bool:
-        """As Encoder.afford; any thread."""
+        """As LinkView.afford; any thread."""
         size += IP_UDP_HEADERS + self.transport.overhead if datagram else 0
         with self._repeating:
             return self.repetitions.take(size, time.monotonic(), datagram)
@@ -98,38 +99,39 @@ class RobotStream(rospy.SubscribeListener):
     :param settings: {name: value} of streams.yaml, each checked
     :param encoder: made with these settings
     :param subscriber: makes the subscriber of the source, as rospy.Subscriber
-    :param local_publisher: makes the publisher of derived messages, as rospy.Publisher
     :raises ValueError: where settings contradict each other
     """
+    WHOLE: ClassVar[bool] = False
+    """Whether a message is useless without all its datagrams, so that a newer one must not replace what is left of it.
+    """
+    REPLACES: ClassVar[bool] = True
+    """Whether a newer message waits a little before it replaces what is left of the one before."""
 
     def __init__(self, name: str, settings: Mapping[str, Any], encoder: Encoder[Any], link: RobotLink,
-                 subscriber: Callable[..., Any] = rospy.Subscriber,
-                 local_publisher: Callable[..., Any] = rospy.Publisher) -> None:
+                 subscriber: Callable[..., Any] = rospy.Subscriber) -> None:
         super().__init__()
         self.name, self.topic = name, rospy.resolve_name(settings['robot_topic'])
         self.encoder, self.link = encoder, link
         self.settings = SettingsStore(live(encoder.PARAMETERS), settings, encoder.check)
         self.received, self.sent = 0, 0
+        """Messages of the source; messages handed to the outbox."""
         self._busy = 0.0        # the encoder, so far [s]
-        """Messages of the source; messages handed to the outbox, repeats included where they are PROTECTED."""
-        self._make_subscriber, self._make_local_publisher = subscriber, local_publisher
+        self._make_subscriber = subscriber
         self._publishers: Dict[str, Publisher] = {}   # of the parts advertised
         self._part_of = {class_: part for part, class_ in encoder.SEGMENTS.items()}
-        encoder.afford = link.afford
-        encoder.heard, encoder.operators, encoder.why_not = self._complete, self._subscribers_of, self._why_not
-        self._inputs: List[Any] = []    # subscribers, made by start(), as is this
-        self._local_publisher: Any = None
+        self._encoded = Encoded()       # the last message, without its frames
+        self._inputs: List[Any] = []    # subscribers, made by start()
         self._invalid = 0
         self._stamp: Any = None         # of the last message encoded
-        self._derived: Tuple[Any, str] = None, ''   # stamp and frame of the last message derived
         self._source_clocks: Recent[SourceClock] = Recent(SourceClock)     # by the names of frames
         self._last: Optional[_Waiting] = None   # the last message, where the encoder encodes it again
-        self._source = Rate(SOURCE_RATE_OVER)
+        self._source, self._source_rate = Rate(SOURCE_RATE_OVER), None  # type: Rate, Optional[float]
+        self.outlook = Outlook()
+        """What it may expect of the link."""
+        self._loss = 0.0
         current = self.settings.current
-        # however slow the link is, derived messages are published at the requested rate: they are limited twice
         self._schedule: Schedule[_Waiting] = Schedule(
-            self._encoding_rate(current), encoder.repeat_period(current), encoder.STEADY)
-        self._sending_limiter = RateLimiter(current['rate'])
+            self._encoding_rate(current), encoder.repeat_period(current, self._view), encoder.traits.steady)
         self._worker: DeadlineWorker[Callable[[], None]] = DeadlineWorker(
             name, self._next_job, self._schedule.deadline, self._work, self._report)
         self.settings.subscribe(self._apply)
@@ -137,9 +139,6 @@ class RobotStream(rospy.SubscribeListener):
     def start(self) -> None:
         """Begin to send; a stream can be made without ROS, but not started."""
         self._advertise(self.settings.current)
-        if self.encoder.DERIVED is not None:
-            topic = self.settings.current['scan_topic'] or self.name
-            self._local_publisher = self._make_local_publisher(topic, self.encoder.DERIVED, queue_size=2)
         self._worker.start()
         further = {rospy.resolve_name(topic): class_
                    for topic, class_ in self.encoder.sources(self.settings.current.requested).items()}
@@ -147,7 +146,7 @@ class RobotStream(rospy.SubscribeListener):
         own = AnyMsg if self.encoder.ACCEPTED else self.encoder.MESSAGE
         self._inputs = [self._make_subscriber(
             topic, class_, functools.partial(self._receive, topic, self._accepted if class_ is AnyMsg else [class_]),
-            queue_size=self.encoder.QUEUE_SIZE, buff_size=READ_SIZE, tcp_nodelay=True)
+            queue_size=self.encoder.traits.queue_size, buff_size=READ_SIZE, tcp_nodelay=True)
             for topic, class_ in {**further, self.topic: own}.items()]
 
     def close(self) -> None:
@@ -156,9 +155,8 @@ class RobotStream(rospy.SubscribeListener):
             one.unregister()
         self._worker.close()
         self.link.outbox.drop(self.name)
-        for publisher in (*self._publishers.values(), self._local_publisher):
-            if publisher is not None:
-                publisher.unregister()
+        for publisher in self._publishers.values():
+            publisher.unregister()
 
     def _advertise(self, settings: Settings) -> None:
         """Advertise the parts that these settings need."""
@@ -210,8 +208,34 @@ class RobotStream(rospy.SubscribeListener):
         settings = self.settings.current
         return settings['enabled'] and not settings.paused and self.heard
 
+    @property
+    def _view(self) -> LinkView:
+        """The link as the encoder sees it now."""
+        return LinkView(self._datagram_size, self.link.transport.room, self.outlook, 0.0, self._source_rate,
+                        self._loss, self.link.afford, self._complete, self._subscribers_of, self._why_not)
+
+    def follow(self, loss: float, outlook: Callable[[], Outlook]) -> None:
+        """The link has changed.
+
+        :param loss: packet-loss ratio as reported, 0..1
+        :param outlook: f() -> what the stream may expect
+        """
+        self._loss = loss
+        if self.encoder.traits.foresees:
+            self.outlook = outlook()
+
+    def limits(self, granted: Optional[Dict[str, Any]], decimation: float, capacity: float
+               ) -> Optional[Dict[str, Any]]:
+        """The settings that limit it now; None: it pauses.
+
+        :param granted: likewise, by the plan
+        :param decimation: as in a Plan
+        :param capacity: of the link; 0: unknown and unlimited [byte/s]
+        """
+        return granted
+
     def demand(self, now: float) -> Optional[Demand]:
-        """What it would send; None where it has nothing to send, or is PROTECTED.
+        """What it would send; None where it has nothing to send, or where it has no share of the link.
 
         To be called regularly, because it measures the rate of the source.
 
@@ -219,17 +243,17 @@ class RobotStream(rospy.SubscribeListener):
         """
         self._source.read(self.received, now)
         sources = self._schedule.active(now)
-        self.encoder.source_rate = (self._source.per_second or 0.0) / sources or None
+        self._source_rate = (self._source.per_second or 0.0) / sources or None
         settings = self.settings.current
         requested = settings.requested
-        if self.encoder.PROTECTED or not requested['enabled'] or not self.heard:
+        if not requested['enabled'] or not self.heard:
             return None
-        rate = min(requested['rate'], self.encoder.source_rate or requested['rate'])
+        rate = min(requested['rate'], self._source_rate or requested['rate'])
         points, expansion = self.encoder.operating_points(rate, settings), sources * self.link.expansion
         return Demand([OperatingPoint(point.settings, expansion * point.cost) for point in points],
                       requested['weight'], requested['min_bitrate'] * KBIT, rate,
                       lambda point, spare: self.encoder.refine(point, spare / expansion),
-                      self.encoder.WHOLE, expansion * self.encoder.wished) if points else None
+                      self.WHOLE, expansion * self._encoded.wished) if points else None
 
     def stats(self) -> StreamStats:
         """What the stream does and did, for diagnostics."""
@@ -237,8 +261,8 @@ class RobotStream(rospy.SubscribeListener):
         connections = [ConnectionStats(name=reported_name(self.name, part), **found)
                        for part, publisher in self._publishers.items() for found in publisher.connections()]
         return StreamStats(
-            self.received, self.sent, settings['enabled'], settings['rate'], self.encoder.STEADY,
-            {'replaced': self._schedule.replaced + self.encoder.replaced, 'invalid': self._invalid,
+            self.received, self.sent, settings['enabled'], settings['rate'], self.encoder.traits.steady,
+            {'replaced': self._schedule.replaced, 'invalid': self._invalid,
              'datagrams of replaced messages': self.link.outbox.dropped(self.name)},
             connections=connections,
             problem=PAUSED if settings.paused else self.encoder.problem, busy=self._busy)
@@ -259,15 +283,19 @@ class RobotStream(rospy.SubscribeListener):
             if self.encoder.takes(message):
                 return
             self.received += 1
-            if TRACE.on and self.encoder.STAMPED:
+            if TRACE.on and self.encoder.traits.stamped:
                 TRACE.mark(self.name, message.header.stamp.to_nsec(), stages.RECEIVED)
             if topic == self.topic:
                 self._keep(message)
-            local = self._local_publisher is not None and self._local_publisher.get_num_connections() > 0
-            if self.encoder.KEEPS or local or self.wanted:
+            if self._encodes:
                 self._put(message)
         except ValueError as error:
             self._report(error, topic)
+
+    @property
+    def _encodes(self) -> bool:
+        """Whether messages are to be encoded now."""
+        return self.encoder.traits.keeps or self.wanted
 
     def _keep(self, message: Any) -> None:
         """Keep an original, for captures."""
@@ -280,7 +308,7 @@ class RobotStream(rospy.SubscribeListener):
         """:raises ValueError: saying what is wrong with the message"""
         encoder, name, arrival = self.encoder, '', 0
         with self._worker.adding():
-            if encoder.STAMPED:
+            if encoder.traits.stamped:
                 name = frame_name(message.header.frame_id)
                 arrival = self._identify(name, message.header)
             before = self._schedule.waiting(name)
@@ -288,7 +316,7 @@ class RobotStream(rospy.SubscribeListener):
             if merged is None:
                 return
             waiting = before if before is not None and merged is before.message else _Waiting(merged, arrival)
-            if encoder.REENCODES:
+            if encoder.traits.reencodes:
                 self._last = waiting
             self._schedule.put(waiting, time.monotonic(), name)
 
@@ -328,14 +356,15 @@ class RobotStream(rospy.SubscribeListener):
         """Settings changed, see SettingsStore.subscribe."""
         with self._worker.changing():
             self._schedule.set_rate(self._encoding_rate(settings))
-            self._schedule.repeat_period = self.encoder.repeat_period(settings)
+            self._schedule.repeat_period = self.encoder.repeat_period(settings, self._view)
             if changed and self._last is not None:
                 self._schedule.put(self._last, time.monotonic())
         if not settings['enabled']:
             self.link.outbox.drop(self.name)
 
     def _encoding_rate(self, settings: Settings) -> float:
-        rate: float = settings['rate'] if self.encoder.DERIVED is None else settings.requested['rate']
+        """At which messages of a source are encoded, at most [Hz]."""
+        rate: float = settings['rate']
         return rate
 
     # -- the worker's thread -----------------------------------------------------------------------
@@ -354,118 +383,97 @@ class RobotStream(rospy.SubscribeListener):
                 logwarn("stream '%s', %s" % (self.name, self.topic), self.encoder.warnings.popleft())
 
     def _encode(self, waiting: _Waiting) -> None:
-        encoder, settings, message, arrival = self.encoder, self.settings.current, waiting.message, waiting.arrival
+        settings = self.settings.current
         self._advertise(settings)
-        if encoder.STAMPED:
-            self._stamp = message.header.stamp
-        if self._local_publisher is not None:
-            began = time.monotonic()
-            message = encoder.derive(message, settings)
-            self._busy += time.monotonic() - began
-            self._local_publisher.publish(message)
-            if not self.wanted or not self._may_send(settings):
-                return
-            arrival = self._identify_derived(message.header, arrival)
-        elif encoder.WHOLE and not encoder.PROTECTED:
-            self.link.outbox.await_rest(self.name, True)
-        encoder.longest_datagram = self.link.transport.room
-        frames = _with_arrival(self._frames(message, settings), arrival)
-        beside, encoder.beside = encoder.beside, []
+        if self.encoder.traits.stamped:
+            self._stamp = waiting.message.header.stamp
+        self._send_message(waiting.message, waiting.arrival, settings)
+
+    def _send_message(self, message: Any, arrival: int, settings: Settings) -> None:
+        """Encode and send a message.
+
+        :param arrival: that crosses with it [ns]
+        """
+        encoded = self._noted(self._made(message, settings))
         self._follow_repeats()
-        if not frames:
+        if not encoded.frames:
             return
         self._await_rest()
         with self._worker.adding():
             self._schedule.sent(time.monotonic())
         if self.wanted:
-            self._send_at_once(beside)
-            self._send(frames)
-            self.sent += not encoder.PROTECTED
+            self._send_at_once(encoded.beside)
+            self.sent += self._send(_with_arrival(encoded.frames, arrival))
 
-    def _frames(self, message: Any, settings: Settings) -> List[Frame]:
-        """The frames of a message; their making is traced."""
-        encoder = self.encoder
-        if encoder.FORESEES:
-            encoder.waiting = self.link.outbox.takes(self.name) / self._dip
+    def _made(self, message: Any, settings: Settings) -> Encoded:
+        """What is to be sent of a message; its making is traced."""
+        encoder, link = self.encoder, self._view
+        if encoder.traits.foresees:
+            link = link._replace(waiting=self.link.outbox.takes(self.name) / self._dip)
         began = time.monotonic()
-        frames = encoder.encode(message, settings, self._datagram_size)
+        encoded = encoder.encode(message, settings, link)
         self._busy += time.monotonic() - began
-        if TRACE.on and encoder.STAMPED:
+        if TRACE.on and encoder.traits.stamped:
             TRACE.mark(self.name, self._stamp.to_nsec(), stages.STARTED, began)
             TRACE.mark(self.name, self._stamp.to_nsec(), stages.ENCODED)
-        if encoder.sizing is not None and frames:
+        if encoded.sizing is not None and encoded.frames:
             rospy.logdebug("stream '%s': %s, %.0f bytes granted, %d used, bound: %s, rms error %.2f", self.name,
-                           *encoder.sizing)
-            TRACE.write(stages.Sized(self.name, self._stamp.to_nsec(), time.monotonic(), *encoder.sizing))
-        return frames
+                           *encoded.sizing)
+            TRACE.write(stages.Sized(self.name, self._stamp.to_nsec(), time.monotonic(), *encoded.sizing))
+        return encoded
 
-    def _may_send(self, settings: Settings) -> bool:
-        """Whether a derived message is sent: it is published more often where the link is slow."""
-        now = time.monotonic()
-        self._sending_limiter.rate = self._schedule.active(now) * settings['rate']
-        if self._sending_limiter.due > now:
-            return False
-        self._sending_limiter.take(now)
-        return True
+    def _noted(self, encoded: Encoded) -> Encoded:
+        self._encoded = encoded._replace(frames=(), beside=())     # they take memory until they have left, no longer
+        return encoded
 
     def _await_rest(self) -> None:
         """Wait until a new message may take the place of what is left of the one before: part of that has left while
         the new one was encoded. A message of another source is none of its versions, and leaves as a whole."""
-        encoder, whole = self.encoder, self._schedule.active(time.monotonic()) > 1
-        if whole or not (encoder.WHOLE or encoder.PROTECTED or encoder.DERIVED):
-            backlog = MAX_BACKLOG if encoder.backlog is None else encoder.backlog
+        whole = self._schedule.active(time.monotonic()) > 1
+        if whole or self.REPLACES:
+            backlog = MAX_BACKLOG if self._encoded.backlog is None else self._encoded.backlog
             self.link.outbox.await_rest(self.name, whole, self._dip * backlog)
 
     @property
     def _dip(self) -> float:
         """By what the present rate is below what the stream may use: that soon passes, as after a pause. At least 1."""
         rate = self.link.outbox.rate
-        return 1.0 if rate is None or not self.encoder.FORESEES else max(self.encoder.outlook.room / rate, 1.0)
+        return 1.0 if rate is None or not self.encoder.traits.foresees else max(self.outlook.room / rate, 1.0)
 
     def _repeat(self) -> None:
-        if self.encoder.backlog is not None:
-            self.link.outbox.await_rest(self.name, False, self.encoder.backlog)
+        if self._encoded.backlog is not None:
+            self.link.outbox.await_rest(self.name, False, self._encoded.backlog)
         if self.wanted and not self.link.outbox.sending(self.name):
-            frames = self.encoder.repeat(self.settings.current, self._datagram_size)
-            if frames:
-                sent = self.sent
-                self._send(frames)
-                self.sent = self.sent if self.encoder.KEEPS else sent   # copies are no further messages
+            encoded = self._noted(self.encoder.repeat(self.settings.current, self._view))
+            if encoded.frames:
+                sent = self._send(encoded.frames)
+                self.sent += sent if self.encoder.protected and self.encoder.traits.keeps else 0    # no mere copies
         self._follow_repeats()
 
     def _follow_repeats(self) -> None:
         """What was sent or reported may change when the next repeat is due."""
-        period = self.encoder.repeat_period(self.settings.current)
+        period = self.encoder.repeat_period(self.settings.current, self._view)
         if period != self._schedule.repeat_period:
             with self._worker.changing():
                 self._schedule.repeat_period = period
 
-    def _identify_derived(self, header: Any, arrival: int) -> int:
-        """The arrival that crosses with a derived message: sources of different frames may become one."""
-        before, self._derived = self._derived, (header.stamp, frame_name(header.frame_id))
-        return arrival or (rospy.Time.now().to_nsec() if before == self._derived else 0)
-
     @property
     def _datagram_size(self) -> int:
-        # short messages need no second datagram, however slow the link is
-        return self.link.transport.room if self.encoder.PROTECTED else self.link.datagram_size
+        return self.link.datagram_size
 
-    def _send(self, frames: Sequence[Frame]) -> None:
-        """Hand over the frames that carry one message, or the messages of a PROTECTED stream."""
-        if self.encoder.PROTECTED:
-            self._send_at_once(frames)
-            self.sent += len(frames)
-        else:
-            part = self._part_of[frames[0].message_class]
-            publisher = self._publishers[part]
-            publisher.tos = self._tos & self.link.transport.tos_mask     # it may have been PROTECTED
-            self.link.outbox.put(reported_name(self.name, part), publisher, frames,
-                                 self._stamp.to_nsec() if self._stamp else 0, base=self.encoder.base)
+    def _send(self, frames: Sequence[Frame]) -> int:
+        """Hand over the frames that carry one message; how many messages they are."""
+        part = self._part_of[frames[0].message_class]
+        publisher = self._publishers[part]
+        publisher.tos = self._tos & self.link.transport.tos_mask     # it may have changed
+        self.link.outbox.put(reported_name(self.name, part), publisher, frames,
+                             self._stamp.to_nsec() if self._stamp else 0, base=self._encoded.base)
+        return 1
 
     @property
     def _tos(self) -> int:
         """Second byte of the IP headers, see traffic.py."""
-        return (traffic.EXPEDITED if self.encoder.PROTECTED else self.encoder.TRAFFIC) | traffic.ECT
+        return self.encoder.traits.traffic | traffic.ECT
 
     def _send_at_once(self, frames: Sequence[Frame]) -> None:
         for frame in frames:
@@ -477,7 +485,7 @@ class RobotStream(rospy.SubscribeListener):
         logerr("stream '%s'" % self.name, 'a message of %s is not sent: %s' % (topic or self.topic, error))
 
 
-def _with_arrival(frames: List[Frame], arrival: int) -> List[Frame]:
+def _with_arrival(frames: Sequence[Frame], arrival: int) -> Sequence[Frame]:
     """The frames of a message, with the arrival that crosses with it [ns]."""
     for frame in frames if arrival else ():
         frame.records[ARRIVAL]['secs'], frame.records[ARRIVAL]['nsecs'] = divmod(arrival, 10 ** 9)

@@ -2,17 +2,16 @@
 """The types of streams: each has an encoder (robot's side) and an assembler (operator's side) in a folder of its own.
 
 Commands, services and actions have neither: messages cross as they are, and their folders have only settings. Likewise
-reliable relays, see `is_reliable`.
+reliable relays, which are a kind of their own, see `kind_of`.
 
 A type is imported when the first stream of it is made, so types that are not used cost no time and no memory.
 """
 import importlib
 from typing import Any, Dict, Mapping, NamedTuple, Type
 
-from ..mission.parameters import EXCHANGES, Table, is_reliable, live
+from ..mission.parameters import EXCHANGES, RELIABLE, Table, kind_of, live
 from .assembler import Assembler
 from .encoder import Encoder
-from .relay.parameters import UNUSED_IF_RELIABLE
 
 KINDS = {'cloud': 'Cloud', 'grid': 'Grid', 'image': 'Image', 'relay': 'Relay', 'scan': 'Scan',
          'virtual_scan': 'VirtualScan'}
@@ -48,16 +47,16 @@ def classified(definitions: Mapping[str, Mapping[str, Any]]) -> Definitions:
     :param definitions: {name: settings}, as config.load returns them
     """
     found = Definitions({}, {}, {}, {}, {})
-    exchanges = {'command': found.commands, 'service': found.services, 'action': found.actions}
+    exchanges = {'command': found.commands, 'service': found.services, 'action': found.actions,
+                 RELIABLE: found.reliable}
     for name, settings in definitions.items():
-        usual = found.reliable if is_reliable(settings) else found.streams
-        exchanges.get(settings['type'], usual)[name] = settings
+        exchanges.get(kind_of(settings), found.streams)[name] = settings
     return found
 
 
 def tables(kind: str) -> Tables:
-    """The settings of both sides of this type."""
-    if kind in EXCHANGES:
+    """The settings of both sides of this kind, see `kind_of`."""
+    if kind in {*EXCHANGES, RELIABLE}:
         module = parameters_module(kind)
         return Tables(module.ROBOT, module.OPERATOR)
     return Tables(encoder_class(kind).PARAMETERS, assembler_class(kind).PARAMETERS)
@@ -68,14 +67,11 @@ def live_tables(settings: Mapping[str, Any]) -> Tables:
 
     :param settings: of the stream
     """
-    unused = UNUSED_IF_RELIABLE if is_reliable(settings) else ()
-    robot, operator = ({name: parameter for name, parameter in live(table).items() if name not in unused}
-                       for table in tables(settings['type']))
-    return Tables(robot, operator)
+    return Tables(*map(live, tables(kind_of(settings))))
 
 
 def parameters_module(kind: str) -> Any:
-    """The module with the settings and the `check` of a relay, command, service or action."""
+    """The module with the settings and the `check` of a relay, reliable or not, command, service or action."""
     return importlib.import_module('.%s.parameters' % kind, __name__)
 
 

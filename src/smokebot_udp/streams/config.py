@@ -8,10 +8,9 @@ import re
 from typing import Any, Callable, Container, Dict, List, Mapping, NamedTuple, Tuple
 
 from ..frame_names import BASE_FRAME, FIXED_FRAME, is_legal
-from ..mission.parameters import EXCHANGES, LINK_STATUS, ROBOT_STATUS, Parameter, check
+from ..mission.parameters import EXCHANGES, LINK_STATUS, RELIABLE, ROBOT_STATUS, Parameter, check, kind_of
 from ..mission.yaml_text import read_yaml
 from . import TYPES, parameters_module, tables
-from .relay.parameters import UNUSED_IF_RELIABLE
 from .routes import Routes, check_routes, routes_of
 
 NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]*$')
@@ -140,10 +139,11 @@ def _check(name: Any, values: Any, base: str, warn: Callable[[str], None]) -> Di
     if kind == 'image':
         checked['view_topic'] = {'': checked['operator_topic'] + VIEW, 'none': ''}.get(
             checked['view_topic'], checked['view_topic'])
-    if kind in EXCHANGES or kind == 'relay':
-        parameters_module(str(kind)).check(checked)
-    if checked.get('reliable'):
-        for setting in sorted(UNUSED_IF_RELIABLE & set(values)):
+    kind = kind_of(checked)
+    if kind in {*EXCHANGES, 'relay', RELIABLE}:
+        parameters_module(kind).check(checked)
+    if kind == RELIABLE:
+        for setting in sorted(parameters_module(kind).UNUSED & set(values)):
             warn('stream %r: %s is not used: a reliable relay sends every message' % (name, setting))
     return checked
 

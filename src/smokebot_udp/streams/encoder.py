@@ -5,6 +5,8 @@ To add a kind, derive from Encoder. The runner (nodes/robot_stream.py) owns the 
 thread and the settings; it passes settings in and sends the frames that come out.
 """
 import collections
+import math
+from dataclasses import dataclass
 from typing import (
     Any,
     Callable,
@@ -17,14 +19,17 @@ from typing import (
     Mapping,
     NamedTuple,
     Optional,
+    Protocol,
     Sequence,
     TypeVar,
+    runtime_checkable,
 )
 
 from .. import traffic
 from ..congestion.operating_points import OperatingPoint, rate_points
 from ..mission.parameters import Parameter
 from ..mission.settings import Settings
+from ..udpros.datagram import DEFAULT_MAX_DATAGRAM_SIZE
 from ..udpros.frame import Frame
 from .held import Holding
 from .outlook import Outlook
@@ -34,6 +39,59 @@ from .segments import MAIN_PART
 
 Message = TypeVar('Message')
 """What `merge` returns and `encode` takes: mostly a ROS message."""
+
+
+@dataclass(frozen=True)
+class Traits:
+    """What a stream is like, as long as it runs."""
+    steady: bool = True
+    """Whether a silent source is a fault."""
+    stamped: bool = True
+    """Whether segments are assigned to their message by its stamp, so that each message needs a stamp of its own."""
+    keeps: bool = False
+    """Whether messages are encoded even where nobody is subscribed, for late subscribers."""
+    reencodes: bool = False
+    """Whether the last message is encoded again when settings change; `encode` returns no frames where nothing does."""
+    foresees: bool = False
+    """Whether `outlook` and `waiting` of LinkView are used: they cost some computing for each report."""
+    queue_size: int = MAX_SOURCES
+    """Of the subscription: of messages that come together, those of all sources are to be seen."""
+    traffic: int = traffic.SENSORS
+    """How networks are asked to serve its datagrams, see traffic.py."""
+
+
+class LinkView(NamedTuple):
+    """What an encoder may know of the link. Immutable: the runner makes one for each call."""
+    datagram_size: int = DEFAULT_MAX_DATAGRAM_SIZE
+    """Of frames, at most [byte of UDP payload]."""
+    longest_datagram: int = 0
+    """What passes, however slow the link is [byte of UDP payload]."""
+    outlook: Outlook = Outlook()
+    """What to expect."""
+    waiting: float = 0.0
+    """How long what is left of the last message takes to leave at what the stream may use [s]."""
+    source_rate: Optional[float] = None
+    """Of the source as measured, however many of its messages are encoded; None: it is not known [Hz]."""
+    loss: float = 0.0
+    """Packet-loss ratio as reported, 0..1; NaN: it is not known."""
+    afford: Callable[[int, bool], bool] = lambda size, datagram: True
+    """f(size [byte], datagram): whether so much may be sent to protect messages now; then it counts as sent.
+    `datagram`: it takes datagrams of its own, and can wait. See RepetitionBudget."""
+    heard: Callable[[str], bool] = lambda part: True
+    """Whether all operators that receive the stream receive this part of it now."""
+    operators: Callable[[str], Collection[str]] = lambda part: ()
+    """Names of the operators that this part of the stream is sent to now."""
+    why_not: Callable[[str, str], str] = lambda part, operator: 'does not receive it'
+    """Why this part of the stream is not sent to an operator, in words."""
+
+    def frame_rate(self, settings: Mapping[str, Any]) -> float:
+        """Of the messages that are sent, at most [Hz].
+
+        :param settings: {name: value} with `rate`
+        """
+        rate: float = settings['rate']
+        return min(rate, self.source_rate or math.inf)
+
 
 class Sizing(NamedTuple):
     """What decided the size of a message, for the log and the trace."""
@@ -48,10 +106,28 @@ class Sizing(NamedTuple):
     """Its rms error once all of it has come, as the encoder estimates it [count]; NaN: it does not."""
 
 
+class Encoded(NamedTuple):
+    """What is to be sent of a message."""
+    frames: Sequence[Frame] = ()
+    """In sending order, of one part; made anew each time, because earlier ones may not have left yet. Empty: there is
+    nothing new."""
+    beside: Sequence[Frame] = ()
+    """Of other parts: they leave at once, before `frames`."""
+    base: int = 1
+    """Datagrams that show something of it, at least: they leave before the rest of others."""
+    backlog: Optional[float] = None
+    """A newer message waits for the rest of this one if that leaves within this time; None: as the outbox decides [s].
+    """
+    wished: float = 0.0
+    """As Demand.wished [byte/s]."""
+    sizing: Optional[Sizing] = None
+    """None: its kind says nothing."""
+
+
 class Encoder(Generic[Message]):
     """Makes frames of the messages of one stream.
 
-    `derive`, `encode` and `repeat` are called by one thread, `merge` by one thread at a time, all others by any thread.
+    `encode` and `repeat` are called by one thread, `merge` by one thread at a time, all others by any thread.
 
     :param settings: {name: value} of PARAMETERS at the start, each checked
     :raises ValueError: where they contradict each other
@@ -66,74 +142,19 @@ class Encoder(Generic[Message]):
     """Type and md5 sum of the messages that segments carry as they are, see transport.Transport; empty: none."""
     PARAMETERS: ClassVar[Mapping[str, Parameter]] = ROBOT
     """Settings of the robot's side of this kind."""
-    PROTECTED: bool = False
+    traits = Traits()
+    protected = False
     """Whether messages are sent at once, before everything that waits in the outbox; each has a frame of its own then.
-    `encode` may change it from True to False."""
-    TRAFFIC: ClassVar[int] = traffic.SENSORS
-    """How networks are asked to serve its datagrams, while it is not PROTECTED, see traffic.py."""
-    WHOLE: ClassVar[bool] = False
-    """Whether a message is useless without all its datagrams, so that a newer one must not replace what is left of it.
-    """
-    STEADY: bool = True
-    """Whether a silent source is a fault."""
-    STAMPED: ClassVar[bool] = True
-    """Whether segments are assigned to their message by its stamp, so that each message needs a stamp of its own."""
-    KEEPS: bool = False
-    """Whether messages are encoded even where nobody is subscribed, for late subscribers."""
-    REENCODES: ClassVar[bool] = False
-    """Whether the last message is encoded again when settings change; `encode` returns [] where nothing changes."""
-    FORESEES: ClassVar[bool] = False
-    """Whether `outlook` is used: it costs some computing for each report."""
-    QUEUE_SIZE: ClassVar[int] = MAX_SOURCES
-    """Queue size of the subscription: of messages that come together, those of all sources are to be seen."""
-    DERIVED: ClassVar[Any] = None
-    """Class of the messages that `derive` makes for use on the robot; None: there are none. They are published at the
-    requested rate on the topic that the setting `scan_topic` names."""
-    LEAST: ClassVar[Mapping[str, float]] = {}
-    """Minimum rates of a protected stream on a slow link {setting: Hz}."""
+    `encode` may change it to False."""
 
     def __init__(self, settings: Mapping[str, Any]) -> None:
         self.check(settings)
         self.message_size: Optional[float] = None
         """Size of the last message on the air; None: nothing was encoded yet [byte]."""
-        self.wished = 0.0
-        """As Demand.wished, of the last message [byte/s]."""
         self.warnings: Deque[str] = collections.deque(maxlen=16)
         """For the log: problems of messages that were encoded nevertheless. The runner removes them."""
         self.problem: Optional[str] = None
         """What is missing for the messages now, in words, such as a transform."""
-        self.replaced = 0
-        """Messages that `merge` gave up for newer ones, where what it returned is the same object as before."""
-        self.beside: List[Frame] = []
-        """Frames of other parts, which leave at once before those that `encode` returned. The runner removes them."""
-        self.backlog: Optional[float] = None
-        """A newer message waits for the rest of the last one if that leaves within this time; None: as the outbox
-        decides [s]."""
-        self.waiting = 0.0
-        """How long what is left of the last message takes to leave at what the stream may use. Where outlooks are used,
-        the runner replaces it before it calls `encode` [s]."""
-        self.sizing: Optional[Sizing] = None
-        """Of the last message; None: its kind says nothing."""
-        self.base = 1
-        """Datagrams of the last message that show something of it, at least: they leave before the rest of others."""
-        self.outlook = Outlook()
-        """What to expect of the link. Where it is used, the runner replaces it, many times a second."""
-        self.source_rate: Optional[float] = None
-        """Of the source as measured, however many of its messages are encoded [Hz]. The runner replaces it; None: it is
-        not known."""
-        self.loss = 0.0
-        """Packet-loss ratio of the link as reported, 0..1. The runner replaces it."""
-        self.afford: Callable[[int, bool], bool] = lambda size, datagram: True
-        """f(size [byte], datagram): whether so much may be sent to protect messages now; then it counts as sent.
-        `datagram`: it takes datagrams of its own, and can wait. The runner replaces it, see RepetitionBudget."""
-        self.longest_datagram = 0
-        """What passes, however slow the link is; the runner replaces it [byte of UDP payload]."""
-        self.heard: Callable[[str], bool] = lambda part: True
-        """Whether all operators that receive the stream receive this part of it now. The runner replaces it."""
-        self.operators: Callable[[str], Collection[str]] = lambda part: ()
-        """Names of the operators that this part of the stream is sent to now. The runner replaces it."""
-        self.why_not: Callable[[str, str], str] = lambda part, operator: 'does not receive it'
-        """Why this part of the stream is not sent to an operator, in words. The runner replaces it."""
 
     @staticmethod
     def check(settings: Mapping[str, Any]) -> None:
@@ -170,35 +191,25 @@ class Encoder(Generic[Message]):
         newest: Message = message
         return newest
 
-    def derive(self, message: Any, settings: Settings) -> Any:
-        """The message that is published on the robot and then encoded, of class DERIVED.
+    def encode(self, message: Any, settings: Settings, link: LinkView) -> Encoded:
+        """What is to be sent of a message.
 
-        :raises ValueError: saying what is wrong with the message
-        """
-        return message
-
-    def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Frame]:
-        """The frames that carry a message, in sending order.
-
-        They are new each time, because earlier ones may not have left yet. Empty where nothing new is to be sent.
-
-        :param message: from `merge` or `derive`
-        :param max_datagram_size: [byte of UDP payload]
+        :param message: from `merge`
         :raises ValueError: saying what is wrong with the message
         """
         raise NotImplementedError
 
-    def repeat_period(self, settings: Settings) -> Optional[float]:
+    def repeat_period(self, settings: Settings, link: LinkView) -> Optional[float]:
         """How long after something was sent `repeat` is called [s]; None: never.
 
         Asked after each call of `encode`, `repeat` and `held`. Any thread may ask.
         """
         return None
 
-    def repeat(self, settings: Settings, max_datagram_size: int) -> Sequence[Frame]:
-        """The frames that are sent again, for lost datagrams and late subscribers, or the next ones of a kind that
-        sends little by little. Not called while frames of the last message are still leaving."""
-        return ()
+    def repeat(self, settings: Settings, link: LinkView) -> Encoded:
+        """What is sent again, for lost datagrams and late subscribers, or the next frames of a kind that sends little
+        by little. Not called while frames of the last message are still leaving."""
+        return Encoded()
 
     def joined(self) -> None:
         """There is a new subscriber; any thread. `repeat` follows at once where there is something to repeat."""
@@ -225,3 +236,17 @@ class Encoder(Generic[Message]):
         :param spare: [byte/s]
         """
         return dict(point)
+
+
+@runtime_checkable
+class Deriver(Protocol):
+    """An encoder of messages that are made of those of its source. They are also published on the robot, at the
+    requested rate, on the topic that the setting `scan_topic` names."""
+    DERIVED: Any
+    """Class of these messages."""
+
+    def derive(self, message: Any, settings: Settings) -> Any:
+        """What is published and then encoded, of class DERIVED.
+
+        :raises ValueError: saying what is wrong with the message
+        """

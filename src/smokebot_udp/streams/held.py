@@ -70,10 +70,6 @@ class Holding(NamedTuple):
         runs = runs[-MAX_RUNS:]
         return cls(session, tuple(run[:2] for run in runs), tuple(held for _, _, held in runs))
 
-    def contains(self, number: int) -> bool:
-        """Whether a number is held."""
-        return self._run_of(number) is not None
-
     def among(self, numbers: IntArray) -> BoolArray:
         """(n,): which of these numbers are held.
 

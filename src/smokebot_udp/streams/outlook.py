@@ -3,7 +3,7 @@
 import collections
 import math
 import statistics
-from typing import Any, Callable, Collection, Deque, Dict, Mapping, NamedTuple
+from typing import Callable, Collection, Deque, Dict, Mapping, NamedTuple
 
 from .air import UNKNOWN, Air, LossBeliefs, merged
 
@@ -33,10 +33,6 @@ class Outlook(NamedTuple):
             if total >= probability:
                 break
         return loss
-
-    def in_air_time(self, settings: Mapping[str, Any]) -> float:
-        """What a stream may send within `air_time` [byte]."""
-        return settings['air_time'] * self.room if settings['air_time'] else math.inf
 
 
 class Rooms:

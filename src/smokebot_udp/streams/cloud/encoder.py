@@ -18,7 +18,7 @@ from ...mission.settings import Settings
 from ...msg import CloudChunk
 from ...udpros.frame import Frame
 from ..codec import Codec, ImportedCodec
-from ..encoder import Encoder
+from ..encoder import Encoded, Encoder, LinkView, Traits
 from ..outlook import Outlook
 from ..parameters import HISTORY, ROBOT
 from ..segments import MAIN_PART, as_bytes, room, size_on_air, write_header
@@ -48,7 +48,7 @@ class CloudEncoder(Encoder[Any]):
     :param codec: of the voxel filter where PCL is missing
     """
     MESSAGE, SEGMENTS = PointCloud2, {MAIN_PART: CloudChunk}
-    FORESEES = True
+    traits = Traits(foresees=True)
     PARAMETERS = {
         **ROBOT,
         **HISTORY,
@@ -88,7 +88,7 @@ class CloudEncoder(Encoder[Any]):
             return super().operating_points(rate, settings)
         return cloud_points(rate, settings.requested['leaf_size'], self.message_size)
 
-    def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Frame]:
+    def encode(self, message: Any, settings: Settings, link: LinkView) -> Encoded:
         reduced = _reduced(message, settings, pcl is None and self._codec.ready())
         self.warnings += reduced.problems
         if message.width:
@@ -98,15 +98,15 @@ class CloudEncoder(Encoder[Any]):
                         if settings['encoding'] != 'float32' and len(reduced.points)
                         else cloud.plain(reduced.intensity is not None, reduced.datum))
         texts = message.header.frame_id.encode(), write_fields(fields)
-        chunks = _chunks(reduced, point_format, settings, room(CloudChunk, max_datagram_size, *texts),
-                         _least_chunks(self.outlook))
+        chunks = _chunks(reduced, point_format, settings, room(CloudChunk, link.datagram_size, *texts),
+                         _least_chunks(link.outlook))
         frame = _frame(message, texts, len(reduced.points), point_format, chunks)
         # of a cloud at the requested leaf size: a LiDAR sees surfaces, so points are as many as 1 / leaf_size ** 2
         leaf, requested = settings['leaf_size'], settings.requested['leaf_size']
         if not len(reduced.points) and self.message_size is not None:
-            return [frame]      # it says nothing of what a cloud takes
+            return Encoded([frame])     # it says nothing of what a cloud takes
         self.message_size = size_on_air([frame]) * ((leaf / requested) ** 2 if requested else 1.0)
-        return [frame]
+        return Encoded([frame])
 
     def _tell(self, fields: Iterable[Any], sent: Cloud, settings: Settings) -> None:
         """Warn once of each field that is not sent, or not there, and of an encoding that is not used."""

@@ -19,7 +19,7 @@ from ...msg import GridSegment, MapTile
 from ...numpy_messages import numpy_msg
 from ...udpros.frame import Frame
 from ..codec import Codec, ImportedCodec
-from ..encoder import Encoder
+from ..encoder import Encoded, Encoder, LinkView, Traits
 from ..held import Holding
 from ..parameters import ROBOT
 from ..segments import MAIN_PART, TILES
@@ -69,9 +69,8 @@ class GridEncoder(Encoder[Any]):
     """
     MESSAGE, SEGMENTS = numpy_msg(OccupancyGrid), {MAIN_PART: GridSegment, TILES: MapTile}
     UPDATE = numpy_msg(OccupancyGridUpdate)
-    STEADY, STAMPED = False, False
-    KEEPS = REENCODES = True    # a map may be published only once
-    FORESEES = True
+    # a map may be published only once: it is kept
+    traits = Traits(steady=False, stamped=False, keeps=True, reencodes=True, foresees=True)
     PARAMETERS = {
         **ROBOT,
         'coding': Parameter('tiles', '', 'tiles: at full resolution, compressed, only what operators lack; '
@@ -163,24 +162,24 @@ class GridEncoder(Encoder[Any]):
     def held(self, operator: str, holding: Holding) -> None:
         self._reports.append((operator, holding))
 
-    def repeat_period(self, settings: Settings) -> Optional[float]:
-        if self._used is None or not self._wanted(settings):
+    def repeat_period(self, settings: Settings, link: LinkView) -> Optional[float]:
+        if self._used is None or not _wanted(settings, link):
             return WAIT
         if self._used is self._interleaved:
             return self._interleaved.repeat_period(settings)
         period: float = self._tiled.period(self._clock(), bool(self._reports))
         return period
 
-    def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Frame]:
+    def encode(self, message: Any, settings: Settings, link: LinkView) -> Encoded:
         self._legal_only = settings['coding'] == 'tiles'
         cells = self._cells(message)
         if self._legal_only:
             check_values(cells)
             self._codec.ready()     # it is loaded when the first operator comes
         self._map, self._taken = _Map(message, cells), False
-        if not self._anyone():
+        if not _anyone(link):
             self._fallback_at = None
-        return self._frames(settings, max_datagram_size) if self._wanted(settings) else []
+        return self._encoded(self._frames(settings, link) if _wanted(settings, link) else ())
 
     def _cells(self, message: Any) -> Array:
         """(height, width) int8: the cells of a nav_msgs/OccupancyGrid.
@@ -194,48 +193,44 @@ class GridEncoder(Encoder[Any]):
             Lattice.of(message.header.frame_id, info)
         return cells
 
-    def repeat(self, settings: Settings, max_datagram_size: int) -> Sequence[Frame]:
+    def repeat(self, settings: Settings, link: LinkView) -> Encoded:
         if self._map is None:
-            return ()
-        frames = self._frames(settings, max_datagram_size)
-        return self._interleaved.repeat() if not frames and self._used is self._interleaved else frames
+            return Encoded()
+        frames = self._frames(settings, link)
+        return self._encoded(self._interleaved.repeat() if not frames and self._used is self._interleaved else frames)
 
-    def _anyone(self) -> bool:
-        """Whether there is any operator."""
-        return self.heard(TILES) or self.heard(MAIN_PART)
+    def _encoded(self, frames: Sequence[Frame]) -> Encoded:
+        tiled = self._tiled is not None and self._used is self._tiled
+        return Encoded(frames, backlog=TILES_BACKLOG if tiled else None)
 
-    def _wanted(self, settings: Settings) -> bool:
-        """Whether anything may be sent. What is not must not count as sent."""
-        return settings['enabled'] and not settings.paused and self._anyone()
-
-    def _frames(self, settings: Settings, max_datagram_size: int) -> List[Frame]:
+    def _frames(self, settings: Settings, link: LinkView) -> List[Frame]:
         """What is new, by the way of coding that is possible now."""
         now = self._clock()
-        chosen = self._chosen(settings, now)
+        chosen = self._chosen(settings, link, now)
         if chosen is None:
             return []
         if chosen is not self._used:
             self._used, self._taken = chosen, False
         tiled, taken, self._taken = chosen is self._tiled, self._taken, True
-        self.backlog = TILES_BACKLOG if tiled else None
         assert self._map is not None
         message, cells = self._map
         if not tiled:
-            return [] if taken else self._interleaved.encode(message, cells, settings, max_datagram_size)
+            return [] if taken else self._interleaved.encode(message, cells, settings, link.datagram_size)
         if not taken:
-            self._tiled.take(message, cells, max_datagram_size)
+            self._tiled.take(message, cells, link.datagram_size)
         if self._joined:
             self._joined = False    # first: who comes from now on is for the next time
             self._reports.clear()
             self._tiled.forget_operators(now)
-        frames: List[Frame] = self._tiled.frames(self._conditions(message, now), settings, max_datagram_size, now)
+        frames: List[Frame] = self._tiled.frames(
+            self._conditions(message, link, now), settings, link.datagram_size, now)
         return frames
 
-    def _chosen(self, settings: Settings, now: float) -> Union[InterleavedMaps, Any, None]:
+    def _chosen(self, settings: Settings, link: LinkView, now: float) -> Union[InterleavedMaps, Any, None]:
         """What sends now; None: nothing does, as an operator is about to subscribe."""
         if settings['coding'] == 'interleaved' or not self._codec.ready():
             return self._interleaved
-        if self.heard(TILES):
+        if link.heard(TILES):
             self._fallback_at = None
             if self._tiled is None:
                 from .tiles_encoder import TiledMaps  # compiled
@@ -245,10 +240,10 @@ class GridEncoder(Encoder[Any]):
             self._fallback_at = now + FALLBACK
         return self._used if now < self._fallback_at else self._interleaved
 
-    def _conditions(self, message: Any, now: float) -> Any:
+    def _conditions(self, message: Any, link: LinkView, now: float) -> Any:
         from .tiles_encoder import Conditions
         reports = dict(self._reports.popleft() for _ in range(len(self._reports)))
-        return Conditions(self.operators(TILES) or (SILENT,), reports, self.outlook.loss(0.5),
+        return Conditions(link.operators(TILES) or (SILENT,), reports, link.outlook.loss(0.5),
                           self._robot_at(message, now))
 
     def _robot_at(self, message: Any, now: float) -> Optional[Tuple[float, float]]:
@@ -263,3 +258,13 @@ class GridEncoder(Encoder[Any]):
                 self._robot_frame, message.header.frame_id, LAST_CHANGE)
             self.warnings.extend(filter(None, [self.problem]))
         return None if self._robot is None else cell_at(message.info, *self._robot)
+
+
+def _anyone(link: LinkView) -> bool:
+    """Whether there is any operator."""
+    return link.heard(TILES) or link.heard(MAIN_PART)
+
+
+def _wanted(settings: Settings, link: LinkView) -> bool:
+    """Whether anything may be sent. What is not must not count as sent."""
+    return settings['enabled'] and not settings.paused and _anyone(link)

@@ -2,7 +2,7 @@
 """Image streams: raw or compressed images of any supported encoding, interleaved, layered or as video."""
 import math
 import os
-from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Tuple, Union
+from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Tuple
 
 from sensor_msgs.msg import CameraInfo, Image
 
@@ -15,18 +15,18 @@ from ...msg import CameraInfoSegment, ImageSegment, LayeredSegment, VideoSlice
 from ...optional import found
 from ...udpros.frame import Frame
 from ..codec import Codec, ImportedCodec
-from ..encoder import Encoder, Sizing
+from ..encoder import Encoded, Encoder, LinkView, Sizing, Traits
 from ..held import Holding
 from ..parameters import HISTORY, ROBOT
 from ..segments import INFO, LAYERS, MAIN_PART, VIDEO, size_on_air
-from .camera_info import SETTING, info_topic
+from .camera_info import SETTING, info_topic, parse_region
+from .coding import Coding
 from .coding_choice import CodingChoice, Conditions
 from .held_by_all import HeldByAll
 from .image_size import Bound, Grant, grant, period_of
 from .info_sender import InfoSender
 from .interleaved_encoder import InterleavedImages
 from .pixel_layers import cannot_be_layered
-from .region import parse
 from .source import ACCEPTED, SourceImage, source_image
 from .video import cannot_be_video
 
@@ -38,9 +38,6 @@ UNHEARD = 'video is not sent: %s. Until then images are layered'
 
 NO_ROOM = ('coding is h264, but the link has no room for video of %d x %d pixels. Until it has, images are layered: a '
            'larger scale or a lower rate helps')
-
-VIDEO_DATAGRAM = 1024
-"""Datagrams of video are not shorter than this on slow links: libx264 makes no shorter slices [byte of UDP payload]."""
 
 CONNECTED = 5.0
 """Operators receive a part this long after it is offered; compiling takes longer [s]."""
@@ -59,11 +56,10 @@ class ImageEncoder(Encoder[Any]):
     :param clock: steady [s]
     :param session: makes random numbers, uint32
     """
-    TRAFFIC = traffic.IMAGES
+    traits = Traits(foresees=True, traffic=traffic.IMAGES)
     MESSAGE, SEGMENTS = Image, {MAIN_PART: ImageSegment, LAYERS: LayeredSegment, VIDEO: VideoSlice,
                                 INFO: CameraInfoSegment}
     ACCEPTED = ACCEPTED
-    FORESEES = True
     PARAMETERS = {
         **ROBOT,
         **HISTORY,
@@ -100,11 +96,12 @@ class ImageEncoder(Encoder[Any]):
         self._codec, self._clock, self._session = codec or ImportedCodec(), clock, session
         self._held = HeldByAll()
         self._choice = CodingChoice()
-        self._interleaved, self._layered = InterleavedImages(), None    # type: InterleavedImages, Any
+        self._interleaved = InterleavedImages()
+        self._layered: Optional[Coding] = None
         self._video: Any = None
         self._infos = InfoSender() if settings['camera_info'] else None
         self._broken = False            # whether there is a PyAV that cannot be used
-        self._used: Union[InterleavedImages, Any] = self._interleaved   # for the last image
+        self._used: Coding = self._interleaved      # for the last image
         self._size_wished = 0.0     # of an interleaved image, where it would be or is one; 0: it would not be [byte]
         self._unheard_since = math.inf      # since when not all operators receive video [s]
         if settings['coding'] != 'interleaved':
@@ -112,7 +109,7 @@ class ImageEncoder(Encoder[Any]):
 
     @staticmethod
     def check(settings: Mapping[str, Any]) -> None:
-        parse(settings['region'])
+        parse_region(settings['region'])
 
     def parts(self, settings: Settings) -> Sequence[str]:
         further = {'interleaved': [], 'h264': [LAYERS] + [VIDEO] * found('av')}.get(settings['coding'], [LAYERS])
@@ -128,8 +125,7 @@ class ImageEncoder(Encoder[Any]):
         return True
 
     def operating_points(self, rate: float, settings: Settings) -> List[OperatingPoint]:
-        points: List[OperatingPoint] = self._used.operating_points(rate, settings)
-        return points
+        return self._used.operating_points(rate, settings)
 
     def refine(self, point: Mapping[str, Any], spare: float) -> Dict[str, Any]:
         # the coding may have changed since the point was made; compressed images take what is left over by themselves
@@ -140,64 +136,48 @@ class ImageEncoder(Encoder[Any]):
         if self._video is not None:
             self._video.held(operator, holding, self._clock())
 
-    def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Frame]:
+    def encode(self, message: Any, settings: Settings, link: LinkView) -> Encoded:
         source = source_image(message, settings)
         message = source.message
         if source.problem:
             self.warnings.append(source.problem)
-        if self._infos is not None:
-            self._add_info(self._infos, source, settings['scale'], max(max_datagram_size, self.longest_datagram))
-        for_video = max(max_datagram_size, min(self.longest_datagram, VIDEO_DATAGRAM))
         self._size_wished = 0.0
-        self._used = self._chosen(message, settings, for_video)
-        began = self._clock()
-        self.wished = self._size_wished / AT_ONCE
-        granted = self._grant(settings)
-        if self._used is self._interleaved:
-            frames: List[Frame] = self._interleaved.encode(message, settings, max_datagram_size,
-                                                            self.outlook.in_air_time(settings))
-        elif self._used is self._video:
-            frames = self._video.encode(message, settings, for_video, self.outlook, granted, self.operators(VIDEO),
-                                        began)
-        else:
-            frames = self._layered.encode(message, settings, max_datagram_size, self.outlook, granted,
-                                          (self.operators(LAYERS), began))
-            wished = self._layered.bound is Bound.MAX_QUALITY
-            self._choice.took(self._clock() - began, 0.0 if wished else self._layered.error)
-        self.backlog, self.base = self._used.BACKLOG, self._used.base
-        self.message_size = size_on_air(frames) or self.message_size
-        self.sizing = Sizing(self._used.CODING, granted.size, size_on_air(frames), self._used.bound.value,
-                             self._used.error)
-        return frames
+        used = self._used = self._chosen(message, settings, link)
+        began, granted = self._clock(), _grant(used, settings, link)
+        coded = used.encode(message, settings, link, granted, began)
+        if used is self._layered:
+            self._choice.took(self._clock() - began, 0.0 if coded.bound is Bound.MAX_QUALITY else coded.error)
+        beside = [] if self._infos is None else self._info(self._infos, source, settings['scale'], link)
+        size = size_on_air(coded.frames)
+        self.message_size = size or self.message_size
+        return Encoded(coded.frames, beside, coded.base, used.BACKLOG, self._size_wished / AT_ONCE,
+                       Sizing(used.CODING, granted.size, size, coded.bound.value, coded.error))
 
-    def _grant(self, settings: Settings) -> Grant:
-        """What a compressed image may take on the air."""
-        rest = max(self.waiting - self._used.coding_time, 0.0)      # what is left once this image is coded
-        room = self.outlook.room * self.outlook.gain()
-        return grant(settings, room, period_of(settings, self.source_rate or math.inf),
-                     rest if rest <= (self._used.BACKLOG or 0.0) else 0.0)      # what takes longer is not awaited
-
-    def _add_info(self, infos: InfoSender, source: SourceImage, scale: int, datagram_size: int) -> None:
-        """Have the calibration of an image sent before it, if that is due."""
+    def _info(self, infos: InfoSender, source: SourceImage, scale: int, link: LinkView) -> List[Frame]:
+        """The calibration of an image, if it is due."""
         try:
-            self.beside += infos.frames(source, scale, self.operators(INFO), self._clock(), datagram_size)
+            return infos.frames(source, scale, link.operators(INFO), self._clock(),
+                                max(link.datagram_size, link.longest_datagram))
         except ValueError as error:
             self.warnings.append('%s. It is not sent' % error)
+            return []
 
-    def _chosen(self, message: Any, settings: Settings, for_video: int) -> Any:
+    def _chosen(self, message: Any, settings: Settings, link: LinkView) -> Coding:
         """The way of coding of an image.
 
-        :param for_video: longest datagram of video [byte of UDP payload]
         :raises ValueError: its encoding cannot be what it must be
         """
-        if settings['coding'] == 'h264' and self._may_be_video(message, settings, for_video):
-            return self._video if self._has_room(message, settings) else self._layered
-        if (settings['coding'] != 'interleaved' and self._may_be_layered(message, settings)
-                and self._is_better_layered(message, settings)):
-            return self._layered
-        return self._interleaved
+        if settings['coding'] == 'h264' and self._may_be_video(message, settings, link):
+            if self._has_room(message, settings, link):
+                video: Coding = self._video
+                return video
+        elif settings['coding'] == 'interleaved' or not self._may_be_layered(message, settings, link) or (
+                not self._is_better_layered(message, settings, link)):
+            return self._interleaved
+        assert self._layered is not None
+        return self._layered
 
-    def _may_be_video(self, message: Any, settings: Settings, datagram_size: int) -> bool:
+    def _may_be_video(self, message: Any, settings: Settings, link: LinkView) -> bool:
         """:raises ValueError: its encoding cannot be video"""
         reason = cannot_be_video(message, settings['scale'])
         if reason is not None:
@@ -205,9 +185,9 @@ class ImageEncoder(Encoder[Any]):
         if not found('av'):
             self.warnings.append(MISSING)
             return False
-        if not self._codec.ready() or not self._is_heard():
+        if not self._codec.ready() or not self._is_heard(link):
             return False
-        return self._loaded() and bool(self._video.fits(message, datagram_size))
+        return self._loaded() and bool(self._video.fits(message, link))
 
     def _loaded(self) -> bool:
         """Whether PyAV could be imported, which is tried once."""
@@ -220,56 +200,63 @@ class ImageEncoder(Encoder[Any]):
                 self.warnings.append(BROKEN % (type(error).__name__, error))
         return self._video is not None
 
-    def _is_heard(self) -> bool:
+    def _is_heard(self, link: LinkView) -> bool:
         """Whether all operators receive video now; warns of those that do not."""
-        if self.heard(VIDEO):
+        if link.heard(VIDEO):
             self._unheard_since = math.inf
             return True
         now = self._clock()
         self._unheard_since = min(self._unheard_since, now)
-        missing = sorted({*self.operators(MAIN_PART), *self.operators(LAYERS)} - set(self.operators(VIDEO)))
+        missing = sorted({*link.operators(MAIN_PART), *link.operators(LAYERS)} - set(link.operators(VIDEO)))
         if missing and now - self._unheard_since > CONNECTED:
-            self.warnings.append(UNHEARD % '; '.join('%s %s' % (name, self.why_not(VIDEO, name)) for name in missing))
+            self.warnings.append(UNHEARD % '; '.join('%s %s' % (name, link.why_not(VIDEO, name)) for name in missing))
         return False
 
-    def _may_be_layered(self, message: Any, settings: Settings) -> bool:
+    def _may_be_layered(self, message: Any, settings: Settings, link: LinkView) -> bool:
         """:raises ValueError: it must be layered, and its encoding cannot be"""
         reason = cannot_be_layered(message, settings['scale'], settings['depth_unit'])
         if reason is not None:
             if settings['coding'] == 'layered':
                 raise ValueError('coding is layered, but ' + reason)
             return False
-        if not self._codec.ready() or not self.heard(LAYERS):
+        if not self._codec.ready() or not link.heard(LAYERS):
             return False
         if self._layered is None:
             from .layered_encoder import LayeredImages  # compiled
             self._layered = LayeredImages(self._held, self._session, self._clock)
         return True
 
-    def _is_better_layered(self, message: Any, settings: Settings) -> bool:
+    def _is_better_layered(self, message: Any, settings: Settings, link: LinkView) -> bool:
         if settings['coding'] != 'auto':
             return True
         height, width = _reduced(message, settings)
         raw = RAW_OVERHEAD * height * width * pixels.item_type(message.encoding).itemsize
         now = self._clock()
         conditions = Conditions(
-            raw if raw <= (settings['max_bytes'] or math.inf) else math.inf, self.outlook.room,
-            self.outlook.loss(0.5) if self.outlook.air.known else None,
-            1 / min(settings.requested['rate'], self.source_rate or math.inf),
+            raw if raw <= (settings['max_bytes'] or math.inf) else math.inf, link.outlook.room,
+            link.outlook.loss(0.5) if link.outlook.air.known else None,
+            1 / link.frame_rate(settings.requested),
             pixels.pixel_type(message.encoding)[0].itemsize == 1)
         layered = self._choice.update(conditions, now)
         self._size_wished = raw if self._choice.is_possible(conditions, now) else 0.0
         return layered
 
-    def _has_room(self, message: Any, settings: Settings) -> bool:
+    def _has_room(self, message: Any, settings: Settings, link: LinkView) -> bool:
         """Whether an image is video because the link has room for it, or because it cannot be layered."""
         height, width = _reduced(message, settings)
-        room: bool = self._video.has_room(self.outlook.room * period_of(settings, self.source_rate or math.inf),
+        room: bool = self._video.has_room(link.outlook.room * period_of(link.frame_rate(settings)),
                                           width * height)
-        if room or not self._may_be_layered(message, settings):
+        if room or not self._may_be_layered(message, settings, link):
             return True
         self.warnings.append(NO_ROOM % (width, height))
         return False
+
+
+def _grant(coding: Coding, settings: Settings, link: LinkView) -> Grant:
+    """What a compressed image may take on the air."""
+    rest = max(link.waiting - coding.coding_time, 0.0)      # what is left once this image is coded
+    awaited = rest if rest <= (coding.BACKLOG or 0.0) else 0.0      # what takes longer is not awaited
+    return grant(settings, link.outlook.room * link.outlook.gain(), period_of(link.frame_rate(settings)), awaited)
 
 
 def _reduced(message: Any, settings: Settings) -> Tuple[int, int]:

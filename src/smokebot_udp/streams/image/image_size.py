@@ -105,12 +105,8 @@ class Costs(NamedTuple):
         return self.overhead / max(self.room, LEAST_ROOM) + self.coding
 
 
-def period_of(settings: Mapping[str, Any], source_rate: float) -> float:
-    """The time from an image to the next one, or LATEST if that is less [s].
-
-    :param source_rate: of images; inf: not known [Hz]
-    """
-    rate: float = min(settings['rate'], source_rate)
+def period_of(rate: float) -> float:
+    """The time from an image to the next one at a rate [Hz], or LATEST if that is less [s]."""
     return min(1 / rate, LATEST)
 
 

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Images as raw pixels in interleaved segments (D6.3, section 4): every datagram shows the image, at low resolution."""
-import math
 from typing import Any, Dict, List, Mapping, NamedTuple, Optional
 
 import numpy as np
@@ -12,9 +11,11 @@ from ...mission.settings import Settings
 from ...msg import ImageSegment
 from ...udpros.datagram import IP_UDP_HEADERS
 from ...udpros.frame import Frame
+from ..encoder import LinkView
 from ..segments import as_bytes, room, write_header
 from ..subimages import subimage_frames, write_subimages
-from .image_size import Bound
+from .coding import Coded, Coding
+from .image_size import Bound, Grant
 
 
 class _Requested(NamedTuple):
@@ -25,17 +26,14 @@ class _Requested(NamedTuple):
     """[byte of IP packet]"""
 
 
-class InterleavedImages:
-    """Encodes images, and knows the size of the last one. `encode` is called by one thread, the others by any."""
-    CODING, BACKLOG, base, coding_time, error = 'interleaved', None, 1, 0.0, math.nan
+class InterleavedImages(Coding):
+    """Encodes images, and knows the size of the last one."""
+    CODING = 'interleaved'
 
     def __init__(self) -> None:
         self._requested: Optional[_Requested] = None
-        self.bound = Bound.EXACT
-        """What decided the size of the last image."""
 
     def operating_points(self, rate: float, settings: Settings) -> List[OperatingPoint]:
-        """As Encoder.operating_points."""
         if self._requested is None:
             return []
         return image_points(rate, *self._requested, settings.requested['degradation_preference'])
@@ -51,20 +49,17 @@ class InterleavedImages:
         # the requested max_subimages stays in effect: 0 would be all subimages
         return {name: value for name, value in point.items() if name != 'max_subimages'}
 
-    def encode(self, message: Any, settings: Settings, max_datagram_size: int, most: float = math.inf) -> List[Frame]:
-        """As Encoder.encode.
-
-        :param most: of all datagrams on the air, but for one [byte]
-        """
+    def encode(self, message: Any, settings: Settings, link: LinkView, granted: Grant, began: float) -> Coded:
+        """Whatever is granted, all subimages are sent that leave within `air_time`."""
         items = _items(message, settings['scale'])
         frame_id, encoding = message.header.frame_id.encode(), message.encoding.encode()
         cut, per_segment = interleave.fit(items.shape[0], items.shape[1], items.dtype.itemsize,
-                                          room(ImageSegment, max_datagram_size, frame_id, encoding))
+                                          room(ImageSegment, link.datagram_size, frame_id, encoding))
         total, requested = (min(values['max_subimages'] or len(cut), len(cut))
                             for values in (settings, settings.requested))
-        if most < math.inf:
-            total = min(total, per_segment * max(1, int(most / (max_datagram_size + IP_UDP_HEADERS))))
-        self.bound = Bound.EXACT if total == len(cut) else Bound.ROOM
+        if settings['air_time']:
+            most = settings['air_time'] * link.outlook.room
+            total = min(total, per_segment * int(max(1.0, min(most / (link.datagram_size + IP_UDP_HEADERS), total))))
         subimages = cut.split(items).reshape(len(cut), -1).view(np.uint8)[:total]
         parts = subimage_frames(ImageSegment, subimages, per_segment, {
             'header.frame_id': len(frame_id), 'encoding': len(encoding)})
@@ -77,7 +72,7 @@ class InterleavedImages:
             records['is_bigendian'], records['total'] = bool(message.is_bigendian), total
         frames: List[Frame] = [frame for _, frame in parts]
         self._requested = _Requested(requested, per_segment, frames[0].datagram_size + IP_UDP_HEADERS)
-        return frames
+        return Coded(frames, Bound.EXACT if total == len(cut) else Bound.ROOM)
 
 
 def _items(message: Any, scale: int) -> Array:

@@ -8,8 +8,7 @@ import numpy as np
 from ...arrays import Array, BoolArray, IntArray, UInt8Array
 from ...codecs.layered.layout import most_bytes
 from ...codecs.layered.pieces import MAX_LAYERS, Layer, Restorer, check, parts_of
-from .coded_shape import coded_shape
-from .pixel_layers import Layerable, restored
+from .pixel_layers import Layerable, coded_shape, restored
 from .references import CodedImage, ends_of, split_motion
 from .size_guard import SizeGuard
 

@@ -17,15 +17,15 @@ from ...mission.settings import Settings
 from ...msg import LayeredSegment
 from ...udpros.datagram import IP_UDP_HEADERS
 from ...udpros.frame import Frame
+from ..encoder import LinkView
 from ..outlook import Outlook
-from ..segments import as_bytes, room, write_header
-from .coded_shape import shape_of
+from ..segments import LAYERS, as_bytes, room, write_header
+from .coding import Coded, CompressedImages
 from .coding_time import CodingTime
-from .compressed_images import CompressedImages
 from .freshness import MotionMeter, Repeats
 from .held_by_all import HeldByAll
 from .image_size import GOOD_ERROR, LEAST_BYTES, MORE, SPARE, Bound, Costs, Grant, age_cost, choose
-from .pixel_layers import Layerable, layerable
+from .pixel_layers import Layerable, layerable, shape_of
 from .prediction import SAVES, Prediction, Predictor
 from .references import CodedImage, ends_of, with_motion
 
@@ -76,6 +76,7 @@ class LayeredImages(CompressedImages):
     def __init__(self, held: HeldByAll, session: Callable[[], int], clock: Callable[[], float] = lambda: 0.0) -> None:
         super().__init__()
         self._clock, self._time = clock, CodingTime()
+        self._error = math.inf                      # rms error of the last image of a scene [count]
         self._foreseen = math.inf                   # no more is coded of the next image of a scene that moves [byte]
         self._predictor = Predictor(session, held)
         self._stream_size: Optional[float] = None   # of a complete stream of an image like the last one [byte]
@@ -83,68 +84,86 @@ class LayeredImages(CompressedImages):
         self._shape: Tuple[Any, ...] = ()           # what it depends on
         self._motion, self._repeats = MotionMeter(), Repeats()
 
-    def encode(self, message: Any, settings: Settings, max_datagram_size: int, outlook: Outlook, granted: Grant,
-               recipients: Tuple[Collection[str], float] = ((), 0.0)) -> List[Frame]:
-        """As Encoder.encode.
+    def encode(self, message: Any, settings: Settings, link: LinkView, granted: Grant, began: float) -> Coded:
+        job = self._job(message, settings, link, granted, began)
+        found = self._compressed(job, settings)
+        chosen = self._chosen(job, found)
+        frame, base = self._protected(job, found, chosen, settings)
+        self._time.done(self._clock() - began)
+        self.coding_time = self._time.image
+        return Coded([frame], chosen.bound, self._error, base)
 
-        :param outlook: what to expect of the link
-        :param recipients: names of the operators, and now, by a steady clock [s]
-        """
-        began = self._clock()
+    def _job(self, message: Any, settings: Settings, link: LinkView, granted: Grant, began: float) -> '_Job':
+        """The image, how fast it becomes outdated, and what it may take."""
         source, stamp = layerable(message, settings['scale'], settings['depth_unit']), message.header.stamp.to_sec()
         self._forget_others(source, settings)
         self._repeats.add(source.pixels, source.classes)
         self._motion.add(source.pixels, stamp, source.classes)
         growth = 0.0 if granted.bound is Bound.AIR_TIME else self._motion.growth
         texts = message.header.frame_id.encode(), source.encoding.encode()
-        datagrams = Datagrams.of(max_datagram_size, room(LayeredSegment, max_datagram_size, *texts))
+        datagrams = Datagrams.of(link.datagram_size, room(LayeredSegment, link.datagram_size, *texts))
         # no image takes more than its pixels, but for what it is protected by
-        most = source.pixels.nbytes * datagrams.protected(outlook.loss(RESERVE))
+        most = source.pixels.nbytes * datagrams.protected(link.outlook.loss(RESERVE))
         granted = granted._replace(size=max(min(granted.size, most), datagrams.least))
-        prediction = self._predicted(source, stamp, growth, recipients)
-        stream, useful = self._compress(source, prediction, settings, datagrams.carried(granted.size), growth, outlook)
+        return _Job(message, source, stamp, texts, growth, datagrams, granted, link.outlook, link.operators(LAYERS),
+                    began)
+
+    def _compressed(self, job: '_Job', settings: Settings) -> '_Compressed':
+        """The stream of an image, predicted where that saves anything."""
+        prediction = self._predicted(job)
+        stream, useful = self._stream(job, prediction, settings)
         if prediction is not None:
             self._predictor.saved(stream.saved)
-        prediction = prediction if stream.predicted else None
-        ends, errors = _useful(stream, settings['max_quality'], source.pixels.itemsize)
-        self._estimate(source, prediction, stream, int(ends[-1]), datagrams, outlook)
-        costs = Costs(datagrams.protected(outlook.loss(LIKELY)), self._time.per_byte, outlook.room)
-        points, square = choose(ends, np.maximum(errors, 0) / stream.cells, stream.cells, growth, costs,
-                                GOOD_ERROR if source.pixels.itemsize == 1 else 0.0)
-        self.error = math.sqrt(square)
-        self.bound = _bound_of(stream, points, len(ends), useful, granted)
-        needed = float(ends[points - 1])
-        self._foreseen = needed * {Bound.FRESHNESS: SPARE, Bound.CODING: MORE}.get(self.bound, math.inf)
-        budget = granted.size
-        if self.bound is not granted.bound:
-            protected = needed / CERTAIN_FIT * datagrams.protected(outlook.loss(RESERVE))
-            sure = sure_size(outlook.air.losses, outlook.air.burst, datagrams.head)
-            budget = max(min(budget, max(protected, sure)), datagrams.least)
-        ends, errors = ends[:points] + len(_beginning(prediction)), errors[:points]
-        floor = None if source.pixels.itemsize > 1 else max(FLOOR, _error_of(settings['max_quality'], 1))
-        plan = best_plan(ends, worth(errors, stream.cells, floor), int(budget), outlook.air.losses, outlook.air.burst,
-                         datagrams.head, datagrams.room)
-        stream, layer_errors = stream.cut(points), _layer_errors(plan, ends, errors, stream.cells)
-        frame = _frame(message, source, plan, protect(_beginning(prediction) + stream.data, plan), texts, layer_errors)
-        self.base = plan.layers[0].threshold
-        self._predictor.describe(frame.records, prediction)
-        known = _in_proportion(layer_errors, float(errors[0]) / stream.cells, prediction)
-        self._predictor.sent(_coded(source, prediction, stream, plan), known, _likely(plan, outlook), prediction, stamp,
-                             *recipients)
-        self._time.done(self._clock() - began)
-        self.coding_time = self._time.image
-        return [frame]
+        good = np.flatnonzero(stream.errors <= _error_of(settings['max_quality'], job.itemsize) * stream.cells)
+        stop = int(good[0]) + 1 if len(good) else len(stream.ends)
+        self._estimate(job, stream, int(stream.ends[stop - 1]))
+        return _Compressed(stream, prediction if stream.predicted else None, useful, stop)
 
-    def _predicted(self, source: Layerable, stamp: float, growth: float,
-                   recipients: Tuple[Collection[str], float]) -> Optional[Prediction]:
+    def _chosen(self, job: '_Job', found: '_Compressed') -> '_Chosen':
+        """How much of a stream is sent, and what that may take."""
+        stream, granted, outlook = found.stream, job.granted, job.outlook
+        ends = stream.ends[:found.good]
+        costs = Costs(job.datagrams.protected(outlook.loss(LIKELY)), self._time.per_byte, outlook.room)
+        points, square = choose(ends, np.maximum(stream.errors[:found.good], 0) / stream.cells, stream.cells,
+                                job.growth, costs, GOOD_ERROR if job.itemsize == 1 else 0.0)
+        self._error = math.sqrt(square)
+        bound = _bound_of(found, points, granted)
+        needed = float(ends[points - 1])
+        self._foreseen = needed * {Bound.FRESHNESS: SPARE, Bound.CODING: MORE}.get(bound, math.inf)
+        budget = granted.size
+        if bound is not granted.bound:
+            protected = needed / CERTAIN_FIT * job.datagrams.protected(outlook.loss(RESERVE))
+            sure = sure_size(outlook.air.losses, outlook.air.burst, job.datagrams.head)
+            budget = max(min(budget, max(protected, sure)), job.datagrams.least)
+        return _Chosen(points, bound, int(budget))
+
+    def _protected(self, job: '_Job', found: '_Compressed', chosen: '_Chosen', settings: Settings
+                   ) -> Tuple[Frame, int]:
+        """The datagrams of an image, and how many of them show something of it."""
+        stream, prediction, air = found.stream.cut(chosen.points), found.prediction, job.outlook.air
+        beginning = with_motion(prediction.motion, b'') if prediction else b''
+        ends, errors = found.stream.ends[:chosen.points] + len(beginning), found.stream.errors[:chosen.points]
+        floor = None if job.itemsize > 1 else max(FLOOR, _error_of(settings['max_quality'], 1))
+        plan = best_plan(ends, worth(errors, stream.cells, floor), chosen.budget, air.losses, air.burst,
+                         job.datagrams.head, job.datagrams.room)
+        layer_errors = _layer_errors(plan, ends, errors, stream.cells)
+        frame = _frame(job, plan, protect(beginning + stream.data, plan), layer_errors)
+        self._predictor.describe(frame.records, prediction)
+        coded = CodedImage(shape_of(job.source.pixels), stream.prefixes,
+                           [end - len(beginning) for end in ends_of(plan.layers, plan.count)])
+        known = _in_proportion(layer_errors, float(errors[0]) / stream.cells, prediction)
+        self._predictor.sent(coded, known, _likely(plan, job.outlook), prediction, job.stamp, job.operators, job.began)
+        return frame, plan.layers[0].threshold
+
+    def _predicted(self, job: '_Job') -> Optional[Prediction]:
         """What the image is to be coded against; None: nothing, or to predict it takes so long that the scene has moved
         by more than that could save, or the last predictions saved little."""
-        if (age_cost(growth, self._time.prediction) > self.error ** 2
+        if (age_cost(job.growth, self._time.prediction) > self._error ** 2
                 or not self._predictor.worth_trying(self._repeats.count)):
             return None
         began = self._clock()
-        prediction = self._predictor.predict(source.pixels, stamp, self._motion.growth, *recipients,
-                                             self._repeats.count)
+        prediction = self._predictor.predict(job.source.pixels, job.stamp, self._motion.growth, job.operators,
+                                             job.began, self._repeats.count)
         self._time.predicted(self._clock() - began)
         return prediction
 
@@ -153,22 +172,20 @@ class LayeredImages(CompressedImages):
         shape = (source.pixels.shape, source.encoding, source.depth_unit, settings['scale'], settings['max_quality'])
         if shape != self._shape:
             self._shape, self._stream_size, self._motion = shape, None, MotionMeter()
-            self._foreseen = self.error = math.inf
+            self._foreseen = self._error = math.inf
             self._predictor.begin()
 
-    def _compress(self, source: Layerable, prediction: Optional[Prediction], settings: Settings, carried: float,
-                  growth: float, outlook: Outlook) -> Tuple[image.LayeredStream, int]:
-        """The stream of an image, exact where all of it is likely to arrive, and how long a useful one is, at most.
-
-        :param carried: by the datagrams that it is granted [byte]
-        """
+    def _stream(self, job: '_Job', prediction: Optional[Prediction], settings: Settings
+                ) -> Tuple[image.LayeredStream, int]:
+        """The stream of an image, exact where all of it is likely to arrive, and how long a useful one is, at most."""
         if prediction is not None:
             size: Optional[float] = prediction.exact_size
         else:
             size = None if self._was_predicted else self._stream_size
-        useful = max(int(min(1.0, LUCKIER * (1 - outlook.loss(LUCKY))) * carried), LEAST_BYTES)
-        coded = max(int(min(useful, self._foreseen)), LEAST_BYTES) if growth else useful
-        fits = size is not None and size <= min(CERTAIN_FIT * carried * (1 - outlook.loss(LIKELY)), coded)
+        source, loss, carried = job.source, job.outlook.loss, job.datagrams.carried(job.granted.size)
+        useful = max(int(min(1.0, LUCKIER * (1 - loss(LUCKY))) * carried), LEAST_BYTES)
+        coded = max(int(min(useful, self._foreseen)), LEAST_BYTES) if job.growth else useful
+        fits = size is not None and size <= min(CERTAIN_FIT * carried * (1 - loss(LIKELY)), coded)
         # while images are repeated the exact transform refines them: the coefficients that one image leaves are what
         # the next one codes, as its analysis undoes its synthesis exactly
         refining = prediction is not None and self._repeats.count > 0
@@ -178,15 +195,17 @@ class LayeredImages(CompressedImages):
         self._time.coded(stream.cells, len(stream.data), self._clock() - began)
         return stream, useful
 
-    def _estimate(self, source: Layerable, prediction: Optional[Prediction], stream: image.LayeredStream, useful: int,
-                  datagrams: 'Datagrams', outlook: Outlook) -> None:
-        """Estimate the size of a complete image."""
+    def _estimate(self, job: '_Job', stream: image.LayeredStream, useful: int) -> None:
+        """Estimate the size of a complete image.
+
+        :param useful: what is useful of its stream [byte]
+        """
         size = _complete(stream, useful)
         # one that saves little is like none: the images after it are coded without
         self._stream_size, self._was_predicted = size / (1 - stream.saved), stream.saved >= SAVES
-        protected = datagrams.protected(outlook.loss(RESERVE))
+        protected = job.datagrams.protected(job.outlook.loss(RESERVE))
         self._fair_size = FAIR_BITS / 8 * stream.cells * protected
-        self._note_size(min(size / CERTAIN_FIT, source.pixels.nbytes) * protected)
+        self._note_size(min(size / CERTAIN_FIT, job.source.pixels.nbytes) * protected)
 
 
 class Datagrams(NamedTuple):
@@ -216,24 +235,61 @@ class Datagrams(NamedTuple):
         return (1 + overhead) / max(1 - loss, 1 - MOST_LOSS)
 
 
-def _bound_of(stream: image.LayeredStream, points: int, good: int, useful: int, granted: Grant) -> Bound:
-    """What decided that so many truncation points of a stream are sent.
+class _Job(NamedTuple):
+    """An image to be coded."""
+    message: Any
+    """sensor_msgs/Image."""
+    source: Layerable
+    stamp: float
+    """[s]"""
+    texts: Tuple[bytes, bytes]
+    """frame_id and encoding."""
+    growth: float
+    """Of its mean squared error with its age; 0: its size does not depend on that [count^2/s]."""
+    datagrams: Datagrams
+    granted: Grant
+    outlook: Outlook
+    operators: Collection[str]
+    """Names of those that it is sent to."""
+    began: float
+    """When its coding began, by a steady clock [s]."""
 
-    :param good: with so many it is as good as max_quality demands, or that are all
-    :param useful: no longer stream would have been of use [byte]
-    """
-    if points < good:
+    @property
+    def itemsize(self) -> int:
+        """Of a value [byte]."""
+        return int(self.source.pixels.itemsize)
+
+
+class _Compressed(NamedTuple):
+    """What an image was coded into."""
+    stream: image.LayeredStream
+    prediction: Optional[Prediction]
+    useful: int
+    """No longer stream would have been of use [byte]."""
+    good: int
+    """With so many truncation points it is as good as max_quality demands, or that are all."""
+
+
+class _Chosen(NamedTuple):
+    """What is sent of a stream."""
+    points: int
+    """Truncation points."""
+    bound: Bound
+    """What decided it."""
+    budget: int
+    """What that may take on the air [byte]."""
+
+
+def _bound_of(found: _Compressed, points: int, granted: Grant) -> Bound:
+    """What decided that so many truncation points of a stream are sent."""
+    stream = found.stream
+    if points < found.good:
         return Bound.FRESHNESS
-    if good < len(stream.ends):
+    if found.good < len(stream.ends):
         return Bound.MAX_QUALITY
     if stream.errors[-1] == 0:
         return Bound.EXACT
-    return Bound.CODING if len(stream.data) < useful else granted.bound
-
-
-def _beginning(prediction: Optional[Prediction]) -> bytes:
-    """What is before the codec's stream."""
-    return with_motion(prediction.motion, b'') if prediction else b''
+    return Bound.CODING if len(stream.data) < found.useful else granted.bound
 
 
 def _in_proportion(errors: List[float], first: float, prediction: Optional[Prediction]) -> List[float]:
@@ -250,13 +306,6 @@ def _likely(plan: Plan, outlook: Outlook) -> int:
     """How many layers of an image are restored with the probability OFTEN, at least."""
     restored = survival(plan.count, outlook.air.losses, outlook.air.burst)
     return sum(bool(restored[layer.threshold - 1] >= OFTEN) for layer in plan.layers)
-
-
-def _coded(source: Layerable, prediction: Optional[Prediction], stream: image.LayeredStream, plan: Plan) -> CodedImage:
-    """An image as its receivers get it."""
-    before = len(_beginning(prediction))
-    return CodedImage(shape_of(source.pixels), stream.prefixes,
-                      [end - before for end in ends_of(plan.layers, plan.count)])
 
 
 def _complete(stream: image.LayeredStream, useful: int) -> float:
@@ -282,13 +331,6 @@ def _error_of(max_quality: float, itemsize: int) -> float:
     return peak ** 2 / 10 ** (max_quality / 10) if max_quality else 0.0
 
 
-def _useful(stream: image.LayeredStream, max_quality: float, itemsize: int) -> Tuple[IntArray, FloatArray]:
-    """(ends, errors) of the stream up to the first one that is good enough."""
-    good = np.flatnonzero(stream.errors <= _error_of(max_quality, itemsize) * stream.cells)
-    stop = int(good[0]) + 1 if len(good) else len(stream.ends)
-    return stream.ends[:stop], stream.errors[:stop]
-
-
 def _layer_errors(plan: Plan, ends: IntArray, errors: FloatArray, cells: int) -> List[float]:
     """The mean squared error of the image once each layer is restored [count^2]."""
     points = np.maximum(np.searchsorted(ends, ends_of(plan.layers, plan.count), 'right') - 1, 0)
@@ -296,15 +338,13 @@ def _layer_errors(plan: Plan, ends: IntArray, errors: FloatArray, cells: int) ->
     return found
 
 
-def _frame(message: Any, source: Layerable, plan: Plan, pieces: UInt8Array, texts: Tuple[bytes, bytes],
-           errors: List[float]) -> Frame:
+def _frame(job: _Job, plan: Plan, pieces: UInt8Array, errors: List[float]) -> Frame:
     """The datagrams of an image; what they say about its reference is still missing.
 
     :param pieces: (count, s) uint8
-    :param texts: frame_id and encoding
     :param errors: mean squared errors once each layer is restored [count^2]
     """
-    layers = len(plan.layers)
+    message, source, texts, layers = job.message, job.source, job.texts, len(plan.layers)
     frame = Frame(LayeredSegment, plan.count, {
         'header.frame_id': len(texts[0]), 'encoding': len(texts[1]), 'thresholds': layers, 'sizes': layers,
         'errors': layers, 'data': pieces.shape[1]})

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The pixels of a sensor_msgs/Image as the codec of layered images takes them."""
+"""Which images can be sent in layers, and their pixels as the codec takes them."""
+import math
 from typing import Any, NamedTuple, Optional
 
 import numpy as np
@@ -7,6 +8,7 @@ import numpy as np
 from ...arrays import Array, UInt8Array
 from ...codecs.layered.layout import MAX_CELLS
 from ...codecs.wire import pixels
+from ...codecs.wire.interleave import MAX_SIDE
 
 DEPTH = '32FC1'
 """The encoding that crosses as counts of `depth_unit`."""
@@ -31,6 +33,42 @@ class Layerable(NamedTuple):
     """As the receiver publishes it."""
     depth_unit: float
     """Of a count [m]; 0: it is no depth."""
+
+
+class CodedShape(NamedTuple):
+    """What is coded of an image."""
+    height: int
+    width: int
+    channels: int
+    itemsize: int
+    """Of a cell [byte]."""
+
+    @property
+    def cells(self) -> int:
+        return self.height * self.width * self.channels
+
+
+def shape_of(array: Array) -> CodedShape:
+    """The shape of an image as the codec takes it: (height, width) or (height, width, channels)."""
+    height, width = array.shape[:2]
+    return CodedShape(height, width, 1 if array.ndim == 2 else array.shape[2], array.itemsize)
+
+
+def coded_shape(height: int, width: int, encoding: str, depth_unit: float) -> CodedShape:
+    """What is coded of an image.
+
+    :param depth_unit: of 32FC1 the depth of a count [m], of others 0
+    :raises ValueError: it cannot be sent in layers
+    """
+    if encoding not in LAYERED:
+        raise ValueError('encoding is %r, must be one of %s' % (encoding, ', '.join(LAYERED)))
+    if not (0 < depth_unit < math.inf if encoding == DEPTH else depth_unit == 0):
+        raise ValueError('depth_unit is %r, the encoding %s' % (depth_unit, encoding))
+    for name, side in (('height', height), ('width', width)):
+        if not 1 <= side <= MAX_SIDE:
+            raise ValueError('%s is %d, must be from 1 to %d' % (name, side, MAX_SIDE))
+    item, channels = pixels.pixel_type(encoding)
+    return CodedShape(height, width, channels, min(item.itemsize, 2))
 
 
 def cannot_be_layered(message: Any, scale: int, depth_unit: float) -> Optional[str]:

@@ -10,8 +10,8 @@ from typing import Callable, Collection, Deque, Dict, List, Mapping, NamedTuple,
 
 from ...arrays import Array, Records
 from ...codecs.layered import differences, motion
-from .coded_shape import shape_of
 from .held_by_all import HeldByAll
+from .pixel_layers import shape_of
 from .references import CodedImage, References
 
 SAMPLED = 4

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...arrays import Array
 from ...codecs.layered.pieces import Layer
-from .coded_shape import CodedShape
+from .pixel_layers import CodedShape
 
 if TYPE_CHECKING:
     from ...codecs.layered.prefixes import Prefixes  # compiled
@@ -100,9 +100,6 @@ class References:
 
     def __init__(self) -> None:
         self._images: OrderedDict[Key, CodedImage] = OrderedDict()
-
-    def __contains__(self, key: Key) -> bool:
-        return key in self._images
 
     def add(self, key: Key, image: CodedImage) -> None:
         """Keep an image, in place of the oldest ones where there are too many."""

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """When a video image is not predicted from others: for an operator that joins, and after a long loss.
 
-Operators report which images they hold (video_sequence.py). Without losses each image is held soon after it was sent.
+Operators report which images they hold (video_receiver.py). Without losses each image is held soon after it was sent.
 The refresh that goes on all the time repairs single losses within a few images; it is too slow where an operator holds
 nothing at all, or has received nothing for long. An image that is not predicted is much coarser for all operators, so
 they cannot ask for it often.

@@ -10,7 +10,7 @@ from sensor_msgs.msg import CompressedImage, Image
 
 from ...arrays import Array
 from ...codecs.wire import bayer, compressed, pixels
-from .region import Region, parse, whole
+from .camera_info import Region, parse_region, whole
 
 ACCEPTED = Image, CompressedImage
 """Classes of the source's messages."""
@@ -42,7 +42,7 @@ def source_image(message: Any, settings: Mapping[str, Any]) -> SourceImage:
     if mosaic and min(height, width) < 2:
         raise ValueError('encoding is %s, but the image is %d x %d pixels, less than one cell of 2 x 2' % (
             encoding, width, height))
-    region = (parse(settings['region']) or whole(height, width)).within(height, width, mosaic)
+    region = (parse_region(settings['region']) or whole(height, width)).within(height, width, mosaic)
     if (message._type == Image._type and encoding == message.encoding and region == whole(height, width) and not mosaic
             and not problem):
         return SourceImage(message, region, height, width)

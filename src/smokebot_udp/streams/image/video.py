@@ -7,8 +7,7 @@ import numpy as np
 
 from ...arrays import BoolArray, IntArray, UInt8Array
 from ...codecs.video.protection import restore
-from .coded_shape import CodedShape, coded_shape
-from .pixel_layers import WITHOUT_ALPHA, cannot_be_layered
+from .pixel_layers import WITHOUT_ALPHA, CodedShape, cannot_be_layered, coded_shape
 from .size_guard import SizeGuard
 
 INTRA = 1

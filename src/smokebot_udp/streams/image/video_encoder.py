@@ -6,7 +6,7 @@ Importing this module loads PyAV, and the compiled codec.
 import itertools
 import math
 import threading
-from typing import Any, Callable, Collection, Iterable, List, NamedTuple, Optional, Tuple
+from typing import Any, Callable, Iterable, List, NamedTuple, Optional, Tuple
 
 import numpy as np
 
@@ -22,18 +22,23 @@ from ...mission.settings import Settings
 from ...msg import VideoSlice
 from ...udpros.datagram import IP_UDP_HEADERS
 from ...udpros.frame import Frame
+from ..encoder import LinkView
 from ..frame_assembler import MAX_WAIT
 from ..held import Holding
 from ..outlook import Outlook
-from ..segments import as_bytes, room, size_on_air, write_header
-from .compressed_images import CompressedImages
+from ..segments import VIDEO, as_bytes, room, size_on_air, write_header
+from .coding import Coded, CompressedImages
 from .image_size import LEAST_BYTES, Bound, Grant
 from .pixel_layers import Layerable, layerable
 from .refresh_requests import RefreshRequests
 from .video import INTRA
+from .video_error import NO_IMAGE, SAMPLED, UNKNOWN_CHANGE
 
 PARAMETER_SETS = 48
 """Room for them in each datagram [byte]."""
+
+LEAST_DATAGRAM = 1024
+"""Datagrams are not shorter than this on slow links: libx264 makes no shorter slices [byte of UDP payload]."""
 
 PADDED = 8
 """Slices are padded with zeros to a multiple of this: the layouts of datagrams are few [byte]."""
@@ -57,15 +62,8 @@ LIKELY, MOST_LOSS = 0.7, 0.7
 """A complete image is protected against losses that are not exceeded with that probability, at most against this one.
 """
 
-UNKNOWN_CHANGE = 100.0
-"""Mean squared difference of two successive images before it is measured [count^2]."""
-
 UNKNOWN_ERROR = 10.0
 """Mean squared error of a coded image before there is one [count^2]."""
-
-LOST_BEGINNING = 2000.0
-"""Of an image that is not predicted, the mean squared error where it is lost: there is nothing to take the place of it
-[count^2]."""
 
 BEGINNING_PARITY, BEGINNING_MORE = 0.6, 1.25
 """A beginning may have so many parity pieces for each slice, or so many times those of other images if that is more,
@@ -77,9 +75,6 @@ brings them back [bit per pixel]."""
 
 SMOOTHING = 0.3
 """Weight of the newest image."""
-
-SAMPLED = 8
-"""Every eighth row and column is compared with the last image's."""
 
 
 class _Coder:
@@ -165,16 +160,16 @@ class VideoImages(CompressedImages):
     def held(self, operator: str, holding: Holding, now: float) -> None:
         """As Encoder.held.
 
-        :param now: by a steady clock, as below [s]
+        :param now: by the clock of `encode` [s]
         """
         with self._lock:
             self._requests.held(operator, holding, now)
 
     @staticmethod
-    def fits(message: Any, max_datagram_size: int) -> bool:
+    def fits(message: Any, link: LinkView) -> bool:
         """Whether datagrams have room for the slices of an image."""
         try:
-            sizes_of(max_datagram_size, message.header.frame_id.encode(), message.encoding.encode())
+            sizes_of(_datagram_size(link), message.header.frame_id.encode(), message.encoding.encode())
         except ValueError:
             return False
         return True
@@ -188,28 +183,22 @@ class VideoImages(CompressedImages):
         self._has_room = room >= (LEAST_BITS if self._has_room else ENOUGH_BITS) / 8 * area
         return self._has_room
 
-    def encode(self, message: Any, settings: Settings, max_datagram_size: int, outlook: Outlook, granted: Grant,
-               operators: Collection[str], now: float) -> List[Frame]:
-        """As Encoder.encode. Empty where an image is too large to arrive in time: the refresh repairs it.
-
-        :param outlook: what to expect of the link
-        :param operators: names of those that video is sent to
-        """
-        source = layerable(message, settings['scale'], 0.0)
+    def encode(self, message: Any, settings: Settings, link: LinkView, granted: Grant, began: float) -> Coded:
+        """Without frames where an image is too large to arrive in time: the refresh repairs it."""
+        source, outlook = layerable(message, settings['scale'], 0.0), link.outlook
         texts = message.header.frame_id.encode(), source.encoding.encode()
-        sizes, link = sizes_of(max_datagram_size, *texts), Link(outlook.air.losses, outlook.air.burst)
+        sizes, losses = sizes_of(_datagram_size(link), *texts), Link(outlook.air.losses, outlook.air.burst)
         self._compare(source.pixels[::SAMPLED, ::SAMPLED].astype(np.float32))
         # the parameter sets are in one datagram
         whole = self._whole(source, outlook, sizes)
-        self.bound = granted.bound if granted.size < whole else Bound.MAX_QUALITY
+        bound = granted.bound if granted.size < whole else Bound.MAX_QUALITY
         budget = min(granted.size, whole) - PARAMETER_SETS
-        plan = video_rate.plan(budget, sizes, self._scene(), link, self._parities)
+        plan = video_rate.plan(budget, sizes, self._scene(), losses, self._parities)
         coder, self._parities = self._prepared(source, sizes, plan), plan.division.parities
         with self._lock:
-            self._requests.serve(operators, now)
+            self._requests.serve(link.operators(VIDEO), began)
             intra = self._requests.wanted()
         coded = coder.encode(source, plan.division.size, intra)
-        self.error = coder.error
         beginning = coded.intra and coder.refresh > video_rate.EACH
         if beginning or not self._pictures:     # who loses it holds nothing that the next ones are predicted from
             self._number, self._pictures = self._new_session(), 0
@@ -217,11 +206,11 @@ class VideoImages(CompressedImages):
         slices = [unit + bytes(-len(unit) % PADDED) for unit in coded.slices]
         scene = self._scene()
         if beginning:
-            scene = scene._replace(change=LOST_BEGINNING, refresh=2 * scene.refresh)
+            scene = scene._replace(change=NO_IMAGE, refresh=2 * scene.refresh)
         most = max(MAX_WAIT * outlook.room, TOO_LARGE * budget)
         planned = _beginning_parities(slices, most, sizes, plan.division) if beginning else plan.division.parities
         image = _Image(self._number, self._pictures, coder.refresh, coded, coder.error,
-                       slices + _parity(slices, budget, planned, sizes, scene, link))
+                       slices + _parity(slices, budget, planned, sizes, scene, losses))
         self._pictures += 1
         frames = list(_frames(message, source, image, texts))
         if not beginning:
@@ -229,11 +218,11 @@ class VideoImages(CompressedImages):
         if size_on_air(frames) > most:
             if beginning:
                 with self._lock:
-                    self._requests.too_large(now)
-            return []
+                    self._requests.too_large(began)
+            return Coded([], bound, coder.error)
         with self._lock:
-            self._requests.sent(image.session, image.picture, coded.intra, now)
-        return frames
+            self._requests.sent(image.session, image.picture, coded.intra, began)
+        return Coded(frames, bound, coder.error)
 
     def _whole(self, source: Layerable, outlook: Outlook, sizes: Sizes) -> float:
         """What a complete image takes on the air [byte]; notes it."""
@@ -267,6 +256,10 @@ class VideoImages(CompressedImages):
     def _scene(self) -> Scene:
         return Scene(self._coding_error, UNKNOWN_CHANGE if self._change is None else self._change,
                      self._coder.refresh if self._coder else video_rate.LONG, video_rate.intra_cost(self._ratio))
+
+
+def _datagram_size(link: LinkView) -> int:
+    return max(link.datagram_size, min(link.longest_datagram, LEAST_DATAGRAM))
 
 
 def _beginning_parities(slices: List[bytes], most: float, sizes: Sizes, usual: Division) -> int:

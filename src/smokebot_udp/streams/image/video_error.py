@@ -14,7 +14,7 @@ import numpy as np
 from ...arrays import UInt8Array
 
 SAMPLED = 8
-"""Every eighth row and column is compared with the last image's."""
+"""Every eighth row and column is compared with the last image's, on both sides."""
 
 MEASURED = 10
 """How fast the scene changes is the median of what was measured of so many images: where a part comes again after a
@@ -26,7 +26,8 @@ UNKNOWN_CHANGE = 100.0
 """Mean squared difference of two successive images before it is measured [count^2]."""
 
 NO_IMAGE = 2000.0
-"""Mean squared error of what stands for a part that was never received [count^2]."""
+"""Mean squared error of what stands for a part that was never received, or for a lost image that was not predicted:
+there is nothing to take its place [count^2]."""
 
 COMPARED = 0.5
 """Images of which a smaller share came do not say how fast the scene changes: most of them is the image before."""

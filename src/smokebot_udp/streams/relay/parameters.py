@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Settings of relays that both sides have in common, and those of reliable ones."""
+"""Settings of relays that both sides have in common: those of reliable ones (streams/reliable) are among them."""
 from typing import Any, Mapping
 
 from ...mission.parameters import Parameter
-from ..message_types import message_class
 
 LOG, DIAGNOSTICS = 'rosgraph_msgs/Log', 'diagnostic_msgs/DiagnosticArray'
 
@@ -36,29 +35,13 @@ RELAY = {
 }
 """Parameters of both sides."""
 
-UNUSED_IF_RELIABLE = frozenset({'rate', 'weight', 'min_bitrate', 'repeat_rate', 'max_share'})
-"""Settings of relays that reliable ones do not have."""
-
 
 def check(settings: Mapping[str, Any]) -> None:
     """Check what the tables cannot.
 
     :param settings: {name: value} of both sides' tables, each checked
-    :raises ValueError: where settings contradict each other, or the type of a reliable relay is unknown
+    :raises ValueError: where a setting is one of reliable relays
     """
-    if not settings['reliable']:
-        if settings['direction'] == TO_ROBOT:
-            raise ValueError('direction: to_robot needs reliable: true; what the robot obeys only while it is new, '
-                             'such as cmd_vel, is of type: command')
-        for setting in ('level', 'newest', 'needs_control'):
-            if settings[setting]:
-                raise ValueError('%s is %r: it needs reliable: true' % (setting, settings[setting]))
-        return
-    if settings['newest'] and settings['latch']:
-        raise ValueError('newest and latch are both true: latch keeps one message, newest one of each publisher')
-    if settings['needs_control'] and settings['direction'] != TO_ROBOT:
-        raise ValueError('needs_control is true: it needs direction: to_robot')
-    message_class(settings['message_type'])
-    if settings['level'] and settings['message_type'] != LOG:
-        raise ValueError('level is %r: message_type must be %s, not %s' % (
-            settings['level'], LOG, settings['message_type']))
+    for setting in ('level', 'newest', 'needs_control'):
+        if settings[setting]:
+            raise ValueError('%s is %r: it needs reliable: true' % (setting, settings[setting]))

@@ -7,8 +7,7 @@ import numpy as np
 
 from ...checksum import typed_checksum
 from ...msg import RelaySegment
-from ...packed import UNPACKED, pack, unpack
-from ...serialised import serialised
+from ...packed import UNPACKED, unpack
 from ...udpros.frame import Frame
 from ..segments import room
 
@@ -30,15 +29,6 @@ SEQ_MODULUS = 1 << 32
 def carried(message_class: Any) -> str:
     """Type and md5 sum of the messages of a relay, as transports compare them."""
     return '%s %s' % (message_class._type, message_class._md5sum)
-
-
-def relay_frame(message: Any, max_datagram_size: int) -> Frame:
-    """The segments that carry a ROS message.
-
-    :param max_datagram_size: [byte of UDP payload]
-    :raises ValueError: where it is longer than MAX_MESSAGE_SIZE, or than MAX_PARTS segments
-    """
-    return packed_frame(message._md5sum, pack(serialised(message)), max_datagram_size)
 
 
 def packed_frame(md5sum: str, packed: bytes, max_datagram_size: int, number: int = 0, before: bytes = b'') -> Frame:

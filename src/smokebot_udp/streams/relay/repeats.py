@@ -5,12 +5,13 @@ With a loss p one of two datagrams arrives with a probability of 1 - p^2, and th
 costs little, because a message resembles the one before: only what differs is sent (packed.pack_beside). Where much is
 lost, a copy of the datagram between two messages makes it 1 - p^3 within the same period.
 """
-from typing import Any, Callable, Counter, List, NamedTuple, Optional
+from typing import Any, Counter, List, NamedTuple, Optional
 
 from ...msg import RelaySegment
 from ...packed import pack, pack_beside, unpack_beside
 from ...serialised import serialised
 from ...udpros.frame import Frame
+from ..encoder import LinkView
 from ..segments import room
 from .parts import SEQ_MODULUS, packed_frame
 
@@ -37,12 +38,11 @@ class _Message(NamedTuple):
 class RepeatedMessages:
     """The frames of a stream's messages.
 
-    :param afford: as Encoder.afford
     :param number: of the first message
     """
 
-    def __init__(self, afford: Callable[[int, bool], bool], number: int = 0) -> None:
-        self._afford, self._number = afford, number
+    def __init__(self, number: int = 0) -> None:
+        self._number = number
         self._before: Optional[_Message] = None
         self._copied: List[_Message] = []
 
@@ -51,37 +51,36 @@ class RepeatedMessages:
         """Whether there is anything to copy."""
         return bool(self._copied)
 
-    def frames(self, messages: List[Any], max_datagram_size: int, repeat: bool) -> List[Frame]:
+    def frames(self, messages: List[Any], link: LinkView, repeat: bool) -> List[Frame]:
         """The frames of new messages, in order.
 
-        :param max_datagram_size: [byte of UDP payload]
         :param repeat: whether messages are repeated
         :raises ValueError: where one is too long
         """
         self._copied = []
-        return [self._frame(message, max_datagram_size, repeat) for message in messages]
+        return [self._frame(message, link, repeat) for message in messages]
 
-    def copies(self, max_datagram_size: int) -> List[Frame]:
+    def copies(self, link: LinkView) -> List[Frame]:
         """The frames of the last messages once more, as far as that can be afforded; they are copied once."""
         copied, self._copied = self._copied, []
-        frames = [packed_frame(one.md5sum, one.packed, max_datagram_size, one.number) for one in copied]
-        return [frame for frame in frames if len(frame) == 1 and self._afford(frame.datagram_size, True)]
+        frames = [packed_frame(one.md5sum, one.packed, link.datagram_size, one.number) for one in copied]
+        return [frame for frame in frames if len(frame) == 1 and link.afford(frame.datagram_size, True)]
 
-    def _frame(self, message: Any, max_datagram_size: int, repeat: bool) -> Frame:
+    def _frame(self, message: Any, link: LinkView, repeat: bool) -> Frame:
         data, number = serialised(message), self._number
         self._number = (number + 1) % SEQ_MODULUS
         packed = pack(data)
-        left = room(RelaySegment, max_datagram_size) - len(packed)
+        left = room(RelaySegment, link.datagram_size) - len(packed)
         before, self._before = self._before, None
         repeated = b''
         if repeat and left >= 0:
             if before is not None:
                 repeated = pack_beside(before.data, data)
-                if len(repeated) > left or not self._afford(len(repeated), False):
+                if len(repeated) > left or not link.afford(len(repeated), False):
                     repeated = b''
             self._before = _Message(number, message._md5sum, data, packed)
             self._copied.append(self._before)
-        return packed_frame(message._md5sum, packed, max_datagram_size, number, repeated)
+        return packed_frame(message._md5sum, packed, link.datagram_size, number, repeated)
 
 
 class MessageOrder:

@@ -13,7 +13,7 @@ from ...mission.settings import Settings
 from ...msg import ScanSegment
 from ...numpy_messages import numpy_msg
 from ...udpros.frame import Frame
-from ..encoder import Encoder
+from ..encoder import Encoded, Encoder, LinkView
 from ..parameters import ROBOT
 from ..segments import MAIN_PART, as_bytes, room, size_on_air, write_header
 from .fields import FIXED
@@ -34,13 +34,13 @@ class ScanEncoder(Encoder[Any]):
         'intensity': Parameter(False, '', 'send intensities, where the scan has them', live=True),
     }
 
-    def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Frame]:
+    def encode(self, message: Any, settings: Settings, link: LinkView) -> Encoded:
         message, problems = corrected(message)
         self.warnings += problems
         step = 0 if settings['exact'] else round(MICROMETRES * settings['resolution'])
-        frames = scan_frames(message, settings['intensity'], max_datagram_size, step)
+        frames = scan_frames(message, settings['intensity'], link.datagram_size, step)
         self.message_size = size_on_air(frames)
-        return frames
+        return Encoded(frames)
 
 
 def corrected(message: Any) -> Tuple[Any, List[str]]:

@@ -5,7 +5,7 @@ The method is that of the deliverable's reference [2], see codecs/perception/vir
 on the robot, for localisation and navigation. On the wire it is a scan stream like any other: its ranges are whole
 millimetres, so it takes two datagrams.
 """
-from typing import Any, List, Mapping, Optional
+from typing import Any, Mapping, Optional
 
 import numpy as np
 from sensor_msgs.msg import LaserScan, PointCloud2
@@ -17,8 +17,7 @@ from ...mission.parameters import Parameter
 from ...mission.settings import Settings
 from ...msg import ScanSegment
 from ...numpy_messages import numpy_msg
-from ...udpros.frame import Frame
-from ..encoder import Encoder
+from ..encoder import Encoded, Encoder, LinkView
 from ..parameters import ROBOT
 from ..scan.encoder import scan_frames
 from ..segments import MAIN_PART, size_on_air
@@ -85,7 +84,7 @@ class VirtualScanEncoder(Encoder[Any]):
         scan.header.stamp, scan.header.frame_id = message.header.stamp, frame
         return scan
 
-    def encode(self, message: Any, settings: Settings, max_datagram_size: int) -> List[Frame]:
-        frames = scan_frames(message, False, max_datagram_size, STEP)
+    def encode(self, message: Any, settings: Settings, link: LinkView) -> Encoded:
+        frames = scan_frames(message, False, link.datagram_size, STEP)
         self.message_size = size_on_air(frames)
-        return frames
+        return Encoded(frames)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The images of a video stream in their order: each is predicted from the ones before.
+"""Video images as they are received, in their order: each is predicted from the ones before.
 
 What was lost of an image is missing in those that follow, until the robot has coded all parts anew: at once in an image
 that is not predicted from others, with which a session begins, and else little by little, in `refresh` images. What is
@@ -13,13 +13,20 @@ others (refresh_requests.py).
 """
 import math
 from types import SimpleNamespace
-from typing import Counter, Mapping, Optional, Protocol
+from typing import Counter, Mapping, Optional, Protocol, Tuple
 
 from ...arrays import UInt8Array
+from ...codecs.concealment.successive import SuccessiveImages
 from ...codecs.layered.quality import UNKNOWN as UNKNOWN_ERROR
-from ...codecs.layered.quality import from_byte
+from ...codecs.layered.quality import from_byte, to_byte
 from ...codecs.video.decoder_request import Request
+from ...image_error import EIGHT_BITS, ImageError
+from ...mission.settings import Settings
+from ..frame_assembler import Frame
 from ..held import Holding
+from .assembled import DecodedImage, DecodingReceiver, image_message
+from .pixel_layers import Layerable, restored
+from .size_guard import SizeGuard
 from .video import INTRA, VideoImage
 from .video_error import VideoError
 
@@ -47,14 +54,20 @@ class Decoder(Protocol):
         """
 
 
-class VideoSequence:
-    """Decodes images, and knows what is held. Used by one thread.
+class VideoReceiver(DecodingReceiver[VideoImage]):
+    """Receives the video images of one stream.
 
-    :param dropped: {reason: count} of the images that are not shown, for reasons other than the decoder's
+    :param decoder: None: there is none, and nothing is shown
+    :param dropped: for reasons other than the decoder's
     """
+    HEAD = 'height', 'width', 'encoding', 'session', 'picture', 'sources', 'count', 'flags', 'refresh', 'error'
+    PARTS = 'parameter_sets', 'data'
+    MAX_FINISHED = 8    # those after a lost one are worse
 
-    def __init__(self, decoder: Decoder, dropped: Counter[str]) -> None:
-        self.dropped, self._decoder = dropped, decoder
+    def __init__(self, decoder: Optional[Decoder], guard: SizeGuard, successive: SuccessiveImages,
+                 dropped: Counter[str]) -> None:
+        super().__init__(guard, successive, dropped)
+        self._decoder = decoder
         self._session: Optional[int] = None
         self._picture = 0                       # number of the last image
         self._missing = 1.0                     # of the parts at the beginning
@@ -62,38 +75,49 @@ class VideoSequence:
         self._began = False                     # whether images are shown
         self._parameter_sets = b''              # of the session, as received last
         self._error = VideoError()
-        self.error = math.inf
-        """Estimated rms error of the last image; inf: not known [count]."""
-        self.holding: Optional[Holding] = None
-        """The newest images that are held; None: there was no image."""
 
-    def decode(self, head: SimpleNamespace, image: VideoImage) -> Optional[UInt8Array]:
-        """The pixels of the next image.
+    def begin(self, head: SimpleNamespace, now: float) -> VideoImage:
+        return VideoImage(head, self._guard, now)
 
-        :param head: of its datagrams
-        :return: as Decoder.decode; None: nothing can be shown
+    def assemble(self, finished: Frame[VideoImage], settings: Settings, still: bool, now: float
+                 ) -> Optional[DecodedImage]:
+        head, image = finished.head, finished.content
+        decoded = None if self._decoder is None else self._decoded(self._decoder, head, image)
+        if decoded is None:
+            return None
+        pixels, rms = decoded
+        self._guard.good(image.shape.cells, now)
+        message = image_message(head, restored(Layerable(pixels, None, head.encoding, 0.0), False), 0)
+        if math.isinf(rms):
+            return DecodedImage(message, head.stamp, image.completeness, image.completeness, pixels, None)
+        shown = DecodedImage(message, head.stamp, None, image.completeness, pixels, to_byte(rms))
+        shown.error = ImageError(rms, EIGHT_BITS)
+        return shown
+
+    def _decoded(self, decoder: Decoder, head: SimpleNamespace, image: VideoImage
+                 ) -> Optional[Tuple[UInt8Array, float]]:
+        """The pixels of the next image, as Decoder.decode, and their estimated rms error; inf: not known [count].
+
+        :return: None: nothing can be shown
         """
         slices = image.slices()
         if not slices:
-            self.dropped['image'] += 1
+            self._dropped['image'] += 1
             return None     # it counts as lost
         lost, shape = self._follow(head), image.shape
         self._parameter_sets = image.parameter_sets or self._parameter_sets
-        pixels = self._decoder.decode(Request(
+        pixels = decoder.decode(Request(
             head.session, shape.height, shape.width, shape.channels == 3, self._parameter_sets, slices))
         if pixels is None:
             self._begin_anew()
             return None
         self._refresh(head, lost, image.completeness)
-        self._estimate(head, pixels, lost, image.completeness)
+        # of each: what is missing in one image is missing in the next ones
+        damage = self._error.add(pixels, image.completeness, lost, bool(head.flags & INTRA), head.refresh)
         if not self._began:
-            self.dropped['before refresh'] += 1
-        return pixels if self._began else None
-
-    def _estimate(self, head: SimpleNamespace, pixels: UInt8Array, lost: int, share: float) -> None:
-        """Estimate the error of an image; of each, as what is missing in one is missing in the next ones."""
-        damage = self._error.add(pixels, share, lost, bool(head.flags & INTRA), head.refresh)
-        self.error = math.inf if head.error == UNKNOWN_ERROR else math.sqrt(from_byte(head.error) ** 2 + damage)
+            self._dropped['before refresh'] += 1
+            return None
+        return pixels, math.inf if head.error == UNKNOWN_ERROR else math.sqrt(from_byte(head.error) ** 2 + damage)
 
     def _follow(self, head: SimpleNamespace) -> int:
         """The number of images lost between the last one and this one; 0 for the first of a session."""
