@@ -21,7 +21,7 @@ from smokebot_udp.monitoring.sources import (
     problem_of,
 )
 from smokebot_udp.monitoring.stats import PAUSED, StreamStats
-from smokebot_udp.monitoring.status import ERROR
+from smokebot_udp.monitoring.status import ERROR, ROBOT
 from smokebot_udp.nodes import diagnostics, stream_problems
 from smokebot_udp.nodes.stream_problems import MAX_TEXT, StreamProblems
 from smokebot_udp.udpros import rpc
@@ -175,10 +175,11 @@ def test_the_diagnostics_of_a_silent_stream_give_the_reason_and_do_not_wait_for_
     parameters = SimpleNamespace(values={}, report=None, refused={})
     way_back = SimpleNamespace(streams={}, statuses=lambda now: [])
     noted = StreamProblems({})
-    made: Tuple[Any, Any] = diagnostics.robot_diagnostics(  # type: ignore[assignment]
+    made: Tuple[Any, Any, Any] = diagnostics.robot_diagnostics(  # type: ignore[assignment]
         streams, way_back, None, parameters, None, SimpleNamespace(stats=lambda now: None),  # type: ignore[arg-type]
         noted)
-    (fix, odom, _), watch = made
+    side, (fix, odom, _), watch = made
+    assert side == ROBOT
     for second in range(5):
         count[0] += 10
         odom(start + second)
