@@ -2,9 +2,8 @@
 """Messages of a subscriber that takes any type."""
 from typing import Any, Sequence
 
+from genpy import DeserializationError
 from rospy import AnyMsg
-
-from ..serialised import deserialised
 
 
 def class_of(message: Any, classes: Sequence[Any]) -> Any:
@@ -28,4 +27,7 @@ def read(message: Any, class_: Any) -> Any:
     """
     if not isinstance(message, AnyMsg):
         return message
-    return deserialised(class_, message._buff)
+    try:
+        return class_().deserialize(message._buff)
+    except (DeserializationError, UnicodeError) as error:
+        raise ValueError('it is no %s: %s' % (class_._type, error)) from error
