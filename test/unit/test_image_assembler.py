@@ -129,7 +129,7 @@ def test_a_concealment_that_takes_too_long_gives_way_says_so_and_comes_back() ->
     assert inventions(1, values) > 0.3 and inventions(2, values) > 0.3
     assert inventions(3, values) == 0.0
     assert assembler.problem(values, clock.now) == 'filled by %s because %s takes too long' % (CHEAPEST, BEST)
-    assert len(assembler.warnings) == 1 and BEST in assembler.warnings[0]
+    assert not assembler.warnings       # a node that starts may take long
     patient = Settings({**values.requested, 'fill_time': 60.0})
     clock.seconds = 0.0
     assert inventions(4, patient) > 0.3 and assembler.problem(patient, clock.now) is None
@@ -137,6 +137,7 @@ def test_a_concealment_that_takes_too_long_gives_way_says_so_and_comes_back() ->
     assert [inventions(second, values) > 0.3 for second in (5, 6, 7)] == [True, True, False]
     clock.now += FALLBACK
     assert assembler.problem(values, clock.now) is None and inventions(8, values) > 0.3
+    assert len(assembler.warnings) == 1 and BEST in assembler.warnings[0]
 
 
 @pytest.mark.parametrize('name, value', [('height', 0), ('depth', 9), ('total', 0), ('index', 60000)])
