@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """All checks and tests of this checkout: `run_tests.py WORKSPACE [PYTEST_ARG ...]`, for ./smokebot test.
 
-Runs ruff, mypy, vermin and catkin_lint, and checks the generated documentation; then the workspace's tests by catkin.
+Runs ruff, mypy, vermin and catkin_lint, and checks docstrings and the generated documentation; then the workspace's tests
+by catkin.
 catkin exits with 0 even where tests fail, so the JUnit files that the tests write decide. With PYTEST_ARGs only pytest
 runs, with these.
 """
@@ -26,6 +27,7 @@ def checks(workspace: pathlib.Path) -> Dict[str, List[str]]:
     # ruff and mypy know Python 3.8's grammar, vermin also its library (str.removeprefix, functools.cache)
     return {'ruff': ['ruff', 'check', '.'],
             'mypy': ['mypy'],
+            'docstrings': [sys.executable, 'tools/check_language.py'],
             'doc/parameters.md': [sys.executable, 'tools/parameter_tables.py', '--check'],
             'doc/install.md': [sys.executable, 'tools/supported.py', '--check'],
             'vermin': ['vermin', '--target=3.8-', '--no-tips', '--violations', '--quiet', '.'],

@@ -1,0 +1,77 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""Checks docstrings: `check_language.py [FILE ...]`, without any: of all Python files.
+
+help() and an editor's hover show the docstring of a module, class, function, constant or field alone. So it stands
+alone: it does not begin with "Of" or in lower case, and does not end with a comma or semicolon.
+"""
+import argparse
+import ast
+import pathlib
+import re
+import sys
+from typing import Iterator, List, NamedTuple, Tuple
+
+TOP = pathlib.Path(__file__).resolve().parent.parent
+FOLDERS = 'src', 'scripts', 'test', 'tools', 'benchmarks', 'experiments', 'evaluation'
+
+LOWER = re.compile(r'[a-z]+(?:[ ,;:\n]|\.?(?:\s|$))')
+"""A word in lower case at the beginning. A name with digits, dots, underscores or brackets may stand there."""
+
+
+class Found(NamedTuple):
+    """Something to mend."""
+    path: pathlib.Path
+    line: int
+    text: str
+
+    def __str__(self) -> str:
+        path = self.path.relative_to(TOP) if TOP in self.path.parents else self.path
+        return '%s:%d: %s' % (path, self.line, self.text)
+
+
+def docstrings(tree: ast.AST) -> Iterator[Tuple[int, str]]:
+    """(line, text) of the docstrings in a module: its own, those of classes, functions, constants and fields."""
+    for node in ast.walk(tree):
+        body = getattr(node, 'body', None)      # that of a lambda is no list
+        for statement in body if isinstance(body, list) else ():
+            if isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant) and isinstance(
+                    statement.value.value, str):
+                yield statement.lineno, statement.value.value
+
+
+def faults_of(text: str) -> Iterator[str]:
+    """What is wrong with a docstring."""
+    first = text.strip()
+    if first.startswith('Of '):
+        yield 'begins with "Of"'
+    if LOWER.match(first):
+        yield 'begins in lower case'
+    if first.endswith((',', ';')):
+        yield 'ends with %r' % first[-1]
+
+
+def docstring_faults(path: pathlib.Path, tree: ast.AST) -> Iterator[Found]:
+    """The docstrings that do not stand alone."""
+    for line, text in docstrings(tree):
+        for fault in faults_of(text):
+            yield Found(path, line, 'the docstring %r %s' % (text.strip()[:50], fault))
+
+
+def check(paths: List[pathlib.Path]) -> List[Found]:
+    """What is to be mended in these files."""
+    return [fault for path in paths for fault in docstring_faults(path, ast.parse(path.read_bytes(), str(path)))]
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description='Check that docstrings stand alone.')
+    parser.add_argument('files', nargs='*', type=lambda text: pathlib.Path(text).resolve())
+    files = parser.parse_args().files or sorted(
+        path for folder in FOLDERS for path in (TOP / folder).rglob('*.py'))
+    found = check(files)
+    print('\n'.join(map(str, found)), end='\n' * bool(found))
+    return int(bool(found))
+
+
+if __name__ == '__main__':
+    sys.exit(main())
