@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """All checks and tests of this checkout: `run_tests.py WORKSPACE [PYTEST_ARG ...]`, for ./smokebot test.
 
-Runs ruff, mypy, vermin and catkin_lint, and checks docstrings and the generated documentation; then the workspace's tests
-by catkin.
-catkin exits with 0 even where tests fail, so the JUnit files that the tests write decide. With PYTEST_ARGs only pytest
-runs, with these.
+Runs ruff, mypy, vermin and catkin_lint, and checks docstrings and the generated documentation; then the workspace's
+tests by catkin. catkin exits with 0 even where tests fail, so the JUnit files that the tests write decide. With
+PYTEST_ARGs only pytest runs, with these.
 """
 import fcntl
 import pathlib
