@@ -25,7 +25,7 @@ from .end_to_end_peer import HEIGHT, WIDTH, Entry, points
 
 NODES = 'robot_sender', 'operator_receiver'
 LOST = 'lost', 'dropped, datagrams of replaced messages'
-"""In their diagnostics."""
+"""Keys of the numbers of lost datagrams in the diagnostics of NODES."""
 
 PEER = [sys.executable, '-m', 'benchmarks.end_to_end_peer']
 
@@ -33,7 +33,7 @@ KINDS = 'image', 'cloud'
 
 WIRE_TOPICS = ['link/report', 'clock/ask', 'clock/answer', 'settings/request', 'settings/state',
                *('%s/segments' % stream for stream in (*KINDS, 'link', 'status'))]
-"""Of robot_sender and operator_receiver, in /smokebot_udp."""
+"""Topics between robot_sender and operator_receiver, in /smokebot_udp."""
 
 ROUNDS, SECONDS = 3, 6.0
 QUICK_ROUNDS, QUICK_SECONDS = 1, 3.0
@@ -43,10 +43,10 @@ CONNECT_TIMEOUT, TIMEOUT = 20.0, 3.0
 lose every message [s]."""
 
 LEAF_SIZE = 0.1
-"""Of the clouds that are decimated, as in config/streams.yaml [m]."""
+"""Leaf size of the voxel grid filter of the clouds that are decimated, as in config/streams.yaml [m]."""
 
 PACED, UNPACED = ('_adapt:=false', '_max_rate:=400'), ('_adapt:=false', '_max_rate:=0')
-"""At 400 Mbit/s, and unlimited; without either, the rate follows the link."""
+"""Arguments for a rate of 400 Mbit/s, and for an unlimited one. Without either, the rate follows the link."""
 
 LOADS: Dict[str, Dict[str, float]] = {
     'Table 1, raw: 640 x 480 mono16 at 50 Hz and 23 040 points at 10 Hz': {'image': 50.0, 'cloud': 10.0},
@@ -67,7 +67,7 @@ class Method(NamedTuple):
     operator: List[List[str]]
     """The commands of the operator's side."""
     points: int
-    """Of a cloud without loss."""
+    """Number of points of a cloud without loss."""
     output: str = 'out'
     counts: bool = False
     """Whether its nodes count what is lost."""
@@ -300,15 +300,16 @@ def run(log: Callable[[str], None], quick: bool = False) -> List[Dict[str, Any]]
 
 
 Column = Tuple[str, float, str]
-"""head, factor, format"""
+"""(heading, factor, format) of a column of the table."""
 
 COLUMNS: Dict[str, Column] = {
     'robot': ('robot', 1, '%.2f'), 'operator': ('operator', 1, '%.2f'), 'source': ('source', 1, '%.2f'),
     'sink': ('sink', 1, '%.2f'), 'lost': ('lost', 1, '%d')}
-"""{measure: Column} of a case, and of each kind of message in it:"""
+"""{measure: Column} of a case."""
 KIND_COLUMNS: Dict[str, Column] = {
     'rate': ('[1/s]', 1, '%.1f'), 'whole': ('came [%]', 100, '%.1f'), 'p50': ('p50 [ms]', 1e3, '%.1f'),
     'p99': ('p99 [ms]', 1e3, '%.1f')}
+"""{measure: Column} of each kind of message in a case."""
 
 
 def table(results: Sequence[Mapping[str, Any]]) -> str:

@@ -42,7 +42,7 @@ TYPES = {'image': Image, 'cloud': PointCloud2}
 
 
 Entry = Tuple[float, float, int]
-"""stamp [s], age [s], amount"""
+"""(stamp [s], age [s], amount) of a message that arrived."""
 
 
 def type_of(topic: str) -> Any:

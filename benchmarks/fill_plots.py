@@ -11,7 +11,7 @@ from smokebot_udp.codecs.concealment.fill import METHODS
 from smokebot_udp.codecs.wire.interleave import Interleave
 
 LOSSES = 0.5, 0.8
-"""Of the sheet."""
+"""Packet-loss ratios that the sheet shows."""
 
 CROP = 100, 140
 """Rows and columns that the sheet shows: a photograph's middle, or the hottest part of a radiometric image."""

@@ -32,11 +32,11 @@ THERMAL = ('single/flirpy_radiometric', 'single/ir_IRWaterCooler', 'single/t640_
            'single/tp_M30T_DJI_0003_R', 'seq_sc660_640x480/frame00_1339617128.699',
            'seq_t1030sc_1024x768_30hz/frame03_1495223133.683')
 QUICK = 2
-"""Images of a quick run, of each kind."""
+"""Number of images of each kind in a quick run."""
 
 LOSSES = 0.0, 0.05, 0.1, 0.2, 0.5, 0.8, 0.9, 0.95
 BUDGETS, THERMAL_BUDGETS = (5, 10, 18, 20, 40, 83), (20, 80, 160, 300, 650)
-"""Of an image on the wire [kB]."""
+"""Budgets of an image on the wire: of 8-bit images, and of thermal ones [kB]."""
 
 GOALS = {18: {0.0: 42.4, 0.2: 37.0, 0.5: 31.9}, 40: {0.2: 46.1, 0.5: 39.4, 0.8: 30.7},
          83: {0.5: 48.4, 0.8: 36.8, 0.9: 30.5}}

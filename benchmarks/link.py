@@ -24,13 +24,13 @@ UDPROS, OPEN, SEALED = 'UDPROS, shared master', 'link, open', 'link, sealed (AES
 KEY = '6b' * 32
 
 SIZE = '1350'
-"""Of the messages' data, so that they need one datagram even when they are sealed [byte]."""
+"""Size of the messages' data, so that they need one datagram even when they are sealed [byte]."""
 
 GOAL = 3.0
 """Sealing may cost this much more for a datagram on each side [us]."""
 
 SYSTEM = '/usr/bin/python3'
-"""Has Debian's `cryptography`."""
+"""Python interpreter that has Debian's `cryptography`."""
 
 SIDES = {'sender_us': 'sending', 'receiver_us': 'receiving'}
 

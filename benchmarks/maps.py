@@ -19,12 +19,12 @@ from smokebot_udp.streams.grid.tile_queue import Item, TileQueue
 
 ROUNDS, QUICK_ROUNDS = 9, 3
 SIDE = 20
-"""Of the square that changes [cell]."""
+"""Side of the square that changes [cell]."""
 GOAL, GOAL_PLUS = 0.7, 300
-"""Bytes of the tiles of a map of three values, at most: this share of zlib's, plus this."""
+"""Goal of the size of the tiles of a map of three values: at most this part of zlib's, plus this number of bytes."""
 STEPS = 'tiling', 'encode', 'decode', 'change', 'pool', 'look'
 QUEUED = 4000
-"""Tiles of which the next ones are looked for, up to fifty times a second."""
+"""Number of tiles of which the next ones are looked for, up to fifty times a second."""
 
 
 def maps(quick: bool) -> Dict[str, Array]:

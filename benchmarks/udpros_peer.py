@@ -73,7 +73,7 @@ class Receiver:
 
 
 class BareReceiver:
-    """recvmmsg and nothing else."""
+    """Receives by recvmmsg and does nothing else."""
 
     def __init__(self, _: str) -> None:
         self.receiver, self.count = DatagramReceiver('127.0.0.1', 1472), 0

@@ -54,7 +54,7 @@ class Scene(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Of a coded image [byte]."""
+        """The size of a coded image [byte]."""
         return int(self.bit_rate / 8 / RATE)
 
     def images(self) -> List[UInt8Array]:
@@ -71,7 +71,7 @@ class Scene(NamedTuple):
         return VideoEncoder(self.height, self.width, self.encoding, self.size, ROOM, REFRESH)
 
     def requests(self) -> List[Request]:
-        """Of an operator who receives all of it."""
+        """The requests to the decoder of an operator who receives all slices."""
         encoder = self.encoder()
         coded = [encoder.encode(image, self.size) for image in self.images()]
         return [Request(1, self.height, self.width, self.encoding != 'mono8', image.parameter_sets, image.slices)

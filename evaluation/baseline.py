@@ -20,7 +20,7 @@ from .recorder import to_grey
 from .sensor_source import JPEG_QUALITY, cloud_message, decimated
 
 RATE = 10.0
-"""Of odometry and transforms, whose sources are faster [Hz]."""
+"""Rate of odometry and transforms, whose sources are faster [Hz]."""
 
 
 def jpeg(header: Any, image: UInt8Array) -> Any:
@@ -30,18 +30,18 @@ def jpeg(header: Any, image: UInt8Array) -> Any:
 
 
 def thermal(message: Any) -> Any:
-    """Of an Image of counts."""
+    """The CompressedImage of an Image of counts."""
     counts = np.frombuffer(message.data, '<u2').reshape(message.height, message.width)
     return jpeg(message.header, to_grey(counts))
 
 
 def camera(message: Any) -> Any:
-    """Of a bgr8 Image."""
+    """The CompressedImage of a bgr8 Image."""
     return jpeg(message.header, np.frombuffer(message.data, np.uint8).reshape(message.height, message.width, 3))
 
 
 def points(message: Any) -> Any:
-    """Of a PointCloud2."""
+    """The decimated PointCloud2 of a scanned one."""
     scanned = np.frombuffer(message.data, POINT)
     result = cloud_message(decimated(np.stack([scanned[axis] for axis in 'xyz'], axis=1)))
     result.header = message.header

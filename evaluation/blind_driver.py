@@ -26,13 +26,13 @@ from smokebot_udp.simulation.pose import Pose
 from .driver_steering import is_reached, nearest_ahead, steer
 
 RATE = 20.0
-"""Of commands [Hz]."""
+"""Rate of commands [Hz]."""
 
 BLIND = 0.5
-"""Older data are no longer driven by [s]."""
+"""Maximum age of data that the operator drives by [s]."""
 
 ZEROS = 1.0
-"""Commands that stand still come first: an interlock opens only by them [s]."""
+"""Duration of the commands that stand still and come first: an interlock opens only by them [s]."""
 
 
 class Leg(NamedTuple):
@@ -40,25 +40,26 @@ class Leg(NamedTuple):
     reached: bool
     seconds: float
     blind: float
-    """How long the operator stood still for old data [s]."""
+    """Time for which the operator stood still as data were old [s]."""
     least: float
     """The least distance in any scan; infinite: there was no scan [m]."""
     scan_age: Tuple[float, float]
-    """p50, p99 of the newest scan's, at each command [s]."""
+    """Age of the newest scan at each command: p50 and p99 [s]."""
     pose_age: Tuple[float, float]
+    """Age of the newest pose at each command: p50 and p99 [s]."""
     image_age: Tuple[float, float]
-    """Of the thermal view."""
+    """Age of the newest image of the thermal view at each command: p50 and p99 [s]."""
 
 
 class Seen(NamedTuple):
     """What an operator drives by."""
     pose: Pose
     obstacle: float
-    """See nearest_ahead."""
+    """Distance of the nearest obstacle, see nearest_ahead [m]."""
 
 
 class Ages(NamedTuple):
-    """Of the newest data; infinite: there are none [s]."""
+    """Ages of the newest data; infinite: there are none [s]."""
     scan: float
     pose: float
     image: float

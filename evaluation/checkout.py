@@ -6,15 +6,15 @@ from typing import NamedTuple, Optional
 from . import TOP
 
 CODE = '.', ':!doc', ':!*.md', ':!CHANGELOG.rst'
-"""What a measurement depends on: a change of the documents is no other state."""
+"""Paths that a measurement depends on: a change of the documents is no other state."""
 
 
 class State(NamedTuple):
-    """Of the code."""
+    """The state of the code."""
     commit: Optional[str]
-    """The last one that changed more than documents, abbreviated; None: this is no checkout."""
+    """The last commit that changed more than documents, abbreviated; None: this is no checkout."""
     dirty: bool
-    """Whether there are changes since."""
+    """Whether there are changes since that commit."""
 
 
 def state() -> State:

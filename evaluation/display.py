@@ -10,10 +10,10 @@ from .quality import psnr, ssim
 
 WIDTH, HEIGHT = 320, 240
 PAN = 8
-"""Of the camera [pixel per image]."""
+"""Speed at which the camera pans [pixel per image]."""
 
 GREY = 128
-"""What the display shows before the first image."""
+"""Grey level of the display before the first image."""
 
 SSIM_PERIOD = 4
 """SSIM is slow: it is computed of every fourth image."""

@@ -59,18 +59,18 @@ def image(number: int, pixels: Array, encoding: str) -> Any:
 
 
 def grey(number: int) -> Any:
-    """It moves at first, then stands."""
+    """A grey image. The scene moves at first, then stands still."""
     return image(number, scene(min(number, 5)).astype(np.uint8), 'mono8')
 
 
 def thermal(number: int) -> Any:
-    """Of 16 bits, in an odd size."""
+    """A thermal image of 16 bits, in an odd size."""
     counts = 7000 + 9 * scene(min(number, 4), 81, 107, grain=16) + noise(81, 107, number) // 3
     return image(number, counts.astype('<u2'), 'mono16')
 
 
 def colour(number: int) -> Any:
-    """The colours move apart."""
+    """A colour image. Its planes show displaced scenes."""
     planes = [scene(number, 64, 90, 31 * plane) for plane in range(3)]
     return image(number, np.ascontiguousarray(np.dstack(planes), np.uint8), 'bgr8')
 

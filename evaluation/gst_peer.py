@@ -33,16 +33,16 @@ from .live_recorder import ImageFile  # noqa: E402
 from .video_clips import RATE  # noqa: E402
 
 RTP_CLOCK = 90000
-"""Of video: ticks of its time stamps in a second (RFC 6184)."""
+"""Clock rate of video in RTP: ticks of its time stamps in a second (RFC 6184) [Hz]."""
 
 PULL = 100_000_000
-"""How long to wait for an image before the end is looked for [ns]."""
+"""Time to wait for an image before the end is looked for [ns]."""
 
 CAPTION = re.compile(rb'GA94\x03..(\d{6})', re.DOTALL)
 """A caption of six digits in H.264 (ATSC A/53, part 4)."""
 
 MAX_STAMPS = 200
-"""Images whose numbers are kept until they are decoded."""
+"""Maximum number of images whose numbers are kept until they are decoded."""
 
 
 def run(text: str) -> Any:

@@ -10,30 +10,32 @@ from .live_clip import HEIGHT, WIDTH
 
 PACKAGES = ('gstreamer1.0-plugins-base', 'gstreamer1.0-plugins-good', 'gstreamer1.0-plugins-bad',
             'gstreamer1.0-plugins-ugly', 'gstreamer1.0-libav', 'gir1.2-gst-plugins-base-1.0', 'python3-gst-1.0')
-"""Debian's, that they need."""
+"""Debian packages that the pipelines need."""
 
 PORT, REPORT_PORT, REPLY_PORT = 5004, 5005, 5006
-"""Of media and the sender's reports at the operator, and of the receiver's reports at the robot."""
+"""Ports of media and of the sender's reports at the operator, and of the receiver's reports at the robot."""
 
 SPARE = 0.85
-"""How much of the link's rate is used, heads, parity and what is sent again included: images differ in size."""
+"""Part of the link's rate that is used, headers, parity and retransmissions included: images differ in size."""
 
 SLICE, RTP_HEADS = 1300, 40.0
-"""Longest slice; IPv4, UDP and RTP [byte]."""
+"""Maximum length of a slice, and length of the headers of IPv4, UDP and RTP [byte]."""
 
 LEAST_RATE = 30
-"""Of the encoder [kbit/s]."""
+"""Minimum bit rate of the encoder [kbit/s]."""
 
 PARITY = 0.25
+"""Ratio of parity packets to media packets."""
 MPEG_TS, TABLES = 1.1, 30.0
-"""What MPEG-TS and SRT make of a byte, as heads take 44 of 1316 and cells of 188 are not full; and the tables that
-MPEG-TS repeats [kbit/s]."""
+"""Size in MPEG-TS and SRT of a byte, as headers take 44 of 1316 and cells of 188 are not full; and rate of the tables
+that MPEG-TS repeats [kbit/s]."""
 
 LATENCY, REPEATED_LATENCY = 50, 120
-"""Of the receiver, and where lost packets are sent again, which takes a round trip or two [ms]."""
+"""Latency of the receiver, and that where lost packets are sent again, which takes a round trip or two [ms]."""
 
 CAPTIONED = 'captioned'
-"""An element that images pass whose numbers are captions, see gst_peer; to have them, a sender has one of this name."""
+"""Name of the element that images pass whose numbers are captions, see gst_peer. A sender that needs them has one of
+this name."""
 
 RAW = 'video/x-raw,format=GRAY8,width=%d,height=%d,framerate=10/1' % (WIDTH, HEIGHT)
 CODED = ('appsrc name=camera is-live=true format=time caps=%s ! videoconvert ! x264enc tune=zerolatency '

@@ -31,13 +31,13 @@ from smokebot_udp.udpros.negotiation import Request
 from .forged_packets import Forger
 
 WORKERS = 4
-"""Calls at the same time."""
+"""Number of calls at the same time."""
 
 TIMEOUT = 5.0
-"""Of a call [s]."""
+"""Timeout of a call [s]."""
 
 REPORTS = 0.1
-"""Forged reports for each call."""
+"""Mean number of forged reports for each call."""
 
 CONNECTION_IDS = 32
 """Connection ids are guessed below this number: a node counts its connections."""

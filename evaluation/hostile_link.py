@@ -29,14 +29,14 @@ SIDES = 'robot', 'operator'
 LINK = {**AIR, 'delay': 0.01}
 IMAGE = '/operator/thermal/image_raw'
 IMAGE_RATE = 10.0
-"""Of the source [Hz]."""
+"""Rate of the source's images [Hz]."""
 
 STARTING = 60.0
 RECORDING = 15.0
-"""From before the handshake on, a stranger keeps what it hears for this long [s]."""
+"""Time for which a stranger keeps what it hears, from before the handshake on [s]."""
 
 SLOWEST = 1000.0
-"""At the lowest rate an attack is given up [1/s]."""
+"""Minimum rate of an attack. An attack that takes longer than at this rate is given up [1/s]."""
 
 
 QUIET = 5.0
@@ -52,15 +52,15 @@ class Phase:
     name: str
     seconds: float
     rate: float
-    """Of images [Hz]."""
+    """Rate of the images that arrived [Hz]."""
     age: float
-    """Of images, at p99; NaN: none came [s]."""
+    """Age of images at p99; NaN: none came [s]."""
     growth: Dict[str, float]
     """{side: memory that its node keeps, more than ever before [byte]}"""
     sent: Dict[str, int]
-    """{kind: datagrams of the stranger}"""
+    """{kind: number of datagrams of the stranger}"""
     dropped: Dict[str, int]
-    """{reason: datagrams, more than before}, of the side that was attacked."""
+    """{reason: number of datagrams, more than before} of the side that was attacked."""
 
 
 class HostileLink(Started):

@@ -16,12 +16,12 @@ from .quality import psnr
 
 MTU = 1500
 MESSAGE_OVERHEAD = 60
-"""Of a sensor_msgs/CompressedImage beside its JPEG: stamp, texts, lengths [byte]."""
+"""Size of a sensor_msgs/CompressedImage without its JPEG: stamp, texts, lengths [byte]."""
 
 SCALES = 1, 2, 4
 QUALITIES = 1, 3, 5, 8, 12, 16, 20, 25, 30, 40, 50, 60, 70, 75, 80, 85, 90, 93, 95, 97, 98, 99, 100
 STALE_PSNR = 15.0
-"""What for_loss assumes of the image that stays on the display where a new one is lost [dB]."""
+"""PSNR that for_loss assumes of the image that stays on the display where a new one is lost [dB]."""
 
 
 class ErasureCode(NamedTuple):
@@ -29,11 +29,11 @@ class ErasureCode(NamedTuple):
     data: int
     packets: int
     size: float
-    """Of each packet, with its headers [byte]."""
+    """Size of each packet, with its headers [byte]."""
 
     @property
     def room(self) -> int:
-        """For the JPEG [byte]."""
+        """The room for the JPEG [byte]."""
         return int(self.data * (self.size - IP_UDP_HEADERS - HEADER.size)) - MESSAGE_OVERHEAD
 
     def success(self, conditions: LinkConditions) -> float:

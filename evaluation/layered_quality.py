@@ -15,11 +15,12 @@ from smokebot_udp.codecs.layered.plan import best_plan, promised, worth
 from smokebot_udp.codecs.layered.survival import survival
 
 HEAD = 88 + 5
-"""Of a datagram on the air: 60 bytes of message, 28 of IP and UDP, 5 of the table without its layers."""
+"""Size of a datagram on the air without its pieces: 60 bytes of message, 28 of IP and UDP, 5 of the table without its
+layers [byte]."""
 
 ROOM = 1500 - HEAD
 PSNR_FLOOR = 0.065
-"""Mean squared error of 60 dB."""
+"""Mean squared error at a PSNR of 60 dB [count^2]."""
 
 Losses = Mapping[float, float]
 
@@ -47,7 +48,7 @@ class Coded:
 
     @property
     def lossless_size(self) -> int:
-        """Of the exact stream [byte]."""
+        """The size of the exact stream [byte]."""
         return len(self._streams[True].data)
 
     def plan(self, budget: int, air: Air) -> Tuple[bool, Plan]:
@@ -97,5 +98,5 @@ class Coded:
 
 
 def psnr(error: float) -> float:
-    """Of a mean squared error of 8 bits [dB], at most 60."""
+    """The PSNR of a mean squared error of 8-bit pixels, at most 60 [dB]."""
     return 60.0 if error <= 0 else min(60.0, 10 * math.log10(255 ** 2 / error))

@@ -27,10 +27,10 @@ from .started import Started
 Measured = TypeVar('Measured')
 
 AIR = {'rate': 54e6, 'queue': 0.1}
-"""Of all links here, in both directions: 802.11g's nominal rate [bit/s], and its queue [s]."""
+"""Conditions of all links here, in both directions: 802.11g's nominal rate [bit/s], and its queue [s]."""
 
 SETTLE, QUICK_SETTLE = 1.5, 0.8
-"""What arrives within this time after the link changed does not count: the sender adapts to it [s]."""
+"""What arrives within this time after a change of the link does not count: the sender adapts to it [s]."""
 
 MAX_LATENESS = 0.02
 """Where p99 of the delay that the lab itself adds is higher, the machine was busy: the measurement is repeated [s]."""
@@ -42,11 +42,11 @@ ATTEMPTS = 3
 class Method:
     """A way of sending."""
     source: str
-    """The topic that sensor_source publishes."""
+    """Topic that sensor_source publishes."""
     subscriptions: List[Subscription]
-    """Of the operator's side."""
+    """Subscriptions on the operator's side."""
     warm_up: float = 0.0
-    """How long nodes need after their first message of this method until they send as it says [s]."""
+    """Time that nodes need after their first message of this method until they send as it says [s]."""
 
 
 LOAD_CODEC = 8.0

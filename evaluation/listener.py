@@ -67,30 +67,30 @@ RELAYED = {'relayed odometry': 'odometry', 'relayed transforms': 'transforms'}
 """{kind of a relay's segments, as they leave: kind of the messages that they carry}"""
 
 LARGE = {Image, CompressedImage, PointCloud2}
-"""Of these only two wait in the queue."""
+"""Message classes of which only two messages wait in the queue."""
 
 STAMP = struct.Struct('<II')
-"""A header's stamp, after its sequence number: seconds, nanoseconds."""
+"""Format of a header's stamp, which follows its sequence number: seconds, nanoseconds."""
 
 TRANSPORTS = {'TCPROS': 'tcp', 'UDPROS': 'udp'}
 
 Subscription = Sequence[str]
-"""topic, one of KINDS, one of TRANSPORTS"""
+"""(topic, one of KINDS, one of TRANSPORTS)"""
 
 
 class Heard(NamedTuple):
     """A message that arrived."""
     topic: str
     stamp: Optional[float]
-    """Of the source; None: the message has none [s]."""
+    """Time stamp of the source; None: the message has none [s]."""
     arrival: float
-    """By the same clock: both sides of a lab are one machine [s]."""
+    """Time of arrival by the same clock: both sides of a lab are one machine [s]."""
     amount: Any
-    """See KINDS."""
+    """Amount of the message, see KINDS."""
 
     @property
     def age(self) -> float:
-        """From stamp to arrival [s]; NaN without a stamp."""
+        """The time from stamp to arrival; NaN without a stamp [s]."""
         return float('nan') if self.stamp is None else self.arrival - self.stamp
 
 

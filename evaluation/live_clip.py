@@ -17,7 +17,7 @@ from .recordings import RECORDINGS
 from .video_clips import EUROC, RATE
 
 WIDTH, HEIGHT = 752, 480
-"""Of both [pixel]."""
+"""Width and height of recorded and of simulated images [pixel]."""
 
 SIMULATED = 30
 """Number of simulated images."""

@@ -8,26 +8,28 @@ from .live_score import Row
 
 OURS, IDEAL, PLAIN = 'ours', 'ideal', 'gst'
 MENDING = [name for name in WAYS if name != PLAIN]
-"""Peers that restore what is lost."""
+"""Methods of GStreamer that restore what is lost."""
 
 BEHIND = 1.0
-"""Of the screen, on average, below the ideal one, at most [dB]."""
+"""Maximum distance of the screen's mean PSNR below that of the ideal method [dB]."""
 
 BELOW, WORST_BELOW, STEADY_LOSS = 2.0, 6.0, 20.0
-"""Of the 5th percentile, and of the worst image, below the mean, at most [dB]; up to this loss [%]."""
+"""Maximum distances of the 5th percentile and of the worst image below the mean [dB], up to a packet loss [%]."""
 
 LATER = 0.04
-"""Of images, on average, than plain GStreamer's where nothing is lost [s]."""
+"""Maximum excess of the median age of images over plain GStreamer's, where nothing is lost [s]."""
 
 AHEAD, AHEAD_5 = 3.0, 6.0
-"""Of plain GStreamer where something is lost: the mean, and the 5th percentile [dB]."""
+"""Minimum lead over plain GStreamer where something is lost: of the mean, and of the 5th percentile [dB]."""
 
 USED, KNOWN = 0.85, 0.95
+"""Minimum part of the link that is used while images are blurred, and of the time in which the capacity is known."""
 OLDEST, STEADY_DOWN, STEADY_UP = 0.4, 1.0, 2.0
-"""After a step of the rate [s]."""
+"""Maximum age of an image after a step of the rate, and maximum time until quality is steady after a step down and up
+[s]."""
 
 IDLE = 0.03
-"""Of the link, for what nobody asked for."""
+"""Maximum part of the link that is used for what nobody asked for."""
 
 
 class Judge:
@@ -42,7 +44,7 @@ class Judge:
             self.missed.append('%s: %s is %.4g, should be at least %.4g' % (cell, name, value, goal))
 
     def most(self, cell: str, name: str, value: Optional[float], goal: Optional[float]) -> None:
-        """Likewise at most."""
+        """A value is to be at most this; None: it was not measured."""
         if value is not None and goal is not None and not value <= goal:
             self.missed.append('%s: %s is %.4g, should be at most %.4g' % (cell, name, value, goal))
 

@@ -25,7 +25,7 @@ START_TIMEOUT = 60.0
 """A method that has shown no image by then never will [s]."""
 
 SAMPLE_PERIOD = 1.0
-"""Of the link [s]."""
+"""Time between samples of the link [s]."""
 
 OURS: Dict[str, Tuple[str, ...]] = {'ours': (), 'layered': ('_camera/coding:=layered',),
                                     'h264': ('_camera/coding:=h264',)}
@@ -41,15 +41,15 @@ class Cell(NamedTuple):
     """A link."""
     shaper: Shaper
     rates: Tuple[float, ...]
-    """One after the other [bit/s]."""
+    """Rates of the link, one after the other [bit/s]."""
     loss: float
-    """Of UDP datagrams to the operator, 0..1."""
+    """Packet-loss ratio of UDP datagrams to the operator, 0..1."""
     seconds: float
-    """At each rate."""
+    """Duration of each rate [s]."""
 
     @property
     def name(self) -> str:
-        """For tables and files."""
+        """The name of the cell in tables and files."""
         return '%s, %s Mbit/s, %g %%' % (
             self.shaper.name, '-'.join('%g' % (rate / 1e6) for rate in self.rates), 100 * self.loss)
 

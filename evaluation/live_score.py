@@ -19,20 +19,20 @@ SAMPLED = 0.017
 """The screen is judged this often: no part of the time between two images, so that each part of it counts [s]."""
 
 SETTLED = 5.0
-"""What comes within this time after the begin, see live_run.BEGUN, does not count [s]."""
+"""What comes within this time after the beginning, see live_run.BEGUN, does not count [s]."""
 
 TOLERANCE = 0.1
-"""Of the estimated capacity, in terms of the true rate."""
+"""Maximum error of a capacity that counts as known, relative to the true rate."""
 
 SHARP = 42.0
-"""As long as images are below, the link is to be used [dB]."""
+"""The link is to be used as long as the PSNR of images is below this [dB]."""
 
 STEADY, STEADY_IMAGES = 1.5, 5
 """After a step the quality is steady again from the image on with which so many in a row are no more than this below
 the mean of the second half of the time until the next step [dB]."""
 
 Row = Dict[str, Any]
-"""Of a table."""
+"""A row of a table."""
 
 Quality = Callable[[int, int], float]
 """f(number of the camera's image, place of the image shown) -> PSNR [dB]"""
@@ -42,7 +42,7 @@ class Taken(NamedTuple):
     """An image that the camera took."""
     number: int
     stamp: float
-    """By time.time() [s]."""
+    """Time at which it was taken, by time.time() [s]."""
 
 
 class Shown(NamedTuple):
@@ -82,16 +82,16 @@ class Screen:
         self._shown_at = [one.arrival for one in self.shown]
 
     def age(self, one: Shown) -> Optional[float]:
-        """Of an image when it appeared [s]; None: unknown."""
+        """The age of an image when it appeared; None: unknown [s]."""
         stamp = None if one.number is None else self.stamps.get(one.number)
         return None if stamp is None else one.arrival - stamp
 
     def image_psnr(self, one: Shown) -> Optional[float]:
-        """Of an image, beside the camera's that it shows [dB]; None: unknown which."""
+        """The PSNR of an image, compared with that of the camera's that it shows; None: that is unknown [dB]."""
         return None if one.number is None else self.quality(one.number, one.place)
 
     def psnr(self, when: float) -> Optional[float]:
-        """Of the screen at a time, beside what the camera sees [dB]; None before the first image."""
+        """The PSNR of the screen at a time, compared with what the camera sees; None before the first image [dB]."""
         seen, shown = (bisect.bisect(times, when) - 1 for times in (self._taken_at, self._shown_at))
         if seen < 0 or shown < 0:
             return None

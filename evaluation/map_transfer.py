@@ -23,37 +23,37 @@ from .maps import map_message
 from .offline_link import MAX_DATAGRAM_SIZE, operator_side, work_off
 
 STEP = 0.005
-"""Of the time [s]."""
+"""Step of the simulated time [s]."""
 DELAY = 0.02
-"""Of the link, one way [s]."""
+"""Delay of the link, one way [s]."""
 AHEAD = 0.01
 """Datagrams wait at the robot until the link's queue is shorter than this [s]."""
 REPORT, REPORT_IDLE = 0.1, 1.0
-"""Between reports of what is held: while tiles arrive, and else [s]."""
+"""Time between reports of what is held: while tiles arrive, and otherwise [s]."""
 RATE = 10.0
-"""Maps shown a second, at most."""
+"""Maximum rate of the maps that are shown [Hz]."""
 OPERATOR = '/operator'
 FRAGMENT = 1460
-"""Of a PNG in a datagram [byte]."""
+"""Size of a fragment of a PNG in a datagram [byte]."""
 
 
 class Outcome(NamedTuple):
     """What became of a map."""
     first: float
-    """When anything of it was shown [s]; inf: never."""
+    """Time until anything of the map was shown [s]; inf: never."""
     complete: float
-    """When it was shown as well as it can be [s]; inf: not in time."""
+    """Time until the map was shown as well as it can be [s]; inf: not in time."""
     sent: int
-    """Until then [byte on the air]."""
+    """Size of what the link carried until then [byte on the air]."""
 
 
 class _Datagram(NamedTuple):
     record: Records
     """(1,)"""
     part: str
-    """Of the stream."""
+    """Name of the part of the stream."""
     size: int
-    """On the air [byte]."""
+    """Size on the air [byte]."""
 
 
 class MapTransfer:

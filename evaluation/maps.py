@@ -22,16 +22,16 @@ from .offline_link import Sender, datagram_count, wire_size
 
 RECORDINGS = TOP.parent / 'shared' / 'data' / 'maps'
 OCCUPIED_ABOVE, FREE_BELOW = 0.65, 0.196
-"""Occupancies, as map_server has them."""
+"""Limits of the occupancy of occupied and of free cells, as map_server has them."""
 
 ROOM = 1290
-"""Of data in a datagram of 1472 beside MapTile's head [byte]."""
+"""Room for data in a datagram of 1472 bytes, without MapTile's head [byte]."""
 
 CORNER = -1000, -468
-"""A place of a first cell on the lattice: roots and blocks of the overview are cut."""
+"""Column and row of a map's first cell on the lattice, such that roots and blocks of the overview are cut."""
 
 INFLATION, DECAY = 0.8, 3.0
-"""Of costs: how far [m], and how fast [1/m]."""
+"""Radius of the inflation of costs [m], and their decay [1/m]."""
 
 
 def recorded(name: str, graded: bool = False) -> Array:
@@ -84,20 +84,20 @@ def png(cells: Array) -> bytes:
 
 
 class Sizes(NamedTuple):
-    """Bytes of a map."""
+    """Sizes of a map in all codings [byte]."""
     tiles: int
-    """Data of all tiles, without heads."""
+    """Size of the data of all tiles, without heads [byte]."""
     datagrams: int
     overview: int
     shift: int
-    """Of the overview."""
+    """Shift of the overview: its cells are 2^shift cells a side."""
     zlib: int
-    """Of the whole array, level 9."""
+    """Size of the whole array in zlib's format, level 9 [byte]."""
     png: int
     interleaved: int
-    """Of a refresh cycle of the interleaved, reduced map, on the wire."""
+    """Size of a refresh cycle of the interleaved, reduced map, on the wire [byte]."""
     factor: int
-    """By which it is reduced."""
+    """Factor by which the interleaved map is reduced."""
 
 
 def sizes(cells: Array) -> Sizes:

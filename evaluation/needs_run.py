@@ -23,13 +23,13 @@ LINKS: Mapping[str, Dict[str, float]] = {
 """{name: conditions of link_lab, each way}: a Wi-Fi at the end of its range, and one nearby."""
 
 SETTLE = 4.0
-"""Until the link is known [s]."""
+"""Time until the link is known [s]."""
 
 START_TIMEOUT = 60.0
 """[s]"""
 
 SENSORS = 'thermal', 'camera', 'lidar', 'scan', 'map', 'gas', 'battery'
-"""Of simulated_robot, which can be switched off; odometry and tf are always on."""
+"""Sensors of simulated_robot that can be switched off. Odometry and tf are always on."""
 
 
 class Case(NamedTuple):
@@ -37,9 +37,9 @@ class Case(NamedTuple):
     title: str
     names: Sequence[str]
     sensors: Sequence[str] = ()
-    """Those of SENSORS that they need."""
+    """Sensors of SENSORS that the streams need."""
     arguments: Sequence[str] = ()
-    """Further ones of simulated_robot."""
+    """Further arguments of simulated_robot."""
 
     @property
     def robot(self) -> List[str]:
@@ -54,7 +54,7 @@ def stream_settings(names: Sequence[str]) -> Dict[str, Any]:
 
 
 def processor_time(process: int) -> float:
-    """Of a process and its children [s]."""
+    """The processor time of a process and its children [s]."""
     total = 0.0
     for one in [psutil.Process(process), *psutil.Process(process).children(recursive=True)]:
         with contextlib.suppress(psutil.NoSuchProcess):

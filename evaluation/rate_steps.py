@@ -20,13 +20,13 @@ from .stack import Stack
 from .started import Started
 
 RATES = 20e6, 5e6, 1e6, 0.3e6, 20e6
-"""[bit/s]"""
+"""Rates of the link, one after the other [bit/s]."""
 
 DELAY, QUEUE = 0.02, 0.2
-"""Each way [s]."""
+"""Delay and queue of the link, each way [s]."""
 
 SAMPLE_PERIOD = 0.25
-"""Of the link's counts [s]."""
+"""Time between samples of the link's counts [s]."""
 
 SAMPLED = 0.017
 """The display is judged this often: no part of the time between two images, so that each part of it counts [s]."""
@@ -55,7 +55,7 @@ BASELINE_KINDS = {
 """{topic: kind, see listener.KINDS} on the operator's side"""
 
 Row = Dict[str, Any]
-"""Of a CSV file."""
+"""A row of a CSV file."""
 
 Counts = Dict[str, Any]
 """See Lab.counts."""
@@ -67,7 +67,7 @@ class Method:
     robot: Optional[Sequence[str]]
     """robot_sender's arguments; None: the baseline."""
     transport: str = 'UDPROS'
-    """Of the baseline."""
+    """Transport of the baseline's topics."""
     congestion_control: str = 'cubic'
     warm_up: float = 0.0
     """How long the nodes need after their first image until they send as the method says [s]."""
@@ -328,13 +328,14 @@ class DisplayHistory:
         return self._images[self.arrived[at].amount] if at >= 0 else None
 
     def age(self, when: float) -> Optional[float]:
-        """Of what is shown [s]; None before the first image."""
+        """The age of the image that is shown; None before the first image [s]."""
         at = bisect.bisect(self._arrivals, when) - 1
         stamp = self.arrived[at].stamp if at >= 0 else None
         return None if stamp is None else when - stamp
 
     def psnr(self, when: float) -> Optional[float]:
-        """Of what is shown, compared with what the camera sees, in grey levels [dB]; None before the first image."""
+        """The PSNR of the image that is shown, compared with what the camera sees, in grey levels; None before the
+        first image [dB]."""
         shown = self.shown(when)
         return None if shown is None else psnr(recorder.to_grey(self.truth(when)), recorder.to_grey(shown))
 

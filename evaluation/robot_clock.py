@@ -5,7 +5,7 @@ import pathlib
 from typing import Dict, Optional
 
 LIBRARIES = '/usr/lib/*/faketime/libfaketime.so.1'
-"""Of Debian's package libfaketime."""
+"""Pattern of the paths of the library in Debian's package libfaketime."""
 
 CACHED, SEEN_WITHIN = 1, 2
 """A process uses what it has read of the file for the first time, and sees a step within the second [s]. To read it

@@ -10,10 +10,10 @@ RATE = 10.0
 
 SCAN = '/scan'
 NOISE = 0.01
-"""Of the datasheet [m]."""
+"""Noise of the ranges, from the datasheet [m]."""
 
 SCANS = 20
-"""That are published in turn."""
+"""Number of scans that are published in turn."""
 
 
 def main() -> None:

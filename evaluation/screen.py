@@ -25,10 +25,11 @@ Colour = Tuple[int, int, int]
 """(red, green, blue)"""
 
 WORDS = 25
-"""Of the header of the XWD format, big-endian: header size, ..., number of colour map entries, see XWDFile.h."""
+"""Number of words in the header of the XWD format, big-endian: header size, ..., number of colour map entries, see
+XWDFile.h."""
 
 COLOUR_MAP_ENTRY = 12
-"""[byte]"""
+"""Size of an entry of the colour map [byte]."""
 
 
 def operator_rviz(folder: pathlib.Path, streams: pathlib.Path = TOP / 'config' / 'streams.yaml') -> List[str]:

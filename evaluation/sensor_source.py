@@ -32,7 +32,7 @@ JPEG_QUALITY = 80
 """compressed_image_transport's default."""
 
 LEAF_SIZE = 0.1
-"""Of the voxel grid filter that decimates clouds [m]."""
+"""Leaf size of the voxel grid filter that decimates clouds [m]."""
 
 SCENES = 10
 """Number of images and clouds that are published in turn."""

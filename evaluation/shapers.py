@@ -14,16 +14,16 @@ from smokebot_udp.link_lab.lab import DEVICE
 NAME = re.compile(r'(tbf(?P<burst>\d+(\.\d+)?)|(?P<kind>htb|lab|wifi))(/(?P<queue>\d+(\.\d+)?))?')
 
 DEFAULT_QUEUE = 0.2
-"""[s]"""
+"""Queue of a shaper whose name has none [s]."""
 
 LAB_DELAY = 0.02
-"""Of the link lab, each way [s]."""
+"""Delay of the link lab, each way [s]."""
 
 AGGREGATE = 0.006
-"""Of `wifi`: mean time between aggregates, 4 to 8 ms, as in traces of access points [s]."""
+"""Mean time between aggregates of `wifi`, 4 to 8 ms as in traces of access points [s]."""
 
 LEAST_BURST = 1540
-"""The burst of `tbf1.5`: a bucket of 1500 bytes drops each full datagram, as the shaper counts its Ethernet header, too
+"""Burst of `tbf1.5`: a bucket of 1500 bytes drops each full datagram, as the shaper counts its Ethernet header, too
 [byte]."""
 
 HTB_FLOOR = 3000
@@ -34,15 +34,15 @@ class Shaper(NamedTuple):
     """How a link limits its rate."""
     name: str
     kind: str
-    """tbf, htb, lab or wifi"""
+    """Kind of the shaper: tbf, htb, lab or wifi."""
     burst: int = 0
-    """Of tbf [byte]."""
+    """Burst of a tbf [byte]."""
     queue: float = DEFAULT_QUEUE
     """The longest time that a datagram waits [s]."""
 
     @property
     def aggregate(self) -> float:
-        """Of the link lab [s]."""
+        """The mean time between aggregates in the link lab; 0: there are none [s]."""
         return AGGREGATE if self.kind == 'wifi' else 0.0
 
     @property

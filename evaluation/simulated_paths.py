@@ -93,7 +93,7 @@ class TokenBucket:
                  seed: object = 0) -> None:
         self.counts = Counts()
         self.rate, self._burst, self._delay, self._queue = rate / 8, burst, delay, queue
-        """Of the tokens; it may be changed at any time [byte/s]."""
+        """Rate of the tokens, which may be changed at any time [byte/s]."""
         self._loss, self._draw = loss, random.Random('%s loss' % seed)
         self._tokens, self._at = burst, 0.0     # as they are when the last datagram has left
         self._waiting: Deque[Tuple[float, int]] = collections.deque()   # (when it leaves, size)

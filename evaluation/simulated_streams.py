@@ -9,7 +9,7 @@ from smokebot_udp.congestion.operating_points import cloud_points, image_points,
 from .simulated_air import FULL, Load, Robot
 
 HEADERS = 110
-"""Of a datagram: IP, UDP, UDPROS, and a segment's place in its image [byte]."""
+"""Size of a datagram's headers: IP, UDP, UDPROS, and a segment's place in its image [byte]."""
 
 PAUSE_INTERVAL = 0.1
 """A stream that has to pause looks for a grant this often [s]."""

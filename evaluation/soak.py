@@ -61,9 +61,9 @@ class Fault:
     kind: str
     """One of KINDS."""
     seconds: float
-    """See Kind.down."""
+    """Duration of the fault, see Kind.down [s]."""
     step: float = 0.0
-    """Of the robot's clock, either way [s]."""
+    """Step of the robot's clock, forwards or back [s]."""
 
 
 def faults(seed: int, longest: float = math.inf, among: Collection[str] = tuple(KINDS)) -> Iterator[Fault]:

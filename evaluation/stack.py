@@ -41,7 +41,7 @@ class Stack:
         self._processes: List[subprocess.Popen[Any]] = []
         self._resources = contextlib.ExitStack()
         self.variables: Dict[str, str] = {}
-        """Of the environment of processes that are started from now on."""
+        """Environment variables of the processes that are started from now on, besides those of their side."""
         self.operator_address = OPERATOR_ADDRESSES[0]
         self._log = self._resources.enter_context(open(str(log or os.devnull), 'ab'))    # noqa: SIM115
         try:

@@ -9,7 +9,7 @@ class Started(contextlib.ExitStack):
 
     @contextlib.contextmanager
     def starting(self) -> Iterator[None]:
-        """Of the constructor: what it raises ends what has been started already."""
+        """A context for the constructor: an exception in it ends what has been started already."""
         try:
             yield
         except BaseException:

@@ -22,7 +22,7 @@ from .started import Started
 from .state_source import CAMERA, RATE, STREAMS
 
 RATE_LIMIT, DELAY = 2e6, 0.02
-"""Of the link [bit/s], and each way [s]."""
+"""Rate of the link [bit/s], and its delay each way [s]."""
 
 LINK_CONDITIONS = {'rate': RATE_LIMIT, 'delay': DELAY, 'queue': 0.2}
 """See link_lab."""
@@ -30,7 +30,7 @@ LINK_CONDITIONS = {'rate': RATE_LIMIT, 'delay': DELAY, 'queue': 0.2}
 LINK = '/robot_sender/link'
 
 SETTLE = 6.0
-"""Until reports name a loss, and the rate follows what is sent [s]."""
+"""Time until reports name a loss, and the rate follows what is sent [s]."""
 
 
 class StateRun(Started):
@@ -98,7 +98,7 @@ class StateRun(Started):
                 'repeated': len(stamps) - len(set(stamps)), 'in order': stamps == sorted(stamps)}
 
     def _link(self, begin: float, end: float) -> Dict[str, float]:
-        """Of the link, as the robot estimates it, and what repetitions take of it."""
+        """Stats of the link as the robot estimates it, and of what repetitions take of it."""
         told = [one.amount for one in self._sources.heard if one.topic == LINK and begin <= one.arrival < end]
         copies = sum(one.amount[2] + OVERHEAD + IP_UDP_HEADERS for name in STREAMS
                      for one in self._segments(name, begin, end, True))

@@ -28,14 +28,14 @@ SO_TIMESTAMPNS = 35     # asm-generic/socket.h: a control message holds the time
 TIMESPEC = struct.Struct('@2l')
 SO_ATTACH_FILTER = 26   # asm-generic/socket.h
 INSTRUCTION = struct.Struct('@HBBI')
-"""Of a packet filter (linux/filter.h): code, jump if true, jump if false, constant."""
+"""Format of an instruction of a packet filter (linux/filter.h): code, jump if true, jump if false, constant."""
 
 ONLY_UDP = (0x30, 0, 0, 9), (0x15, 0, 1, socket.IPPROTO_UDP), (0x06, 0, 0, 0xffff), (0x06, 0, 0, 0)
-"""Load the protocol's byte of the IP header; is it UDP, keep the packet, else drop it."""
+"""Packet filter: load the protocol's byte of the IP header; if it is UDP, keep the packet, else drop it."""
 
 LOOPBACK = 'lo'
 RECEIVE_BUFFER = 1 << 22
-"""[byte]"""
+"""Size of the socket's receive buffer [byte]."""
 
 PORTS = struct.Struct('!HH')
 DO_NOT_FRAGMENT = b'\x40\0'
@@ -55,7 +55,7 @@ class Seen(NamedTuple):
     time: float
     """[s]"""
     port: int
-    """Of its source."""
+    """Port of the datagram's source."""
     kind: int
     size: int
     """[byte]"""

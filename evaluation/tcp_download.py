@@ -16,10 +16,10 @@ from . import TOP
 from .stack import Stack
 
 BLOCK = bytes(1 << 16)
-"""Handed to the socket at a time."""
+"""Data that are handed to the socket at a time."""
 
 NAME_SIZE = 16
-"""Of an algorithm, in Linux (TCP_CA_NAME_MAX) [byte]."""
+"""Maximum length of the name of a congestion control algorithm in Linux (TCP_CA_NAME_MAX) [byte]."""
 
 
 @contextlib.contextmanager

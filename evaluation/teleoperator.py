@@ -26,17 +26,17 @@ from .way_back_results import Log
 
 COMMANDS, ESTOP, ESTOP_RELEASE = 'operator/cmd_vel', 'operator/estop', 'operator/estop_release'
 RELEASE = 'operator_receiver/estop'
-"""In the operator's namespace."""
+"""Service that releases the emergency stop, in the operator's namespace."""
 
 SERVICE = '/operator/counted'
 RATE = 20.0
-"""Of commands [Hz]."""
+"""Rate of commands [Hz]."""
 
 ZEROS = 5
-"""Commands that stand still, before those that drive: an interlock opens only by them."""
+"""Number of commands that stand still, before those that drive: an interlock opens only by them."""
 
 ANSWER = 60.0
-"""Beyond the time that is asked for [s]."""
+"""Time to wait for an answer, beyond the time that is asked for [s]."""
 
 
 class Teleoperator:

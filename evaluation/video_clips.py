@@ -13,7 +13,7 @@ from smokebot_udp.arrays import Array, UInt8Array
 from .recordings import RECORDINGS
 
 RATE = 10.0
-"""Of all clips [Hz]."""
+"""Frame rate of all clips [Hz]."""
 
 Clip = List[Array]
 """Images of one shape: (height, width) uint8 or uint16, or (height, width, 3) uint8: B, G, R."""

@@ -28,7 +28,7 @@ class Jpegs:
         self._clip = clip
 
     def ladder(self, number: int) -> JpegLadder:
-        """Of the image with this number."""
+        """The ladder of the image with this number."""
         return self._ladders[id(self._clip[number])]
 
     def code(self, rate: float, conditions: LinkConditions) -> ErasureCode:

@@ -29,11 +29,11 @@ from .video_link import REPORT_DELAY, Way
 OPERATOR = 'operator'
 
 SEEN = -1.0, -0.4
-"""When the operator has seen images of this size before the clip: assemblers do not believe in large ones at once [s].
-"""
+"""Times before the clip at which the operator has seen images of this size: assemblers do not believe in large ones at
+once [s]."""
 
 FIRST_STAMP = 10.0
-"""Of the clip [s]."""
+"""Time stamp of the beginning of the clip [s]."""
 
 
 class PackageVideo(Way):

@@ -22,7 +22,7 @@ from .video_clips import RATE, Clip
 from .video_link import CHOICE_SEED, SETTLED, Way, constant, watch
 
 OVERHEAD = 28 + 60
-"""Of a packet beside its part of the image: IP, UDP and a small message [byte]."""
+"""Size of a packet without its part of the image: IP, UDP and a small message [byte]."""
 
 ROOM = 1500 - OVERHEAD
 SLICE_SIZE = 1300
@@ -126,7 +126,7 @@ def to_planes(image: UInt8Array) -> UInt8Array:
 
 
 class Decoder:
-    """libavcodec, set up for losses as this package's decoder is.
+    """Decodes with libavcodec, set up for losses as this package's decoder is.
 
     :param shape: of the images
     :param predicted: see Coding
@@ -188,7 +188,7 @@ class Video(Way):
 
 
 def packet_sizes(slices: Sequence[bytes], coding: Coding, parities: Callable[[int], int]) -> List[int]:
-    """Of an image, as IP packets [byte]; parity packets are as large as its largest slice."""
+    """The sizes of the IP packets of an image [byte]. Parity packets are as large as its largest slice."""
     if coding.whole:
         size = sum(map(len, slices))
         return [OVERHEAD + min(ROOM, size - start) for start in range(0, size, ROOM)]

@@ -18,19 +18,19 @@ NARROW = {'rate': 20e6}
 """Raw images fill this link [bit/s]."""
 
 CUT = 1.0
-"""Long enough for a stop [s]."""
+"""Duration of a cut of the link that is long enough for a stop [s]."""
 
 PAUSES = 0.3, 0.8
-"""From when the robot drives until something happens [s]."""
+"""Limits of the time from when the robot drives until something happens [s]."""
 
 MESSAGE_RATE = 50.0
-"""Of reliable messages [Hz]."""
+"""Rate of reliable messages [Hz]."""
 
 BRIEF_AGE = 2.0
-"""Of the relays `brief_...` [s]."""
+"""Maximum age of messages of the relays `brief_...` [s]."""
 
 GIVEN_UP = 'given up'
-"""In what a node writes about messages that it gives up."""
+"""Text that is in what a node writes about messages that it gives up."""
 
 Raw = Dict[str, Any]
 

@@ -16,13 +16,13 @@ Raw = Mapping[str, Any]
 """What way_back.py measured in a scene."""
 
 MAX_AGE, TIMEOUT = 0.3, 0.5
-"""Of the command stream [s]."""
+"""Maximum age and timeout of the command stream [s]."""
 
 STOP_WITHIN = TIMEOUT + 0.05
-"""[s]"""
+"""Goal of the time until the robot stops [s]."""
 
 LISTENING = 0.02
-"""From the robot's decision to the listener on its side [s]."""
+"""Time from the robot's decision to the listener on its side [s]."""
 
 PERIOD, HALF_ROUND_TRIP, SLACK = 0.05, 0.05, 0.02
 WITHIN = PERIOD + HALF_ROUND_TRIP + SLACK
@@ -67,7 +67,8 @@ def until_in_force(sent: Log, heard: Log) -> FloatArray:
 
 
 def ages(sent: Log, heard: Log) -> FloatArray:
-    """Of the numbers that were heard, as they were heard: (n,) [s]; inf: it was never sent."""
+    """The ages of the numbers that were heard, in the order in which they were heard: (n,) [s]; inf: it was never
+    sent."""
     made = dict(sent)
     times: FloatArray = np.array([at - made.get(number, -math.inf) for number, at in heard if number], np.float64)
     return times

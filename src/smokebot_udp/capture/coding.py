@@ -11,7 +11,7 @@ from ..arrays import Array, UInt8Array
 from ..packed import inflated
 
 LEVEL = 6
-"""Of zlib."""
+"""Compression level of zlib."""
 
 
 class Coding(enum.IntEnum):

@@ -22,13 +22,13 @@ from ..serialised import deserialised, serialised
 from .coding import Coding, code_image, decode_image, from_planes, to_planes
 
 MAX_DATA = 1 << 26
-"""Of an original [byte]."""
+"""Maximum size of the data of an original [byte]."""
 
 MAX_HEAD = 0xffff
-"""Of a message without its data, and of a pose [byte]."""
+"""Maximum size of a message without its data, and of a pose [byte]."""
 
 MAX_REASON = 1000
-"""Of a sentence [byte]."""
+"""Maximum size of the sentence that gives the reason of a refusal [byte]."""
 
 WHOLE = (0, 0, 0, 0)
 """The region that is all of an image."""
@@ -37,7 +37,7 @@ _HEAD = struct.Struct('<B32sBHH')
 
 
 class Kind(enum.IntEnum):
-    """Of a content."""
+    """Kinds of contents."""
     REFUSAL = 0
     ORIGINAL = 1
 

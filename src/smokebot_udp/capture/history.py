@@ -14,15 +14,15 @@ MESSAGE_OVERHEAD = 2048
 class Original(NamedTuple):
     """A message as it came from its source."""
     message: Any
-    """With a header and `data`; not to be changed."""
+    """A message with a header and `data`. It is not to be changed."""
     stamp: int
-    """Of its source [ns]."""
+    """Time stamp of the message by its source [ns]."""
     received: float
-    """[s]"""
+    """Time at which the message was received [s]."""
 
     @property
     def size(self) -> int:
-        """What it takes in memory [byte]."""
+        """The size of the message in memory [byte]."""
         return len(self.message.data) + MESSAGE_OVERHEAD
 
 

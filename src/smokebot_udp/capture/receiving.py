@@ -16,11 +16,11 @@ class Receiving:
 
     def __init__(self) -> None:
         self.order = 0
-        """The highest order that came."""
+        """Highest order that was received."""
         self.dropped = 0
-        """Impossible pieces."""
+        """Number of impossible pieces."""
         self.size = self.held = 0
-        """Of the whole, 0: unknown; what came of it [byte]."""
+        """Size of the whole transfer, 0: unknown; and size of what was received of it [byte]."""
         self._length = self._begun = 0
         self._data = bytearray()
         self._came: BoolArray = np.zeros(0, bool)

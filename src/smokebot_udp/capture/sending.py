@@ -16,10 +16,11 @@ from ..arrays import BoolArray
 from ..reliable.round_trip import RoundTrip
 
 MAX_SIZE = 1 << 24
-"""Of a transfer [byte]."""
+"""Maximum size of a transfer [byte]."""
 
 MAX_PIECES, MIN_LENGTH = 8192, 64
-"""Pieces of a transfer: a report names each of them. Shorter ones are only made where there is one alone [byte]."""
+"""Maximum number of pieces of a transfer, as a report names each of them; and minimum length of a piece, unless there
+is only one [byte]."""
 
 REORDERING = 3
 """A piece may come after as many that left later (kPacketThreshold of RFC 9002)."""

@@ -8,16 +8,16 @@ from ..newest import Newest
 from .sending import Piece, Sending
 
 MAX_TRANSFERS = 4
-"""Of operators that fetch at a time; further ones wait, and go on asking."""
+"""Maximum number of operators that fetch at a time. Further ones wait, and repeat their requests."""
 
 TIMEOUT = 30.0
 """A transfer whose operator was silent for this long is forgotten [s]."""
 
 MAX_ENDED = 64
-"""Operators whose last capture is remembered: its requests may be late."""
+"""Maximum number of operators whose last capture is remembered: its requests may be late."""
 
 MAX_RATE = 2e6
-"""Where nothing limits the link, nor a receiver's buffer is known [byte/s]."""
+"""Maximum rate of pieces, for links without a limit and receivers whose buffer is unknown [byte/s]."""
 
 
 class Request(NamedTuple):
@@ -25,9 +25,9 @@ class Request(NamedTuple):
     id: int
     stream: str
     stamp: int
-    """[ns]; 0: the newest one."""
+    """Time stamp of the original; 0: the newest one [ns]."""
     region: Tuple[int, int, int, int]
-    """x, y, width, height [pixel]; width, height 0: all."""
+    """Region of an image: x, y, width, height; width and height 0: all of it [pixel]."""
     layered: bool
 
 

@@ -6,13 +6,13 @@ from typing import Any, List, Mapping, NamedTuple, Optional, Sequence
 import numpy as np
 
 GOOD_SHARE = 0.8
-"""Of the expected messages."""
+"""Minimum ratio of received to expected messages for a good result."""
 
 GOOD_PSNR = 30.0
-"""Of images, on average [dB]."""
+"""Minimum mean PSNR of images for a good result [dB]."""
 
 GOOD_AGE = 0.3
-"""Of half of the images [s]."""
+"""Maximum median age of images for a good result [s]."""
 
 HEADINGS = 'stream', 'source', 'wanted', 'expected', 'received', '', ''
 
@@ -25,17 +25,17 @@ Good: %d %% of it; images of %g dB or exact, half of them at most %g s old. A sl
 class Images(NamedTuple):
     """What the operator received of an image stream."""
     psnr: Sequence[float]
-    """Of each image that was compared; infinite: exact [dB]."""
+    """PSNR of each image that was compared; infinite: it was exact [dB]."""
     ages: Sequence[float]
-    """When each one was received [s]."""
+    """Age of each image when it was received [s]."""
     uncompared: int = 0
-    """Images that were received, and not compared."""
+    """Number of images that were received, and not compared."""
     unlike: str = ''
-    """Why some were not; empty: no original had their stamps."""
+    """Why some images were not compared; empty: no original had their stamps."""
 
     @property
     def verdict(self) -> str:
-        """good, poor, or unknown: none could be compared."""
+        """The verdict: good, poor, or unknown if no image could be compared."""
         lossy = self._lossy()
         if not self.ages or np.median(self.ages) > GOOD_AGE or (lossy and np.mean(lossy) < GOOD_PSNR):
             return 'poor'

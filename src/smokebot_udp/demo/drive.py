@@ -43,23 +43,23 @@ REPEAT_PERIOD = 2.0
 """A goal that the robot has not taken up is sent again after this time: its nodes may be just connecting [s]."""
 
 GOAL_DISTANCE = 1.5
-"""From the robot to its goal [m]."""
+"""Distance from the robot to its goal [m]."""
 
 GOAL_SHARE = 0.7
-"""Of the duration; then the commands begin."""
+"""Maximum part of the duration in which the robot drives to its goal; then the commands begin."""
 
 RATE = 20.0
-"""Of the commands [Hz]."""
+"""Rate of the commands [Hz]."""
 
 TURN_RATE, TURN_STEP = 0.3, 1e-6
-"""Of the first command, and from one command to the next [rad/s]."""
+"""Turn rate of the first command, and its increase from one command to the next [rad/s]."""
 
 IN_FORCE = 1 / RATE + 0.02
 """A command counts as in force if it, or a newer one, is on the robot after this time: one period and 20 ms. Half of
 the round trip is 0 on one machine [s]."""
 
 GOOD_SHARE = 0.95
-"""Of commands that are in force."""
+"""Minimum ratio of commands that are in force for a good result."""
 
 LATE = IN_FORCE / 4
 """A command passes four threads on its way: this one, operator_receiver, robot_sender, and this process again. Where

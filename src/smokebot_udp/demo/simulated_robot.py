@@ -59,10 +59,11 @@ from . import simulated_topics as topics
 from .simulated_driving import Commands, Counter, MoveBase, SharedRobot
 
 FIELD_OF_VIEW = np.radians(70)
-"""Horizontal, of both cameras [rad]."""
+"""Horizontal field of view of both cameras [rad]."""
 
 SMOKE, BILLOWS = 0.45, 0.6
-"""Of the camera's smoke, see simulation.camera: people 4 m away are hardly seen. The thermal camera sees through it."""
+"""Extinction of the camera's smoke [1/m] and its relative deviation in billows, see simulation.camera: people 4 m away
+are hardly seen. The thermal camera sees through it."""
 
 
 class PeriodicSensor:

@@ -132,7 +132,7 @@ class MapTopic:
 
 
 class OdometryTopics:
-    """odom, and /tf from map over odom to base_link."""
+    """Publishes odom, and on /tf the transforms from map over odom to base_link."""
 
     # of x, y, z, roll, pitch, yaw [m^2, rad^2]; small where a planar robot does not move
     COVARIANCE = np.diag([0.01, 0.01, 1e-6, 1e-6, 1e-6, 1e-3]).ravel().tolist()

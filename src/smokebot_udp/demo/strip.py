@@ -17,18 +17,18 @@ CAPTION = 26
 """Height of the text below an image, or above a row [pixel]."""
 
 FILM_RATE = 5
-"""[Hz]"""
+"""Frame rate of a film [Hz]."""
 
 FILM_BITS = 6e5
-"""Of a film [bit/s]."""
+"""Bit rate of a film [bit/s]."""
 
 
 class Seen(NamedTuple):
     """An image on a screen."""
     when: float
-    """It appeared at this time [s]."""
+    """Time at which the image appeared [s]."""
     stamp: float
-    """When it was taken, by the same clock [s]."""
+    """Time at which the image was taken, by the same clock [s]."""
     jpeg: bytes
     """(height, width, 3) uint8 BGR, compressed."""
 

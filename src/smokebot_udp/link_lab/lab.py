@@ -56,11 +56,11 @@ class TwoSides:
         return ['nsenter', '--net=' + self._namespaces[side], *arguments]
 
     def run(self, side: str, arguments: Sequence[str], **options: Any) -> Any:
-        """subprocess.run on a side."""
+        """Run a command on a side as subprocess.run does."""
         return subprocess.run(self.command(side, arguments), **options)
 
     def popen(self, side: str, arguments: Sequence[str], **options: Any) -> Any:
-        """subprocess.Popen on a side."""
+        """Start a command on a side as subprocess.Popen does."""
         return subprocess.Popen(self.command(side, arguments), **options)
 
     def close(self) -> None:
@@ -148,7 +148,8 @@ class Lab(TwoSides):
 
 
 def environment(side: str) -> Dict[str, str]:
-    """os.environ for a ROS node on a side."""
+    """The environment variables of a ROS node on a side: those of this process, with the side's ROS_IP and the lab's
+    ROS_MASTER_URI."""
     # ROS_HOSTNAME would take precedence over ROS_IP
     rest = {name: value for name, value in os.environ.items() if name != 'ROS_HOSTNAME'}
     return {**rest, 'ROS_IP': ADDRESSES[side], 'ROS_MASTER_URI': MASTER}

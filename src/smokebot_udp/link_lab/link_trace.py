@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""link.yaml: a link trace, which says how the conditions of a link change over time, as a list of steps.
+"""Reads a link trace, link.yaml: a list of steps that define how the conditions of a link change over time.
 
     seed: 1
     course:

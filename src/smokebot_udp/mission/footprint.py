@@ -6,7 +6,7 @@ from typing import Any, Tuple
 
 DEFAULT_FOOTPRINT = '[[0.35, 0.25], [-0.35, 0.25], [-0.35, -0.25], [0.35, -0.25]]'
 MAX_POINTS, MAX_DISTANCE = 64, 100.0
-"""Of a point from the robot's origin [m]."""
+"""Maximum number of points, and limit of a point's distance from the robot's origin [m]."""
 
 Footprint = Tuple[Tuple[float, float], ...]
 """(x, y) of each corner [m]"""

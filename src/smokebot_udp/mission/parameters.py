@@ -38,7 +38,7 @@ class Parameter:
 
     @property
     def kind(self) -> Type[Any]:
-        """str, bool, int or float."""
+        """The type of the parameter's values: str, bool, int or float."""
         return str if self.default is None else type(self.default)
 
     @property

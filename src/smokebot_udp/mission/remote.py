@@ -14,14 +14,14 @@ FOCUS_PART = ''
 FOCUS_SETTING = 'focus'
 
 MAX_TEXT = 1000
-"""A longer answer is cut [characters]."""
+"""Maximum length of an answer; a longer one is cut [character]."""
 
 
 @dataclass(frozen=True)
 class Request:
-    """Of an operator."""
+    """An operator's request to change settings of a part."""
     id: int
-    """Random, not 0."""
+    """Random number other than 0."""
     part: str
     values: Mapping[str, Any]
     """{setting: requested value}"""
@@ -42,6 +42,6 @@ class PartState:
     request: int = 0
     """Id of the request that it answers; 0: none."""
     refusal: str = ''
-    """Why that was refused; empty: it was not."""
+    """Why that request was refused; empty: it was not."""
     changes: str = ''
     """What a switch of the focus has changed, in words."""

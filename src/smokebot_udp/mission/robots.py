@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""robots.yaml: the robots of a desk by name, each with its own master.
+"""Reads robots.yaml: the robots of a desk by name, each with its own master.
 
     ugv1: {host: 10.0.0.7, key_file: /etc/smokebot/ugv1.key}
     ugv2: {host: ugv2.local, port: 17002, frame_prefix: second/, streams: my_streams.yaml}

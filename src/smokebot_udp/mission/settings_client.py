@@ -16,16 +16,16 @@ from .remote import FOCUS_PART, FOCUS_SETTING, PartState, Request
 from .settings import SettingsStore
 
 RETRY_PERIOD = 0.1
-"""Time until a request is repeated at first; each time it grows by half [s],"""
+"""Time after which a request is repeated first. With each repetition it grows by half, up to MAX_RETRY_PERIOD [s]."""
 
 MAX_RETRY_PERIOD = 0.5
-"""up to this [s]."""
+"""Maximum time between repetitions of a request [s]."""
 
 TIMEOUT = 10.0
 """A change that the robot does not answer for this long is given up [s]."""
 
 MAX_WAITING = 64
-"""Number of changes that wait for the robot."""
+"""Maximum number of changes that wait for the robot."""
 
 
 Done = Callable[[str, str], None]
@@ -38,16 +38,17 @@ class _Change:
     part: str
     values: Dict[str, Any]
     until: float
-    """When it is given up [s]."""
+    """Time at which the change is given up [s]."""
     timeout: float = TIMEOUT
-    """[s]"""
+    """Time that the robot has to answer; it is named when the change is given up [s]."""
     done: Optional[Done] = None
-    """Without it the change is in the copy already."""
+    """Called when the change is over; None: the change is in the copy already."""
     id: int = 0
-    """Of its request; 0: it waits for those before it."""
+    """Id of the change's request; 0: it has none yet, as it waits for the changes before it."""
     due: float = -math.inf
-    """When it is sent again [s]."""
+    """Time at which the request is sent next [s]."""
     period: float = RETRY_PERIOD
+    """Time between the next request and its repetition [s]."""
 
 
 class SettingsClient:

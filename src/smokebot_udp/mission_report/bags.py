@@ -13,16 +13,17 @@ import rosbag
 from .record import Description, MissionRecord, Roles, read_description
 
 STAMP = struct.Struct('<II')
-"""secs and nsecs of a message that begins with a std_msgs/Header, after its seq of 4 bytes."""
+"""Format of a time stamp: secs and nsecs. A std_msgs/Header has it after its seq of 4 bytes."""
 
 DESCRIPTION, CONTROL, OFFSET = 'black_box/description', 'operator/control', 'operator_receiver/clock_offset'
+"""Ends of the topics of the description, of the state of control and of the clock offset."""
 LOAD = 'black_box/load'
+"""End of the topics of a machine's load."""
 IMAGES = 'black_box/images/'
-"""Within topics: these are recorded later than they arrived."""
-"""Ends of topics."""
+"""Part of the topics of images, which are recorded later than they arrived."""
 
 NEAR = 1e-3
-"""A message is looked for this near to its time, which was rounded [s]."""
+"""A message is looked for up to this long before and after its time, which was rounded [s]."""
 
 
 class BadBag(Exception):

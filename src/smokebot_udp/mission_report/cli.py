@@ -22,7 +22,7 @@ from .mission import Mission
 from .record import SIDES, Description, MissionRecord, Stream
 
 PATTERNS = '*.bag', '*.bag.active'
-"""Of bags in a folder."""
+"""Patterns of the names of bags in a folder."""
 
 
 class Failure(Exception):

@@ -17,19 +17,19 @@ from .record import OPERATOR, ROBOT
 from .summary import Event, events
 
 WIDTH = 320
-"""Of an image of the strip [pixel]."""
+"""Width of an image of the strip [pixel]."""
 
 QUALITY = 80
-"""Of JPEG."""
+"""Quality of JPEG images, 0..100."""
 
 MAX_STREAMS = 2
-"""Image streams in a strip."""
+"""Maximum number of image streams in a strip."""
 
 MAX_EVENTS = 12
-"""Moments of events."""
+"""Maximum number of moments of events."""
 
 KINDS = 'stop', 'gap', 'focus'
-"""Events with a moment, the most important first."""
+"""Kinds of events with a moment, the most important first."""
 
 LOW, HIGH = 1, 99
 """The colours of the original, and of what was seen of it, are between these percentiles of its pixels."""

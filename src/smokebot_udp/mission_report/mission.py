@@ -40,14 +40,14 @@ class Mission:
         """{side: from its first to its last message}"""
         self.span: Span = min(begin for begin, _ in self.spans.values()), max(end for _, end in self.spans.values())
         self.common: Span = max(begin for begin, _ in self.spans.values()), min(end for _, end in self.spans.values())
-        """When all sides that are there recorded."""
+        """Span in which all sides with bags recorded."""
         if self.common[0] > self.common[1]:
             raise ValueError('the bags are of different times: ' + ', '.join(
                 'the %s recorded from %s to %s' % (side, *map(clock_text, span)) for side, span in self.spans.items()))
         self.states = _by_time(record.states)
-        """Of the robot, by time: as the robot recorded them, else as they arrived."""
+        """States of the robot, by time: those that the robot recorded, else those that arrived at the operator."""
         self.links = _by_time(record.links)
-        """Likewise of the link."""
+        """States of the link, by time: those that the robot recorded, else those that arrived at the operator."""
         self._times: Dict[Tuple[str, str], FloatArray] = {}
         arrived = [self.times(OPERATOR, name) for name in self.streams()]
         self.arrivals: FloatArray = np.sort(np.concatenate([*arrived, np.zeros(0)]))

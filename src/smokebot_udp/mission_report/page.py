@@ -23,14 +23,14 @@ td.text { white-space: normal }
 '''
 
 MAX_ROWS = 100
-"""Of a table: gaps are the longest, events the first."""
+"""Maximum number of rows of a table: of the longest gaps, and of the first events."""
 
 
 class Picture(NamedTuple):
     """An encoded image and what is written below it."""
     data: bytes
     kind: str
-    """png or jpeg"""
+    """Format of the data: png or jpeg."""
     caption: str = ''
 
 

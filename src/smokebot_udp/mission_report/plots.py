@@ -23,13 +23,13 @@ PAUSE, PERIODS = 2.0, 4.0
 """A stream is drawn as missing where it pauses for longer [s], and for longer than so many of its periods."""
 
 SIZE, DPI = (11.0, 2.6), 90
-"""Of a plot [inch]; a timeline is higher."""
+"""Size of a plot [inch], and its resolution [dot/inch]. A timeline has a height of its own."""
 
 ROW = 0.32
 """Height of a row of the timeline [inch]."""
 
 CHARACTERS, LEAST_TEXT = 150, 5
-"""Of the timeline's font in the width of a plot; shorter rests of a text say nothing."""
+"""Number of characters of the timeline's font in the width of a plot, and minimum length of a text that is cut."""
 
 COLOURS = ('#1f77b4', '#ff7f0e', '#2ca02c', '#9467bd', '#8c564b', '#e377c2', '#7f7f7f', '#bcbd22', '#17becf')
 STOP, SEEN = '#d62728', '#2ca02c'
@@ -118,7 +118,7 @@ def _timeline(axes: Any, rows: Dict[str, List[Interval]], length: float) -> None
 
 
 def _width(mission: Mission) -> float:
-    """Of a bin [s]."""
+    """The width of a bin [s]."""
     return max(LEAST_BIN, (mission.span[1] - mission.span[0]) / BINS)
 
 

@@ -26,11 +26,11 @@ class Row(NamedTuple):
     counts: Dict[str, int]
     """{side: messages}"""
     age: Optional[float]
-    """Median at the operator's [s]."""
+    """Median age of the messages at the operator's [s]."""
     old: Optional[float]
-    """95 % of the messages were not older [s]."""
+    """Age that 95 % of the messages did not exceed at the operator's [s]."""
     longest: Optional[float]
-    """Longest time without a message at the operator's [s]; of images."""
+    """Longest time without a message at the operator's, of images only [s]."""
 
 
 class Event(NamedTuple):
@@ -38,7 +38,7 @@ class Event(NamedTuple):
     time: float
     """By the robot's clock [s]."""
     kind: str
-    """focus, driver, stop, control or gap"""
+    """Kind of the event: focus, driver, stop, control or gap."""
     text: str
 
 
@@ -91,7 +91,7 @@ def stops(mission: Mission) -> List[Interval]:
 
 
 def all_gaps(mission: Mission) -> List[Gap]:
-    """Of all images, the longest first."""
+    """The gaps of all image streams, the longest first."""
     return sorted((gap for name in mission.streams('image') for gap in gaps(mission, name)),
                   key=lambda gap: -gap.duration)
 
@@ -116,7 +116,7 @@ def events(mission: Mission) -> List[Event]:
 class _Spell(NamedTuple):
     """Intervals of one kind that follow each other closely."""
     text: str
-    """Of the last one."""
+    """Text of the last interval."""
     begin: float
     end: float
     times: int

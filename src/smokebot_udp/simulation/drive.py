@@ -8,7 +8,7 @@ from .pose import Point, Pose, twist_of
 from .world import DOORS, SIZE, room_centre
 
 CORRIDOR = 7.0
-"""y of the corridor's centre line [m]."""
+"""Coordinate y of the corridor's centre line [m]."""
 
 HALT = 4.0
 """How long the robot stands still in each room [s]."""

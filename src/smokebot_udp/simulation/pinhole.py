@@ -22,13 +22,15 @@ class View:
     surface: Array
     """int16 surface ids: prism index, FLOOR or ROOF."""
     x: Float32Array
-    """World coordinates of the surface [m]."""
+    """World coordinate x of the surface [m]."""
     y: Float32Array
+    """World coordinate y of the surface [m]."""
     z: Float32Array
+    """World coordinate z of the surface [m]."""
 
 
 def remainder(values: Float32Array, period: float) -> Float32Array:
-    """values % period; numpy's takes ten times as long."""
+    """The remainder values % period. numpy's own takes ten times as long."""
     return np.asarray(values - np.float32(period) * np.floor(values * np.float32(1 / period)))
 
 

@@ -15,7 +15,7 @@ Point = Tuple[float, float]
 """(x, y) [m]"""
 
 TIME_STEP = 1e-3
-"""Of the numerical derivative [s]."""
+"""Step of the numerical derivative [s]."""
 
 
 def compose(outer: Pose, inner: Pose) -> Pose:

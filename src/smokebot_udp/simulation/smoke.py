@@ -12,13 +12,13 @@ from ..arrays import Float32Array, FloatArray
 from .pinhole import Pinhole, View
 
 BLOCK = 16
-"""Billows are computed at this part of the resolution, as they have no edges."""
+"""Billows are computed for blocks of this side, as they have no edges [pixel]."""
 
 SOFT = 0.3, 0.7
-"""Shares of the fine and the coarse billows, which are twice as large."""
+"""Shares of the fine billows and of the coarse ones, which are twice as large."""
 
 DRIFT, RISE = 0.25, 0.1
-"""Of billows across the image [rad/s] and upwards [image height/s]."""
+"""Speeds of billows across the image [rad/s] and upwards [image height/s]."""
 
 
 class Smoke:

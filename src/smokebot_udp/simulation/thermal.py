@@ -12,10 +12,10 @@ from .pose import Pose
 from .world import FLOOR, World
 
 KELVIN_PER_COUNT = 0.04
-"""counts = temperature [K] / 0.04: 0 degC is 6829, 300 degC is 14329, the end of the range is 2348 degC."""
+"""Temperature difference of a count [K]: 0 degC is 6829 counts, 300 degC is 14329; the range ends at 2348 degC."""
 
 CELSIUS = 273.15
-"""0 degC [K]."""
+"""Temperature of 0 degC [K]."""
 
 
 def to_counts(celsius: Array) -> Array:

@@ -20,16 +20,16 @@ ROBOT_HEIGHT = 1.0
 """Prisms above this height are not obstacles [m]."""
 
 THICKNESS, DOOR = 0.2, 1.4
-"""Of walls, and width of doors [m]."""
+"""Thickness of walls, and width of doors [m]."""
 
 ROOM_WALLS = (5.6, 8.4)
-"""y of the corridor's walls [m]."""
+"""Coordinates y of the corridor's walls [m]."""
 
 PARTITIONS = (7.0, 14.0)
-"""x of the walls between rooms [m]."""
+"""Coordinates x of the walls between rooms [m]."""
 
 DOORS = (3.5, 10.5, 17.5)
-"""x of each room's door, on both sides of the corridor [m]."""
+"""Coordinates x of the rooms' doors, on both sides of the corridor [m]."""
 
 FLOOR, ROOF = -1, -2
 """Surface ids besides the prisms' indexes."""

@@ -22,7 +22,7 @@ from .neighbours import neighbours
 from .ring import Border, border_of, continued, moved
 
 SMOOTH = 1.0
-"""b of the model: images are smooth within this distance [pixel]."""
+"""Parameter b of the variogram: images are smooth within this distance [pixel]."""
 
 NEIGHBOURS = 12
 """Number of received pixels that estimate a missing one; 20 gain 0.2 dB, and take half as long again."""

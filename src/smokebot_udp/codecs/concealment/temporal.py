@@ -130,7 +130,7 @@ def _pixels_of(cells: BoolArray, side: int, shape: Tuple[int, ...]) -> BoolArray
 
 
 def _select(mask: BoolArray, chosen: Array, others: Array) -> Array:
-    """np.where(mask, chosen, others), for whole pixels of any dtype, C-contiguous.
+    """Select whole pixels of any dtype as np.where(mask, chosen, others) does; the result is C-contiguous.
 
     By bits: a branch for each pixel, which no processor predicts in such a mask, takes ten times as long.
     """

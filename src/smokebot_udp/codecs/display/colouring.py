@@ -22,7 +22,7 @@ SCALED = 'mono16', '16UC1', '32FC1'
 NO_READING = 90, 80, 80
 """Colour of 0 in 16 bits, of NaN and of infinities [b, g, r]; no palette but gray has a similar one."""
 SHADES = 254
-"""Of a palette: OpenCV's colour table has 256, and 2 of them are NO_READING."""
+"""Number of colours of a palette: OpenCV's colour table has 256 entries, and 2 of them are NO_READING."""
 MARKS = np.linspace(0.0, 1.0, 5)
 """Positions of the scale's numbers, as ratios of the palette."""
 
@@ -31,7 +31,8 @@ KNEE = 0.75
 CLIMB = 5.0
 """Hot begins at the percentile of LEVELS after which the distance from the coldest grows by more than this factor."""
 LEVELS = 1, 50, 60, 70, 80, 90, 95, 98
-"""[percent]: a fire may fill half the image, and the first is robust against single cold pixels."""
+"""Percentiles that are examined [percent]: a fire may fill half the image, and the first is robust against single cold
+pixels."""
 MIDDLE = 0.35, 0.5
 """The median is between these ratios of the palette, so both halves of the image have contrast."""
 SETTLING = 0.7

@@ -25,7 +25,7 @@ TILE_COLOURS = {GOOD: (55, 55, 55), ATTENTION: COLOURS[OLD], BAD: COLOURS[FROZEN
 """{level: [b, g, r]}"""
 TEXT_COLOURS = {GOOD: (255, 255, 255), ATTENTION: (0, 0, 0), BAD: (255, 255, 255), UNKNOWN: (150, 150, 150)}
 MARK = COLOURS[FRESH]
-"""Of the bar at the left of a good tile."""
+"""Colour of the bar at the left of a good tile [b, g, r]."""
 
 LINK_TIMEOUT = 3.0
 """Without a report from the robot for this time the link counts as broken [s]."""
@@ -48,8 +48,9 @@ class Limits(NamedTuple):
 
 
 LOSS, ROUND_TRIP = Limits(0.3, 0.7), Limits(0.3, 1.0)
+"""Limits of the packet-loss ratio and of the round-trip time [s]. Higher values are worse."""
 SIGNAL, CHARGE = Limits(-70.0, -80.0), Limits(0.3, 0.15)
-"""Of what is worse the lower it is: [dBm], ratio."""
+"""Limits of the Wi-Fi signal strength [dBm] and of the battery's charge, a ratio. Lower values are worse."""
 
 
 @dataclass(frozen=True)
@@ -58,26 +59,26 @@ class OperatorStatus:
     link_silence: float = math.nan
     """Time since the robot's last report of the link; infinite: there was none [s]."""
     sent: float = math.nan
-    """Of all streams [Mbit/s]."""
+    """Rate at which the data of all streams are sent [Mbit/s]."""
     capacity: float = math.nan
-    """Of the link [Mbit/s]."""
+    """Capacity of the link [Mbit/s]."""
     loss: float = math.nan
     """Packet-loss ratio, 0..1."""
     round_trip: float = math.nan
-    """[s]"""
+    """Round-trip time of the link [s]."""
     signal: float = math.nan
-    """Of the Wi-Fi, of the side that receives it worse [dBm]."""
+    """Wi-Fi signal strength on the side where it is weaker [dBm]."""
     focus: str = ''
     modified: bool = False
     """Whether a setting differs from the focus's."""
     charge: float = math.nan
-    """Of the battery, 0..1."""
+    """Charge of the battery, 0..1."""
     voltage: float = math.nan
-    """[V]"""
+    """Voltage of the battery [V]."""
     driver: str = ''
     """Who drives; empty: nobody."""
     drives: bool = False
-    """Whether this operator does."""
+    """Whether this operator drives."""
     control: str = ''
     """The state of control in words, as on operator/control; empty: unknown."""
     commands: bool = True
@@ -87,7 +88,7 @@ class OperatorStatus:
     estop: bool = False
     """Whether the emergency stop is engaged."""
     problems: Tuple[str, ...] = ()
-    """Of streams, in words."""
+    """Problems of streams, in words."""
     longest: int = 0
     """Longer datagrams do not pass; 0: all pass [byte of UDP payload]."""
 

@@ -18,13 +18,13 @@ from ...arrays import Array, Float32Array, FloatArray
 from .loops import compiled, float32, summed, uint64
 
 COARSEST = 20
-"""The shorter side of the coarsest images is not halved below this [pixel]."""
+"""Minimum length of the shorter side of the coarsest images: it is not halved below this [pixel]."""
 LEAST_SIDE = 16
-"""Of images that are aligned [pixel]."""
+"""Minimum length of the sides of images that are aligned [pixel]."""
 REACH = 4
-"""Shifts of up to this part of the coarsest image's sides are tried: a quarter,"""
+"""Shifts of up to the coarsest image's sides divided by this are tried, limited by MOST_SHIFT."""
 MOST_SHIFT = 24
-"""but not more: long narrow images, such as those of lidars, are hardly halved [pixel]."""
+"""Maximum shift that is tried: long narrow images, such as those of lidars, are hardly halved [pixel]."""
 LARGE = 1 << 17
 """Images of more pixels are halved first: that takes half the time, and less than a thousandth more is left to code."""
 SAMPLES = 10000
@@ -103,7 +103,7 @@ def _apart(image: Array, at: int, reference: Array, there: int, count: int) -> f
 
 @compiled
 def _error(image: Array, reference: Array, height: int, width: int, dy: int, dx: int, most: float) -> float:
-    """Of a shift, a pixel of the flat images; or one that is not below `most`."""
+    """The error of a shift for each pixel of the flat images; or an error that is not below `most`."""
     columns = width - abs(dx)
     total, limit = 0.0, most * (height - abs(dy)) * columns
     for y in range(max(-dy, 0), min(height - dy, height)):

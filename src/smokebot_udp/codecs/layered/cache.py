@@ -24,7 +24,7 @@ LOCK = 'loops.lock'
 CPU_INFO = pathlib.Path('/proc/cpuinfo')
 _CPU = ('vendor_id', 'cpu family', 'model', 'model name', 'flags', 'CPU implementer', 'CPU variant', 'CPU part',
         'Features')
-"""Of CPU_INFO: what code is compiled for. numba asks LLVM, which takes an import."""
+"""Fields of CPU_INFO that decide what code is compiled for. numba asks LLVM, which takes an import."""
 
 
 def cache_folder(package: Optional[pathlib.Path] = None) -> Optional[pathlib.Path]:

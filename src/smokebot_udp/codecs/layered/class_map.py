@@ -61,7 +61,7 @@ def reductions(classes: UInt8Array) -> Iterator[UInt8Array]:
 
 
 def reduced_size(height: int, width: int, exponent: int) -> Tuple[int, int]:
-    """Of a map of blocks of 2^exponent cells."""
+    """(rows, columns) of a map of blocks of 2^exponent cells a side."""
     return -(-height >> exponent), -(-width >> exponent)
 
 

@@ -39,7 +39,7 @@ def _load(canvas: Array, band: Array, stride: int, x: Array) -> None:
 
 @compiled
 def _round(x: Array, shift: int, fraction: int, most: int, pixels: Array) -> None:
-    """Of an image that is not split: (rows, columns) int32 to pixels, see wavelet.rounded."""
+    """Round an image that is not split, (rows, columns) int32, to pixels; see wavelet.rounded."""
     for y in range(x.shape[0]):
         for column in range(x.shape[1]):
             pixels[y, column] = wavelet.rounded(x[y, column], int32(shift), int32(fraction), int32(most))
@@ -63,7 +63,7 @@ def analyse(pixels: Array, plan: Layout, offset: int) -> Array:
 
 
 def _bands_of(plan: Layout, number: int, level: int) -> Array:
-    """Of a level of the channel that begins with the band `number`: (3, ...): HL, LH and HH."""
+    """(3, ...): the bands HL, LH and HH of a level of the channel that begins with the band `number`."""
     first = number + 1 + 3 * level
     bands: Array = plan.bands[first:first + 3]
     return bands

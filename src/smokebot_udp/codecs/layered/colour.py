@@ -13,7 +13,7 @@ from .loops import compiled, int32, int64
 
 @compiled
 def _split_colours(pixels: Array, offset: int, fraction: int, luma: Array, orange: Array, green: Array) -> None:
-    """Of all pixels: (3 n,) uint8 to (n,) int32."""
+    """Convert all pixels from B, G, R, (3 n,) uint8, to Y, Co and Cg, (n,) int32 each."""
     subtracted = int32(offset << fraction)
     for i in range(len(luma)):
         b, g, r = int32(pixels[3 * i]), int32(pixels[3 * i + 1]), int32(pixels[3 * i + 2])
@@ -26,8 +26,8 @@ def _split_colours(pixels: Array, offset: int, fraction: int, luma: Array, orang
 
 
 def to_channels(pixels: Array, offset: int, fraction: int) -> List[Tuple[Array, int, int]]:
-    """Of each channel, Y or Y, Co and Cg: (height, width) pixels or int32; what is still to be subtracted of it; and
-    the log2 of what it is then to be multiplied by, to be in 2^-fraction counts; the first one less the offset."""
+    """The channels, Y or Y, Co and Cg. Each one is (its (height, width) pixels or int32, what is still to be subtracted
+    from it, the log2 of the factor that then makes it 2^-fraction counts). The first channel is less the offset."""
     # views of messages are read-only: numba would compile all of it for them as well
     pixels = np.require(pixels, requirements=['C', 'A', 'W'])
     if pixels.ndim == 2:
@@ -45,7 +45,7 @@ def rounding(offset: int, fraction: int, itemsize: int) -> Tuple[int, int, int]:
 
 @compiled
 def _join_colours(luma: Array, orange: Array, green: Array, shift: int, fraction: int, result: Array) -> None:
-    """Of all pixels: (n,) int32 to (3 n,) uint8."""
+    """Convert all pixels from Y, Co and Cg, (n,) int32 each, to B, G, R, (3 n,) uint8."""
     for i in range(len(luma)):
         co, cg = int64(orange[i]), int64(green[i])
         t = luma[i] + shift - (cg >> 1)

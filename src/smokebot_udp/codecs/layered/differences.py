@@ -20,7 +20,7 @@ def _squares(pixels: Array, others: Array, at: int, count: int) -> int:
 
 @compiled
 def _sum_of_squares(pixels: Array, others: Array, length: int, step: int) -> int:
-    """Of each `step`-th row, of so many values, of flat images."""
+    """The sum of the squared differences of flat images in each `step`-th row of `length` values."""
     total = 0
     for first in range(0, len(pixels), step * length):
         total += _squares(pixels, others, uint64(first), uint64(length))

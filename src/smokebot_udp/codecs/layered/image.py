@@ -43,7 +43,7 @@ class LayeredStream(NamedTuple):
     errors: FloatArray
     """(s,) about the squared error, summed over all cells, of data[:ends[i]]"""
     cells: int
-    """height * width * channels"""
+    """Number of cells: height * width * channels."""
     prefixes: Prefixes
     """What its prefixes show."""
     missing: int = 0

@@ -29,7 +29,8 @@ STEP_BITS, RATE_BITS = 16, 30
 BLOCK = 4
 """Side of the blocks that are coded as one while all their coefficients are zero."""
 SIDE = 8
-"""Of the blocks of a band that are predicted or not [coefficient]; the last ones of rows and columns are smaller."""
+"""Side of the blocks of a band, each of which is predicted or not [coefficient]. The last ones of rows and columns are
+smaller."""
 HL, LH, HH, LL = range(4)
 """Orientations: of the columns' and rows' high halves."""
 SCALE_9_7 = 0.869864451624781
@@ -50,16 +51,17 @@ CELL, PLACE, PARENT, SHAPE = range(4)
 
 
 class Layout(NamedTuple):
-    """Of images of one shape."""
+    """How the coefficients of images of one shape are arranged."""
     levels: int
     channels: int
     lossless: bool
-    """5/3, else 9/7."""
+    """Whether the wavelet is the 5/3; else it is the 9/7."""
     fraction: int
     """Channels and coefficients are in 2^-fraction counts."""
     stride: int
+    """Cells from one row of the canvas to the next."""
     cells: int
-    """Of the canvas."""
+    """Number of cells of the canvas."""
     bands: Array
     """(n, 11) int64: flat ORIGIN, ROWS, COLUMNS, CHILD, START in lists of coefficients, KIND; MAP_STRIDE of rows of
     blocks in their map, and MAP_ORIGIN of the first block; CHILDREN: the band of the children or -1; STEP of quantised
@@ -69,11 +71,11 @@ class Layout(NamedTuple):
     steps: Array
     """(s, 3) int64: band, plane, pass; in the order of the stream."""
     blocks: Array
-    """(b, 4) int32; each band's from `firsts` on"""
+    """(b, 4) int32: the table of blocks. Those of each band begin at `firsts`."""
     firsts: IntArray
-    """(n + 1,)"""
+    """(n + 1,) where the blocks of each band begin in `blocks`."""
     places: int
-    """Of the map of blocks, margins included."""
+    """Number of places of the map of blocks, margins included."""
     flag_firsts: IntArray
     """(n + 1,) where the flags of each band's prediction begin, see prediction.Prediction"""
 

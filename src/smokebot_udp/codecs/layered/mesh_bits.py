@@ -17,7 +17,7 @@ from ..wire.bits import BitReader
 
 PARAMETER_BITS = 4
 MAX_PREFIX = 24
-"""Of a number [bit]: longer prefixes are broken."""
+"""Maximum length of the prefix of a number [bit]. A longer one is refused."""
 LIMIT = 1 << 14
 """Displacements are from -LIMIT to LIMIT."""
 
@@ -64,7 +64,8 @@ def _rice(numbers: List[int]) -> str:
 
 
 def _length(numbers: List[int], k: int) -> int:
-    """Of the code of numbers with a parameter, which is a convex function of it [bit]."""
+    """The length of the code of numbers with the parameter k, but for one bit for each number [bit]. It is a convex
+    function of k."""
     return sum([number >> k for number in numbers]) + k * len(numbers)
 
 

@@ -15,15 +15,16 @@ LEVEL = 2
 """A mesh has 2^LEVEL cells down and across. Finer ones are hardly better on recordings of robots and drones."""
 NODES = (1 << LEVEL) + 1
 MAX_BYTES = 120
-"""Of a motion."""
+"""Maximum size of a coded motion [byte]."""
 _SHARP, _SMOOTH = range(2)
-"""The first byte."""
+"""Values of the first byte of a coded motion."""
 ROWS = 48
 """Motions are compared by about this number of rows."""
 WORTH = 0.99
-"""A motion must decrease what is left to code to this part."""
+"""A motion is used where it decreases what is left to code to less than this part."""
 SMOOTH_WORTH = 1.0
-"""And a smooth reference to this part of that: its own noise is not left."""
+"""A smooth reference is used where it leaves less than this part of what a sharp one leaves: its own noise is not
+left."""
 
 
 class Motion(NamedTuple):

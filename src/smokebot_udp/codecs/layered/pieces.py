@@ -20,15 +20,15 @@ from ...arrays import BoolArray, IntArray, UInt8Array
 from . import erasure
 
 GROUP = 240
-"""Datagrams of one code, at most."""
+"""Maximum number of datagrams of one code."""
 
 MAX_COUNT = 4080
-"""Datagrams of an image, at most."""
+"""Maximum number of datagrams of an image."""
 
 MAX_LAYERS = 14
 
 MAX_SIZE = 16 << 20
-"""Of all pieces of an image, at most [byte]."""
+"""Maximum size of all pieces of an image together [byte]."""
 
 REPEATED = 3
 """With several codes, pieces are repeated where the threshold is at most this part of a code's length: a third."""
@@ -37,12 +37,12 @@ REPEATED = 3
 class Layer(NamedTuple):
     """A part of the stream."""
     threshold: int
-    """Pieces that restore it; of each code, where datagrams take turns."""
+    """Number of pieces that restore the layer; where datagrams take turns, number of pieces of each code."""
     size: int
-    """Of a piece [byte]."""
+    """Size of a piece [byte]."""
 
     def length(self, count: int) -> int:
-        """Of what it holds of the stream, with `count` datagrams [byte]."""
+        """The number of bytes of the stream that the layer holds, with `count` datagrams [byte]."""
         return self.threshold * self.size * parts_of(self.threshold, count)
 
 
@@ -50,7 +50,7 @@ class Layer(NamedTuple):
 class Plan:
     """How a stream is protected."""
     count: int
-    """Datagrams."""
+    """Number of datagrams."""
     layers: List[Layer]
 
 

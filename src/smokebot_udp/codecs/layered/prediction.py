@@ -44,15 +44,15 @@ class Prediction(NamedTuple):
 
 
 class Blocks(NamedTuple):
-    """What counts of all blocks, (blocks,) float32."""
+    """Statistics of all blocks, each of them (blocks,) float32."""
     own: Array
-    """Mean squares of coefficients,"""
+    """Mean squares of the image's coefficients."""
     other: Array
-    """of the reference's,"""
+    """Mean squares of the reference's coefficients."""
     apart: Array
-    """and of their differences."""
+    """Mean squares of the differences between the coefficients of image and reference."""
     numbers: Array
-    """Of coefficients."""
+    """Numbers of coefficients."""
 
 
 @compiled
@@ -260,7 +260,8 @@ def nothing(plan: Layout) -> Prediction:
 @compiled
 def _variances(own: Array, other: Array, apart: Array, first: int, weight: float, unit: float, least: float,
                result: Array) -> None:
-    """Of what is coded of blocks with a weight; see `choose`. The numbers are float32, but for `first`, uint64."""
+    """Write the variances of what is coded of blocks with a weight; see `choose`. The numbers are float32, but `first`
+    is uint64."""
     part = weight * QUARTER
     for i in range(uint64(len(result))):
         block = first + i

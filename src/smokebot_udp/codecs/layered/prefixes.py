@@ -34,9 +34,9 @@ class Prefixes(NamedTuple):
     offset: int
     itemsize: int
     begun: int
-    """Where what comes before the passes ends: with less there is no image."""
+    """End of what comes before the passes [byte]. With fewer bytes there is no image."""
     length: int
-    """Of the stream [byte]: what is beyond says nothing."""
+    """Length of the stream [byte]. Bytes beyond it are ignored."""
     log: Array
     """(passes, 5) int32, see passes.Work"""
     marks: Array
@@ -48,7 +48,7 @@ class Prefixes(NamedTuple):
     places: Array
     """(f,) int32: significant coefficients, in the order in which they became so"""
     values: Array
-    """(f,) int32: of them, see passes.Work"""
+    """(f,) int32: the values of these coefficients, see passes.Work"""
     predicted: Optional[Predicted]
     """None: it has no reference"""
 
@@ -105,7 +105,7 @@ def _gather(starts: Array, firsts: Array, lists: Array, result: Array) -> None:
 
 def prefixes_of(plan: Layout, work: Work, logged: int, offset: int, itemsize: int, begun: int, length: int,
                 predicted: Optional[Predicted]) -> Prefixes:
-    """Of a stream that was encoded or decoded.
+    """The Prefixes of a stream that was encoded or decoded.
 
     :param logged: length of the log
     """

@@ -260,8 +260,8 @@ def _roughness(row: Array, apart: int, count: int) -> float:
 @compiled
 def roughness(source: Array, size: Tuple[int, int, int], nodes: Array, filters: Array, most: int, image: Array,
               step: int) -> float:
-    """Of the difference of an image and of the displaced source, in each `step`-th row: the sum of the roots of how
-    much pixels differ from those APART pixels on their left. Parameters as of warp.
+    """The roughness of the difference between an image and the displaced source, in each `step`-th row: the sum of the
+    square roots of how much pixels differ from those APART pixels on their left. Parameters are as of warp.
 
     :param nodes: without any the source is as it is
     :param image: as the source

@@ -35,7 +35,7 @@ ATTEMPTS = 3
 """Three points of one corner of the floor make a poor plane: if it is refused, other random points are tried."""
 
 MAX_TILT = np.radians(10)
-"""Of ramps and robots [rad]."""
+"""Default limit of the ground plane's tilt, for ramps and for the robot's own tilt [rad]."""
 
 VOTERS = 1000
 """More points do not improve the plane."""

@@ -34,7 +34,7 @@ def _count(points: Array, a: float, b: float, c: float, d: float, threshold: flo
 
 @compiled
 def best_plane(points: Float32Array, triples: Array, threshold: float, least: float) -> Tuple[int, Array, Array]:
-    """Of the planes through three points each the first that most points are on.
+    """The plane that most points are on, of the planes through three points each; the first one of equally good ones.
 
     :param points: (3, n) float32, C-contiguous
     :param triples: (h, 3) int: indexes of points

@@ -35,13 +35,14 @@ FARTHEST = 1000.0
 """[m]"""
 
 MIN_POINTS = 3
-"""Points of an upright surface in its column: two may be above each other by chance."""
+"""Minimum number of points of an upright surface in its column: two may be above each other by chance."""
 
 MIN_NEIGHBOURS = 5
-"""Columns considered on one side; more if they are narrow."""
+"""Minimum number of columns considered on one side; more are considered if they are narrow."""
 
 MIN_IN_LINE = 4
-"""Of these and the column itself, the number that must show a surface: three may be in a line by chance."""
+"""Minimum number of columns that show a surface, of those considered and the column itself: three may be in a line by
+chance."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,23 +14,23 @@ from ..layered.loops import compiled, int64
 from ..layered.range_coder import decide, refilled, unknown_of
 
 CLASS_BITS = 2
-"""Of each neighbour in a context, the nearest first."""
+"""Size of the class of each neighbour in a context [bit]. The nearest neighbour comes first."""
 NEIGHBOURS = 8
 SECOND, FOURTH, EIGHTH = 0, 1 << 2 * CLASS_BITS, (1 << 2 * CLASS_BITS) + (1 << 4 * CLASS_BITS)
 """Where the contexts of each order begin."""
 ORDERS = EIGHTH + (1 << NEIGHBOURS * CLASS_BITS)
-"""Contexts of a decision about a cell."""
+"""Number of contexts of a decision about a cell."""
 
 COUNT_BITS = 10
 EVEN = 1 << 31
-"""A chance is a probability of 0 [2^-22] and the count, in the lower COUNT_BITS. EVEN: 0 and 1 are as likely. A chance
-of 0 was never used."""
+"""The chance at which 0 and 1 are equally likely. A chance is the probability of a 0 [2^-22] and, in the lower
+COUNT_BITS bits, its count. A chance of 0 was never used."""
 LARGEST = (1 << 22) - 1
 MOST_COUNTED = 255
 LEAST_CHANCE = 24
-"""Of the rarer symbol [2^-16]."""
+"""Minimum probability of the rarer symbol [2^-16]."""
 INHERITED = 1
-"""The count of what was taken over."""
+"""Count of a chance that was taken over from the order below."""
 _RATES = np.array([65536 / (count + 1.5) for count in range(MOST_COUNTED + 1)], np.int64)
 
 

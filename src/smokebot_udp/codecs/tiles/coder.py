@@ -8,7 +8,7 @@ from ...arrays import Array, UInt8Array
 from .cells import decode_cells, encode_cells
 
 MAX_CELLS = 1 << 20
-"""Of a tile. It bounds memory and time of decoding."""
+"""Maximum number of cells of a tile. It bounds the memory and time of decoding."""
 THREE_VALUED, GRADED = 102, 103
 """The first byte: below these it is the value of all cells plus 1, and nothing follows. THREE_VALUED: all cells are -1,
 0 or 100. GRADED: any values."""

@@ -18,16 +18,17 @@ SAME_ORIENTATION = 1e-6
 class Lattice(NamedTuple):
     """The place of a map's first cell. Columns go along the x axis of the map's origin, rows along its y axis."""
     frame: str
-    """See frame_names."""
+    """Name of the frame, see frame_names."""
     resolution: float
     """[m/cell]"""
     orientation: Tuple[float, float, float, float]
-    """Of the map's origin: x, y, z, w; of length 1, with w >= 0."""
+    """Orientation of the map's origin: a quaternion x, y, z, w of length 1, with w >= 0."""
     column: float
+    """Column of the outer corner of the first cell, from the zero of the frame [cell]."""
     row: float
-    """Of the outer corner of the first cell, from the zero of the frame [cell]."""
+    """Row of the outer corner of the first cell, from the zero of the frame [cell]."""
     height: float
-    """Of the cells' plane above the zero of the frame, along the plane's normal [cell]."""
+    """Height of the cells' plane above the zero of the frame, along the plane's normal [cell]."""
 
     @classmethod
     def of(cls, frame_id: str, info: Any) -> 'Lattice':
@@ -70,7 +71,7 @@ class Lattice(NamedTuple):
 
 
 def _orientation(quaternion: Any) -> Tuple[float, float, float, float]:
-    """Of length 1 and with w >= 0; all zeros, as careless publishers leave them, are no rotation."""
+    """The quaternion scaled to length 1, with w >= 0. All zeros, as careless publishers leave them, are no rotation."""
     parts = [float(getattr(quaternion, axis)) for axis in 'xyzw']
     if not all(abs(part) < 1e100 for part in parts):
         raise ValueError('origin.orientation is (%r, %r, %r, %r)' % tuple(parts))

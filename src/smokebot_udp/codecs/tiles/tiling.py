@@ -76,7 +76,7 @@ class Tiling:
 
     @property
     def tiles(self) -> Mapping[int, Tile]:
-        """Of the last map, by revision. They are disjoint and cover it."""
+        """The tiles of the last map, by revision. They are disjoint and cover it."""
         return self._tiles
 
     def update(self, cells: Array, corner: Tuple[int, int]) -> List[Tile]:

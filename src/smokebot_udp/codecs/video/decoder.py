@@ -21,19 +21,19 @@ OPTIONS = {
     'err_detect': 'ignore_err',
     'flags': '+low_delay+output_corrupt', 'flags2': '+showall',     # an image for each access unit, at once
 }
-"""Of libavcodec."""
+"""Options of libavcodec."""
 
 CONCEALMENT = {True: 'deblock+favor_inter', False: 'deblock'}
-"""{whether images are predicted: its option `ec`}"""
+"""{whether images are predicted: libavcodec's option `ec`}"""
 
 GREY, COLOUR = 'gray', 'yuv420p'
-"""Formats of its images: grey ones may have both, as libavcodec is built with support of 4:0:0 or without."""
+"""Pixel formats of decoded images. Grey images have either: libavcodec is built with or without 4:0:0."""
 
 MAX_FRAME_NUM_BITS = 6
 """libx264 writes 4 for a refresh within 10 images. An image is decoded for each number that is missing."""
 
 ALIGNED = 128
-"""libavcodec allocates images with sides that are this much longer, at most [pixel]."""
+"""Maximum length that libavcodec adds to the sides of images that it allocates [pixel]."""
 
 REPLACED = -1
 """Time stamp of the images in place of lost ones, which are not shown."""
@@ -48,13 +48,13 @@ SELF_TEST_SIDE, SELF_TEST_LUMA = 16, 128
 class Picture(NamedTuple):
     """A decoded image. It is valid until the next one is decoded."""
     height: int
-    """Of the first plane [pixel]."""
+    """Height of the first plane [pixel]."""
     width: int
-    """Likewise [pixel]."""
+    """Width of the first plane [pixel]."""
     lines: Tuple[int, ...]
-    """Bytes from one line to the next of each plane."""
+    """Number of bytes from one line to the next, for each plane."""
     planes: Sequence[memoryview]
-    """Luma, and for colour both of chroma: their lines, one after the other."""
+    """The planes: luma, and for colour both of chroma. Each has its lines one after the other."""
 
 
 class Decoder:

@@ -19,13 +19,13 @@ PLANES_SIZE = 4 * MAX_PIXELS
 """More than the planes of the largest image need, their lines padded; only what is written takes memory [byte]."""
 
 SIZE = PLANES_AT + PLANES_SIZE
-"""[byte]"""
+"""Size of the memory [byte]."""
 
 MAX_PADDING = 1
-"""Sides are padded to even ones, see planes.py [pixel]."""
+"""Maximum padding of a side, which is padded to an even one; see planes.py [pixel]."""
 
 PLANES = 3
-"""Of an image, at most: luma and both of chroma."""
+"""Maximum number of planes of an image: luma and both of chroma."""
 
 MAGIC = b'SBV\x01'
 """First bytes of each record; the last one is the version."""
@@ -40,13 +40,14 @@ ANSWER = struct.Struct('<4sIB5I')
 class Status(enum.IntEnum):
     """What became of a command."""
     READY = 0
-    """The process can decode; its first record, number 0."""
+    """The process can decode. This is its first record, number 0."""
     BROKEN = 1
-    """It cannot, and ends: why is at PLANES_AT in the memory, UTF-8, up to a zero byte. Likewise its first record."""
+    """The process cannot decode, and ends. The reason is in the memory at PLANES_AT: UTF-8, up to a zero byte. This is
+    its first record, too."""
     DECODED = 2
     """The planes are in the memory."""
     NOTHING = 3
-    """libavcodec made no image of the slices."""
+    """The slices gave no image in libavcodec."""
     UNFIT = 4
     """The parameter sets are bad, or the image has another size or format than announced."""
 
@@ -54,14 +55,14 @@ class Status(enum.IntEnum):
 class Command(NamedTuple):
     """One image to be decoded: a Request whose bytes are in the memory, at 0."""
     number: int
-    """Of the command, uint32; the answer repeats it."""
+    """Number of the command, uint32. The answer repeats it."""
     session: int
     height: int
     width: int
     sets_size: int
-    """Of the parameter sets, which come first [byte]."""
+    """Size of the parameter sets, which come first [byte]."""
     slices_size: int
-    """Of the slices with their start codes [byte]."""
+    """Size of the slices with their start codes [byte]."""
     colour: bool
 
     def to_bytes(self) -> bytes:
@@ -80,11 +81,11 @@ class Answer(NamedTuple):
     number: int
     status: Status
     height: int = 0
-    """Of the luma plane [pixel]."""
+    """Height of the luma plane [pixel]."""
     width: int = 0
-    """Likewise [pixel]."""
+    """Width of the luma plane [pixel]."""
     lines: Tuple[int, ...] = (0, 0, 0)
-    """Bytes from one line to the next of each plane; 0: there is no such plane."""
+    """Number of bytes from one line to the next, for each plane; 0: there is no such plane."""
 
     def to_bytes(self) -> bytes:
         return ANSWER.pack(MAGIC, *self[:4], *self.lines)

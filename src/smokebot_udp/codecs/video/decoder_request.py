@@ -5,13 +5,13 @@ from typing import NamedTuple, Sequence
 from .nal import START_CODE
 
 MAX_SIDE = 16384
-"""Of an image; x264's limit [pixel]."""
+"""Maximum side of an image, as in x264 [pixel]."""
 
 MAX_PIXELS = 1 << 22
-"""Of an image."""
+"""Maximum number of pixels of an image."""
 
 MAX_BYTES = 1 << 19
-"""Of an image's parameter sets and slices together, start codes included."""
+"""Maximum size of an image's parameter sets and slices together, start codes included [byte]."""
 
 MAX_SESSION = 2 ** 32 - 1
 
@@ -19,17 +19,18 @@ MAX_SESSION = 2 ** 32 - 1
 class Request(NamedTuple):
     """What is known of an image. Its bytes come from the air."""
     session: int
-    """Of the encoder, uint32. Another one than before: the decoder begins anew."""
+    """Session of the encoder, uint32. If it is another one than before, the decoder begins anew."""
     height: int
-    """As it is to be shown, without what was padded [pixel]."""
+    """Height of the image as it is to be shown, without padding [pixel]."""
     width: int
-    """Likewise [pixel]."""
+    """Width of the image as it is to be shown, without padding [pixel]."""
     colour: bool
     """Whether the pixels have three channels."""
     parameter_sets: bytes
-    """With start codes, see parameter_sets.parse; empty: those of an image before are used."""
+    """Parameter sets with start codes, see parameter_sets.parse. If they are empty, those of an earlier image are
+    used."""
     slices: Sequence[bytes]
-    """Those of its slices that are there, in order: NAL units without start codes. One at least."""
+    """Slices of the image that are there, in order: NAL units without start codes. There is at least one."""
 
     def check(self) -> None:
         """:raises ValueError: a field is out of range, or there are no slices, or more bytes than MAX_BYTES"""

@@ -20,16 +20,16 @@ NOMINAL_RATE = 10
 """Images per second as libx264 is told. It only divides by it: sizes of images are what counts [Hz]."""
 
 BUFFERED = 1.0
-"""libx264's buffer: images of the mean size."""
+"""Size of libx264's buffer, in images of the mean size."""
 
 LEVEL = '5.1'
-"""As it is written in the parameter sets: they are then the same for all sizes of coded images."""
+"""Level that is written in the parameter sets. With a fixed one they are the same for all sizes of coded images."""
 
 LEAST_ROOM = 750
 """A slice has at least one macroblock. One of black and white noise takes 725 at the finest quantiser [byte]."""
 
 LEAST_SIZE = 100
-"""Of an image, which libx264 counts in kilobits per second [byte]."""
+"""Minimum size of a coded image [byte]. libx264 counts it in kilobits per second."""
 
 
 def check_library() -> None:
@@ -42,15 +42,15 @@ class EncodedImage(NamedTuple):
     slices: List[bytes]
     """NAL units without start codes, in order, each at most as long as the room for it."""
     parameter_sets: bytes
-    """Of the session, with start codes: the same for each of its images."""
+    """Parameter sets of the session, with start codes. They are the same for each of its images."""
     intra: bool
-    """Whether decoding may begin with it."""
+    """Whether decoding may begin with this image."""
     qp: float
     """Mean quantiser of its slices, 0..51."""
 
     @property
     def size(self) -> int:
-        """Of all slices [byte]."""
+        """The size of all slices [byte]."""
         return sum(map(len, self.slices))
 
 

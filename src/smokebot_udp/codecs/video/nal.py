@@ -5,17 +5,17 @@ from enum import IntEnum
 from typing import Iterable, List
 
 START_CODE = b'\0\0\0\1'
-"""In front of each NAL unit of a byte stream."""
+"""Start code in front of each NAL unit of a byte stream."""
 
 _START_CODES = re.compile(b'\0*\0\0\1')
 
 
 class UnitType(IntEnum):
-    """nal_unit_type, of those that libx264 writes; table 7-1."""
+    """Values of nal_unit_type that libx264 writes; see table 7-1."""
     SLICE = 1
-    """Of an image that is predicted from others."""
+    """Slice of an image that is predicted from others."""
     IDR_SLICE = 5
-    """Of an image with which decoding may begin."""
+    """Slice of an image with which decoding may begin."""
     SEI = 6
     SEQUENCE_PARAMETERS = 7
     PICTURE_PARAMETERS = 8

@@ -10,13 +10,13 @@ from ..wire.bits import BitReader, unescaped
 from . import nal
 
 MAX_BYTES = 256
-"""Of both parameter sets, at most. libx264's have 40 [byte]."""
+"""Maximum size of both parameter sets together; libx264's have 40 [byte]."""
 
 MAX_MACROBLOCKS = 139264
-"""Of an image, at most: of level 6.2, table A-1."""
+"""Maximum number of macroblocks of an image, that of level 6.2 (table A-1)."""
 
 MAX_SIDE = 1055
-"""Of an image, at most: of level 6.2, A.3.1 [macroblock]."""
+"""Maximum side of an image, that of level 6.2 (A.3.1) [macroblock]."""
 
 HIGH_PROFILES = (100, 110, 122, 244, 44, 83, 86, 118, 128, 138, 139, 134, 135)
 """profile_idc with chroma_format_idc and what follows it, 7.3.2.1.1."""
@@ -28,17 +28,18 @@ DECODING_ORDER = 2
 class ParameterSets(NamedTuple):
     """What slice headers depend on."""
     height: int
-    """Of an image, without what is cropped [pixel]"""
+    """Height of an image, without what is cropped [pixel]."""
     width: int
+    """Width of an image, without what is cropped [pixel]."""
     macroblocks: int
-    """Of an image, cropped ones included."""
+    """Number of macroblocks of an image, cropped ones included."""
     is_grey: bool
-    """Without chroma: 4:0:0."""
+    """Whether images have no chroma (4:0:0)."""
     frame_num_bits: int
     picture_id: int
     """pic_parameter_set_id"""
     arithmetic: bool
-    """CABAC, else CAVLC"""
+    """Whether the entropy coding is CABAC; else it is CAVLC."""
     references: int
     """num_ref_idx_l0_default_active_minus1 + 1"""
     weighted: bool

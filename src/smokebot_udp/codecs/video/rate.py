@@ -16,17 +16,17 @@ HEADROOM = 1.15
 """An encoder is opened for this many times the size that is wanted."""
 
 RISE = 1.2
-"""It is opened anew where more than this many times its size is wanted,"""
+"""An encoder that is old enough is opened anew where the wanted size is above this many times its own."""
 
 FALL = 1 / 3
-"""or less than this part."""
+"""An encoder of any age is opened anew where the wanted size is below this part of its own."""
 
 LEAST_AGE = 10
-"""It is opened anew after this many images at least, unless far less is wanted."""
+"""Minimum number of images before an encoder is opened anew, unless a far smaller size is wanted."""
 
 LONG, SHORT, EACH = 10, 5, 1
-"""Images of a refresh cycle. A short one costs quality, and mends sooner what was lost; without prediction nothing is
-left to mend."""
+"""Numbers of images of a refresh cycle. A short one costs quality, and mends sooner what was lost; without prediction
+nothing is left to mend."""
 
 SHORT_COST = 1.35
 """The coding error with a short cycle, relative to that with a long one; measured: 1.29 to 1.48."""
@@ -48,10 +48,10 @@ would have been lower by this, summed over images: reports of bursts vary too mu
 the intra image of a new encoder costs 7 dB at first, and nothing any more after 15 images."""
 
 LESS, MORE = 0.7, 1.4
-"""It is asked for this many times the size that is wanted, at least and at most."""
+"""An encoder is asked for at least and at most this many times the size that is wanted."""
 
 SMOOTHING = 0.1
-"""Weight of the newest image."""
+"""Weight of the newest image in the factor between the size that is wanted and the size that is asked for."""
 
 ERROR_AT_0, DOUBLING = 0.25, 6.0
 """The mean squared error at quantiser 0, and the steps that double it. Measured, within a factor of 2."""
@@ -60,18 +60,18 @@ ERROR_AT_0, DOUBLING = 0.25, 6.0
 class Opening(NamedTuple):
     """What an encoder is opened for."""
     size: int
-    """Of an image, at most [byte]."""
+    """Maximum size of an image [byte]."""
     refresh: int
-    """Images of a refresh cycle."""
+    """Number of images of a refresh cycle."""
 
 
 class Plan(NamedTuple):
     """What is wanted of an image."""
     division: Division
     size: int
-    """Of all slices if there were no parity pieces: what an encoder is opened for [byte]."""
+    """Size of all slices if there were no parity pieces, for which an encoder is opened [byte]."""
     refresh: int
-    """Images of a refresh cycle that a new encoder would have."""
+    """Number of images of a refresh cycle that a new encoder would have."""
     gain: float
     """How much lower the expected error (`Division.error`) would be with the best other cycle; negative: higher."""
     at_once: bool
@@ -135,9 +135,9 @@ class Openings:
 
     def __init__(self) -> None:
         self.opening: Optional[Opening] = None
-        """Of the encoder in use; None: there is none yet."""
+        """What the encoder in use was opened for; None: there is none yet."""
         self.age = 0
-        """Images that it has coded."""
+        """Number of images that the encoder in use has coded."""
         self._missed = 0.0      # what the best other cycle would have gained, since another one was last worse in sum
 
     @property

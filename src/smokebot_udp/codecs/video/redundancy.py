@@ -53,18 +53,18 @@ class Scene(NamedTuple):
     change: float
     """Mean squared difference between an image and the next one [count^2]."""
     refresh: int
-    """Images of a refresh cycle."""
+    """Number of images of a refresh cycle."""
     intra_cost: float = math.inf
     """The coding error if no image were predicted, relative to that with a long refresh cycle."""
 
     @property
     def damage(self) -> float:
-        """Of the loss of an image to itself, relative to the coding error."""
+        """The damage that the loss of an image does to the image itself, relative to the coding error."""
         return self.change / self.coding_error
 
     @property
     def later(self) -> float:
-        """Of such a loss to later images, in terms of that to itself."""
+        """The damage that the loss of an image does to later images, relative to that to the image itself."""
         return max(REMAINS * self.refresh - 1, 0.0) / (1 + self.change / UNPREDICTABLE)
 
 
@@ -77,15 +77,15 @@ class Link(NamedTuple):
 
 
 class Sizes(NamedTuple):
-    """Of an image's datagrams [byte]."""
+    """Sizes of the parts of an image's datagrams [byte]."""
     room: int
-    """For a slice."""
+    """Room for a slice."""
     head: int
-    """Of a datagram on the air, beside its piece."""
+    """Size of a datagram on the air without its piece."""
 
     @property
     def parity(self) -> int:
-        """A parity piece on the air."""
+        """The size of a parity piece on the air."""
         return self.room + LENGTH_BYTES + self.head
 
 

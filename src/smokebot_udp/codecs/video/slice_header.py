@@ -74,7 +74,7 @@ def parse(unit: bytes, sets: ParameterSets) -> SliceHeader:
 
 
 def _skip_references(reader: BitReader, sets: ParameterSets) -> None:
-    """Of a P slice: from num_ref_idx_active_override_flag to the weights."""
+    """Skip the fields of a P slice from num_ref_idx_active_override_flag to the weights."""
     references = reader.unsigned(31) + 1 if reader.flag() else sets.references
     if reader.flag():                       # ref_pic_list_modification_flag_l0
         while reader.unsigned(3) != 3:
@@ -84,7 +84,7 @@ def _skip_references(reader: BitReader, sets: ParameterSets) -> None:
 
 
 def _skip_weights(reader: BitReader, references: int, is_grey: bool) -> None:
-    """pred_weight_table"""
+    """Skip pred_weight_table."""
     planes = [1] if is_grey else [1, 2]
     for _ in planes:
         reader.unsigned(7)                  # log2 of the denominator

@@ -38,11 +38,11 @@ class PointFormat:
     """
     has_intensity: bool
     step: float = 0.0
-    """Of the offsets [m]; 0: float32 coordinates."""
+    """Step of the offsets [m]; 0: the coordinates are float32."""
     origin: Tuple[int, int, int] = (0, 0, 0)
-    """[step]; without offsets [m]"""
+    """Origin of the offsets [step]; of float32 coordinates [m]."""
     bits: Tuple[int, int, int] = (0, 0, 0)
-    """Size of each axis' offsets."""
+    """Size of each axis' offsets [bit]."""
     intensity_min: float = 0.0
     intensity_step: float = 0.0
     is_double: bool = False

@@ -22,16 +22,16 @@ MARKS = 4
 """Marks are 0..3."""
 
 MAX_COUNT = 1 << 24
-"""Numbers are below, and above its negative."""
+"""Limit of the magnitudes of numbers: they are below it."""
 
 SLOPES, RUNS, VALUES = 1, 2, 4
 """Bits of the first byte: changes of differences are coded, not differences; there are marks; there are numbers."""
 
 HEAD = 2
-"""The first byte, and the length of the codes [byte]."""
+"""Size of the head: the first byte and the length of the codes [byte]."""
 
 RUN_BYTES = 3
-"""Of the number of runs, where there are any [byte]."""
+"""Size of the number of runs, where there are any [byte]."""
 
 
 def encode(counts: IntArray, marks: IntArray) -> bytes:

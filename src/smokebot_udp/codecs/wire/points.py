@@ -33,7 +33,7 @@ class Cloud(NamedTuple):
     extra: Array
     """(n,) structured array of the further fields: little-endian unsigned integers with the bytes of the values."""
     datatypes: Tuple[int, ...]
-    """Of the further fields."""
+    """Datatypes of the further fields, as in sensor_msgs/PointField."""
     datum: Optional[IntArray] = None
     """(3,) int: what the points are relative to; None: they are not, FLOAT32 is good enough [m]."""
     problems: Tuple[str, ...] = ()

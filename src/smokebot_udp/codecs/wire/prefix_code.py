@@ -12,10 +12,10 @@ import numpy as np
 from ...arrays import IntArray, UInt8Array
 
 MAX_LENGTH = 15
-"""Of a code word [bit]."""
+"""Maximum length of a code word [bit]."""
 
 CLASSES = 58
-"""Classes 0 to 57."""
+"""Number of classes: 0 to 57."""
 
 UNKNOWN = 255
 """In place of a class: the bits are no code word."""

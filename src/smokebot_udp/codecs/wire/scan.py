@@ -145,9 +145,9 @@ class WrittenScan(NamedTuple):
     range_size: int
     intensity_size: int
     step: int
-    """Of coded ranges, else 0 [um]."""
+    """Step of coded ranges; 0: the ranges are not coded [um]."""
     parts: List[Tuple[bytes, bytes]]
-    """Ranges and intensities of each."""
+    """Ranges and intensities of each part."""
 
 
 def write_scan(ranges: Float32Array, intensities: Optional[Float32Array], room: int, step: int,

@@ -34,23 +34,23 @@ MANY = 64
 group, the fewer bits, and the less even are few chunks."""
 
 FIRST_GUESS = 2.5
-"""Of the size of a point [byte]."""
+"""First estimate of the size of a point [byte]."""
 BESIDE = 7.0
-"""About what a point takes beside the lower bits of its gap [bit]."""
+"""Approximate size of a point without the lower bits of its gap [bit]."""
 INTENSITY = 6.0
-"""About what its intensity takes [bit]."""
+"""Approximate size of a point's intensity [bit]."""
 SPARE = 0.7
 """Added to the estimated number of chunks: one chunk too few takes another try."""
 
 LEAST_POINTS = 64
-"""In a chunk, where more chunks are made than needed."""
+"""Minimum number of points in a chunk, where more chunks are made than needed."""
 
 TRIES = 5
-"""Numbers of chunks that are tried at most."""
+"""Maximum number of tries to find the number of chunks."""
 FULL = 0.95
-"""Fewer chunks are tried where these are less full."""
+"""Fewer chunks are tried where chunks are filled to less than this part."""
 MARGIN = 1.01
-"""Of the number of chunks to try next: a chunk's size is not quite proportional to its points."""
+"""Factor of the number of chunks to try next: a chunk's size is not quite proportional to its points."""
 
 
 class Dealt(NamedTuple):
