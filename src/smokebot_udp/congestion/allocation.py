@@ -14,19 +14,20 @@ from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional
 from .operating_points import OperatingPoint
 
 UPGRADE_MARGIN = 1.05
-"""An upgrade needs a budget that is larger than its cost by this factor,"""
+"""An upgrade needs a budget that is larger than its cost by this factor."""
 
 UPGRADE_DELAY = 1.0
-"""for this long [s],"""
+"""Time for which the budget must pay for an upgrade before it is made, and for which deeper decimation must be due
+before it is applied [s]."""
 
 LEAP_FACTOR = 1.5
-"""or at once where the budget is this many times all present costs."""
+"""An upgrade is immediate where the budget is this many times all present costs."""
 
 MAX_DATAGRAM_DURATION = 0.012
-"""A datagram occupies the link for this long at most [s],"""
+"""A datagram occupies the link for this long at most, unless it has MIN_DATAGRAM_SIZE [s]."""
 
 MIN_DATAGRAM_SIZE = 400
-"""but is not shorter than this [byte]."""
+"""Datagrams are not made shorter than this on slow links [byte]."""
 
 MAX_PROTECTED_PART = 0.4
 """Where protected streams use more of the link than this, their rates are decimated: a link that is full of odometry
@@ -50,13 +51,13 @@ def _unrefined(settings: Mapping[str, Any], spare: float) -> Dict[str, Any]:
 class Demand:
     """What a stream would send."""
     points: List[OperatingPoint]
-    """The cheapest first; at least one."""
+    """Its operating points, the cheapest first; at least one."""
     weight: float = 1.0
     """Its part of the bandwidth left after min_bitrates, relative to the other streams' weights."""
     min_bitrate: float = 0.0
-    """Served before weights count [byte/s]."""
+    """Bitrate that it gets before weights count [byte/s]."""
     rate: float = math.inf
-    """Messages, as requested or of the source, whichever is lower [Hz]."""
+    """Rate of its messages, as requested or of the source, whichever is lower [Hz]."""
     refine: Callable[[Mapping[str, Any], float], Dict[str, Any]] = _unrefined
     """f(settings of a point, spare [byte/s]) -> settings, improved by bandwidth left over (Encoder.refine)."""
     whole: bool = False
@@ -68,13 +69,13 @@ class Demand:
 class Grant(NamedTuple):
     """What a stream gets."""
     share: float
-    """[byte/s]"""
+    """Bandwidth allocated to it [byte/s]."""
     point: Optional[int]
     """Index of the operating point; None: the share does not even pay for the cheapest."""
     settings: Dict[str, Any]
-    """Of the operating point; empty without one."""
+    """Settings of the operating point; empty without one."""
     cost: float
-    """Of the operating point [byte/s]."""
+    """Cost of the operating point; 0 without one [byte/s]."""
 
 
 def datagram_size(rate: float, max_size: int) -> int:
@@ -110,7 +111,7 @@ class Decimation:
 
     def __init__(self) -> None:
         self.part = 1.0
-        """Of their rates that they keep."""
+        """Part of their rates that protected streams keep."""
         self._changed = self._candidate_since = -math.inf
         self._candidate = 1.0
 

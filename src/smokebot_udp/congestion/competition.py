@@ -58,7 +58,7 @@ DUE_TIME = 0.1
 """A test is no longer than what was carried in this time: streams do not have more to send at once [s]."""
 
 MAX_TESTS = 2
-"""In one drain."""
+"""Number of tests in one drain, at most."""
 
 TRAIN_DURATION, TRAIN_INTERVAL = 0.02, 0.5
 """In the mode other trains are as fast as the bottleneck for this long, at this interval [s]."""
@@ -79,25 +79,25 @@ MIN_OTHERS = 0.3
 """Part of the bottleneck that others use, at least, where there is a competitor."""
 
 MAX_BOTTLENECK = 1.6
-"""A train that shows a bottleneck of more than so many times the most that was carried shows nothing."""
+"""A train that shows a bottleneck of more than this multiple of the highest carried rate is no evidence."""
 
 MEASURED = 5
-"""The median of what so many trains show counts."""
+"""Number of trains whose median bottleneck counts."""
 
 EMPTY_TIME = 0.8
 """The queue is empty for this long: the competitor has ended. BBR's pause to measure the path is shorter [s]."""
 
 SETTLING = 0.2
-"""In a check of the mode, its test leaves after this long [s];"""
+"""In a check of the mode, the test leaves this long after the check began [s]."""
 
 CHECK_INTERVAL = 0.0, 1.0, 6.0
-"""it is this long since there was evidence, once or several times [s],"""
+"""Time from the last evidence to the next check of the mode: without evidence, with it once, and several times [s]."""
 
 RETRY_INTERVAL = 1.0
-"""and since a drain that showed nothing [s]."""
+"""Time from the end of a drain or check to the next check of the mode, at least [s]."""
 
 LIFETIME = 0.0, 8.0, 16.0
-"""The mode ends this long after there was evidence, once or several times [s]."""
+"""Time from the last evidence to the end of the mode: without evidence, with it once, and several times [s]."""
 
 MAX_EVIDENCE = 2
 
@@ -114,12 +114,12 @@ class _Seen(NamedTuple):
 
 
 class _Carried(NamedTuple):
-    """Of one report."""
+    """What one report shows of the path."""
     now: float
     rate: float
     """What the path carried [byte/s]."""
     air: float
-    """What the air was taken to lose."""
+    """Loss ratio that was attributed to the air."""
 
 
 class Competition:

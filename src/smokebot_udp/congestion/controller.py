@@ -50,11 +50,11 @@ OPERATOR_TIMEOUT = 10.0
 """An operator that did not report for this long no longer counts, where others do [s]."""
 
 NEAR = 0.75
-"""The plan suits a link that comes to carry at least this part of what the best one does,"""
+"""The plan includes a link once it carries at least this part of what the best one does."""
 
 STILL_NEAR = 0.55
-"""as long as it carries at least this part: a better link that is not used is assumed to carry MAX_GAIN *
-MAX_OFFERED_FACTOR times as much."""
+"""The plan includes a link for as long as it carries at least this part of what the best one does. The part is lower
+than NEAR because a better link that is not used is assumed to carry more than is sent."""
 
 NO_LIMITS: Mapping[str, int] = MappingProxyType({})
 
@@ -66,10 +66,10 @@ SOURCE_TIMEOUT = 1.0
 they are not [s]."""
 
 SENT_WINDOW = 1.0
-"""Window over which the rate sent is measured [s],"""
+"""Window over which the send rate, in total and of each stream, is measured [s]."""
 
 PROTECTED_WINDOW = 2.0
-"""and that of the protected streams [s]."""
+"""Window over which the send rate of the protected streams is measured [s]."""
 
 
 OnArrivals = Callable[[str, str, int, int, float], None]
@@ -80,18 +80,18 @@ OnArrivals = Callable[[str, str, int, int, float], None]
 class Plan:
     """What a tick decides."""
     rate: Optional[float]
-    """Of all streams together; None: unlimited [byte/s]."""
+    """Rate of all streams together; None: unlimited [byte/s]."""
     datagram_size: int
-    """As the controller's max_datagram_size counts it [byte]."""
+    """Maximum size of datagrams, counted as in the controller's max_datagram_size [byte]."""
     shares: Dict[str, float]
-    """Of the streams with a demand; empty: unlimited [byte/s]."""
+    """{stream: its share of the link}, for the streams with a demand; empty: unlimited [byte/s]."""
     grants: Dict[str, Optional[Dict[str, Any]]]
     """{stream: settings that limit it}, of the streams with a demand; {}: nothing does, None: it has to pause."""
     decimation: float
     """Part of their rates that protected streams keep."""
     rooms: Dict[str, float] = field(default_factory=dict)
-    """What each stream with a demand may use, at most, while the others use what they are granted, but for a train:
-    see `gain`; empty: unlimited [byte/s]."""
+    """{stream: the most that it may use while the others use what they are granted}, for the streams with a demand;
+    empty: unlimited. While a train leaves they may use more, see `Controller.gain` [byte/s]."""
 
 
 class _Operator:
@@ -327,13 +327,12 @@ class Controller:
         return min(near, key=lambda item: item[1].estimator.link.capacity)
 
     def _estimator(self, now: float) -> Optional[Estimator]:
-        """Of the link that the streams are planned for; None: the rate does not follow any."""
+        """Estimator of the link that the streams are planned for; None: the rate does not follow any link."""
         counting = self._counting(now) if self._adapt else []
         return self._planned(counting)[1].estimator if counting else None
 
     def _initial_rate(self) -> Optional[float]:
-        """Before an operator has reported [byte/s]; None: unlimited. It is halved where reports fail to come, as
-        later."""
+        """Rate before an operator has reported; None: unlimited. It is halved where no reports come [byte/s]."""
         limits = self._limits
         if not self._adapt:
             return limits.max_rate if limits.max_rate < math.inf else None
@@ -343,7 +342,7 @@ class Controller:
         return min(start, max(waiting, default=start))
 
     def _capacity(self, now: float) -> Optional[float]:
-        """[byte/s]; None: unlimited."""
+        """Capacity of the link that the streams are planned for; None: unlimited [byte/s]."""
         estimator = self._estimator(now)
         return estimator.link.capacity if estimator else self._initial_rate()
 

@@ -58,16 +58,16 @@ from .pause import CHECK, DIP, DRAIN, FIRST, MAX_BASE_STEP, Pause
 from .trains import ProbeController, Train
 
 REFERENCE_TARGET = 0.005
-"""Queueing delay to keep at REFERENCE_RATE [s];"""
+"""Queueing delay to keep at REFERENCE_RATE [s]."""
 
 REFERENCE_RATE = 20 * MBIT
-"""[byte/s]"""
+"""Rate at which the queueing delay to keep is REFERENCE_TARGET [byte/s]."""
 
 TARGET_EXPONENT = 1 / 3
-"""it scales with this power of REFERENCE_RATE / rate,"""
+"""The queueing delay to keep scales with this power of REFERENCE_RATE / rate."""
 
 MIN_TARGET, MAX_TARGET = 0.005, 0.04
-"""between these two [s]."""
+"""Bounds of the queueing delay to keep [s]."""
 
 HORIZON = 0.2
 """The difference between queue and target is corrected over this time, and no longer without a report [s]."""
@@ -112,11 +112,13 @@ REPORT_LOSS_PROBABILITY = 0.01
 """Reports are lost like datagrams: the timeout is longer where losing all of them is more probable than this."""
 
 RECOVERY_FACTOR = 2.0
-"""When reports return and show no long queue, or hardly anything was sent, the capacity is what it was before the
-timeout; over this where streams send, and the loss of datagrams does not explain that of the reports,"""
+"""When reports return after a timeout and show no long queue, the capacity is what it was before, divided by this
+factor. It is not divided where hardly anything was sent, or where the loss of datagrams explains that of the
+reports."""
 
 RECOVERY_GROWTH_FACTOR = 1.2
-"""and this much more with each report that shows no queue, until it is what it was, or was measured."""
+"""After a timeout the capacity grows by this factor with each report that shows no queue, until it is what it was
+before the timeout, or is measured."""
 
 MARK_WEIGHT = 0.25
 """Weight of the newest report in the share of datagrams that congested queues marked; half of this share is sent less
@@ -155,7 +157,7 @@ class Limits(NamedTuple):
     min_rate: float = 0.1 * MBIT
     """A safe rate, sent when nothing is known."""
     start_rate: float = 0.5 * MBIT
-    """Until the first report."""
+    """Rate until the first report."""
     max_rate: float = 400 * MBIT
 
     def clamp(self, rate: float) -> float:
@@ -260,7 +262,7 @@ class Estimator:
 
     @property
     def depth(self) -> float:
-        """Of a token bucket on the path; 0: none is known [byte]."""
+        """Depth of a token bucket on the path; 0: none is known [byte]."""
         return self._path.shaper.depth
 
     @property

@@ -24,13 +24,13 @@ from .operator_share import OperatorHistory
 from .sent_history import SEQ_MODULUS, SentHistory
 
 SAMPLE_WINDOW = 0.2
-"""A report has the arrivals of this long: twice the report interval, so that one report may be lost [s],"""
+"""A report has the arrivals of this long: twice the report interval, so that one report may be lost [s]."""
 
 MIN_SAMPLES = 4
-"""or this many, if older,"""
+"""A report has at least this many arrivals, even if some are older than SAMPLE_WINDOW."""
 
 MAX_QUIET_AGE = 5.0
-"""but none older than this [s]."""
+"""A report has no arrivals older than this [s]."""
 
 SAMPLE_INTERVAL = 0.003
 """Arrival samples are at least this far apart [s]."""
@@ -42,11 +42,11 @@ MAX_STREAMS = 64
 """Streams in a report."""
 
 REPORTED_FOR = 1.0
-"""Counters that do not change any more are reported for this long: all of ten reports are not lost. They go on when the
-stream is heard again [s],"""
+"""Counters that no longer change are reported for this long, in ten reports, which are not all lost. They are reported
+again when the stream is heard again [s]."""
 
 STREAM_TIMEOUT = 10.0
-"""and if its sequence numbers do, after a silence of this long: it may be from before the sender's restart [s]."""
+"""After a silence of this long, any step back of a stream's sequence numbers shows that the sender restarted [s]."""
 
 MAX_AGE = 10.0
 """Older arrivals in a report are not believed [s]."""
@@ -210,7 +210,7 @@ class Feedback(NamedTuple):
     restarted: bool
     """Whether the receiver or its clock restarted: delays before and after are not comparable."""
     arrivals: Sequence[Arrivals] = ()
-    """Of each stream in the report."""
+    """Arrivals of each stream in the report."""
     marked: int = 0
     """Datagrams that arrived since the last valid report with the mark of a congested queue (ECN, RFC 3168)."""
 

@@ -5,10 +5,10 @@ import math
 from .feedback import Feedback
 
 AVERAGING_WINDOW = 200
-"""Recent loss is averaged over this many datagrams,"""
+"""Number of datagrams over which recent loss is averaged."""
 
 EVIDENCE_WINDOW = 600
-"""and what tells the air's loss from congestion over this many."""
+"""Number of datagrams over which loss is averaged to separate the air's loss from congestion loss."""
 
 PRIOR_COUNT, SUSPICIOUS_COUNT = 20, 200
 """The prior that the air loses nothing weighs as much as this many datagrams; before a check as this many."""
@@ -20,7 +20,7 @@ DISPERSION_REPORTS = 20
 """Dispersion is averaged over this many reports."""
 
 MAX_DISPERSION = 20.0
-"""Of one report, at most."""
+"""Dispersion that one report shows, at most."""
 
 MAX_AIR_LOSS = 0.95
 """Above this the link is taken for gone rather than lossy."""
@@ -31,9 +31,9 @@ class Loss:
 
     def __init__(self) -> None:
         self.unanswered = 0.0
-        """Of all loss since `answered` was called last."""
+        """Loss ratio since `answered` was called last, whatever the cause."""
         self.recent = 0.0
-        """Of all loss."""
+        """Recent loss ratio, whatever the cause."""
         self.lost = 0
         """Datagrams lost so far."""
         self.dispersion = 1.0
@@ -72,7 +72,8 @@ class Loss:
         self._uncongested, self._uncongested_lost = float(count), float(lost)
 
     def beyond_air(self, lost: float) -> float:
-        """Where this ratio is lost: of the datagrams that the air let through, the ratio lost all the same."""
+        """Ratio of the datagrams let through by the air that are lost all the same, where the ratio `lost` of all is
+        lost."""
         return max(0.0, (lost - self.air) / (1 - self.air))
 
     def exceeds_air(self, count: int, lost: int) -> bool:
@@ -96,7 +97,7 @@ class Loss:
 
     @property
     def excess(self) -> float:
-        """Of the datagrams that the air let through, the ratio lost all the same; 0: within chance."""
+        """Ratio of the datagrams let through by the air that are lost all the same; 0: within chance."""
         return self.beyond_air(self.unanswered) if self._significant(PRIOR_COUNT) else 0.0
 
     @property

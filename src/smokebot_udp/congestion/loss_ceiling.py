@@ -30,37 +30,40 @@ MIN_EXCESS = 0.01
 """Less that is lost beyond what the air loses needs no check."""
 
 SIGNIFICANCE = 2.5
-"""Where less is lost in a check than before, it is by this many standard deviations,"""
+"""Loss in a check counts as lower than before only where it is lower by this many standard deviations."""
 
 CERTAINTY = 6.0
-"""and what was expected of the path and of the air differ by this many standard deviations at the end of a check."""
+"""A check lasts until the loss expected of the path and that expected of the air differ by this many standard
+deviations."""
 
 MIN_CHECK_COUNT = 20
-"""Datagrams in a check, at least,"""
+"""Number of datagrams that a check needs to end before MAX_CHECK_DURATION, and that are needed to begin one after
+SUSPICION_TIME."""
 
 SUSPICION_COUNT, SUSPICION_TIME = 100, 0.3
-"""Before a check loss is counted over so many datagrams, or for so long [s]."""
+"""Before a check, loss is counted over SUSPICION_COUNT datagrams, or MIN_CHECK_COUNT after SUSPICION_TIME [1, s]."""
 
 MAX_CHECK_DURATION = 1.0
-"""unless it has taken this long [s]."""
+"""A check ends after this long even if it has too few datagrams [s]."""
 
 CHECK_SETTLING = 0.1
-"""What is sent so soon after its beginning may have left at the rate before, or met a full queue [s]."""
+"""Datagrams sent within this time after a check began are not counted. They may have left at the rate before, or met a
+full queue [s]."""
 
 CHECK_INTERVAL = 3.0
 """Time from a check to the next one [s]."""
 
 FIRST_STEP = 0.05
-"""A first trial sends this much more,"""
+"""Part by which a first trial raises the rate."""
 
 MAX_STEP = 0.8
-"""a later one up to this; then there is no ceiling."""
+"""Part by which a trial raises the rate, at most. Where such a trial loses nothing, there is no ceiling."""
 
 MIN_HOLD, MAX_HOLD = 8.0, 64.0
 """Time before a first trial; it doubles where one fails [s]."""
 
 TRIAL_DURATION = 1.0
-"""[s]"""
+"""Duration of a trial outside a search [s]."""
 
 MIN_TRIAL_COUNT = 50
 """Datagrams in a trial, at least."""
@@ -69,7 +72,7 @@ SEARCH_INTERVAL = 0.5
 """Time of a trial in a search, and before one [s]."""
 
 MAX_SEARCH_STEP = 0.4
-"""It sends this much more, at most."""
+"""Part by which a trial in a search raises the rate, at most."""
 
 SEARCHED = 1.2
 """A search ends where what may carry more than the ceiling is less than this many ceilings."""

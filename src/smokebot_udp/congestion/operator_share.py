@@ -12,20 +12,22 @@ from typing import Collection, Dict, Mapping, NamedTuple, Optional, Tuple
 from .sent_history import MAX_AGE, SEQ_MODULUS, SentHistory, SentPacket
 
 MAX_RANGES = 4096
-"""Of each stream more ranges of datagrams that were left out need not be remembered,"""
+"""Number of ranges of left-out datagrams that are remembered of each stream. At twice this number the older half is
+forgotten."""
 
 MIN_RANGES = 128
-"""nor those from before sent_history.MAX_AGE, but for this number."""
+"""Number of ranges that are remembered of each stream even if they are older than sent_history.MAX_AGE."""
 
 BURST_DURATION = 0.05
-"""After a pause, what the link carries in this time may leave at once [s];"""
+"""After a pause, what the link carries in this time may leave at once [s]."""
 
 MAX_DEBT = 0.1
-"""streams that keep all their datagrams, and messages that leave in any case, delay others by this much at most [s],"""
+"""Longest time for which streams that keep all their datagrams, or messages that leave anyway, delay others [s]."""
 
 MAX_WHOLE_DEBT = 0.25
-"""and whole messages by this much: the datagrams of one arrive at the pace of the best link, and wait before the slower
-one. One that takes longer would overflow many a queue, and is never sent to this operator [s]."""
+"""Longest time for which a message that is sent as a whole delays others. Its datagrams arrive at the pace of the best
+link and wait before the slower one. A message that takes longer would overflow many queues, and is never sent to this
+operator [s]."""
 
 
 class _Begun(NamedTuple):

@@ -16,19 +16,19 @@ import math
 from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 CHUNK_DURATION = 0.002
-"""Datagrams that leave together occupy the link for this long at most [s],"""
+"""Datagrams that leave together occupy the link for this long at most [s]."""
 
 BASE_DURATION = 0.005
 """What leaves within this time belongs to the base layer of a message [s]."""
 
 BURST_DURATION = 0.005
-"""and after a pause, for no longer than this [s]."""
+"""After a pause, what the link carries in this time may leave at once; more where the path has a token bucket [s]."""
 
 MAX_CATCH_UP = 0.02
 """While datagrams wait, a caller that is late may catch up on this long [s]."""
 
 MIN_SHARE = 1.0
-"""[byte/s]"""
+"""Smallest share of a stream [byte/s]."""
 
 MAX_DEBT = 0.5
 """What was sent past the scheduler holds up the rest for this long, at most: where the rate falls, or was estimated too
@@ -42,16 +42,16 @@ class Chunk(NamedTuple):
     """Datagrams that leave together."""
     stream: str
     work: Any
-    """As it was put."""
+    """The work that was passed to `put`."""
     part: int
     """Index of the part that they belong to."""
     start: int
     stop: int
     """Datagrams start .. stop - 1 of that part."""
     size: int
-    """Of all of them [byte]."""
+    """Size of all these datagrams together [byte]."""
     total: int
-    """Datagrams of that part."""
+    """Number of datagrams of the part."""
 
 
 class _Flow:

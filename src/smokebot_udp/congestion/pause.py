@@ -36,13 +36,13 @@ MIN_DRAIN_DURATION = 0.15
 """A drain ends when the queue is gone, but not before this long [s]."""
 
 DRAIN_EXTENSION = 0.25
-"""It goes on for this long after a report whose delay has changed [s]: the path's own delay does not change,"""
+"""A drain goes on for this long after a report whose delay has changed, as the path's own delay does not change [s]."""
 
 SAME_DELAY = 0.005
-"""where a difference up to this is no change [s],"""
+"""Delays that differ by this at most count as unchanged [s]."""
 
 MAX_DRAIN_DURATION = 3.0
-"""but a drain is not extended after this long [s]."""
+"""A drain is not extended after this long [s]."""
 
 
 class Pause:
@@ -50,7 +50,7 @@ class Pause:
 
     def __init__(self) -> None:
         self.kind = DIP
-        """Of the last pause."""
+        """Kind of the last pause."""
         self._began = self._ends = -math.inf
         self._least: Optional[PacketSample] = None      # of least delay among those sent in this pause
 

@@ -7,10 +7,12 @@ import bisect
 from typing import Dict, List, NamedTuple, Optional, Tuple
 
 MAX_BURSTS = 4096
-"""Of each stream more bursts are not needed: some seconds at full speed;"""
+"""Number of bursts that are remembered of each stream: some seconds at full speed. At twice this number the older half
+is forgotten."""
 
 MAX_AGE, MIN_BURSTS = 20.0, 64
-"""nor are older ones [s], but for this number: feedback.py does not believe arrivals half as old."""
+"""Age after which bursts are forgotten, and number of bursts of each stream that are remembered for longer. feedback.py
+does not believe arrivals half as old [s, 1]."""
 
 SEQ_MODULUS = 1 << 32
 """std_msgs/Header.seq wraps here."""
@@ -35,7 +37,7 @@ class _Burst(NamedTuple):
     """Datagrams of one stream that were sent together."""
     packets: int
     size: int
-    """Of each [byte]."""
+    """Size of each datagram [byte]."""
     sent: float
     total_before: int
     """Bytes of all streams sent before."""

@@ -13,10 +13,10 @@ from typing import Deque, List, NamedTuple, Optional, Tuple
 from .feedback import PacketSample
 
 HISTORY = 3.0
-"""What passed since no queue was seen is remembered for this long [s],"""
+"""Datagrams that have passed since a queue was last seen are remembered for this long [s]."""
 
 THINNED = 0.03
-"""the first and the last in this time [s]."""
+"""At most two of the remembered datagrams are this close together, the first and the last in this time [s]."""
 
 MAX_DEPTH = 65536.0
 """More that was sent beyond the rate shows that the rate has changed: Linux and routers are set to less [byte]."""

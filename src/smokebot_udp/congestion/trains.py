@@ -53,21 +53,24 @@ MAX_STEP = 1.4
 is known, more would become a queue of several images."""
 
 RETRY_INTERVAL = 0.8
-"""After an unsuccessful train the next one waits this long [s],"""
+"""Time from an unsuccessful train to the next one [s]."""
 
 CLEAR_RETRY_INTERVAL = 0.3
-"""or only this long where no shaper is known and it left no queue: it cost nothing, and too much of it was lost, or too
-little was due, to show a rate. 0 missed two bounds of test_simulated_air.py by a little, 0.3 none [s],"""
+"""Time from an unsuccessful train to the next one where no shaper is known and the train left no queue. It cost
+nothing, and too much of it was lost, or too little was due, to show a rate. 0 missed two bounds of
+test_simulated_air.py by a little, 0.3 none [s]."""
 
 REFILL_INTERVALS = 4.0
-"""and for this many times what a shaper's tokens take at the capacity, so that mostly there are some,"""
+"""Behind a shaper, the next train after an unsuccessful one also waits this many times as long as the shaper's tokens
+take at the capacity. Mostly there are some tokens then."""
 
 MAX_RETRY_INTERVAL = 30.0
-"""and up to this twice as long each time where streams only wish for more: trains cost a few ms of queue, unless too
-little is due for them [s],"""
+"""Longest time from an unsuccessful train to the next one where streams only wish for more. The time doubles with each
+unsuccessful train, as trains cost a few ms of queue, unless too little was due for it [s]."""
 
 QUEUED_RETRY_INTERVAL = 2.0
-"""and this much longer while the queue looks occupied: its delay may be mistaken [s]."""
+"""A train waits this much longer while the queue looks occupied. Then it leaves all the same, as the measured delay may
+be mistaken [s]."""
 
 TIMEOUT = 0.5
 """A train that has not been reported this long after it should have left is lost [s]."""
@@ -76,21 +79,21 @@ TIMEOUT = 0.5
 class Train(NamedTuple):
     """Datagrams that are due anyway leave faster."""
     rate: float
-    """[byte/s]"""
+    """Rate at which they leave [byte/s]."""
     size: float
-    """How much of them [byte]."""
+    """Bytes that leave at this rate [byte]."""
 
 
 class OnTheWay(NamedTuple):
     """A train that was not reported yet."""
     begins: float
-    """Bytes of all streams sent before it,"""
+    """Bytes of all streams sent before the train."""
     ends: float
-    """and with it."""
+    """Bytes of all streams sent up to the end of the train."""
     left: float
-    """[s]"""
+    """Time at which the train began to leave [s]."""
     lost: float
-    """When it counts as lost [s]."""
+    """Time at which the train counts as lost [s]."""
 
 
 class TrainTracker:

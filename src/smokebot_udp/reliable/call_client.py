@@ -9,7 +9,7 @@ from .calls import GREETING, MAX_CALLS, MAX_SIZE, Outcome, Request, unpack_answe
 from .clock_bound import ClockBound
 
 MAX_BYTES = 4 << 20
-"""Of all requests in flight."""
+"""Size of all requests in flight together, at most [byte]."""
 
 Done = Callable[[Outcome], None]
 """Called once for each call, from any of the client's methods."""

@@ -17,19 +17,19 @@ import zlib
 from typing import NamedTuple, Optional
 
 MAX_SIZE = 1 << 20
-"""Of a serialised request or answer [byte]."""
+"""Size of a serialised request or answer, at most [byte]."""
 
 MAX_CALLS = 32
 """Calls of a service at the same time; more are refused."""
 
 MAX_TIMEOUT = 3600.0
-"""Of a call [s]."""
+"""Timeout of a call, at most [s]."""
 
 MAX_TEXT = 1000
-"""Of the reason of a failure [byte]."""
+"""Length of the reason of a failure, at most [byte]."""
 
 MAX_TIME = 1e12
-"""Of a clock [s]."""
+"""Reading of a clock, at most [s]."""
 
 GREETING = 0
 """Number of a request that is no call."""

@@ -13,7 +13,7 @@ from typing import Any, Callable, Dict, Generic, List, OrderedDict, Sequence, Ty
 State = TypeVar('State')
 
 INTERVAL = 1.0
-"""From one batch to the next, where no level changes: sources report once a second [s]."""
+"""Time from one batch to the next, where no level changes. Sources report once a second [s]."""
 
 REFRESH = 8.0
 """A state that stays the same is sent again after this time [s]."""
@@ -35,10 +35,10 @@ OVERHEAD = 100
 """What a batch takes besides its data [byte]."""
 
 ALIVE = 5.0
-"""Without a batch for this long the states are no longer shown [s],"""
+"""Without a batch for this long the receiver no longer shows the states [s]."""
 
 KEPT_FOR = 60.0
-"""and a state that was not sent for this long neither, if its end was lost [s]."""
+"""The receiver forgets a state that was not sent for this long, as its end may have been lost [s]."""
 
 
 class _State:

@@ -42,9 +42,9 @@ class Greeting:
         self.local = random()
         """This side's session."""
         self.remote = 0
-        """The peer's; 0: not agreed."""
+        """The peer's session; 0: not agreed."""
         self.round_trip: Optional[float] = None
-        """Of the greeting that was answered last, if it was sent once [s]."""
+        """Round trip of the greeting that was answered last; None: unknown, or it was sent more than once [s]."""
         self._challenge = random()
         self._candidate = 0     # a session that has to answer the challenge
         self._echo: Optional[int] = None    # of a greeting that has to be answered, to the session of:

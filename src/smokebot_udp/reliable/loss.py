@@ -4,10 +4,10 @@ import math
 from typing import NamedTuple, Optional, Tuple
 
 EXPECTED_LOSS = 0.2
-"""Before anything is measured, 0..1; it weighs as much as"""
+"""Loss that is assumed before anything is measured, 0..1."""
 
 EXPECTED_WEIGHT = 5.0
-"""this number of segments."""
+"""EXPECTED_LOSS weighs as much as this number of segments."""
 
 MEMORY = 50.0
 """Older segments count less and less: half of what counts are the last 35 [segments]."""
@@ -16,9 +16,9 @@ MEMORY = 50.0
 class Copies(NamedTuple):
     """How often something is sent before a timeout."""
     failure: float
-    """As often as it takes for this probability that none arrives, 0..1;"""
+    """Probability that no copy arrives, 0..1. It decides how many copies are sent."""
     most: int
-    """but not more often."""
+    """Number of copies, at most."""
 
 
 EXPEDITED = Copies(0.02, 6)

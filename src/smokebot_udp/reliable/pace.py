@@ -7,16 +7,16 @@ before datagrams are lost. It recovers while there is no queue.
 import math
 
 MAX_RATE = 128e3
-"""However fast the link is [byte/s]."""
+"""Maximum rate, however fast the link is [byte/s]."""
 
 BURST_DURATION = 0.1
-"""What a pause lets through at once [s],"""
+"""After a pause, what the rate allows in this time may leave at once [s]."""
 
 MIN_BURST, EXPEDITED_BURST = 3000.0, 12800.0
-"""or this, if that is more [byte]."""
+"""Size that may leave at once after a pause even at a low rate: usually, and where somebody waits for it [byte]."""
 
 UNKNOWN_ROUND_TRIP = 0.2
-"""At most, and before it is measured [s]."""
+"""Round trip that is assumed at most, and before it is measured [s]."""
 
 TARGET = 0.06
 """Time that may be spent in queues; RFC 6817 allows 0.1 s [s]."""
@@ -26,19 +26,19 @@ SAMPLES, PERIOD = 10, 0.5
 them, as RFC 6817's CURRENT_FILTER has it [1, s]."""
 
 MIN_DECREASE, DECREASE, INCREASE = 0.5, 0.8, 1.2
-"""Of the rate, once in a PERIOD, or in a round trip where that is longer; the first one where the queue is twice as
-long as it may be."""
+"""Factors of the rate, applied once in a PERIOD, or in a round trip where that is longer. MIN_DECREASE applies where
+the queue is more than twice as long as it may be."""
 
 MIN_WINDOW = 2800.0
-"""On its way to one peer at least: two long segments [byte]."""
+"""Size of what may be on its way to one peer, at least: two long segments [byte]."""
 
 MIN_RATE, MOST_LOSS = 16e3, 0.5
-"""However full the queue is: what 50 short messages a second take without loss [byte/s]. Losses are no sign of a queue,
-and raise it: by as much as it takes to repeat what is lost, up to this loss."""
+"""Minimum rate, however full the queue is: what 50 short messages a second take without loss. Losses are no sign of a
+queue, and raise it: by as much as it takes to repeat what is lost, up to this loss [byte/s, 1]."""
 
 
 class Pace:
-    """Of all reliable segments of a node, acknowledgements included: these never wait, but count.
+    """Pace of all reliable segments of a node, acknowledgements included: these never wait, but count.
 
     :param limit: of the rate, without a queue [byte/s]; may be set at any time
     :param burst: what a pause lets through at once, if that is more [byte]
@@ -54,7 +54,7 @@ class Pace:
 
     @property
     def rate(self) -> float:
-        """[byte/s]"""
+        """Current rate [byte/s]."""
         return max(self.limit * self._factor, min(self._floor, self.limit))
 
     @property

@@ -9,16 +9,18 @@ import math
 from typing import Optional
 
 MIN_TIMEOUT, INITIAL_TIMEOUT, MAX_TIMEOUT = 0.02, 0.25, 1.0
-"""[s]. The last one is exceeded only where the round trip itself takes longer."""
+"""Bounds of the timeout, and its value before anything is measured. MAX_TIMEOUT is exceeded only where the round trip
+itself takes longer [s]."""
 
 MAX_FACTOR = 1.5
-"""Of such a round trip: otherwise all would be sent again that waits in a queue."""
+"""The timeout may exceed MAX_TIMEOUT up to this multiple of the round trip. Otherwise everything that waits in a queue
+would be sent again."""
 
 GRANULARITY = 0.005
-"""Of the threads that send and receive [s]."""
+"""Timing granularity of the threads that send and receive [s]."""
 
 ALPHA, BETA, K = 1 / 8, 1 / 4, 4
-"""Of RFC 6298, section 2."""
+"""Constants of RFC 6298, section 2."""
 
 SILENCE_FACTOR = 0.25
 """The interval between retransmissions is at least this part of the time for which nothing was heard."""

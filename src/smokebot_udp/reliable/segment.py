@@ -7,7 +7,7 @@ WINDOW = 256
 """Segments from the first one that is missing on that may be on their way; as many as an acknowledgement describes."""
 
 MAX_NUMBER = 2 ** 32 - 1
-"""Of segments, sessions and channels."""
+"""Highest number of a segment, session or channel."""
 
 
 class Kind(enum.IntEnum):

@@ -25,7 +25,7 @@ TIMEOUT, FORGOTTEN = 1.0, 10.0
 where much is lost, reports are, too. After the other time nothing is known [s]."""
 
 UNKNOWN_LOSS = 0.7
-"""Then all losses up to this one are equally likely;"""
+"""Where nothing is known, all losses up to this one are equally likely."""
 
 UNKNOWN_TAIL: Mapping[float, float] = {0.82: 0.04, 0.89: 0.04, 0.95: 0.04}
 """{heavy loss: its weight}: what is rare, but for which a small part of an image is protected so that any of its
@@ -54,18 +54,18 @@ IMPOSSIBLE = 1e-12
 """No loss becomes less likely: otherwise sudden contradictions could not be believed."""
 
 HEAVIER, HEAVIER_BY, HEAVIER_LEAST = 0.12, 0.16, 0.35
-"""With this weight, the loss is thought to take this part of what would arrive otherwise, and to be at least so large;
-"""
+"""A heavier loss is expected, too, with the weight HEAVIER. It takes the part HEAVIER_BY of what would arrive
+otherwise, and is at least HEAVIER_LEAST."""
 
 TAIL: Mapping[float, float] = {0.82: 0.01}
-"""{heavy loss: its weight}"""
+"""{heavy loss: its weight}, expected besides HEAVIER."""
 
 MIXED: Mapping[float, float] = {0.0: 0.1, 0.04: 1.0, 0.1: 0.7}
-"""{packet loss: the part of these weights that is mixed in}, linear in between. A link that loses nothing stays so for
-longer; and the plan for a lossier one is less of a knife edge."""
+"""{packet loss: the part of the weights HEAVIER and TAIL that is mixed in}, linear in between. A link that loses
+nothing stays so for longer, and the plan for a lossier one is less sensitive."""
 
 BEST_WEIGHT = 0.6
-"""Of several operators, the one who loses least has this weight; the others share the rest."""
+"""Weight of the operator who loses least, where there are several. The others share the rest."""
 
 
 class Air(NamedTuple):

@@ -51,18 +51,18 @@ class Assembled:
     """A message to be published."""
     message: Any
     stamp: int
-    """Of the source, by the robot's clock; 0: unknown [ns]."""
+    """Stamp of the source, by the robot's clock; 0: unknown [ns]."""
     completeness: Optional[float]
     """Received share of it, 0..1; None: unknown."""
     arrival: int = field(default=0, init=False)
     """When it came to robot_sender, by the robot's clock, where its stamp does not say how old it is; else 0 [ns]."""
     changed: Optional[float] = field(default=None, init=False)
-    """Of images: share of their cells that differ from the image before, 0..1; None: not compared."""
+    """Share of an image's cells that differ from the image before, 0..1; None: not compared, or no image."""
     camera_info: Optional[Callable[[], Any]] = field(default=None, init=False)
-    """Of images: f() -> their sensor_msgs/CameraInfo without its header, or None while it is not known; None: none is
+    """f() -> sensor_msgs/CameraInfo of an image without its header, or None while it is not known; None: none is
     wanted."""
     error: Optional[ImageError] = field(default=None, init=False)
-    """Of images that were coded with loss; None: what was received is exact, or, of video, nothing is known."""
+    """Error of an image that was coded with loss; None: what was received is exact, or, of video, nothing is known."""
 
 
 class Work(Protocol):
@@ -109,7 +109,7 @@ class Assembler(Generic[Finished, Result]):
     STEADY: bool = True
     """Whether silence is a fault."""
     QUEUE_SIZE: ClassVar[int] = 2
-    """Of the publisher: of most messages only the newest counts."""
+    """Queue size of the publisher. Only the newest of most messages counts."""
     FORWARDS: ClassVar[bool] = False
     """Whether messages are published in the transport's thread. Then only `configure`, `join`, `forward` and `problem`
     are called."""

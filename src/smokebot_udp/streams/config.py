@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""streams.yaml: the streams by name, each checked against its kind's parameters; and the robot's frames.
+"""Reads streams.yaml: the streams by name, each checked against its kind's parameters; and the robot's frames.
 
 A stream that is wrong is left out and reported; the others are used. Streams that the package itself needs are added
 where the file has none.
@@ -39,7 +39,7 @@ OWN_STREAMS: Mapping[str, Mapping[str, Any]] = {
 
 
 class Frames(NamedTuple):
-    """Of the robot, without a prefix."""
+    """Frames of the robot, without a prefix."""
     fixed: str = FIXED_FRAME
     base: str = BASE_FRAME
 

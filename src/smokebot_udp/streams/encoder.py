@@ -55,7 +55,7 @@ class Traits:
     foresees: bool = False
     """Whether `outlook` and `waiting` of LinkView are used: they cost some computing for each report."""
     queue_size: int = MAX_SOURCES
-    """Of the subscription: of messages that come together, those of all sources are to be seen."""
+    """Queue size of the subscription. Where messages of several sources come together, all of them are to be seen."""
     traffic: int = traffic.SENSORS
     """How networks are asked to serve its datagrams, see traffic.py."""
 
@@ -63,19 +63,19 @@ class Traits:
 class LinkView(NamedTuple):
     """What an encoder may know of the link. Immutable: the runner makes one for each call."""
     datagram_size: int = DEFAULT_MAX_DATAGRAM_SIZE
-    """Of frames, at most [byte of UDP payload]."""
+    """Maximum size of the datagrams of frames [byte of UDP payload]."""
     longest_datagram: int = 0
-    """What passes, however slow the link is [byte of UDP payload]."""
+    """Size of the longest datagram that passes, however slow the link is [byte of UDP payload]."""
     outlook: Outlook = Outlook()
-    """What to expect."""
+    """What to expect of the link."""
     waiting: float = 0.0
     """How long what is left of the last message takes to leave at what the stream may use [s]."""
     source_rate: Optional[float] = None
-    """Of the source as measured, however many of its messages are encoded; None: it is not known [Hz]."""
+    """Rate of the source as measured, however many of its messages are encoded; None: it is not known [Hz]."""
     loss: float = 0.0
     """Packet-loss ratio as reported, 0..1; NaN: it is not known."""
     afford: Callable[[int, bool], bool] = lambda size, datagram: True
-    """f(size [byte], datagram): whether so much may be sent to protect messages now; then it counts as sent.
+    """f(size [byte], datagram): whether this much may be sent to protect messages now; then it counts as sent.
     `datagram`: it takes datagrams of its own, and can wait. See RepetitionBudget."""
     heard: Callable[[str], bool] = lambda part: True
     """Whether all operators that receive the stream receive this part of it now."""
@@ -85,7 +85,7 @@ class LinkView(NamedTuple):
     """Why this part of the stream is not sent to an operator, in words."""
 
     def frame_rate(self, settings: Mapping[str, Any]) -> float:
-        """Of the messages that are sent, at most [Hz].
+        """Maximum rate of the messages that are sent [Hz].
 
         :param settings: {name: value} with `rate`
         """
@@ -112,7 +112,7 @@ class Encoded(NamedTuple):
     """In sending order, of one part; made anew each time, because earlier ones may not have left yet. Empty: there is
     nothing new."""
     beside: Sequence[Frame] = ()
-    """Of other parts: they leave at once, before `frames`."""
+    """Frames of other parts. They leave at once, before `frames`."""
     base: int = 1
     """Datagrams that show something of it, at least: they leave before the rest of others."""
     backlog: Optional[float] = None

@@ -18,26 +18,26 @@ TOPIC = '/smokebot_udp/held'
 """Topic of the reports, on the wire."""
 
 MAX_RUNS = 256
-"""In a report."""
+"""Number of runs in a report, at most."""
 
 RUN_SIZE, LAYERS_SIZE = 6, 1
-"""Of a run in a report, and of its layers [byte]."""
+"""Size of a run in a report, and of its number of layers [byte]."""
 
 MAX_COUNT = (1 << 16) - 1
-"""Numbers in a run of a report."""
+"""Length of a run in a report, at most."""
 
 END = 1 << 32
-"""Numbers are below."""
+"""All numbers are below this."""
 
 
 class Holding(NamedTuple):
     """Numbers that are held."""
     session: int
-    """Of the numbers, chosen by the sender."""
+    """Session of the numbers, chosen by the sender."""
     runs: Tuple[Tuple[int, int], ...]
     """((first number, count), ...): ascending, without overlaps; empty: nothing is held."""
     layers: Tuple[int, ...] = ()
-    """Of layered images: how many layers are held of each number of each run, from 1 on. Of all others empty."""
+    """Layered images: how many layers are held of each image of each run, from 1 on. Other streams: empty."""
 
     @classmethod
     def of(cls, session: int, numbers: Iterable[int]) -> 'Holding':

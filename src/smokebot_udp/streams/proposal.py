@@ -11,20 +11,21 @@ LARGEST = 1400
 """Longest relayed message that fits a datagram [byte]."""
 
 MAX_RATE = 10.0
-"""That is proposed: operators see no more, and the link has other streams [Hz]."""
+"""Maximum rate that is proposed. Operators see no more, and the link has other streams [Hz]."""
 
 MAX_WHOLE = 5e3
 """Longer messages are proposed as reliable ones where they take less of the link than this [byte/s]."""
 
 SECONDARY_RATE = 5.0
-"""Of images that one does not drive by [Hz]."""
+"""Maximum rate that is proposed for images that one does not drive by [Hz]."""
 
 WEIGHTS = {PRIMARY_IMAGE: 4.0, OBSTACLES: 2.0}
 """{role: weight}; others have the default."""
 
 IMAGES = 'sensor_msgs/Image', 'sensor_msgs/CompressedImage'
 PREFERRED = ('image_color', 'image_rect_color', 'image_raw', 'image', 'image_mono', 'image_rect')
-"""Of the images of one camera, the best first; compressed ones after all others: they have been decoded anyway."""
+"""Names of the image topics of one camera, the best first. Compressed ones come after all others, which have been
+decoded anyway."""
 
 UNNAMED = {*PREFERRED, 'compressed', 'points', 'data', 'raw', 'out', 'scan', 'rgb', 'color'}
 """Parts of topics that name no sensor."""
@@ -74,7 +75,7 @@ class Topic(NamedTuple):
     """Mean size of a message [byte]."""
     latched: bool = False
     encoding: str = ''
-    """Of an image, as in sensor_msgs/Image."""
+    """Encoding of an image, as in sensor_msgs/Image."""
     installed: bool = True
     """Whether this machine knows its type."""
 

@@ -7,7 +7,7 @@ from ..frame_names import FIXED_FRAME, frame_name, is_legal
 from ..mission.roles import words_of
 
 MAX_FRAMES = 1000
-"""Of a tf tree; further ones are ignored."""
+"""Number of frames that are taken from a tf tree; further ones are ignored."""
 
 GRID, ODOMETRY, SENSORS = 'nav_msgs/OccupancyGrid', 'nav_msgs/Odometry', 'sensor_msgs/'
 

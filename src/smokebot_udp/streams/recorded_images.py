@@ -16,11 +16,12 @@ HURRY = MOST_WAITING // 4
 """Where more waits, images are recorded raw [byte]."""
 
 RAW_RATE = 10e6
-"""But no more than this: an SD card writes it [byte/s]."""
+"""Maximum rate of images that are recorded raw: an SD card writes it [byte/s]."""
 
 
 NEARLY = 0.8
-"""Of a period: a source whose rate is the highest one, and whose stamps jitter, is recorded as a whole."""
+"""An image this part of a period after the last one is recorded even in the same period. A source whose rate is the
+highest one, and whose stamps jitter, is thus recorded as a whole."""
 
 
 class Thinning:

@@ -19,11 +19,11 @@ OWN_TOPICS: Mapping[str, Sequence[str]] = {
 class RecordedStream(NamedTuple):
     """What one side records of a stream."""
     type: str
-    """image, grid, relay, ..., as in streams.yaml"""
+    """Type of the stream, as in streams.yaml: image, grid, relay, ..."""
     to_robot: bool
     """Whether its messages go to the robot; those of an action go both ways."""
     topics: List[str]
-    """Resolved."""
+    """Names of its topics, resolved."""
 
 
 def recorded_streams(definitions: Mapping[str, Mapping[str, Any]], side: str, resolve: Callable[[str], str]

@@ -6,18 +6,20 @@ from typing import Optional
 from ..units import KBIT
 
 SHARE = 0.03
-"""Of what is sent: what the streams with a share of the link, such as images, hardly miss. The rate that may be sent is
-overestimated where much is lost: 3 Mbit/s at 20 % loss on a link of 2."""
+"""Part of what is sent that may be spent on protection. Streams with a share of the link, such as images, hardly miss
+it. It is no part of the rate that may be sent, which is overestimated where much is lost: 3 Mbit/s at 20 % loss on a
+link of 2."""
 
 UNUSED_SHARE, MAX_UNUSED = 0.1, 56 * KBIT
-"""Or of what is left of the rate, which nobody misses, where that is more; but no more than three short messages of 10
-Hz take that are repeated and copied, 3 % of 2 Mbit/s [1, byte/s]."""
+"""Part of the unused rate that may be spent instead, where that is more, and its maximum: three short messages of 10 Hz
+that are repeated and copied take no more, 3 % of 2 Mbit/s [1, byte/s]."""
 
 SPAN = 1.0
 """What was not used within this time is lost [s]."""
 
 RESERVED = 0.5
-"""Of a full bucket, for repetitions within datagrams: a byte of them helps more than one of a datagram of its own."""
+"""Part of a full bucket that is reserved for repetitions within datagrams. A byte of them helps more than one of a
+datagram of its own."""
 
 
 class RepetitionBudget:

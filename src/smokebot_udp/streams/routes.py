@@ -20,7 +20,7 @@ Routes = List['Route']
 class Route(NamedTuple):
     """A topic of one side whose messages are published on the other, or a service of the robot."""
     setting: str
-    """topic, service, or action where the topic is one of an action's."""
+    """Setting that has its names: topic, service, or action where the topic is one of an action's."""
     robot: str
     """Its name on the robot, normalised."""
     operator: str
@@ -28,7 +28,7 @@ class Route(NamedTuple):
     to_robot: bool
     """Whether messages, or calls, go to the robot."""
     type: str
-    """Of the messages, or of the service: package/Type."""
+    """Type of the messages, or of the service: package/Type."""
 
     @property
     def offered(self) -> str:

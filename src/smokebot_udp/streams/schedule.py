@@ -12,11 +12,12 @@ from .recent import Recent
 Item = TypeVar('Item')
 
 MAX_AGE = 0.03
-"""Where an item of a steady source has waited for its turn for longer than this part of the time between its items, the
-next one, which is fresh, is awaited instead,"""
+"""An item of a steady source that waits for its turn for more than this part of the time between its items is held
+back: the next one, which is fresh, is awaited instead."""
 
 PATIENCE = 1.3
-"""until it is late by more than a part of that time."""
+"""An item that is held back leaves this many times the time between items, or the period of the maximum rate if that is
+shorter, after it was put."""
 
 ACTIVE = 5.0
 """A source that put nothing for longer is not counted any more [s]."""

@@ -98,7 +98,7 @@ def frames_of(records: Records, rows: IntArray) -> List[IntArray]:
 
 
 def nanoseconds(time: Tuple[int, int]) -> int:
-    """Of a time as `head_of` has it: seconds and nanoseconds."""
+    """Number of nanoseconds of a time as `head_of` has it: seconds and nanoseconds."""
     return time[0] * 10 ** 9 + time[1]
 
 

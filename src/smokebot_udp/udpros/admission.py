@@ -32,7 +32,7 @@ UNPROVEN = 60.0
 class Claim(NamedTuple):
     """A connection that a publisher holds for one caller."""
     port: int
-    """Of the subscriber."""
+    """UDP port of the subscriber."""
     at_home: bool
     """Whether its address is one of the caller's host."""
     age: float

@@ -38,7 +38,7 @@ DEFAULT_MAX_DATAGRAM_SIZE = 1472
 """Fills an Ethernet frame: 1500 less IP_UDP_HEADERS [byte of UDP payload]."""
 
 ROSCPP_MAX_DATAGRAM_SIZE = 1500
-"""roscpp receives into a buffer of this size, whatever size it negotiates; longer datagrams corrupt its stream."""
+"""Size of the buffer into which roscpp receives, whatever size it negotiates. Longer datagrams corrupt its stream."""
 
 MIN_MAX_DATAGRAM_SIZE = 64
 """A smaller max_datagram_size is refused; roscpp crashes when asked for 8."""

@@ -55,7 +55,7 @@ MAX_POPULATED = 1 << 20
 """Shorter receive slots get their memory at once, so that a rare long burst does not need any [byte]."""
 
 READING_ERROR = 1e-5
-"""Of a clock, its resolution included [s]."""
+"""Error of reading a clock, its resolution included [s]."""
 
 SIZE_T = np.dtype(np.uintp)
 
@@ -122,7 +122,7 @@ class BatchSender:
     def __init__(self, sock: socket.socket, gso: bool = True) -> None:
         self.socket = sock
         self.tos = 0
-        """Of the IP headers of what is sent from now on, see traffic.py."""
+        """Second byte of the IP headers of what is sent from now on, see traffic.py."""
         self._shared = _Tos()
         self.failures: Counter[str] = collections.Counter()
         """Datagrams that could not be sent, by the error's name. EPERM: a local firewall; EAGAIN: the network device is

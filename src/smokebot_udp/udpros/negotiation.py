@@ -159,7 +159,7 @@ class Request:
     port: int
     """The subscriber's UDP port."""
     header: Dict[str, str]
-    """topic, md5sum, callerid and type; md5sum '*' accepts any type."""
+    """Fields topic, md5sum, callerid and type. The md5sum '*' accepts any type."""
     max_datagram_size: int = DEFAULT_MAX_DATAGRAM_SIZE
     """The longest datagram that the subscriber accepts, including its header of 8 bytes [byte of UDP payload]."""
 

@@ -24,10 +24,10 @@ link: a roscpp subscriber does not ask again for a connection that its publisher
 class Node(NamedTuple):
     """A subscriber's node, which a restart makes another one."""
     address: str
-    """To which its datagrams are sent."""
+    """Address to which its datagrams are sent."""
     name: str
     uri: Optional[str]
-    """Of its XML-RPC server; None: unknown, the master did not answer."""
+    """URI of its XML-RPC server; None: unknown, the master did not answer."""
 
 
 class Presence:

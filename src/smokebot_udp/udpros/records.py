@@ -82,7 +82,8 @@ def _dtype(message_class: Any, prefix: str, left: Dict[str, int]) -> DType:
 
 @functools.lru_cache(maxsize=256)
 def _array(slot_type: str) -> Tuple[Optional[DType], Optional[int]]:
-    """Of a string or an array, the dtype of an element and their number, None if that varies; else (None, None)."""
+    """(dtype of an element, number of elements) of a string or an array, with None as the number if it varies; else
+    (None, None)."""
     if slot_type == 'string':
         return np.dtype('u1'), None
     array = _ARRAY.match(slot_type)

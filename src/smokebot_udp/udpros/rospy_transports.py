@@ -39,7 +39,7 @@ class PublisherOptions:
     max_datagram_size: int
     """The longest datagram sent [byte of UDP payload]."""
     limit: Limit = no_limit
-    """Of it, as long as the path is known to carry no longer ones."""
+    """Limit of the datagram size, as long as the path is known to carry no longer datagrams."""
     tos: int = 0
     """Second byte of the IP headers, see traffic.py."""
 
@@ -96,7 +96,7 @@ class PublisherTransport(UdpTransport):
         self.endpoint_id = request.header['callerid']
         self.connection_id = connection_id
         self.caller_uri: Optional[str] = None
-        """Of the subscriber's XML-RPC server; None: unknown."""
+        """URI of the subscriber's XML-RPC server; None: unknown."""
         self.since = time.monotonic()
         """When it was made, by time.monotonic() [s]."""
         self.sender = DatagramSender(request.host, request.port)

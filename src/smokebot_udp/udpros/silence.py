@@ -15,17 +15,17 @@ RENEGOTIATION, MAX_RENEGOTIATION = 120.0, 1200.0
 maximum [s]."""
 
 BROKEN, WATCHED = 0.25, 1.0
-"""After a change of an address a connection is replaced that is silent for the first time within the second [s]."""
+"""For WATCHED after a change of an address, earlier connections that are silent for BROKEN are replaced [s]."""
 
 MAX_MOVED = 64
 """Nodes of which the newest address is remembered."""
 
 
 PATIENCE = 2.5
-"""A topic is not silent before it was so for this many times its longest usual pause,"""
+"""A topic counts as silent after this many times its longest usual pause."""
 
 FADING, MAX_PAUSE = 0.8, 12.0
-"""which is shorter by this factor after each shorter one. Longer pauses than the second one do not count [1, s]."""
+"""Factor by which the longest usual pause decreases with each shorter one, and longest pause that counts [1, s]."""
 
 
 class Silence:

@@ -26,7 +26,7 @@ class _Transport(xmlrpc.client.Transport):
 
 
 def init_node(name: str) -> None:
-    """rospy.init_node, but a master that restarts at this moment does not end the node, and a signal always does.
+    """Call rospy.init_node so that a restart of the master does not end the node, and a signal always does.
 
     rospy sets the node's private parameters and asks for /use_sim_time once; neither it nor a second call of
     rospy.init_node could go on where that failed. So its proxy of the master repeats its calls meanwhile.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""rospy.Publisher and rospy.Subscriber with UDPROS and options for the transport."""
+"""The classes rospy.Publisher and rospy.Subscriber with UDPROS and options for the transport."""
 from types import MappingProxyType
 from typing import Any, Callable, Dict, List, Mapping, Optional
 
@@ -57,7 +57,7 @@ def _ensure_impl(name: str, registration: str, impl_class: Any, make: Callable[[
 
 
 class Publisher(rospy.Publisher):
-    """rospy.Publisher to which subscribers can connect by UDPROS.
+    """A rospy.Publisher to which subscribers can connect by UDPROS.
 
     The further parameters are rospy.Publisher's. The transport options of a topic's first Publisher in a process apply
     to all of them.
@@ -147,7 +147,7 @@ class Publisher(rospy.Publisher):
 
 
 class Subscriber(rospy.Subscriber):
-    """rospy.Subscriber that requests UDPROS.
+    """A rospy.Subscriber that requests UDPROS.
 
     The further parameters are rospy.Subscriber's. The transport options of a topic's first Subscriber in a process
     apply to all of them.

@@ -32,7 +32,7 @@ class Lost(NamedTuple):
 class _Sent:
     """A goal that has not ended."""
     stamp: float
-    """Of its id [s]."""
+    """Stamp of the goal's id [s]."""
     until: float
     """When it is lost; infinity: it was heard of."""
 

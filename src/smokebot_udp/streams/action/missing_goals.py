@@ -13,10 +13,10 @@ from ...newest import Newest
 from .goal_watch import MAX_GOALS
 
 PATIENCE = 10.0
-"""How long a result is waited for [s],"""
+"""Time for which a result is waited for [s]."""
 
 MAX_STEP = 1.5
-"""where no more than this counts between two statuses: during a cut nothing can come [s]."""
+"""Time that counts between two statuses, at most: during a cut nothing can come [s]."""
 
 
 class Missing(NamedTuple):

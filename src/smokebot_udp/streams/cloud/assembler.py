@@ -22,7 +22,8 @@ from ..segments import MAIN_PART
 from ..stamped_assembler import StampedAssembler, header_of
 
 MAX_PERSISTENT_POINTS = 1000000
-"""Of all clouds that are kept and the newest one together; the oldest clouds go first. The newest is always whole."""
+"""Number of points of all clouds that are kept and the newest one together, at most. The oldest clouds go first. The
+newest one is always whole."""
 
 
 class Points(NamedTuple):

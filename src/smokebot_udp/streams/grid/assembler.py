@@ -46,8 +46,8 @@ class _Interleaved(NamedTuple):
 
 
 class _Place:
-    """Of an interleaved map. Maps of one size whose origins are less than a cell apart complete each other: an origin
-    may move with each map, and cells that did not come are rather those of the map before than unknown."""
+    """Place of an interleaved map. Maps of one size whose origins are less than a cell apart complete each other: an
+    origin may move with each map, and cells that did not come are rather those of the map before than unknown."""
 
     def __init__(self, head: SimpleNamespace) -> None:
         _, *self._exact = head.info     # not the load time: the same map may be loaded anew

@@ -26,7 +26,7 @@ LEAST_LOSS, MOST_LOSS = 1e-3, 0.95
 """Losses outside are not believed."""
 
 MAX_COPIES = 24
-"""Of what changed, and of an overview: higher losses than 0.82 are not made up for."""
+"""Number of copies of what changed, and of an overview, at most. Higher losses than 0.82 are not made up for."""
 
 
 def copies(loss: float, residual: float, most: int = MAX_COPIES) -> int:

@@ -42,7 +42,7 @@ LOOKUP_PERIOD = 1.0
 LAST_CHANGE = 'the surroundings of the last change are sent first'
 
 TILES_BACKLOG = 0.1
-"""Of tiles, the rest of what leaves is waited for this long before more is made [s]."""
+"""The rest of the tiles that leave is waited for this long at most before more are made [s]."""
 
 SILENT = ''
 """Stands for subscribers without a name, such as recorders: they never report."""

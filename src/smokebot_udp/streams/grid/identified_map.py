@@ -85,7 +85,7 @@ class Candidates:
 
     @property
     def session(self) -> Optional[int]:
-        """Of the map that was heard of last; None: of none."""
+        """Session of the map that was heard of last; None: no other map was heard of."""
         return self._waiting[-1].map.session if self._waiting else None
 
     def clear(self) -> None:

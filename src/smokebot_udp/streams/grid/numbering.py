@@ -16,7 +16,7 @@ from ...codecs.tiles.rectangle import Rectangle
 from ...codecs.wire.grid import UNKNOWN
 
 COMPARED = 1 << 18
-"""Of larger maps, rows are left out: two maps are compared in about as many cells."""
+"""Number of cells in which two maps are compared, about. Rows of larger maps are left out."""
 
 MOST_WRONG = 0.5
 """A map is the one before, moved as it is, where no more cells differ from it, per cell that is not as most are."""

@@ -8,16 +8,16 @@ import math
 from .copies import ROUND_TRIP, copies
 
 RESIDUAL = 0.02
-"""All copies of one of its datagrams are lost with this probability."""
+"""Probability that all copies of a datagram of an overview are lost."""
 
 PERIOD = 0.5
-"""From one overview to the next, at least [s]."""
+"""Time from one overview to the next, at least [s]."""
 
 REFRESH = 1.0
 """While operators who report lack more than the overview costs, it leaves this often [s]."""
 
 PART = 0.5
-"""Of the bitrate, overviews of a map that goes on changing take this part at most, so that tiles leave as well."""
+"""Part of the bitrate that overviews take at most while a map goes on changing, so that tiles leave as well."""
 
 DENSE = 0.06
 """Copies that follow each other in a shorter time must not wait for tiles [s]."""
@@ -26,7 +26,7 @@ MAX_DATAGRAMS = 4
 
 
 def datagrams(loss: float) -> int:
-    """Of how many datagrams an overview is, at most: at a high loss fewer, as each needs many copies."""
+    """Number of datagrams of an overview, at most. At a high loss it is smaller, as each datagram needs many copies."""
     return max(1, round(MAX_DATAGRAMS * (1 - loss) ** 2))
 
 

@@ -17,7 +17,7 @@ MESSAGE = numpy_msg(OccupancyGrid)
 class GridSnapshot(NamedTuple):
     """A map to be shown."""
     head: SimpleNamespace
-    """Of its newest segment: stamp [ns], frame_id and info, see segments.head_of."""
+    """Head of its newest segment: stamp [ns], frame_id and info, see segments.head_of."""
     drawn: Callable[[], Tuple[Array, float]]
     """f() -> (height, width) int8, the cells; and the received share of them, 0..1. It takes time."""
 

@@ -11,7 +11,7 @@ from ..segments import room, write_header
 from .map_info import write_info
 
 RECTANGLE_SIZE = 16
-"""Of one in `pending` [byte]."""
+"""Size of a rectangle in `pending` [byte]."""
 
 
 class Source(NamedTuple):

@@ -24,10 +24,10 @@ SILENCE = 6.0
 """What an operator held is forgotten after this time without a report [s]."""
 
 HEAD = 175
-"""Of a segment on the air, about [byte]."""
+"""Size of a segment on the air without its data, about [byte]."""
 
 MOST_TRIES = 400
-"""After more copies of a tile the interval between them is the longest one."""
+"""Number of copies of a tile after which the interval between them is the longest one."""
 
 Focus = Optional[Tuple[float, float]]
 """Column and row on the lattice that are of most interest; None: none."""

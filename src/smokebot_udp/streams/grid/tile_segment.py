@@ -15,7 +15,7 @@ from .canvas import MAX_REVISION
 FIELDS = 'info', 'corner', 'session', 'revision', 'shift', 'place', 'size', 'current'
 
 MAX_SHIFT = MAX_SIDE.bit_length() - 1
-"""By which the largest map is one value."""
+"""Shift by which the largest map is one value."""
 
 LARGEST_TILE = 512 * 512
 """The encoder's root blocks: whoever forges larger ones would make decoding expensive [cell]."""
@@ -24,9 +24,9 @@ LARGEST_TILE = 512 * 512
 class TileSegment(NamedTuple):
     """What a datagram says."""
     seq: int
-    """Of the topic; different for repetitions."""
+    """Sequence number on the topic; different for repetitions."""
     stamp: int
-    """Of the source map [ns]."""
+    """Stamp of the source map [ns]."""
     frame_id: str
     info: Tuple[Any, ...]
     """MapMetaData as nested tuples, see segments.head_of; its resolution and pose may still be impossible."""
@@ -37,9 +37,9 @@ class TileSegment(NamedTuple):
     shift: int
     """0: a tile, or a beat where `place` is empty; n > 0: a piece of an overview, in blocks of 2^n cells."""
     place: Rectangle
-    """Of the values, [cell] or [block]."""
+    """Rectangle of the values, [cell] or [block]."""
     current: bool
-    """Of a beat: whether `pending` is all that may be missing."""
+    """Whether `pending` is all that may be missing, as a beat says."""
     pending: Array
     """(n, 4) int: column, row, width, height of rectangles [cell]."""
     data: UInt8Array

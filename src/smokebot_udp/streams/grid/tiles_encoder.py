@@ -256,7 +256,7 @@ class TiledMaps:
 
 
 def _middle(places: List[Rectangle]) -> Tuple[float, float]:
-    """Of the smallest rectangle around some."""
+    """Centre of the smallest rectangle around some places."""
     left, low = min(place.column for place in places), min(place.row for place in places)
     right, high = (max(place.column + place.width for place in places), max(place.row + place.height
                                                                              for place in places))

@@ -13,13 +13,13 @@ class CodingTime:
     def __init__(self) -> None:
         self._factor = 0.0
         self.prediction = 0.0
-        """To predict an image [s]."""
+        """Mean time to predict an image [s]."""
         self.image = 0.0
-        """All that is done for an image [s]."""
+        """Mean time for all that is done for an image [s]."""
 
     @property
     def per_byte(self) -> float:
-        """Of a byte of the stream, on both sides [s]."""
+        """Time to code and decode a byte of the stream [s]."""
         return 2 * BYTE_TIME * self._factor
 
     def coded(self, cells: int, size: int, duration: float) -> None:

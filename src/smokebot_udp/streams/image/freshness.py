@@ -26,7 +26,7 @@ class MotionMeter:
 
     def __init__(self) -> None:
         self.growth = 0.0
-        """Of the mean squared difference from the scene, without noise [count^2/s]."""
+        """Growth of the mean squared difference from the scene, without noise [count^2/s]."""
         self._last: Deque[Tuple[float, Array]] = deque(maxlen=2)
         self._found: Deque[Tuple[float, float]] = deque()      # (stamp, growth)
 

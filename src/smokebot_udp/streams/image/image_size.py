@@ -37,7 +37,7 @@ then is waited for as long: its last datagrams come before the operator stops wa
 slower than expected [s]."""
 
 LEAST_BYTES = 600
-"""Of an image on the air: a datagram that is of use [byte]."""
+"""Size of an image on the air, at least: a datagram that is of use [byte]."""
 
 LEAST_ROOM = 1.0
 """A stream that may use less of the link counts as if it could use this [byte/s]."""
@@ -59,10 +59,10 @@ CLEARLY = 0.98
 """Where no further bytes bring the squared error to this part of it, an image is not made shorter for its freshness."""
 
 SPARE = 1.25
-"""Of a scene that moves, no more of an image is coded than this many times the bytes that the last one was worth,"""
+"""Limit of the bytes coded of an image of a moving scene, in multiples of those that the last one was worth."""
 
 MORE = 2.0
-"""or this many times, where all that was coded was worth sending."""
+"""Replaces SPARE where all that was coded of the last image was worth sending."""
 
 
 class Bound(enum.Enum):
@@ -70,15 +70,15 @@ class Bound(enum.Enum):
     ROOM = 'room'
     """What the link has for it until the next image."""
     MAX_BYTES = 'max_bytes'
-    """The setting."""
+    """Setting `max_bytes`."""
     AIR_TIME = 'air_time'
-    """The setting."""
+    """Setting `air_time`."""
     FRESHNESS = 'freshness'
     """Further bytes gain less than the scene moves meanwhile."""
     CODING = 'coding'
     """So little was expected to be worth sending that no more was coded."""
     MAX_QUALITY = 'max_quality'
-    """The setting, or an error that 8 bits do not show."""
+    """Setting `max_quality`, or an error that 8 bits do not show."""
     EXACT = 'exact'
     """There is no more."""
 

@@ -49,7 +49,7 @@ UNIFORM_ERROR = 12 ** -0.5
 Each bit a value halves the error [count]."""
 
 FAIR_BITS = 0.25
-"""Of a fair image: 28 dB of photographs of 320 x 240 pixels [bit per value]."""
+"""Size of a fair image: 28 dB of photographs of 320 x 240 pixels [bit per value]."""
 
 CERTAIN_FIT, LIKELY = 0.97, 0.7
 """The exact transform is used where the whole stream is estimated to fill this part, at most, of what arrives of the
@@ -211,9 +211,9 @@ class LayeredImages(CompressedImages):
 class Datagrams(NamedTuple):
     """What the datagrams of an image hold."""
     head: int
-    """Of each on the air, with an empty table of layers and no pieces [byte]."""
+    """Size of each datagram on the air, with an empty table of layers and no pieces [byte]."""
     room: int
-    """Of each for its table and pieces [byte]."""
+    """Room in each datagram for its table and pieces [byte]."""
 
     @classmethod
     def of(cls, max_size: int, free: int) -> 'Datagrams':
@@ -245,7 +245,7 @@ class _Job(NamedTuple):
     texts: Tuple[bytes, bytes]
     """frame_id and encoding."""
     growth: float
-    """Of its mean squared error with its age; 0: its size does not depend on that [count^2/s]."""
+    """Growth of its mean squared error with its age; 0: its size does not depend on that [count^2/s]."""
     datagrams: Datagrams
     granted: Grant
     outlook: Outlook
@@ -256,7 +256,7 @@ class _Job(NamedTuple):
 
     @property
     def itemsize(self) -> int:
-        """Of a value [byte]."""
+        """Size of a value [byte]."""
         return int(self.source.pixels.itemsize)
 
 

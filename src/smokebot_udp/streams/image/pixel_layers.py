@@ -32,7 +32,7 @@ class Layerable(NamedTuple):
     encoding: str
     """As the receiver publishes it."""
     depth_unit: float
-    """Of a count [m]; 0: it is no depth."""
+    """Depth of a count [m]; 0: it is no depth image."""
 
 
 class CodedShape(NamedTuple):
@@ -41,7 +41,7 @@ class CodedShape(NamedTuple):
     width: int
     channels: int
     itemsize: int
-    """Of a cell [byte]."""
+    """Size of a cell [byte]."""
 
     @property
     def cells(self) -> int:

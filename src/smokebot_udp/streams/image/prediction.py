@@ -18,17 +18,17 @@ SAMPLED = 4
 """Every fourth row is compared."""
 
 LARGE = 1 << 17
-"""Of images of more values every fourth row says what their differences take, too."""
+"""Images of more values than this have the size of their differences estimated from every fourth row, too."""
 
 MOVED = 1.2
-"""Where there was no motion, it is sought again once the mean squared difference has grown by this factor,"""
+"""Where there was no motion, it is sought again once the mean squared difference has grown by this factor."""
 
 SKIPPED = 4
-"""or after this number of images."""
+"""Where there was no motion, it is sought again after this number of images."""
 
 SAVES, PAUSE = 0.25, 5
 """A prediction that saves less than this part of the bits is not worth the time of the processors: it takes longer than
-coding does. After two such in a row so many images have none."""
+coding does. After two such in a row PAUSE images have none."""
 
 LAGS = 16
 """How long a report takes is known from the fastest one of this number of images."""
@@ -40,13 +40,13 @@ WORTH_RISK = 0.95
 class Prediction(NamedTuple):
     """What an image is coded against."""
     number: int
-    """Of the reference."""
+    """Number of the reference."""
     layers: int
-    """Of it that are used."""
+    """Number of the reference's layers that are used."""
     checksum: int
-    """Of its pixels, see references.checksum_of."""
+    """Checksum of the reference's pixels, see references.checksum_of."""
     motion: bytes
-    """Since the reference."""
+    """Motion since the reference."""
     pixels: Array
     """The displaced reference: shape and type of the image."""
     error: float
@@ -122,7 +122,7 @@ class Predictor:
     def begin(self) -> None:
         """The next image has another size or encoding than those before."""
         self.session, self.number = self._random(), 0
-        """Of the next image."""
+        """Session and number of the next image."""
         self._references.clear()
         self._sent: Dict[int, _Sent] = {}
         self._lags: Deque[int] = deque(maxlen=LAGS)     # from images to the newest one that is held

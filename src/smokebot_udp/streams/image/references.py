@@ -19,14 +19,14 @@ if TYPE_CHECKING:
     from ...codecs.layered.prefixes import Prefixes  # compiled
 
 MAX_PICTURES = 16
-"""That are kept of a stream: at 30 Hz a report may come half a second after the image."""
+"""Number of images that are kept of a stream, at most. At 30 Hz a report may come half a second after the image."""
 
 MAX_BYTES = 32 << 20
-"""Of the pixels of images of one size that are kept. With what their streams say, and what these were predicted from,
-they are 3 times as much, and 9 times where all images are exact [byte]."""
+"""Size of the pixels of all kept images of one size, at most. With what their streams say, and what these were
+predicted from, they take 3 times as much, and 9 times where all images are exact [byte]."""
 
 LEAST_PICTURES = 3
-"""That are kept, however large they are."""
+"""Number of images that are kept, however large they are."""
 
 Key = Tuple[int, int]
 """Session and number of an image."""

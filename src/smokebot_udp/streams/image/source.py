@@ -23,7 +23,7 @@ class SourceImage(NamedTuple):
     region: Region
     """The part of the source's image that it shows."""
     height: int
-    """Of the source's image, as is the width."""
+    """Height of the source's whole image; `width` is its width."""
     width: int
     problem: str = ''
     """What contradicts the data, which decide; empty: nothing."""

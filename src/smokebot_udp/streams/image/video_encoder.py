@@ -35,7 +35,7 @@ from .video import INTRA
 from .video_error import NO_IMAGE, SAMPLED, UNKNOWN_CHANGE
 
 PARAMETER_SETS = 48
-"""Room for them in each datagram [byte]."""
+"""Room for parameter sets in each datagram [byte]."""
 
 LEAST_DATAGRAM = 1024
 """Datagrams are not shorter than this on slow links: libx264 makes no shorter slices [byte of UDP payload]."""
@@ -44,34 +44,35 @@ PADDED = 8
 """Slices are padded with zeros to a multiple of this: the layouts of datagrams are few [byte]."""
 
 MAX_SLICES = 160
-"""An image has slices of about so many datagrams at most: their parity pieces fit into its code."""
+"""An image has slices for about this many datagrams at most, so that their parity pieces fit into its code."""
 
 MOST_BYTES = MAX_BYTES // 2
-"""Of an image on the air: a single one may be larger, and all of it must fit the decoder's memory."""
+"""Size that is planned for a complete image on the air, at most. A single image may be larger, and all of it must fit
+the decoder's memory [byte]."""
 
 FULL_BITS = 3.0
-"""Of an image that is as good as the original, 52 dB [bit per pixel]."""
+"""Size of an image that is as good as the original, 52 dB [bit per pixel]."""
 
 FAIR_BITS = 0.05
-"""Of a fair image of a scene that resembles the one before [bit per pixel]."""
+"""Size of a fair image of a scene that resembles the one before [bit per pixel]."""
 
 TOO_LARGE = 2.0
-"""An image is not sent that takes so many times what it may, if it leaves too late then."""
+"""An image that takes this many times what it may is not sent if it would leave too late."""
 
 LIKELY, MOST_LOSS = 0.7, 0.7
-"""A complete image is protected against losses that are not exceeded with that probability, at most against this one.
-"""
+"""A complete image is protected against losses that are not exceeded with the probability LIKELY, but not against more
+than MOST_LOSS."""
 
 UNKNOWN_ERROR = 10.0
 """Mean squared error of a coded image before there is one [count^2]."""
 
 BEGINNING_PARITY, BEGINNING_MORE = 0.6, 1.25
-"""A beginning may have so many parity pieces for each slice, or so many times those of other images if that is more,
-beyond its budget: where it is incomplete, the next images are, too."""
+"""A beginning may have this many parity pieces for each slice, or this many times those of other images if that is
+more, beyond its budget: where it is incomplete, the next images are, too."""
 
 LEAST_BITS, ENOUGH_BITS = 0.01, 0.015
-"""Of an image at the coarsest quantiser, which is refreshed; without room for it images are not sent. Room for so much
-brings them back [bit per pixel]."""
+"""Size of an image at the coarsest quantiser, which is refreshed. Without room for LEAST_BITS images are not sent; room
+for ENOUGH_BITS brings them back [bit per pixel]."""
 
 SMOOTHING = 0.3
 """Weight of the newest image."""
@@ -286,7 +287,7 @@ def _parity(slices: List[bytes], budget: float, planned: int, sizes: Sizes, scen
 
 
 def sizes_of(max_datagram_size: int, *texts: bytes) -> Sizes:
-    """Of the datagrams of video.
+    """Sizes of the datagrams of video.
 
     :param max_datagram_size: [byte of UDP payload]
     :param texts: frame_id and encoding

@@ -31,13 +31,14 @@ from .video import INTRA, VideoImage
 from .video_error import VideoError
 
 UNKNOWN = 0.1
-"""Of the parts."""
+"""After a session began, or a cycle of images was lost, nothing is shown while more than this share of the parts is
+unknown."""
 
 CYCLES = 2
-"""See above."""
+"""Number of refresh cycles that it takes to receive all parts anew."""
 
 REPORTED = 64
-"""So many of the newest images are reported."""
+"""Number of the newest images that are reported."""
 
 
 class Decoder(Protocol):

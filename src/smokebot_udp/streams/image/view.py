@@ -47,17 +47,18 @@ class ViewedImage:
     age: float = math.inf
     """When it was received, by its stamp [s]."""
     received: float = -math.inf
-    """By a steady clock [s]."""
+    """When it was received, by a steady clock [s]."""
     pixels: Optional[Array] = None
     """(height, width) or (height, width, channels), see codecs.wire.pixels.as_pixels; None: coloured already."""
     encoding: str = ''
-    """As in sensor_msgs/Image."""
+    """Encoding of `pixels`, as in sensor_msgs/Image."""
     coloured: Optional[Coloured] = None
-    """None until it is drawn."""
+    """The coloured image; None until it is drawn."""
     error: Optional[ImageError] = None
-    """Of an image that was coded with loss."""
+    """Error of an image that was coded with loss; None: it is exact, or its error is unknown."""
     at_least: bool = False
-    """Whether it was older by then: its stamp does not say when it was taken, and `age` counts from robot_sender on."""
+    """Whether `age` is a lower bound: the stamp does not say when the image was taken, and `age` counts from
+    robot_sender on."""
 
 
 class View:

@@ -7,7 +7,7 @@ from ...mission.parameters import Parameter
 LOG, DIAGNOSTICS = 'rosgraph_msgs/Log', 'diagnostic_msgs/DiagnosticArray'
 
 LEVELS = 'debug', 'info', 'warn', 'error', 'fatal'
-"""Of LOG messages, the lowest first."""
+"""Levels of LOG messages, the lowest first."""
 
 TO_OPERATOR, TO_ROBOT = 'to_operator', 'to_robot'
 """Values of `direction`."""

@@ -15,7 +15,7 @@ MAX_MESSAGE_SIZE = 16 << 20
 """A longer message is neither sent nor collected [byte]."""
 
 MAX_PACKED_SIZE = MAX_MESSAGE_SIZE + UNPACKED
-"""Of a message that was not worth compressing [byte]."""
+"""Maximum size of a packed message, which may not have been worth compressing [byte]."""
 
 MAX_PARTS = 1 << 16
 """Segments of a message, as their numbers have 16 bits."""

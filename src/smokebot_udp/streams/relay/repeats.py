@@ -19,11 +19,12 @@ COPIED_LOSS = 0.1
 """Packet-loss ratio from which on datagrams are copied: below it one repetition lets 99 % arrive."""
 
 COPIED_AFTER = 0.5
-"""Of the period: as far from the datagram as from the next one, as losses come in bursts."""
+"""Part of the period after which a datagram is copied: as far from the datagram as from the next one, as losses come in
+bursts."""
 
 MAX_REORDERING = 1024
-"""A message whose number is lower by less was overtaken, or has come already; one that is lower by more is of a sender
-that began anew, at a random number. No link overtakes by as many messages."""
+"""A message whose number is lower by less than this was overtaken, or has come already. One that is lower by more is of
+a sender that began anew, at a random number. No link overtakes by this many messages."""
 
 
 class _Message(NamedTuple):

@@ -27,7 +27,7 @@ Scan = numpy_msg(LaserScan)
 SELECT = ('obstacle', 'landmark')
 
 STEP = 1000
-"""Of ranges on the wire, which are multiples of it: they stay exact [um]."""
+"""Step of ranges on the wire, which are multiples of it and so stay exact [um]."""
 
 
 class VirtualScanEncoder(Encoder[Any]):

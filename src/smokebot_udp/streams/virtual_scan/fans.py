@@ -29,9 +29,9 @@ class Levelled(NamedTuple):
     """A cloud without its ground."""
     fan: virtual_scan.Fan
     frame: str
-    """That it is in."""
+    """Frame that the cloud is in."""
     problems: Tuple[str, ...]
-    """Of the cloud, and of tf."""
+    """Problems of the cloud, and of tf."""
 
 
 def mounting(roll: float, pitch: float) -> FloatArray:
