@@ -42,10 +42,10 @@ IMAGES = {
 """{file in doc/images: its source in the results}"""
 
 MAX_SIZE = 150000
-"""Of a file [byte]."""
+"""Maximum size of a file [byte]."""
 
 WIDTHS = 1600, 1400, 1200, 1000, 800, 600
-"""Of these the largest whose file is small enough is used [pixel]."""
+"""Widths to try, widest first. The first one whose file is small enough is used [pixel]."""
 
 
 def shrunk(image: UInt8Array, suffix: str) -> UInt8Array:

@@ -27,7 +27,7 @@ BLOCK = re.compile(r'<!-- table: ([\w/]+)(?: \(([^)]*)\))? -->\n(.*?)<!-- end --
 
 UNKNOWN = 'not recorded'
 WIDTH = 120
-"""Of a line of text."""
+"""Maximum length of a line of a caption [characters]."""
 
 Summary = Mapping[str, Any]
 """See runner.read_summary."""
@@ -61,7 +61,7 @@ def write(results: pathlib.Path, mixed: bool = False, pages: Sequence[pathlib.Pa
 
 
 def experiments_of(text: str) -> List[str]:
-    """Of which experiments a page has blocks."""
+    """The names of the experiments whose tables a page contains."""
     return list(dict.fromkeys(name.split('/')[0] for name, *_ in BLOCK.findall(text) if name != CONDITIONS))
 
 
@@ -93,7 +93,7 @@ def check_one_commit(found: Mapping[str, Summary]) -> None:
 
 
 def commit_of(summary: Summary) -> str:
-    """Of the code that was measured, for a reader."""
+    """The commit of the code that was measured, for a reader. It says whether the code had further changes."""
     commit = summary.get('commit')
     if not commit:
         return UNKNOWN
@@ -149,13 +149,13 @@ def conditions_of(text: str, found: Mapping[str, Summary]) -> Table:
 
 
 def span(dates: Iterator[str]) -> str:
-    """From the first to the last."""
+    """The period from the first to the last date, as text."""
     ordered = sorted(dates)
     return ordered[0] if ordered[0] == ordered[-1] else '%s to %s' % (ordered[0], ordered[-1])
 
 
 def highest_load(summaries: Sequence[Summary]) -> Optional[float]:
-    """Of the machine when the experiments began; None: not recorded."""
+    """The highest load of the machine when an experiment began; None: not recorded."""
     loads = [summary['load'][0] for summary in summaries if summary.get('load')]
     return max(loads) if loads else None
 

@@ -18,22 +18,22 @@ class Goal(NamedTuple):
 
 
 def used(at_least: float) -> Goal:
-    """Part of the link that is used."""
+    """Goal: at least this share of the link is used [%]."""
     return Goal('used [%]', at_least, True)
 
 
 def lost(at_most: float) -> Goal:
-    """Part of what was sent that a full queue or a policer dropped."""
+    """Goal: a full queue or a policer drops at most this share of what was sent [%]."""
     return Goal('own loss [%]', at_most)
 
 
 def queue(at_most: float) -> Goal:
-    """Of the time in the queue, p95 [ms]."""
+    """Goal: the 95th percentile of the time in the queue is at most this [ms]."""
     return Goal('queue p95 [ms]', at_most)
 
 
 def share(at_least: float, at_most: float) -> Tuple[Goal, Goal]:
-    """Our part of what all got [%]."""
+    """Goals: our share of the throughput of all flows is between these limits [%]."""
     return Goal('share [%]', at_least, True), Goal('share [%]', at_most)
 
 

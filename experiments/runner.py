@@ -45,16 +45,16 @@ class Skipped(Exception):
 class Figure:
     """A figure of the report."""
     name: str
-    """Of the PNG file in the experiment's folder."""
+    """Name of the PNG file in the experiment's folder."""
     caption: str
-    """Markdown."""
+    """Caption in Markdown."""
 
 
 @dataclass
 class Table:
     """A table of the report."""
     caption: str
-    """Markdown."""
+    """Caption in Markdown."""
     head: Sequence[str]
     rows: Sequence[Sequence[Any]]
     """Texts, numbers or None."""
@@ -127,7 +127,7 @@ def run_experiment(name: str, module: Any, results: pathlib.Path, quick: bool, s
 
 
 def _load() -> float:
-    """Of the machine, over the last minute."""
+    """The load of the machine over the last minute."""
     return round(os.getloadavg()[0], 1)
 
 

@@ -43,9 +43,9 @@ FOLDER = pathlib.Path(__file__).resolve().parent.parent / 'test' / 'golden'
 EXPECTED = FOLDER / 'expected.json'
 
 PERIOD = 0.1
-"""Between two messages [s]."""
+"""Time between two messages [s]."""
 PAUSE = 10.0
-"""After the last one [s]."""
+"""Time after the last message [s]."""
 OPERATOR = '/desk'
 AIR = Air({0.0: 0.5, 0.2: 0.3, 0.5: 0.2}, None, True)
 
@@ -57,15 +57,15 @@ WIRE_MESSAGES = (
     'ControlStatus', 'GridSegment', 'Held', 'ImageSegment', 'LayeredSegment', 'LinkReport', 'MapTile', 'PathAnswer',
     'PathProbe', 'RelaySegment', 'ReliableSegment', 'RobotStatus', 'ScanSegment', 'SettingsRequest', 'SettingsState',
     'VideoSlice')
-"""All that cross the link."""
+"""All messages that cross the link."""
 
 
 class Datagram(NamedTuple):
     """One datagram's message."""
     number: int
-    """Of the source's message."""
+    """Number of the source's message."""
     part: int
-    """Of the stream, in the order of their names."""
+    """Index of the part of the stream, in the order of the parts' names."""
     arrives: bool
     data: bytes
 
@@ -226,7 +226,7 @@ def seen(operator: Operator) -> List[str]:
 
 
 def source_checksum(stream: Stream) -> str:
-    """Of all messages of a stream's source."""
+    """Checksum of all messages of a stream's source."""
     return '%08x' % zlib.crc32(b''.join(serialised(stream.source(number)) for number in range(stream.messages)))
 
 
@@ -241,7 +241,7 @@ def messages() -> Dict[str, str]:
 
 
 def made() -> Tuple[Dict[str, Any], Dict[str, List[Datagram]]]:
-    """expected.json, and the datagrams of each stream, as this machine makes them."""
+    """The content of expected.json, and the datagrams of each stream, as this machine makes them."""
     sent = {name: send(stream) for name, stream in STREAMS.items()}
     return {'wire_format': WIRE_FORMAT, 'messages': messages(), 'computed': {name: computed(name) for name in COMPUTED},
             'sources': {name: source_checksum(stream) for name, stream in STREAMS.items()},

@@ -16,7 +16,7 @@ from typing import Dict, Iterable, List, Tuple
 
 TOP = pathlib.Path(__file__).resolve().parent.parent
 REASON_LINES = 30
-"""Of a failed test's text that are repeated at the end, where a long log is cut."""
+"""Number of last lines of a failed test's text that are repeated at the end, where a long log is cut."""
 
 
 def checks(workspace: pathlib.Path) -> Dict[str, List[str]]:
@@ -64,7 +64,7 @@ def run_workspace_tests(workspace: pathlib.Path) -> Tuple[bool, List[pathlib.Pat
 
 
 def outcome(case: ElementTree.Element) -> str:
-    """Of a JUnit testcase: 'failed', 'skipped: ' and the reason, 'passed', or '' where it is no test."""
+    """The outcome of a JUnit testcase: 'failed', 'skipped: ' and the reason, 'passed', or '' where it is no test."""
     if case.find('failure') is not None or case.find('error') is not None:
         return 'failed'
     skipped = case.find('skipped')

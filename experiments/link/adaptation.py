@@ -81,7 +81,7 @@ def run(run: Run) -> None:
 
 
 def check_heard(rows: Sequence[table.Row]) -> None:
-    """Of one run.
+    """Check that the protected topics of one run were heard on the robot's side.
 
     :raises RuntimeError: where a protected topic was never heard on the robot's side, so that nothing can be judged
     """
@@ -118,7 +118,7 @@ def time_rows(link: RateStepRun, steps: Sequence[Step], display: DisplayHistory)
 
 
 def growth(before: Counts, after: Counts, key: str) -> int:
-    """Of a count of what the robot sent."""
+    """Growth of a count of what the robot sent, from `before` to `after`."""
     return int(after['robot'][key] - before['robot'][key])
 
 

@@ -35,23 +35,23 @@ SETTLE = 1.0
 """From a change of the link to the measured step, whose first part, rate_steps.STEADY, does not count either [s]."""
 
 SECONDS, QUICK_SECONDS = 10.0, 3.0
-"""How long a link is measured [s]."""
+"""Duration of the measurement of a link, in a full and in a quick run [s]."""
 
 RATES = 5e6, 20e6
-"""[bit/s]"""
+"""Rates of the links [bit/s]."""
 
 SHORT_QUEUE, JITTER = 0.01, 0.01
-"""[s]"""
+"""Length of the short queue, and jitter, of the links that have them [s]."""
 
 ALONE_FIRST = 5.0
-"""From the beginning of the link to that of a download, if that is not first [s]."""
+"""Time from the start of the link to that of a download, unless the download is first [s]."""
 
 BUCKET = 15e3
-"""Of the policer: 24 ms at its rate [byte]."""
+"""Size of the policer's token bucket: 24 ms at its rate [byte]."""
 
 ALONE = used(85), lost(1)
 BESIDE_TCP = share(30, 70)
-"""Goals"""
+"""Goals of a link without and with a TCP download beside us."""
 
 
 class HardLink(NamedTuple):
@@ -105,7 +105,7 @@ def measure(link: RateStepRun, hard: HardLink, seconds: float) -> Step:
 
 
 def row(link: RateStepRun, hard: HardLink, step: Step, display: DisplayHistory) -> table.Row:
-    """Of links.csv."""
+    """The row of a link in links.csv."""
     all_, ours = rate_steps.link_row(step), rate_steps.flow_row(step)
     if hard.tcp is None:        # what the ROS master says does not count
         ours.update({'share [%]': None, 'TCP [Mbit/s]': None})

@@ -30,10 +30,10 @@ CAPTION = ('From the top: the link; how many images arrive; the age of the newes
 QUICK_METHODS = 'smokebot_udp', 'JPEG over TCPROS'
 
 WINDOW = 1.0
-"""In which images are counted [s]."""
+"""Duration of the window in which images are counted [s]."""
 
 STEP = 0.1
-"""Of the curves [s]."""
+"""Time step of the curves [s]."""
 
 
 class Images(NamedTuple):

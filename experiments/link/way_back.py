@@ -29,10 +29,10 @@ machine with one clock.
 MINUTES = 75.0
 SECONDS, QUICK_SECONDS = 180.0, 15.0
 COUNTS = {'cuts': (200, 5), 'kills': (20, 1), 'estops': (1000, 10), 'calls': (1000, 100), 'messages': (10000, 500)}
-"""{what: (number, in a quick run)}"""
+"""{what: (number in a full run, number in a quick run)}"""
 
 AT_ONCE = 4
-"""Calls."""
+"""Number of calls that are made at the same time."""
 
 DISORDER = {'loss': 0.2, 'jitter': 0.02, 'reorder': 0.1, 'duplicate': 0.1}
 HALF = {'loss': 0.5}
@@ -41,7 +41,7 @@ FILE, IMAGE = 'scenes.json', 'way_back.png'
 
 
 class Goal(NamedTuple):
-    """Of commands at a loss."""
+    """The goals for commands at a packet loss."""
     loss: float
     limits: Dict[str, float]
     """See way_back_results.commands."""
@@ -122,7 +122,7 @@ class Stage(NamedTuple):
     """Nodes, and what is measured with them."""
     name: str
     options: Dict[str, Any]
-    """Of WayBackNodes."""
+    """Keyword arguments of WayBackNodes."""
     scenes: Sequence[Callable[[Scenes], Iterator[Raw]]]
 
 

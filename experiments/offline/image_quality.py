@@ -40,20 +40,20 @@ then; before the first one, the display is grey. A PSNR above 60 dB counts as 60
 
 PHOTOGRAPHS = 'astronaut', 'camera', 'coffee', 'gravel', 'motorcycle_left', 'rocket'
 SEGMENTS = 64, 16, 4
-"""Per image; their bytes are the budgets."""
+"""Numbers of segments per image. Each gives a budget: the size of an image in that many segments."""
 
 LOSSES = 0.0, 0.01, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95
 BURST = 8
 """Mean run of lost packets, where losses come in bursts."""
 
 BURSTY = 16
-"""The budget at which they do, too."""
+"""Number of segments at whose budget losses come in bursts, too."""
 
 IMAGES, QUICK_IMAGES = 12, 4
-"""Of each clip."""
+"""Number of images of each clip, in a full and in a quick run."""
 
 REPORTS, RATE = 60, 10.0
-"""Images that were reported before the first one, and how many there are a second."""
+"""Number of images that were reported before the first one, and images per second."""
 
 LAYERED = 'layered (this package)'
 INTERLEAVED = {BEST: 'interleaved, kriging (this package)', 'nearest': 'interleaved, nearest pixel (the deliverable)'}
@@ -68,7 +68,7 @@ SHOWN = 'motorcycle_left', 16, (0.05, 0.3, 0.7)
 """Photograph, segments and losses of the images that are shown."""
 
 Case = Dict[str, Any]
-"""photograph, segments, burst, loss"""
+"""The values of `photograph`, `segments`, `burst` and `loss`."""
 
 
 def interleaved_shown(fill: str, sender: Sender, truths: Sequence[UInt8Array],
@@ -144,7 +144,7 @@ def methods(case: Case, truths: Sequence[UInt8Array], ladders: Sequence[JpegLadd
 
 
 def budget_of(sender: Sender, truth: UInt8Array) -> int:
-    """Of an image on the wire [byte]."""
+    """The budget: size of an image on the wire [byte]."""
     return wire_size(sender.frames(image_message(truth)))
 
 
@@ -222,7 +222,7 @@ def _percent(loss: float) -> str:
 
 
 def lead_table(folder: pathlib.Path) -> Table:
-    """Of our methods over the JPEG whose code knows the loss, at each budget."""
+    """The lead of our methods over the JPEG whose code knows the loss, at each budget."""
     rows, known = table.read(folder / 'quality.csv'), JPEGS[-1]
     lines = []
     for budget in table.read(folder / 'budgets.csv'):

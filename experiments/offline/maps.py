@@ -79,7 +79,7 @@ def changes(cells: Array, rate: float, loss: float, seed: int) -> List[Dict[str,
 
 
 def run(run: Run) -> None:
-    """bytes.csv, times.csv and changes.csv."""
+    """Measure all cases: bytes.csv, times.csv and changes.csv."""
     found = maps(run.quick)
     table.write(run.folder / 'bytes.csv', [{'map': name, 'cells': cells.size, **sizes(cells)._asdict()}
                                            for name, cells in found.items()])
@@ -108,7 +108,8 @@ def medians(folder: pathlib.Path) -> Dict[Tuple[float, str, float], Outcome]:
 
 
 def change_stats(folder: pathlib.Path) -> Dict[str, float]:
-    """Of all changes: time in 95 % of cases, bytes in the middle, bytes a second before."""
+    """Statistics of all changes: the time within which 95 % are shown, the median and the largest size sent, and the
+    mean rate before a change."""
     rows = table.read(folder / 'changes.csv')
     times = sorted(float(row['shown [s]']) for row in rows)
     return {'shown, 95 % [s]': times[math.ceil(0.95 * len(times)) - 1],

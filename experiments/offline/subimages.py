@@ -125,7 +125,7 @@ def psnr_table(folder: pathlib.Path) -> Table:
 
 
 def psnr_of_draws(rows: Sequence[table.Row], name: str, count: int, fill: str) -> List[float]:
-    """Of each draw [dB]; the last one is shown."""
+    """PSNR of each random draw of received segments [dB]. The last draw is the one that is shown."""
     return [row['PSNR [dB]'] for row in rows
             if (row['picture'], row['received'], row['fill']) == (name, count, fill)]
 

@@ -45,13 +45,13 @@ Encoding and decoding times are CPU time of all threads; two such measurements r
 """
 
 RATES, QUICK_RATES = (0.3, 1.0, 3.0, 10.0), (0.3, 1.0)
-"""[Mbit/s]"""
+"""Rates of the link, in a full and in a quick run [Mbit/s]."""
 
 IMAGES, SLOW_IMAGES, QUICK_IMAGES = 130, 50, 30
-"""Of a clip; of what is sent in layers, which takes long."""
+"""Number of images of a clip: in a full run, in layers, which take long, and in a quick run."""
 
 SEEDS = 2
-"""Runs on a link with losses."""
+"""Number of runs on a link with losses."""
 
 STEPS = (0.0, 0.02), (STEP_TIMES[0], 0.3), (STEP_TIMES[1], 0.02)
 """(from when [s], packet loss) of the link whose loss changes."""
@@ -60,7 +60,7 @@ STEPS_RATE, STEPS_CLIPS, STEPS_SEEDS = 1.0, ('sway', 'euroc'), 6
 
 
 class Cell(NamedTuple):
-    """What is measured at a time."""
+    """A clip, a rate and a link that are measured together."""
     clip: str
     rate: float
     """[Mbit/s]"""
@@ -69,7 +69,7 @@ class Cell(NamedTuple):
 
 
 class Measured(NamedTuple):
-    """Of a cell."""
+    """The results of a cell."""
     rows: List[table.Row]
     """For video.csv."""
     strips: Dict[str, Array]
@@ -79,7 +79,7 @@ class Measured(NamedTuple):
 
 
 class Curve(NamedTuple):
-    """What is measured at a time of the link whose loss changes."""
+    """A clip, a way of sending it and a link, whose PSNR is measured over time."""
     clip: str
     way: str
     link: str

@@ -23,7 +23,7 @@ class Case(NamedTuple):
     """What is measured, with and without prediction."""
     clip: str
     size: float
-    """Of an image on the wire [kB]."""
+    """Size of an image on the wire [kB]."""
     loss: float
     gain: Optional[float]
     """What prediction must gain, at least [dB]; None: the standing image must become exact."""
@@ -97,7 +97,7 @@ def tables(folder: pathlib.Path) -> List[Table]:
 
 
 def gain(predicted: table.Row, intra: table.Row) -> float:
-    """Of prediction [dB]."""
+    """The gain of prediction in PSNR [dB]."""
     return float(predicted['PSNR [dB]'] - intra['PSNR [dB]'])
 
 

@@ -29,17 +29,17 @@ BEST_PEER = {0.3: (37.9, 37.3, 35.7, 32.7, 35.3), 1: (41.1, 40.5, 39.3, 36.7, 37
 JUDGED = {'euroc': (0.3, 1, 3), 'corridor': (0.3, 1, 3)}
 """{clip: rates [Mbit/s] at which ours must be as good as the best peer}"""
 TOLERANCE = 1.0
-"""But for this [dB]."""
+"""Maximum PSNR by which ours may be below the best peer [dB]."""
 LONGEST_FREEZE = 0.5
-"""Of our H.264 with 50 % of loss [s]."""
+"""Maximum duration of a freeze of our H.264 at a loss of 50 % [s]."""
 
 STEP_TIMES = 5.0, 10.0
 """When the loss changes [s]."""
 STEP_WAYS = H264, SLICES, FIXED
 RECOVERY, RECOVERY_SPAN = 0.5, 0.5
-"""From so long after a step on, for so long, the quality is compared with the steady one [s];"""
+"""Time from a step of the loss to the comparison with the steady quality, and duration of the comparison [s]."""
 RECOVERED = 2.0
-"""it must not be lower by more than this [dB]."""
+"""Maximum PSNR by which the quality may be below the steady one soon after a step of the loss [dB]."""
 
 STRIPS = {'sway': (0.3, '20 %'), 'euroc': (1.0, '20 %'), 'corridor': (1.0, '20 %'), 'thermal': (1.0, '20 %')}
 """{clip: rate [Mbit/s] and link of the images that are shown}"""
@@ -70,7 +70,7 @@ def plot(folder: pathlib.Path) -> List[Union[Figure, Table]]:
 
 
 def mean(rows: Rows, way: str, rate: float, link: str, column: str) -> Optional[float]:
-    """Of a column, over seeds; None: not measured."""
+    """The mean of a column over seeds; None: not measured."""
     found = [row[column] for row in rows
              if (row['way'], row['Mbit/s'], row['link']) == (way, rate, link) and row[column] is not None]
     return float(np.mean(found)) if found else None
@@ -135,7 +135,7 @@ def doc_psnr(folder: pathlib.Path) -> Table:
 
 
 def doc_leads(folder: pathlib.Path) -> Table:
-    """Of the better of our ways over the best peer."""
+    """The lead of the better one of our ways over the best peer, in each cell."""
     rows, lines, leads = table.read(folder / 'video.csv'), [], []
     for name in dict.fromkeys(row['clip'] for row in rows):
         of_clip = [row for row in rows if row['clip'] == name]
@@ -149,7 +149,7 @@ def doc_leads(folder: pathlib.Path) -> Table:
 
 
 def best_lead(rows: Rows, rate: float, link: str) -> float:
-    """Of the better of our ways over the best peer [dB]; NaN: not measured."""
+    """The lead of the better one of our ways over the best peer [dB]; NaN: not measured."""
     ours = [value for value in (mean(rows, way, rate, link, 'PSNR [dB]') for way in OURS) if value is not None]
     return max(ours, default=math.nan) - best_peer(rows, rate, link)[0]
 
@@ -165,7 +165,7 @@ def doc_times(folder: pathlib.Path) -> Table:
 
 
 def lead(rows: Rows, rate: float, link: str) -> Optional[str]:
-    """Of our H.264 over the best peer [dB]; None: it was not measured."""
+    """The lead of our H.264 over the best peer, with the peer's name [dB]; None: it was not measured."""
     ours = mean(rows, H264, rate, link, 'PSNR [dB]')
     best, way = best_peer(rows, rate, link)
     return None if ours is None or not way else '%+.1f (%s)' % (ours - best, way)

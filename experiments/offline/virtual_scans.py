@@ -34,13 +34,13 @@ MOUNTS = {'seq_os0-8': 1.15, 'seq_os1-128': 2.0, 'vlp16_einride': 1.05, 'fast_gi
 """{part of a folder's or a file's name: height of the sensor above the floor, as measured in the scans [m]}"""
 
 MOUNT = 0.9
-"""Of the others [m]."""
+"""Height of the sensor above the floor where MOUNTS does not have it [m]."""
 
 TOLERANCE, SLOPE, MAX_HEIGHT = 0.1, 0.01, 1.2
 """Height above which points are not ground [m], its growth with distance, and the robot's height [m]."""
 
 RANGE_MIN = 0.4
-"""[m]"""
+"""Minimum range of a scan [m]."""
 
 FIELD = 20.0
 """Farther points are not drawn [m]."""
@@ -51,10 +51,10 @@ SLICE = 2.0
 """The side view shows points up to this distance to the left and right [m]."""
 
 TIMES = 0, 20, 28, 64, 108
-"""Of the simulated scans [s]."""
+"""Times of the simulated scans [s]."""
 
 Cloud = Tuple[str, str, float, Float32Array]
-"""kind, name, mounting height [m], (n, 3) points [m]"""
+"""A cloud: kind, name, mounting height [m], (n, 3) points [m]."""
 
 
 def recorded(folder: pathlib.Path) -> Iterator[Cloud]:

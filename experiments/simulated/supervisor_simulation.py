@@ -184,7 +184,7 @@ DOC_TABLES = {'steps': steps_table, 'scenarios': scenario_results.doc_results}
 
 
 def _row(steps: List[Dict[str, Any]], loss: float, number: int) -> List[str]:
-    """Of one loss and step: medians and the worst."""
+    """The row of one loss and step: each cell has the median and the worst value."""
     chosen = [row for row in steps if row['loss'] == loss and row['step'] == number]
 
     def cell(what: str, worst: Callable[[List[float]], float], text: str, scale: float = 1.0) -> str:

@@ -18,10 +18,11 @@ ERROR_PERIOD, WARNING_PERIOD = 5.0, 60.0
 """A kind of problem of a subject is logged once in this time, unless a caller says otherwise [s]."""
 
 BURST, PERIOD = 60, 2.0
-"""Of all lines together: so many at once, and one more each PERIOD [s]. Names of strangers may be in a subject."""
+"""Number of lines that may be logged at once, over all problems, and interval of further lines: the subjects may
+contain names of strangers [s]."""
 
 MAX_REMEMBERED = 512
-"""Kinds; the one that came up longest ago is forgotten first."""
+"""Maximum number of kinds of problems that are remembered. The one that came up longest ago is forgotten first."""
 
 CLOSED = 'to a closed topic'
 """Part of what rospy raises in a thread that publishes while the node's other threads end: rospy.is_shutdown() is True

@@ -7,19 +7,19 @@ together in any mixture. Each side says both to the other one, by either transpo
 from typing import Dict, Mapping, NamedTuple
 
 RELEASE = '0.1.0'
-"""As in package.xml."""
+"""Release of this package, as in package.xml."""
 
 WIRE_FORMAT = 3
-"""tools/golden.py refuses to write golden files anew as long as they have this number."""
+"""Number of the wire format. As long as golden files have this number, tools/golden.py refuses to write them anew."""
 
 MAX_RELEASE = 20
-"""Length of the name of a release [byte of ASCII]."""
+"""Maximum length of the name of a release [byte of ASCII]."""
 
 FORMAT_FIELD, RELEASE_FIELD = 'wire_format', 'smokebot_udp'
-"""Of UDPROS's connection headers; who has no such field is another program."""
+"""Fields of UDPROS's connection headers. A peer without them is another program."""
 
 CANNOT_TALK = 'and these cannot talk to each other'
-"""By which a peer's sentence is recognised."""
+"""Text by which a peer's sentence is recognised."""
 
 
 class Software(NamedTuple):

@@ -24,9 +24,9 @@ from smokebot_udp.reliable.bounds import Bounds  # noqa: E402
 from smokebot_udp.reliable.segment import MAX_NUMBER, Segment  # noqa: E402
 
 MAX_TIME = 2.0
-"""[s]"""
+"""Maximum processor time of a batch [s]."""
 MAX_ANSWERS = 400
-"""Of a batch."""
+"""Maximum number of answers to a batch."""
 SEGMENTS = 500000
 BATCH = 200
 SIZES = 0, 1, 15, 16, 17, 1300

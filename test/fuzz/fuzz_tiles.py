@@ -23,7 +23,7 @@ from fuzzing import run  # noqa: E402
 from smokebot_udp.codecs.tiles.coder import MAX_CELLS, decode, encode  # noqa: E402
 
 MAX_TIME = 1.0
-"""Of a tile of MAX_CELLS with checked indexes; without checks it takes a fifth [s]."""
+"""Maximum time for a tile of MAX_CELLS with checked indexes. Without checks it takes a fifth [s]."""
 TILES = 1000000
 SHAPES = (1, 1), (1, 90), (70, 2), (20, 30), (61, 83), (128, 128)
 HOSTILE_SHAPES = (0, 3), (-1, 5), (1, MAX_CELLS + 1), (1 << 40, 1 << 40)

@@ -27,12 +27,12 @@ from smokebot_udp.codecs.video.encoder import LEAST_ROOM, VideoEncoder  # noqa: 
 from smokebot_udp.nodes.video_decoder import VideoDecoder  # noqa: E402
 
 MAX_TIME = 0.2
-"""[s]"""
+"""Maximum processor time of an image in this process [s]."""
 
 SLICES = 1000000
 SHAPES = ((48, 64), (97, 131), (240, 320), (48, 64, 3))
 IMAGES = 24
-"""Of each good stream."""
+"""Number of images of each good stream."""
 
 BEGINNING = 20
 """Half of the faults are made among this many of the first bytes: the head of a slice, or of the parameter sets."""

@@ -45,13 +45,14 @@ while not rospy.is_shutdown():
 """
 
 SETTLE, MEASURE = 8.0, 6.0
-"""After the link has become bad; over this time the stream's rate is measured before [s]."""
+"""Time until the bad link has settled, and time over which the stream's rate is then measured before the capture
+[s]."""
 
 GOAL, LATEST = 15.0, 40.0
-"""What is meant; what is judged on a machine that does other things, too [s]."""
+"""Duration of a capture that is the goal, and maximum duration on a machine that does other things, too [s]."""
 
 GOAL_RATE, LEAST_RATE = 0.8, 0.5
-"""Of the stream beside it, in terms of its rate before; likewise."""
+"""Rate of the stream during the capture as a ratio of its rate before: the goal, and the minimum on a busy machine."""
 
 
 def image(stamp: Any) -> Any:
@@ -89,7 +90,7 @@ class CaptureLink(unittest.TestCase):
         return [heard for heard in cls.listener.heard if heard.topic == THERMAL and heard.arrival > since]
 
     def rate(self, begun: float, ended: float) -> float:
-        """Of the images that arrived in this time [Hz]."""
+        """Rate of the images that arrived in this time [Hz]."""
         return len([image for image in self.images(begun) if image.arrival <= ended]) / (ended - begun)
 
     @undisturbed()

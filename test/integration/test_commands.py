@@ -27,10 +27,10 @@ from waiting import stays, undisturbed, wait_for
 from smokebot_udp.msg import RobotStatus
 
 TIMEOUT, HOLD, RATE = 0.5, 0.6, 20.0
-"""Of cmd_vel in commands_streams.yaml [s, s, Hz]."""
+"""Timeout, hold and rate of cmd_vel in commands_streams.yaml [s, s, Hz]."""
 
 SLACK = 0.5
-"""For a busy machine [s]."""
+"""Additional time for a busy machine [s]."""
 
 
 class Commands(CommandsCase):
@@ -77,11 +77,11 @@ class Commands(CommandsCase):
         return time.monotonic()
 
     def speed(self) -> Optional[float]:
-        """Of the last command that came; None: none came."""
+        """Speed of the last command that came; None: none came."""
         return next((speed for _, speed in reversed(self.speeds(self.driver))), None)
 
     def wait_for_silence(self) -> None:
-        """After a stop."""
+        """Wait until no more commands come after a stop."""
         wait_for(lambda: self.speed() == 0.0 and
                  time.monotonic() - self.driver.came[-1].when > 3 / RATE + SLACK, 10, 'silence')
 

@@ -26,7 +26,7 @@ from smokebot_udp.codecs.display.view import COLOURS, FRESH, FROZEN
 
 OK, WARN, ERROR = 0, 1, 2
 RATE = 10.0
-"""Of the camera [Hz]."""
+"""Rate of the camera [Hz]."""
 NEAR = re.compile(r'(9|10)\.\d|11\.0')
 """RATE as it is shown, about."""
 

@@ -29,7 +29,7 @@ from smokebot_udp.srv import SetFocus
 PROFILES = yaml.safe_load((pathlib.Path(__file__).resolve().parent / 'focus.yaml').read_text())['profiles']
 STREAMS = 'thermal', 'camera', 'odom', 'status'
 RATE = 20.0
-"""Of all sources [Hz]."""
+"""Rate of all sources [Hz]."""
 
 SETTLED, WATCHED = 1.0, 2.5
 """A switch has taken effect after so long, and is then watched [s]."""
@@ -233,7 +233,7 @@ class Focus(StreamsCase):
         by_service('default')
 
     def test_a_whole_namespace_may_be_set(self) -> None:
-        """rosparam set and load replace it: what they leave out is put back, and goes on working."""
+        """What `rosparam set` and `rosparam load` leave out of a namespace is put back, and goes on working."""
         for focus, rate in (('navigation', 5.0), ('default', 15.0)):    # until the node has written all of a focus
             by_service(focus)
             wait_for(lambda rate=rate: rospy.get_param('/robot_sender/odom/rate') == rate, 5, 'all of ' + focus)

@@ -29,7 +29,7 @@ from smokebot_udp.msg import LinkStatus
 
 TOP = pathlib.Path(__file__).resolve().parents[2]
 RATE = 10.0
-"""Of the camera [Hz]."""
+"""Rate of the camera [Hz]."""
 
 SECONDS, CALLS = 10.0, 1700
 ROBOT, OPERATOR = '/robot_sender', '/operator_receiver'

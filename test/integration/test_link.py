@@ -152,7 +152,7 @@ class Link(unittest.TestCase):
         self.wait_for_setting(self.robot, '/robot_sender/focus', 'navigation')
 
     def test_restarts_with_a_key(self) -> None:
-        """Of either node and of either master; the settings of before are there again."""
+        """Both nodes and both masters are restarted one after the other. The earlier settings are there again."""
         self.start_robot('key_file:=' + self.key)
         self.start_desk('key_file:=' + self.key)
         self.wait_for_images()
@@ -180,7 +180,7 @@ class Link(unittest.TestCase):
         self.assertEqual(self.value('sealed'), 'yes')
 
     def value(self, key: str) -> str:
-        """Of the operator's status of the transport."""
+        """A value of the operator's status of the transport."""
         wait_for(self.transport, 20, 'the status')
         return next(pair.value for pair in self.transport().values if pair.key == key)
 

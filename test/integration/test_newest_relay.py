@@ -15,10 +15,10 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from waiting import is_silent, ticks, wait_for
 
 START = 60.0
-"""For nodes to start on a busy machine [s]."""
+"""Time for nodes to start on a busy machine [s]."""
 
 SIZE = 30000
-"""Of a state as text [byte]: 50 a second are ten times as much as all reliable messages of a node may take."""
+"""Size of a state as text: 50 of them a second are ten times what all reliable messages of a node may take [byte]."""
 
 
 class NewestRelay(unittest.TestCase):

@@ -28,13 +28,14 @@ PLACES = {0: '', 20: '/loss20'}
 """{loss [%]: namespace of the receiver}"""
 
 START, LOADED = 60.0, 300.0
-"""For nodes to start, and for the compiled codec to be loaded, on a busy machine [s]."""
+"""Time for nodes to start, and for the compiled codec to be loaded, on a busy machine [s]."""
 
 NODELETS, BEATS = 5, 20
-"""Of one manager, each with diagnostics of its own; how often each publishes them, once a second."""
+"""Number of nodelets of one manager, each with its own diagnostics, and how often each publishes them, once a
+second."""
 
 STEP, MOVES, SETTLED = 0.37, 16, 8
-"""Cells by which the origin of a map moves in a second; how often; from which map on it is whole."""
+"""Cells by which the origin of a map moves in a second, number of moves, and the map from which on it is complete."""
 
 SIZE, RESOLUTION = 400, float(np.float32(0.05))
 

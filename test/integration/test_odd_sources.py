@@ -31,7 +31,7 @@ PLACES = {0: '', 20: '/loss20'}
 """{loss [%]: namespace of the receiver}"""
 
 UTM = 412345.125, 5401234.5, 312.0625
-"""[m]"""
+"""A place in UTM coordinates [m]."""
 
 NUMBERS, LEAST = 100, 85
 """Scans that are sent, and shown at 20 % loss: of 4 in 100 both datagrams are lost."""
@@ -39,7 +39,7 @@ NUMBERS, LEAST = 100, 85
 ECHOES = 'first', 'last', 'strongest'
 
 MOUNT, WALL = 0.9, 5.0
-"""Of the sensor above the floor, and a wall from it [m]."""
+"""Height of the sensor above the floor, and distance of a wall from the sensor [m]."""
 
 
 class Shown:
@@ -112,7 +112,7 @@ def scan(number: int, frame_id: str, stamp: Any = None) -> LaserScan:
 
 
 def number_of(message: LaserScan) -> int:
-    """Of a scan of which at least a part came."""
+    """The number of a scan of which at least a part came."""
     return int(round(1000 * float(np.nanmin(message.ranges)))) - 1000
 
 

@@ -85,7 +85,7 @@ class OtherReleases(unittest.TestCase):
         self.assertEqual(sentences(self.desk), [])
 
     def test_another_wire_format_at_a_shared_master(self) -> None:
-        """Of more than ten topics in each direction, each node says it once."""
+        """Each node reports the difference once, although there are more than ten topics in each direction."""
         self.odometry.clear()
         self.shared(['rosrun', 'smokebot_udp', 'robot_sender'], node('operator_receiver', NEWER))
         self.told_once(self.desk, 2, '/robot_sender has', '/operator_receiver has', 'for /robot_sender, too')

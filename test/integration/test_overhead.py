@@ -21,10 +21,10 @@ from smokebot_udp.streams.image.encoder import ImageEncoder
 from smokebot_udp.streams.segments import wire_topic
 
 RATE = 0.3e6
-"""Of the link [bit/s]."""
+"""Rate of the link [bit/s]."""
 
 MOST = 0.03
-"""Part of it."""
+"""Maximum share of the link's rate for all but images."""
 
 OTHERS = '_thermal_rate:=0', '_lidar_rate:=0', '_scan_rate:=0', '_map_rate:=0', '_odom_rate:=0', '_gas_rate:=0', \
     '_battery_rate:=0'
@@ -34,10 +34,10 @@ STATES = '/operator/status', '/operator/link', '/operator/diagnostics'
 IMAGE = '/operator/camera/image_raw'
 
 START, COMPLETE = 120.0, 10.0
-"""For the nodes to start on a busy machine; for all states to arrive after the first image [s]."""
+"""Time for the nodes to start on a busy machine, and for all states to arrive after the first image [s]."""
 
 SETTLE, MEASURE = 30.0, 30.0
-"""From the start on states are repeated less and less often; over this time what crosses is counted [s]."""
+"""Time until states are repeated less often, and time over which the traffic is counted [s]."""
 
 
 class TestOverhead(unittest.TestCase):

@@ -30,7 +30,7 @@ from smokebot_udp.srv import SetFocus
 from smokebot_udp.streams import config
 
 RATE = 12.0
-"""Of all sources [Hz]."""
+"""Rate of all sources [Hz]."""
 
 CONFIGURED = {'nose': 8.0, 'tail': 8.0, 'floor_plan': 4.0, 'spinner': 8.0, 'bumper': 8.0, 'walls': 8.0, 'sick': 8.0,
               'xsens': 8.0}

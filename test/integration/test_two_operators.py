@@ -23,10 +23,10 @@ from smokebot_udp.msg import LinkStatus
 STREAMS = pathlib.Path(__file__).resolve().parent / 'two_operators.yaml'
 FIRST, SECOND = '/operator/thermal/image_raw', '/operator2/thermal/image_raw'
 MAX_RATE = 20.0
-"""max_rate [Mbit/s]; loopback carries more."""
+"""The parameter max_rate [Mbit/s]. Loopback carries more."""
 
 RATE = 10.0
-"""Of the camera [Hz]."""
+"""Rate of the camera [Hz]."""
 
 
 class TwoOperators(unittest.TestCase):

@@ -22,17 +22,17 @@ from rosunit import xmlrunner
 from smokebot_udp.streams.blank import has_blank
 
 LOOK_PERIOD, POLL_PERIOD = 0.01, 0.02
-"""Of Lateness and of wait_for [s]."""
+"""Interval at which Lateness looks at the clock, and at which wait_for looks at its condition [s]."""
 
 MAX_LATENESS, MAX_SLOWNESS, ATTEMPTS = 0.1, 1.5, 8
-"""A test of times is repeated where its process had to wait for longer [s], or more processes share each processor,
-until it was tried so often."""
+"""Lateness of its process [s], or processes per processor, from which a test of times is repeated, and maximum number
+of attempts."""
 
 LEAST_PORT = 20000
 """Ports below are left to programs with a fixed port, as the master."""
 
 CALM, PATIENCE = 1.0, 10.0
-"""It is repeated when the machine was not disturbed for this long, or after this time [s]."""
+"""Time without disturbance after which a test of times is repeated, and time after which it is repeated anyway [s]."""
 
 
 FAILURES = AssertionError, ArithmeticError, LookupError, ValueError

@@ -37,10 +37,11 @@ class World:
         self.now = 0.0
         self.desks: Dict[str, Desk] = {}
         self.cut: Dict[str, bool] = {}
+        """{operator: whether no datagrams pass between it and the robot, in either direction}"""
         self.mute: Dict[str, bool] = {}
-        """{operator: whether nothing of it comes to the robot}, and"""
+        """{operator: whether none of its datagrams come to the robot}"""
         self.deaf: Dict[str, bool] = {}
-        """whether nothing of the robot comes to it; `cut` is both."""
+        """{operator: whether none of the robot's datagrams come to it}"""
         self.after: Callable[[], None] = lambda: None
         """Called after each datagram that came and each step in time."""
         self._sessions = itertools.count(1)

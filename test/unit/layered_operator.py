@@ -14,7 +14,7 @@ from smokebot_udp.udpros.frame import Frame
 
 COUNT = 12
 THRESHOLDS = 1, 4, 9
-"""Of the layers of an image of `segments`: any datagram shows it, 9 of the 12 complete it."""
+"""Number of datagrams that each layer of an image of `segments` needs: any one shows it, 9 of the 12 complete it."""
 
 ERRORS = 200, 100, 0
 

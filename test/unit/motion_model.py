@@ -8,7 +8,7 @@ from smokebot_udp.arrays import Array, FloatArray
 
 
 def weights(phase: int, smooth: bool) -> List[int]:
-    """Of four pixels in a row, in 128ths: the second is `phase` 64ths before the place."""
+    """Weights of four pixels in a row, in 128ths. The second one is `phase` 64ths before the place."""
     exact = []
     for i in range(-1, 3):
         x = abs(i - phase / 64)
@@ -29,7 +29,7 @@ def place(i: int, size: int, cells: int) -> Any:
 
 
 def displacement(nodes: Array, y: int, x: int, height: int, width: int) -> Any:
-    """Of the pixel (y, x) [1/64 pixel]."""
+    """Displacement of the pixel (y, x) [1/64 pixel]."""
     begin = x - x % 4
     row, below = place(y, height, len(nodes) - 1)
     cell, behind = place(begin + min(4, width - begin) // 2, width, len(nodes) - 1)

@@ -76,5 +76,5 @@ class PredictedLink:
 
     @property
     def predicted(self) -> List[bool]:
-        """Of each image, whether it has a reference."""
+        """For each image, whether it has a reference."""
         return [bool(records['picture'][0] != records['reference'][0]) for records in self.sent]

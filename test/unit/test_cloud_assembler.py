@@ -261,7 +261,7 @@ HOSTILE = {
     'origin': [0, -2 ** 31, 2 ** 31 - 1], 'bits': [0, 1, 8, 20, 21, 255],
     'intensity_min': [0.0, np.nan, np.inf, 3e38], 'intensity_step': [0.0, np.nan, -np.inf, 3e38]}
 CODES = [2, 0x11, 3, 0x12, 0x20, 4, 0x22, 0x22]
-"""Of three sequences; the first 5 bytes are of two."""
+"""Lengths of the code words of three sequences. The first 5 bytes are those of two."""
 
 SIZES = [0, 1, 5, 6, 8, 12, 16, 24, 32, 80, 384, 512, 960, 1280]
 BATCH = st.tuples(st.integers(0, 2 ** 32 - 1), st.integers(1, 4), st.sampled_from(SIZES), st.sampled_from([0, 3, 5, 8]),

@@ -20,7 +20,7 @@ def put(canvas: Canvas, revision: int, place: Rectangle, value: int) -> None:
 
 
 def overview(coarse: Coarse, revision: int) -> None:
-    """Of blocks unknown, 0, 100 / 0, 100, 50."""
+    """Put an overview with the blocks unknown, 0, 100 / 0, 100, 50."""
     coarse.put(1, Rectangle(-1, 0, 3, 2), revision, np.array([[-1, 0, 100], [0, 100, 50]], np.int8))
 
 

@@ -45,7 +45,7 @@ def test_a_late_reader_does_not_inflate_the_rate_of_a_train() -> None:
 @given(st.lists(st.tuples(st.integers(0, 30), st.integers(1, 5)), min_size=2, max_size=60),
        st.lists(st.tuples(st.integers(1, 100), st.integers(1, 60)), max_size=20))
 def test_no_late_reader_shows_a_faster_link(bursts: List[Tuple[int, int]], stalls: List[Tuple[int, int]]) -> None:
-    """Of 1 MB/s, that carries datagrams of 1 kB.
+    """The rate of a link of 1 MB/s that carries datagrams of 1 kB is not overestimated.
 
     :param bursts: pause before each [ms], and its number of datagrams
     :param stalls: pause before each, and its duration, in which nothing is read [ms]

@@ -12,7 +12,7 @@ README, INDEX = TOP / 'README.md', TOP / 'doc' / 'README.md'
 PAGES = [README, *sorted((TOP / 'doc').glob('*.md'))]
 
 MAX_LINES = 220
-"""Of README.md: more is not read. What goes beyond belongs into doc/."""
+"""Maximum number of lines of README.md: more is not read. Everything else belongs into doc/."""
 
 LINK = re.compile(r'!?\[[^]]*\]\(([^)\s]+)\)')
 CODE = re.compile(r'^(```.*?^```|<!--.*?-->)', re.MULTILINE | re.DOTALL)

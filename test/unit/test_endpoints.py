@@ -501,7 +501,7 @@ def test_the_time_of_arrival_does_not_depend_on_when_a_datagram_is_received(rece
     sender = make(DatagramSender, '127.0.0.1', receiver.address[1])
 
     def is_known() -> bool:
-        """Of a datagram that is received 0.1 s after it was sent."""
+        """Whether the time of arrival is known of a datagram that is received 0.1 s after it was sent."""
         sender.send_one(b'first')
         sent = time.monotonic()
         time.sleep(0.1)     # what must not count

@@ -128,7 +128,7 @@ def test_a_report_in_which_nothing_of_much_has_come_is_no_answer(unreported: int
 
 
 def single(number: int, late: float = 0.0) -> Feedback:
-    """Of one short datagram each half second."""
+    """Feedback on one short datagram of those that are sent each half second."""
     sent = 0.5 * number
     sample = PacketSample(sent, sent + 5.02 + late, 200, 200 * (number + 1))
     return Feedback([sample], 0.04, 1, 1, 0, False)
@@ -150,7 +150,7 @@ def test_an_idle_sender_makes_no_pauses_where_the_path_becomes_longer() -> None:
 
 
 def burst(now: float, total: int, late: float = 0.0) -> Feedback:
-    """Of 100 kB/s in the last 0.1 s."""
+    """Feedback on 100 kB/s in the last 0.1 s."""
     chain = [PacketSample(sent, sent + 5.02 + late, 1000, total + 1000 * at)
              for at, sent in enumerate(now - 0.1 + 0.01 * at for at in range(10))]
     return Feedback(chain, 0.04, 10, 10, 0, False)

@@ -13,13 +13,13 @@ A, B, ROBOT = 'a', 'b', 'the robot'
 
 
 class Press(NamedTuple):
-    """That a person made."""
+    """A press of the emergency stop by a person."""
     session: int
-    """Of the operator's node."""
+    """Session of the operator's node; 0: it was pressed at the robot."""
     request: int
-    """Its id."""
+    """Id of the request."""
     when: float
-    """[s]"""
+    """Time of the press [s]."""
 
 
 class Presses(World):

@@ -8,7 +8,7 @@ ONE, BOTH = ('/one',), ('/one', '/two')
 
 
 def holding(*layers: int, first: int = 0, session: int = 7) -> Holding:
-    """Of so many layers of successive images."""
+    """A report that these numbers of layers of successive images are held."""
     return Holding.of_layers(session, {first + number: count for number, count in enumerate(layers) if count})
 
 

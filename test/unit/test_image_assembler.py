@@ -142,7 +142,7 @@ def test_a_concealment_that_takes_too_long_gives_way_says_so_and_comes_back() ->
 
 @pytest.mark.parametrize('name, value', [('height', 0), ('depth', 9), ('total', 0), ('index', 60000)])
 def test_forged_segments_say_nothing_of_the_time_between_images(name: str, value: int) -> None:
-    """Of images at 1 Hz each concealment may take half a second, whatever comes beside them."""
+    """Each concealment may take half a second for images at 1 Hz, whatever comes beside them."""
     clock = SlowClock()
     clock.seconds = 0.5
     values = Settings(check({'operator_topic': '/out', 'fill_time': 60.0}, ImageAssembler.PARAMETERS))

@@ -110,7 +110,7 @@ def test_the_error_of_a_layered_image_is_judged(rms: float, least_psnr: float, e
 
 
 def test_an_image_of_which_nothing_came_leaves_the_old_one_to_grow_old() -> None:
-    """Of a layered image of which nothing can be restored, the view hears nothing."""
+    """The view is not told of a layered image of which nothing can be restored."""
     shown, good = view(old_after=0.2, frozen_after=0.4), image(10.0)
     good.error = ImageError(0.0)
     shown.add(good)

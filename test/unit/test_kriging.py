@@ -84,7 +84,7 @@ def test_a_slope_is_a_slope_where_neighbours_lie_all_around() -> None:
 
 @pytest.mark.parametrize('shape', [(64, 96), (61, 83)])
 def test_at_the_border_no_pixel_is_filled_from_afar(shape) -> None:
-    """Of 1024 subimages half came: each pixel has neighbours within 4 pixels, on the image's side too."""
+    """Half of 1024 subimages came: each pixel has neighbours within 4 pixels, on the image's side too."""
     cut = Interleave(*shape, 5)
     image = np.add.outer(100 * np.arange(shape[0]), 100 * np.arange(shape[1])).astype(np.uint16)
     have = np.random.RandomState(4).random_sample(len(cut)) < 0.5

@@ -77,7 +77,7 @@ def test_a_scene_that_stands_still_becomes_exact_and_stays_so(encoding: str, los
 
 
 def on_its_way(link: PredictedLink, delay: int) -> Any:
-    """Of each image, whether its reference is one of which no report can have come."""
+    """For each image, whether its reference is one of which no report can have come."""
     return [step - 1 - delay < int(records['reference'][0]) < step for step, records in enumerate(link.sent)]
 
 

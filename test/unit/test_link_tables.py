@@ -33,7 +33,7 @@ from smokebot_udp.link.tables import (
 )
 
 SIZE = 1400
-"""Of a datagram's content [byte]."""
+"""Size of a datagram's content [byte]."""
 
 IMAGE = Topic('/image', 'sensor_msgs/Image', '060021388200f6f0f447d0fcd9c64743')
 RELAY = Topic('/odom', 'smokebot_udp/RelaySegment', 'aa', 'nav_msgs/Odometry bb')

@@ -137,7 +137,7 @@ def test_each_topic_has_its_ip_headers_and_marks_are_counted(made: Links) -> Non
     images.tos = 0x8a
 
     def is_unmarked() -> bool:
-        """Of one more datagram."""
+        """Whether one more datagram arrives unmarked."""
         number = len(inbox.records)
         images.publish_frames(frame(CompressedImage, 1, 100))
         inbox.wait(lambda: len(inbox.records) > number)

@@ -8,7 +8,7 @@ CELL = 'tbf6, 1 Mbit/s, %g %%'
 
 
 def a_row(method: str, loss: float, mean: float, **others: Any) -> Row:
-    """Of a method whose images are steady."""
+    """The row of a method whose images are steady."""
     return {'cell': CELL % loss, 'method': method, 'loss [%]': loss, 'image mean [dB]': mean,
             'image 5 % [dB]': mean - 1, 'image worst [dB]': mean - 2, 'screen mean [dB]': mean - 2, 'age p50 [s]': 0.07,
             'used while blurred': 0.9, 'capacity known': 1.0, **others}

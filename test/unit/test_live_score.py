@@ -34,7 +34,7 @@ def quality(number: int, place: int) -> float:
 
 
 def a_screen(numbers: List[Optional[int]], count: int = 20) -> Screen:
-    """Of images taken each 0.1 s from 100 s on; those of these numbers were shown DELAY later."""
+    """A screen for images taken each 0.1 s from 100 s on. The images of these numbers were shown DELAY later."""
     taken = [Taken(number, 100 + number / 10) for number in range(count)]
     return Screen(taken, [Shown(number, 100 + (index if number is None else number) / 10 + DELAY, index)
                           for index, number in enumerate(numbers)], quality)

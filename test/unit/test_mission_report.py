@@ -418,7 +418,7 @@ def test_an_empty_folder_and_a_place_that_cannot_be_written(paths: Dict[str, str
 
 
 def test_bags_of_others_by_the_topics_of_a_streams_yaml(page: Page, tmp_path: pathlib.Path) -> None:
-    """rosbag record was used without the black box; the operator has a namespace."""
+    """The bags are of `rosbag record`, without the black box. The operator has a namespace."""
     bags = [write(tmp_path / name, messages[1:]) for name, messages in (('a.bag', robot()), ('b.bag', operator()))]
     streams = tmp_path / 'streams.yaml'
     streams.write_text('''streams:

@@ -11,14 +11,14 @@ from evaluation.map_transfer import MapTransfer
 from evaluation.maps import map_message
 
 RATE, PERIOD = 0.1e6, 1.0
-"""Of the link [bit/s]; of the maps [s]."""
+"""Rate of the link [bit/s], and interval of the maps [s]."""
 
 SIZE = 600
 STEP = 0.37
-"""Of the origin, from one map to the next [cell]."""
+"""Cells by which the origin moves from one map to the next."""
 
 COUNT, FIRST = 15, 8
-"""Maps; from which on they are judged."""
+"""Number of maps, and the first one that is judged."""
 
 RESOLUTION = float(np.float32(0.05))
 

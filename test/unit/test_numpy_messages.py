@@ -13,7 +13,7 @@ from smokebot_udp.numpy_messages import numpy_msg
 from smokebot_udp.serialised import serialised
 
 pytestmark = pytest.mark.filterwarnings('error')
-"""numpy before 2.3 warns of tostring()."""
+"""Warnings are errors. Versions of numpy before 2.3 warn of tostring()."""
 
 CASES = [(OccupancyGrid, {'data': np.arange(-1, 100, dtype=np.int8)}),
          (OccupancyGridUpdate, {'x': 3, 'data': np.arange(-1, 100, dtype=np.int8)}),

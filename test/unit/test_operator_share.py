@@ -182,7 +182,7 @@ def test_memory_is_bounded_and_recent_datagrams_stay_known() -> None:
 
 @pytest.mark.parametrize('every, most', [(0.001, 4 * MAX_RANGES), (0.1, 2 * 2 * 20 / 0.1), (1.0, 4 * MIN_RANGES)])
 def test_what_was_left_out_is_forgotten_as_what_was_sent_is(every: float, most: int) -> None:
-    """Of one stream, counted in datagrams and in bytes."""
+    """The ranges of one stream are remembered twice: by datagrams and by bytes."""
     history = SentHistory()
     own = OperatorHistory(history)
     for k in range(3 * MAX_RANGES):

@@ -336,7 +336,7 @@ def test_a_compiled_part_is_connected_once_the_codec_is_loaded_and_says_so(bench
 
 
 class WorkingAssembler(FakeAssembler):
-    """Of the part `layers` each record takes work, and is held then."""
+    """An assembler for which each record of the part `layers` takes work. After the work the record is held."""
 
     def __init__(self, settings: Any, clock: Any) -> None:
         super().__init__(settings, clock)

@@ -148,7 +148,7 @@ def test_every_script_is_installed_and_executable() -> None:
 
 @pytest.mark.parametrize('path', sorted((TOP / 'launch').glob('*.launch')), ids=lambda path: path.name)
 def test_no_launch_argument_is_listed_as_required(path: pathlib.Path) -> None:
-    """roslaunch --ros-args calls those without a default required, and those whose default has no letters."""
+    """The command `roslaunch --ros-args` lists an argument as required if it has no default, or one without letters."""
     for argument in ElementTree.parse(str(path)).getroot().findall('arg'):
         assert argument.get('default') and argument.get('doc'), argument.get('name')
 

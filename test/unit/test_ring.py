@@ -27,7 +27,7 @@ def test_moved_of_several_channels(reach) -> None:
 
 
 def test_continued_by_hand() -> None:
-    """Of a 4 x 4 block three pixels came, in 2 x 2 blocks; . did not:
+    """Three pixels of each 4 x 4 block came, in 2 x 2 blocks. A dot is a missing pixel:
 
         .  .  .  .   .  .  .  .
         .  1  .  .   .  2  .  .

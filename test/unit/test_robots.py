@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""robots.yaml: what is right is used, what is wrong is said in one sentence."""
+"""Tests of robots.yaml: what is right is used, what is wrong is said in one sentence."""
 from typing import List
 
 import pytest

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""rviz configurations: of a streams.yaml, with what a user has arranged, and with a prefix of frames."""
+"""Tests of rviz configurations: of a streams.yaml, with what a user has arranged, and with a prefix of frames."""
 import pathlib
 from typing import Any, Dict
 

@@ -95,7 +95,7 @@ def test_echoes_of_one_scanner_are_scans_of_their_own() -> None:
 
 
 def test_echoes_in_one_batch_are_told_apart() -> None:
-    """Of one length: the transport hands over segments of one layout together."""
+    """The echoes have one length: the transport hands over segments of one layout together."""
     records = []
     for frame_id in ('first', 'other'):
         message = scanner()

@@ -65,7 +65,7 @@ def test_segments_fit_and_make_the_scan_again(count: int) -> None:
 
 
 INCREMENT = {'angle_min': -1.0, 'angle_max': 6.19, 'angle_increment': 0.01}
-"""Of 720 ranges."""
+"""Angles of a scan of 720 ranges."""
 
 
 @pytest.mark.parametrize('changes, words', [

@@ -25,7 +25,7 @@ from smokebot_udp.streams import config, live_tables
 
 CONFIG = pathlib.Path(__file__).resolve().parents[2] / 'config' / 'streams.yaml'
 HEADERS = 28 + 32 + 8
-"""Of IP and UDP, of a sealed link, and of UDPROS [byte]."""
+"""Size of the headers of IP and UDP, of a sealed link, and of UDPROS [byte]."""
 
 
 def crossed(message: Any) -> Any:

@@ -149,7 +149,7 @@ def test_hundreds_of_links() -> None:
 
 @pytest.mark.parametrize('jump', [3600.0, -3600.0])
 def test_a_jump_of_the_receivers_clock_neither_stalls_nor_bursts(jump: float) -> None:
-    """Of its steady clock: no other clock is read."""
+    """The receiver's steady clock jumps. No other clock is read."""
     events, there, robot = link(2)
     events.run(5)
     robot.operators['operator'].clock += jump

@@ -221,7 +221,8 @@ def test_a_side_knows_itself_by_a_local_address() -> None:
 
 
 def descriptors(port: Optional[int], master: Optional[int] = None) -> int:
-    """Of this process, now. Those that a test before has left half open would count as idle."""
+    """Number of lasting descriptors of this process now. Those that an earlier test has left half open would count as
+    idle."""
     return process_usage.lasting([process_usage.resources(os.getpid(), port, master)]).descriptors
 
 

@@ -112,7 +112,7 @@ def test_a_truncated_header_has_no_sequence_number(make) -> None:
 
 
 def test_a_reused_id_is_another_message(make) -> None:
-    """Of message 1 only the first block arrives; 255 messages later its id is reused."""
+    """Only the first block of message 1 arrives. Its id is reused 255 messages later."""
     peer = make()
     old, new = (bytes(split(len(message).to_bytes(4, 'little') + message, CONNECTION, 1, SIZE))
                 for message in (text(1, 300), text(2, 300)))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Of each source and name the newest content; they take turns."""
+"""The newest content of each source and name is kept, and they take turns."""
 import functools
 import math
 from typing import Any, Dict, List, Optional, Tuple

@@ -25,7 +25,7 @@ def scene(count: int, height: int = HEIGHT, width: int = WIDTH) -> List[UInt8Arr
 
 
 class Receiver:
-    """libavcodec in this process, set up as the decoder's own process does."""
+    """A decoder of libavcodec in this process, set up as the decoder's own process does."""
 
     def __init__(self, encoding: str = 'mono8', height: int = HEIGHT, width: int = WIDTH) -> None:
         self._size = height, width, encoding

@@ -34,7 +34,7 @@ class Robot:
         self.encoder.see(operators=lambda part: operators if part == MAIN_PART else ())
 
     def warnings(self, now: float) -> List[str]:
-        """Of an image at this time."""
+        """The warnings about an image at this time."""
         self.now = now
         image = Image(height=2, width=3, encoding='mono8', step=3, data=bytes(6))
         image.header.stamp = Time.from_sec(100 + now)

@@ -16,7 +16,7 @@ from smokebot_udp.simulation.rays import ranges as cast
 from smokebot_udp.simulation.world import World, building
 
 FLOOR = Plane(np.array([0.0, 0.0, 1.0]), 0.0)
-"""Of a base frame."""
+"""The floor in a base frame."""
 
 AHEAD = COLUMNS // 2
 MOUNT, TOLERANCE, MAX_HEIGHT = 0.9, 0.1, 1.2

@@ -17,10 +17,10 @@ FIRST_TABLE_ID = 4
 FIRST_TOPIC_ID = 16
 
 CHALLENGE_SIZE = 8
-"""[byte]"""
+"""Size of the body of each of the core's own messages [byte]."""
 
 SIZE = HEADER.size + CHALLENGE_SIZE
-"""Of each of these messages [byte]."""
+"""Size of the datagram of each of the core's own messages [byte]."""
 
 
 class Control(enum.IntEnum):

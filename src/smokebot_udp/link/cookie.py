@@ -12,7 +12,7 @@ from typing import Callable, Tuple
 from .packets import COOKIE_SIZE
 
 LIFETIME = 60.0
-"""Of a secret [s]."""
+"""Lifetime of a secret [s]."""
 
 SECRET_SIZE = 32
 

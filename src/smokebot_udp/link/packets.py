@@ -43,23 +43,23 @@ VERSION = OURS.wire_format
 
 COOKIE_SIZE = 16
 TAG_SIZE = 16
-"""Of both ciphers, and of the handshake's tags [byte]."""
+"""Size of the tags of both ciphers and of the handshake [byte]."""
 
 NO_TAG = bytes(TAG_SIZE)
 
 EPHEMERAL_SIZE = 32
-"""An X25519 public key [byte]."""
+"""Size of an X25519 public key [byte]."""
 
 INSTANCE_SIZE = 16
 MAX_NAME = 128
-"""Length of a name in UTF-8 [byte]."""
+"""Maximum length of a name in UTF-8 [byte]."""
 
 MIN_BODY = 8
-"""A UDPROS header alone [byte]."""
+"""Minimum size of a body: a UDPROS header alone [byte]."""
 
 HELLO = struct.Struct('<BBBBQ16s%ds' % MAX_RELEASE)
 FIRST_HELLO = struct.Struct('<BBBBQ20x')
-"""That of version 1."""
+"""Fields of a HELLO that all versions share, with the size of the HELLO of version 1."""
 
 COOKIE = struct.Struct('<BBBBQ16s16s')
 INIT = struct.Struct('<BBBBQ16sI16s')

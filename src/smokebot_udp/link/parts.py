@@ -100,7 +100,7 @@ class Arriving:
 
     def __init__(self) -> None:
         self.number = 0
-        """Of the newest message that is whole; 0: there is none yet."""
+        """Number of the newest message that is complete; 0: none is yet."""
         self._number = self._count = 0      # of the newest message, and of its parts
         self._parts: Dict[int, bytes] = {}
 

@@ -45,7 +45,7 @@ class Peer:
         self.handshakes = 1
         """How often it was given keys."""
         self.round_trip: Optional[float] = None
-        """Of the latest handshake, the other side's reaction included [s]."""
+        """Round-trip time of the latest handshake, including the other side's reaction [s]."""
         self._session = session
         self._sealed = 0    # by former sessions
 
@@ -56,7 +56,7 @@ class Peer:
 
     @property
     def session(self) -> Session:
-        """Under which packets for it are sealed."""
+        """The session whose keys seal packets for it."""
         return self._session
 
     @property

@@ -27,23 +27,23 @@ from .packets import Malformed
 from .parts import PART, Arriving, Repeated, capacity
 
 MAX_TOPICS = 256
-"""That one side sends, and that it receives."""
+"""Maximum number of topics that one side sends, and of those that it receives."""
 
 MAX_NAMES_SIZE = 1 << 16
-"""Of NAMES, unpacked [byte]."""
+"""Maximum size of NAMES, unpacked [byte]."""
 
 MAX_TEXT = 200
-"""Of a topic's name, type, md5 sum, or what it carries, in UTF-8 [byte]."""
+"""Maximum length of a topic's name, type, md5 sum, or what it carries, in UTF-8 [byte]."""
 
 HEARTBEAT = 1.0
-"""[s]"""
+"""Interval at which SEEN is repeated [s]."""
 
 ANSWER_PERIOD = 0.02
-"""Between two SEEN, at least: parts that come together are acknowledged together [s]."""
+"""Minimum interval between two SEEN: parts that arrive together are acknowledged together [s]."""
 
 CHANGES, CHANGE_PERIOD = 16, 0.1
-"""Changes that a peer may make at once, and the time for each further one: maps are repeated for who begins to want
-them. What is not taken is not acknowledged, and comes again [1, s]."""
+"""Number of changes that a peer may make at once, and interval of further ones: maps are repeated for each new
+subscriber. A change beyond this limit is not acknowledged, so it comes again [1, s]."""
 
 ID = struct.Struct('<I')
 COUNTS = struct.Struct('<HH')
@@ -176,7 +176,7 @@ class Local:
         self._ids: Dict[Role, FrozenSet[int]] = {role: frozenset() for role in Role}
         self._numbers = itertools.count(1)
         self.number = next(self._numbers)
-        """Of this state, higher for a later one."""
+        """Number of the current state of the topics. It grows with each change."""
 
     def add(self, role: Role, topic: Topic) -> None:
         """Add a topic.

@@ -37,7 +37,7 @@ class Tags:
         return hmac.compare_digest(packet.tag, self._tag(packet))
 
     def _tag(self, packet: Tagged) -> bytes:
-        """Of all but the place of the tag and the release, which older sides do not know."""
+        """The tag: a MAC of the packet without the tag itself and the release, which older sides do not know."""
         if self._key is None:
             return NO_TAG
         datagram, at = _without_release(packet).pack(), TAG_AT[type(packet)]

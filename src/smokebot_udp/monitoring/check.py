@@ -6,13 +6,13 @@ from .sources import SERVICE, Graph, Source, problem_of
 from .status import ERROR, LEVELS, OK, WARN
 
 MAX_OFFSET = 1.0
-"""Of stamps from this machine's clock: ages would be wrong, and commands refused [s]."""
+"""Maximum difference between stamps and this machine's clock. Beyond it, ages are wrong and commands refused [s]."""
 
 LONG_REMEDY = 'with "reliable: true" and "newest: true" the newest one arrives whole'
-"""What to do about it."""
+"""Advice for a relayed message that is longer than LARGEST."""
 
 LARGEST = 1400
-"""A relayed message that is longer takes several datagrams, and is lost with any of them [byte]."""
+"""Maximum size of a relayed message. A longer one takes several datagrams, and is lost with any of them [byte]."""
 
 PLACED = {'cloud', 'scan', 'virtual_scan', 'grid'}
 """Types that rviz draws in the frame of their messages."""

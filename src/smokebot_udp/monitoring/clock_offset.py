@@ -54,7 +54,7 @@ class ClockEstimate(NamedTuple):
     offset: float
     """The other clock minus this one [s]."""
     round_trip: float
-    """Of the exchange that gave the offset [s]."""
+    """Round-trip time of the exchange that gave the offset [s]."""
     uncertainty: float
     """Maximum error of the offset [s]."""
 

@@ -36,20 +36,20 @@ class ClockLine(NamedTuple):
     newest: float
     """When the last sample was taken [s]."""
     offset: float
-    """At that time [s]."""
+    """The offset at the time of the last sample [s]."""
     rate: float
-    """By which it grows [s/s]."""
+    """Growth of the offset per second [s/s]."""
     error: float
-    """Of the offset [s]."""
+    """Maximum error of the offset at the time of the last sample [s]."""
     span: float
-    """Of the samples [s]."""
+    """Time from the first to the last sample [s]."""
 
     def offset_at(self, now: float) -> float:
-        """[s]"""
+        """The offset at a time [s]."""
         return self.offset + self.rate * (now - self.newest)
 
     def error_at(self, now: float) -> float:
-        """It grows as that of the rate does [s]."""
+        """Maximum error of the offset at a time. It grows with the time since the last sample [s]."""
         return self.error * (1 + 2 * max(0.0, now - self.newest) / self.span)
 
 

@@ -15,9 +15,9 @@ class Column(NamedTuple):
     """A column of a table."""
     heading: str
     width: int
-    """Negative: left-aligned."""
+    """Width [characters]; negative: left-aligned."""
     name: str
-    """Of the value in the tree: a number, or a text, which is cut."""
+    """Name of the value in the tree. The value is a number, or a text, which is truncated to the width."""
     digits: int = 0
     factor: float = 1.0
     plotted: bool = False

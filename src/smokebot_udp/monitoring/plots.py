@@ -24,7 +24,7 @@ class Plots:
     def __init__(self, bars: str = BARS) -> None:
         self._bars = bars
         self.width = 0
-        """Of each sparkline, with the space before it; 0: there is none."""
+        """Width of each sparkline, including the space before it [characters]; 0: there are no sparklines."""
         self._slot = 0
         self._series: Dict[Hashable, Dict[int, float]] = {}     # {key: {slot: greatest number}}
 

@@ -29,7 +29,7 @@ class Mark(NamedTuple):
     """A message passes a point."""
     stream: str
     stamp: int
-    """Of the message [ns]."""
+    """Stamp of the message [ns]."""
     point: str
     time: float
     """By the machine's steady clock [s]."""
@@ -43,7 +43,7 @@ class Sized(NamedTuple):
     """What decided the size of a message."""
     stream: str
     stamp: int
-    """Of the message [ns]."""
+    """Stamp of the message [ns]."""
     time: float
     """When it was encoded, by the machine's steady clock [s]; the others as of streams.encoder.Sizing."""
     coding: str

@@ -44,7 +44,7 @@ class ConnectionStats:
     kernel_drops: Optional[int] = None
     """Datagrams that found the receive buffer full."""
     name: str = ''
-    """Of the part of the stream that it carries, as in link reports; empty: the stream's."""
+    """Name of the part of the stream that the connection carries, as in link reports; empty: the name of the stream."""
 
 
 class Shown(NamedTuple):
@@ -52,9 +52,9 @@ class Shown(NamedTuple):
     age: Optional[float]
     """The difference between this machine's clock and the message's stamp [s]."""
     completeness: Optional[float]
-    """0..1"""
+    """Share of the message that arrived, 0..1."""
     error: Optional[ImageError] = None
-    """Of an image that was coded with loss."""
+    """Error of the image, if it was coded with loss."""
 
 
 @dataclass(frozen=True)

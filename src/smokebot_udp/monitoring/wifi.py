@@ -17,16 +17,16 @@ from .windows import Rate
 class WifiState:
     """One interface. NaN: unknown."""
     interface: str = ''
-    """Empty: there is none."""
+    """Name of the interface; empty: there is none."""
     ssid: str = ''
     signal: float = math.nan
-    """Of what this side receives [dBm]."""
+    """Signal level of what this side receives [dBm]."""
     noise: float = math.nan
-    """[dBm]"""
+    """Noise level [dBm]."""
     tx_bitrate: float = math.nan
-    """[Mbit/s]"""
+    """Bit rate of what this side transmits [Mbit/s]."""
     rx_bitrate: float = math.nan
-    """[Mbit/s]"""
+    """Bit rate of what this side receives [Mbit/s]."""
     retries: float = math.nan
     """Transmissions that are repeated [1/s]."""
     failed: float = math.nan
@@ -34,7 +34,7 @@ class WifiState:
     beacon_loss: float = math.nan
     """Beacons of the access point that are missed [1/s]."""
     missing: bool = False
-    """It is the one that was configured, and there is none of this name."""
+    """Whether the interface was configured by its name, but does not exist."""
 
 
 class WifiTexts(NamedTuple):

@@ -28,11 +28,11 @@ class Station:
     address: str = ''
     """MAC address; empty: unknown."""
     signal: float = math.nan
-    """Of what was received from it [dBm]."""
+    """Signal level of what was received from the station [dBm]."""
     tx_bitrate: float = math.nan
-    """[Mbit/s]"""
+    """Bit rate of what is transmitted to the station [Mbit/s]."""
     rx_bitrate: float = math.nan
-    """[Mbit/s]"""
+    """Bit rate of what is received from the station [Mbit/s]."""
     retries: Optional[int] = None
     """Transmissions that were repeated, until now."""
     failed: Optional[int] = None

@@ -21,23 +21,23 @@ from .channel import NO_LISTENER, Channel, ChannelKind, ChannelListener
 from .way import Way, WayBackStream
 
 QUEUE = 100
-"""Of the topics of the action [messages]."""
+"""Queue size of the publishers and subscribers of the action's topics [messages]."""
 
 MAX_BYTES = 1 << 20
-"""Of what waits in a channel."""
+"""Maximum size of all messages that wait in a channel [byte]."""
 
 RESULT_AGE = 3600.0
-"""[s]"""
+"""Maximum age of a result that waits [s]."""
 
 GOAL, CANCEL = b'g', b'c'
 """The first byte of a message to the robot."""
 
 PURSUED = (GoalStatus.PENDING, GoalStatus.ACTIVE)
-"""Of a goal that can be cancelled, and is not."""
+"""Statuses of a goal that has not ended and is not being cancelled."""
 
 FINAL = (GoalStatus.PREEMPTED, GoalStatus.SUCCEEDED, GoalStatus.ABORTED, GoalStatus.REJECTED, GoalStatus.RECALLED,
          GoalStatus.LOST)
-"""Of a goal that has ended."""
+"""Statuses of a goal that has ended."""
 
 
 def action_channels(name: str, types: ActionTypes, max_age: float) -> Dict[str, ChannelKind]:

@@ -9,7 +9,7 @@ from .opened import Part
 from .worker import PeriodicWorker
 
 PERIOD = 1.0
-"""Of the seconds in it [s]."""
+"""Interval at which the ages, which are in seconds, are published again [s]."""
 
 
 class AgeOutput(Part):

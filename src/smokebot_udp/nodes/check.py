@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""check [STREAMS_YAML]: says before a mission what is wrong with the streams, their sources, frames and the machine."""
+"""The program `check [STREAMS_YAML]`: finds before a mission what is wrong with streams, sources, frames and
+machine."""
 import argparse
 import collections
 import os
@@ -42,13 +43,13 @@ from .terminal import fail, master_answers, run_node
 RMEM_MAX = '/proc/sys/net/core/rmem_max'
 
 BUFFER = 1 << 24
-"""What rospy reads at once of a source: large images come whole [byte]."""
+"""Size of the buffer from which rospy reads a source: a large image fits as a whole [byte]."""
 
 HEADER = struct.Struct('<IIII')
-"""Of a std_msgs/Header when serialised: seq, secs, nsecs, length of the frame_id."""
+"""The layout of a serialised std_msgs/Header: seq, secs, nsecs, length of the frame_id."""
 
 LINK_TIMEOUT = 3.0
-"""robot_sender publishes the state of the link once a second [s]."""
+"""Time to wait for the state of the link, which robot_sender publishes once a second [s]."""
 
 
 class Listener:
@@ -62,7 +63,7 @@ class Listener:
         self._ages: List[float] = []
         self._begun = time.monotonic()
         self.last: Any = None
-        """rospy.AnyMsg"""
+        """The last message: a rospy.AnyMsg, or of its type where this node also subscribes to the topic with it."""
         self._frame: Optional[str] = None
         self._subscriber = rospy.Subscriber(topic, rospy.AnyMsg, self._take, buff_size=BUFFER, queue_size=10)
 

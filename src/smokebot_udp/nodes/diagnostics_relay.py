@@ -19,11 +19,11 @@ from .reliable_relay import Sink, TurnsSource
 from .worker import PeriodicWorker
 
 SHARE = 0.008
-"""Of the link's rate, to each peer: all statuses of a robot within 10 s on 0.3 Mbit/s, each second from some 3 Mbit/s
-on."""
+"""Share of the link's rate for statuses, to each peer: all statuses of a robot cross within 10 s at 0.3 Mbit/s, and
+each second from about 3 Mbit/s on."""
 
 PUBLISH_PERIOD = 1.0
-"""Programs that show diagnostics take a status for stale after 3 s to 5 s [s]."""
+"""Interval at which statuses are repeated: programs that show diagnostics take one for stale after 3 s to 5 s [s]."""
 
 MAX_WAITING = 3
 """While this many messages wait for their acknowledgement, no status is sent."""

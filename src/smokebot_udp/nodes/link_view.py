@@ -17,7 +17,7 @@ ROOM = (175, 20), (145, 10), (130, 5)
 """(columns of a terminal, bars of each sparkline that fit then)"""
 
 INDENT = 7 * ' '
-"""Of what does not fit in a line of the terminal and goes on in the next one."""
+"""Indentation of the further lines of a text that does not fit in one line of the terminal."""
 
 COLOURS = {'OK': curses.COLOR_GREEN, 'WARN': curses.COLOR_YELLOW, 'ERROR': curses.COLOR_RED,
            'STALE': curses.COLOR_MAGENTA}

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""malloc tuning: freed memory stays with the process, because each image needs arrays of the same sizes again. What has
-been of no use for some seconds returns to the kernel: peaks would add up otherwise, as they leave gaps.
+"""Tuning of malloc: freed memory stays with the process, because each image needs arrays of the same sizes again.
+Memory that was of no use for some seconds returns to the kernel: peaks would add up otherwise, as they leave gaps.
 
 All threads share one arena. glibc would make eight for each core, and what a thread frees in one of them is of no use
 to a thread of another: each connection has a thread of its own, so each one that is made anew would add some memory to
@@ -11,7 +11,7 @@ import ctypes
 
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD, M_ARENA_MAX = -1, -3, -8     # malloc.h
 MAX_KEPT_BLOCK = 32 << 20
-"""glibc always returns larger blocks to the kernel at once [byte]."""
+"""Size of the largest block that is kept. glibc always returns larger blocks to the kernel at once [byte]."""
 
 
 def keep_freed_memory() -> None:

@@ -29,13 +29,14 @@ from .operator_stream import OperatorStream
 from .robot_captures import NAME, PIECES, REQUESTS
 
 REQUEST_PERIOD, REPORT_RATE = 0.1, 8e3
-"""A request is repeated at this period [s], or as its report of pieces takes longer at this rate [byte/s]."""
+"""Interval at which a request is repeated [s]; longer where its report of pieces takes longer at this rate [byte/s]."""
 
 SILENCE = 20.0
-"""A robot from which no piece came for this long does not answer [s]."""
+"""Time without a piece after which a robot counts as not answering [s]."""
 
 LAST_COPIES, LAST_SPACING = 3, 0.05
-"""Of the message that says that a capture has ended, if one is lost; more where pieces still come [s]."""
+"""Number of copies of the message that a capture has ended, in case one is lost, and their interval [s]. More follow
+where pieces still come."""
 
 SCALE = 'counts_per_unit', 'zero', 'unit'
 """Settings of an image's view that give its values a unit."""

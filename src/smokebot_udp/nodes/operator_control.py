@@ -85,7 +85,7 @@ class OperatorControl(Part):
     def __init__(self, transport: Transport, notice: Notice) -> None:
         super().__init__()
         self.session = random.randint(1, 2 ** 32 - 1)
-        """Of this node."""
+        """Session of this node: a random number other than 0."""
         self._client, self._clock, self._input = ControlClient(self.session), RobotClock(), EstopInput()
         self._notice, self._stall = notice, Stall()
         self.commanded = False

@@ -90,7 +90,7 @@ class OperatorStream:
         self.last_shown: Optional[float] = None
         """When a message was published last, by time.monotonic() [s]."""
         self.last_stamp: Optional[int] = None
-        """Of that message [ns]."""
+        """Stamp of the message that was published last [ns]."""
         self._last_age: Optional[float] = None      # its age then, but for the offset of the robot's clock [s]
         self._publishing = threading.Lock()
         self._last: Any = None      # the message published last, while blank ones can take its place

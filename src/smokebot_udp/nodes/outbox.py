@@ -17,13 +17,13 @@ from .worker import RETRY_PERIOD
 
 MAX_BACKLOG = 0.02
 """A newer message of a stream waits for the rest of the one before if that leaves within this time, unless its encoder
-says otherwise [s],"""
+says otherwise [s]."""
 
 MAX_WAIT = 0.5
-"""but no longer than this [s],"""
+"""Maximum time for which a newer message waits for the rest of the one before [s]."""
 
 MAX_WHOLE_WAIT = 2.0
-"""or this, where a message is useless without all its datagrams [s]."""
+"""Maximum time for which a newer message waits where the one before is useless without all its datagrams [s]."""
 
 Departed = Callable[[str, int, int, int, float, Mapping[str, int]], None]
 """f(name, seq, count, size, now, limits): `count` datagrams of `size` bytes each as IP packets left.
@@ -139,7 +139,7 @@ class Outbox:
 
     @property
     def rate(self) -> Optional[float]:
-        """Of the link [byte/s]; None: unlimited."""
+        """The rate of the link [byte/s]; None: unlimited."""
         return self._scheduler.rate
 
     def drop(self, stream: str) -> None:

@@ -79,7 +79,7 @@ class Overlay(Part):
                               driver=driver, drives=drives, **values)
 
     def _silence(self, now: float) -> float:
-        """Of the link's reports [s]; infinite: there was none; NaN: no stream carries them."""
+        """Time since the last of the link's reports [s]; infinite: there was none; NaN: no stream carries them."""
         stream: Optional[Any] = self._sources.get(LinkStatus)
         if stream is None:
             return math.nan

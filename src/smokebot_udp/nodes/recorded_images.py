@@ -22,10 +22,10 @@ ARRIVED, IMAGES = '~arrived', '~images'
 """Beginnings of the topics on which the arrival and the image of a topic are recorded."""
 
 NICE = 10
-"""Of the thread."""
+"""Nice value of the thread."""
 
 BUFFER = 1 << 24
-"""Of the subscribers: an image of the largest size [byte]."""
+"""Size of the subscribers' receive buffers: an image of the largest size [byte]."""
 
 
 def topics_of(topic: str) -> List[str]:

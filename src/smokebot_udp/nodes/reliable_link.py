@@ -37,22 +37,23 @@ CHECK_PERIOD = 0.5
 """How often the transport is asked for its connections [s]."""
 
 LINK_SHARE, MIN_LIMIT = 0.25, 48e3
-"""Of the link's rate, for all that is reliable, 0..1; but at least this, since an idle link's rate is low [byte/s],"""
+"""Share of the link's rate for all reliable channels, 0..1, and the rate that they may take at least, since an idle
+link's rate is low [byte/s]."""
 
 MOST_SHARE = 0.5
-"""up to this part of it."""
+"""Maximum share of the link's rate that MIN_LIMIT may take, 0..1."""
 
 BURST_DURATION = 0.012
-"""What leaves at once occupies the link for this long, as a datagram does, unless it is one [s]."""
+"""Maximum time for which data that leaves at once occupies the link, unless it is a single datagram [s]."""
 
 OPERATOR_RATE = 48e3
-"""An operator does not know the link's rate [byte/s]."""
+"""Maximum rate of an operator's reliable channels: an operator does not know the link's rate [byte/s]."""
 
 MAX_TOLD = 1000
-"""Differences of channels that are reported, each once."""
+"""Maximum number of differences between the channels of both sides that are reported. Each is reported once."""
 
 FIELDS = ('kind', 'channel', 'number', 'first', 'part', 'parts', 'next', 'echo', 'arrived', 'session', 'peer')
-"""Of ReliableSegment and of Segment."""
+"""Names of the fields that are copied unchanged between ReliableSegment and Segment."""
 
 
 class ReliableLink(Part, rospy.SubscribeListener):
@@ -116,7 +117,7 @@ class ReliableLink(Part, rospy.SubscribeListener):
 
     @property
     def room(self) -> int:
-        """For data in a datagram now [byte]."""
+        """Space for data in a datagram now [byte]."""
         return self._peers.room
 
     def part_of_rate(self, share: float) -> float:
@@ -125,7 +126,7 @@ class ReliableLink(Part, rospy.SubscribeListener):
 
     @property
     def _rate(self) -> float:
-        """Of the link [byte/s]; infinite: unlimited, or unknown."""
+        """The rate of the link [byte/s]; infinite: unlimited, or unknown."""
         rate = None if self._outbox is None else self._outbox.rate
         return math.inf if rate is None else rate
 

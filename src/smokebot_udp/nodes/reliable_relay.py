@@ -34,10 +34,10 @@ LEVEL_VALUES = {level: 1 << index for index, level in enumerate(LEVELS)}
 """{level: its value in rosgraph_msgs/Log}"""
 
 STATES_SHARE = 0.03
-"""Of the link's rate, for the states of one relay with `newest`, to each peer."""
+"""Share of the link's rate for the states of one relay with `newest`, to each peer."""
 
 TURN_PERIOD = 0.05
-"""How often it is looked whether a peer has got the last message, with `newest` [s]."""
+"""Interval at which a relay with `newest` checks whether a peer has received the last message [s]."""
 
 Rewrite = Callable[[Any], Any]
 """f(message) -> the message that is sent, or published"""

@@ -35,16 +35,17 @@ REQUESTS, PIECES = '/smokebot_udp/capture/request', '/smokebot_udp/capture/piece
 """Topics on the wire."""
 
 NAME = '~captures'
-"""Of the stream of pieces in link reports and in the packet scheduler. No stream of streams.yaml has such a name."""
+"""Name of the stream of pieces in link reports and the packet scheduler. No stream of streams.yaml has such a name."""
 
 ODOMETRY_FRAME = 'odom'
 """The pose is that in the fixed frame of streams.yaml, or in this one of REP-105 where tf does not know that one."""
 
 BATCH_DURATION, MAX_BATCH = 0.004, 16
-"""Pieces that leave together occupy the link for this long at most, unless it is a single one [s]; their number."""
+"""Maximum time for which pieces that leave together occupy the link, unless it is a single one [s], and their maximum
+number."""
 
 DURATION = 2.0
-"""On a link with nothing else to do a transfer would take about as long [s]."""
+"""Approximate duration of a transfer on a link with nothing else to send [s]."""
 
 
 class RobotCaptures(Part):

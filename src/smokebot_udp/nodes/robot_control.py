@@ -81,7 +81,7 @@ class RobotControl(Part):
     def __init__(self, transport: Transport, outbox: Outbox, is_open: bool = False) -> None:
         super().__init__()
         self.session = random.randint(1, 2 ** 32 - 1)
-        """Of this node."""
+        """Session of this node: a random number other than 0."""
         self._outbox = outbox
         self._server = ControlServer(self.session)
         self._server.closed = UNSEALED if is_open else ''

@@ -23,7 +23,7 @@ CALLS = 'call'
 """Type of both channels of a service stream: services of another type are refused with a reason, by the call."""
 
 BOUNDS = Bounds(messages=2 * MAX_CALLS, bytes=4 << 20, age=MAX_TIMEOUT, one_session=True)
-"""Of requests and of answers."""
+"""Bounds of the messages that wait in a channel, for requests and for answers."""
 
 RAISED = re.compile(r'service \[(?P<service>.*?)\] responded with an error: (?P<text>b.*)$', re.DOTALL)
 """rospy's words for what a service raised; the text is the repr() of bytes."""

@@ -73,7 +73,7 @@ class RobotLink:
     def __post_init__(self) -> None:
         self.repetitions, self._repeating = RepetitionBudget(), threading.Lock()
         self.datagram_size = self.transport.max_datagram_size
-        """Of frames from now on, as the transport counts it; shorter on slow links [byte]."""
+        """Size of the datagrams of new frames, as the transport counts it. It is shorter on slow links [byte]."""
 
     def afford(self, size: int, datagram: bool) -> bool:
         """As LinkView.afford; any thread."""

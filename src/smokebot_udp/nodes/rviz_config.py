@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""rviz configurations: generated from the streams, merged with what the user has arranged, with a prefix of frames."""
+"""Configurations of rviz: generated from the streams, merged with the changes of the user, with a prefix of frames."""
 import math
 import re
 import struct
@@ -15,19 +15,19 @@ FRAMES = re.compile(r'^( *(?:Fixed|Target|Reference) Frame: )(?!<)(\S.*)$', re.M
 """Lines that name a frame; <Fixed Frame> is not a name."""
 
 WIDTH, HEIGHT = 560, 883
-"""Of the docks at the left, together [pixel]."""
+"""Width and height of the docks at the left, together [pixel]."""
 
 STATUS, STATUS_HEIGHT, PRIMARY = 'Status', 161, 1.8
-"""The dock of the overlay; its height; that of the primary image, in rows of the others."""
+"""The dock of the overlay, its height [pixel], and the height of the primary image in rows of the other images."""
 
 SCENE_WIDTH = 714
-"""What is left for the scene [pixel]."""
+"""Width that is left for the scene [pixel]."""
 
 LEFT_AREA, TOP_AREA = 0, 2
-"""QInternal::DockPosition."""
+"""Values of QInternal::DockPosition."""
 
 VERTICAL, HORIZONTAL = 2, 1
-"""Qt::Orientation."""
+"""Values of Qt::Orientation."""
 
 Node = Any
 """A dock by its name, or (orientation, [(size, Node), ...])."""
@@ -107,7 +107,7 @@ def _merged_mappings(old: Any, users: Any, new: Any) -> Any:
 
 
 def _merged_lists(old: List[Any], users: List[Any], new: List[Any]) -> List[Any]:
-    """Of displays or tools."""
+    """Merge displays or tools: the user's items, without those that are no longer generated, and the new ones."""
     olds, news = ({_subject(item): item for item in items} for items in (old, new))
     known = {_subject(item) for item in users}
     kept = [_merged_mappings(olds.get(_subject(item), {}), item, news[_subject(item)])

@@ -19,16 +19,16 @@ Streams = Mapping[str, Mapping[str, Any]]
 
 PALETTE: Tuple[Colour, ...] = ((255, 40, 40), (60, 160, 255), (255, 255, 80), (255, 150, 40), (255, 90, 255),
                                (90, 255, 255), (170, 255, 120), (200, 160, 255))
-"""Of scans, and of clouds but the first one, in the order of the file."""
+"""Colours of scans, and of clouds but the first one, in the order of the file."""
 
 BY_HEIGHT = None
-"""In place of a colour: of the first cloud."""
+"""Value in place of a colour: the first cloud is coloured by its heights."""
 
 POINT = 0.6
-"""Size of a point in rviz, of the voxel: neighbours do not touch."""
+"""Size of a point in rviz as a ratio of the voxel's size: neighbours do not touch."""
 
 SMALLEST_POINT, SCAN_POINT, VIRTUAL_SCAN_POINT = 0.02, 0.06, 0.1
-"""[m]"""
+"""Minimum size of a cloud's point, and sizes of the points of a scan and of a virtual scan [m]."""
 
 QUEUE = 2
 """Messages that wait for their transforms: older ones are of no use."""

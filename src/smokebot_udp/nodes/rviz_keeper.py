@@ -43,7 +43,7 @@ PERIOD = 1.0
 """How often the master is asked whether it is still the same [s]."""
 
 END_TIMEOUT = 5.0
-"""rviz may take so long to end before it is killed [s]."""
+"""Time that rviz has to end before it is killed [s]."""
 
 
 class ForeignNode:

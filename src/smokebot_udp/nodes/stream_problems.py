@@ -8,7 +8,7 @@ import rospy
 from ..limited_log import kind_of, logwarn
 
 MAX_TEXT = 120
-"""Of a problem in RobotStatus, which crosses the link [letters]."""
+"""Maximum length of the text of a problem in RobotStatus, which crosses the link [characters]."""
 
 
 class StreamProblems:

@@ -30,19 +30,19 @@ from .parameters import TELEOP_KEYBOARD
 from .terminal import fail, is_terminal, master_answers, run_node, single_keys
 
 USUAL_WIDTH = 80
-"""Of terminals that do not say theirs [characters]."""
+"""Width of a terminal that does not report its own [characters]."""
 
 REFRESH_PERIOD = 0.25
-"""How often it is looked at what the screen shows [s]."""
+"""Maximum interval between two updates of the screen [s]."""
 
 LAST_COMMAND = 0.1
 """Time that the last stop has to leave when the program ends [s]."""
 
 NOTE_DURATION = 10.0
-"""The last event is shown for this time [s]."""
+"""Duration for which the last event is shown [s]."""
 
 READ_SIZE = 1024
-"""Keys that are read at once."""
+"""Maximum number of bytes of typed keys that are read at once."""
 
 
 def twist(velocity: Velocity) -> Any:

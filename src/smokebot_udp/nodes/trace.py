@@ -53,4 +53,4 @@ class Trace:
 
 
 TRACE = Trace(os.environ.get(VARIABLE))
-"""Of this process."""
+"""The trace of this process."""

@@ -52,7 +52,7 @@ class VideoDecoder:
 
     @property
     def pid(self) -> Optional[int]:
-        """Of the process; None: there is none."""
+        """Id of the decoder's process; None: there is none."""
         child = self._child
         return None if child is None else child.pid
 

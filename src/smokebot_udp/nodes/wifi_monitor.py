@@ -15,13 +15,13 @@ from .logging import log_error
 from .worker import PeriodicWorker
 
 PERIOD = 1.0
-"""[s]"""
+"""Interval at which the state is updated [s]."""
 
 TIMEOUT = 1.0
 """Limit of one call of iw: a driver may hang [s]."""
 
 MAX_TEXT = 1 << 18
-"""Of an output or a file no more is read: an access point may have hundreds of stations [byte]."""
+"""Maximum size of what is read of an output or a file: an access point may have hundreds of stations [byte]."""
 
 
 class WifiMonitor:

@@ -6,25 +6,25 @@ MAX_COMMAND_SIZE = 1024
 """A longer message is no command: a copy has to fit into one datagram of any link [byte]."""
 
 MICROSECONDS = 1e6
-"""In a second: the unit of times on the wire."""
+"""Microseconds in a second. Times on the wire are in microseconds."""
 
 
 class Copy(NamedTuple):
     """A copy of a command; `Command(**copy._asdict())` is its message."""
     session: int
-    """Of the operator's node."""
+    """Session of the operator's node."""
     robot: int
     """Session of the robot's node by whose clock `made` is."""
     number: int
-    """Of the command, the same in all of its copies. Serial number arithmetic (RFC 1982): 2**32 - 1 precedes 0."""
+    """Number of the command, the same in all its copies. Serial number arithmetic (RFC 1982): 2**32 - 1 precedes 0."""
     made: int
     """When the operator's node received the command, by the robot's steady clock [us]."""
     uncertainty: int
     """Maximum error of `made` [us]."""
     releases: int
-    """Of the emergency stop, as the operator's node knew."""
+    """Number of releases of the emergency stop that the operator's node knew of."""
     checksum: int
-    """checksum.typed_checksum of `data`."""
+    """Checksum of `data`, see checksum.typed_checksum."""
     data: bytes
     """The serialised message."""
 

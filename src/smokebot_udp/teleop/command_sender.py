@@ -40,19 +40,19 @@ UNKNOWN_LOSS = 0.5
 """Assumed until the robot has reported the loss."""
 
 MEAN_GAP = 0.005
-"""Between all copies, on average: 200 a second at most, whatever the rate of the source [s]."""
+"""Minimum mean interval of all copies: at most 200 leave in a second, whatever the rate of the source [s]."""
 
 BURST = 4
-"""Copies that may be ahead of that average."""
+"""Number of copies that may leave earlier than MEAN_GAP permits on average."""
 
 MAX_GAP = 0.2
-"""Between two copies of a command that is valid for long: 5 a second at least [s]."""
+"""Maximum interval between two copies of a command that is valid for long: at least 5 leave in a second [s]."""
 
 EARLY = 0.5
 """The first gap of a command as a ratio of its mean gap; it grows by one mean gap each REACH."""
 
 NUMBERS = 1 << 32
-"""Of commands, before they begin again with 0."""
+"""Number of different command numbers. After the highest one they begin again with 0."""
 
 
 def copy_gap(loss: Optional[float], age: float) -> float:
@@ -80,7 +80,7 @@ class CommandSender:
     def __init__(self, session: int, md5sum: str, max_age: float) -> None:
         self.max_age = max_age
         self.loss: Optional[float] = None
-        """Of the link's datagrams, as the robot reports it, 0..1; None and what is no loss: unknown."""
+        """Loss of the link's datagrams as the robot reports it, 0..1; None, or no possible loss: unknown."""
         self._session, self._md5sum = session, md5sum
         self._copy: Optional[Copy] = None
         self._number = 0

@@ -32,7 +32,7 @@ class Operator:
 
     @property
     def session(self) -> int:
-        """Of its node."""
+        """Session of the operator's node."""
         return self.living.current
 
 

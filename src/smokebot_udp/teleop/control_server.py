@@ -17,10 +17,10 @@ from .requests import Answers, untimely
 from .sessions import LEASE
 
 PERIOD, IDLE_PERIOD = 0.2, 0.5
-"""At which the status is sent: while commands come, and until LEASE after a request or a change; and otherwise [s];"""
+"""Interval of the status: while commands come and until LEASE after a request or a change; and otherwise [s]."""
 
 MIN_INTERVAL = 0.01
-"""a change and a request are answered at once, but no faster than this [s]."""
+"""Minimum interval of the status. A change and a request are answered at once, but no faster than this [s]."""
 
 EMERGENCY_STOP = 'emergency stop'
 NOT_IN_CONTROL = 'not in control'
@@ -31,10 +31,10 @@ REQUESTS, REPORTS = 'requests', 'reports'
 """The topics of requests and of link reports for LossMeter."""
 
 MAX_SESSIONS = 64
-"""Remembered, those that have ended included."""
+"""Maximum number of sessions that are remembered, including those that have ended."""
 
 TELLING = 2.0
-"""Who is no operator is told the answer to its request for this long after a copy of it came [s]."""
+"""Time after a copy of a request for which its sender is told the answer, if it is no operator [s]."""
 
 
 @dataclasses.dataclass
@@ -43,9 +43,9 @@ class _Peer:
     heard: float
     """When a datagram of it came last [s]."""
     clock: float = 0.0
-    """Of its newest request, by its own clock [s]."""
+    """Time of the session's newest request, by the operator's clock [s]."""
     came: float = 0.0
-    """When that came [s]."""
+    """When the newest request came [s]."""
     loss: LossMeter = dataclasses.field(default_factory=LossMeter)
 
 

@@ -8,16 +8,16 @@ import collections
 from typing import Deque, Dict, Optional, Set, Tuple
 
 WINDOW = 2.0
-"""[s]"""
+"""Duration of the window [s]."""
 
 MAX_NUMBERS = 1024
-"""Of a topic that are remembered; the window is shorter if more come."""
+"""Maximum number of sequence numbers that are remembered of a topic. The window is shorter if more arrive."""
 
 MAX_STEP = 1 << 14
-"""A number that is farther from the highest is of a publisher that numbers anew."""
+"""Maximum distance of a number from the highest one. A number farther away is of a publisher that numbers anew."""
 
 MODULUS = 1 << 32
-"""Of the sequence numbers."""
+"""Number of different sequence numbers. After the highest one they begin again with 0."""
 
 
 class _Topic:

@@ -32,13 +32,13 @@ class Wish(enum.IntEnum):
 class Request(NamedTuple):
     """An operator's presence, and what it asks of the robot."""
     session: int
-    """Of the operator's node: a random number other than 0."""
+    """Session of the operator's node: a random number other than 0."""
     clock: float
     """When this was sent, by the operator's steady clock [s]."""
     robot: int = 0
     """Session of the robot's node that is asked; 0: any."""
     id: int = 0
-    """Of what is asked; grows. 0: nothing is asked."""
+    """Id of what is requested. It grows with each request; 0: nothing is requested."""
     wish: Wish = Wish.NOTHING
     made: float = 0.0
     """When it was asked, by the robot's steady clock [s]; 0: unknown."""
@@ -98,7 +98,7 @@ class PeerStatus(NamedTuple):
 class Status(NamedTuple):
     """Who drives, and whether the emergency stop is engaged."""
     session: int
-    """Of the robot's node: a random number other than 0."""
+    """Session of the robot's node: a random number other than 0."""
     clock: float
     """When this was sent, by the robot's steady clock [s]."""
     driver: str = ''

@@ -17,25 +17,25 @@ from ..newest import Newest
 from .records import Wish
 
 MAX_AGE = 1.0
-"""Of a request when it comes to the robot, by the robot's clock [s]."""
+"""Maximum age of a request when it arrives at the robot, by the robot's clock [s]."""
 
 MAX_AHEAD = 0.1
-"""A request may seem to be made this much later than now: clocks are compared over a link that delays [s]."""
+"""Time by which a request may seem to be made in the future: clocks are compared over a link that delays [s]."""
 
 BURST = 5
-"""Copies of a request"""
+"""Number of copies of a request that are sent at BURST_INTERVAL."""
 
 BURST_INTERVAL = 0.005
-"""that are sent at this interval, also by a late thread within 40 ms [s];"""
+"""Interval of the first BURST copies of a request. A late thread, too, sends all of them within 40 ms [s]."""
 
 INTERVAL = 0.02
-"""then one at this interval until it is answered: 50 Hz [s]."""
+"""Interval of the further copies of a request until it is answered: 50 Hz [s]."""
 
 TIMEOUT = 3.0
-"""A request that is not answered for this long is given up, except for an emergency stop [s]."""
+"""Time without an answer after which a request is given up, except for an emergency stop [s]."""
 
 MAX_OUTCOMES = 64
-"""That are remembered."""
+"""Maximum number of outcomes that are remembered."""
 
 UNANSWERED = 'the robot does not answer'
 SUPERSEDED = 'the emergency stop came before it'
@@ -93,7 +93,7 @@ class Pending:
     replaced: Tuple[int, ...] = ()
     """Ids of the same wish asked before, whose outcome is this one's."""
     copies: int = 0
-    """That were sent."""
+    """Number of copies that were sent."""
 
 
 class RequestClient:

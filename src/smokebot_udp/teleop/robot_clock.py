@@ -44,7 +44,7 @@ class RobotClock:
 
     def __init__(self) -> None:
         self.session = 0
-        """Of the robot's node; 0: unknown."""
+        """Session of the robot's node; 0: unknown."""
         self.refused: Counter[str] = collections.Counter()
         """Answers without effect, by reason: no session, unasked, and those of ClockOffset."""
         self._questions: Deque[int] = collections.deque(maxlen=MAX_QUESTIONS)

@@ -21,7 +21,7 @@ from .steady import STEP
 
 
 class State(enum.Enum):
-    """Of a command stream; the value is its name in diagnostics."""
+    """State of a command stream. The value is its name in diagnostics."""
     IDLE = 'idle'
     DRIVING = 'driving'
     STOPPING = 'stopping'
