@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Checks docstrings: `check_language.py [FILE ...]`, without any: of all Python files.
+"""Checks docstrings: `check_language.py [FILE or FOLDER ...]`, without any: of all Python files.
 
 help() and an editor's hover show the docstring of a module, class, function, constant or field alone. So it stands
 alone: it does not begin with "Of" or in lower case, and does not end with a comma or semicolon.
@@ -65,10 +65,9 @@ def check(paths: List[pathlib.Path]) -> List[Found]:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description='Check that docstrings stand alone.')
-    parser.add_argument('files', nargs='*', type=lambda text: pathlib.Path(text).resolve())
-    files = parser.parse_args().files or sorted(
-        path for folder in FOLDERS for path in (TOP / folder).rglob('*.py'))
-    found = check(files)
+    parser.add_argument('places', nargs='*', type=lambda text: pathlib.Path(text).resolve(), metavar='FILE or FOLDER')
+    places = parser.parse_args().places or [TOP / folder for folder in FOLDERS]
+    found = check([path for place in places for path in (sorted(place.rglob('*.py')) if place.is_dir() else [place])])
     print('\n'.join(map(str, found)), end='\n' * bool(found))
     return int(bool(found))
 
