@@ -115,7 +115,7 @@ class Band(NamedTuple):
     odds: int
     start: int
     weight: float
-    """squared"""
+    """Squared weight of the band's coefficients in the error of the image."""
 
 
 @specialised
