@@ -24,7 +24,7 @@ GOAL, GOAL_PLUS = 0.7, 300
 """Goal of the size of the tiles of a map of three values: at most this part of zlib's, plus this number of bytes."""
 STEPS = 'tiling', 'encode', 'decode', 'change', 'pool', 'look'
 QUEUED = 4000
-"""Number of tiles of which the next ones are looked for, up to fifty times a second."""
+"""Number of tiles in a map. The next ones to send are chosen up to fifty times a second."""
 
 
 def maps(quick: bool) -> Dict[str, Array]:

@@ -67,7 +67,7 @@ RELAYED = {'relayed odometry': 'odometry', 'relayed transforms': 'transforms'}
 """{kind of a relay's segments, as they leave: kind of the messages that they carry}"""
 
 LARGE = {Image, CompressedImage, PointCloud2}
-"""Message classes of which only two messages wait in the queue."""
+"""Message classes whose subscribers have a queue of two messages."""
 
 STAMP = struct.Struct('<II')
 """Format of a header's stamp, which follows its sequence number: seconds, nanoseconds."""

@@ -4,6 +4,7 @@ from typing import Any, Dict, List, Optional, Tuple
 
 import pytest
 
+from smokebot_udp.long_messages import REMEDY
 from smokebot_udp.monitoring import check
 from smokebot_udp.monitoring.check import Checked, Cost, Finding, Heard
 from smokebot_udp.monitoring.sources import LISTENER, SERVICE, TOPIC, Graph, Source
@@ -46,7 +47,7 @@ def judged(stream: Checked) -> List[Tuple[int, str]]:
      [(WARN, "tf knows no way from its frame 'lost' to the fixed frame: rviz cannot place it")]),
     (scan(failure='its ranges are 5'), [(ERROR, 'a message cannot be sent: its ranges are 5')]),
     (relay(heard=GOOD._replace(size=300000.0)),
-     [(WARN, 'its messages take 215 datagrams each, and are lost with any of them; ' + check.LONG_REMEDY)]),
+     [(WARN, 'its messages take 215 datagrams each, and are lost with any of them; ' + REMEDY)]),
     (relay({'reliable': True}, heard=GOOD._replace(size=300000.0)), []),
     (relay(heard=GOOD._replace(frame='lost', size=100.0)), []),
     (scan(source=SCAN._replace(type='a/B')), [(ERROR, '/scan is published as sensor_msgs/LaserScan, must be a/B')]),

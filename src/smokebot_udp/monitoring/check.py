@@ -2,17 +2,12 @@
 """What `check` finds wrong with a streams.yaml and what the robot publishes, before the mission."""
 from typing import Any, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
+from ..long_messages import REMEDY, datagrams
 from .sources import SERVICE, Graph, Source, problem_of
 from .status import ERROR, LEVELS, OK, WARN
 
 MAX_OFFSET = 1.0
 """Maximum difference between stamps and this machine's clock. Beyond it, ages are wrong and commands refused [s]."""
-
-LONG_REMEDY = 'with "reliable: true" and "newest: true" the newest one arrives whole'
-"""Advice for a relayed message that is longer than LARGEST."""
-
-LARGEST = 1400
-"""Maximum size of a relayed message. A longer one takes several datagrams, and is lost with any of them [byte]."""
 
 PLACED = {'cloud', 'scan', 'virtual_scan', 'grid'}
 """Types that rviz draws in the frame of their messages."""
@@ -104,9 +99,10 @@ def _of_messages(stream: Checked, missing_frames: Sequence[str]) -> List[Tuple[i
         found.append('its messages have no frame_id: rviz cannot place them')
     elif settings['type'] in PLACED and heard.frame in missing_frames:
         found.append('tf knows no way from its frame %r to the fixed frame: rviz cannot place it' % heard.frame)
-    if settings['type'] == 'relay' and not settings['reliable'] and heard.size > LARGEST and not is_own(stream.source):
+    if settings['type'] == 'relay' and not settings['reliable'] and datagrams(heard.size) > 1 and not is_own(
+            stream.source):
         found.append('its messages take %d datagrams each, and are lost with any of them; %s' % (
-            -(-heard.size // LARGEST), LONG_REMEDY))
+            datagrams(heard.size), REMEDY))
     return [(WARN, text) for text in found]
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The channels of a ReliableLink: what both sides agree on, what a channel tells its owner, and its counts."""
+"""The channels of a ReliableLink: what both sides agree on, what a channel reports to its owner, and its counts."""
 import time
 import zlib
 from dataclasses import dataclass, field

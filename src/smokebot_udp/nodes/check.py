@@ -53,7 +53,7 @@ LINK_TIMEOUT = 3.0
 
 
 class Listener:
-    """Listens to one topic, whatever its type.
+    """Listens to one topic of any type.
 
     :param each: called with each message, rospy.AnyMsg
     """

@@ -42,7 +42,7 @@ class WayBack:
         for sentence in why.values():
             parameters.report(sentence)
         parameters.refused.update(why)
-        # whoever calls a refused service, or sends a goal, is told why
+        # callers of a refused service, and senders of goals, get the reason as the answer
         wanted = {name: settings for name, settings in defined.items()
                   if name not in why or (side == OPERATOR and settings['type'] in ANSWERING)}
 

@@ -4,11 +4,9 @@ import math
 import re
 from typing import Any, Collection, Dict, List, Mapping, NamedTuple, Sequence, Set, Tuple
 
+from ..long_messages import REMEDY, datagrams
 from ..mission.roles import OBSTACLES, PRIMARY_IMAGE, roles_of, words_of
 from .config import FRAMES
-
-LARGEST = 1400
-"""Longest relayed message that fits a datagram [byte]."""
 
 MAX_RATE = 10.0
 """Maximum rate that is proposed. Operators see no more, and the link has other streams [Hz]."""
@@ -234,7 +232,7 @@ def _sensor(topic: Topic) -> Settings:
 
 def _relay(topic: Topic) -> _Draft:
     """A relay; one that would not work well is a comment."""
-    settings, parts = _typed('relay', topic.name, topic.type), -(-topic.size // LARGEST)
+    settings, parts = _typed('relay', topic.name, topic.type), datagrams(topic.size)
     if not topic.installed:
         return _Draft(topic.name, settings, 'this machine does not know its type', True)
     if topic.latched:
@@ -249,7 +247,7 @@ def _relay(topic: Topic) -> _Draft:
                                    ('newest', True, 'a new one replaces one that waits')])
     if parts > 1:
         return _Draft(topic.name, settings + _rate(topic), 'a message takes %d datagrams, and is lost with any of '
-                      'them; with "reliable: true" and "newest: true" the newest one arrives whole' % parts, True)
+                      'them; %s' % (parts, REMEDY), True)
     return _Draft(topic.name, settings + _rate(topic))
 
 

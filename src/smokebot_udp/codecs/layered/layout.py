@@ -29,7 +29,7 @@ STEP_BITS, RATE_BITS = 16, 30
 BLOCK = 4
 """Side of the blocks that are coded as one while all their coefficients are zero."""
 SIDE = 8
-"""Side of the blocks of a band, each of which is predicted or not [coefficient]. The last ones of rows and columns are
+"""Side of a block of a band [coefficient]. Each block is predicted or not. The last ones of rows and columns are
 smaller."""
 HL, LH, HH, LL = range(4)
 """Orientations: of the columns' and rows' high halves."""

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Segments to sensor_msgs/Image. Each part has a coding of its own, and a receiver of it.
 
-Of an image of which nothing can be restored nothing is published: the one before goes on growing old. Nor is one whose
-reference is not held.
+An image is not published if nothing of it can be restored, or if its reference is not held. The image before it stays,
+and its age grows.
 """
 import functools
 from types import SimpleNamespace
