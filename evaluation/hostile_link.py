@@ -101,6 +101,8 @@ class HostileLink(Started):
             raise RuntimeError('no image comes: see nodes.log')
         self._memory = KeptMemory({side: node.pid for side, node in nodes.items()}, self._kept)
         recording.join()
+        self.replayed = self._replay()
+        """What the robot dropped when it got the recorded handshake again; soon, for its cookie is good for a minute."""
         self._strangers['operator'] = self._stranger('operator', '%s:%d' % (ADDRESSES['operator'], self._port()))
         self._strangers['operator'].ask('record 5')
 
@@ -162,6 +164,14 @@ class HostileLink(Started):
     def _ask(self, side: str, command: str) -> Dict[str, int]:
         sent: Dict[str, int] = json.loads(self._strangers[side].ask(command, self._patience))
         return sent
+
+    def _replay(self) -> Dict[str, int]:
+        before = self._dropped('robot')
+        self._ask('robot', 'replay')
+        deadline = time.monotonic() + STARTING
+        while not self._newly_dropped('robot', before) and time.monotonic() < deadline:
+            time.sleep(0.1)
+        return self._newly_dropped('robot', before)
 
     def _uninvited(self) -> Dict[str, int]:
         """Operators with another key, and with none, until both were refused."""

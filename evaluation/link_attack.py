@@ -4,8 +4,8 @@
     python3 -m evaluation.link_attack --to 10.77.0.1:17001 [--count 1000000] [--rate 20000] [--half-open 10000]
 
 It runs on the side of its target. It sees all that passes on the link, and sends from any address, that of the true
-peer among them. It has no key. It obeys lines on its standard input: `record SECONDS`, `flood`, `half-open`; each is
-answered by a line of JSON with the number of datagrams by kind.
+peer among them. It has no key. It obeys lines on its standard input: `record SECONDS`, `replay`, `flood`,
+`half-open`; each is answered by a line of JSON with the number of datagrams by kind.
 """
 import argparse
 import collections
@@ -138,6 +138,17 @@ def flood(to: Address, attack: Attack, count: int, rate: float) -> Counter[str]:
     return counts
 
 
+def replay(to: Address, genuine: Sequence[Forged], kind: Kind) -> Counter[str]:
+    """Send all recorded datagrams of a kind again, from the addresses that they came from."""
+    counts: Counter[str] = collections.Counter()
+    with Forger() as forger:
+        for source, payload in genuine:
+            if payload[0] == kind:
+                counts[kind.name] += 1
+                send(forger, source, to, payload, counts)
+    return counts
+
+
 def send(forger: Forger, source: Address, to: Address, payload: bytes, counts: Counter[str]) -> None:
     """Send a datagram, and count it where it cannot leave."""
     try:
@@ -228,6 +239,8 @@ def main(arguments: Sequence[str]) -> None:
         if word == 'record':
             genuine += record(to, float(rest[0]))
             answer = collections.Counter(str(payload[0]) for _, payload in genuine)
+        elif word == 'replay':
+            answer = replay(to, genuine, Kind.INIT)
         elif word == 'flood':
             answer = flood(to, Attack(genuine, random.Random(options.seed)), options.count, options.rate)
         else:

@@ -36,6 +36,9 @@ UNCHANGED = 'tf_static', 'map'
 PATIENCE = 60.0
 """A start or a restart over the bad link is to come to its end within this; it takes some 10 s [s]."""
 
+LAST_LINES = 30
+"""Number of lines of the nodes' log that a failure repeats."""
+
 DATAGRAMS = {'thermal': 50, 'camera': 50, 'lidar': 8, 'obstacle_scan': 2, 'landmark_scan': 2, 'scan': 2, 'odom': 1,
              'gas': 1}
 """{stream with a steady source: so many datagrams, at least, one message of it takes}"""
@@ -56,8 +59,11 @@ class LabStreams(unittest.TestCase):
 
     @classmethod
     def setUpClass(cls) -> Any:
+        cls.folder = tempfile.TemporaryDirectory()
+        cls.addClassCleanup(cls.folder.cleanup)
+        cls.log = pathlib.Path(cls.folder.name) / 'nodes.log'
         try:
-            cls.stack = Stack(seed=5)
+            cls.stack = Stack(seed=5, log=cls.log)
         except LabError as error:
             raise unittest.SkipTest(str(error)) from None
         cls.addClassCleanup(cls.stack.close)
@@ -66,8 +72,6 @@ class LabStreams(unittest.TestCase):
         cls.streams['thermal']['publish_mask'] = True
         for name in 'thermal', 'camera':
             cls.streams[name]['coding'] = 'interleaved'     # DATAGRAMS are of raw pixels
-        cls.folder = tempfile.TemporaryDirectory()
-        cls.addClassCleanup(cls.folder.cleanup)
         cls.file = pathlib.Path(cls.folder.name) / 'streams.yaml'
         cls.file.write_text(yaml.safe_dump({'streams': cls.streams}))
         # it hardly moves: every cloud has as many points
@@ -99,10 +103,15 @@ class LabStreams(unittest.TestCase):
     def assert_all_come(self, found, but=()) -> None:
         """:param found: {topic: [s]} as Listener.first tells; but: streams that need not come"""
         wanted = {topic for name, topic in self.topics.items() if name not in but}
-        self.assertEqual(wanted - set(found), set(), 'nothing came of these in %g s' % PATIENCE)
+        self.assertEqual(wanted - set(found), set(), 'nothing came of these in %g s\n%s\n%s' % (
+            PATIENCE, {side: node.poll() for side, node in self.nodes.items()}, self.said()))
         print('%s: first picture after %.1f s, all streams after %.1f s' % (
             self.id().split('.')[-1], min(found[self.topics[name]] for name in ('thermal', 'camera')),
             max(found[topic] for topic in wanted)), file=sys.stderr)
+
+    def said(self) -> str:
+        """What the nodes said last."""
+        return '\n'.join(self.log.read_text(errors='replace').splitlines()[-LAST_LINES:])
 
     def restart(self, side, link, *arguments, but=()) -> None:
         """A side fails at once, and is started again over a link: until all of the streams come."""
