@@ -102,7 +102,7 @@ class HostileLink(Started):
         self._memory = KeptMemory({side: node.pid for side, node in nodes.items()}, self._kept)
         recording.join()
         self.replayed = self._replay()
-        """What the robot dropped when it got the recorded handshake again; soon, for its cookie is good for a minute."""
+        """What the robot dropped when it got the recorded handshake again: soon, as its cookie is good for a minute."""
         self._strangers['operator'] = self._stranger('operator', '%s:%d' % (ADDRESSES['operator'], self._port()))
         self._strangers['operator'].ask('record 5')
 

@@ -51,6 +51,10 @@ ESTOP_TOPIC, RELEASE_TOPIC, STATE_TOPIC = '/operator/estop', '/operator/estop_re
 IN_CONTROL = 'in control'
 """The state in which commands leave and are obeyed."""
 
+DONE = {Wish.TAKE_CONTROL: 'this operator drives', Wish.RELEASE_CONTROL: 'nobody drives',
+        Wish.ENGAGE_ESTOP: 'the emergency stop is engaged', Wish.RELEASE_ESTOP: 'the emergency stop is released'}
+"""{what was asked for: the answer of a service where the robot has done it}"""
+
 LOCKED = 'LOCKED: '
 NO_COMMANDS = 'no command stream'
 
@@ -247,7 +251,7 @@ class OperatorControl(Part):
         if outcome is None:
             return False, 'the robot has not answered in %g s%s' % (
                 PATIENCE, ': it is asked until it does' if wish == Wish.ENGAGE_ESTOP else '')
-        return not outcome, outcome or 'done'
+        return not outcome, outcome or DONE[wish]
 
     def _begin(self, wish: Wish) -> int:
         """:raises ValueError: where the robot cannot be asked, or what is asked may have waited here"""

@@ -87,7 +87,7 @@ class OperatorReceiver:
             way_back = opened.add(WayBack(OPERATOR, definitions, OperatorWay(
                 transport, control, reliable, prefix, self._view_age), parameters))
             wifi = opened.started(WifiMonitor(self._reporter.hosts, parameters['wifi_interface']))
-            opened.add(operator_diagnostics(self.streams, way_back, self._clock, parameters, problems, robot.sent,
+            opened.add(operator_diagnostics(self.streams, way_back, self._clock, parameters, problems, robot,
                                             transport, lambda: wifi.state))
             self._start_displays(parameters, robot, wifi)
         stores = {name: stream.settings for name, stream in self.streams.items() if stream.settings.table}
