@@ -76,7 +76,7 @@ class HostileLink(Started):
     def __init__(self, folder: pathlib.Path, count: int, rate: float, half_open: int, seed: int = 1,
                  kept: float = KEPT) -> None:
         super().__init__()
-        self._folder, self._kept, self._patience = folder, kept, max(count, half_open) / SLOWEST + STARTING
+        self._folder, self._kept, self._timeout = folder, kept, max(count, half_open) / SLOWEST + STARTING
         key_file = folder / 'link.key'
         make_key(str(key_file))
         self.stack = self.enter_context(OwnMasters(seed, folder / 'nodes.log', key_file))
@@ -162,7 +162,7 @@ class HostileLink(Started):
         return self._ask(side, 'flood')
 
     def _ask(self, side: str, command: str) -> Dict[str, int]:
-        sent: Dict[str, int] = json.loads(self._strangers[side].ask(command, self._patience))
+        sent: Dict[str, int] = json.loads(self._strangers[side].ask(command, self._timeout))
         return sent
 
     def _replay(self) -> Dict[str, int]:

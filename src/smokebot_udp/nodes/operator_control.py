@@ -36,7 +36,7 @@ from .opened import Part
 from .robot_control import REQUEST, STATUS
 from .worker import DeadlineWorker, PeriodicWorker
 
-PATIENCE = 3.0
+ANSWER_TIMEOUT = 3.0
 """How long a service waits for the robot's answer [s]."""
 
 CLOCK_PERIOD = 0.05
@@ -242,7 +242,7 @@ class OperatorControl(Part):
             request = self._begin(wish)
         except ValueError as error:
             return False, str(error)
-        deadline = time.monotonic() + PATIENCE
+        deadline = time.monotonic() + ANSWER_TIMEOUT
         with self._answered:
             outcome = self._outcome(request)
             while outcome is None and time.monotonic() < deadline and not rospy.is_shutdown():
@@ -250,7 +250,7 @@ class OperatorControl(Part):
                 outcome = self._outcome(request)
         if outcome is None:
             return False, 'the robot has not answered in %g s%s' % (
-                PATIENCE, ': it is asked until it does' if wish == Wish.ENGAGE_ESTOP else '')
+                ANSWER_TIMEOUT, ': it is asked until it does' if wish == Wish.ENGAGE_ESTOP else '')
         return not outcome, outcome or DONE[wish]
 
     def _begin(self, wish: Wish) -> int:

@@ -93,7 +93,7 @@ class OperatorReceiver:
         stores = {name: stream.settings for name, stream in self.streams.items() if stream.settings.table}
         parts = [LiveSettings(name, store, problems.report) for name, store in {**stores, **way_back.stores}.items()]
         opened.add(ParameterWatch(parts, background=True))
-        opened.add(self._mirror_settings({**self.streams, **way_back.streams}, parameters['focus_patience'], problems))
+        opened.add(self._mirror_settings({**self.streams, **way_back.streams}, parameters['focus_timeout'], problems))
         rospy.on_shutdown(opened.close)
 
     def _arrived(self, stream: str, number: int, seq: int, size: int, count: int, when: float, marked: int) -> None:
