@@ -48,7 +48,7 @@ def settle(*publishers: Any, count: int = 1) -> None:
     wait_for(lambda: all(publisher.get_num_connections() == count for publisher in publishers))
 
 
-def test_a_short_receive_buffer_is_a_remark(keyed: Links, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_short_receive_buffer_is_a_remark(keyed: Links, monkeypatch: Any) -> None:
     assert not keyed.robot()[0].stats(0.0).remarks      # type: ignore[union-attr]
     monkeypatch.setattr('smokebot_udp.udpros.endpoints._grow_receive_buffer', lambda sock, size: 425984)
     robot, _ = keyed.robot()

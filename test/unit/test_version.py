@@ -78,7 +78,7 @@ def test_other_wire_formats_are_refused(publisher: Optional[Software], subscribe
 # the link of two masters
 
 @pytest.fixture
-def recorded_format(monkeypatch: pytest.MonkeyPatch) -> None:
+def recorded_format(monkeypatch: Any) -> None:
     """The handshake of all wire formats is that of the one that was recorded, but for their number."""
     for module in (robot_core, operator_core, packets):
         monkeypatch.setattr(module, 'VERSION', RECORDED_FORMAT)
