@@ -22,9 +22,13 @@ case $1 in
     build)
         apt-get update
         bring packages.txt python3-opencv python3-rospkg python3-pcl
+        # Debian 11's rospy and rostest call what Python 3.9 removed; Noetic's Python 3.8 has it
+        echo 'import threading; threading.Thread.isAlive = threading.Thread.is_alive' \
+            >"$(python3 -c 'import site; print(site.getsitepackages()[0])')/isalive.pth"
         mkdir -p "$workspace/src"
         ln -sfn "$top" "$workspace/src/smokebot_udp"
-        catkin_make -C "$workspace" ;;
+        catkin_make -C "$workspace"
+        PYTHONPATH=$top/src python3 -m smokebot_udp.codecs.layered.compile ;;
     demo)
         # shellcheck disable=SC1091
         source "$workspace/devel/setup.bash"
