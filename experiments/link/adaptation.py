@@ -8,6 +8,7 @@ import time
 from typing import Any, Callable, Dict, Iterator, List, Mapping, Sequence, Union
 
 import numpy as np
+from matplotlib.ticker import StrMethodFormatter
 
 from evaluation import rate_steps, recorder
 from evaluation.rate_steps import METHODS, Counts, DisplayHistory, Method, RateStepRun, Step
@@ -291,7 +292,7 @@ def draw_times(rows: Sequence[table.Row], path: pathlib.Path) -> None:
     axes[0].set_yscale('log')
     axes[3].set(yscale='log', xlabel='time [s]')
     for ax in (axes[0], axes[3]):
-        ax.yaxis.set_major_formatter('{x:g}')
+        ax.yaxis.set_major_formatter(StrMethodFormatter('{x:g}'))
     drawing.legend_right(axes[0])
     drawing.save(figure, path)
 

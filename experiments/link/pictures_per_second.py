@@ -4,6 +4,8 @@ import pathlib
 from itertools import product
 from typing import Any, List, Optional, Sequence, Tuple, Union
 
+from matplotlib.ticker import StrMethodFormatter
+
 from evaluation.link_run import IMAGE_METHODS, LinkRun, summary
 from evaluation.sensor_source import RATE
 
@@ -61,7 +63,7 @@ def plot(folder: pathlib.Path) -> List[Union[Figure, Table]]:
     drawing.save(figure, folder / 'rates.png')
     figure, axes = draw(rows, delays, losses, 'age p99 [s]', 1e3)
     axes[0].set(ylabel='age, p99 [ms]', yscale='log')
-    axes[0].yaxis.set_major_formatter('{x:.0f}')
+    axes[0].yaxis.set_major_formatter(StrMethodFormatter('{x:.0f}'))
     drawing.save(figure, folder / 'ages.png')
     return [Figure('rates.png', 'Images per second over loss.'),
             Figure('ages.png', 'The age of images when they arrive, 99th percentile. A line ends where no image '

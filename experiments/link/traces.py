@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any, Dict, List, NamedTuple, Sequence, Tuple
 
 import numpy as np
+from matplotlib.ticker import StrMethodFormatter
 
 from evaluation.link_run import IMAGE_METHODS, LOAD_CODEC, LinkRun, Method, repeated
 from smokebot_udp.arrays import FloatArray
@@ -134,7 +135,7 @@ def draw(folder: pathlib.Path, name: str) -> None:
     conditions.set_ylabel('the link')
     rate.set(ylabel='images per second', ylim=(0, 16))
     age.set(ylabel='age of what\nis shown [s]', yscale='log')
-    age.yaxis.set_major_formatter('{x:g}')
+    age.yaxis.set_major_formatter(StrMethodFormatter('{x:g}'))
     completeness.set(ylabel='pixels received [%]', xlabel='time [s]', ylim=(-5, 105))
     for ax in axes:
         drawing.legend_right(ax)

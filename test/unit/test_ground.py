@@ -217,7 +217,7 @@ def test_no_plane_through_a_line(fit) -> None:
 
 
 def test_same_points_have_no_plane() -> None:
-    for fit in fit_by_numpy, *([fit_by_loops] if optional.attempt('numba').module else []):
+    for fit in [fit_by_numpy, *([fit_by_loops] if optional.attempt('numba').module else [])]:
         assert fit(np.ones((100, 3), np.float32), 0.04, np.random.RandomState(0)) is None
 
 

@@ -144,7 +144,7 @@ def test_depth_keeps_nan_and_infinities(is_bigendian: bool) -> None:
     found = pixels_of(assembled, '>f4' if is_bigendian else '<f4')
     finite = np.isfinite(depth)
     assert (np.abs(found[finite] - depth[finite]) <= 0.125 + 1e-6).all()
-    assert np.array_equal(np.where(finite, 0, found), np.where(finite, 0, depth), equal_nan=True)
+    np.testing.assert_array_equal(np.where(finite, 0, found), np.where(finite, 0, depth))
     worse = Operator()
     worse(records[:4], 1.0)
     assembled, = worse.poll(2.0)

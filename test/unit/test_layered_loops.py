@@ -12,7 +12,12 @@ import pytest
 
 pytest.importorskip('numba')
 
-from numba.core.dispatcher import _DispatcherBase  # noqa: E402
+try:
+    from numba.core.dispatcher import _DispatcherBase
+    from numba.core.runtime import rtsys
+except ImportError:     # numba 0.48
+    from numba.dispatcher import _DispatcherBase
+    from numba.runtime import rtsys
 
 from smokebot_udp.arrays import Array  # noqa: E402
 from smokebot_udp.codecs.layered import cache, image  # noqa: E402
@@ -33,8 +38,6 @@ def test_indexes_out_of_range_are_found_in_these_tests() -> None:
 
 def test_loops_free_what_they_allocate() -> None:
     # functions that do not count references must not make arrays, nor call those that do
-    from numba.core.runtime import rtsys
-
     from smokebot_udp.codecs.layered import motion
     image_, other = (np.random.RandomState(1).randint(0, 256, (61, 83)).astype(np.uint8).repeat(2, 0)[:64, k:k + 70]
                      for k in (0, 1))

@@ -318,7 +318,7 @@ def test_depth_is_predicted_where_it_is_finite() -> None:
     assert any(link.predicted)
     found = pixels_of(shown, np.float32)
     finite = np.isfinite(depth)
-    assert np.array_equal(np.where(finite, 0, found), np.where(finite, 0, depth), equal_nan=True)
+    np.testing.assert_array_equal(np.where(finite, 0, found), np.where(finite, 0, depth))
     assert np.abs(found[finite] - depth[finite]).max() < 0.01
 
 
