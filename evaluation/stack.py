@@ -62,8 +62,9 @@ class Stack:
 
         :param options: of subprocess.Popen
         """
+        # what is waited for in a log must not stay in a buffer
         process = processes.start(self.lab.command(side, command), death_signal='KILL', **{
-            'env': {**self.environment(side), **self.variables}, 'stdout': self._log, 'stderr': self._log,
+            'env': {**self.environment(side), 'PYTHONUNBUFFERED': '1', **self.variables}, 'stdout': self._log, 'stderr': self._log,
             'start_new_session': True, **options})
         self._processes.append(process)
         return process
