@@ -64,8 +64,8 @@ class Stack:
         """
         # what is waited for in a log must not stay in a buffer
         process = processes.start(self.lab.command(side, command), death_signal='KILL', **{
-            'env': {**self.environment(side), 'PYTHONUNBUFFERED': '1', **self.variables}, 'stdout': self._log, 'stderr': self._log,
-            'start_new_session': True, **options})
+            'env': {**self.environment(side), 'PYTHONUNBUFFERED': '1', **self.variables},
+            'stdout': self._log, 'stderr': self._log, 'start_new_session': True, **options})
         self._processes.append(process)
         return process
 
