@@ -143,7 +143,9 @@ def run_streams() -> Tuple[Dict[str, RobotStream], Dict[str, Any]]:
         rate = opened.add(LinkControl(shared, link, streams, control.reported, parameters['wifi_interface'],
                                       captures.demands))
         stores = {name: stream.settings for name, stream in streams.items()}
-        opened.add(FocusControl({**stores, **way_back.stores}, profiles, link, rate, control, found, problems.report))
+        opened.add(FocusControl({**stores, **way_back.stores}, profiles, transport.own_masters, reliable, rate,
+                                control, found, problems.report))
+        reliable.start()
         opened.add(ClockServer(transport))
         opened.add(HeldReports(streams, transport))
         opened.add(robot_diagnostics(streams, way_back, rate, parameters, problems, transport, found))

@@ -52,8 +52,6 @@ class WayBack:
         self.streams: Dict[str, WayBackStream] = start_streams(wanted, make_stream, parameters.report,
                                                                parameters.refused.__setitem__)
         """{name: stream}, started"""
-        if acknowledged.keys() - why.keys():
-            way.reliable.start()
 
     @property
     def stores(self) -> Dict[str, SettingsStore]:
