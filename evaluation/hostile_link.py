@@ -42,7 +42,7 @@ SLOWEST = 1000.0
 QUIET = 5.0
 """[s]"""
 
-REFUSALS = {'refused: wrong key', 'refused: needs key'}
+REFUSAL = 'refused: wrong key'
 """Reasons that the robot's node reports."""
 
 
@@ -77,9 +77,7 @@ class HostileLink(Started):
                  kept: float = KEPT) -> None:
         super().__init__()
         self._folder, self._kept, self._patience = folder, kept, max(count, half_open) / SLOWEST + STARTING
-        key_file = folder / 'link.key'
-        make_key(str(key_file))
-        self.stack = self.enter_context(OwnMasters(seed, folder / 'nodes.log', key_file))
+        self.stack = self.enter_context(OwnMasters(seed, folder / 'nodes.log'))
         self._options = ['--count', str(count), '--rate', str(rate), '--half-open', str(half_open)]
         self._strangers: Dict[str, Peer] = {}
         with self.starting():
@@ -102,7 +100,7 @@ class HostileLink(Started):
         self._memory = KeptMemory({side: node.pid for side, node in nodes.items()}, self._kept)
         recording.join()
         self.replayed = self._replay()
-        """What the robot dropped when it got the recorded handshake again; soon, for its cookie is good for a minute."""
+        """What the robot dropped when it got the recorded handshake again; soon: its cookie is good for a minute."""
         self._strangers['operator'] = self._stranger('operator', '%s:%d' % (ADDRESSES['operator'], self._port()))
         self._strangers['operator'].ask('record 5')
 
@@ -174,19 +172,17 @@ class HostileLink(Started):
         return self._newly_dropped('robot', before)
 
     def _uninvited(self) -> Dict[str, int]:
-        """Operators with another key, and with none, until both were refused."""
+        """An operator with another key, until it was refused."""
         other, before = self._folder / 'other.key', self._dropped('robot')
         make_key(str(other))
         heard = Listener(self.stack)
-        heard.subscribe([['/%s%s' % (name, IMAGE), 'any', 'TCPROS'] for name in ('other', 'keyless')])
-        nodes = [self.stack.start_node('operator', RECEIVER, '_robot:=' + ROBOT, *arguments)
-                 for arguments in (['__ns:=/other', '_key_file:=%s' % other], ['__ns:=/keyless'])]
+        heard.subscribe([['/other' + IMAGE, 'any', 'TCPROS']])
+        node = self.stack.start_node('operator', RECEIVER, '_robot:=' + ROBOT, '__ns:=/other', '_key_file:=%s' % other)
         deadline = time.monotonic() + STARTING
-        while not set(self._newly_dropped('robot', before)) >= REFUSALS and time.monotonic() < deadline:
+        while REFUSAL not in self._newly_dropped('robot', before) and time.monotonic() < deadline:
             time.sleep(0.1)
         time.sleep(QUIET)
-        for node in nodes:
-            self.stack.end(node)
+        self.stack.end(node)
         if heard.heard:
             raise RuntimeError('an uninvited operator sees images')
         return {}

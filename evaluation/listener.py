@@ -55,13 +55,16 @@ KINDS: Dict[str, Tuple[Any, Callable[[Any], Any]]] = {
     'parts': (DiagnosticArray, lambda message: {
         status.values['stream']: int(status.values['datagrams']) for status in statuses_of(message.status)
         if status.kind == Kind.CONNECTION}),
+    'rates of parts': (DiagnosticArray, lambda message: {
+        status.values['stream']: float(status.values['bytes/s']) for status in statuses_of(message.status)
+        if status.kind == Kind.CONNECTION and 'bytes/s' in status.values}),
     'link transport': (DiagnosticArray, lambda message: {
         key: value for status in statuses_of(message.status) if status.kind == Kind.TRANSPORT
         for key, value in status.values.items()}),
 }
 """{kind: (message class, f(message) -> amount)}; the amount: bytes, points, ranges, transforms, the share of pixels
-or ranges that were received, the datagrams of each part of a stream, the longest datagram that passes, of a relay's
-segment the number, the bytes of the message before and all bytes, or the content."""
+or ranges that were received, the datagrams or bytes/s of each part of a stream, the longest datagram that passes, of a
+relay's segment the number, the bytes of the message before and all bytes, or the content."""
 
 RELAYED = {'relayed odometry': 'odometry', 'relayed transforms': 'transforms'}
 """{kind of a relay's segments, as they leave: kind of the messages that they carry}"""
