@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A sealed link between own masters under attack: what the operator sees meanwhile, and what it costs the nodes.
 
-A stranger hears everything that crosses, and sends to both sides, see link_attack. Beside it, two operators try to
-join: one has another key, one has none. Memory grows where nodes keep more of it than ever before, see kept_memory.
+A stranger hears everything that crosses, and sends to both sides, see link_attack. Beside it, an operator with
+another key tries to join. Memory grows where nodes keep more of it than ever before, see kept_memory.
 """
 import json
 import pathlib
@@ -43,7 +43,7 @@ QUIET = 5.0
 """[s]"""
 
 REFUSAL = 'refused: wrong key'
-"""Reasons that the robot's node reports."""
+"""Reason that the robot's node reports."""
 
 
 @dataclass
@@ -151,7 +151,7 @@ class HostileLink(Started):
         return [self.watch('quiet', 'robot', quiet), self.watch('half-open handshakes', 'robot', self._half_open),
                 self.watch('flood of the robot', 'robot', lambda: self._flood('robot')),
                 self.watch('flood of the operator', 'operator', lambda: self._flood('operator')),
-                self.watch('uninvited operators', 'robot', self._uninvited), self.watch('quiet again', 'robot', quiet)]
+                self.watch('uninvited operator', 'robot', self._uninvited), self.watch('quiet again', 'robot', quiet)]
 
     def _half_open(self) -> Dict[str, int]:
         return self._ask('robot', 'half-open')

@@ -16,7 +16,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
 from waiting import give_time, undisturbed  # it reports skipped tests, too
 
 from evaluation import TOP
-from evaluation.hostile_link import REFUSALS, HostileLink
+from evaluation.hostile_link import REFUSAL, HostileLink
 from evaluation.kept_memory import QUICK_KEPT
 from evaluation.link_run import ATTEMPTS, MAX_LATENESS
 from evaluation.listener import Listener
@@ -120,7 +120,7 @@ class LinkLab(unittest.TestCase):
         for name, reasons in (('half-open handshakes', {'refused: wrong key'}),
                               ('flood of the robot', {'forged', 'replayed data', 'malformed'}),
                               ('flood of the operator', {'forged', 'replayed data', 'malformed'}),
-                              ('uninvited operators', REFUSALS)):
+                              ('uninvited operator', {REFUSAL})):
             self.assertLessEqual(reasons, set(phases[name].dropped), name)
         sent = phases['half-open handshakes'].sent
         self.assertEqual(sent['HELLO'], 1000)
