@@ -17,7 +17,9 @@ from waiting import give_time, undisturbed
 from evaluation.listener import Listener
 from evaluation.overhead import Overhead
 from evaluation.own_masters import PORT, OwnMasters
+from smokebot_udp.link.packets import OVERHEAD
 from smokebot_udp.link_lab.lab import LabError
+from smokebot_udp.udpros.datagram import IP_UDP_HEADERS
 
 RATE = 0.3e6
 """Rate of the link [bit/s]."""
@@ -28,6 +30,9 @@ MOST = 0.03
 OTHERS = '_thermal_rate:=0', '_lidar_rate:=0', '_scan_rate:=0', '_map_rate:=0', '_odom_rate:=0', '_gas_rate:=0', \
     '_battery_rate:=0'
 """Sensors of the simulated robot that are off."""
+
+HEADERS = IP_UDP_HEADERS + OVERHEAD
+"""Bytes of each datagram that its connection does not count."""
 
 STATES = '/operator/status', '/operator/link', '/operator/diagnostics'
 IMAGE = '/operator/camera/image_raw'
@@ -63,8 +68,9 @@ class TestOverhead(unittest.TestCase):
         give_time(SETTLE)
         begun = time.time()
         give_time(MEASURE)
-        stream = statistics.mean(sum(rate for name, rate in one.amount.items() if name.startswith('camera'))
-                                 for one in images.heard if one.amount and one.arrival > begun)
+        parts = [[rates for name, rates in one.amount.items() if name.startswith('camera')]
+                 for one in images.heard if one.amount and one.arrival > begun]
+        stream = statistics.mean(sum(size + count * HEADERS for count, size in rates) for rates in parts)
         others = counted.rate(PORT, MEASURE) - stream
         print('images %.1f kbit/s, all else %.2f kbit/s, of %g' % (8e-3 * stream, 8e-3 * others, RATE / 1e3),
               file=sys.stderr)
