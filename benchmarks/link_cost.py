@@ -15,7 +15,7 @@ import numpy as np
 from evaluation.link_pair import OPERATOR, ROBOT, joined, received
 from smokebot_udp.link.packets import Suite
 from smokebot_udp.link.parts import PART
-from smokebot_udp.link.tables import CHANGE_PERIOD, Entry, Exchange, Local, Role, Table, Topic, pack_names
+from smokebot_udp.link.tables import CHANGE_PERIOD, Exchange, Local, NameEntry, Role, Table, Topic, pack_names
 from smokebot_udp.udpros.datagram import HEADER, Op
 
 SIZE, FRAME = 1400, 50
@@ -60,7 +60,7 @@ def hostile_costs() -> Dict[str, float]:
     tables.CHANGES.
     """
     robot, operator, now = joined(KEY)
-    names = pack_names([Entry(Role.SENDS, Topic('/topic%d' % number, 'x/Y', '%032x' % number))
+    names = pack_names([NameEntry(Role.SENDS, Topic('/topic%d' % number, 'x/Y', '%032x' % number))
                         for number in range(TABLE)], SIZE - PART.size)
     exchange, number = Exchange(Local()), 0
 

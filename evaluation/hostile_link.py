@@ -76,7 +76,7 @@ class HostileLink(Started):
     def __init__(self, folder: pathlib.Path, count: int, rate: float, half_open: int, seed: int = 1,
                  kept: float = KEPT) -> None:
         super().__init__()
-        self._folder, self._kept, self._patience = folder, kept, max(count, half_open) / SLOWEST + STARTING
+        self._folder, self._kept, self._timeout = folder, kept, max(count, half_open) / SLOWEST + STARTING
         self.stack = self.enter_context(OwnMasters(seed, folder / 'nodes.log'))
         self._options = ['--count', str(count), '--rate', str(rate), '--half-open', str(half_open)]
         self._strangers: Dict[str, Peer] = {}
@@ -100,7 +100,7 @@ class HostileLink(Started):
         self._memory = KeptMemory({side: node.pid for side, node in nodes.items()}, self._kept)
         recording.join()
         self.replayed = self._replay()
-        """What the robot dropped when it got the recorded handshake again; soon: its cookie is good for a minute."""
+        """What the robot dropped when it got the recorded handshake again: soon, as its cookie is good for a minute."""
         self._strangers['operator'] = self._stranger('operator', '%s:%d' % (ADDRESSES['operator'], self._port()))
         self._strangers['operator'].ask('record 5')
 
@@ -160,7 +160,7 @@ class HostileLink(Started):
         return self._ask(side, 'flood')
 
     def _ask(self, side: str, command: str) -> Dict[str, int]:
-        sent: Dict[str, int] = json.loads(self._strangers[side].ask(command, self._patience))
+        sent: Dict[str, int] = json.loads(self._strangers[side].ask(command, self._timeout))
         return sent
 
     def _replay(self) -> Dict[str, int]:

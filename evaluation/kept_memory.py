@@ -19,7 +19,7 @@ from smokebot_udp.nodes.garbage import PERIOD
 QUICK_KEPT, KEPT = PERIOD + 2.0, 2.5 * PERIOD
 """Only what stays for this long counts: freed memory is returned meanwhile, in the latter twice [s]."""
 
-STEADY, PATIENCE = 5e6, 150.0
+STEADY, TIMEOUT = 5e6, 150.0
 """Nodes have started when they keep no more than this beyond what they kept before, but after this time in any case
 [byte, s]."""
 
@@ -72,7 +72,7 @@ class KeptMemory:
 
     def await_steady(self) -> None:
         """Wait until the nodes keep hardly more than before."""
-        deadline, before = time.monotonic() + PATIENCE, dict.fromkeys(self._sizes, 0.0)
+        deadline, before = time.monotonic() + TIMEOUT, dict.fromkeys(self._sizes, 0.0)
         while time.monotonic() < deadline:
             begun = time.monotonic()
             time.sleep(self.kept)

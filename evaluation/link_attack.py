@@ -35,7 +35,7 @@ BYTES = 0, 1, 2, 127, 128, 255
 BATCH = 100
 """Strangers at a time that begin a handshake."""
 
-PATIENCE = 0.1
+TIMEOUT = 0.1
 """While nothing passes, the time is looked at this often [s]."""
 
 ANSWER_TIME = 0.5
@@ -111,7 +111,7 @@ def record(to: Address, seconds: float) -> List[Forged]:
     end, found = time.monotonic() + seconds, []
     with open_tap() as tap:
         while time.monotonic() < end:
-            for datagram in datagrams(tap, to[1], PATIENCE):
+            for datagram in datagrams(tap, to[1], TIMEOUT):
                 if datagram.to == to and datagram.payload:
                     found.append((datagram.source, datagram.payload))
                 if time.monotonic() > end:

@@ -11,7 +11,7 @@ from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple
 from smokebot_udp.link_lab.link_trace import SIDES
 
 from . import teleoperated
-from .way_back_nodes import ESTOP, PATIENCE, REST, STARTING, WayBackNodes, wait_for
+from .way_back_nodes import ESTOP, REST, STARTING, TIMEOUT, WayBackNodes, wait_for
 from .way_back_results import Log
 
 NARROW = {'rate': 20e6}
@@ -131,7 +131,7 @@ def calls(nodes: WayBackNodes, count: int, at_once: int, conditions: Mapping[str
     nodes.settle(conditions)
     nodes.rest()
     since = time.time()
-    called = nodes.teleoperators['operator'].call(count, at_once, count * PATIENCE / at_once)
+    called = nodes.teleoperators['operator'].call(count, at_once, count * TIMEOUT / at_once)
     time.sleep(REST)    # what is repeated has come
     executed = [content for content, _ in nodes.heard('robot', teleoperated.SERVICE, since)]
     return {'kind': 'calls', 'calls': called, 'executed': executed, 'state': nodes.state()}

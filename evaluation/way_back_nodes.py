@@ -38,7 +38,7 @@ STARTING = 60.0
 SETTLE = 3.0
 """Until the nodes know the loss of a new link, and rates follow it [s]."""
 
-PATIENCE = 10.0
+TIMEOUT = 10.0
 """What has not happened by then over a bad link never will [s]."""
 
 REST = 1.0
@@ -146,7 +146,7 @@ class WayBackNodes(Started):
         """The commands that the robot obeyed since a time."""
         return [(int(number), at) for number, at in self.heard('robot', SPEED, since)]
 
-    def drive(self, timeout: float = PATIENCE) -> None:
+    def drive(self, timeout: float = TIMEOUT) -> None:
         """Drive from now on, until the robot moves; again from zero where it does not.
 
         :raises RuntimeError: where it does not within the timeout [s]
@@ -179,7 +179,7 @@ class WayBackNodes(Started):
         return begun
 
 
-def wait_for(found: Callable[[], Any], timeout: float = PATIENCE, polling: float = POLLING) -> Optional[Any]:
+def wait_for(found: Callable[[], Any], timeout: float = TIMEOUT, polling: float = POLLING) -> Optional[Any]:
     """The first true value; None: none comes in time.
 
     :param timeout: [s]

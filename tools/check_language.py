@@ -1,19 +1,26 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Checks docstrings: `check_language.py [FILE or FOLDER ...]`, without any: of all Python files.
+"""Checks docstrings and names: `check_language.py [FILE or FOLDER ...]`, without any: of all Python files.
 
 help() and an editor's hover show the docstring of a module, class, function, constant or field alone. So it stands
 alone: it does not begin with "Of" or in lower case, and does not end with a comma or semicolon.
+
+Words for which there is a standard term are in FORBIDDEN. In the package itself no two modules of one folder have
+classes of the same name.
 """
 import argparse
 import ast
+import collections
 import pathlib
 import re
 import sys
-from typing import Iterator, List, NamedTuple, Tuple
+from typing import DefaultDict, Iterator, List, Mapping, NamedTuple, Tuple
 
 TOP = pathlib.Path(__file__).resolve().parent.parent
 FOLDERS = 'src', 'scripts', 'test', 'tools', 'benchmarks', 'experiments', 'evaluation'
+
+FORBIDDEN = {word: re.compile(r'(?i)(?<![a-z])%s(?![a-z])' % word) for word in ('patience', 'taste')}
+"""{word: how it is found in names and prose}; timeout and degradation_preference are the standard terms."""
 
 LOWER = re.compile(r'[a-z]+(?:[ ,;:\n]|\.?(?:\s|$))')
 """A word in lower case at the beginning. A name with digits, dots, underscores or brackets may stand there."""
@@ -58,9 +65,35 @@ def docstring_faults(path: pathlib.Path, tree: ast.AST) -> Iterator[Found]:
             yield Found(path, line, 'the docstring %r %s' % (text.strip()[:50], fault))
 
 
+def words(path: pathlib.Path, text: str) -> Iterator[Found]:
+    """The words of a file for which there is a better one."""
+    for number, line in enumerate(text.splitlines(), 1):
+        for word, pattern in FORBIDDEN.items():
+            if pattern.search(line):
+                yield Found(path, number, 'the word %r' % word)
+
+
+def shared_names(trees: Mapping[pathlib.Path, ast.Module]) -> Iterator[Found]:
+    """The classes of the package whose names another module of the same folder has, too."""
+    found: DefaultDict[Tuple[pathlib.Path, str], List[Tuple[pathlib.Path, int]]] = collections.defaultdict(list)
+    for path, tree in trees.items():
+        if TOP / 'src' in path.parents:
+            for statement in tree.body:
+                if isinstance(statement, ast.ClassDef):
+                    found[path.parent, statement.name].append((path, statement.lineno))
+    for (_, name), places in found.items():
+        for path, line in places[1:]:
+            yield Found(path, line, 'the class %s is in %s, too' % (name, places[0][0].name))
+
+
 def check(paths: List[pathlib.Path]) -> List[Found]:
     """What is to be mended in these files."""
-    return [fault for path in paths for fault in docstring_faults(path, ast.parse(path.read_bytes(), str(path)))]
+    texts = {path: path.read_text(encoding='utf-8') for path in paths}
+    trees = {path: ast.parse(text, str(path)) for path, text in texts.items()}
+    faults = [fault for path, tree in trees.items() for fault in docstring_faults(path, tree)]
+    faults += [fault for path, text in texts.items() if path != pathlib.Path(__file__).resolve()
+               for fault in words(path, text)]
+    return faults + list(shared_names(trees))
 
 
 def main() -> int:

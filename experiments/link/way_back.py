@@ -98,7 +98,7 @@ class Scenes:
         yield self._named(way_back.calls(self._nodes, self._counts['calls'], AT_ONCE, HALF), 'calls, 50 % lost')
 
     def reliable(self) -> Iterator[Raw]:
-        """Reliable messages, without and with an end to patience."""
+        """Reliable messages, without and with an end to timeout."""
         for what, raws in (('reliable %s, 50 %% lost', way_back.reliable(self._nodes, self._counts['messages'], HALF)),
                            ('reliable %s, a cut', way_back.give_up(self._nodes))):
             for raw, way in zip(raws, ('to the robot', 'to the operator')):

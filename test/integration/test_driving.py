@@ -23,7 +23,7 @@ from waiting import Collector, ticks, undisturbed, wait_for
 
 from smokebot_udp.simulation.robot import WATCHDOG
 
-PATIENCE = rospy.Duration(60)
+TIMEOUT = rospy.Duration(60)
 TOUR_PAUSE = 3.0    # in driving.test [s]
 FORWARD, STILL = Twist(Vector3(0.4, 0, 0), Vector3()), Twist()
 
@@ -41,7 +41,7 @@ class Driving(unittest.TestCase):
         cls.commands = rospy.Publisher('/cmd_vel', Twist, queue_size=1, tcp_nodelay=True)
         cls.odometry = Collector('/odom', Odometry)
         cls.client = SimpleActionClient('/move_base', MoveBaseAction)
-        assert cls.client.wait_for_server(PATIENCE)
+        assert cls.client.wait_for_server(TIMEOUT)
         cls.transforms = tf2_ros.Buffer()
         cls.listener = tf2_ros.TransformListener(cls.transforms)
         wait_for(cls.commands.get_num_connections, what='the driver')
@@ -53,7 +53,7 @@ class Driving(unittest.TestCase):
 
     def place(self) -> Any:
         """Where the robot is on the map: (x, y)."""
-        found = self.transforms.lookup_transform('map', 'base_link', rospy.Time(0), PATIENCE)
+        found = self.transforms.lookup_transform('map', 'base_link', rospy.Time(0), TIMEOUT)
         return found.transform.translation.x, found.transform.translation.y
 
     def stop(self) -> None:
@@ -108,7 +108,7 @@ class Driving(unittest.TestCase):
         self.stop()
         feedback: List[Any] = []
         self.client.send_goal(self.goal(5.0, 7.0), feedback_cb=feedback.append)
-        self.assertTrue(self.client.wait_for_result(PATIENCE))
+        self.assertTrue(self.client.wait_for_result(TIMEOUT))
         self.assertEqual(self.client.get_state(), GoalStatus.SUCCEEDED)
         wait_for(lambda: math.dist(self.place(), (5.0, 7.0)) < 0.05, 5, 'the newest transform')
         self.assertGreater(len(feedback), 5)
@@ -139,7 +139,7 @@ class Driving(unittest.TestCase):
         self.client.send_goal(self.goal(17.0, 7.0))
         wait_for(lambda: abs(self.speeds()[-1]) > 0.1, 20, 'motion')
         self.client.cancel_goal()
-        self.assertTrue(self.client.wait_for_result(PATIENCE))
+        self.assertTrue(self.client.wait_for_result(TIMEOUT))
         self.assertEqual(self.client.get_state(), GoalStatus.PREEMPTED)
         wait_for(lambda: abs(self.speeds()[-1]) < 1e-6, 2, 'the stop')
 
@@ -149,7 +149,7 @@ class Driving(unittest.TestCase):
         self.client.send_goal(self.goal(17.0, 7.0))
         wait_for(lambda: abs(self.speeds()[-1]) > 0.1, 20, 'motion')
         self.commands.publish(STILL)
-        self.assertTrue(self.client.wait_for_result(PATIENCE))
+        self.assertTrue(self.client.wait_for_result(TIMEOUT))
         self.assertEqual((self.client.get_state(), self.client.get_goal_status_text()),
                          (GoalStatus.ABORTED, 'the goal is given up: it was driven by commands'))
         self.drive_still()
@@ -162,7 +162,7 @@ class Driving(unittest.TestCase):
                              (self.goal(math.nan, 7.0), 'not finite'),
                              (self.goal(5.0, 7.0, turn=Quaternion(0, 0, math.nan, 1)), 'not a quaternion')):
             self.client.send_goal(goal)
-            self.assertTrue(self.client.wait_for_result(PATIENCE))
+            self.assertTrue(self.client.wait_for_result(TIMEOUT))
             self.assertEqual(self.client.get_state(), GoalStatus.ABORTED)
             self.assertIn(reason, self.client.get_goal_status_text())
 
@@ -177,7 +177,7 @@ class Driving(unittest.TestCase):
         self.assertGreater((wait_for(moving, what='motion') - begun).to_sec(), TOUR_PAUSE)
 
     def test_calls_are_counted(self) -> None:
-        rospy.wait_for_service('/count', PATIENCE)
+        rospy.wait_for_service('/count', TIMEOUT)
         count = rospy.ServiceProxy('/count', Trigger)
         answers = [count() for _ in range(3)]
         self.assertTrue(all(answer.success for answer in answers))

@@ -26,7 +26,7 @@ POINT: Any = np.dtype({'names': ['x', 'y', 'z', 'rgb', 'ring', 'time'],
                        'formats': ['<f4', '<f4', '<f4', '<u4', '<u2', '<f8'], 'offsets': [0, 4, 8, 16, 20, 24],
                        'itemsize': 32})
 TYPES = {'x': 7, 'y': 7, 'z': 7, 'rgb': 7, 'ring': 4, 'time': 8}
-PATIENCE = 60.0
+TIMEOUT = 60.0
 """[s]"""
 
 
@@ -94,7 +94,7 @@ class FurtherSources(unittest.TestCase):
         cls.maps = rospy.Publisher('/costmap', OccupancyGrid, queue_size=2, latch=True)
         cls.updates = rospy.Publisher('/costmap_updates', OccupancyGridUpdate, queue_size=10)
         for publisher in cls.clouds, cls.maps, cls.updates:
-            wait_for(publisher.get_num_connections, PATIENCE, 'robot_sender')
+            wait_for(publisher.get_num_connections, TIMEOUT, 'robot_sender')
 
     def test_a_cloud_with_colours_crosses(self) -> None:
         shown: Any = {where: [] for where in OPERATORS}
@@ -105,7 +105,7 @@ class FurtherSources(unittest.TestCase):
             """Whether a cloud came whole: a datagram that a busy machine delays is not waited for."""
             self.clouds.publish(cloud())
             return len(shown['/loss20']) > 3 and any(message.width == COUNT for message in list(shown['/loss0']))
-        wait_for(enough, PATIENCE, 'clouds')
+        wait_for(enough, TIMEOUT, 'clouds')
         counts = {where: [self.check(message) for message in list(found)] for where, found in shown.items()}
         self.assertEqual(max(counts['/loss0']), COUNT)
         self.assertGreater(max(counts['/loss20']), COUNT // 2)
@@ -127,15 +127,15 @@ class FurtherSources(unittest.TestCase):
         cells = np.random.RandomState(1).randint(-1, 101, (150, 200)).astype(np.int8)
         self.maps.publish(costmap(cells))
         for where in OPERATORS:     # a new subscriber gets the whole map, each time
-            wait_for(lambda topic=where + '/operator/costmap': self.is_shown(topic, cells), PATIENCE, 'the map')
+            wait_for(lambda topic=where + '/operator/costmap': self.is_shown(topic, cells), TIMEOUT, 'the map')
         readers = {where: Reader(where + '/operator/costmap') for where in OPERATORS}
         for reader in readers.values():
             self.addCleanup(reader.close)
-            wait_for(lambda one=reader: one.shows(cells) and one.updates, PATIENCE, 'map and updates')
+            wait_for(lambda one=reader: one.shows(cells) and one.updates, TIMEOUT, 'map and updates')
         for place in ((10, 20), (100, 40)):
             cells = self.change(cells, *place)
             for where, reader in readers.items():
-                wait_for(lambda one=reader, now=cells: one.shows(now), PATIENCE, 'the change at %s' % where)
+                wait_for(lambda one=reader, now=cells: one.shows(now), TIMEOUT, 'the change at %s' % where)
         for reader in readers.values():
             self.assertEqual(reader.maps, 1)
             whole, *parts = reader.updates
@@ -145,13 +145,13 @@ class FurtherSources(unittest.TestCase):
         larger = np.zeros((160, 200), np.int8)
         self.maps.publish(costmap(larger))
         for reader in readers.values():
-            wait_for(lambda one=reader: one.shows(larger), PATIENCE, 'the map of another size')
+            wait_for(lambda one=reader: one.shows(larger), TIMEOUT, 'the map of another size')
             self.assertGreater(reader.maps, 1)
         changed = self.change(larger, 10, 20)
         for where, reader in readers.items():
-            wait_for(lambda one=reader: one.shows(changed), PATIENCE, 'the change of the larger map')
+            wait_for(lambda one=reader: one.shows(changed), TIMEOUT, 'the change of the larger map')
             reader.close()      # a subscriber beside it would share its connection
-            wait_for(lambda topic=where + '/operator/costmap': self.is_shown(topic, changed), PATIENCE, 'it, late')
+            wait_for(lambda topic=where + '/operator/costmap': self.is_shown(topic, changed), TIMEOUT, 'it, late')
 
     def change(self, cells: Any, column: int, row: int) -> Any:
         """The cells after an update of 30 x 12 cells, published once."""

@@ -33,7 +33,7 @@ BAD = {'loss': 0.2, 'delay': 0.05}
 UNCHANGED = 'tf_static', 'map'
 """The operator's side shows these again only where they changed: a robot's side that restarts has the same."""
 
-PATIENCE = 60.0
+TIMEOUT = 60.0
 """A start or a restart over the bad link is to come to its end within this; it takes some 10 s [s]."""
 
 LAST_LINES = 30
@@ -89,22 +89,27 @@ class LabStreams(unittest.TestCase):
                           stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, check=True)
         cls.stack.lab.set(BAD)
         cls.nodes = {side: cls.start(side) for side in ADDRESSES}
-        cls.first_start = cls.listener.first(cls.topics.values(), PATIENCE)
+        cls.first_start = cls.listener.first(cls.topics.values(), TIMEOUT)
 
     @classmethod
     def start(cls, side, *arguments) -> Any:
-        return cls.stack.start_node(side, {'robot': 'robot_sender', 'operator': 'operator_receiver'}[side],
-                                    '_streams_file:=%s' % cls.file, *arguments)
+        """Start a node as its launch file does: it starts again where the master has ended it.
+
+        The master does so where a call of a namesake, which was killed, is late: TCP repeats it over the bad link.
+        """
+        name = {'robot': 'robot_sender', 'operator': 'operator_receiver'}[side]
+        return cls.stack.start(side, 'sh', '-c', 'while :; do "$@"; sleep 2; done', 'respawn', 'rosrun', 'smokebot_udp',
+                               name, '__name:=' + name, '_streams_file:=%s' % cls.file, *arguments)
 
     def tearDown(self) -> None:
+        self.assertNotIn('Traceback', self.log.read_text(errors='replace'))
         self.stack.lab.set(PERFECT)
         self.assertEqual([self.stack.lab.statistics()[side]['missed'] for side in ADDRESSES], [0, 0])
 
     def assert_all_come(self, found, but=()) -> None:
         """:param found: {topic: [s]} as Listener.first tells; but: streams that need not come"""
         wanted = {topic for name, topic in self.topics.items() if name not in but}
-        self.assertEqual(wanted - set(found), set(), 'nothing came of these in %g s\n%s\n%s' % (
-            PATIENCE, {side: node.poll() for side, node in self.nodes.items()}, self.said()))
+        self.assertEqual(wanted - set(found), set(), 'nothing came of these in %g s\n%s' % (TIMEOUT, self.said()))
         print('%s: first picture after %.1f s, all streams after %.1f s' % (
             self.id().split('.')[-1], min(found[self.topics[name]] for name in ('thermal', 'camera')),
             max(found[topic] for topic in wanted)), file=sys.stderr)
@@ -120,7 +125,7 @@ class LabStreams(unittest.TestCase):
         give_time(1.0)      # what was on its way has come
         self.nodes[side] = self.start(side, *arguments)
         topics = [topic for name, topic in self.topics.items() if name not in but]
-        self.assert_all_come(self.listener.first(topics, PATIENCE), but)
+        self.assert_all_come(self.listener.first(topics, TIMEOUT), but)
 
     def test_both_sides_start_over_a_bad_link(self) -> None:
         self.assert_all_come(self.first_start)

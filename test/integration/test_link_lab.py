@@ -37,7 +37,7 @@ BAD = {'loss': 0.2, 'delay': 0.05}
 UNCHANGED = 'tf_static', 'map'
 """A lasting operator does not show these again."""
 
-PATIENCE = 60.0
+TIMEOUT = 60.0
 """It takes some 2 s; a busy machine needs longer [s]."""
 
 FLOODS = 'half-open handshakes', 'flood of the robot', 'flood of the operator'
@@ -70,7 +70,7 @@ class LinkLab(unittest.TestCase):
     def assert_comes(self, listener: Listener, event: str, unchanged=()) -> None:
         """Something new of all streams, and images that show the present."""
         topics = {topic for name, topic in TOPICS.items() if name not in unchanged}
-        found = listener.first(topics, PATIENCE, lambda heard: heard.topic not in IMAGES or heard.age < FRESH)
+        found = listener.first(topics, TIMEOUT, lambda heard: heard.topic not in IMAGES or heard.age < FRESH)
         self.assertEqual(topics - set(found), set(), 'after %s nothing comes of these' % event)
         print('%s: first image after %.1f s, all streams after %.1f s' % (
             event, min(found[topic] for topic in IMAGES), max(found.values())), file=sys.stderr)
@@ -137,7 +137,7 @@ class LinkLab(unittest.TestCase):
             two.start_receiver(name)
         listener = Listener(two.desk)
         listener.subscribe([[topic, 'any', 'TCPROS'] for topic in topics.values()])
-        self.assertEqual(set(listener.first(topics.values(), PATIENCE)), set(topics.values()))
+        self.assertEqual(set(listener.first(topics.values(), TIMEOUT)), set(topics.values()))
         before = self.heard(two, listener, topics)
         two.stacks['ugv2'].lab.set({**GOOD, 'loss': 0.2})
         give_time(2.0)      # the rate has followed

@@ -23,7 +23,7 @@ SEED = 2
 LONGEST = 2.0
 """Limit of the duration of a fault [s]."""
 
-PATIENCE = 10.0
+TIMEOUT = 10.0
 """Every stream is to be fresh within this time after the last part's registration; it takes some 2 s [s]."""
 
 ATTEMPTS = 3
@@ -34,7 +34,7 @@ def problems_of(found: Round) -> List[str]:
     print('%s: all streams fresh after %s s, load %.1f' % (
         found.fault.kind, found.wait if found.wait is None else round(found.wait, 2), found.load), file=sys.stderr)
     problems = [found.unequal] if found.unequal else []
-    if found.wait is None or found.wait > PATIENCE:
+    if found.wait is None or found.wait > TIMEOUT:
         problems.append('%s fresh after %s s' % (found.slowest, found.wait))
     problems += ['%s ended by itself' % part for part in found.died]
     return ['%s: %s' % (found.fault.kind, text) for text in problems]

@@ -27,7 +27,7 @@ from smokebot_udp.nodes.link_reporter import TOPIC
 LOADED = 300.0
 """The compiled codec is loaded within this time, compiled first where it is not yet [s]."""
 
-PATIENCE = 30.0
+TIMEOUT = 30.0
 """Within this a map is complete, also on a busy machine [s]."""
 
 ROBOT, OPERATOR = '/robot_sender', '/loss20/operator_receiver'
@@ -102,11 +102,11 @@ class TileStreams(unittest.TestCase):
         return bool(message and np.array_equal(cells_of(message), cells) and np.allclose((at.x, at.y), origin))
 
     def publish(self, cells: Any, origin: Tuple[float, float] = (-3.0, 2.0)) -> float:
-        """Publish a map, which is shown within PATIENCE; how long it took [s]."""
+        """Publish a map, which is shown within TIMEOUT; how long it took [s]."""
         message = grid(cells, origin)
         begun = time.monotonic()
         self.source.publish(message)
-        wait_for(lambda: self.shows(cells, origin), PATIENCE, 'the map')
+        wait_for(lambda: self.shows(cells, origin), TIMEOUT, 'the map')
         type(self).cells = cells
         return time.monotonic() - begun
 
@@ -119,7 +119,7 @@ class TileStreams(unittest.TestCase):
             before, reported = self.arrived, self.reported
             give_time(2.0)
             return bool(self.arrived[0] - before[0] <= 3) and self.reported - reported >= 0.75 * 2.0 / REPORT_INTERVAL
-        wait_for(still, PATIENCE, 'a map that is held')
+        wait_for(still, TIMEOUT, 'a map that is held')
 
     def test_a_large_map_is_complete_and_exact(self) -> None:
         cells = building(945, 1165, seed=1)
@@ -193,15 +193,15 @@ class TileStreams(unittest.TestCase):
             assert message is not None
             return max(message.data)
         self.quiet()
-        wait_for(self.ages.newest, PATIENCE, 'ages')
-        wait_for(lambda: oldest() <= 3, PATIENCE, 'ages of a map that is confirmed')
+        wait_for(self.ages.newest, TIMEOUT, 'ages')
+        wait_for(lambda: oldest() <= 3, TIMEOUT, 'ages of a map that is confirmed')
         pid = wait_for(lambda: node_pid(ROBOT), what=ROBOT)
         os.kill(pid, signal.SIGSTOP)
         try:
-            wait_for(lambda: oldest() >= 8, PATIENCE, 'ages of a map that nothing confirms')
+            wait_for(lambda: oldest() >= 8, TIMEOUT, 'ages of a map that nothing confirms')
         finally:
             os.kill(pid, signal.SIGCONT)
-        wait_for(lambda: oldest() <= 3, PATIENCE, 'ages of a map that is confirmed again')
+        wait_for(lambda: oldest() <= 3, TIMEOUT, 'ages of a map that is confirmed again')
 
     def test_forged_segments_begin_no_map_and_do_not_stay(self) -> None:
         self.quiet()

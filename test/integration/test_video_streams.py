@@ -31,7 +31,7 @@ STREAMS = pathlib.Path(__file__).resolve().parent / 'video_streams.yaml'
 START = 300.0
 """Nodes are there, and the compiled codec is loaded, within this time; it is compiled first where it is not yet [s]."""
 
-PATIENCE = 60.0
+TIMEOUT = 60.0
 """For what takes a second or two on a machine that is not busy [s]."""
 
 PLACES = {0: '', 20: '/loss20'}
@@ -123,7 +123,7 @@ class VideoStreams(unittest.TestCase):
                     if entry[3:5] == ['UDPROS', '/smokebot_udp/camera/' + part]}
 
     @classmethod
-    def wait_shown(cls, loss: int, seconds: float = PATIENCE, least: float = 30.0) -> None:
+    def wait_shown(cls, loss: int, seconds: float = TIMEOUT, least: float = 30.0) -> None:
         """Wait until an image from now on is shown that looks like what was sent."""
         cls.out[loss].clear()
 
@@ -148,8 +148,8 @@ class VideoStreams(unittest.TestCase):
 
         def end() -> None:
             os.killpg(process.pid, signal.SIGTERM)
-            process.wait(PATIENCE)
-        self.addCleanup(wait_for, lambda: self.receivers('video') == set(PLACES.values()), PATIENCE, 'video again')
+            process.wait(TIMEOUT)
+        self.addCleanup(wait_for, lambda: self.receivers('video') == set(PLACES.values()), TIMEOUT, 'video again')
         self.addCleanup(end)
         return process
 
@@ -159,7 +159,7 @@ class VideoStreams(unittest.TestCase):
 
         def children() -> List[psutil.Process]:
             return list(filter(is_decoder, psutil.Process(pid).children()))
-        return wait_for(children, PATIENCE, 'a decoder')[0]
+        return wait_for(children, TIMEOUT, 'a decoder')[0]
 
     @undisturbed()
     def test_most_images_are_shown_and_good_though_a_fifth_is_lost(self) -> None:
@@ -167,7 +167,7 @@ class VideoStreams(unittest.TestCase):
             self.wait_shown(loss)       # video may have just begun again
         for collector in self.out.values():
             collector.clear()
-        wait_for(lambda: all(len(collector.messages) >= 40 for collector in self.out.values()), PATIENCE, '40 images')
+        wait_for(lambda: all(len(collector.messages) >= 40 for collector in self.out.values()), TIMEOUT, '40 images')
         for loss, collector in self.out.items():
             found = [psnr(self.pixels(shown), self.source.sent[stamp])
                      for stamp, shown in list(collector.messages.items())]
@@ -178,7 +178,7 @@ class VideoStreams(unittest.TestCase):
         for number in (signal.SIGKILL, signal.SIGSTOP, signal.SIGKILL):
             decoder = self.decoder()
             decoder.send_signal(number)
-            wait_for(lambda gone=decoder: has_ended(gone), PATIENCE, 'the end of the decoder')
+            wait_for(lambda gone=decoder: has_ended(gone), TIMEOUT, 'the end of the decoder')
             self.wait_shown(0)
             self.assertNotEqual(self.decoder().pid, decoder.pid)
             give_time(2.5)      # more would be taken for bytes that kill each decoder
@@ -186,12 +186,12 @@ class VideoStreams(unittest.TestCase):
     def test_the_quality_is_the_estimated_psnr(self) -> None:
         """As of layered images, not the share of the slices that came."""
         def said() -> Any:
-            for status in rospy.wait_for_message('/diagnostics', DiagnosticArray, PATIENCE).status:
+            for status in rospy.wait_for_message('/diagnostics', DiagnosticArray, TIMEOUT).status:
                 values = {one.key: one.value for one in status.values}
                 if status.name.endswith('operator_receiver: camera') and values.get('error', '').endswith(' dB'):
                     return values
             return None
-        values = wait_for(said, PATIENCE, 'an error')
+        values = wait_for(said, TIMEOUT, 'an error')
         self.assertGreater(float(values['error'].split()[0]), 10)
 
     def test_the_size_and_the_encoding_change(self) -> None:
@@ -203,17 +203,17 @@ class VideoStreams(unittest.TestCase):
                 wait_for(lambda loss=loss, kind=kind: any(
                     (shown.encoding, shown.height, shown.width) == kind
                     and psnr(self.pixels(shown), self.source.sent[stamp]) > 28
-                    for stamp, shown in list(self.out[loss].messages.items())), PATIENCE, '%s at %d %%' % (kind, loss))
+                    for stamp, shown in list(self.out[loss].messages.items())), TIMEOUT, '%s at %d %%' % (kind, loss))
 
     def test_an_operator_joins_late(self) -> None:
         late = Collector('/late/operator/camera', Image)
         self.start('/late')
         shown = wait_for(lambda: list(late.messages.items()), START, 'an image')
         self.assertGreater(psnr(self.pixels(shown[0][1]), self.source.sent[shown[0][0]]), 25)
-        wait_for(lambda: '/late' in self.receivers('video'), PATIENCE, 'video')
+        wait_for(lambda: '/late' in self.receivers('video'), TIMEOUT, 'video')
         late.clear()
         wait_for(lambda: any(psnr(self.pixels(shown), self.source.sent[stamp]) > 33
-                             for stamp, shown in list(late.messages.items())), PATIENCE, 'good video')
+                             for stamp, shown in list(late.messages.items())), TIMEOUT, 'good video')
 
     def test_an_operator_without_pyav_gets_layers_as_do_all_and_both_sides_say_so(self) -> None:
         folder = tempfile.TemporaryDirectory()
@@ -226,9 +226,9 @@ class VideoStreams(unittest.TestCase):
             self.start('/blind', errors, PYTHONPATH=folder.name + os.pathsep + os.environ.get('PYTHONPATH', ''))
         shown = wait_for(lambda: list(blind.messages.items()), START, 'an image')
         self.assertGreater(psnr(self.pixels(shown[0][1]), self.source.sent[shown[0][0]]), 25)
-        wait_for(lambda: 'PyAV is missing' in log.read_text(), PATIENCE, 'its warning')
+        wait_for(lambda: 'PyAV is missing' in log.read_text(), TIMEOUT, 'its warning')
         words = 'video is not sent: /blind/operator_receiver is not connected: its log says what it lacks'
-        wait_for(lambda: any(words in text for of, text in list(self.warnings) if of == '/robot_sender'), PATIENCE,
+        wait_for(lambda: any(words in text for of, text in list(self.warnings) if of == '/robot_sender'), TIMEOUT,
                  words)
         for loss in PLACES:
             self.wait_shown(loss)

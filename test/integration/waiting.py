@@ -31,7 +31,7 @@ of attempts."""
 LEAST_PORT = 20000
 """Ports below are left to programs with a fixed port, as the master."""
 
-CALM, PATIENCE = 1.0, 10.0
+CALM, TIMEOUT = 1.0, 10.0
 """Time without disturbance after which a test of times is repeated, and time after which it is repeated anyway [s]."""
 
 
@@ -152,7 +152,7 @@ def await_calm(most: float) -> None:
 
     :param most: see Lateness.disturbed
     """
-    for _ in range(int(PATIENCE / CALM)):
+    for _ in range(int(TIMEOUT / CALM)):
         with Lateness() as lateness:
             give_time(CALM)
         if not lateness.disturbed(most):

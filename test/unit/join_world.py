@@ -21,9 +21,9 @@ STREAMS = pathlib.Path(__file__).resolve().parents[2] / 'config' / 'streams.yaml
 STEP = 0.02
 """Between two looks at what is due [s]."""
 
-UP = ('link/report', 'clock/ask', 'held', 'capture/request', 'settings/request', 'control/request',
+UP = ('link/report', 'clock/ask', 'held', 'capture/request', 'control/request',
       'reliable/to_robot', 'cmd_vel/commands')
-DOWN = ('clock/answer', 'capture/pieces', 'settings/state', 'control/status', 'reliable/to_operator')
+DOWN = ('clock/answer', 'capture/pieces', 'control/status', 'reliable/to_operator')
 """Topics of no stream."""
 
 

@@ -4,14 +4,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from smokebot_udp.codecs.wire.bit_fields import MAX_WIDTH, PADDING, BitWriter, bit_lengths, read, unzigzag, zigzag
+from smokebot_udp.codecs.wire.bit_fields import MAX_WIDTH, PADDING, FieldWriter, bit_lengths, read, unzigzag, zigzag
 
 pytestmark = pytest.mark.filterwarnings('error')
 
 
 def test_fields_by_hand() -> None:
     """3 bits of 5, none, 9 bits of 257, and 4 of 15 from bit 20 on: 101 10000 0001 0000 0000 1111."""
-    writer = BitWriter(4)
+    writer = FieldWriter(4)
     writer.write(np.array([0, 3, 3]), np.array([3, 0, 9]), np.array([5, 0, 257]))
     writer.write(np.array([[20]]), np.array([[4]]), np.array([[15]]))
     assert writer.data().tobytes().hex() == 'b0100f00'
@@ -31,7 +31,7 @@ def test_what_is_written_is_what_python_writes(fields, data) -> None:
         positions.append(len(text))
         text += format(value, '0%db' % width) if width else ''
     size = len(text) // 8 + 1 + PADDING
-    writer = BitWriter(size)
+    writer = FieldWriter(size)
     widths = np.array([width for _, width in fields])
     writer.write(np.array(positions), widths, np.array(values, np.uint64))
     written = writer.data()

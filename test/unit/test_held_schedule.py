@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """When an operator reports what it holds."""
-from smokebot_udp.streams.held_schedule import COALESCED, PATIENCE, PERIOD, HeldSchedule
+from smokebot_udp.streams.held_schedule import COALESCED, MAX_SILENCE, PERIOD, HeldSchedule
 
 
 def test_segments_are_reported_at_once_and_further_ones_together() -> None:
@@ -19,11 +19,11 @@ def test_reports_are_repeated_while_the_robot_is_heard() -> None:
     schedule = HeldSchedule()
     schedule.received('map', 0.0)
     times, now = [], 0.0
-    while now <= 2 * PATIENCE:
+    while now <= 2 * MAX_SILENCE:
         if schedule.poll(now):
             times.append(now)
         now += 0.5
-    assert times == [PERIOD * k for k in range(int(PATIENCE / PERIOD) + 1)]
+    assert times == [PERIOD * k for k in range(int(MAX_SILENCE / PERIOD) + 1)]
     assert schedule.deadline() is None
     schedule.received('map', 100.0)
     assert schedule.poll(100.0) == 'map'

@@ -14,10 +14,10 @@ from smokebot_udp.teleop.keyboard import (
     REPEAT_TIMEOUT,
     STOP,
     STOP_DURATION,
+    KeyAction,
     Keyboard,
     StopKey,
     Velocity,
-    Wish,
 )
 from smokebot_udp.teleop.keyboard_screen import status_lines
 from smokebot_udp.teleop.keys import TIMEOUT, Keys
@@ -111,15 +111,15 @@ def test_speeds_change_by_a_tenth_also_on_the_way(key: str, expected: Tuple[floa
     assert 0.01 <= keyboard.speed <= 10.0 and 0.01 <= keyboard.turn <= 10.0
 
 
-@pytest.mark.parametrize('key,wish', [('s', Wish.EMERGENCY_STOP), ('R', Wish.RELEASE_EMERGENCY_STOP),
-                                      ('T', Wish.TAKE_CONTROL), ('G', Wish.RELEASE_CONTROL)])
-def test_wishes_stop_the_robot_and_move_nothing(key: str, wish: Wish) -> None:
+@pytest.mark.parametrize('key,wish', [('s', KeyAction.EMERGENCY_STOP), ('R', KeyAction.RELEASE_EMERGENCY_STOP),
+                                      ('T', KeyAction.TAKE_CONTROL), ('G', KeyAction.RELEASE_CONTROL)])
+def test_wishes_stop_the_robot_and_move_nothing(key: str, wish: KeyAction) -> None:
     keyboard = Keyboard(0.5, 1.0)
     keyboard.press('i', 10.0)
     assert keyboard.press(key, 10.1) is wish and keyboard.poll(10.1) == STOP and key not in MOVES
 
 
-def wishes(*typed: str) -> List[Wish]:
+def wishes(*typed: str) -> List[KeyAction]:
     """What is asked for by what is read at once, one after the other."""
     keys, keyboard = Keys(), Keyboard(0.5, 1.0)
     asked = [keyboard.press(key, 10.0) for text in typed for key in keys.take(text, 10.0)]
@@ -157,14 +157,14 @@ def test_an_escape_sequence_asks_for_nothing_and_stops() -> None:
 @pytest.mark.parametrize('typed', [['s '], [' s'], ['\x1b[As'], ['\x1bOAs'], ['\x1b', 's'], ['\x1b[', 's'],
                                    ['\x1bO', 's'], ['\x1bs'], ['S'], ['sR'], ['is'], ['si'], ['\x1b[1;5', 'As']])
 def test_the_stop_key_counts_whatever_is_read_with_it(typed: List[str]) -> None:
-    assert wishes(*typed).count(Wish.EMERGENCY_STOP) == 1
+    assert wishes(*typed).count(KeyAction.EMERGENCY_STOP) == 1
 
 
 @given(st.lists(st.text(st.sampled_from('sRi [O1;A\x1b~\x7f\u20ac'), max_size=6), max_size=6))
 def test_no_stop_key_is_ever_lost_and_no_key_is_invented(typed: List[str]) -> None:
     asked = wishes(*typed)
-    assert asked.count(Wish.EMERGENCY_STOP) == ''.join(typed).count('s')
-    assert asked.count(Wish.RELEASE_EMERGENCY_STOP) <= ''.join(typed).count('R')
+    assert asked.count(KeyAction.EMERGENCY_STOP) == ''.join(typed).count('s')
+    assert asked.count(KeyAction.RELEASE_EMERGENCY_STOP) <= ''.join(typed).count('R')
 
 
 def test_the_stop_is_repeated_until_it_was_received_for_a_while_or_is_released() -> None:

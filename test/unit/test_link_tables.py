@@ -18,11 +18,11 @@ from smokebot_udp.link.tables import (
     MAX_TEXT,
     MAX_TOPICS,
     SEEN,
-    Entry,
     Exchange,
     Lists,
     Local,
     Malformed,
+    NameEntry,
     Role,
     Table,
     Topic,
@@ -40,7 +40,7 @@ RELAY = Topic('/odom', 'smokebot_udp/RelaySegment', 'aa', 'nav_msgs/Odometry bb'
 
 texts = st.text(st.characters(min_codepoint=33, max_codepoint=0x24f).filter(str.isprintable), min_size=1, max_size=60)
 topics = st.builds(Topic, texts, texts, texts, st.one_of(st.just(''), texts))
-entries = st.lists(st.builds(Entry, st.sampled_from(list(Role)), topics), max_size=20,
+entries = st.lists(st.builds(NameEntry, st.sampled_from(list(Role)), topics), max_size=20,
                    unique_by=lambda entry: (entry.role, entry.topic.name))
 
 
@@ -65,28 +65,28 @@ def lists(number: int, wants: Any = (), declines: Any = (), sends: Any = ()) -> 
     return part(number, pack_lists(Lists(frozenset(wants), frozenset(declines), frozenset(sends))))
 
 
-def names(number: int, *rows: Entry) -> bytes:
+def names(number: int, *rows: NameEntry) -> bytes:
     return part(number, pack_names(rows, MAX_NAMES_SIZE))
 
 
 def test_the_bytes_of_the_messages() -> None:
     assert pack_lists(Lists(frozenset([0x01020304, 16]), frozenset([17]), frozenset([18, 19]))) == bytes.fromhex(
         '0200 0100 10000000 04030201 11000000 12000000 13000000')
-    assert zlib.decompress(pack_names([Entry(Role.RECEIVES, Topic('/a', 'b/C', 'd'))], 1000)) == \
+    assert zlib.decompress(pack_names([NameEntry(Role.RECEIVES, Topic('/a', 'b/C', 'd'))], 1000)) == \
         b'\1' + b'\2/a' + b'\3b/C' + b'\1d' + b'\0'
 
 
 @given(entries)
-def test_names_are_read_as_they_were_written(rows: List[Entry]) -> None:
+def test_names_are_read_as_they_were_written(rows: List[NameEntry]) -> None:
     assert parse_names(pack_names(rows, MAX_NAMES_SIZE)) == rows
 
 
 def test_names_that_are_too_many_are_cut() -> None:
-    rows = [Entry(Role.SENDS, Topic('/%032x' % random.getrandbits(128), 'x/Y', '0')) for _ in range(MAX_TOPICS)]
+    rows = [NameEntry(Role.SENDS, Topic('/%032x' % random.getrandbits(128), 'x/Y', '0')) for _ in range(MAX_TOPICS)]
     packed = pack_names(rows, 2000)
     read = parse_names(packed)
     assert len(packed) <= 2000 and read == rows[:len(read)] and len(read) >= 32
-    long = [Entry(Role.SENDS, Topic('/%d' % number, 'x' * MAX_TEXT, 'y' * MAX_TEXT, 'z' * MAX_TEXT))
+    long = [NameEntry(Role.SENDS, Topic('/%d' % number, 'x' * MAX_TEXT, 'y' * MAX_TEXT, 'z' * MAX_TEXT))
             for number in range(2 * MAX_TOPICS)]
     assert len(parse_names(pack_names(long, MAX_NAMES_SIZE))) >= 64
 
@@ -100,7 +100,7 @@ def test_lists_are_read_as_they_were_written(one: Lists) -> None:
 
 
 @given(entries, st.data())
-def test_mutated_names_are_read_or_refused(rows: List[Entry], data: Any) -> None:
+def test_mutated_names_are_read_or_refused(rows: List[NameEntry], data: Any) -> None:
     packed = bytearray(pack_names(rows, MAX_NAMES_SIZE))
     plain = data.draw(st.booleans())
     table = bytearray(zlib.decompress(packed)) if plain else packed
@@ -132,14 +132,14 @@ def test_names_that_are_none_are_malformed(data: bytes) -> None:
 
 def test_names_without_end_are_malformed() -> None:
     with pytest.raises(Malformed, match='too many'):
-        parse_names(pack_names([Entry(Role.SENDS, Topic('/a', 'b', 'c'))] * (2 * MAX_TOPICS + 1), MAX_NAMES_SIZE))
+        parse_names(pack_names([NameEntry(Role.SENDS, Topic('/a', 'b', 'c'))] * (2 * MAX_TOPICS + 1), MAX_NAMES_SIZE))
 
 
 def test_a_topic_that_stands_twice_is_malformed() -> None:
     """Each would be a sentence of its own."""
     with pytest.raises(Malformed, match='twice'):
-        parse_names(pack_names([Entry(Role.SENDS, IMAGE), Entry(Role.SENDS, IMAGE._replace(md5='0'))], 1000))
-    parse_names(pack_names([Entry(Role.SENDS, IMAGE), Entry(Role.RECEIVES, IMAGE._replace(md5='0'))], 1000))
+        parse_names(pack_names([NameEntry(Role.SENDS, IMAGE), NameEntry(Role.SENDS, IMAGE._replace(md5='0'))], 1000))
+    parse_names(pack_names([NameEntry(Role.SENDS, IMAGE), NameEntry(Role.RECEIVES, IMAGE._replace(md5='0'))], 1000))
 
 
 def test_a_topic_is_there_once() -> None:
@@ -274,7 +274,7 @@ def test_why_a_topic_is_not_wanted() -> None:
 
 def test_an_older_message_changes_nothing() -> None:
     side = Side((Role.RECEIVES, IMAGE))
-    theirs = Entry(Role.SENDS, IMAGE._replace(md5='0'))
+    theirs = NameEntry(Role.SENDS, IMAGE._replace(md5='0'))
     side.exchange.take(Table.LISTS, lists(5, [IMAGE.id], sends=[7]), 0.0)
     side.exchange.take(Table.LISTS, lists(4, []), 0.0)
     side.exchange.take(Table.NAMES, names(6, theirs), 0.0)
@@ -317,14 +317,14 @@ def test_a_message_of_no_correct_peer_is_refused(kind: int, data: bytes) -> None
      '/image: ugv1 sends x/Y 0, this machine receives sensor_msgs/Image 060021388200f6f0f447d0fcd9c64743')])
 def test_differences_are_named(theirs: Topic, sentence: Any) -> None:
     side = Side((Role.RECEIVES, IMAGE))
-    side.exchange.take(Table.NAMES, names(1, Entry(Role.SENDS, theirs), Entry(Role.RECEIVES, IMAGE)), 0.0)
+    side.exchange.take(Table.NAMES, names(1, NameEntry(Role.SENDS, theirs), NameEntry(Role.RECEIVES, IMAGE)), 0.0)
     assert side.exchange.differences('ugv1') == ({'/image': sentence} if sentence else {})
 
 
 def test_other_carried_messages_are_a_difference() -> None:
     side = Side((Role.SENDS, RELAY))
     theirs = RELAY._replace(carries='nav_msgs/Odometry c')
-    side.exchange.take(Table.NAMES, names(1, Entry(Role.RECEIVES, theirs)), 0.0)
+    side.exchange.take(Table.NAMES, names(1, NameEntry(Role.RECEIVES, theirs)), 0.0)
     assert list(side.exchange.differences('desk').values()) == [
         '/odom: desk receives smokebot_udp/RelaySegment aa that carries nav_msgs/Odometry c, '
         'this machine sends smokebot_udp/RelaySegment aa that carries nav_msgs/Odometry bb']
@@ -341,7 +341,7 @@ def test_differences_are_looked_for_where_topics_have_changed_only(monkeypatch: 
 
     monkeypatch.setattr(side.local, 'find', count)
     theirs = IMAGE._replace(md5='0')
-    side.exchange.take(Table.NAMES, names(1, Entry(Role.SENDS, theirs)), 0.0)
+    side.exchange.take(Table.NAMES, names(1, NameEntry(Role.SENDS, theirs)), 0.0)
     for number in range(100):
         side.exchange.take(Table.LISTS, lists(number), 0.0)
         assert len(side.exchange.differences('ugv1')) == 1

@@ -5,6 +5,7 @@ import fcntl
 import os
 import pty
 import re
+import select
 import signal
 import struct
 import sys
@@ -91,7 +92,8 @@ def read_until(person: int, wanted: bytes) -> bytes:
 
     def found() -> bool:
         nonlocal text
-        text += os.read(person, 65536)
+        if select.select([person], [], [], 0.0)[0]:
+            text += os.read(person, 65536)
         return wanted in text
     wait_for(found)
     return text

@@ -117,11 +117,11 @@ def test_a_deleted_value_is_put_back() -> None:
 
 def test_unknown_names_are_reported_once() -> None:
     server = Server()
-    server.there = {'rate': 7.0, 'colour': 'red', 'taste': 0.5, 'warn_loss': 0.1}
+    server.there = {'rate': 7.0, 'colour': 'red', 'tone': 0.5, 'warn_loss': 0.1}
     server.sync()
     server.set(weight=3.0)
     assert server.problems == [
-        '/robot/thermal: colour, taste: no such setting; there are high, low, min_bitrate, rate, weight']
+        '/robot/thermal: colour, tone: no such setting; there are high, low, min_bitrate, rate, weight']
     assert server.requested['rate'] == 7.0
     server.there['size'] = 1
     server.sync()

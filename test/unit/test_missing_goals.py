@@ -3,7 +3,7 @@
 from typing import Any, Iterator
 
 from smokebot_udp.streams.action.goal_watch import MAX_GOALS
-from smokebot_udp.streams.action.missing_goals import PATIENCE, Missing, MissingGoals
+from smokebot_udp.streams.action.missing_goals import LOSS_TIMEOUT, Missing, MissingGoals
 
 
 def shown(goals: MissingGoals, statuses: Any, begin: float, end: float, final: Any = ()) -> Iterator[Missing]:
@@ -25,7 +25,7 @@ def test_a_goal_that_the_server_has_forgotten_is_lost() -> None:
     goals = MissingGoals()
     goals.update({'a': 'active'}, (), 0.0)
     found = list(shown(goals, {}, 1, 20))
-    assert [one.lost for one in found].index(['a']) == PATIENCE
+    assert [one.lost for one in found].index(['a']) == LOSS_TIMEOUT
     assert [one.added for one in found] == 10 * [['active']] + 9 * [[]]
 
 
@@ -33,7 +33,7 @@ def test_a_result_that_never_comes_is_lost() -> None:
     goals = MissingGoals()
     goals.update({'a': 'active'}, (), 0.0)
     found = list(shown(goals, {'a': 'succeeded'}, 1, 20, final=['a']))
-    assert [one.lost for one in found].index(['a']) == PATIENCE
+    assert [one.lost for one in found].index(['a']) == LOSS_TIMEOUT
     assert sum(len(one.lost) for one in found) == 1 and not any(one.added for one in found)
 
 

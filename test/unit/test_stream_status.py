@@ -162,6 +162,8 @@ def test_silence_and_a_missing_connection_are_errors_at_the_operator() -> None:
     assert stream.level == ERROR and stream.message == 'nothing is shown for 10 s'
     stream, = watch(OPERATOR, messages_out=0, steady=False)
     assert stream.level == ERROR and stream.message == 'no connection to the robot'
+    stream, = watch(OPERATOR, messages_out=0, problem='the robot: rate is -5')
+    assert stream.level == ERROR and stream.message == 'the robot: rate is -5'
     stream, = watch(OPERATOR, messages_out=tenfold)  # over TCPROS
     assert stream.level == OK
 

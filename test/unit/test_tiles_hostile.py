@@ -11,7 +11,7 @@ from tile_sender import TileSender, info_of
 
 from smokebot_udp.codecs.tiles.rectangle import Rectangle
 from smokebot_udp.streams.grid.canvas import MAX_REVISION
-from smokebot_udp.streams.grid.identified_map import MAX_CANDIDATES, PATIENCE
+from smokebot_udp.streams.grid.identified_map import CANDIDATE_TIMEOUT, MAX_CANDIDATES
 from smokebot_udp.streams.grid.repetitions import LATENESS
 
 CELLS = rooms()
@@ -99,7 +99,7 @@ def test_proofs_are_few_and_expire(operator: Operator) -> None:
         operator.receive([forger.beat()])
     assert operator.assembler.dropped['unproven'] == 2 * MAX_CANDIDATES
     operator.receive([forger.beat()])
-    operator.receive([forger.beat()], after=PATIENCE + 1)
+    operator.receive([forger.beat()], after=CANDIDATE_TIMEOUT + 1)
     assert operator.assembler.dropped['unproven'] == 3 * MAX_CANDIDATES + 1
     assert operator.assembler.holding().session == 5
 

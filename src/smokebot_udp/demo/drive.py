@@ -205,13 +205,13 @@ class DemoDrive:
         verdict = 'good' if good else 'poor, and this machine, not the link, was late: ' + late if late else 'poor'
         return 'goal: %s, commands in force %.1f %% (of %d): %s' % (self._goal, 100 * share, len(self._sent), verdict)
 
-    def _send_goal(self, patience: float) -> None:
+    def _send_goal(self, timeout: float) -> None:
         """Send a goal, and wait until it is over.
 
-        :param patience: [s]
+        :param timeout: [s]
         """
         try:
-            here = self._transforms.lookup_transform('map', 'base_link', rospy.Time(0), rospy.Duration(patience))
+            here = self._transforms.lookup_transform('map', 'base_link', rospy.Time(0), rospy.Duration(timeout))
         except tf2_ros.TransformException as error:
             self._goal = 'not sent: %s' % error
             return
@@ -219,7 +219,7 @@ class DemoDrive:
         goal = PoseStamped(pose=pose_message(ahead(planar(Pose(place, turn)), GOAL_DISTANCE)))
         goal.header.stamp, goal.header.frame_id = rospy.Time.now(), self._frame
         begun, sent = time.monotonic(), -math.inf
-        while time.monotonic() < begun + patience and not rospy.is_shutdown():
+        while time.monotonic() < begun + timeout and not rospy.is_shutdown():
             if not self._taken.is_set() and time.monotonic() >= sent + REPEAT_PERIOD:
                 self._goals.publish(goal)
                 sent = time.monotonic()

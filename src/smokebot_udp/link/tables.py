@@ -86,7 +86,7 @@ class Topic(NamedTuple):
         return '%s %s%s' % (self.type, self.md5, carried)
 
 
-class Entry(NamedTuple):
+class NameEntry(NamedTuple):
     """A line of NAMES."""
     role: Role
     topic: Topic
@@ -123,7 +123,7 @@ def parse_lists(data: bytes) -> Lists:
     return Lists(frozenset(ids[:wants]), frozenset(ids[wants:received]), frozenset(ids[received:]))
 
 
-def pack_names(entries: Sequence[Entry], longest: int) -> bytes:
+def pack_names(entries: Sequence[NameEntry], longest: int) -> bytes:
     """The message NAMES, of the first entries if it would have more than `longest` bytes."""
     lines = [b''.join([bytes([role]), *(part for text in topic for part in _with_length(text))])
              for role, topic in entries]
@@ -140,7 +140,7 @@ def _with_length(text: str) -> Tuple[bytes, bytes]:
     return bytes([len(encoded)]), encoded
 
 
-def parse_names(packed: bytes) -> List[Entry]:
+def parse_names(packed: bytes) -> List[NameEntry]:
     """The entries of a NAMES.
 
     :raises Malformed: if it is none
@@ -158,7 +158,7 @@ def parse_names(packed: bytes) -> List[Entry]:
                 at += 1 + len(text)
             if not all(text.isprintable() for text in texts) or not all(texts[:3]):
                 raise Malformed('a topic without a name')
-            entries.append(Entry(role, Topic(*texts)))
+            entries.append(NameEntry(role, Topic(*texts)))
             if len(entries) > 2 * MAX_TOPICS:
                 raise Malformed('too many topics')
         if len({(role, topic.name) for role, topic in entries}) < len(entries):
@@ -208,9 +208,9 @@ class Local:
         """A topic by its name."""
         return self._topics[role].get(name)
 
-    def entries(self) -> List[Entry]:
+    def entries(self) -> List[NameEntry]:
         """All topics."""
-        return [Entry(role, topic) for role, topics in self._topics.items() for topic in topics.values()]
+        return [NameEntry(role, topic) for role, topics in self._topics.items() for topic in topics.values()]
 
     def ids(self, role: Role) -> FrozenSet[int]:
         """The connection ids of the topics with a role."""
@@ -231,7 +231,7 @@ class Exchange:
         self._local = local
         self.theirs: Optional[Lists] = None
         """The peer's topics; None: it has not said yet."""
-        self._entries: List[Entry] = []
+        self._entries: List[NameEntry] = []
         self._differences: Dict[str, str] = {}
         self._compared = -1, -1     # numbers of the peer's NAMES and this side's topics, whose differences these are
         self._ours, self._names = Lists(), b''

@@ -44,9 +44,10 @@ class Verdict:
         self._problems: List[str] = []
 
     def add(self, level: int, problem: str) -> None:
-        """Add a problem, described in words."""
+        """Add a problem, described in words; it is named once."""
         self.level = max(self.level, level)
-        self._problems.append(problem)
+        if problem not in self._problems:
+            self._problems.append(problem)
 
     def check(self, value: Optional[float], warn: float, error: float, problem: str, scale: float = 1.0) -> None:
         """Add a problem if a value reaches a threshold.

@@ -166,7 +166,7 @@ class StreamMonitor:
                 verdict.add(ERROR, 'nothing is sent for %.0f s' % silence_out)
         elif silence_out is not None:
             if not stats.connections:
-                verdict.add(ERROR, 'no connection to the robot')
+                verdict.add(ERROR, stats.problem or 'no connection to the robot')
             elif stats.steady:
                 verdict.add(ERROR, 'nothing is shown for %.0f s' % silence_out)
 

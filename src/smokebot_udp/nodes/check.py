@@ -52,7 +52,7 @@ LINK_TIMEOUT = 3.0
 """Time to wait for the state of the link, which robot_sender publishes once a second [s]."""
 
 
-class Listener:
+class TopicListener:
     """Listens to one topic of any type.
 
     :param each: called with each message, rospy.AnyMsg
@@ -146,7 +146,7 @@ def listen(streams: Sequence[Checked], graph: Graph, seconds: float) -> List[Che
         source = stream.source
         if source.kind == TOPIC and graph.publishers.get(source.name):
             found = graph.types.get(source.name, '*')
-            listeners[stream.name] = Listener(source.name, get_message_class(found) if '/' in found else None)
+            listeners[stream.name] = TopicListener(source.name, get_message_class(found) if '/' in found else None)
     time.sleep(seconds)
     heard = {name: listener.heard() for name, listener in listeners.items()}
     result = []

@@ -47,12 +47,12 @@ def family(mark: str) -> List[int]:
     return found
 
 
-def end_family(mark: str, patience: float) -> None:
+def end_family(mark: str, timeout: float) -> None:
     """End all processes with this mark; return when there is none.
 
-    :param patience: time after which they are killed [s]
+    :param timeout: time after which they are killed [s]
     """
-    deadline = time.monotonic() + patience
+    deadline = time.monotonic() + timeout
     signalled = family(mark)
     _signal(signalled, signal.SIGTERM)
     left = signalled

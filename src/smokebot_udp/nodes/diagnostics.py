@@ -31,6 +31,7 @@ from ..transport import Transport
 from ..udpros import rpc
 from .logging import log_error
 from .machine_load import present_load
+from .status_listener import StatusListener
 from .status_messages import as_message
 from .stream_problems import StreamProblems
 from .way_back import WayBack
@@ -133,7 +134,7 @@ def robot_diagnostics(streams: Mapping[str, Any], way_back: WayBack, link: Any, 
 
 
 def operator_diagnostics(streams: Mapping[str, Any], way_back: WayBack, clock: Any, parameters: Any, problems: Any,
-                         sent: Callable[[], Dict[str, Any]], transport: Transport,
+                         robot: StatusListener, transport: Transport,
                          wifi: Callable[[], WifiState]) -> Diagnostics:
     """Start the diagnostics of the operator's side.
 
@@ -142,16 +143,19 @@ def operator_diagnostics(streams: Mapping[str, Any], way_back: WayBack, clock: A
     :param clock: clock_sync.ClockClient
     :param parameters: common.Parameters
     :param problems: problems.Problems
-    :param sent: f() -> {name: StreamStatus}, the robot's last report of what it sends
+    :param robot: the robot's last report of what it sends
     :param wifi: f() -> the state of this machine's Wi-Fi
     :return: to be closed before the streams, the clock and the transport
     """
     watch, of_node = MasterWatch(), _of_node(way_back, parameters, problems, transport)
 
     def update(stream: Any, monitor: StreamMonitor, now: float) -> List[Status]:
-        stats, robot, estimate = stream.stats(), sent().get(stream.name), clock.estimate
-        if robot is not None:
-            stats = dataclasses.replace(stats, enabled=robot.enabled, rate=robot.rate)
+        stats, sent, estimate = stream.stats(), robot.sent().get(stream.name), clock.estimate
+        if sent is not None:
+            stats = dataclasses.replace(stats, enabled=sent.enabled, rate=sent.rate)
+        refused = robot.problems().get(stream.name)
+        if refused and not stats.connections:
+            stats = dataclasses.replace(stats, problem='the robot: ' + refused)
         return monitor.update(stats, now, estimate.offset if estimate else None)
 
     def update_back(stream: Any, monitor: StreamMonitor, now: float) -> List[Status]:

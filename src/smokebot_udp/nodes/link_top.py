@@ -38,7 +38,7 @@ NOT_RELAYED = '/diagnostics', '/diagnostics_agg'
 """Topics of these types that are not relays."""
 
 
-class Listener:
+class BoardListener:
     """Fills a board from /diagnostics and from relayed topics.
 
     :param only: as of link_snapshot.snapshot
@@ -104,14 +104,14 @@ def print_json(tree: Tree) -> None:
     print(json.dumps({'time': round(time.time(), 3), **tree}, allow_nan=False), flush=True)
 
 
-def print_objects(listener: Listener) -> int:
+def print_objects(listener: BoardListener) -> int:
     """Print an object periodically, until nobody reads it."""
     while True:
         print_json(listener.tree())
         time.sleep(JSON_PERIOD)
 
 
-def print_once(listener: Listener, wait: float, as_json: bool, whole: bool) -> int:
+def print_once(listener: BoardListener, wait: float, as_json: bool, whole: bool) -> int:
     """Print the table or an object once, when both sides have reported or after `wait` [s]; returns the exit code.
 
     :param whole: whether the table has connections that are fine, too
@@ -137,7 +137,7 @@ def run(arguments: argparse.Namespace) -> int:
     if not master_answers():
         return fail('link_top', 'no ROS master answers at %s' % rosgraph.get_master_uri())
     rospy.init_node('link_top', anonymous=True, disable_signals=True, log_level=rospy.FATAL)
-    listener = Listener(arguments.operator)
+    listener = BoardListener(arguments.operator)
     if arguments.once:
         return print_once(listener, arguments.wait, arguments.json, arguments.all)
     if arguments.json:

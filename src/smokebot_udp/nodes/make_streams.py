@@ -16,7 +16,7 @@ from ..streams.proposal import IMAGES, Topic, propose, text_of
 from ..streams.proposed_frames import ODOMETRY, Placed, Tree, proposed_frames
 from ..udpros import rpc
 from .any_type import read
-from .check import Listener, service_type
+from .check import TopicListener, service_type
 from .rviz_displays import TF, TF_STATIC, TF_TYPES
 from .terminal import fail, master_answers, run_node
 
@@ -66,7 +66,7 @@ def services_of(graph: Graph) -> Dict[str, str]:
     return {name: type_ for name, type_ in types.items() if type_}
 
 
-def _listener(topic: str, type_: str, tree: Tree) -> Listener:
+def _listener(topic: str, type_: str, tree: Tree) -> TopicListener:
     """Listens to a topic; the tree gets its transforms."""
     class_ = get_message_class(type_)
 
@@ -76,8 +76,8 @@ def _listener(topic: str, type_: str, tree: Tree) -> Listener:
         except ValueError as error:
             rospy.logdebug('%s: %s', topic, error)
     if topic in TF and type_ in TF_TYPES and class_ is not None:
-        return Listener(topic, class_, add)
-    return Listener(topic, class_)
+        return TopicListener(topic, class_, add)
+    return TopicListener(topic, class_)
 
 
 def _text(type_: str, last: Any, field: str) -> str:

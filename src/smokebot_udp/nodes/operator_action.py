@@ -90,7 +90,7 @@ class OperatorAction(ActionStream):
     def _lose(self, lost: Lost) -> None:
         """Tell the client of a goal that the robot does not have, as far as is known."""
         reason = 'the goal was not taken up within %g s: %s%s' % (
-            self._watch.patience, self._silence(), _replaced(lost.replaced))
+            self._watch.timeout, self._silence(), _replaced(lost.replaced))
         logwarn("stream '%s'" % self.name, reason, ERROR_PERIOD)
         self._end(GoalID(id=lost.goal), GoalStatus.LOST, reason)
 

@@ -36,7 +36,7 @@ from .opened import Part
 from .robot_control import REQUEST, STATUS
 from .worker import DeadlineWorker, PeriodicWorker
 
-PATIENCE = 3.0
+ANSWER_TIMEOUT = 3.0
 """How long a service waits for the robot's answer [s]."""
 
 CLOCK_PERIOD = 0.05
@@ -50,6 +50,10 @@ ESTOP_TOPIC, RELEASE_TOPIC, STATE_TOPIC = '/operator/estop', '/operator/estop_re
 
 IN_CONTROL = 'in control'
 """The state in which commands leave and are obeyed."""
+
+DONE = {Wish.TAKE_CONTROL: 'this operator drives', Wish.RELEASE_CONTROL: 'nobody drives',
+        Wish.ENGAGE_ESTOP: 'the emergency stop is engaged', Wish.RELEASE_ESTOP: 'the emergency stop is released'}
+"""{what was asked for: the answer of a service where the robot has done it}"""
 
 LOCKED = 'LOCKED: '
 NO_COMMANDS = 'no command stream'
@@ -238,7 +242,7 @@ class OperatorControl(Part):
             request = self._begin(wish)
         except ValueError as error:
             return False, str(error)
-        deadline = time.monotonic() + PATIENCE
+        deadline = time.monotonic() + ANSWER_TIMEOUT
         with self._answered:
             outcome = self._outcome(request)
             while outcome is None and time.monotonic() < deadline and not rospy.is_shutdown():
@@ -246,8 +250,8 @@ class OperatorControl(Part):
                 outcome = self._outcome(request)
         if outcome is None:
             return False, 'the robot has not answered in %g s%s' % (
-                PATIENCE, ': it is asked until it does' if wish == Wish.ENGAGE_ESTOP else '')
-        return not outcome, outcome or 'done'
+                ANSWER_TIMEOUT, ': it is asked until it does' if wish == Wish.ENGAGE_ESTOP else '')
+        return not outcome, outcome or DONE[wish]
 
     def _begin(self, wish: Wish) -> int:
         """:raises ValueError: where the robot cannot be asked, or what is asked may have waited here"""

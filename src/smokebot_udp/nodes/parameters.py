@@ -84,7 +84,7 @@ OPERATOR_RECEIVER = {
                             "operator's namespace; empty: that of the first relay of nav_msgs/Odometry"),
     'cmd_vel_topic': Parameter('/cmd_vel', '', 'geometry_msgs/Twist, used where there is no odometry; images are used '
                                'where there is neither'),
-    'focus_patience': Parameter(10.0, 's', 'timeout of ~set_focus', least=0.1),
+    'focus_timeout': Parameter(10.0, 's', 'timeout of ~set_focus', least=0.1),
     'capture_timeout': Parameter(60.0, 's', 'timeout of ~capture', least=1.0, most=3600.0),
     'capture_directory': Parameter('~/.ros/smokebot_captures', '', 'where captures are saved; empty: they are only '
                                    'published'),

@@ -106,8 +106,9 @@ def tell_of_pcl() -> None:
         rospy.logwarn('%s: clouds are filtered by loops that numba compiles, or by numpy where it is missing', problem)
 
 
-def run_streams() -> Dict[str, RobotStream]:
-    """Start all parts of the node, which live as long as it does; returns {name: stream}."""
+def run_streams() -> Tuple[Dict[str, RobotStream], Dict[str, Any]]:
+    """Start all parts of the node, which live as long as it does; returns {name: stream}, those of the way back apart.
+    """
     opened = Opened()
     problems = Problems()
     parameters = Parameters(ROBOT_SENDER, problems.report)
@@ -140,13 +141,15 @@ def run_streams() -> Dict[str, RobotStream]:
         rate = opened.add(LinkControl(shared, link, streams, control.reported, parameters['wifi_interface'],
                                       captures.demands))
         stores = {name: stream.settings for name, stream in streams.items()}
-        opened.add(FocusControl({**stores, **way_back.stores}, profiles, link, rate, control, found, problems.report))
+        opened.add(FocusControl({**stores, **way_back.stores}, profiles, transport.own_masters, reliable, rate,
+                                control, found, problems.report))
+        reliable.start()
         opened.add(ClockServer(transport))
         opened.add(HeldReports(streams, transport))
         opened.add(robot_diagnostics(streams, way_back, rate, parameters, problems, transport, found))
     opened.add(way_back)    # the last one, so it ends first: it stops a robot that is driven
     rospy.on_shutdown(opened.close)
-    return streams
+    return streams, way_back.streams
 
 
 def _rates(parameters: Parameters) -> Tuple[Limits, bool]:
@@ -165,7 +168,8 @@ def main() -> None:
     udpros.race_all_connections()
     wait_until_free('robot_sender', 'A master can have one robot_sender.')
     udpros.init_node('robot_sender')
-    streams = run_streams()
+    streams, way_back = run_streams()
     garbage.collect_regularly()
-    rospy.loginfo('robot_sender: sending %s', ', '.join(streams) or 'nothing: no stream is valid')
+    rospy.loginfo('robot_sender: sending %s%s', ', '.join(streams) or 'nothing: no stream is valid',
+                  '; also %s' % ', '.join(way_back) if way_back else '')
     rospy.spin()

@@ -6,6 +6,7 @@ import rospy
 
 from ..msg import RobotStatus
 from .opened import Part
+from .status_messages import problems_of
 
 
 class StatusListener(Part):
@@ -23,6 +24,10 @@ class StatusListener(Part):
 
     def _take(self, status: Any) -> None:
         self.status = status
+
+    def problems(self) -> Dict[str, str]:
+        """{stream: what is wrong with it on the robot}, as the robot reported last."""
+        return problems_of(self.status) if self.status else {}
 
     def sent(self) -> Dict[str, Any]:
         """{stream: StreamStatus}, as the robot reported last."""

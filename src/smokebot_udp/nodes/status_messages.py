@@ -63,9 +63,14 @@ def relayed_link(message: Any) -> List[Status]:
     return _as_received([link, wifi])
 
 
+def problems_of(message: Any) -> Dict[str, str]:
+    """{stream: what is wrong with it} of a relayed RobotStatus."""
+    return {name: why for name, _, why in (text.partition(': ') for text in message.problems[:MAX_RELAYED])}
+
+
 def relayed_streams(message: Any) -> List[Status]:
     """What a relayed RobotStatus reports: who drives, and how often each stream may be sent at most."""
-    problems = {name: why for name, _, why in (text.partition(': ') for text in message.problems[:MAX_RELAYED])}
+    problems = problems_of(message)
     control = control_text(message.driver, message.estop, message.operators[:MAX_RELAYED])
     statuses = [Status(Kind.CONTROL, 'control', WARN if message.estop else OK, control, {'control': control})]
     for stream in message.streams[:MAX_RELAYED]:

@@ -21,7 +21,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from .. import udpros
 from ..monitoring.status import printable
-from ..teleop.keyboard import MOVES, STOP, Keyboard, StopKey, Velocity, Wish
+from ..teleop.keyboard import MOVES, STOP, KeyAction, Keyboard, StopKey, Velocity
 from ..teleop.keyboard_screen import HELP, status_lines
 from ..teleop.keys import Keys
 from ..teleop.stall import Stall
@@ -57,16 +57,17 @@ class Services:
     :param say: f(text), what came of a call; any thread
     """
 
-    NAMES = {Wish.TAKE_CONTROL: ('take_control', Trigger, ()), Wish.RELEASE_CONTROL: ('release_control', Trigger, ()),
-             Wish.RELEASE_EMERGENCY_STOP: ('estop', SetBool, (False,))}
+    NAMES = {KeyAction.TAKE_CONTROL: ('take_control', Trigger, ()),
+             KeyAction.RELEASE_CONTROL: ('release_control', Trigger, ()),
+             KeyAction.RELEASE_EMERGENCY_STOP: ('estop', SetBool, (False,))}
 
     def __init__(self, say: Callable[[str], None]) -> None:
         self._say = say
         self._running: Dict[str, threading.Thread] = {}
 
-    def call(self, wish: Wish) -> None:
+    def call(self, action: KeyAction) -> None:
         """Call the service that does this, unless it is being called: once more later would count as meant later."""
-        name, type_, arguments = self.NAMES[wish]
+        name, type_, arguments = self.NAMES[action]
         if name in self._running and self._running[name].is_alive():
             self._say('%s: the last one is not answered yet' % name)
             return
@@ -135,14 +136,14 @@ class TeleopKeyboard:
         now = time.monotonic()
         waited = bool(self._stall.look(now))
         for key in self._keys.take(typed.decode(errors='replace'), now):
-            wish = self._keyboard.press(' ' if waited and key in MOVES else key, now)
-            if wish is Wish.EMERGENCY_STOP:
+            action = self._keyboard.press(' ' if waited and key in MOVES else key, now)
+            if action is KeyAction.EMERGENCY_STOP:
                 self._stop_key.press(now)
                 self._stop_all(now)
-            elif wish is not None and not waited:   # what was asked while this program stood still is no longer meant
-                if wish is Wish.RELEASE_EMERGENCY_STOP:
+            elif action is not None and not waited:   # what was asked while this program stood still is no longer meant
+                if action is KeyAction.RELEASE_EMERGENCY_STOP:
                     self._stop_key.release()
-                self._services.call(wish)
+                self._services.call(action)
         return bool(typed)
 
     def _stop_all(self, now: float) -> None:

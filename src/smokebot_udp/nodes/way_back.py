@@ -27,19 +27,16 @@ class WayBack:
 
     :param side: ROBOT or OPERATOR
     :param definitions: of streams.yaml
-    :param way: of this side; its reliable link is started if a stream needs it
+    :param way: of this side
     """
 
     def __init__(self, side: str, definitions: Definitions, way: Way, parameters: Parameters) -> None:
         self._control = way.control
-        acknowledged = {**definitions.reliable, **definitions.services, **definitions.actions}
         self.streams: Dict[str, WayBackStream] = start_streams(
-            {**definitions.commands, **acknowledged},
+            {**definitions.commands, **definitions.reliable, **definitions.services, **definitions.actions},
             lambda name, settings: MAKERS[side][settings['type']](name, settings, way), parameters.report,
             parameters.refused.__setitem__)
         """{name: stream}, started"""
-        if acknowledged:
-            way.reliable.start()
 
     @property
     def stores(self) -> Dict[str, SettingsStore]:

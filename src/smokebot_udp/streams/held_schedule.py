@@ -9,7 +9,7 @@ COALESCED = 0.1
 PERIOD = 1.5
 """Reports get lost: without new segments they are repeated [s]."""
 
-PATIENCE = 10.0
+MAX_SILENCE = 10.0
 """A robot that is silent for longer is not reported to: beats come once a second, and most of them may be lost [s]."""
 
 
@@ -24,7 +24,7 @@ class _Stream:
         if self.news:
             return self.reported + self.interval
         due = self.reported + PERIOD
-        return due if due - self.received <= PATIENCE else math.inf
+        return due if due - self.received <= MAX_SILENCE else math.inf
 
 
 class HeldSchedule:

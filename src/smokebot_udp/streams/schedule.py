@@ -15,7 +15,7 @@ MAX_AGE = 0.03
 """An item of a steady source that waits for its turn for more than this part of the time between its items is held
 back: the next one, which is fresh, is awaited instead."""
 
-PATIENCE = 1.3
+GAP_FACTOR = 1.3
 """An item that is held back leaves this many times the time between items, or the period of the maximum rate if that is
 shorter, after it was put."""
 
@@ -38,7 +38,7 @@ class _Source(Generic[Item]):
         due = self.limiter.due
         if not steady or due - self.put <= MAX_AGE * self.gap:
             return due
-        return max(due, self.put + PATIENCE * min(self.gap, 1 / self.limiter.rate))
+        return max(due, self.put + GAP_FACTOR * min(self.gap, 1 / self.limiter.rate))
 
 
 class Schedule(Generic[Item]):

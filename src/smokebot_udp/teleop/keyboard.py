@@ -41,7 +41,7 @@ class Velocity(NamedTuple):
     """To the left [rad/s]."""
 
 
-class Wish(enum.Enum):
+class KeyAction(enum.Enum):
     """What a key asks for besides a motion."""
     EMERGENCY_STOP = 's'
     RELEASE_EMERGENCY_STOP = 'R'
@@ -77,7 +77,7 @@ class Keyboard:
         self._key = ''      # of the motion; empty: none
         self._held_until = self._silent_from = self._due = -math.inf
 
-    def press(self, key: str, now: float) -> Optional[Wish]:
+    def press(self, key: str, now: float) -> Optional[KeyAction]:
         """Take a key, see keys.py, in the order and at the time [s] at which it was pressed; returns what it asks for.
 
         Any key without a meaning stops the robot. That of the emergency stop is never lost: it counts also with Caps
@@ -94,9 +94,9 @@ class Keyboard:
                 self._key, self._due = key, now
             return None
         self._stop(now)
-        if key == 'S' or key.endswith(Wish.EMERGENCY_STOP.value):
-            return Wish.EMERGENCY_STOP
-        return next((wish for wish in Wish if wish.value == key), None)
+        if key == 'S' or key.endswith(KeyAction.EMERGENCY_STOP.value):
+            return KeyAction.EMERGENCY_STOP
+        return next((action for action in KeyAction if action.value == key), None)
 
     def poll(self, now: float) -> Optional[Velocity]:
         """The command to send now, if one is due."""

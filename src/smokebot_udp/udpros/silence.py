@@ -21,7 +21,7 @@ MAX_MOVED = 64
 """Nodes of which the newest address is remembered."""
 
 
-PATIENCE = 2.5
+USUAL_FACTOR = 2.5
 """A topic counts as silent after this many times its longest usual pause."""
 
 FADING, MAX_PAUSE = 0.8, 12.0
@@ -51,7 +51,7 @@ class Silence:
         self._learn(heard)
         if heard > self.asked_at:
             self._period = SILENCE_TIMEOUT
-        timeout = min(max(SILENCE_TIMEOUT, PATIENCE * self._usual), MAX_SILENCE_PERIOD)
+        timeout = min(max(SILENCE_TIMEOUT, USUAL_FACTOR * self._usual), MAX_SILENCE_PERIOD)
         return (now - heard >= max(SILENCE_TIMEOUT, early * timeout)
                 and now - max(heard, self.asked_at) >= early * max(timeout, self._period))
 

@@ -41,16 +41,16 @@ RAINBOW = cv2.applyColorMap(np.linspace(255, 0, SQUARE).astype(np.uint8)[:, None
 EMERGENCY_STOP = 'EMERGENCY STOP'
 
 
-class Limits(NamedTuple):
+class AttentionLimits(NamedTuple):
     """From when a value deserves attention, and from when it is bad."""
     attention: float
     bad: float
 
 
-LOSS, ROUND_TRIP = Limits(0.3, 0.7), Limits(0.3, 1.0)
-"""Limits of the packet-loss ratio and of the round-trip time [s]. Higher values are worse."""
-SIGNAL, CHARGE = Limits(-70.0, -80.0), Limits(0.3, 0.15)
-"""Limits of the Wi-Fi signal strength [dBm] and of the battery's charge, a ratio. Lower values are worse."""
+LOSS, ROUND_TRIP = AttentionLimits(0.3, 0.7), AttentionLimits(0.3, 1.0)
+"""AttentionLimits of the packet-loss ratio and of the round-trip time [s]. Higher values are worse."""
+SIGNAL, CHARGE = AttentionLimits(-70.0, -80.0), AttentionLimits(0.3, 0.15)
+"""AttentionLimits of the Wi-Fi signal strength [dBm] and of the battery's charge, a ratio. Lower values are worse."""
 
 
 @dataclass(frozen=True)
@@ -175,14 +175,14 @@ def _draw(image: UInt8Array, tile: Tile) -> None:
         write(image, line, (4 * GAP, height // 3 + number * room, width - 6 * GAP, room), colour)
 
 
-def _tile(label: str, text: str, factor: float, value: float, limits: Limits) -> Tile:
+def _tile(label: str, text: str, factor: float, value: float, limits: AttentionLimits) -> Tile:
     """:param factor: of the value in the text"""
     if not math.isfinite(value):
         return Tile(label, '-', UNKNOWN)
     return Tile(label, text % (factor * value), _level(value, limits))
 
 
-def _level(value: float, limits: Limits) -> str:
+def _level(value: float, limits: AttentionLimits) -> str:
     sign = 1 if limits.bad > limits.attention else -1
     return (BAD if sign * value >= sign * limits.bad else
             ATTENTION if sign * value >= sign * limits.attention else GOOD)

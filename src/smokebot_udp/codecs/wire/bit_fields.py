@@ -16,7 +16,7 @@ PADDING = 8
 """`read` needs this many bytes behind the start of the last field."""
 
 
-class BitWriter:
+class FieldWriter:
     """Writes fields to bytes that are 0 elsewhere.
 
     :param size: number of bytes
@@ -52,7 +52,7 @@ class BitWriter:
 
 
 def read(data: UInt8Array, positions: IntArray, widths: IntArray) -> Array:
-    """The fields that a BitWriter wrote.
+    """The fields that a FieldWriter wrote.
 
     :param data: (m,) uint8, contiguous, with PADDING bytes behind the start of the last field
     :param positions: (n,) int, of each field's first bit

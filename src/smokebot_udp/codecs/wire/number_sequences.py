@@ -11,7 +11,7 @@ import numpy as np
 
 from ...arrays import Array, BoolArray, IntArray, UInt8Array
 from . import bit_fields
-from .bit_fields import BitWriter, bit_lengths
+from .bit_fields import FieldWriter, bit_lengths
 from .prefix_code import CLASSES, MAX_LENGTH, UNKNOWN, PrefixCode, best_code, follow
 
 LENGTH_BITS = 16
@@ -65,7 +65,7 @@ def write(firsts: Array, sequences: Sequence[Numbers], size: int) -> UInt8Array:
     :param firsts: (chunks, n) int, n >= 1, below 256
     :param size: at least that of the longest chunk [byte]
     """
-    writer = BitWriter(len(firsts) * size)
+    writer = FieldWriter(len(firsts) * size)
     at = np.arange(len(firsts)) * size * 8
     for column in firsts.T:
         writer.write(at, np.full(len(at), 8), column)

@@ -40,11 +40,11 @@ class _Sent:
 class GoalWatch:
     """Follows goals by their ids. The clock is an argument [s, any steady clock].
 
-    :param patience: a goal of which nothing was heard for this time is lost [s]
+    :param timeout: a goal of which nothing was heard for this time is lost [s]
     """
 
-    def __init__(self, patience: float) -> None:
-        self.patience = patience
+    def __init__(self, timeout: float) -> None:
+        self.timeout = timeout
         self._sent: OrderedDict[str, _Sent] = collections.OrderedDict()    # the oldest first
         self._unwanted: Newest[str, float] = Newest(MAX_GOALS)     # when each may be cancelled again
         self._pursued: Dict[str, float] = {}
@@ -58,7 +58,7 @@ class GoalWatch:
             if heard is None:
                 return
             del self._sent[heard]
-        self._sent[goal] = _Sent(stamp, now + self.patience)
+        self._sent[goal] = _Sent(stamp, now + self.timeout)
 
     def failed(self, now: float) -> List[str]:
         """A goal cannot even leave; returns those sent before it, as of Lost."""

@@ -12,7 +12,7 @@ from typing import Any, Container, Dict, List, Mapping, NamedTuple, OrderedDict
 from ...newest import Newest
 from .goal_watch import MAX_GOALS
 
-PATIENCE = 10.0
+LOSS_TIMEOUT = 10.0
 """Time for which a result is waited for [s]."""
 
 MAX_STEP = 1.5
@@ -62,7 +62,7 @@ class MissingGoals:
     def _overdue(self, waiting: List[str]) -> List[str]:
         """Those of the goals that wait for a result which have waited too long."""
         self._since = {goal: self._since.get(goal, self._time) for goal in waiting}
-        lost = [goal for goal, since in self._since.items() if self._time - since >= PATIENCE]
+        lost = [goal for goal, since in self._since.items() if self._time - since >= LOSS_TIMEOUT]
         for goal in lost:
             self.ended(goal)
         return lost

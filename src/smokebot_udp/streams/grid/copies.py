@@ -15,7 +15,7 @@ ROUND_TRIP = 0.3
 URGENT_TIME, URGENT_RESIDUAL = 0.25, 0.01
 """Copies of what changed leave within this time [s], and are all lost with this probability."""
 
-PATIENCE_RESIDUAL, MIN_PATIENCE, MAX_PATIENCE = 1e-4, 8, 100
+PATIENT_RESIDUAL, MIN_TRIES, MAX_TRIES = 1e-4, 8, 100
 """Copies are suspicious once all of them were lost with a lower probability than this, but not after fewer, and after
 more in any case."""
 
@@ -62,8 +62,8 @@ class Pattern(NamedTuple):
             if tries < count:
                 return URGENT_TIME / count
         a_round = max(1, round(1 / (1 - _believed(self.loss))))
-        patience = max(MIN_PATIENCE, copies(self.loss, PATIENCE_RESIDUAL, MAX_PATIENCE))
-        return min(self.slow, ROUND_TRIP / a_round * SLOWER ** min(max(0, tries - patience), 200))
+        fast_tries = max(MIN_TRIES, copies(self.loss, PATIENT_RESIDUAL, MAX_TRIES))
+        return min(self.slow, ROUND_TRIP / a_round * SLOWER ** min(max(0, tries - fast_tries), 200))
 
 
 def _believed(loss: float) -> float:

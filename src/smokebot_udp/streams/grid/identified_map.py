@@ -17,7 +17,7 @@ PROOF = 3
 MAX_CANDIDATES = 8
 """Maps that may wait for their proof; the one that waits longest gives way."""
 
-PATIENCE = 30.0
+CANDIDATE_TIMEOUT = 30.0
 """A proof takes this long at most: beats come once a second, and most of them may be lost [s]."""
 
 
@@ -98,7 +98,7 @@ class Candidates:
         :return: the segments that prove a map, in the order received; empty: the proof is not complete
         :raises ValueError: its map is impossible
         """
-        self._keep([candidate for candidate in self._waiting if now - candidate.since <= PATIENCE])
+        self._keep([candidate for candidate in self._waiting if now - candidate.since <= CANDIDATE_TIMEOUT])
         found = next((candidate for candidate in self._waiting if candidate.map.has(segment)), None)
         if found is None:
             found = _Candidate(segment, now)

@@ -22,7 +22,7 @@ NOTHING = Holding(0, ())
 
 
 @dataclass
-class _Operator:
+class _Holder:
     holding: Holding = NOTHING
     """As reported last."""
     asked: Optional[float] = None
@@ -41,13 +41,13 @@ class HeldByAll:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._operators: Dict[str, _Operator] = {}
+        self._operators: Dict[str, _Holder] = {}
         self._refreshed = -math.inf     # when an image without a reference was sent last
 
     def held(self, name: str, holding: Holding) -> None:
         """Take the report of an operator that the stream is sent to, in place of its last one."""
         with self._lock:
-            self._operators[name] = _Operator(holding)
+            self._operators[name] = _Holder(holding)
 
     def sent(self, names: Collection[str], predicted: bool, now: float) -> None:
         """An image leaves to these operators."""
@@ -73,8 +73,8 @@ class HeldByAll:
         held = {number: min(holding.layers_of(number) for holding in reporting) for number in numbers}
         return {number: layers for number, layers in held.items() if layers}
 
-    def _served(self, names: Collection[str]) -> List[_Operator]:
+    def _served(self, names: Collection[str]) -> List[_Holder]:
         """The operators of these names; others are forgotten."""
         with self._lock:
-            self._operators = {name: self._operators.get(name) or _Operator() for name in names}
+            self._operators = {name: self._operators.get(name) or _Holder() for name in names}
             return list(self._operators.values())

@@ -30,7 +30,7 @@ REMEMBERED = 256
 """Newest images whose times are known."""
 
 
-class _Operator:
+class _Requester:
     def __init__(self) -> None:
         self.begun = -math.inf          # when a beginning was sent for it last [s]
         self.retry = FIRST_RETRY
@@ -43,7 +43,7 @@ class RefreshRequests:
     """Decides for the images of one stream. All times are by one steady clock [s]; the caller guards it by a lock."""
 
     def __init__(self) -> None:
-        self._operators: Dict[str, _Operator] = {}
+        self._operators: Dict[str, _Requester] = {}
         self._asking: Set[str] = set()
         self._session: Optional[int] = None
         self._sent: Deque[Tuple[int, float]] = deque(maxlen=REMEMBERED)
@@ -57,7 +57,7 @@ class RefreshRequests:
         for name in set(self._operators) - set(operators):
             del self._operators[name]
         for name in set(operators) - set(self._operators):
-            self._operators[name] = _Operator()
+            self._operators[name] = _Requester()
         self._asking &= set(self._operators)
         self._asking |= {name for name, operator in self._operators.items()
                          if operator.reported is None and now - operator.begun >= operator.retry}
@@ -101,7 +101,7 @@ class RefreshRequests:
             operator.begun, operator.retry = now, min(2 * operator.retry, last)
         self._asking.clear()
 
-    def _measure(self, operator: _Operator, holding: Holding, now: float) -> None:
+    def _measure(self, operator: _Requester, holding: Holding, now: float) -> None:
         """Measure the delay where a report is the first one of an image."""
         newest = self._newest(holding)
         sent = next((when for picture, when in self._sent if picture == newest), None)
@@ -113,7 +113,7 @@ class RefreshRequests:
         """The newest image of the session that is held; -1: none is."""
         return sum(holding.runs[-1]) - 1 if holding.session == self._session and holding.runs else -1
 
-    def _lacks(self, operator: _Operator, holding: Holding, now: float) -> bool:
+    def _lacks(self, operator: _Requester, holding: Holding, now: float) -> bool:
         """Whether an operator holds nothing, or nothing that was sent of late."""
         if holding.session == self._session and not holding.runs:
             return True
