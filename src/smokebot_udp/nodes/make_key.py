@@ -9,8 +9,8 @@ from ..link.keys import make_key
 def main() -> None:
     parser = argparse.ArgumentParser(
         prog='make_key', description='Write a new random key to a file that only its owner can read.',
-        epilog='Copy it to the robot and to each operator by a way that nobody else sees, as by scp, and give its path '
-               'as key_file:=FILE to robot.launch and operator.launch.')
+        epilog='robot.launch makes a key where there is none. To replace one, put the new file in the place of the old '
+               'one on the robot and at each of its desks.')
     parser.add_argument('file', metavar='FILE', help='it must not exist')
     try:
         make_key(parser.parse_args().file)

@@ -2,6 +2,7 @@
 """The nodes' private parameters: one table {name: Parameter} for each node. `live` ones may change while it runs."""
 from dataclasses import fields
 
+from ..link.keys import DEFAULT_KEY_FILE
 from ..mission.control import FOCUS
 from ..mission.footprint import DEFAULT_FOOTPRINT
 from ..mission.parameters import Parameter
@@ -26,12 +27,8 @@ DIAGNOSTICS = {threshold.name: Parameter(getattr(Thresholds(), threshold.name), 
                for threshold in fields(Thresholds)}
 """Thresholds of diagnostics, for all streams; ~<stream>/<name> sets one for one stream."""
 
-_KEY_FILE = Parameter('', '', "file with the link's key, made by make_key: 32 bytes, for its owner only; empty: the "
-                      'link is neither encrypted nor authenticated')
-
-_ALLOW_UNSEALED_COMMANDS = Parameter(
-    False, '', 'whether commands, services, actions and relays to the robot work over a link without a key: then '
-    'anybody on the network can drive')
+_KEY_FILE = Parameter('', '', "file with the link's key: 32 bytes, for its owner only; the robot makes it where there "
+                      'is none; empty: %s' % DEFAULT_KEY_FILE)
 
 _LOSS = {
     'loss': Parameter(0.0, '', 'ratio of datagrams that are dropped on arrival, to demonstrate a bad link', least=0.0,
@@ -53,7 +50,6 @@ ROBOT_SENDER = {
     'link_port': Parameter(0, '', 'UDP port to listen on for operators with masters of their own; 0: operators share '
                            "the robot's master", least=0, most=65535),
     'key_file': _KEY_FILE,
-    'allow_unsealed_commands': _ALLOW_UNSEALED_COMMANDS,
     'adapt': Parameter(True, '', 'whether the rate follows the capacity that operators report; otherwise it is '
                        'max_rate'),
     'max_rate': Parameter(50.0, 'Mbit/s', 'maximum rate of all streams together, however fast the link is; 0: '
@@ -81,7 +77,6 @@ OPERATOR_RECEIVER = {
     'robot': Parameter('', '', 'host:port of a robot with a master of its own, see its link_port; empty: it shares '
                        'this master'),
     'key_file': _KEY_FILE,
-    'allow_unsealed_commands': _ALLOW_UNSEALED_COMMANDS,
     'wifi_interface': _WIFI_INTERFACE,
     'dscp': _DSCP,
     **_LOSS,
