@@ -187,7 +187,8 @@ def plot(results: Dict[str, Any]) -> None:
             values = [results[name]['at'][rate][side + '_us'] for name in names]
             bars = axes.barh([i + offset for i in range(len(names))], values, 0.38, label=side)
             axes.bar_label(bars, ['%.1f' % value for value in values], padding=3)
-        axes.set_yticks(range(len(names)), names)
+        axes.set_yticks(range(len(names)))
+        axes.set_yticklabels(names)
         axes.margins(x=0.12)
         axes.set_title('%d messages/s requested' % rate)
         axes.set_xlabel('CPU for each 1.4 kB message [us]')

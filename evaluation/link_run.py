@@ -21,6 +21,7 @@ from smokebot_udp.link_lab.link_trace import SIDES
 
 from . import TOP
 from .listener import Heard, Listener, Subscription
+from .one_of import percentile
 from .stack import Stack
 from .started import Started
 
@@ -225,6 +226,6 @@ def summary(heard: Sequence[Heard], seconds: float) -> Dict[str, Any]:
     if heard:
         ages = [message.age for message in heard]
         row['age p50 [s]'] = round(float(np.median(ages)), 4)
-        row['age p99 [s]'] = round(float(np.percentile(ages, 99, method='higher')), 4)
+        row['age p99 [s]'] = round(percentile(ages, 99), 4)
         row['amount'] = round(float(np.mean([message.amount for message in heard])), 4)
     return row

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The simulated robot's data over a link whose rate changes in steps, by one of several methods."""
 import bisect
+import math
 import pathlib
 import sys
 import time
@@ -12,7 +13,7 @@ import numpy as np
 from smokebot_udp.arrays import Array
 from smokebot_udp.link_lab.channel import LinkConditions
 
-from . import TOP, recorder
+from . import TOP, one_of, recorder
 from .link_run import LOAD_CODEC, LabWatch, repeated
 from .listener import Heard, Listener, Subscription
 from .quality import psnr
@@ -130,8 +131,7 @@ class Step:
     @property
     def lateness(self) -> float:
         """How late the emulated link itself was: the median of each sample's p99 [s]."""
-        return float(np.percentile([counts['late'].get('p99', 0.0) for _, counts in self.counts[1:]], 50,
-                                   method='higher'))
+        return one_of.percentile([counts['late'].get('p99', 0.0) for _, counts in self.counts[1:]], 50)
 
     def sample(self, after: float) -> Tuple[float, Counts]:
         """The first sample from this time after the step on [s]."""
@@ -254,7 +254,7 @@ def queue_delay(before: Counts, after: Counts, share: float, side: str = 'robot'
     """A quantile of the time that packets waited for the air between two samples [ms]; None: there were no packets."""
     waits = {ms: count - before['waited'][side].get(ms, 0) for ms, count in after['waited'][side].items()}
     each = np.repeat(list(waits), list(waits.values()))
-    return int(np.quantile(each, share, method='inverted_cdf')) if len(each) else None
+    return int(np.sort(each)[max(0, math.ceil(share * len(each)) - 1)]) if len(each) else None
 
 
 def link_row(step: Step) -> Row:
@@ -299,7 +299,7 @@ def message_row(sent: Sequence[Heard], arrived: Sequence[Heard], step: Step, top
 
 def percentile(values: Sequence[float], percent: float) -> Optional[float]:
     """A percentile that is one of the values; None: there are none."""
-    return float(np.percentile(values, percent, method='higher')) if values else None
+    return one_of.percentile(values, percent) if values else None
 
 
 class DisplayHistory:

@@ -11,6 +11,8 @@ import numpy as np
 
 from smokebot_udp.arrays import FloatArray
 
+from .one_of import percentile
+
 Log = Sequence[Tuple[int, float]]
 Raw = Mapping[str, Any]
 """What way_back.py measured in a scene."""
@@ -54,7 +56,7 @@ def statistics(times: Any) -> Tuple[float, ...]:
     """Median, p99 and worst of (n,) times; of none: empty."""
     if not len(times):
         return ()
-    return tuple(float(np.percentile(times, share, method='higher')) for share in (50, 99, 100))
+    return tuple(percentile(times, share) for share in (50, 99, 100))
 
 
 def until_in_force(sent: Log, heard: Log) -> FloatArray:

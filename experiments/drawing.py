@@ -5,7 +5,6 @@ from typing import Any, Tuple
 
 import matplotlib
 from matplotlib.figure import Figure  # pyplot would need a display
-from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from smokebot_udp.arrays import Array
 
@@ -28,7 +27,8 @@ PAD = 0.08
 
 def canvas(width: float = 8.0, height: float = 4.5, rows: int = 1, columns: int = 1, **options: Any) -> Tuple[Any, Any]:
     """A figure of this size [inch], and its axes as pyplot.subplots returns them."""
-    figure = Figure(figsize=(width, height), layout=ConstrainedLayoutEngine(w_pad=PAD, h_pad=PAD))
+    # not layout=: matplotlib has it from 3.6 on
+    figure = Figure(figsize=(width, height), constrained_layout={'w_pad': PAD, 'h_pad': PAD})
     return figure, figure.subplots(rows, columns, **options)
 
 

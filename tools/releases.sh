@@ -8,6 +8,7 @@
 #
 # --demo: only ./smokebot demo; --unit: also the unit tests; else everything that ./smokebot test runs, which takes
 # one and a half hours a release. CODENAMEs are those of tools/supported.txt; without any: all that ./smokebot prepares.
+# tools/workspace.sh takes its place on the others.
 # --mixed: the robot's side of one release and the desk of another for SECONDS (600), each with a master of its own and
 # link_lab between them, which loses 20 %: what came, and how often a reference of predicted images differed. ROBOT and
 # DESK are releases that were prepared before, or `here`: this machine.
@@ -67,21 +68,22 @@ megabytes() { du -sxm --exclude=proc --exclude=sys --exclude=dev "$1" | cut -f1;
 
 # try CODENAME: its row of the table.
 try() {
-    local codename=$1 root log=$chroots/$1.log before begun install demo result='not run'
+    local codename=$1 root log=$chroots/$1.log before begun install demo result='not run' command=smokebot_udp/smokebot
+    [[ " ${all[*]} " = *" $codename "* ]] || command=smokebot_udp/tools/workspace.sh
     root=$(fresh "$codename")
     before=$(megabytes "$root") begun=$SECONDS
-    if ! inside "$root" smokebot_udp/smokebot build >"$log" 2>&1; then
+    if ! inside "$root" "$command" build >"$log" 2>&1; then
         echo "failed: $(tail -n 1 "$log" | tr '|' ' ') | | |"
         return
     fi
     install="$(((SECONDS - begun + 30) / 60)) min, $(($(megabytes "$root") - before)) MB"
     say "$codename: demo"
-    inside "$root" -n smokebot_udp/smokebot demo >"$chroots/$codename.demo.log" 2>&1 || true
+    inside "$root" -n "$command" demo >"$chroots/$codename.demo.log" 2>&1 || true
     demo="$(grep -cE ' good( |$)' "$chroots/$codename.demo.log" || true) of $(grep -cE ' (good|poor|nothing)( |$)' "$chroots/$codename.demo.log" || true) lines good"
     if [ "$tests" != demo ]; then
         say "$codename: tests"
-        inside "$root" smokebot_udp/smokebot test --version >>"$log" 2>&1 || true  # what tests need besides
-        inside "$root" -n smokebot_udp/smokebot test "$([ "$tests" = all ] || echo test/unit -q)" \
+        inside "$root" "$command" test --version >>"$log" 2>&1 || true  # what tests need besides
+        inside "$root" -n "$command" test "$([ "$tests" = all ] || echo test/unit -q)" \
             >"$chroots/$codename.test.log" 2>&1 || true
         result=$(grep -E '^[0-9]+ (passed|failed)' "$chroots/$codename.test.log" | tail -n 1 | sed 's/ in .*//')
         [ "$tests" = all ] || result+=' (unit tests)'

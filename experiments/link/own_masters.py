@@ -179,7 +179,8 @@ def plot(folder: pathlib.Path) -> List[Union[Figure, Table]]:
             panel.plot(values, [height] * len(values), 'o', color=drawing.OURS, alpha=0.5)
     for panel, title in zip(axes, ('first image', 'all streams')):
         panel.set(xlabel='[s] after packets can cross', title=title, xlim=(0, None))
-    axes[0].set_yticks(range(len(found)), [one.event for one in found])
+    axes[0].set_yticks(range(len(found)))
+    axes[0].set_yticklabels([one.event for one in found])
     drawing.save(figure, folder / 'own_masters.png')
     return [Figure('own_masters.png', 'Each dot is one run with another seed.'),
             times_table(folder)]

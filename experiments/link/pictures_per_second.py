@@ -110,7 +110,8 @@ def draw(rows: Sequence[table.Row], delays: Sequence[float], losses: Sequence[fl
             ax.plot([losses.index(row['loss [%]']) for row in cells],
                     [None if row[key] is None else row[key] * factor for row in cells], 'o-', markersize=4,
                     color=drawing.COLOURS[method], label=method, zorder=3 if method.startswith('smokebot_udp') else 2)
-        ax.set_xticks(range(len(losses)), ['%d' % loss for loss in losses])
+        ax.set_xticks(range(len(losses)))
+        ax.set_xticklabels(['%d' % loss for loss in losses])
         ax.set(xlabel='packets lost [%]', title='delay %d ms each way' % delay)
     drawing.legend_right(axes[0][-1])
     return figure, axes[0]

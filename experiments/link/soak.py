@@ -143,7 +143,8 @@ def plot(folder: pathlib.Path) -> List[Union[Figure, Table]]:
     longest = max((row['wait [s]'] or 0.0 for row in rounds), default=0.0)
     above.set(xlabel='[s] until every stream is fresh; the stroke is the goal', xlim=(0, max(12.0, 1.05 * longest)),
               ylim=(-0.6, len(kinds) - 0.4))
-    above.set_yticks(range(len(kinds)), kinds)
+    above.set_yticks(range(len(kinds)))
+    above.set_yticklabels(kinds)
     for node, colour in zip(OURS, ('#1f77b4', drawing.OURS, '#2ca02c')):
         rows = [row for row in resources if row['node'] == node]
         label: Optional[str] = node

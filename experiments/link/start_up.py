@@ -146,7 +146,8 @@ def plot(folder: pathlib.Path) -> List[Union[Figure, Table]]:
         axes[i].axvline(goal, color='0.3', linestyle='--', linewidth=1)
         axes[i].text(goal, len(EVENTS) - 0.55, ' the goal', fontsize=9, color='0.3')
         axes[i].set(xlabel='[s] after the start', title=until, xlim=(0, None), ylim=(-0.5, len(EVENTS) - 0.4))
-    axes[0].set_yticks(range(len(EVENTS)), list(EVENTS))
+    axes[0].set_yticks(range(len(EVENTS)))
+    axes[0].set_yticklabels(list(EVENTS))
     drawing.save(figure, folder / 'starts.png')
     return [Figure('starts.png', 'Each dot is one run with another seed.'),
             times_table(folder)]

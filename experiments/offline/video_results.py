@@ -97,7 +97,8 @@ def draw(rows: Rows, name: str, path: pathlib.Path) -> None:
             axes.plot(range(len(LINKS)), [np.nan if value is None else value for value in values],
                       'o-' if way in OURS else '.--', color=colour, label=way, zorder=order)
         axes.set(title='%s, %g Mbit/s' % (name, rate), xlabel='packets lost')
-        axes.set_xticks(range(len(LINKS)), [link.replace(', ', ',\n') for link in LINKS])
+        axes.set_xticks(range(len(LINKS)))
+        axes.set_xticklabels([link.replace(', ', ',\n') for link in LINKS])
     grid[0][0].set_ylabel('PSNR [dB]')
     figure.legend(*grid[0][0].get_legend_handles_labels(), loc='outside lower center', ncols=4)
     drawing.save(figure, path)
