@@ -21,7 +21,7 @@ from smokebot_udp.link.parts import PART
 from smokebot_udp.link.peer import Delivery, Joined, Left, Peer
 from smokebot_udp.link.peer_topics import PeerTopics
 from smokebot_udp.link.session import Session
-from smokebot_udp.link.tables import SEEN, Entry, Lists, Local, Role, Table, Topic, pack_lists, pack_names
+from smokebot_udp.link.tables import SEEN, Lists, Local, NameEntry, Role, Table, Topic, pack_lists, pack_names
 from smokebot_udp.link.topics import Outgoing, headed
 from smokebot_udp.link.transport import shares
 from smokebot_udp.udpros.datagram import HEADER
@@ -502,7 +502,7 @@ def test_a_peers_tables_do_not_silence_the_differences_to_others() -> None:
         robot, told = made.robot()
         for number in range(100):
             robot.publisher('/topic%d' % number, String)
-        names = [Entry(Role.RECEIVES, Topic('/topic%d' % number, 'x/Y', '0')) for number in range(100)]
+        names = [NameEntry(Role.RECEIVES, Topic('/topic%d' % number, 'x/Y', '0')) for number in range(100)]
         table = np.frombuffer(data(Table.NAMES, PART.pack(1, 0, 1) + pack_names(names, 10 ** 6)), np.uint8)[np.newaxis]
         now = time.monotonic()
         for visit in range(30):
