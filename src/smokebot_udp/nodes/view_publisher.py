@@ -26,8 +26,8 @@ COLOURS = 16
 
 
 class ViewPublisher:
-    """Publishes sensor_msgs/Image bgr8 with the source's header, as streams.image.view.View decides, and ViewImage on its topic with
-    PLAIN appended.
+    """Publishes sensor_msgs/Image bgr8 with the source's header, as streams.image.view.View decides, and
+    ViewImage on its topic with PLAIN appended.
 
     Before the first image it publishes a grey one that says so: an empty display might also have a wrong topic.
 
