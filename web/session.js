@@ -29,7 +29,7 @@ export class Session {
   /** @param {function} entered f(session), called whenever this browser may see the page */
   constructor(entered) {
     this.entered = entered;
-    byId('login').addEventListener('submit', (event) => {
+    byId('login-form').addEventListener('submit', (event) => {
       event.preventDefault();
       this.logIn(byId('token').value.trim());
     });
