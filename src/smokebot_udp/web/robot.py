@@ -203,7 +203,7 @@ class Robot(Part):
         topic = entry.topic
         wanted: Mapping[str, Tuple[Tuple[str, Any, Callable[[Any, Entry], None]], ...]] = {
             IMAGE: ((topic + PLAIN, ViewImage, self._take_view),) if entry.annotated else (
-                (topic, CompressedImage if 'Compressed' in entry.settings['message_type'] else Image,
+                (topic, CompressedImage if 'Compressed' in entry.settings.get('message_type', '') else Image,
                  self._take_relayed_image),),
             MAP: ((topic, numpy_msg(OccupancyGrid), self._take_map),
                   (topic + UPDATES, numpy_msg(OccupancyGridUpdate), self._take_update)),
