@@ -38,7 +38,7 @@ class WebClient:
         self.on_frame: Callable[[Came], None] = lambda came: None
         self._session = aiohttp.ClientSession(cookie_jar=aiohttp.CookieJar(unsafe=True))
         self._socket: Any = None
-        self._reader: Optional['asyncio.Task[None]'] = None
+        self._reader: Optional[asyncio.Task[None]] = None
         self._id = 0
 
     async def login(self, token: str) -> int:
