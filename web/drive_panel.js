@@ -84,7 +84,8 @@ export class DrivePanel {
     if (document.body.classList.contains('stale')) return 'No connection';
     if (state.estop) return 'EMERGENCY STOP';
     if (state.browser === 'other') return 'Another browser drives';
-    if (!state.mine || state.browser !== 'this') return state.driver ? `${state.driver} drives` : 'Nobody drives: take control';
+    if (!state.mine) return state.driver ? `${state.driver} drives` : 'Nobody drives: take control';
+    if (state.browser !== 'this') return 'Take control to drive here';
     return '';
   }
 
@@ -97,7 +98,7 @@ export class DrivePanel {
     setText(byId('stick-text'), obstacle || locked);
     byId('take').hidden = Boolean(this.state && this.state.mine && this.state.browser === 'this');
     byId('give').hidden = !byId('take').hidden;
-    setText(byId('page-latency'), milliseconds(this.connection.roundTrip));
+    setText(byId('page-latency'), milliseconds(this.connection.roundTrip ?? this.connection.clock.roundTrip));
     const link = this.state && this.state.link;
     setText(byId('robot-latency'), milliseconds(link ? link.round_trip : null));
   }

@@ -5,13 +5,12 @@ import {milliseconds, percent, short, withUnit} from './units.js';
 
 const hertz = (value) => withUnit(value, 1, '');
 
-/** [title, f(stream)] of each column. */
+/** [title, f(stream)] of each column, the most important first: a narrow screen shows some only. */
 const COLUMNS = [
-  ['Stream', (stream) => stream.stream], ['Source Hz', (stream) => hertz(stream.source_hz)],
-  ['Sent', (stream) => hertz(stream.sent_hz)], ['Shown', (stream) => hertz(stream.shown_hz)],
-  ['Loss', (stream) => percent(stream.loss)], ['Complete', (stream) => percent(stream.completeness)],
-  ['Error', (stream) => stream.error || '-'], ['Age', (stream) => milliseconds(stream.age_median)],
-  ['p99', (stream) => milliseconds(stream.age_p99)],
+  ['Stream', (stream) => stream.stream], ['Shown Hz', (stream) => hertz(stream.shown_hz)],
+  ['Age', (stream) => milliseconds(stream.age_median)], ['p99', (stream) => milliseconds(stream.age_p99)],
+  ['Loss', (stream) => percent(stream.loss)], ['Quality', (stream) => stream.error || percent(stream.completeness)],
+  ['Source Hz', (stream) => hertz(stream.source_hz)], ['Sent Hz', (stream) => hertz(stream.sent_hz)],
   ['kB/s', (stream) => short(stream.bytes_per_second === null ? null : stream.bytes_per_second / 1e3)],
   ['Problem', (stream) => (stream.problems || []).join('; ')]];
 

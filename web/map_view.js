@@ -155,6 +155,7 @@ export class MapView {
     if (this.pose) drawRobot(context, camera, this.pose, this.footprint, now < this.pose.until);
     if (this.wish) drawGoal(context, camera, this.wish, false);
     drawMeasure(context, camera);
+    this.drawn = this.ofNow(now);
     this.canvas.dataset.tiles = this.tiles.tiles.size;
   }
 
@@ -170,13 +171,19 @@ export class MapView {
     context.restore();
   }
 
-  /** Show what has become old; call it every now and then. */
+  /** Show what has become old; call it often. */
   update() {
     const now = this.clock.now();
     let text = 'The place of the robot is not known yet';
     if (!this.map) text = 'No map yet';
     else if (this.pose) text = now < this.pose.until ? '' : `ROBOT'S PLACE: ${duration(now - this.pose.until + POSE_LASTS)} OLD`;
     setText(this.age, text);
-    this.changed();
+    if (this.ofNow(now) !== this.drawn) this.changed();
+  }
+
+  /** What counts as of now, as a text: where it differs from what was drawn, something has become old. */
+  ofNow(now) {
+    const all = [this.pose, this.cloud, ...this.points.values()];
+    return all.map((one) => Number(Boolean(one) && now < one.until)).join('');
   }
 }
