@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from smokebot_udp.teleop.keyboard import PERIOD, STOP, STOP_DURATION, Velocity
-from smokebot_udp.web.dead_man import HOLD, IDLE, LEAST_PERIOD, DeadMan, Ticks, scale_of
+from smokebot_udp.web.dead_man import HOLD, IDLE, LEAST_PERIOD, DeadMan, Rest, Ticks, scale_of
 
 FORWARD = Velocity(0.5, 0.0, 0.0, 0.0)
 
@@ -47,6 +47,15 @@ def test_a_released_touch_stops_at_once() -> None:
     assert dead_man.poll(10.05) == STOP
 
 
+def test_a_command_right_after_a_released_touch_does_not_hide_the_stop() -> None:
+    dead_man = DeadMan()
+    dead_man.drive('tablet', FORWARD, 10.0)
+    assert dead_man.poll(10.0) == FORWARD
+    dead_man.halt('tablet', 10.05)
+    assert dead_man.drive('tablet', FORWARD, 10.051) and dead_man.deadline() <= 10.051
+    assert [motion for _, motion in run(dead_man, 10.06, 10.2)] == [STOP, FORWARD]
+
+
 def test_a_lost_browser_stops_at_once_and_one_that_did_not_drive_sends_nothing() -> None:
     dead_man = DeadMan()
     dead_man.drive('tablet', FORWARD, 10.0)
@@ -79,7 +88,8 @@ def test_one_browser_drives_at_a_time_until_it_is_idle_or_another_one_takes_cont
     assert dead_man.drive('tablet', FORWARD, 10.2 + IDLE)
     dead_man.take('phone', 14.0)
     dead_man.halt('tablet', 14.01)      # who drives no longer stops nobody
-    assert dead_man.drive('phone', FORWARD, 14.02) and dead_man.poll(14.1) == FORWARD
+    assert dead_man.drive('phone', FORWARD, 14.02)
+    assert [motion for _, motion in run(dead_man, 14.03, 14.2)] == [STOP, FORWARD]
 
 
 def test_commands_leave_at_a_limited_rate() -> None:
@@ -120,3 +130,13 @@ def test_a_command_is_as_old_as_the_tick_that_it_answers() -> None:
 
 def test_ratios_are_speeds() -> None:
     assert scale_of(0.5, 2.0, 0.25)(1.0, -1.0, 0.5) == Velocity(0.5, -0.25, 0.0, 1.0)
+
+
+def test_after_an_emergency_stop_each_browser_has_to_let_go_of_the_stick() -> None:
+    rest = Rest()
+    rest.rest('tablet', 0)
+    assert rest.may_move('tablet', 0) and not rest.may_move('tablet', 1)
+    rest.rest('tablet', 1)
+    assert rest.may_move('tablet', 1) and not rest.may_move('phone', 1) and not rest.may_move('tablet', 2)
+    rest.gone('tablet')
+    assert not rest.may_move('tablet', 1)

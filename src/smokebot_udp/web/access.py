@@ -75,6 +75,7 @@ class Access:
         role = self._role_of(token)
         if role is Role.NONE:
             raise Refused('this token is wrong')
+        del self._tries[address]    # who has a token may log in as often as it likes
         known = self._known(session, now)
         session = new_session if known is Role.NONE else session
         self._sessions[session] = _Session(max(role, known), now + SESSION_LIFE)

@@ -190,10 +190,14 @@ class Browser:
             if message.type is not WSMsgType.TEXT or not self._budget.take(time.monotonic()):
                 await self.socket.close(code=POLICY)
                 return
-            try:
-                self._take(parse(message.data))
-            except BadRequest as error:
-                self.tell({'type': 'error', 'text': str(error), **({} if error.id is None else {'id': error.id})})
+            self.take(message.data)
+
+    def take(self, text: str) -> None:
+        """Serve a message; one that is wrong, or not permitted, is answered."""
+        try:
+            self._take(parse(text))
+        except BadRequest as error:
+            self.tell({'type': 'error', 'text': str(error), **({} if error.id is None else {'id': error.id})})
 
     def _take(self, request: Request) -> None:
         """:raises BadRequest: it is wrong, or not permitted"""

@@ -6,7 +6,7 @@ browser is gone, the robot is told to stop for STOP_DURATION, and nothing more i
 (teleop/keyboard.py does the same with keys).
 """
 import math
-from typing import Callable, Hashable, Optional
+from typing import Callable, Dict, Hashable, Optional
 
 from ..teleop.keyboard import PERIOD, STOP, STOP_DURATION, Velocity
 
@@ -29,7 +29,7 @@ class DeadMan:
     def __init__(self) -> None:
         self._holder: Optional[Hashable] = None
         self._held = -math.inf      # when the holder drove last, or took control
-        self._motion = STOP
+        self._motion, self._owes_stop = STOP, False
         self._until = self._silent_from = self._sent = -math.inf
         self._due = math.inf
 
@@ -53,7 +53,7 @@ class DeadMan:
             return False
         self.take(browser, now)
         self._motion, self._until = motion, now + HOLD
-        self._due = max(now, self._sent + LEAST_PERIOD)
+        self._due = min(self._due, now) if self._owes_stop else max(now, self._sent + LEAST_PERIOD)
         return True
 
     def halt(self, browser: Hashable, now: float) -> None:
@@ -74,8 +74,11 @@ class DeadMan:
         if now < self._due:
             return None
         active = now < self._until or now < self._silent_from
-        self._due = now + PERIOD if active else math.inf
         self._sent = now
+        if self._owes_stop:     # also where the next command came meanwhile
+            self._owes_stop, self._due = False, now + LEAST_PERIOD
+            return STOP
+        self._due = now + PERIOD if active else math.inf
         return self._motion if active else None
 
     def deadline(self) -> float:
@@ -89,6 +92,34 @@ class DeadMan:
 
     def _stop(self, now: float) -> None:
         self._motion, self._until, self._due, self._silent_from = STOP, -math.inf, now, now + STOP_DURATION
+        self._owes_stop = True
+
+
+class Rest:
+    """Who let go of the stick since the last emergency stop: its release must not move the robot (ISO 13850).
+
+    The interlock of operator_receiver asks for a neutral command, too. But where a network stalls, the command that
+    ends by HOLD is neutral as well, while the touch still lasts.
+    """
+
+    def __init__(self) -> None:
+        self._rested: Dict[Hashable, int] = {}
+
+    def may_move(self, browser: Hashable, stops: int) -> bool:
+        """Whether a command of a browser may move the robot.
+
+        :param stops: how many emergency stops there were
+        """
+        return not stops or self._rested.get(browser) == stops
+
+    def rest(self, browser: Hashable, stops: int) -> None:
+        """A browser let go of the stick, or gave a neutral command; no emergency stop is engaged."""
+        if stops:
+            self._rested[browser] = stops
+
+    def gone(self, browser: Hashable) -> None:
+        """A browser is not there any more."""
+        self._rested.pop(browser, None)
 
 
 class Ticks:

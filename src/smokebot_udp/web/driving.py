@@ -13,9 +13,11 @@ from ..nodes.logging import log_error
 from ..nodes.opened import Part
 from ..nodes.teleop_keyboard import twist
 from ..nodes.worker import DeadlineWorker
+from ..teleop.interlock import START_FROM_NEUTRAL
 from ..teleop.keyboard import STOP, StopKey, Velocity
-from .dead_man import DeadMan
+from .dead_man import DeadMan, Rest
 from .robot import Robot
+from .state import STOPPED
 
 
 class Order(NamedTuple):
@@ -36,7 +38,7 @@ class Driving(Part):
         self._commands = None if commands is None else self._publisher(commands, Twist, 1)
         self._goals = None if goals is None else self._publisher(goals, PoseStamped, 2)
         self._estop = self._publisher('operator/estop', Bool, 5)
-        self._dead_man, self._stop_key = DeadMan(), StopKey()
+        self._dead_man, self._rest, self._stop_key = DeadMan(), Rest(), StopKey()
         self._worker: DeadlineWorker[Order] = self._opened.started(DeadlineWorker(
             'driving', self._poll, self._deadline, self._publish, log_error('driving')))
 
@@ -44,18 +46,25 @@ class Driving(Part):
         """A browser's command; returns why it does not count, empty: it does."""
         if self._commands is None:
             return 'no stream of streams.yaml sends geometry_msgs/Twist as commands'
+        known = self._robot.known
         with self._worker.changing():
+            if motion == STOP:
+                self._rests(browser)
+            elif not self._rest.may_move(browser, known.stops):
+                return STOPPED if known.control == STOPPED else START_FROM_NEUTRAL
             good = self._dead_man.drive(browser, motion, time.monotonic())
         return '' if good else 'another browser drives: take control'
 
     def halt(self, browser: Hashable) -> None:
         """The touch was released."""
         with self._worker.changing():
+            self._rests(browser)
             self._dead_man.halt(browser, time.monotonic())
 
     def gone(self, browser: Hashable) -> None:
         """A browser is not there any more, or gave control back."""
         with self._worker.changing():
+            self._rest.gone(browser)
             self._dead_man.gone(browser, time.monotonic())
 
     def take(self, browser: Hashable) -> None:
@@ -91,6 +100,10 @@ class Driving(Part):
             return False, 'nobody receives the goal: does operator_receiver run?'
         self._goals.publish(goal)
         return True, 'goal sent'
+
+    def _rests(self, browser: Hashable) -> None:
+        if self._robot.known.control != STOPPED:
+            self._rest.rest(browser, self._robot.known.stops)
 
     def _publisher(self, topic: str, class_: Any, queue: int) -> Any:
         return self._opened.topic(rospy.Publisher(self._robot.resolve(topic), class_, queue_size=queue,

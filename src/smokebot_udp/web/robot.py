@@ -37,7 +37,7 @@ from .frames import Frame, Kind
 from .log_entries import LogEntries
 from .pictures import Pictures, picture_of
 from .relayed_images import RelayedColours
-from .state import Known
+from .state import STOPPED, Known
 from .tiles import Place, TiledMap
 from .top_view import CELL, Pose, ages_image, cloud_from_above, path_points, pose_of, scan_points
 
@@ -235,6 +235,7 @@ class Robot(Part):
         self.known.gas[name] = message.data
 
     def _take_control(self, message: Any) -> None:
+        self.known.stops += message.data == STOPPED != self.known.control
         self.known.control = message.data
 
     def _take_transforms(self, message: Any, static: bool) -> None:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The HTTP server: the page's files, logins, downloads, and the WebSocket. doc/web_protocol.md lists its paths."""
 import json
+import logging
 import os
 import re
 import secrets
@@ -10,6 +11,7 @@ from typing import Any, Awaitable, Callable, Dict, Mapping, Optional
 
 from aiohttp import web
 
+from ..limited_log import logerr
 from .access import SESSION_LIFE, Access, Refused, Role
 from .browser import Browser
 from .captures import path_of
@@ -66,7 +68,7 @@ class Server:
         application.router.add_get('/ws', self._socket)
         application.router.add_get('/stills/{name}', self._still)
         application.router.add_get('/captures/{robot}/{name}', self._capture)
-        runner = web.AppRunner(application, access_log=None, handle_signals=False)
+        runner = web.AppRunner(application, access_log=None, handle_signals=False, logger=_silent())
         await runner.setup()
         try:
             await web.TCPSite(runner, address, port, ssl_context=self._tls, shutdown_timeout=1.0).start()
@@ -98,6 +100,11 @@ class Server:
             response = await handler(request)
         except web.HTTPException as error:
             response = web.Response(status=error.status, text=error.text)
+        except ConnectionError:     # it has gone
+            response = web.Response(status=400)
+        except Exception as error:
+            logerr('a request of a browser', error)
+            response = web.Response(status=500, text='this does not work: see the log of operator_web')
         if not response.prepared:
             self._add_headers(response, host if HOST.match(host) else '')
         return response
@@ -182,6 +189,13 @@ class Server:
         if not path:
             raise web.HTTPNotFound(text='there is no such file')
         return web.FileResponse(path, headers=_attached(name))
+
+
+def _silent() -> logging.Logger:
+    """A logger that says nothing: aiohttp would log each request that is none, and anybody may send them."""
+    logger = logging.Logger('browsers')
+    logger.addHandler(logging.NullHandler())
+    return logger
 
 
 async def _token(request: web.Request) -> str:

@@ -9,6 +9,9 @@ from ..monitoring.status import LEVELS, printable
 
 MAX_PROBLEMS = 20
 
+STOPPED = 'EMERGENCY STOP'
+"""State of control during an emergency stop."""
+
 
 @dataclass
 class Known:
@@ -23,6 +26,8 @@ class Known:
     """{stream: value}"""
     control: str = ''
     """The state in words, as on operator/control."""
+    stops: int = 0
+    """How many emergency stops were seen."""
     heard: float = -math.inf
     """When anything came from the robot, by a steady clock [s]."""
     linked: float = -math.inf
@@ -57,7 +62,7 @@ def state_of(known: Known, node: str, now: float) -> Dict[str, Any]:
     return {
         'type': 'state', 'level': level_of(known, now), 'silence': _since(known.heard, now),
         'control': known.control, 'driver': driver, 'mine': _same_node(driver, node),
-        'estop': bool(status and status.estop) or known.control == 'EMERGENCY STOP',
+        'estop': bool(status and status.estop) or known.control == STOPPED,
         'focus': status.focus if status else '', 'modified': bool(status and status.modified),
         'profiles': list(status.profiles) if status else [], 'problems': problems_of(known),
         'battery': None if battery is None else {'charge': _finite(battery.percentage),
