@@ -89,7 +89,7 @@ def test_one_browser_drives_at_a_time_until_it_is_idle_or_another_one_takes_cont
     dead_man.take('phone', 14.0)
     dead_man.halt('tablet', 14.01)      # who drives no longer stops nobody
     assert dead_man.drive('phone', FORWARD, 14.02)
-    assert [motion for _, motion in run(dead_man, 14.03, 14.2)] == [STOP, FORWARD]
+    assert [motion for _, motion in run(dead_man, 14.03, 14.15)] == [STOP, FORWARD]
 
 
 def test_commands_leave_at_a_limited_rate() -> None:
