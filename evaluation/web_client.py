@@ -2,6 +2,7 @@
 """A browser's part of doc/web_protocol.md, for tests and measurements of operator_web."""
 import asyncio
 import json
+import socket
 import time
 from typing import Any, Callable, Dict, List, NamedTuple, Optional
 
@@ -41,10 +42,20 @@ class WebClient:
         self._reader: Optional[asyncio.Task[None]] = None
         self._id = 0
 
-    async def login(self, token: str) -> int:
+    async def login(self, token: str, **headers: str) -> int:
         """Log in; returns the status."""
-        async with self._session.post(self.url + '/login', json={'token': token}) as response:
+        async with self._session.post(self.url + '/login', json={'token': token}, headers=headers) as response:
             return int(response.status)
+
+    async def logout(self) -> int:
+        """Log out; returns the status."""
+        async with self._session.post(self.url + '/logout') as response:
+            return int(response.status)
+
+    @property
+    def cookie(self) -> Any:
+        """The session's."""
+        return next(iter(self._session.cookie_jar))
 
     async def get(self, path: str, **headers: str) -> Any:
         """(status, content, headers) of a path."""
@@ -69,6 +80,9 @@ class WebClient:
 
     async def send_raw(self, text: str) -> None:
         await self._socket.send_str(text)
+
+    async def send_bytes(self, content: bytes) -> None:
+        await self._socket.send_bytes(content)
 
     async def ask(self, type_: str, timeout: float = 10.0, **fields: Any) -> Any:
         """Send a message with an id; returns its answer."""
@@ -103,8 +117,13 @@ class WebClient:
             await asyncio.sleep(0.02)
 
     def cut(self) -> None:
-        """End the connection without a farewell, as where the network is gone."""
-        self._socket._conn.transport.abort()
+        """End the connection without a farewell."""
+        self._socket.get_extra_info('socket').shutdown(socket.SHUT_RDWR)
+
+    def stop_reading(self) -> None:
+        """Take nothing any more: what is sent stays in the buffers."""
+        if self._reader is not None:
+            self._reader.cancel()
 
     async def close(self) -> None:
         """Close all."""

@@ -3,9 +3,9 @@
 
     ./smokebot exec python3 -m evaluation.web_load [--browsers 10] [--seconds 20] [--stalled 1] [--cycles 0]
 
-It starts a master, operator_web, and a program with the browsers, and publishes the views of two image streams, 640 x 480
-at 10 Hz. The age is that from the publication to the arrival of the JPEG in a browser. --cycles: browsers that come
-and go after that, each by an abrupt end, for the growth of memory. It prints an object in JSON.
+It starts a master, operator_web, and a program with the browsers, and publishes the views of two image streams,
+640 x 480 at 10 Hz. The age is that from the publication to the arrival of the JPEG in a browser. --cycles: browsers
+that come and go after that, each by an abrupt end, for the growth of memory. It prints an object in JSON.
 """
 import argparse
 import asyncio
@@ -54,7 +54,7 @@ def publish(seconds: float) -> None:
     images = [np.ascontiguousarray(np.roll(scene, 8 * step, axis=1)).tobytes() for step in range(10)]
     begun = time.monotonic()
     for step in range(int(seconds * RATE)):
-        for name, publisher in publishers.items():
+        for publisher in publishers.values():
             message = ViewImage(state='fresh', quality='100 %', completeness=1.0, height=HEIGHT, width=WIDTH,
                                 data=images[step % len(images)], old_after=0.5, frozen_after=2.0, counts_per_unit=1.0)
             message.header.stamp = rospy.Time.now()

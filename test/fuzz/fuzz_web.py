@@ -28,13 +28,13 @@ from smokebot_udp.web.access import Role  # noqa: E402
 from smokebot_udp.web.browser import MAX_ANSWERS, Browser  # noqa: E402
 
 INPUTS, BATCH, CONNECTIONS = 1000000, 500, 2
-"""In all; messages and connections of a batch."""
+"""Number of inputs; messages and connections of a batch."""
 
 MAX_TIME = 2.0
-"""Of a batch [s]."""
+"""Processor time of a batch [s]."""
 
 PATIENCE = 3.0
-"""For a connection to be answered [s]."""
+"""Time for a connection to be answered [s]."""
 
 MESSAGES: List[Any] = [
     {'type': 'watch', 'robot': '', 'images': [{'stream': 'thermal', 'width': 320, 'rate': 10}], 'ages': True,
@@ -104,8 +104,7 @@ class Fuzzer:
         while await client.login(PAGE.hex()) != 200:
             assert time.monotonic() < deadline, 'no login'
             await asyncio.sleep(0.5)
-        cookie = next(iter(client._session.cookie_jar))
-        self._cookie = ('%s=%s' % (cookie.key, cookie.value)).encode()
+        self._cookie = ('%s=%s' % (client.cookie.key, client.cookie.value)).encode()
         await client.connect()
         await client.send('watch', robot='')
         assert (await client.ask('captures'))['files'] == []
@@ -124,11 +123,11 @@ class Fuzzer:
             driver.take(self._command())
             self.inputs += 2
             for browser in viewer, driver:
-                if browser._tasks:
-                    await asyncio.gather(*browser._tasks)
-                assert len(browser._answers) <= MAX_ANSWERS
-                self.answered += len(browser._answers)
-                browser._answers.clear()
+                if browser.tasks:
+                    await asyncio.gather(*browser.tasks)
+                assert len(browser.answers) <= MAX_ANSWERS
+                self.answered += len(browser.answers)
+                browser.answers.clear()
 
     def _message(self, good: Any) -> str:
         kind, random = self._random.randrange(6), self._random

@@ -33,7 +33,7 @@ MAX_STOP = 0.55
 """From a cut WebSocket to the robot's stop [s]."""
 
 RATE = 10.0
-"""Of the images [Hz]."""
+"""Rate of the images [Hz]."""
 
 DRIVE_PERIOD = 0.06
 """[s]"""

@@ -34,7 +34,7 @@ streams:
 """
 PLACE = Place(0.0, 0.0, 0.0, 0.05, 'map')
 TIMEOUT = 60.0
-"""Of a whole test [s]."""
+"""Time for a whole test [s]."""
 
 
 class NotedDriving:

@@ -22,7 +22,7 @@ PLAIN = '/plain'
 """Appended to the topic of a view: the topic of its parts."""
 
 COLOURS = 16
-"""Of the palette in ViewImage."""
+"""Number of colours of the palette in ViewImage."""
 
 
 class ViewPublisher:

@@ -73,12 +73,13 @@ class Browser:
         """From a tick to its return [s]."""
         self._transport, self._host = request.transport, host
         self._told = Role.NONE
-        self._answers: Deque[Message] = collections.deque()
+        self.answers: Deque[Message] = collections.deque()
+        """Messages that wait to be sent."""
         self._wake = asyncio.Event()
         self._tick: Dict[str, Any] = {}
         self._waiting: Optional[Watch] = None
         self._budget, self._watches = Budget(MESSAGES, MESSAGE_PERIOD), Budget(WATCHES, WATCH_PERIOD)
-        self._tasks: Set[asyncio.Future[None]] = set()
+        self.tasks: Set[asyncio.Future[None]] = set()
         self._sending = math.inf        # since when a message is being sent [s]
 
     async def run(self, request: web.Request, hello: Mapping[str, Any]) -> None:
@@ -90,17 +91,17 @@ class Browser:
         try:
             await self._read()
         finally:
-            for task in (writer, *self._tasks):
+            for task in (writer, *self.tasks):
                 task.cancel()
-            await asyncio.gather(writer, *self._tasks, return_exceptions=True)
+            await asyncio.gather(writer, *self.tasks, return_exceptions=True)
             await self.socket.close()
 
     def tell(self, fields: Mapping[str, Any]) -> None:
         """Send a message soon."""
-        if len(self._answers) >= MAX_ANSWERS:
+        if len(self.answers) >= MAX_ANSWERS:
             self.abort()
             return
-        self._answers.append(text_of(fields))
+        self.answers.append(text_of(fields))
         self._wake.set()
 
     def tick(self, number: int, now: Now) -> None:
@@ -156,8 +157,8 @@ class Browser:
         tick, self._tick = self._tick, {}
         if tick:
             yield text_of(tick)
-        while self._answers:
-            yield self._answers.popleft()
+        while self.answers:
+            yield self.answers.popleft()
         yield from screen.images(now)
         if not tick:
             return
@@ -231,14 +232,14 @@ class Browser:
                 self.tell({'id': request.id, **(await answer)})
             except (BadRequest, ValueError) as error:
                 self.tell({'type': 'done', 'id': request.id, 'ok': False, 'text': str(error)})
-        if len(self._tasks) >= MAX_TASKS:
+        if len(self.tasks) >= MAX_TASKS:
             close = getattr(answer, 'close', None)
             if close is not None:
                 close()
             raise BadRequest('too much is asked at once', request.id)
         task = asyncio.ensure_future(work())
-        self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
+        self.tasks.add(task)
+        task.add_done_callback(self.tasks.discard)
 
 
 def present() -> Now:

@@ -37,7 +37,7 @@ VALUE_PATIENCE, VALUE_POLL = 2.0, 0.05
 """For an image to read a value from [s]."""
 
 VERSION = 1
-"""Of the protocol."""
+"""Version of the protocol."""
 
 
 class Station(NamedTuple):

@@ -56,10 +56,13 @@ class Driving(Part):
         return '' if good else 'another browser drives: take control'
 
     def halt(self, browser: Hashable) -> None:
-        """The touch was released."""
+        """The touch was released. After an emergency stop that is the neutral command that the interlock waits for."""
+        now = time.monotonic()
         with self._worker.changing():
+            if not self._rest.may_move(browser, self._robot.known.stops) and self._dead_man.may_drive(browser, now):
+                self._dead_man.take(browser, now)
             self._rests(browser)
-            self._dead_man.halt(browser, time.monotonic())
+            self._dead_man.halt(browser, now)
 
     def gone(self, browser: Hashable) -> None:
         """A browser is not there any more, or gave control back."""

@@ -4,10 +4,10 @@ import collections
 from typing import Deque, Hashable, NamedTuple
 
 MAX_IMAGES = 2
-"""Of one stream that are on the way."""
+"""Number of images of one stream that are on the way."""
 
 MAX_BYTES = 256 * 1024
-"""Of all frames that are on the way; a larger one leaves alone [byte]."""
+"""Size of all frames that are on the way; a larger one leaves alone [byte]."""
 
 
 class _Sent(NamedTuple):
@@ -21,7 +21,7 @@ class Flow:
 
     def __init__(self) -> None:
         self.number = 0
-        """Of the last frame."""
+        """Number of the last frame."""
         self._waiting: Deque[_Sent] = collections.deque()
         self._size = 0
 

@@ -26,7 +26,7 @@ class Frame(NamedTuple):
     metadata: Mapping[str, Any]
     data: bytes
     level: int = 0
-    """Of a tile."""
+    """Level of a tile."""
 
     def serialised(self, number: int) -> bytes:
         """The bytes to send.

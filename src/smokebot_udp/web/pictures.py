@@ -9,10 +9,10 @@ import numpy as np
 from ..arrays import UInt8Array
 
 WIDTHS = (160, 240, 320, 480, 640, 960, 1280, 1920)
-"""Of the JPEGs [pixel]: a browser gets the next wider one, but never more pixels than the picture has."""
+"""Widths of the JPEGs [pixel]: a browser gets the next wider one, but never more pixels than the picture has."""
 
 QUALITY = 80
-"""Of the JPEGs, 0..100."""
+"""Quality of the JPEGs, 0..100."""
 
 MAX_PIXELS = 4096 * 4096
 """Larger pictures are not shown."""

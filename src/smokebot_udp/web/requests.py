@@ -9,7 +9,7 @@ MAX_SIZE = 4096
 
 MAX_ID = 2 ** 31 - 1
 MAX_NAME = 100
-"""Of a stream, a robot, a focus [letters]."""
+"""Length of the name of a stream, a robot, a focus [letters]."""
 
 MAX_IMAGES, MAX_POINTS = 8, 8
 """Streams that a browser shows at once."""
@@ -18,7 +18,7 @@ MAX_LEVEL, FARTHEST = 6, 1e6
 """Level of a map's tiles; coordinates [m]."""
 
 DEFAULT_RATE, MAX_RATE = 10.0, 30.0
-"""Of images [Hz]."""
+"""Rates of images [Hz]."""
 
 MAX_WIDTH = 8192
 """[pixel]"""

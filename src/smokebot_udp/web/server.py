@@ -22,7 +22,7 @@ COOKIE = 'smokebot'
 """Its name has the port after it: cookies do not distinguish ports."""
 
 MAX_BODY, MAX_BROWSERS = 2048, 48
-"""Of a login [byte]; WebSockets at once."""
+"""Size of a login [byte], and number of WebSockets at once."""
 
 STATIC = re.compile(r'[A-Za-z0-9_-]+(\.[A-Za-z0-9_-]+)*\.(html|css|js|svg|png|ico|webmanifest)$')
 """Names of the page's files."""

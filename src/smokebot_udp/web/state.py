@@ -77,7 +77,7 @@ def urgent(state: Mapping[str, Any]) -> Any:
 
 
 def level_of(known: Known, now: float) -> str:
-    """ok, warn, error or stale."""
+    """The worst of a robot: ok, warn, error or stale."""
     since = now - known.heard
     if not since < 5.0:
         return 'stale'

@@ -41,7 +41,7 @@ class Place(NamedTuple):
     x: float
     y: float
     yaw: float
-    """Of its first cell's corner [m, rad]."""
+    """Pose of its first cell's corner [m, rad]."""
     resolution: float
     """[m]"""
     frame: str = ''
@@ -60,11 +60,11 @@ class TiledMap:
 
     def __init__(self) -> None:
         self.id = 0
-        """Of the lattice: it changes where no tile of before is valid any more."""
+        """The lattice's number: it changes where no tile of before is valid any more."""
         self.anchor: Optional[Place] = None
         """Where cell (0, 0) of the lattice is; None: there was no map yet."""
         self.area = Area(0, 0, 0, 0)
-        """Of the map."""
+        """The map's cells."""
         self._canvas: UInt8Array = np.zeros((0, 0), np.uint8)
         self._corner = (0, 0)       # column and row of the canvas's first tile
         self._change = 0

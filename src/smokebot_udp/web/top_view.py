@@ -11,7 +11,7 @@ from ..rotation import rotation
 from .tiles import encoded
 
 MAX_SCAN_POINTS = 2048
-"""Of a longer scan every second, third, ... point is shown."""
+"""Number of points; of a longer scan every second, third, ... point is shown."""
 
 CELL, SPAN = 0.1, 40.0
 """Pixel of a cloud's image, and its side around the robot [m]."""
@@ -27,7 +27,7 @@ class Pose(NamedTuple):
     translation: FloatArray
     """(3,) [m]"""
     age: Optional[float] = None
-    """Of the transform [s]; None: it does not move."""
+    """Age of the transform [s]; None: it does not move."""
 
     @property
     def yaw(self) -> float:
@@ -69,7 +69,7 @@ class TopView(NamedTuple):
     """RGBA, the first line at the top."""
     x: float
     y: float
-    """Of its lower left corner [m]."""
+    """Place of its lower left corner [m]."""
 
 
 def cloud_from_above(points: Array, pose: Pose, base: Pose) -> TopView:
@@ -116,5 +116,5 @@ def path_points(positions: FloatArray, most: int) -> FloatArray:
 
 
 def goal_fields(pose: Optional[Tuple[float, float, float, float]]) -> Mapping[str, Optional[float]]:
-    """x, y, yaw and age; None: there is no goal."""
+    """The fields x, y, yaw and age; None: there is no goal."""
     return dict(zip(('x', 'y', 'yaw', 'age'), pose or (None,) * 4))

@@ -8,7 +8,7 @@ from ..codecs.wire.pixels import image_pixels
 
 
 def value_at(message: Any, x: float, y: float, scale: Mapping[str, Any]) -> Dict[str, Any]:
-    """value, unit, text, stamp: as in doc/web_protocol.md.
+    """The fields value, unit, text, stamp: as in doc/web_protocol.md.
 
     :param message: sensor_msgs/Image
     :param x, y: from its left and upper edge, 0..1
