@@ -4,7 +4,7 @@ import asyncio
 import concurrent.futures
 import contextlib
 import time
-from typing import Any, Awaitable, Dict, List, Mapping, NamedTuple, Optional, Set, Tuple
+from typing import Any, Awaitable, Callable, Dict, List, Mapping, NamedTuple, Optional, Set, Tuple
 
 from std_srvs.srv import SetBool, Trigger
 
@@ -56,10 +56,11 @@ class Desk:
     """Lives as long as its node.
 
     :param stations: {robot: Station}; filled before `run`
+    :param counted: f(number of browsers), called where it changed
     """
 
-    def __init__(self, stations: Mapping[str, Station]) -> None:
-        self.stations = stations
+    def __init__(self, stations: Mapping[str, Station], counted: Callable[[int], None] = lambda count: None) -> None:
+        self.stations, self._counted, self._count = stations, counted, -1
         self.browsers: Set[Browser] = set()
         self.stills = Stills()
         self._loop: Optional[asyncio.AbstractEventLoop] = None
@@ -89,6 +90,9 @@ class Desk:
                 browser.tick(number, now)
             if number % 10 == 0:
                 self._want()
+                if len(self.browsers) != self._count:
+                    self._count = len(self.browsers)
+                    self._counted(self._count)
             due = max(due + TICK_PERIOD, now.steady)
             await asyncio.sleep(due - time.monotonic())
 

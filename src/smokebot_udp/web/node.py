@@ -3,7 +3,7 @@
 
 Parameters: OPERATOR_WEB in nodes/parameters.py. It subscribes what the operator's side publishes on its own machine,
 publishes operator/cmd_vel, operator/estop and the goal, and calls the services of operator_receiver, all in the
-namespace of each robot. Where it cannot listen, it says why and tries again; nothing else of the operator's side
+namespace of each robot. ~browsers (UInt16, latched) is the number of browsers. Where it cannot listen, it says why and tries again; nothing else of the operator's side
 depends on it.
 """
 import asyncio
@@ -14,6 +14,7 @@ from typing import Any, Callable, Dict, Optional, Tuple
 
 import rospkg
 import rospy
+from std_msgs.msg import UInt16
 
 from .. import udpros
 from ..limited_log import logerr
@@ -192,7 +193,9 @@ def run(parameters: Parameters, opened: Opened, loop: asyncio.AbstractEventLoop)
     """Serve in this thread until the node ends."""
     from .desk import Desk
     stations: Dict[str, Any] = {}
-    desk = Desk(stations)
+    # of udpros: it registers all topics of the node again at a restarted master
+    browsers = udpros.Publisher('~browsers', UInt16, queue_size=1, latch=True)
+    desk = Desk(stations, browsers.publish)
     stations.update(stations_of(parameters, opened, desk.picture_came))
     garbage.collect_regularly()
     ended = asyncio.Event()
