@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The page's server with both sides as they are launched: what a browser sees, and what it moves."""
 import asyncio
+import contextlib
 import os
 import pathlib
 import socket
@@ -246,6 +247,35 @@ class Web(CommandsCase):
             self.assertTrue(answer['ok'], answer)
             await client.close()
         self.run_test(test)
+
+    def test_a_desk_of_several_robots_has_an_overview(self) -> None:
+        robots = pathlib.Path(tempfile.mkdtemp()) / 'robots.yaml'
+        robots.write_text('ugv1: {host: 127.0.0.1, port: 9}\nugv2: {host: 127.0.0.1, port: 10}\n')
+        port = free_port()
+        process = subprocess.Popen(['rosrun', 'smokebot_udp', 'operator_web', '__name:=desk_web', '_web:=%d' % port,
+                                    '_robots_file:=%s' % robots, '_streams_file:=%s' % STREAMS],
+                                   env=self.desk.environment)
+        self.addCleanup(process.wait)
+        self.addCleanup(process.terminate)
+
+        async def test() -> None:
+            client = WebClient('http://localhost:%d' % port)
+            deadline = time.monotonic() + START
+            while not client.connected:
+                with contextlib.suppress(aiohttp.ClientConnectionError):
+                    await client.connect()
+                self.assertLess(time.monotonic(), deadline)
+                await asyncio.sleep(0.2)
+            await client.until(lambda: client.newest('overview'))
+            self.assertEqual([one['name'] for one in client.newest('overview')['robots']], ['ugv1', 'ugv2'])
+            self.assertEqual({one['level'] for one in client.newest('overview')['robots']}, {'stale'})
+            await client.send('watch', robot='ugv2', images=[{'stream': 'thermal', 'width': 320}])
+            await client.until(lambda: client.newest('state'))
+            self.assertEqual(client.newest('state')['control'], '')
+            await client.close()
+        self.run_test(test)
+        self.assertIn('/ugv2/operator/thermal/view/plain', [topic for _, topic in self.desk.master.registered(
+            '/desk_web')])
 
     def bad(self, name: str, *parameters: str) -> str:
         """What a further operator_web logs first as an error, whose parameters are wrong."""

@@ -3,8 +3,8 @@
 
 Parameters: OPERATOR_WEB in nodes/parameters.py. It subscribes what the operator's side publishes on its own machine,
 publishes operator/cmd_vel, operator/estop and the goal, and calls the services of operator_receiver, all in the
-namespace of each robot. ~browsers (UInt16, latched) is the number of browsers. Where it cannot listen, it says why and tries again; nothing else of the operator's side
-depends on it.
+namespace of each robot. ~browsers (UInt16, latched) is the number of browsers. Where it cannot listen, it says why and
+tries again; nothing else of the operator's side depends on it.
 """
 import asyncio
 import contextlib
@@ -47,7 +47,7 @@ def stations_of(parameters: Parameters, opened: Opened, came: Callable[[str, str
 
     :param came: f(robot, stream), called in any thread where a picture came
     """
-    own = rospy.get_namespace().strip('/')
+    own = rospy.get_namespace().strip('/').replace('/', '_')
     streams = read_streams(parameters)
     if not parameters['robots_file']:
         return {own: station_of(own, '', streams, parameters, opened, came,

@@ -107,7 +107,8 @@ class Robot(Part):
             logerr("stream '%s'" % stream, 'browsers cannot show it: its view_topic is none')
         with udpros.registered_together():
             self._subscribe_small()
-        self._listener = Listener(name or resolve('operator_receiver'))
+        node = resolve('operator_receiver')
+        self._listener = Listener(node.rpartition('/')[0] or node)
         self._opened.started(PeriodicWorker('link', self._read_tree, log_error('link'), TREE_PERIOD))
         self._topics = self._opened.started(PeriodicWorker('topics', self._follow_wishes, log_error('topics'), 1.0))
 

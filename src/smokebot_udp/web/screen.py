@@ -41,6 +41,7 @@ class _Sent:
         self.image_due: Dict[str, float] = {}
         self.shown: Dict[Tuple[Kind, str], int] = {}
         self.tiles: Newest[Tuple[str, int, Key], int] = Newest(MAX_SENT_TILES)      # {...: version}
+        self.complete: Any = None       # state of the map and of what is wanted in which no tile was due
         self.places: Dict[str, Any] = {}
         self.due: Dict[str, float] = {}
         self.values: Dict[str, Any] = {}
@@ -126,14 +127,17 @@ class Screen:
         if robot is None or wanted is None or wanted.stream not in robot.maps:
             return []
         tiled, anchor = robot.maps[wanted.stream], robot.map_place(wanted.stream)
-        if anchor is None or not self.flow.room('tiles', MAX_TILES):
+        state = tiled.id, tiled.changes, tiled.area, wanted, anchor
+        if anchor is None or state == self._sent.complete or not self.flow.room('tiles', MAX_TILES):
             return []
         found: List[Tuple[int, Key, int]] = []
         for key, version in tiled.versions(wanted.level, tiled.cells_in(*wanted.area, anchor)):
             if self._sent.tiles.get((wanted.stream, tiled.id, key)) != version:
                 found.append((tiled.id, key, version))
                 if len(found) >= TILE_BATCH:
-                    break
+                    return found
+        if not found:
+            self._sent.complete = state
         return found
 
     def tile(self, tile: Tuple[int, Key, int], png: bytes) -> bytes:

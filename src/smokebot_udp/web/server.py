@@ -203,8 +203,10 @@ async def _token(request: web.Request) -> str:
     try:
         if request.content_type == 'application/json':
             fields: Any = json.loads(await request.text())
-        else:
+        elif request.content_type == 'application/x-www-form-urlencoded':
             fields = await request.post()
+        else:
+            return ''
         token = fields['token']
     except (ValueError, KeyError, TypeError, LookupError, RecursionError):
         return ''

@@ -67,7 +67,8 @@ class TiledMap:
         """The map's cells."""
         self._canvas: UInt8Array = np.zeros((0, 0), np.uint8)
         self._corner = (0, 0)       # column and row of the canvas's first tile
-        self._change = 0
+        self.changes = 0
+        """How often anything changed."""
         self._versions: List[Dict[Tuple[int, int], int]] = [{} for _ in range(LEVELS)]
         self._pngs: Newest[Key, Tuple[int, bytes]] = Newest(MAX_PNGS)
 
@@ -172,10 +173,10 @@ class TiledMap:
         return 0, 0
 
     def _touch(self, changed: Set[Tuple[int, int]]) -> None:
-        self._change += 1
+        self.changes += 1
         for level, versions in enumerate(self._versions):
             for column, row in changed:
-                versions[column >> level, row >> level] = self._change
+                versions[column >> level, row >> level] = self.changes
 
     def _pixels(self, key: Key) -> UInt8Array:
         """(TILE, TILE): a tile, the first line at the bottom."""
