@@ -47,9 +47,9 @@ class Browser:
             options.add_argument(option)
         if os.getuid() == 0:    # chromium refuses its sandbox to root
             options.add_argument('--no-sandbox')
-        options.binary_location = shutil.which('chromium')
+        options.binary_location = shutil.which('chromium') or ''
         options.set_capability('goog:loggingPrefs', {'browser': 'ALL'})
-        self.driver = webdriver.Chrome(options=options, service=Service(shutil.which('chromedriver')))
+        self.driver = webdriver.Chrome(options=options, service=Service(shutil.which('chromedriver') or ''))
         self.driver.set_script_timeout(30)
         self.driver.execute_cdp_cmd('Emulation.setTouchEmulationEnabled', {'enabled': True, 'maxTouchPoints': 5})
         self.resize(size, ratio)

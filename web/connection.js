@@ -22,6 +22,7 @@ export class Connection {
     this.tick = null;           // its number
     this.handlers = new Map();
     this.frameHandlers = new Map();
+    this.received = {};         // {kind of a frame: {frames, bytes, drawn}}; drawn: when the last was, of monotonic() [s]
     this.socket = null;
     this.wanted = false;
     setInterval(() => this.ping(), PING);
@@ -107,6 +108,9 @@ export class Connection {
   async takeFrame(socket, buffer) {
     const frame = parse(buffer);
     const entry = {number: frame.number, drawn: false};
+    const received = this.received[frame.kind] ??= {frames: 0, bytes: 0, drawn: null};
+    received.frames++;
+    received.bytes += buffer.byteLength;
     this.pending.push(entry);
     try {
       const handler = this.frameHandlers.get(frame.kind);
@@ -115,6 +119,7 @@ export class Connection {
       console.warn(`a frame of kind ${frame.kind} cannot be drawn: ${error}`);
     } finally {
       entry.drawn = true;
+      received.drawn = monotonic();
       if (socket === this.socket && !this.acknowledging) {
         this.acknowledging = setTimeout(() => this.acknowledge(), ACKNOWLEDGE);
       }

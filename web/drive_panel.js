@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /** All that commands the robot: control, stick and keys, speed, focus, emergency stop. */
-import {byId, make, setData, setText} from './dom.js';
+import {byId, make, onPress, setData, setText} from './dom.js';
 import {Driving} from './driving.js';
 import {DrivingKeys} from './driving_keys.js';
 import {Estop} from './estop.js';
@@ -19,12 +19,12 @@ export class DrivePanel {
     this.stick = new Stick(byId('stick'), byId('knob'), this.driving);
     this.keys = new DrivingKeys(byId('stick'), this.driving, {
       estop: () => this.estop.press(), take: () => this.control('take'), release: () => this.control('release')});
-    byId('take').addEventListener('click', () => this.control('take'));
-    byId('give').addEventListener('click', () => this.control('release'));
-    byId('strafe').addEventListener('click', (event) => this.setSideways(event.currentTarget));
+    onPress(byId('take'), () => this.control('take'));
+    onPress(byId('give'), () => this.control('release'));
+    onPress(byId('strafe'), (event) => this.setSideways(event.currentTarget));
     byId('focus').addEventListener('change', (event) => this.setFocus(event.currentTarget.value));
     for (const button of document.querySelectorAll('[data-share]')) {
-      button.addEventListener('click', () => this.setShare(button));
+      onPress(button, () => this.setShare(button));
     }
   }
 

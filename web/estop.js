@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /**
- * The emergency stop: a press is sent until the desk has taken it, also over a connection that is opened again.
+ * The emergency stop: from the moment at which a finger touches it, it is sent until the desk has taken it, also over a
+ * connection that is opened again.
  *
  * Releasing it takes two touches at different places: it must be meant.
  */
-import {byId, setText} from './dom.js';
+import {byId, onPress, setText} from './dom.js';
 import {noteResult} from './notes.js';
 
 const AGAIN = 300;              // [ms]
@@ -15,10 +16,11 @@ export class Estop {
     this.pressed = false;       // and not taken yet
     this.engaged = false;
     this.button = byId('estop');
-    this.button.addEventListener('click', () => this.press());
-    byId('estop-release').addEventListener('click', () => this.ask(true));
-    byId('estop-keep').addEventListener('click', () => this.ask(false));
-    byId('estop-confirm').addEventListener('click', () => this.release());
+    this.button.addEventListener('pointerdown', (event) => event.button === 0 && this.press());
+    this.button.addEventListener('click', (event) => event.detail === 0 && this.press());     // of the keyboard
+    onPress(byId('estop-release'), () => this.ask(true));
+    onPress(byId('estop-keep'), () => this.ask(false));
+    onPress(byId('estop-confirm'), () => this.release());
     connection.on('open', () => this.pressed && this.send());
   }
 

@@ -31,15 +31,15 @@ export class ImageView {
     this.notice = make('strong', {class: 'notice'});
     this.scale = new Scale();
     this.spot = stream.values ? new Spot(this.picture, this.canvas, (x, y) => actions.value(stream.name, x, y)) : null;
-    this.captureButton = make('button', {click: () => actions.capture(stream.name), class: 'for-driver'}, 'Original');
-    this.larger = make('button', {click: () => actions.enlarge(stream.name), 'aria-pressed': 'false'}, 'Enlarge');
+    this.captureButton = make('button', {press: () => actions.capture(stream.name), class: 'for-driver'}, 'Original');
+    this.larger = make('button', {press: () => actions.enlarge(stream.name), 'aria-pressed': 'false'}, 'Enlarge');
     this.element = make(
       'figure', {class: 'view', 'data-stream': stream.name, 'data-state': 'frozen', 'data-primary': stream.primary},
       this.picture,
       make('figcaption', {class: 'strip'}, make('span', {class: 'name'}, stream.title), this.age, this.quality,
         this.notice, this.scale.element),
       make('div', {class: 'buttons'}, this.larger,
-        make('button', {click: () => actions.still(stream.name)}, 'Still'),
+        make('button', {press: () => actions.still(stream.name)}, 'Still'),
         ...(stream.captures ? [this.captureButton] : [])));
     this.update();
   }

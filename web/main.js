@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /** The commander's page: joins its parts. The server and its protocol are described in doc/web_protocol.md. */
 import {Connection} from './connection.js';
-import {byId, setText} from './dom.js';
+import {byId, onPress, setText} from './dom.js';
 import {DrivePanel} from './drive_panel.js';
 import {addStill, showCaptures} from './files_panel.js';
 import {ImagesPanel} from './images_panel.js';
@@ -66,7 +66,7 @@ class Page {
     connection.on('progress', (progress) => setText(
       byId('progress'), `${progress.stream}: ${progress.state}, ${Math.round(progress.progress * 100)} %`));
     connection.on('error', (error) => error.id === undefined && note(error.text, true));
-    byId('captures-again').addEventListener('click', () => this.listCaptures());
+    onPress(byId('captures-again'), () => this.listCaptures());
   }
 
   /** This browser may see the page. */

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /** The map with its buttons: zoom, follow, layers, and goals, which are sent by a second touch. */
-import {byId, isVisible, make, setText} from './dom.js';
+import {byId, isVisible, make, onPress, setText} from './dom.js';
 import {Kind} from './frame.js';
 import {MapView} from './map_view.js';
 
@@ -20,12 +20,12 @@ export class MapPanel {
     this.view = new MapView(
       {canvas: byId('map'), age: byId('map-age'), follow: byId('map-follow')}, connection.clock,
       {goal: (x, y, yaw) => this.takeWish(x, y, yaw), usesGoal: () => this.choosing, moved: changed});
-    byId('map-in').addEventListener('click', () => this.zoom(ZOOM));
-    byId('map-out').addEventListener('click', () => this.zoom(1 / ZOOM));
-    byId('map-fit').addEventListener('click', () => this.view.fit());
-    byId('map-goal').addEventListener('click', () => this.choose(!this.choosing));
-    byId('goal-send').addEventListener('click', () => this.send());
-    byId('goal-cancel').addEventListener('click', () => this.choose(false));
+    onPress(byId('map-in'), () => this.zoom(ZOOM));
+    onPress(byId('map-out'), () => this.zoom(1 / ZOOM));
+    onPress(byId('map-fit'), () => this.view.fit());
+    onPress(byId('map-goal'), () => this.choose(!this.choosing));
+    onPress(byId('goal-send'), () => this.send());
+    onPress(byId('goal-cancel'), () => this.choose(false));
     this.listen(connection);
   }
 

@@ -4,7 +4,7 @@
  *
  * Scans, cloud and robot are drawn only while they are of now; the robot's last place stays, in grey, with its age.
  */
-import {setText} from './dom.js';
+import {onPress, setText} from './dom.js';
 import {decode} from './frame.js';
 import {MapCamera} from './map_camera.js';
 import {AGE_COLOURS, drawGoal, drawMeasure, drawPath, drawPoints, drawRaster, drawRobot} from './map_layers.js';
@@ -29,7 +29,7 @@ export class MapView {
     this.camera = new MapCamera();
     this.touch = new MapTouch(this.canvas, this.camera, {
       changed: () => this.moved(), goal: actions.goal, usesGoal: actions.usesGoal});
-    this.follow.addEventListener('click', () => this.followRobot());
+    onPress(this.follow, () => this.followRobot());
     new ResizeObserver(() => this.resize()).observe(this.canvas);
     this.tiles = new MapTiles(128, () => this.changed());
     this.layers = {};           // {name of a layer: whether it is shown}

@@ -26,7 +26,7 @@ export class Overview {
   /** @param {Array} robots of `hello` */
   setRobots(robots) {
     this.cards = new Map(robots.map((robot) => [robot.name, make(
-      'button', {class: 'card', 'data-level': 'stale', click: () => this.choose(robot.name)},
+      'button', {class: 'card', 'data-level': 'stale', press: () => this.choose(robot.name)},
       make('b', {}, robot.title || robot.name), make('i', {}, TEXTS.stale), ...[0, 1, 2, 3].map(() => make('span')))]));
     this.place.replaceChildren(...this.cards.values());
   }

@@ -4,7 +4,7 @@
  *
  * A fragment is not sent to servers. It is cleared at once: it must not stay in the history, nor be seen by others.
  */
-import {byId, make, setText} from './dom.js';
+import {byId, make, onPress, setText} from './dom.js';
 
 /** Read a value from the fragment, such as robot in #robot=ugv1. */
 export function fragment(name) {
@@ -33,9 +33,9 @@ export class Session {
       event.preventDefault();
       this.logIn(byId('token').value.trim());
     });
-    byId('log-out').addEventListener('click', () => this.logOut());
-    byId('more-rights').addEventListener('click', () => this.show(true, 'The token of who drives:'));
-    byId('cancel-login').addEventListener('click', () => this.show(false));
+    onPress(byId('log-out'), () => this.logOut());
+    onPress(byId('more-rights'), () => this.show(true, 'The token of who drives:'));
+    onPress(byId('cancel-login'), () => this.show(false));
   }
 
   /** Take the token from the fragment, or ask the server who this browser is. */

@@ -4,7 +4,7 @@
  *
  * Touching the mark takes it away. With the keyboard: Enter marks the middle, arrows move it, Escape takes it away.
  */
-import {make, setText} from './dom.js';
+import {make, onPress, setText} from './dom.js';
 
 const AGAIN = 500;              // from one value to the next [ms]
 const NEAR = 0.06;              // a touch so near takes the mark away [ratio of the image]
@@ -24,7 +24,7 @@ export class Spot {
     this.mark = make('div', {class: 'spot', hidden: true}, this.text);
     picture.append(this.mark);
     canvas.tabIndex = 0;
-    canvas.addEventListener('click', (event) => this.touch(event));
+    onPress(canvas, (event) => this.touch(event));
     canvas.addEventListener('keydown', (event) => this.press(event));
   }
 

@@ -12,7 +12,7 @@ export class Tabs {
   constructor(titles, changed) {
     this.changed = changed;
     this.buttons = new Map(Object.entries(titles).map(([name, title]) => [name, make(
-      'button', {type: 'button', 'data-tab': name, click: () => this.choose(name)}, title)]));
+      'button', {type: 'button', 'data-tab': name, press: () => this.choose(name)}, title)]));
     byId('tabs').replaceChildren(...this.buttons.values());
     for (const {query} of WIDTHS) query.addEventListener('change', () => this.choose(this.chosen));
   }

@@ -4,7 +4,6 @@
 import pathlib
 import re
 import sys
-import unittest
 import urllib.error
 import urllib.request
 from typing import Any, List
@@ -37,7 +36,7 @@ class Page(BrowserCase):
     def test_images_change_and_their_ages_are_measured(self) -> None:
         browser = self.page('viewer')
         before = browser.run(CANVAS)
-        found: List[Any] = wait_for(lambda: [one for one in browser.run(MEASURED)][9:], SECONDS, 'ten images')
+        found: List[Any] = wait_for(lambda: browser.run(MEASURED)[9:], SECONDS, 'ten images')
         self.assertNotEqual(browser.run(CANVAS), before)
         stamps = [one['stamp'] for one in browser.run(MEASURED)]
         self.assertEqual(stamps, sorted(stamps))
@@ -124,7 +123,8 @@ class Page(BrowserCase):
         wait_for(lambda: browser.text('#stills'), SECONDS, 'a still')
         found = browser.driver.execute_async_script('''
             const done = arguments[0], [image, numbers] = document.querySelectorAll("#stills a");
-            Promise.all([fetch(image.href).then((answer) => answer.blob()), fetch(numbers.href).then((answer) => answer.json())])
+            Promise.all([fetch(image.href).then((answer) => answer.blob()),
+                         fetch(numbers.href).then((answer) => answer.json())])
               .then(([blob, values]) => done([blob.type, blob.size, values]), (error) => done(String(error)))''')
         self.assertEqual(found[0], 'image/png')
         self.assertGreater(found[1], 1000)
@@ -155,7 +155,7 @@ class Page(BrowserCase):
         for tab in ('images', 'map', 'drive', 'status', 'log', 'files'):
             browser.run('document.querySelector(\'[data-tab="%s"]\').click()' % tab)
             self.assertEqual(browser.run('''
-                const named = (one) => one.getAttribute("aria-label") || one.textContent.trim() || (one.labels || [])[0];
+                const named = (one) => one.getAttribute("aria-label") || one.textContent.trim() || one.labels?.[0];
                 return [...document.querySelectorAll("button, select, input, a, [tabindex], summary")]
                   .filter((one) => one.checkVisibility() && (!named(one) || one.clientHeight < 40
                           && !one.closest("label, .scrolls, #log")))
@@ -165,8 +165,9 @@ class Page(BrowserCase):
     @undisturbed()
     def test_it_is_small_and_soon_painted(self) -> None:
         browser = self.page('viewer')
-        size = browser.run('''return [...performance.getEntriesByType("resource"), ...performance.getEntriesByType("navigation")]
-                                .reduce((sum, entry) => sum + (entry.transferSize || 0), 0)''')
+        size = browser.run('''
+            return ["resource", "navigation"].flatMap((type) => performance.getEntriesByType(type))
+              .reduce((sum, entry) => sum + (entry.transferSize || 0), 0)''')
         self.assertGreater(size, 10_000)
         self.assertLess(size, MOST_BYTES)
         painted = browser.run('return performance.getEntriesByName("first-contentful-paint")[0].startTime') / 1e3
