@@ -45,6 +45,7 @@ def test_only_what_changed_has_another_version() -> None:
     tiled.set(PLACE, cells)
     assert {key for key, version in versions(tiled).items() if version != before[0][key]} == {Key(0, 0, 1)}
     before = versions(tiled), versions(tiled, 1)
+    assert picture(tiled, Key(0, 2, 0))[10, 34] == 1
     tiled.update(290, 10, np.full((2, 3), 100, np.int8))
     assert {key for key, version in versions(tiled).items() if version != before[0][key]} == {Key(0, 2, 0)}
     assert {key for key, version in versions(tiled, 1).items() if version != before[1][key]} == {Key(1, 1, 0)}

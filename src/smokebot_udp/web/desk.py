@@ -19,6 +19,7 @@ from .driving import Driving
 from .pictures import WIDTHS
 from .requests import FOR_DRIVERS, BadRequest, Request, Watch
 from .robot import VALUES, Robot
+from .screen import Now
 from .state import overview_of, state_of
 from .stills import Stills
 from .tiles import TILE, Key
@@ -26,6 +27,9 @@ from .values import value_at
 
 TICK_PERIOD = 0.1
 """[s]"""
+
+WISH_TICKS = 10
+"""Topics are asked for again after this number of ticks, see Robot.want."""
 
 STATE_PERIOD = 0.2
 """The state of a robot is made anew after this time [s]."""
@@ -65,7 +69,7 @@ class Desk:
         self.stills = Stills()
         self._loop: Optional[asyncio.AbstractEventLoop] = None
         self._ticks, self._calls = Ticks(), Calls()
-        self._encoding: Set[Tuple[str, str]] = set()
+        self._encoding: Dict[Tuple[str, str], asyncio.Future[None]] = {}
         self._pool = concurrent.futures.ThreadPoolExecutor(ENCODERS, 'encode')
         self._states: Dict[str, Tuple[float, Mapping[str, Any]]] = {}
 
@@ -83,18 +87,26 @@ class Desk:
         """Tick until it is cancelled."""
         self._loop = asyncio.get_event_loop()
         due = time.monotonic()
-        while True:
-            now = present()
-            number = self._ticks.next(now.steady)
-            for browser in list(self.browsers):
-                browser.tick(number, now)
-            if number % 10 == 0:
-                self._want()
-                if len(self.browsers) != self._count:
-                    self._count = len(self.browsers)
-                    self._counted(self._count)
-            due = max(due + TICK_PERIOD, now.steady)
-            await asyncio.sleep(due - time.monotonic())
+        try:
+            while True:
+                now = present()
+                self._tick(now)
+                due = max(due + TICK_PERIOD, now.steady)
+                await asyncio.sleep(due - time.monotonic())
+        finally:
+            for task in self._encoding.values():
+                task.cancel()
+            self._pool.shutdown(wait=False)
+
+    def _tick(self, now: Now) -> None:
+        number = self._ticks.next(now.steady)
+        for browser in list(self.browsers):
+            browser.tick(number, now)
+        if number % WISH_TICKS == 0:
+            self._want()
+            if len(self.browsers) != self._count:
+                self._count = len(self.browsers)
+                self._counted(self._count)
 
     def hello(self, role: Role) -> Mapping[str, Any]:
         """The first message."""
@@ -150,8 +162,7 @@ class Desk:
 
     def _encode_soon(self, robot: str, stream: str) -> None:
         if (robot, stream) not in self._encoding and stream in self.stations[robot].robot.pictures:
-            self._encoding.add((robot, stream))
-            asyncio.ensure_future(self._encode(self.stations[robot].robot, stream))
+            self._encoding[robot, stream] = asyncio.ensure_future(self._encode(self.stations[robot].robot, stream))
 
     async def _encode(self, robot: Robot, stream: str) -> None:
         """Encode the newest picture of a stream, as long as there is a new one."""
@@ -166,7 +177,7 @@ class Desk:
                 for browser in watching:
                     browser.wake()
         finally:
-            self._encoding.discard((robot.name, stream))
+            del self._encoding[robot.name, stream]
 
     # -- requests -----------------------------------------------------------------------------------------
 
