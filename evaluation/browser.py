@@ -5,7 +5,7 @@ import os
 import shutil
 import tempfile
 import time
-from typing import Any, List, Optional, Tuple
+from typing import Any, Dict, List, Optional, Tuple
 
 import cv2
 import numpy as np
@@ -15,9 +15,6 @@ from smokebot_udp.arrays import UInt8Array
 
 OPTIONS = ('--headless=new', '--hide-scrollbars', '--disable-background-networking', '--no-first-run', '--mute-audio',
            '--disable-component-update', '--disable-dev-shm-usage')
-
-FINGER_MOVE = 50
-"""Duration of a finger's motion from one place to the next [ms]."""
 
 PERIOD = 0.05
 """[s]"""
@@ -89,19 +86,17 @@ class Browser:
 
         :param places: (x, y) from the element's middle [CSS pixel]
         """
-        finger = self._finger()
-        element = self.find(selector)
+        left, top = self.run('''
+            const element = document.querySelector(arguments[0]);
+            element.scrollIntoView({block: "nearest"});
+            const box = element.getBoundingClientRect();
+            return [box.left + box.width / 2, box.top + box.height / 2]''', selector)
         for number, (x, y) in enumerate(places):
-            finger.pointer_action.move_to(element, int(x), int(y))
-            if number == 0:
-                finger.pointer_action.pointer_down()
-        finger.perform()
+            self._finger('touchMove' if number else 'touchStart', {'x': left + x, 'y': top + y})
 
     def lift(self) -> None:
         """Lift the finger."""
-        finger = self._finger()
-        finger.pointer_action.pointer_up()
-        finger.perform()
+        self._finger('touchEnd')
 
     def pixels(self) -> UInt8Array:
         """What is on the screen: (height, width, 3) uint8, bgr."""
@@ -140,8 +135,5 @@ class Browser:
             time.sleep(PERIOD)
         return None
 
-    def _finger(self) -> Any:
-        from selenium.webdriver.common.actions import interaction
-        from selenium.webdriver.common.actions.action_builder import ActionBuilder
-        from selenium.webdriver.common.actions.pointer_input import PointerInput
-        return ActionBuilder(self.driver, mouse=PointerInput(interaction.POINTER_TOUCH, 'finger'), duration=FINGER_MOVE)
+    def _finger(self, event: str, *places: Dict[str, float]) -> None:
+        self.driver.execute_cdp_cmd('Input.dispatchTouchEvent', {'type': event, 'touchPoints': places})

@@ -55,9 +55,10 @@ export class DrivePanel {
     button.setAttribute('aria-pressed', String(this.stick.sideways));
   }
 
-  control(wish) {
+  async control(wish) {
     this.driving.stop();
-    noteResult(wish === 'take' ? 'Take control' : 'Release control', this.requests.ask({type: 'control', wish}));
+    await noteResult(wish === 'take' ? 'Take control' : 'Release control', this.requests.ask({type: 'control', wish}));
+    this.connection.send({type: 'halt'});       // the stick is at rest: nothing has to wait for that
   }
 
   async setFocus(focus) {
