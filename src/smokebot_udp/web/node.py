@@ -35,6 +35,9 @@ RETRY_PERIOD = 5.0
 SAME_ERROR_PERIOD = 600.0
 """[s]"""
 
+END_TIMEOUT = 2.0
+"""Time for connections to end with the node [s]."""
+
 LOCAL = 'localhost', '127.0.0.1', '::1'
 
 
@@ -170,7 +173,8 @@ async def serve(parameters: Parameters, desk: Any, ended: asyncio.Event) -> None
             await asyncio.wait_for(ended.wait(), None if server is not None else RETRY_PERIOD)
     ticking.cancel()
     if server is not None:
-        await server.stop()
+        with contextlib.suppress(asyncio.TimeoutError):
+            await asyncio.wait_for(server.stop(), END_TIMEOUT)
 
 
 def main() -> None:

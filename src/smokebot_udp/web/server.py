@@ -71,7 +71,7 @@ class Server:
         runner = web.AppRunner(application, access_log=None, handle_signals=False, logger=_silent())
         await runner.setup()
         try:
-            await web.TCPSite(runner, address, port, ssl_context=self._tls, shutdown_timeout=1.0).start()
+            await web.TCPSite(runner, address, port, ssl_context=self._tls).start()
         except OSError:
             await runner.cleanup()
             raise
