@@ -12,7 +12,7 @@ from tf2_msgs.msg import TFMessage
 from smokebot_udp.msg import LinkStatus, RobotStatus
 from smokebot_udp.web.captures import listed, path_of
 from smokebot_udp.web.log_entries import MAX_ENTRIES, LogEntries
-from smokebot_udp.web.state import Known, overview_of, state_of
+from smokebot_udp.web.state import MAX_TEXT, MAX_TEXTS, Known, overview_of, state_of
 from smokebot_udp.web.top_view import (
     CELL,
     MAX_SCAN_POINTS,
@@ -112,6 +112,9 @@ def test_the_state_of_a_robot() -> None:
     assert (state['level'], state['silence'], state['mine'], state['problems']) == ('warn', 0.25, True, ['a: b?'])
     assert (state['link']['loss'], state['link']['sent'], state['link']['age']) == (None, 2.0, 0.5)
     assert state['gas'] == [{'name': 'gas', 'value': None, 'unit': ''}]
+    known.status.problems, known.status.profiles = ['x' * 10000] * 1000, ['y' * 10000] * 1000
+    state = state_of(known, '/operator_receiver', 10.0)
+    assert sum(map(len, state['problems'] + state['profiles'])) == 2 * MAX_TEXTS * MAX_TEXT
     known.status.estop, known.status.driver = True, '/operator_receiver2'
     state = state_of(known, '/operator_receiver', 10.0)
     assert (state['level'], state['estop'], state['mine']) == ('error', True, False)

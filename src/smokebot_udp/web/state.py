@@ -2,12 +2,13 @@
 """What is known of a robot, its link and this desk, as messages of doc/web_protocol.md."""
 import math
 from dataclasses import dataclass, field
-from typing import Any, Dict, List, Mapping, Optional
+from typing import Any, Dict, List, Mapping, Optional, Sequence
 
 from ..monitoring.link_snapshot import Tree
 from ..monitoring.status import LEVELS, printable
 
-MAX_PROBLEMS = 20
+MAX_TEXTS, MAX_TEXT = 20, 300
+"""Problems or profiles of a robot, and letters of each, that are shown: they come over the link."""
 
 STOPPED = 'EMERGENCY STOP'
 """State of control during an emergency stop."""
@@ -44,11 +45,11 @@ def overview_of(name: str, known: Known, now: float) -> Dict[str, Any]:
     status, link = known.status, known.link
     return {
         'name': name, 'level': level_of(known, now), 'control': known.control,
-        'driver': status.driver if status else '', 'estop': bool(status and status.estop),
+        'driver': _text(status.driver) if status else '', 'estop': bool(status and status.estop),
         'silence': _since(known.heard, now), 'loss': _finite(link.loss) if link else None,
         'capacity': _finite(link.capacity) if link else None, 'signal': _finite(link.wifi.signal) if link else None,
         'battery': _finite(known.battery.percentage) if known.battery else None,
-        'focus': status.focus if status else '', 'problems': problems_of(known)}
+        'focus': _text(status.focus) if status else '', 'problems': problems_of(known)}
 
 
 def state_of(known: Known, node: str, now: float) -> Dict[str, Any]:
@@ -58,13 +59,13 @@ def state_of(known: Known, node: str, now: float) -> Dict[str, Any]:
     :param now: by a steady clock [s]
     """
     status, battery = known.status, known.battery
-    driver = status.driver if status else ''
+    driver = _text(status.driver) if status else ''
     return {
         'type': 'state', 'level': level_of(known, now), 'silence': _since(known.heard, now),
         'control': known.control, 'driver': driver, 'mine': _same_node(driver, node),
         'estop': bool(status and status.estop) or known.control == STOPPED,
-        'focus': status.focus if status else '', 'modified': bool(status and status.modified),
-        'profiles': list(status.profiles) if status else [], 'problems': problems_of(known),
+        'focus': _text(status.focus) if status else '', 'modified': bool(status and status.modified),
+        'profiles': _texts(status.profiles) if status else [], 'problems': problems_of(known),
         'battery': None if battery is None else {'charge': _finite(battery.percentage),
                                                  'voltage': _finite(battery.voltage)},
         'gas': [{'name': name, 'value': _finite(value), 'unit': ''} for name, value in sorted(known.gas.items())],
@@ -88,8 +89,7 @@ def level_of(known: Known, now: float) -> str:
 
 def problems_of(known: Known) -> List[str]:
     """In words."""
-    found = list(known.status.problems) if known.status else []
-    return [printable(one) for one in found[:MAX_PROBLEMS]]
+    return _texts(known.status.problems) if known.status else []
 
 
 def _same_node(driver: str, node: str) -> bool:
@@ -103,7 +103,7 @@ def _link(known: Known, now: float) -> Optional[Dict[str, Any]]:
         return None
     return {**{name: _finite(getattr(link, name)) for name in ('sent', 'rate', 'capacity', 'loss', 'round_trip',
                                                                'queue_delay')},
-            'state': printable(link.state), 'age': _since(known.linked, now), 'paths': []}
+            'state': _text(link.state), 'age': _since(known.linked, now), 'paths': []}
 
 
 def _wifi(tree: Tree) -> Dict[str, Any]:
@@ -125,6 +125,14 @@ def _streams(tree: Tree) -> List[Dict[str, Any]]:
 def _level(name: str) -> str:
     assert name in LEVELS.values()
     return name.lower()
+
+
+def _text(text: str) -> str:
+    return printable(text[:MAX_TEXT])
+
+
+def _texts(texts: Sequence[str]) -> List[str]:
+    return [_text(one) for one in texts[:MAX_TEXTS]]
 
 
 def _since(when: float, now: float) -> Optional[float]:
