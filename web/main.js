@@ -112,6 +112,7 @@ class Page {
     this.map.setRobot(robot, this.tile);
     this.drive.setRobot(robot);
     this.log.clear();
+    document.body.classList.add('robot-chosen');
     document.body.classList.toggle('takes-goals', robot.goals);
     this.watch.changed();
   }
