@@ -27,11 +27,11 @@ export class DrivingKeys {
     this.driving = driving;
     this.actions = {s: actions.estop, S: actions.estop, T: actions.take, G: actions.release};
     this.held = new Map();      // code of a key -> its factors
-    this.until = -Infinity;     // [s]
+    this.until = null;          // when the keys count as released [s]; null: no key drives
     pad.addEventListener('keydown', (event) => this.down(event));
     pad.addEventListener('keyup', (event) => this.up(event));
     pad.addEventListener('blur', () => this.stop());
-    setInterval(() => this.held.size && monotonic() > this.until && this.stop(), LOOK);
+    setInterval(() => this.until !== null && monotonic() > this.until && this.stop(), LOOK);
   }
 
   down(event) {
@@ -43,10 +43,14 @@ export class DrivingKeys {
       if (this.actions[event.key] && !event.repeat) this.actions[event.key]();
       return;
     }
-    // after a stop, a key that is still held does not drive again
-    if (event.repeat && !this.held.has(event.code)) return;
+    // after a stop, by whatever cause, a key that is still held does not drive again
+    if (!this.driving.allowed || (event.repeat && (this.driving.wish === null || !this.held.has(event.code)))) {
+      this.stop();
+      return;
+    }
     this.held.set(event.code, factors);
-    this.until = Math.max(event.repeat ? this.until : 0, monotonic() + (event.repeat ? REPEAT_TIMEOUT : KEY_TIMEOUT));
+    const until = monotonic() + (event.repeat ? REPEAT_TIMEOUT : KEY_TIMEOUT);
+    this.until = event.repeat ? Math.max(this.until, until) : until;
     this.drive();
   }
 
@@ -64,8 +68,9 @@ export class DrivingKeys {
   }
 
   stop() {
-    if (!this.held.size) return;
     this.held.clear();
+    if (this.until === null) return;
+    this.until = null;
     this.driving.stop();
   }
 }
