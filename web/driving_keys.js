@@ -56,7 +56,7 @@ export class DrivingKeys {
 
   up(event) {
     if (!this.held.delete(event.code)) return;
-    if (this.held.size) this.drive();
+    if (this.held.size && this.driving.wish !== null) this.drive();
     else this.stop();
   }
 

@@ -102,6 +102,21 @@ class Driving(BrowserCase):
         ActionChains(browser.driver).key_up('j').perform()
         self.stops(begun)
 
+    @undisturbed()
+    def test_a_key_that_is_held_over_a_stop_does_not_drive_again(self) -> None:
+        from selenium.webdriver import ActionChains
+        browser = self.driving_page()
+        browser.run('document.querySelector("#stick").focus()')
+        ActionChains(browser.driver).key_down('i').perform()
+        wait_for(self.moves, SECONDS, 'a command that moves')
+        browser.run('window.dispatchEvent(new Event("blur"))')
+        begun = time.monotonic()
+        for _ in range(10):
+            browser.run('document.querySelector("#stick").dispatchEvent(new KeyboardEvent('
+                        '"keydown", {key: "i", code: "KeyI", repeat: true, bubbles: true}))')
+            time.sleep(0.05)
+        self.stops(begun)
+
     def test_a_goal_reaches_the_robot(self) -> None:
         goals: List[Any] = []
         subscriber = rospy.Subscriber('/move_base_simple/goal', PoseStamped, goals.append)
