@@ -12,8 +12,8 @@ from evaluation.machine import describe
 NAMES = ('codecs', 'clouds', 'fill', 'layered', 'video', 'maps', 'udpros', 'link', 'end_to_end', 'stages')
 PREDICTION = '--prediction'
 """Option of `layered`: measure what predicts images, see prediction.py, instead of images by themselves."""
-ALONE = ('live',)
-"""Run only where they are named: they need root, or take long. Each takes options of its own."""
+ALONE = ('live', 'browser')
+"""Run only where they are named: they need root or a browser, or take long. Each takes options of its own."""
 
 
 def log(text: str) -> None:

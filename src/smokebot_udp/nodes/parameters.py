@@ -108,6 +108,23 @@ OPERATOR_RECEIVER = {
     **DIAGNOSTICS,
 }
 
+OPERATOR_WEB = {
+    'web': Parameter(0, '', 'TCP port of the page for browsers; 0: there is none', least=0, most=65535),
+    'web_address': Parameter('localhost', '', 'address or name of this machine to listen at; 0.0.0.0: all'),
+    'web_token_file': Parameter('', '', "file with the page's token, made by make_key, for its owner only; empty: the "
+                                'page is for browsers on this machine only'),
+    'web_driver_token_file': Parameter('', '', "file with the driver's token, likewise; empty: nobody drives, or "
+                                       'commands otherwise, in a browser'),
+    'web_certificate': Parameter('', '', 'PEM file with a certificate and its key, for its owner only; empty: no TLS'),
+    'streams_file': _STREAMS_FILE,
+    'robots_file': Parameter('', '', "the robots of a desk by name; empty: one robot, in the node's namespace"),
+    'frame_prefix': OPERATOR_RECEIVER['frame_prefix'],
+    'footprint': OPERATOR_RECEIVER['footprint'],
+    'speed': Parameter(0.5, 'm/s', 'speed of the joystick at its end, forward and back', least=0.01, most=10.0),
+    'strafe': Parameter(0.0, 'm/s', 'likewise to the sides; 0: the robot cannot', least=0.0, most=10.0),
+    'turn': Parameter(1.0, 'rad/s', 'likewise turn rate', least=0.01, most=10.0),
+}
+
 BLACK_BOX = {
     'side': Parameter('robot', '', 'what is recorded: the original messages, or what the operator receives',
                       choices=('robot', 'operator')),
@@ -195,7 +212,8 @@ TELEOP_KEYBOARD = {
                              'a held key after 0.25 to 0.66 s', least=0.1, most=10.0),
 }
 
-NODES = {'robot_sender': ROBOT_SENDER, 'operator_receiver': OPERATOR_RECEIVER, 'operator_desk': OPERATOR_DESK,
+NODES = {'robot_sender': ROBOT_SENDER, 'operator_receiver': OPERATOR_RECEIVER, 'operator_web': OPERATOR_WEB,
+         'operator_desk': OPERATOR_DESK,
          'simulated_robot': SIMULATED_ROBOT, 'demo_report': DEMO_REPORT,
          'demo_robots': DEMO_ROBOTS, 'black_box': BLACK_BOX, 'teleop_keyboard': TELEOP_KEYBOARD}
 """{node: its table}"""
