@@ -17,7 +17,7 @@ uint64: Any = np.uint64
 float32: Any = np.float32
 """Scalars as the loops have them: mixed with Python's, unsigned ones would become floats, and float32 float64."""
 
-FORCED = {'forceinline': True} if numba.version_info.short >= (0, 53) else {}
+FORCED = {'forceinline': True} if tuple(map(int, numba.__version__.split('.')[:2])) >= (0, 53) else {}
 """Options of numba; older versions have none for it, and are slower."""
 
 UNCOUNTED = {'_nrt': False}
