@@ -31,7 +31,7 @@ SECONDS, QUICK_SECONDS, WARM_UP, TIMEOUT = 30.0, 10.0, 10.0, 120.0
 MAP_SHAPE, RESOLUTION, CHANGE = (1857, 1255), 0.05, 20
 """Shape of the map [cell], its resolution [m], and side of the square that changes [cell]."""
 
-PATIENCE = 1.0
+ANSWER_TIMEOUT = 1.0
 """When no tile has come for this time, the map is complete [s]."""
 
 TILE = '2'
@@ -181,7 +181,7 @@ def tiles(browser: Browser, changed: Callable[[], None]) -> Dict[str, float]:
     def complete() -> bool:
         now = browser.run(RECEIVED, TILE)
         return now['frames'] > before['frames'] and browser.run(
-            'return performance.now() / 1e3 - arguments[0]', now['drawn'] or 0) > PATIENCE
+            'return performance.now() / 1e3 - arguments[0]', now['drawn'] or 0) > ANSWER_TIMEOUT
     wait(complete, 'tiles')
     after = browser.run(RECEIVED, TILE)
     return {'seconds': after['drawn'] - begun, 'bytes': after['bytes'] - before['bytes'],

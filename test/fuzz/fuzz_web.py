@@ -33,7 +33,7 @@ INPUTS, BATCH, CONNECTIONS = 1000000, 500, 2
 MAX_TIME = 2.0
 """Processor time of a batch [s]."""
 
-PATIENCE = 3.0
+ANSWER_TIMEOUT = 3.0
 """Time for a connection to be answered [s]."""
 
 MESSAGES: List[Any] = [
@@ -163,7 +163,7 @@ class Fuzzer:
         try:
             writer.write(content)
             writer.write_eof()
-            await asyncio.wait_for(reader.read(1 << 16), PATIENCE)
+            await asyncio.wait_for(reader.read(1 << 16), ANSWER_TIMEOUT)
         except (ConnectionError, asyncio.TimeoutError):
             pass
         finally:

@@ -37,7 +37,7 @@ STATE_PERIOD = 0.2
 ENCODERS = 2
 """Threads."""
 
-VALUE_PATIENCE, VALUE_POLL = 2.0, 0.05
+VALUE_TIMEOUT, VALUE_POLL = 2.0, 0.05
 """For an image to read a value from [s]."""
 
 VERSION = 1
@@ -251,7 +251,7 @@ class Desk:
 
     async def _value(self, robot: Robot, stream: str, x: float, y: float) -> Mapping[str, Any]:
         """:raises BadRequest: no image came"""
-        deadline = time.monotonic() + VALUE_PATIENCE
+        deadline = time.monotonic() + VALUE_TIMEOUT
         robot.want({(VALUES, stream)})
         while stream not in robot.raw:
             if time.monotonic() > deadline:

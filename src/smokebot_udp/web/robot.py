@@ -23,7 +23,7 @@ from ..arrays import Array
 from ..codecs.wire.points import as_points
 from ..limited_log import logerr
 from ..msg import CaptureProgress, LinkStatus, RobotStatus, ViewImage
-from ..nodes.link_top import Listener
+from ..nodes.link_top import BoardListener
 from ..nodes.logging import log_error
 from ..nodes.opened import Part
 from ..nodes.view_publisher import PLAIN
@@ -108,7 +108,7 @@ class Robot(Part):
         with udpros.registered_together():
             self._subscribe_small()
         node = resolve('operator_receiver')
-        self._listener = Listener(node.rpartition('/')[0] or node)
+        self._listener = BoardListener(node.rpartition('/')[0] or node)
         self._opened.started(PeriodicWorker('link', self._read_tree, log_error('link'), TREE_PERIOD))
         self._topics = self._opened.started(PeriodicWorker('topics', self._follow_wishes, log_error('topics'), 1.0))
 

@@ -33,7 +33,7 @@ class Now(NamedTuple):
     """Unix time [s]."""
 
 
-class _Sent:
+class _SentViews:
     """What a browser was sent of the robot that it watches."""
 
     def __init__(self) -> None:
@@ -54,12 +54,12 @@ class Screen:
     def __init__(self) -> None:
         self.watch, self.flow = Watch(), Flow()
         self.robot: Optional[Robot] = None
-        self._sent = _Sent()
+        self._sent = _SentViews()
 
     def show(self, watch: Watch, robot: Optional[Robot]) -> None:
         """Show something else from now on."""
         if robot is not self.robot:
-            self._sent = _Sent()
+            self._sent = _SentViews()
         elif watch.log and not self.watch.log:
             self._sent.log = 0
         self.watch, self.robot = watch, robot
