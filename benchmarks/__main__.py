@@ -10,8 +10,10 @@ from typing import Any, Dict, List, Sequence, Tuple
 from evaluation.machine import describe
 
 NAMES = ('codecs', 'clouds', 'fill', 'layered', 'video', 'maps', 'udpros', 'link', 'end_to_end', 'stages')
-ALONE = ('live',)
-"""Run only where they are named: they need root, or take long. Each takes options of its own."""
+PREDICTION = '--prediction'
+"""Option of `layered`: measure what predicts images, see prediction.py, instead of images by themselves."""
+ALONE = ('live', 'browser')
+"""Run only where they are named: they need root or a browser, or take long. Each takes options of its own."""
 
 
 def log(text: str) -> None:
@@ -32,7 +34,9 @@ def command_line(words: Sequence[str]) -> Tuple[argparse.Namespace, List[str]]:
     if unknown:
         parser.error('no benchmark is named %s; there are %s' % (
             ', '.join(sorted(unknown)), ', '.join((*NAMES, *ALONE))))
-    if further and not (arguments.names and set(arguments.names) <= set(ALONE)):
+    if further == [PREDICTION] and arguments.names == ['layered']:
+        arguments.names = ['prediction']
+    elif further and not (arguments.names and set(arguments.names) <= set(ALONE)):
         parser.error('unknown options: ' + ' '.join(further))
     return arguments, further
 

@@ -31,7 +31,7 @@ PEER = [sys.executable, '-m', 'benchmarks.end_to_end_peer']
 
 KINDS = 'image', 'cloud'
 
-WIRE_TOPICS = ['link/report', 'clock/ask', 'clock/answer', 'settings/request', 'settings/state',
+WIRE_TOPICS = ['link/report', 'clock/ask', 'clock/answer', 'reliable/to_robot', 'reliable/to_operator',
                *('%s/segments' % stream for stream in (*KINDS, 'link', 'status'))]
 """Topics between robot_sender and operator_receiver, in /smokebot_udp."""
 

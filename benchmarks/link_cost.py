@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What sealing and opening a datagram costs, with this interpreter's `cryptography`, and what a stranger's table costs
-the robot of an open link: prints JSON, see `costs`.
+"""What sealing and opening a datagram costs, with this interpreter's `cryptography`, and what a hostile peer's table
+costs the robot: prints JSON, see `costs`.
 
     PYTHONPATH=src:. python3 -m benchmarks.link_cost
 """
@@ -22,19 +22,19 @@ SIZE, FRAME = 1400, 50
 """Bytes of a datagram's payload, and datagrams sent or received at a time."""
 
 TABLE, FLOOD = 100, 1e4
-"""Topics in a stranger's table, and how many of these it sends a second."""
+"""Topics in a hostile peer's table, and how many of these it sends a second."""
 
 ROUNDS, BATCHES = 9, 20
 UNKNOWN, FLOODED = 'unknown session', 'table, in a flood'
 TOPIC = 4711
 KEY = b'k' * 32
 
-LINKS = {'open': (None, Suite.AESGCM), 'AES-GCM': (KEY, Suite.AESGCM), 'ChaCha20-Poly1305': (KEY, Suite.CHACHAPOLY)}
+LINKS = {'AES-GCM': Suite.AESGCM, 'ChaCha20-Poly1305': Suite.CHACHAPOLY}
 
 
 def cost(link: str) -> Dict[str, float]:
     """The least processor time of both sides for a datagram of a frame: {'send', 'receive'} [us]."""
-    robot, operator, now = joined(*LINKS[link])
+    robot, operator, now = joined(KEY, LINKS[link])
     rows = np.zeros((FRAME, HEADER.size + SIZE), np.uint8)
     rows[:, :HEADER.size] = np.frombuffer(HEADER.pack(TOPIC, Op.DATA0, 1, 1), np.uint8)
     times: List[Tuple[float, float]] = []
@@ -52,14 +52,14 @@ def cost(link: str) -> Dict[str, float]:
             for name, column in zip(('send', 'receive'), zip(*times))}
 
 
-def stranger_costs() -> Dict[str, float]:
-    """The mean processor time of the robot of an open link for a datagram of somebody who has joined it, each with
-    another table of TABLE topics: {UNKNOWN, 'table, read', FLOODED} [us].
+def hostile_costs() -> Dict[str, float]:
+    """The mean processor time of the robot for a datagram of a peer, each with another table of TABLE topics:
+    {UNKNOWN, 'table, read', FLOODED} [us].
 
     The first one is the same datagram of a session that there is not. Of a flood some tables are read, see
     tables.CHANGES.
     """
-    robot, operator, now = joined(*LINKS['open'])
+    robot, operator, now = joined(KEY)
     names = pack_names([NameEntry(Role.SENDS, Topic('/topic%d' % number, 'x/Y', '%032x' % number))
                         for number in range(TABLE)], SIZE - PART.size)
     exchange, number = Exchange(Local()), 0
@@ -68,7 +68,7 @@ def stranger_costs() -> Dict[str, float]:
         for delivery in robot.receive(*batch, at):
             for datagram, length in zip(delivery.datagrams, delivery.lengths.tolist()):
                 if exchange.take(Table.NAMES, datagram[HEADER.size:length].tobytes(), at):
-                    exchange.differences('a stranger')
+                    exchange.differences('a peer')
 
     def mean(change: Callable[[bytes], bytes], count: int, period: float) -> float:
         """[us], of `count` datagrams at a time, one each period [s]"""
@@ -89,9 +89,9 @@ def stranger_costs() -> Dict[str, float]:
 
 
 def costs() -> Dict[str, Any]:
-    """{'python', 'cryptography': versions, 'links': {link: cost}, 'stranger': stranger_costs}"""
+    """{'python', 'cryptography': versions, 'links': {link: cost}, 'hostile': hostile_costs}"""
     return {'python': platform.python_version(), 'cryptography': cryptography.__version__,
-            'links': {link: cost(link) for link in LINKS}, 'stranger': stranger_costs()}
+            'links': {link: cost(link) for link in LINKS}, 'hostile': hostile_costs()}
 
 
 if __name__ == '__main__':

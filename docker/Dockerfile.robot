@@ -1,5 +1,6 @@
 # The robot's side on ROS Noetic: docker build -f docker/Dockerfile.robot -t smokebot-robot .
 # Run with --network host: docker run --network host -e ROS_MASTER_URI -e ROS_IP smokebot-robot link_port:=17001
+# -v ~/.ros:/root/.ros keeps the link's key.
 FROM ros:noetic-ros-base-focal
 SHELL ["/bin/bash", "-o", "pipefail", "-c"]
 COPY . /ws/src/smokebot_udp

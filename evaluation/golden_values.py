@@ -9,7 +9,7 @@ import numpy as np
 
 from smokebot_udp.arrays import Array
 from smokebot_udp.checksum import typed_checksum
-from smokebot_udp.codecs.layered import coefficients, contexts, layout, motion, warp
+from smokebot_udp.codecs.layered import blend, coefficients, contexts, layout, motion, warp
 from smokebot_udp.codecs.layered import image as codec
 from smokebot_udp.codecs.layered.pieces import Layer, Plan, Restorer, protect
 from smokebot_udp.codecs.tiles import coder
@@ -55,8 +55,10 @@ def _layered(lossless: bool) -> Iterator[Any]:
             assert kept is not None
             yield kept
             nodes = (np.arange(2 * motion.NODES ** 2) * 37 % 101 - 40).reshape(motion.NODES, motion.NODES, 2)
-            coded = motion.to_bytes(motion.Motion(nodes.astype(np.int16), bool(moved)))
-            reference = motion.compensate(decoded.pixels, motion.from_bytes(coded))
+            course = blend.Course(motion.Motion(nodes.astype(np.int16), bool(moved)), blend.Second(
+                1, 2, 3 << 30, 5, motion.Motion((nodes[::-1] // 2).astype(np.int16), not moved)))
+            coded = blend.to_bytes(course)
+            reference = blend.predicted(blend.from_bytes(coded), decoded.pixels, kept)
             yield from (coded, reference, str(checksum_of(reference)).encode())
 
 

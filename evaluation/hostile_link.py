@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A sealed link between own masters under attack: what the operator sees meanwhile, and what it costs the nodes.
 
-A stranger hears everything that crosses, and sends to both sides, see link_attack. Beside it, two operators try to
-join: one has another key, one has none. Memory grows where nodes keep more of it than ever before, see kept_memory.
+A stranger hears everything that crosses, and sends to both sides, see link_attack. Beside it, an operator with
+another key tries to join. Memory grows where nodes keep more of it than ever before, see kept_memory.
 """
 import json
 import pathlib
@@ -42,8 +42,8 @@ SLOWEST = 1000.0
 QUIET = 5.0
 """[s]"""
 
-REFUSALS = {'refused: wrong key', 'refused: needs key'}
-"""Reasons that the robot's node reports."""
+REFUSAL = 'refused: wrong key'
+"""Reason that the robot's node reports."""
 
 
 @dataclass
@@ -77,9 +77,7 @@ class HostileLink(Started):
                  kept: float = KEPT) -> None:
         super().__init__()
         self._folder, self._kept, self._timeout = folder, kept, max(count, half_open) / SLOWEST + STARTING
-        key_file = folder / 'link.key'
-        make_key(str(key_file))
-        self.stack = self.enter_context(OwnMasters(seed, folder / 'nodes.log', key_file))
+        self.stack = self.enter_context(OwnMasters(seed, folder / 'nodes.log'))
         self._options = ['--count', str(count), '--rate', str(rate), '--half-open', str(half_open)]
         self._strangers: Dict[str, Peer] = {}
         with self.starting():
@@ -153,7 +151,7 @@ class HostileLink(Started):
         return [self.watch('quiet', 'robot', quiet), self.watch('half-open handshakes', 'robot', self._half_open),
                 self.watch('flood of the robot', 'robot', lambda: self._flood('robot')),
                 self.watch('flood of the operator', 'operator', lambda: self._flood('operator')),
-                self.watch('uninvited operators', 'robot', self._uninvited), self.watch('quiet again', 'robot', quiet)]
+                self.watch('uninvited operator', 'robot', self._uninvited), self.watch('quiet again', 'robot', quiet)]
 
     def _half_open(self) -> Dict[str, int]:
         return self._ask('robot', 'half-open')
@@ -174,19 +172,17 @@ class HostileLink(Started):
         return self._newly_dropped('robot', before)
 
     def _uninvited(self) -> Dict[str, int]:
-        """Operators with another key, and with none, until both were refused."""
+        """An operator with another key, until it was refused."""
         other, before = self._folder / 'other.key', self._dropped('robot')
         make_key(str(other))
         heard = Listener(self.stack)
-        heard.subscribe([['/%s%s' % (name, IMAGE), 'any', 'TCPROS'] for name in ('other', 'keyless')])
-        nodes = [self.stack.start_node('operator', RECEIVER, '_robot:=' + ROBOT, *arguments)
-                 for arguments in (['__ns:=/other', '_key_file:=%s' % other], ['__ns:=/keyless'])]
+        heard.subscribe([['/other' + IMAGE, 'any', 'TCPROS']])
+        node = self.stack.start_node('operator', RECEIVER, '_robot:=' + ROBOT, '__ns:=/other', '_key_file:=%s' % other)
         deadline = time.monotonic() + STARTING
-        while not set(self._newly_dropped('robot', before)) >= REFUSALS and time.monotonic() < deadline:
+        while REFUSAL not in self._newly_dropped('robot', before) and time.monotonic() < deadline:
             time.sleep(0.1)
         time.sleep(QUIET)
-        for node in nodes:
-            self.stack.end(node)
+        self.stack.end(node)
         if heard.heard:
             raise RuntimeError('an uninvited operator sees images')
         return {}

@@ -7,7 +7,6 @@ from typing import Any, Dict, Optional
 
 import yaml
 
-from smokebot_udp.link.keys import make_key
 from smokebot_udp.link.packets import Kind
 
 from . import TOP
@@ -60,10 +59,9 @@ class Joins(Started):
 
     def __init__(self, folder: pathlib.Path, seed: int) -> None:
         super().__init__()
-        make_key(str(folder / 'link.key'))
         self._log = folder / 'nodes.log'
         self._streams = with_relays(folder / 'streams.yaml')
-        self.stack = self.enter_context(OwnMasters(seed, self._log, folder / 'link.key'))
+        self.stack = self.enter_context(OwnMasters(seed, self._log))
         with self.starting():
             self._start()
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A robot's and an operator's core of a link, joined in memory by a network without loss."""
 import os
-from typing import Any, Optional, Sequence, Tuple
+from typing import Any, Sequence, Tuple
 
 import numpy as np
 
@@ -37,7 +37,7 @@ def received(datagrams: Sequence[Tuple[Address, bytes]]) -> Tuple[UInt8Array, In
     return rows, lengths, sources
 
 
-def joined(key: Optional[bytes], suite: Suite = Suite.AESGCM) -> Tuple[Any, Any, float]:
+def joined(key: bytes, suite: Suite = Suite.AESGCM) -> Tuple[Any, Any, float]:
     """(RobotCore, OperatorCore, now [s]) after their handshake.
 
     :raises RuntimeError: where they do not find each other

@@ -37,6 +37,9 @@ from .stack import Stack
 
 LINK_FIELDS = 'rate', 'sent', 'wanted', 'capacity', 'queue_delay', 'round_trip'
 
+RATES = 'datagrams/s', 'bytes/s'
+"""Values of a connection's status."""
+
 KINDS: Dict[str, Tuple[Any, Callable[[Any], Any]]] = {
     'any': (rospy.AnyMsg, lambda message: len(message._buff)),
     'image': (Image, lambda message: len(message.data)),
@@ -55,13 +58,17 @@ KINDS: Dict[str, Tuple[Any, Callable[[Any], Any]]] = {
     'parts': (DiagnosticArray, lambda message: {
         status.values['stream']: int(status.values['datagrams']) for status in statuses_of(message.status)
         if status.kind == Kind.CONNECTION}),
+    'rates of parts': (DiagnosticArray, lambda message: {
+        status.values['stream']: [float(status.values[rate]) for rate in RATES]
+        for status in statuses_of(message.status)
+        if status.kind == Kind.CONNECTION and all(rate in status.values for rate in RATES)}),
     'link transport': (DiagnosticArray, lambda message: {
         key: value for status in statuses_of(message.status) if status.kind == Kind.TRANSPORT
         for key, value in status.values.items()}),
 }
 """{kind: (message class, f(message) -> amount)}; the amount: bytes, points, ranges, transforms, the share of pixels
-or ranges that were received, the datagrams of each part of a stream, the longest datagram that passes, of a relay's
-segment the number, the bytes of the message before and all bytes, or the content."""
+or ranges that were received, the datagrams or RATES of each part of a stream, the longest datagram that passes, the
+content, or of a relay's segment the number, the bytes of the message before and all bytes."""
 
 RELAYED = {'relayed odometry': 'odometry', 'relayed transforms': 'transforms'}
 """{kind of a relay's segments, as they leave: kind of the messages that they carry}"""

@@ -9,7 +9,6 @@ from typing import Any, Dict, List, Mapping, NamedTuple, Sequence
 import psutil
 import yaml
 
-from smokebot_udp.link.keys import make_key
 from smokebot_udp.link_lab.lab import DEVICE
 
 from . import TOP
@@ -86,8 +85,7 @@ class NeedsRun(Started):
 
     def _start(self, seed: int, log: pathlib.Path) -> None:
         folder = pathlib.Path(self.enter_context(tempfile.TemporaryDirectory()))
-        make_key(str(folder / 'link.key'))
-        self._stack = self.enter_context(OwnMasters(seed, log, folder / 'link.key'))
+        self._stack = self.enter_context(OwnMasters(seed, log))
         settings = stream_settings(self._case.names)
         (folder / 'streams.yaml').write_text(yaml.safe_dump({'streams': settings}))
         file = '_streams_file:=%s' % (folder / 'streams.yaml')

@@ -6,9 +6,11 @@ Within a side, ROS knows its machine as localhost, so that it does not matter wh
 import os
 import pathlib
 import subprocess
+import tempfile
 import time
 from typing import Any, Dict, Optional
 
+from smokebot_udp.link.keys import make_key
 from smokebot_udp.link_lab.lab import ADDRESSES, TwoSides
 
 from .firewall import Firewall
@@ -28,17 +30,18 @@ POLLING = 0.005
 class OwnMasters(Stack):
     """See Stack.
 
-    :param key_file: of both sides; None: the link is open
     :param shared_air, sides: see Stack
     """
 
     MASTER_SIDES = 'robot', 'operator'
 
-    def __init__(self, seed: int = 0, log: Optional[pathlib.Path] = None,
-                 key_file: Optional[pathlib.Path] = None, shared_air: bool = False,
+    def __init__(self, seed: int = 0, log: Optional[pathlib.Path] = None, shared_air: bool = False,
                  sides: Optional[TwoSides] = None) -> None:
-        self._key_file = key_file
         super().__init__(seed, log=log, shared_air=shared_air, sides=sides)
+        folder = self._resources.enter_context(tempfile.TemporaryDirectory())
+        self.key_file = os.path.join(folder, 'link.key')
+        """Key of both sides."""
+        make_key(self.key_file)
 
     def environment(self, side: str) -> Dict[str, str]:
         rest = {name: value for name, value in os.environ.items() if name != 'ROS_IP'}
@@ -46,14 +49,16 @@ class OwnMasters(Stack):
 
     def start_sender(self, *arguments: str) -> 'subprocess.Popen[Any]':
         """Start robot_sender, which listens on the port."""
-        return self.start_node('robot', SENDER, '_link_port:=%d' % PORT, *self._key(), *arguments)
+        return self.start_node('robot', SENDER, '_link_port:=%d' % PORT, '_key_file:=' + self.key_file,
+                               *arguments)
 
-    def start_receiver(self, *arguments: str, robot: str = ROBOT) -> 'subprocess.Popen[Any]':
-        """Start operator_receiver, which joins a robot."""
-        return self.start_node('operator', RECEIVER, '_robot:=' + robot, *self._key(), *arguments)
+    def start_receiver(self, *arguments: str, robot: str = ROBOT, key_file: str = '') -> 'subprocess.Popen[Any]':
+        """Start operator_receiver, which joins a robot.
 
-    def _key(self) -> Any:
-        return ['_key_file:=%s' % self._key_file] if self._key_file else []
+        :param key_file: of that robot; empty: of this one
+        """
+        return self.start_node('operator', RECEIVER, '_robot:=' + robot, '_key_file:=' + (key_file or self.key_file),
+                               *arguments)
 
     def firewalls(self) -> Dict[str, Firewall]:
         """{side: a firewall that passes only the port}, in force from now on."""

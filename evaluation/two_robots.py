@@ -22,16 +22,16 @@ class TwoRobots(Started):
     `stacks` by name: the second one has a robot's side and a link only.
 
     :param seed: of the links
-    :param log, key_file: see OwnMasters
+    :param log: see OwnMasters
     :raises LabError: as Lab
     """
 
-    def __init__(self, seed: int, log: Optional[pathlib.Path] = None, key_file: Optional[pathlib.Path] = None) -> None:
+    def __init__(self, seed: int, log: Optional[pathlib.Path] = None) -> None:
         super().__init__()
         self.stacks: Dict[str, OwnMasters] = {}
         with self.starting():
             for number, name in enumerate(NAMES):
-                self.stacks[name] = self.enter_context(OwnMasters(seed + number, log, key_file))
+                self.stacks[name] = self.enter_context(OwnMasters(seed + number, log))
             self.desk, second = self.stacks.values()
             self._join_desk(second)
 
@@ -47,4 +47,5 @@ class TwoRobots(Started):
 
     def start_receiver(self, name: str, *arguments: str) -> Any:
         """Start operator_receiver at the desk for a robot, in a namespace of the robot's name."""
-        return self.desk.start_receiver('__ns:=/' + name, *arguments, robot=ROBOTS[name])
+        return self.desk.start_receiver('__ns:=/' + name, *arguments, robot=ROBOTS[name],
+                                        key_file=self.stacks[name].key_file)

@@ -10,8 +10,6 @@ import random
 import time
 from typing import Any, Callable, Dict, Iterator, List, Mapping, Optional, Tuple
 
-from smokebot_udp.link.keys import make_key
-
 from . import teleoperated
 from .link_run import AIR, SensorSource, lab_state
 from .listener import Listener, Subscription
@@ -68,7 +66,7 @@ class WayBackNodes(Started):
         """What all of them write."""
         with self.starting():
             self._stack = self.enter_context(
-                OwnMasters(seed, self.log, key_of(folder), shared_air) if own_masters
+                OwnMasters(seed, self.log, shared_air) if own_masters
                 else Stack(seed, log=self.log, shared_air=shared_air))
             self._start()
 
@@ -179,14 +177,6 @@ class WayBackNodes(Started):
         time.sleep(SETTLE)
         self.state()
         return begun
-
-
-def key_of(folder: pathlib.Path) -> pathlib.Path:
-    """A file with a key in a folder."""
-    path = folder / 'link.key'
-    if not path.exists():
-        make_key(str(path))
-    return path
 
 
 def wait_for(found: Callable[[], Any], timeout: float = TIMEOUT, polling: float = POLLING) -> Optional[Any]:

@@ -13,7 +13,6 @@ from evaluation.link_run import lab_state
 from evaluation.own_masters import OwnMasters
 from evaluation.processes import Peer
 from evaluation.screen import RVIZ_SIZE, Screen, operator_rviz
-from smokebot_udp.link.keys import make_key
 from smokebot_udp.simulation.drive import CORRIDOR
 from smokebot_udp.simulation.world import DOORS, room_centre
 
@@ -62,9 +61,7 @@ class Scene:
         except OSError as error:
             raise Skipped(str(error)) from None
         self._folder = run.folder
-        key_file = run.folder / 'link.key'
-        make_key(str(key_file))
-        self.stack = OwnMasters(run.seed, run.folder / 'nodes.log', key_file)
+        self.stack = OwnMasters(run.seed, run.folder / 'nodes.log')
         self.lab = self.stack.lab
         self.lab.set(LINK)
         streams = '_streams_file:=%s' % (TOP / 'config' / 'streams.yaml')

@@ -16,8 +16,8 @@ EXPLANATION = """
 Robot and operator have a master each, and a link with a key. A stranger hears all that crosses, and sends from any
 address: 10 000 handshakes that it does not end, each from an address of its own; a million bad datagrams to the robot,
 and a million to the operator, 20 000 a second, as far as the machine allows: random ones, mutated, cut and prolonged
-ones, forged data, and good ones again, from the true sender's address or another. Then two operators try to join: one
-has another key, one has none.
+ones, forged data, and good ones again, from the true sender's address or another. Then an operator with
+another key tries to join.
 """
 
 COUNT, QUICK_COUNT = 10 ** 6, 10 ** 5

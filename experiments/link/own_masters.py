@@ -11,7 +11,6 @@ from evaluation.listener import Listener
 from evaluation.own_masters import PORT, OwnMasters
 from evaluation.started import Started
 from evaluation.tap import Tap
-from smokebot_udp.link.keys import make_key
 from smokebot_udp.link.packets import Kind
 
 from .. import drawing, table
@@ -73,10 +72,7 @@ class Scene(Started):
     def __init__(self, run: Run, seed: int) -> None:
         super().__init__()
         self._cut = QUICK_CUT if run.quick else CUT
-        key_file = run.folder / 'link.key'
-        if not key_file.exists():
-            make_key(str(key_file))
-        self.stack = self.enter_context(OwnMasters(seed, run.folder / ('nodes_%d.log' % seed), key_file))
+        self.stack = self.enter_context(OwnMasters(seed, run.folder / ('nodes_%d.log' % seed)))
         self.topics = {name: values['operator_topic'] for name, values in streams().items()}
         self._images = {values['operator_topic'] for values in streams().values() if values['type'] == 'image'}
         self._nodes: Dict[str, Any] = {}

@@ -31,8 +31,6 @@ class PeerStats:
 @dataclass(frozen=True)
 class TransportStats:
     """The state of a transport, for diagnostics."""
-    sealed: bool
-    """Whether all datagrams are encrypted and authenticated."""
     peers: List[PeerStats]
     handshakes: int
     """Completed until now."""
@@ -123,10 +121,6 @@ class Transport(Protocol):
     @property
     def own_masters(self) -> bool:
         """Whether each side has a ROS master of its own: then the other side's parameters cannot be reached."""
-
-    @property
-    def sealed(self) -> bool:
-        """Whether all datagrams are encrypted and authenticated."""
 
     def publisher(self, topic: str, message_class: Any, *, queue_size: int = 10, subscriber_listener: Any = None,
                   carries: str = '', whole: bool = False, tos: int = 0) -> Publisher:

@@ -9,7 +9,7 @@ from typing import Dict, Mapping, NamedTuple
 RELEASE = '0.1.0'
 """Release of this package, as in package.xml."""
 
-WIRE_FORMAT = 3
+WIRE_FORMAT = 4
 """Number of the wire format. As long as golden files have this number, tools/golden.py refuses to write them anew."""
 
 MAX_RELEASE = 20

@@ -7,7 +7,7 @@
 A robot and an operator exchange datagrams. The stranger sees them all, and sends mutated, cut, replayed and forged ones
 in anybody's name to both, see evaluation/link_attack.py. The insider has the key, and seals control messages of random
 bytes. Faults are: any exception; a batch that takes more than MAX_TIME of processor time; more than MAX_PEERS peers;
-more bytes to a stranger than from it; with a key: a delivery of what the peer did not send, or sent once and was
+more bytes to a stranger than from it; a delivery of what the peer did not send, or sent once and was
 delivered before; and two sides that do not find each other within RECOVERY_TIME.
 """
 import collections
@@ -15,7 +15,7 @@ import pathlib
 import sys
 import time
 from random import Random
-from typing import Any, Counter, Deque, Dict, List, Optional, Sequence, Set, Tuple
+from typing import Any, Counter, Deque, List, Sequence, Set, Tuple
 
 import numpy as np
 
@@ -61,10 +61,10 @@ class Side:
 class World:
     """A robot and an operator, a network without loss between them, and a clock.
 
-    :param key: of both; None: the link is open
+    :param key: of both
     """
 
-    def __init__(self, key: Optional[bytes], random: Random) -> None:
+    def __init__(self, key: bytes, random: Random) -> None:
         self.now, self.key, self._random = 1000.0, key, random
         self.from_strangers: Counter[Address] = collections.Counter()
         self.to_strangers: Counter[Address] = collections.Counter()
@@ -86,7 +86,7 @@ class World:
         for delivery in side.core.receive(*received(datagrams), self.now) if datagrams else ():
             for row, length in zip(delivery.datagrams, delivery.lengths):
                 whole = row[:length].tobytes()
-                if self.key is not None and HEADER.unpack_from(whole)[0] >= CONTROL_IDS:
+                if HEADER.unpack_from(whole)[0] >= CONTROL_IDS:
                     assert whole in side.owed, whole[:64]
                 side.got += whole in side.owed
                 side.owed.discard(whole)
@@ -149,30 +149,27 @@ class World:
 
 
 class Fuzzer:
-    """Feeds datagrams to both sides of several worlds.
+    """Feeds datagrams to both sides of a link.
 
     :param random: of all that is random
     """
 
     def __init__(self, random: Random) -> None:
         self._random = random
-        self.worlds: Dict[str, World] = {
-            'keyed': World(b'k' * 32, random), 'open': World(None, random)}
+        self.world = World(b'k' * 32, random)
         self.inputs, self.worst = 0, 0.0
 
     def report(self) -> str:
         """What was dropped, by reason."""
-        return '; '.join('%s: %s' % (name, dict(world.robot.core.dropped + world.operator.core.dropped))
-                         for name, world in self.worlds.items())
+        return str(dict(self.world.robot.core.dropped + self.world.operator.core.dropped))
 
     def good(self) -> None:
         """See World.meet."""
-        for world in self.worlds.values():
-            world.meet()
+        self.world.meet()
 
     def batch(self) -> None:
-        """Feed some to a world."""
-        world = self._random.choice(list(self.worlds.values()))
+        """Feed some to both sides."""
+        world = self.world
         begun = time.process_time()
         for side, other in ((world.robot, world.operator), (world.operator, world.robot)):
             self._attack(world, side, other)

@@ -62,7 +62,8 @@ class BlackBox(unittest.TestCase):
         port = free_port()
         cable = UdpCable(port)
         self.addCleanup(cable.close)
-        record = 'streams:=%s' % STREAMS, 'record:=true', 'record_dir:=%s' % self.folder
+        record = ('streams:=%s' % STREAMS, 'record:=true', 'record_dir:=%s' % self.folder,
+                  'key_file:=%s' % (self.folder / 'link.key'))
         self.robot.start('rosrun', 'smokebot_udp', 'simulated_robot', '_width:=160', '_height:=120', '_lidar_rate:=0',
                          '_camera_rate:=0', '_scan_rate:=0', '_map_rate:=0')
         self.launches = [(self.robot, self.robot.launch('robot.launch', 'link_port:=%d' % port, *record)),

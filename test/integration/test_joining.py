@@ -19,7 +19,6 @@ from evaluation.joins import HEAVY, PARTS, with_relays
 from evaluation.listener import Listener
 from evaluation.own_masters import OwnMasters
 from evaluation.stack import Stack
-from smokebot_udp.link.keys import make_key
 from smokebot_udp.link_lab.lab import LabError
 
 HOLE, NO_HOLE = {'longest': 1228.0}, {'longest': 0.0}
@@ -67,8 +66,7 @@ class Joining(unittest.TestCase):
         return stack
 
     def own_masters(self) -> Any:
-        make_key(str(self.folder / 'key'))
-        return self.start(OwnMasters, key_file=self.folder / 'key')
+        return self.start(OwnMasters)
 
     def written(self, since: int) -> str:
         """What the nodes have written to the log from a place on."""

@@ -133,7 +133,7 @@ class Operators(unittest.TestCase):
                 robot: Any = node
                 return sorted(entry[1] for entry in robot.getBusInfo('/test')[2]
                               if entry[2:5] == ['i', 'UDPROS', '/smokebot_udp/' + topic])
-        for topic in ('link/report', 'clock/ask', 'settings/request'):
+        for topic in ('link/report', 'clock/ask', 'reliable/to_robot'):
             wait_for(lambda topic=topic: heard(topic) == uris, what='both operators at ' + topic)
 
     def test_their_diagnostics_have_different_names(self) -> None:

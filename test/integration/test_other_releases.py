@@ -5,6 +5,7 @@ format is the same; otherwise each says so once."""
 import os
 import pathlib
 import sys
+import tempfile
 import unittest
 from typing import Any, List
 
@@ -50,6 +51,9 @@ class OtherReleases(unittest.TestCase):
         rospy.init_node('test_other_releases')
         cls.odometry = Collector('/operator/odom', Odometry)
         cls.source = rospy.Publisher('/odom', Odometry, queue_size=1)
+        folder = tempfile.TemporaryDirectory()
+        cls.addClassCleanup(folder.cleanup)
+        cls.key = '_key_file:=%s/link.key' % folder.name
 
     def setUp(self) -> None:
         for side in (self.robot, self.desk):
@@ -93,16 +97,18 @@ class OtherReleases(unittest.TestCase):
 
     def test_a_newer_desk_of_the_same_wire_format_with_own_masters(self) -> None:
         port = free_port()
-        self.start(self.robot, 'rosrun', 'smokebot_udp', 'robot_sender', STREAMS, '_link_port:=%d' % port)
-        self.start(self.desk, *node('operator_receiver', WIRE_FORMAT, STREAMS, '_robot:=127.0.0.1:%d' % port))
+        self.start(self.robot, 'rosrun', 'smokebot_udp', 'robot_sender', STREAMS, '_link_port:=%d' % port, self.key)
+        self.start(self.desk, *node('operator_receiver', WIRE_FORMAT, STREAMS, '_robot:=127.0.0.1:%d' % port,
+                               self.key))
         for side in (self.robot, self.desk):
             wait_for(lambda side=side: 'has joined' in side.output, START, 'the join')
             self.assertEqual(sentences(side), [])
 
     def test_another_wire_format_with_own_masters(self) -> None:
         port = free_port()
-        self.start(self.robot, *node('robot_sender', NEWER, STREAMS, '_link_port:=%d' % port))
-        self.start(self.desk, 'rosrun', 'smokebot_udp', 'operator_receiver', STREAMS, '_robot:=127.0.0.1:%d' % port)
+        self.start(self.robot, *node('robot_sender', NEWER, STREAMS, '_link_port:=%d' % port, self.key))
+        self.start(self.desk, 'rosrun', 'smokebot_udp', 'operator_receiver', STREAMS, '_robot:=127.0.0.1:%d' % port,
+                   self.key)
         self.told_once(self.robot, 1, 'refused 127.0.0.1:', 'for it, too')
         self.told_once(self.desk, 1, 'the robot has', 'for this machine, too')
 

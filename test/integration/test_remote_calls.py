@@ -166,25 +166,6 @@ class Calls(unittest.TestCase):
 class CallsOwnMasters(Calls):
     OWN = True
 
-    def test_refused_without_a_key(self) -> None:
-        """Callers are told why; the robot executes nothing."""
-        before, unknown = wait_for(self.answered), self.unknown
-        self.robot.stop(self.node)
-        self.desk.stop(self.receiver)
-        type(self).node, type(self).receiver = self.start_robot(), self.start_desk()
-        self.count.wait_for_service(START)
-        with self.assertRaises(rospy.ServiceException) as caught:
-            self.count()
-        self.assertIn('key', str(caught.exception))
-        self.assertEqual(wait_for(lambda: self.outcome(1.0), START.to_sec(), 'an answer to a goal'), 'REJECTED')
-        self.robot.stop(self.node)
-        self.desk.stop(self.receiver)
-        type(self).node = self.start_robot('key_file:=' + self.key)
-        type(self).receiver = self.start_desk('key_file:=' + self.key, LOSS)
-        self.assert_called_once_since(before, unknown, wait_for(self.answered, START.to_sec(), 'an answer'))
-        self.assertTrue(self.client.wait_for_server(START))
-        wait_for(lambda: self.outcome(0.02) == 'SUCCEEDED', START.to_sec(), 'control')
-
 
 if __name__ == '__main__':
     rostest.rosrun('smokebot_udp', 'remote_calls', CallsOwnMasters if 'own' in sys.argv else Calls)

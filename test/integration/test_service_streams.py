@@ -147,10 +147,6 @@ class ServiceStreams(unittest.TestCase):
         self.fails(rospy.ServiceProxy('/operator/count', Trigger),
                    'the service is of another type on the robot: std_srvs/SetBool')
 
-    def test_refused_streams_say_so(self) -> None:
-        self.start(OperatorService('count', COUNT, self.pair().operator, refused='the link has no key'))
-        self.fails(rospy.ServiceProxy('/operator/count', Trigger), 'the link has no key')
-
     def test_without_a_robot_and_without_its_stream(self) -> None:
         pair = self.pair()
         self.start(OperatorService('count', {**COUNT, 'timeout': 3.0}, pair.operator))

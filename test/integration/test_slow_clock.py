@@ -5,6 +5,7 @@ fresh."""
 import os
 import pathlib
 import sys
+import tempfile
 import time
 import unittest
 from typing import Any, List, Tuple
@@ -35,8 +36,11 @@ class SlowClock(unittest.TestCase):
         cls.addClassCleanup(desk.close)
         robot.set('/use_sim_time', True)
         robot.start(str(HERE / 'slow_clock_robot.py'))
-        robot.launch('robot.launch', 'streams:=%s' % STREAMS, 'link_port:=%d' % port)
-        desk.launch('operator.launch', 'streams:=%s' % STREAMS, 'robot:=localhost:%d' % port, 'rviz:=false')
+        folder = tempfile.TemporaryDirectory()
+        cls.addClassCleanup(folder.cleanup)
+        common = 'streams:=%s' % STREAMS, 'key_file:=%s/link.key' % folder.name
+        robot.launch('robot.launch', 'link_port:=%d' % port, *common)
+        desk.launch('operator.launch', 'robot:=localhost:%d' % port, 'rviz:=false', *common)
         os.environ['ROS_MASTER_URI'] = desk.master.uri
         rospy.init_node('test_slow_clock')
         cls.views: List[Tuple[float, Any]] = []

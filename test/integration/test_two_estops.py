@@ -22,7 +22,6 @@ from evaluation import teleoperated
 from evaluation.listener import Listener
 from evaluation.own_masters import OwnMasters
 from evaluation.teleoperator import Teleoperator
-from evaluation.way_back_nodes import key_of
 from smokebot_udp.link_lab.lab import LabError
 
 STREAMS = pathlib.Path(__file__).resolve().parent / 'commands_streams.yaml'
@@ -57,7 +56,7 @@ class TwoEstops(unittest.TestCase):
         cls.addClassCleanup(folder.cleanup)
         log = pathlib.Path(folder.name) / 'nodes.log'
         try:
-            cls.stack = OwnMasters(7, log, key_of(pathlib.Path(folder.name)))
+            cls.stack = OwnMasters(7, log)
         except LabError as error:
             raise unittest.SkipTest(str(error)) from None
         cls.addClassCleanup(cls.stack.close)

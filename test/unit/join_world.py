@@ -21,9 +21,9 @@ STREAMS = pathlib.Path(__file__).resolve().parents[2] / 'config' / 'streams.yaml
 STEP = 0.02
 """Between two looks at what is due [s]."""
 
-UP = ('link/report', 'clock/ask', 'held', 'capture/request', 'settings/request', 'control/request',
+UP = ('link/report', 'clock/ask', 'held', 'capture/request', 'control/request',
       'reliable/to_robot', 'cmd_vel/commands')
-DOWN = ('clock/answer', 'capture/pieces', 'settings/state', 'control/status', 'reliable/to_operator')
+DOWN = ('clock/answer', 'capture/pieces', 'control/status', 'reliable/to_operator')
 """Topics of no stream."""
 
 
@@ -132,19 +132,17 @@ class JoinWorld:
 
     :param loss: each way
     :param relays: beside the default streams
-    :param key: of both; None: the link is open
     """
 
-    def __init__(self, seed: int, loss: float, relays: int = 0, key: Optional[bytes] = KEY,
-                 delay: float = 0.02) -> None:
+    def __init__(self, seed: int, loss: float, relays: int = 0, delay: float = 0.02) -> None:
         self.network = Network(seed, delay=delay, loss=loss)
         self.down = topics_down(relays)
         gated = {self.down[name].id for name in self.down if name.endswith(('/layers', '/video', '/tiles'))}
         wishes = {one.id: Wish(one.id in gated) for one in self.down.values()}
         up = [topic('/smokebot_udp/' + name, RelaySegment) for name in UP]
-        self.robot = Side(self.network, ROBOT, RobotCore(key, random_bytes(2 * seed), SIZE, '/robot_sender@ugv1'),
+        self.robot = Side(self.network, ROBOT, RobotCore(KEY, random_bytes(2 * seed), SIZE, '/robot_sender@ugv1'),
                           {one.id: Wish(False) for one in up})
-        operator = OperatorCore(key, random_bytes(2 * seed + 1), SIZE, '/operator_receiver@desk1')
+        operator = OperatorCore(KEY, random_bytes(2 * seed + 1), SIZE, '/operator_receiver@desk1')
         self.operator = Side(self.network, OPERATOR, operator, wishes)
         for one in self.down.values():
             self.robot.local.add(Role.SENDS, one)

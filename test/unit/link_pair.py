@@ -2,7 +2,7 @@
 """Transports of a link in one process, on the loopback device."""
 import contextlib
 import threading
-from typing import Any, Callable, Iterator, List, Optional, Tuple
+from typing import Any, Callable, Iterator, List, Tuple
 
 import numpy as np
 from polling import WAIT
@@ -23,7 +23,7 @@ class Told(List[str]):
 class Links:
     """Makes transports, and closes them."""
 
-    def __init__(self, key: Optional[bytes] = KEY) -> None:
+    def __init__(self, key: bytes = KEY) -> None:
         self.key = key
         self.made: List[LinkTransport] = []
 
@@ -50,7 +50,7 @@ class Links:
 
 
 @contextlib.contextmanager
-def links(key: Optional[bytes] = KEY) -> Iterator[Links]:
+def links(key: bytes = KEY) -> Iterator[Links]:
     """Links that end with the block."""
     made = Links(key)
     try:

@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A robot's and an operator's core for tests, joined or not."""
-from typing import Optional, Tuple
+from typing import Tuple
 
 import numpy as np
-import pytest
 from link_channel import KEY, OPERATOR, ROBOT, SIZE, Address, data, give, random_bytes, sent, shake_hands
 
 from smokebot_udp.link.operator_core import OperatorCore
-from smokebot_udp.link.packets import VERSION, Hello, Init, Mode, Suite, parse
+from smokebot_udp.link.packets import VERSION, Hello, Init, Suite, parse
 from smokebot_udp.link.peer import Peer
 from smokebot_udp.link.robot_core import RobotCore
 from smokebot_udp.link.tags import Tags
@@ -16,20 +15,19 @@ ROW = np.frombuffer(data(20), np.uint8)[np.newaxis]
 """One datagram of a topic as Peer.seal takes it."""
 
 ELSEWHERE: Address = ('10.0.0.99', 5)
-BOTH = pytest.mark.parametrize('key', [KEY, None], ids=['keyed', 'open'])
 
 
-def robot_of(key: Optional[bytes] = KEY, suite: Suite = Suite.AESGCM) -> RobotCore:
+def robot_of(key: bytes = KEY, suite: Suite = Suite.AESGCM) -> RobotCore:
     return RobotCore(key, random_bytes(1), SIZE, 'robot', suite)
 
 
-def operator_of(seed: int = 2, name: str = 'desk', key: Optional[bytes] = KEY, now: float = 0.0) -> OperatorCore:
+def operator_of(seed: int = 2, name: str = 'desk', key: bytes = KEY, now: float = 0.0) -> OperatorCore:
     operator = OperatorCore(key, random_bytes(seed), SIZE, name)
     operator.set_address(ROBOT, now)
     return operator
 
 
-def joined(key: Optional[bytes] = KEY, now: float = 0.0) -> Tuple[RobotCore, OperatorCore]:
+def joined(key: bytes = KEY, now: float = 0.0) -> Tuple[RobotCore, OperatorCore]:
     """A robot and its operator."""
     robot, operator = robot_of(key), operator_of(key=key, now=now)
     shake_hands(robot, operator, now)
@@ -37,10 +35,9 @@ def joined(key: Optional[bytes] = KEY, now: float = 0.0) -> Tuple[RobotCore, Ope
     return robot, operator
 
 
-def hello(nonce: int, key: Optional[bytes] = KEY, version: int = VERSION, mode: Optional[int] = None) -> bytes:
+def hello(nonce: int, key: bytes = KEY, version: int = VERSION) -> bytes:
     """A HELLO of who has this key."""
-    right = Mode.OPEN if key is None else Mode.KEYED
-    return Tags(key).tagged(Hello(version, right if mode is None else mode, nonce)).pack()
+    return Tags(key).tagged(Hello(version, nonce)).pack()
 
 
 def init_of(robot: RobotCore, operator: OperatorCore, address: Address = OPERATOR, now: float = 0.0,

@@ -171,3 +171,14 @@ def test_a_notice_without_viewers_is_not_drawn_but_shown_by_the_next_image() -> 
     locked = shown.draw(shown.poll(10.1, True), 10.1)
     shown.set_notice('')
     assert (locked != shown.draw(shown.poll(10.1, True), 10.1)).any()
+
+
+@pytest.mark.parametrize('age, state', [(0.1, 'fresh'), (1.0, 'old'), (5.0, 'frozen')])
+def test_the_parts_of_a_view_say_what_it_shows(age, state) -> None:
+    shown = view()
+    shown.set_notice('EMERGENCY STOP')
+    image = ViewedImage(HEADER, 0.9, age, 10.0, np.zeros((4, 6), np.uint8), 'mono8')
+    parts = shown.judge(image, 10.0)
+    assert (parts.judgement.state, parts.judgement.age, parts.judgement.quality) == (state, age, '90 %')
+    assert parts.judgement.old == (state != 'fresh') and not parts.judgement.poor
+    assert parts.notice == 'EMERGENCY STOP' and parts.coloured.pixels.shape == (4, 6, 3)

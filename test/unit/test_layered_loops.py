@@ -176,12 +176,12 @@ def test_real_images_compile_nothing_more() -> None:
     program = """
 import numpy as np
 from smokebot_udp.codecs.layered import alignment, class_map, coefficients, colour, compile, depth
-from smokebot_udp.codecs.layered import image, motion, passes, prediction, prefixes, range_coder, warp
+from smokebot_udp.codecs.layered import blend, image, motion, passes, prediction, prefixes, range_coder, warp
 from smokebot_udp.codecs.layered import wavelet
 compile.compile_all()
 def compiled():
-    return {(name, str(signature)) for module in (alignment, class_map, coefficients, colour, depth, passes, prediction,
-                                                  prefixes, range_coder, warp, wavelet)
+    return {(name, str(signature)) for module in (alignment, blend, class_map, coefficients, colour, depth, passes,
+                                                  prediction, prefixes, range_coder, warp, wavelet)
             for name, loop in vars(module).items() for signature in getattr(loop, 'signatures', ())}
 before = compiled()
 for kind, channels, offset in (('uint8', 1, 1), ('uint16', 1, 1), ('uint8', 3, 0)):
@@ -190,6 +190,7 @@ for kind, channels, offset in (('uint8', 1, 1), ('uint16', 1, 1), ('uint8', 3, 0
     assert not pixels.flags.writeable
     motion.compensate(pixels, motion.Motion(np.zeros((5, 5, 2), np.int16), True))
     motion.estimate(pixels, pixels)
+    blend.blended(pixels, pixels, blend.share_of(pixels, pixels, pixels))
     for lossless in (False, True):
         for classes in (None, np.frombuffer(bytes(60 * 90), np.uint8).reshape(60, 90)):
             for reference in (None, pixels):

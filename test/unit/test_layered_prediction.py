@@ -3,7 +3,7 @@
 import math
 import zlib
 from random import Random
-from typing import Any, Collection, Dict, Optional
+from typing import Any, Collection, Dict, Optional, Tuple
 
 import needs_numba  # noqa: F401
 import numpy as np
@@ -15,8 +15,8 @@ from layered_operator import pixels_of
 from layered_sender import BAD, CASES, NO_LOSS, photograph
 from predicted_link import PredictedLink, everything, nothing
 
+from smokebot_udp.codecs.layered import blend
 from smokebot_udp.codecs.layered.image import read
-from smokebot_udp.codecs.layered.motion import compensate, from_bytes
 from smokebot_udp.codecs.layered.pieces import Layer, Restorer
 from smokebot_udp.codecs.layered.quality import from_byte
 from smokebot_udp.streams.held import Holding
@@ -138,17 +138,25 @@ def test_a_report_that_is_lost_while_nothing_moves_costs_no_image() -> None:
 
 # whatever is lost
 
-def layers_restored(records: Any, layers: int, reference: Any) -> Optional[Any]:
-    """The pixels that the first layers of an image restore, by their bytes alone; None: nothing."""
+def layers_restored(records: Any, layers: int, models: Dict[Tuple[int, int], Any]) -> Optional[Any]:
+    """The pixels that the first layers of an image restore, by their bytes alone; None: nothing.
+
+    :param models: {(number, layers): the pixels of an earlier image}
+    """
     record = records[0]
     table = [Layer(*layer) for layer in zip(record['thresholds'].tolist(), record['sizes'].tolist())]
     restorer = Restorer(len(records), table)
     restorer.add(records['index'].astype(int), records['data'])
     data = restorer.restored()[:sum(layer.length(len(records)) for layer in table[:layers])]
     predicted = None
-    if reference is not None:
+    if record['reference'] != record['picture']:
         length = data[0]
-        predicted, data = compensate(reference, from_bytes(data[1:1 + length])), data[1 + length:]
+        course, data = blend.from_bytes(data[1:1 + length]), data[1 + length:]
+        reference = other = models[int(record['reference']), int(record['reference_layers'])]
+        if course.second is not None:
+            other = models[int(record['picture']) - course.second.back, course.second.layers]
+            assert course.second.checksum == zlib.crc32(other.tobytes())
+        predicted = blend.predicted(course, reference, other)
     found = read(data, int(record['height']), int(record['width']), 1, 2, predicted)
     return None if found is None else found.prefixes.pixels(len(data))
 
@@ -167,12 +175,11 @@ def test_whatever_is_lost_both_sides_agree(seed: int, ratio: float, delay: int, 
         shown = link.send(moving(step, 'mono16', pixels_an_image), 'mono16', lost, unreported)
         records = link.sent[-1]
         record = records[0]
-        reference = None
         if record['reference'] != record['picture']:
             reference = models[int(record['reference']), int(record['reference_layers'])]
             assert record['checksum'] == zlib.crc32(reference.tobytes())
         for layers in range(1, len(record['sizes']) + 1):
-            models[step, layers] = layers_restored(records, layers, reference)
+            models[step, layers] = layers_restored(records, layers, models)
         for name, assembled in shown.items():
             if assembled is not None and assembled.error.rms == from_byte(int(record['errors'][-1])):
                 assert (pixels_of(assembled) == models[step, len(record['sizes'])]).all()
@@ -264,6 +271,38 @@ def test_a_scene_that_moves_slowly_is_better_predicted() -> None:
             errors.append(np.square(pixels_of(shown).astype(float) - moving(step)).mean())
         return float(np.mean(errors[3:]))
     assert 10 * np.log10(error(['/operator']) / error([])) > 3
+
+
+def second_of(records: Any) -> Optional[blend.Second]:
+    """The second reference of an image, whose datagrams all came; None: it has none."""
+    record = records[0]
+    table = [Layer(*layer) for layer in zip(record['thresholds'].tolist(), record['sizes'].tolist())]
+    restorer = Restorer(len(records), table)
+    restorer.add(records['index'].astype(int), records['data'])
+    data = restorer.restored()
+    return blend.from_bytes(data[1:1 + data[0]]).second
+
+
+def test_noise_is_predicted_from_two_images_that_are_held() -> None:
+    link = PredictedLink(delay=1, max_bytes=12000)
+    for step in range(10):
+        assert link.send(noisy(step), 'mono16')['/operator'] is not None
+    seconds = [second_of(records) for records in link.sent[4:]]
+    assert [second.back if second else 0 for second in seconds] == [3] * 6
+
+
+def test_a_second_reference_that_differs_is_not_used_and_not_trusted() -> None:
+    link = PredictedLink(max_bytes=12000)
+    for step in range(6):
+        link.send(noisy(step), 'mono16', nothing if step == 5 else everything)
+    records, operator = link.sent[5].copy(), link.operators['/operator']
+    second = second_of(records)
+    assert second is not None
+    forged = second.checksum.to_bytes(4, 'little')
+    for record in records:      # each datagram that has it in a source piece
+        record['data'] = np.frombuffer(record['data'].tobytes().replace(forged, bytes(4)), np.uint8)
+    assert operator(records, link.now) == [] and operator.dropped == {'reference': 1}
+    assert operator.assembler.holding() == Holding(int(records['session'][0]), ())
 
 
 def test_images_that_are_all_different_are_no_worse_for_being_predicted() -> None:

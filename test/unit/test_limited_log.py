@@ -15,7 +15,7 @@ DIRECT = {
     # once in the life of a process, a link or a stream
     'nodes/black_box.py', 'nodes/common.py', 'nodes/compiled_codec.py', 'demo/report.py',
     'nodes/operator_stream.py', 'nodes/robot_sender.py', 'nodes/trace.py', 'nodes/transports.py',
-    'udpros/rospy_binding.py', 'link/transport.py',
+    'udpros/rospy_binding.py', 'link/transport.py', 'web/node.py',
     # once for each name, peer or outage, which they remember
     'nodes/namesake.py', 'nodes/reliable_link.py', 'udpros/connector.py', 'udpros/rpc.py',
     # a child process has ended; they wait longer and longer before the next start

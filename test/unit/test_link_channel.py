@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Both cores over a channel that loses, delays, duplicates and reorders: joining, restarts, roaming, new keys."""
 import statistics
-from typing import Any, List, Optional
+from typing import Any, List
 
 import pytest
 from link_channel import KEY, OPERATOR, ROBOT, SIZE, Network, data, random_bytes
-from link_sides import BOTH
 
 from smokebot_udp.link.operator_core import OperatorCore
 from smokebot_udp.link.peer import Joined, Left, Moved
@@ -18,23 +17,22 @@ DELAY = 0.05
 class Link(Network):
     """A robot and an operator that begins at once."""
 
-    def __init__(self, seed: int, key: Optional[bytes] = KEY, loss: float = 0.2, duplicates: float = 0.0,
-                 reorder: float = 0.0) -> None:
+    def __init__(self, seed: int, loss: float = 0.2, duplicates: float = 0.0, reorder: float = 0.0) -> None:
         super().__init__(seed, DELAY, loss, duplicates, reorder)
-        self.key, self.seed = key, seed
+        self.seed = seed
         self.robot = self.start_robot()
         self.operator = self.start_operator()
 
     def start_robot(self) -> RobotCore:
         """A robot's process, instead of the one before."""
         self.seed += 1000
-        self.robot = self.add(ROBOT, RobotCore(self.key, random_bytes(self.seed), SIZE, 'robot'))
+        self.robot = self.add(ROBOT, RobotCore(KEY, random_bytes(self.seed), SIZE, 'robot'))
         return self.robot
 
     def start_operator(self) -> OperatorCore:
         """An operator's process, instead of the one before."""
         self.seed += 1000
-        self.operator = self.add(OPERATOR, OperatorCore(self.key, random_bytes(self.seed), SIZE, 'desk'))
+        self.operator = self.add(OPERATOR, OperatorCore(KEY, random_bytes(self.seed), SIZE, 'desk'))
         self.operator.set_address(ROBOT, self.now)
         return self.operator
 
@@ -60,12 +58,11 @@ class Link(Network):
                 for row, length in zip(delivery.datagrams, delivery.lengths)]
 
 
-@BOTH
-def test_joined_within_few_round_trips_at_20_percent_loss(key: Optional[bytes]) -> None:
-    times = [Link(seed, key).join() for seed in range(60)]
+def test_joined_within_few_round_trips_at_20_percent_loss() -> None:
+    times = [Link(seed).join() for seed in range(60)]
     assert statistics.median(times) <= 3.2 * 2 * DELAY      # 2.5 round trips are the least
     assert max(times) <= 0.8
-    assert Link(1, key, loss=0.0).join() == pytest.approx(2.5 * 2 * DELAY, abs=1e-3)
+    assert Link(1, loss=0.0).join() == pytest.approx(2.5 * 2 * DELAY, abs=1e-3)
 
 
 @pytest.mark.parametrize('loss, most', [(0.5, 1.0), (0.8, 3.5)])
@@ -78,16 +75,14 @@ def test_joined_at_heavy_loss(loss: float, most: float) -> None:
     assert statistics.median(times) <= most
 
 
-@BOTH
-def test_a_stream_through_everything(key: Optional[bytes]) -> None:
+def test_a_stream_through_everything() -> None:
     for seed in range(5):
-        link = Link(seed, key, duplicates=0.2, reorder=0.06)
+        link = Link(seed, duplicates=0.2, reorder=0.06)
         link.join()
         came = link.stream(4.0)
         assert set(came) <= {data(20, number.to_bytes(4, 'little')) for number in range(200)}
         assert len(set(came)) >= 140
-        if key is not None:
-            assert len(set(came)) == len(came)      # no copy
+        assert len(set(came)) == len(came)      # no copy
         assert came != sorted(came)
         assert not link.happened(Left, OPERATOR) and not link.happened(Left, ROBOT)
 
@@ -114,11 +109,10 @@ def test_new_keys_without_a_gap(monkeypatch: Any) -> None:
         assert len(link.happened(Joined, ROBOT)) == len(link.happened(Joined, OPERATOR)) == 1
 
 
-@BOTH
-def test_the_robot_is_restarted(key: Optional[bytes]) -> None:
+def test_the_robot_is_restarted() -> None:
     times = []
     for seed in range(20):
-        link = Link(seed, key)
+        link = Link(seed)
         link.join()
         link.run(1.0)
         link.cores.pop(ROBOT)
@@ -141,11 +135,10 @@ def test_a_robot_that_is_back_at_once_is_noticed_at_once() -> None:
     assert statistics.median(times) <= 0.8 and max(times) <= 1.2
 
 
-@BOTH
-def test_the_operator_crashes_and_returns(key: Optional[bytes]) -> None:
+def test_the_operator_crashes_and_returns() -> None:
     times = []
     for seed in range(20):
-        link = Link(seed, key)
+        link = Link(seed)
         link.join()
         link.run(1.0)
         link.cores.pop(OPERATOR)
@@ -167,10 +160,9 @@ def test_both_are_restarted() -> None:
     assert link.join() <= 1.0
 
 
-@BOTH
-def test_a_cut_of_30_seconds(key: Optional[bytes]) -> None:
+def test_a_cut_of_30_seconds() -> None:
     for seed in range(5):
-        link = Link(seed, key)
+        link = Link(seed)
         link.join()
         link.run(1.0)
         link.cut = True
@@ -194,11 +186,10 @@ def test_a_cut_of_two_minutes() -> None:
         assert link.join() <= 1.6
 
 
-@BOTH
-def test_the_operator_gets_another_address(key: Optional[bytes]) -> None:
+def test_the_operator_gets_another_address() -> None:
     times = []
     for seed in range(60):
-        link = Link(seed, key)
+        link = Link(seed)
         link.join()
         link.run(1.0)
         there = ('10.1.0.%d' % seed, 50000)

@@ -6,7 +6,7 @@ import stat
 
 import pytest
 
-from smokebot_udp.link.keys import KEY_SIZE, LOOK_PERIOD, KeyFile, make_key, read_key
+from smokebot_udp.link.keys import KEY_SIZE, LOOK_PERIOD, KeyFile, copy_command, make_key, read_key
 
 
 def test_a_new_key_is_random_and_only_its_owner_reads_it(tmp_path: pathlib.Path) -> None:
@@ -53,7 +53,7 @@ def test_a_key_that_is_open_to_others(tmp_path: pathlib.Path, mode: int) -> None
 @pytest.mark.parametrize('path', ['{}/missing', '{}', '{}/missing/key', '{}/nu\0ll'])
 def test_a_file_that_cannot_be_read_or_made(tmp_path: pathlib.Path, path: str) -> None:
     for use in (read_key, make_key):
-        if use is make_key and path == '{}/missing':
+        if use is make_key and path in ('{}/missing', '{}/missing/key'):
             continue
         with pytest.raises(ValueError) as error:
             use(path.format(tmp_path))
@@ -95,3 +95,16 @@ def test_what_is_no_key_does_not_replace_one(tmp_path: pathlib.Path) -> None:
     assert 'too short' in told[0] and 'others' in told[1] and 'cannot be read' in told[2]
     write(path, b'a' * 32)
     assert file.renewed(next(times)) is None and len(told) == 3
+
+
+def test_a_key_is_made_with_its_folder_for_its_owner_only(tmp_path: pathlib.Path) -> None:
+    path = tmp_path / 'new' / 'folder' / 'key'
+    make_key(str(path))
+    assert len(read_key(str(path))) == KEY_SIZE and path.parent.stat().st_mode & 0o777 == 0o700
+    (tmp_path / 'file').touch()
+    with pytest.raises(ValueError, match='key'):
+        make_key(str(tmp_path / 'file' / 'key'))
+
+
+def test_the_command_that_copies_a_key() -> None:
+    assert copy_command('me@ugv1:/home/me/k', '~/keys/k') == 'mkdir -p ~/keys && scp -p me@ugv1:/home/me/k ~/keys/k'

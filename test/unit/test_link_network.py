@@ -16,6 +16,7 @@ from std_msgs.msg import String
 
 from smokebot_udp import udpros
 from smokebot_udp.link.operator_core import OperatorCore
+from smokebot_udp.link.packets import OVERHEAD
 from smokebot_udp.link.peer import Peer
 from smokebot_udp.link.resolver import Resolver
 from smokebot_udp.link.transport import PROBLEM_AFTER, OperatorTransport
@@ -196,7 +197,7 @@ def test_a_robot_that_says_that_it_leaves_is_not_reported_as_silent(made: Links,
 @pytest.mark.parametrize('host', ['no-such-host.invalid', 'x' * 64 + '.invalid', ''])
 def test_a_host_that_does_not_resolve_is_a_problem(made: Links, host: str) -> None:
     told: List[str] = []
-    operator = OperatorTransport(host, 17001, None, name='/desk', report=told.append, log=lambda _: None)
+    operator = OperatorTransport(host, 17001, KEY, name='/desk', report=told.append, log=lambda _: None)
     made.made.append(operator)
     wait_for(lambda: 'does not resolve' in (operator.problem() or ''))
     assert repr(host) in operator.problem()     # type: ignore[operator]
@@ -239,7 +240,7 @@ def test_random_bytes_on_tables_change_nothing(made: Links) -> None:
             rows = np.frombuffer(bytes(junk.getrandbits(8) for _ in range(4 * 40)), np.uint8).reshape(4, 40).copy()
             rows[:, :4] = np.frombuffer(number.to_bytes(4, 'little'), np.uint8)
             rows[0, 4:8] = (0, 1, 1, 0)     # whole, as a header goes
-            sender.send(peer.seal(rows), 40 + robot.overhead, 4, to=('127.0.0.1', robot.port))
+            sender.send(peer.seal(rows), 40 + OVERHEAD, 4, to=('127.0.0.1', robot.port))
     finally:
         receiver.close()
     wait_for(lambda: robot.dropped()['unknown topic'])

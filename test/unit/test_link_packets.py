@@ -28,7 +28,6 @@ from smokebot_udp.link.packets import (
     Init,
     Kind,
     Malformed,
-    Mode,
     Reason,
     Refuse,
     Reply,
@@ -49,19 +48,16 @@ COOKIE_HEX = 'a0a1a2a3a4a5a6a7a8a9aaabacadaeaf'
 TAG, TAG_HEX = b't' * 16, '74' * 16
 
 GOLDEN = [
-    (Hello(3, Mode.KEYED, NONCE), '01030100' + NONCE_HEX + '00' * 36),
-    (Hello(1, Mode.KEYED, NONCE), '01010100' + NONCE_HEX + '00' * 36),
-    (Hello(3, Mode.KEYED, NONCE, TAG, '1.2.3'), '01030100' + NONCE_HEX + TAG_HEX + b'1.2.3'.hex() + '00' * 15),
-    (Hello(9, Mode.KEYED, NONCE, release='1.2.3'), '01090100' + NONCE_HEX + '00' * 16 + b'1.2.3'.hex() + '00' * 15),
-    (Cookie(3, Mode.KEYED, Suite.CHACHAPOLY, NONCE, BYTES16, TAG), '02030102' + NONCE_HEX + COOKIE_HEX + TAG_HEX),
-    (Init(3, Mode.KEYED, Suite.AESGCM, NONCE, BYTES16, 0x44332211, b'm' * 199, TAG),
-     '03030101' + NONCE_HEX + COOKIE_HEX + '11223344' + TAG_HEX + '6d' * 199),
-    (Init(3, Mode.OPEN, Suite.OPEN, NONCE, BYTES16, 0x44332211, b'm' * 151),
-     '03030000' + NONCE_HEX + COOKIE_HEX + '11223344' + '00' * 16 + '6d' * 151),
-    (Accept(1, Mode.KEYED, Suite.AESGCM, 0x44332211, b'm' * 207), '04010101' + '11223344' + '6d' * 207),
-    (Accept(1, Mode.OPEN, Suite.OPEN, 0x44332211, b'm' * 159), '04010000' + '11223344' + '6d' * 159),
-    (Refuse(3, Mode.OPEN, Reason.FULL, NONCE), '05030005' + NONCE_HEX),
-    (Refuse(9, Mode.OPEN, Reason.VERSION, NONCE, '1.2.3'), '05090001' + NONCE_HEX + b'1.2.3'.hex() + '00' * 15),
+    (Hello(4, NONCE), '01040000' + NONCE_HEX + '00' * 36),
+    (Hello(1, NONCE), '01010000' + NONCE_HEX + '00' * 36),
+    (Hello(4, NONCE, TAG, '1.2.3'), '01040000' + NONCE_HEX + TAG_HEX + b'1.2.3'.hex() + '00' * 15),
+    (Hello(9, NONCE, release='1.2.3'), '01090000' + NONCE_HEX + '00' * 16 + b'1.2.3'.hex() + '00' * 15),
+    (Cookie(4, Suite.CHACHAPOLY, NONCE, BYTES16, TAG), '02040002' + NONCE_HEX + COOKIE_HEX + TAG_HEX),
+    (Init(4, Suite.AESGCM, NONCE, BYTES16, 0x44332211, b'm' * 195, TAG),
+     '03040001' + NONCE_HEX + COOKIE_HEX + '11223344' + TAG_HEX + '6d' * 195),
+    (Accept(1, Suite.AESGCM, 0x44332211, b'm' * 199), '04010001' + '11223344' + '6d' * 199),
+    (Refuse(4, Reason.FULL, NONCE), '05040003' + NONCE_HEX),
+    (Refuse(9, Reason.VERSION, NONCE, '1.2.3'), '05090001' + NONCE_HEX + b'1.2.3'.hex() + '00' * 15),
     (Unknown(1, 0x44332211), '06010000' + '11223344'),
 ]
 
@@ -89,22 +85,22 @@ def test_a_shorter_or_longer_one_is_malformed(packet: Any, golden: str) -> None:
 
 @pytest.mark.parametrize('field', [b'\xff' * 20, b'1\0002', b'1\n2', '1\u2028'.encode()])
 def test_a_release_that_cannot_be_shown_is_none(field: bytes) -> None:
-    refuse = parse(Refuse(9, Mode.OPEN, Reason.VERSION, NONCE, '1').pack()[:REFUSE.size] + field.ljust(20, b'\0'))
-    assert refuse == Refuse(9, Mode.OPEN, Reason.VERSION, NONCE)
+    refuse = parse(Refuse(9, Reason.VERSION, NONCE, '1').pack()[:REFUSE.size] + field.ljust(20, b'\0'))
+    assert refuse == Refuse(9, Reason.VERSION, NONCE)
 
 
 def test_the_head_of_data() -> None:
     assert DATA.pack(Kind.DATA, 0x44332211, NONCE).hex() == '07000000' + '11223344' + NONCE_HEX
     assert DATA_DTYPE.itemsize == DATA.size == 16
-    assert OVERHEAD == {Mode.OPEN: 16, Mode.KEYED: 32}
+    assert OVERHEAD == 32
 
 
 def test_the_payloads_of_the_handshake() -> None:
-    request = Request(BYTES16, 1472, 0x44332211, 'desk')
-    golden = COOKIE_HEX + 'c005' + '11223344' + '04' + b'desk'.hex() + '00' * 124
+    request = Request(BYTES16, 1472, 'desk')
+    golden = COOKIE_HEX + 'c005' + '04' + b'desk'.hex() + '00' * 124
     assert request.pack().hex() == golden and Request.parse(bytes.fromhex(golden)) == request
-    reply = Reply(0x44332211, BYTES16, 1472, NONCE, 'robot')
-    golden = '11223344' + COOKIE_HEX + 'c005' + NONCE_HEX + '05' + b'robot'.hex() + '00' * 123
+    reply = Reply(0x44332211, BYTES16, 1472, 'robot')
+    golden = '11223344' + COOKIE_HEX + 'c005' + '05' + b'robot'.hex() + '00' * 123
     assert reply.pack().hex() == golden and Reply.parse(bytes.fromhex(golden)) == reply
     for kind, size in ((Request, REQUEST.size), (Reply, REPLY.size)):
         for length in (0, size - 1, size + 1):
@@ -114,13 +110,12 @@ def test_the_payloads_of_the_handshake() -> None:
 
 def test_no_answer_of_the_robot_is_longer_than_what_it_answers() -> None:
     assert max(COOKIE.size, LONG_REFUSE.size) <= HELLO.size
-    for mode in Mode:
-        assert max(ACCEPT_SIZE[mode], REFUSE.size) <= INIT_SIZE[mode]
-        assert UNKNOWN.size <= OVERHEAD[mode] + MIN_BODY
+    assert max(ACCEPT_SIZE, REFUSE.size) <= INIT_SIZE
+    assert UNKNOWN.size <= OVERHEAD + MIN_BODY
 
 
 def test_the_prologue_is_hello_and_cookie() -> None:
-    hello, cookie = Hello(1, Mode.KEYED, NONCE), Cookie(1, Mode.KEYED, Suite.AESGCM, NONCE, BYTES16)
+    hello, cookie = Hello(1, NONCE), Cookie(1, Suite.AESGCM, NONCE, BYTES16)
     assert prologue(cookie) == prologue(cookie._replace(tag=TAG)) == hello.pack() + cookie.pack()
 
 
@@ -153,7 +148,7 @@ def test_any_bytes_are_a_packet_or_malformed(datagram: bytes) -> None:
     assert isinstance(packet, Hello) or packet.pack()[4:] == datagram[4:]
 
 
-@given(st.sampled_from([Request, Reply]), st.binary(min_size=151, max_size=159))
+@given(st.sampled_from([Request, Reply]), st.binary(min_size=147, max_size=151))
 def test_any_payload_is_one_or_malformed(kind: Any, payload: bytes) -> None:
     with contextlib.suppress(Malformed):
         assert 0 < len(kind.parse(payload).name.encode()) <= MAX_NAME

@@ -11,20 +11,17 @@ from hypothesis import strategies as st
 from link_channel import ROBOT, batch
 
 from smokebot_udp.link.aead import cipher
-from smokebot_udp.link.packets import Suite
-from smokebot_udp.link.session import LAST_COUNTER, KeyedSession, Opened, OpenSession, Session
+from smokebot_udp.link.packets import OVERHEAD, Suite
+from smokebot_udp.link.session import LAST_COUNTER, Opened, Session
 
-KINDS = ['open', 'aesgcm', 'chachapoly']
+KINDS = ['aesgcm', 'chachapoly']
 A, B = b'a' * 32, b'b' * 32
-TOKEN = 0xf807060504030201
 
 
 def pair(kind: str = 'aesgcm') -> Tuple[Session, Session]:
     """The two sides of a session; the first names it 0x11, the second 0x22."""
-    if kind == 'open':
-        return OpenSession(0x11, 0x22, TOKEN), OpenSession(0x22, 0x11, TOKEN)
     suite = Suite[kind.upper()]
-    return KeyedSession(0x11, 0x22, suite, A, B), KeyedSession(0x22, 0x11, suite, B, A)
+    return Session(0x11, 0x22, suite, A, B), Session(0x22, 0x11, suite, B, A)
 
 
 def open_packets(session: Session, packets: List[bytes], dropped: Counter[str]) -> Opened:
@@ -43,13 +40,7 @@ def plain(opened: Opened) -> List[bytes]:
     return [row[:length].tobytes() for row, length in zip(opened.datagrams, opened.lengths)]
 
 
-def test_the_bytes_of_an_open_packet() -> None:
-    session, _ = pair('open')
-    assert session.seal(rows_of(b'datagram'))[0].tobytes().hex() == '07000000' '22000000' '01020304050607f8' + (
-        b'datagram'.hex())
-
-
-def test_the_bytes_of_a_keyed_packet() -> None:
+def test_the_bytes_of_a_packet() -> None:
     session, _ = pair()
     packets = session.seal(rows_of(b'datagram', b'datagrbm'))
     head = '07000000' '22000000' '0100000000000000'
@@ -64,7 +55,7 @@ def test_what_is_sealed_is_opened(kind: str) -> None:
     dropped: Counter[str] = collections.Counter()
     long, short = [bytes([number]) * 100 for number in range(5)], b'shorter!'
     packets = [bytes(row) for row in ours.seal(rows_of(*long))] + [ours.seal(rows_of(short)).tobytes()]
-    assert {len(packet) for packet in packets} == {100 + ours.overhead, 8 + ours.overhead}
+    assert {len(packet) for packet in packets} == {100 + OVERHEAD, 8 + OVERHEAD}
     opened = open_packets(theirs, packets, dropped)
     assert plain(opened) == [*long, short]
     assert opened.rows.tolist() == [1, 2, 3, 4, 5, 6] and opened.newest == 6
@@ -78,12 +69,11 @@ def test_the_other_direction_is_another(kind: str) -> None:
     dropped: Counter[str] = collections.Counter()
     opened = open_packets(ours, [theirs.seal(rows_of(b'datagram')).tobytes()], dropped)
     assert plain(opened) == [b'datagram']
-    if kind != 'open':
-        assert not len(open_packets(ours, [ours.seal(rows_of(b'datagram')).tobytes()], dropped).rows)   # reflected
-        assert dropped == {'replayed data': 1}
+    assert not len(open_packets(ours, [ours.seal(rows_of(b'datagram')).tobytes()], dropped).rows)   # reflected
+    assert dropped == {'replayed data': 1}
 
 
-def test_each_changed_byte_of_a_keyed_packet_is_forged() -> None:
+def test_each_changed_byte_of_a_packet_is_forged() -> None:
     ours, theirs = pair()
     dropped: Counter[str] = collections.Counter()
     packet = ours.seal(rows_of(b'datagram')).tobytes()
@@ -92,15 +82,6 @@ def test_each_changed_byte_of_a_keyed_packet_is_forged() -> None:
         assert not len(open_packets(theirs, [changed], dropped).rows)
     assert sum(dropped.values()) == len(packet) and set(dropped) <= {'forged', 'replayed data'}
     assert plain(open_packets(theirs, [packet], dropped)) == [b'datagram']
-
-
-def test_a_wrong_token_is_dropped() -> None:
-    ours, theirs = pair('open')
-    dropped: Counter[str] = collections.Counter()
-    packet = ours.seal(rows_of(b'datagram')).tobytes()
-    for at in range(8, 16):
-        assert open_packets(theirs, [packet[:at] + bytes([packet[at] ^ 1]) + packet[at + 1:]], dropped).newest == -1
-    assert dropped == {'wrong token': 8}
 
 
 def test_a_copy_is_dropped_in_the_same_batch_and_later() -> None:
@@ -173,6 +154,6 @@ def test_any_order_of_packets(kind: str, order: List[int], split: int) -> None:
     came: List[bytes] = []
     for start in range(0, len(order), split):
         came += plain(open_packets(theirs, [sealed[number] for number in order[start:start + split]], dropped))
-    expected = order if kind == 'open' else list(dict.fromkeys(order))
+    expected = list(dict.fromkeys(order))
     assert came == [b'datagra%d' % number for number in expected]
     assert sum(dropped.values()) == len(order) - len(expected)

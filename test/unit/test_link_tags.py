@@ -5,12 +5,12 @@ from typing import Any
 
 import pytest
 
-from smokebot_udp.link.packets import NO_TAG, Cookie, Hello, Init, Mode, Suite, parse
+from smokebot_udp.link.packets import NO_TAG, Cookie, Hello, Init, Suite, parse
 from smokebot_udp.link.tags import PURPOSE, TAG_AT, Tags
 
 KEY = bytes(range(32))
-PACKETS = [Hello(2, Mode.KEYED, 7), Cookie(2, Mode.KEYED, Suite.AESGCM, 7, b'c' * 16),
-           Init(2, Mode.KEYED, Suite.AESGCM, 7, b'c' * 16, 5, b'm' * 199)]
+PACKETS = [Hello(2, 7), Cookie(2, Suite.AESGCM, 7, b'c' * 16),
+           Init(2, Suite.AESGCM, 7, b'c' * 16, 5, b'm' * 199)]
 NAMES = pytest.mark.parametrize('packet', PACKETS, ids=lambda packet: type(packet).__name__)
 
 
@@ -35,9 +35,3 @@ def test_a_bit_that_is_changed_anywhere_shows(packet: Any) -> None:
             continue
         if type(read) is type(packet) and read != parse(datagram):
             assert not Tags(KEY).is_right(read), at
-
-
-@NAMES
-def test_without_a_key_tags_are_zeros(packet: Any) -> None:
-    assert Tags(None).tagged(packet).tag == NO_TAG and Tags(None).is_right(packet)
-    assert not Tags(None).is_right(Tags(KEY).tagged(packet))

@@ -54,11 +54,11 @@ def test_refused_settings_are_shown_at_the_top() -> None:
 
 
 def test_the_transport_is_shown_at_the_top_with_what_it_dropped() -> None:
-    values = {'side': 'operator', 'sealed': 'yes', 'connected to': '/robot_sender@ugv1 at 10.0.0.7:17001',
+    values = {'side': 'operator', 'connected to': '/robot_sender@ugv1 at 10.0.0.7:17001',
               'handshakes': 2, 'dropped': 12, 'dropped, replayed': 10, 'dropped, wrong tag': 2}
     fine, bad = (status('transport', 'operator_node: link transport', level, message, **values)
                  for level, message in ((0, 'fine'), (1, 'no answer')))
-    text = '/operator_node with /robot_sender@ugv1 at 10.0.0.7:17001; sealed: yes; handshakes: 2; ' \
+    text = '/operator_node with /robot_sender@ugv1 at 10.0.0.7:17001; handshakes: 2; ' \
            'dropped: 12 (10 replayed, 2 wrong tag)'
     texts = shown([fine, stream('operator', **OPERATOR)])
     assert texts[1] == 'OK     ' + text

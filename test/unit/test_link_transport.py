@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Robot and operators on real sockets, in one process."""
+import collections
 import os
 import select
 import socket
@@ -15,11 +16,11 @@ from polling import WAIT, wait_for
 from sensor_msgs.msg import CompressedImage, Image, LaserScan
 from std_msgs.msg import Header, String
 
-from smokebot_udp.link.packets import DATA
+from smokebot_udp.link.packets import Suite
 from smokebot_udp.link.parts import PART
 from smokebot_udp.link.peer import Delivery, Joined, Left, Peer
 from smokebot_udp.link.peer_topics import PeerTopics
-from smokebot_udp.link.session import OpenSession
+from smokebot_udp.link.session import Session
 from smokebot_udp.link.tables import SEEN, Lists, Local, NameEntry, Role, Table, Topic, pack_lists, pack_names
 from smokebot_udp.link.topics import Outgoing, headed
 from smokebot_udp.link.transport import shares
@@ -31,16 +32,14 @@ THERMAL = '/smokebot_udp/thermal/segments'
 CHAT = '/smokebot_udp/chat'
 
 
-@pytest.fixture(params=[KEY, None], ids=['keyed', 'open'])
-def made(request: Any) -> Iterator[Links]:
-    with links(request.param) as one:
-        yield one
-
-
 @pytest.fixture
-def keyed() -> Iterator[Links]:
+def made() -> Iterator[Links]:
     with links() as one:
         yield one
+
+
+def session(index: int) -> Session:
+    return Session(index, index + 1, Suite.AESGCM, KEY, KEY)
 
 
 def settle(*publishers: Any, count: int = 1) -> None:
@@ -48,11 +47,11 @@ def settle(*publishers: Any, count: int = 1) -> None:
     wait_for(lambda: all(publisher.get_num_connections() == count for publisher in publishers))
 
 
-def test_a_short_receive_buffer_is_a_remark(keyed: Links, monkeypatch: Any) -> None:
-    assert not keyed.robot()[0].stats(0.0).remarks      # type: ignore[union-attr]
+def test_a_short_receive_buffer_is_a_remark(made: Links, monkeypatch: Any) -> None:
+    assert not made.robot()[0].stats(0.0).remarks      # type: ignore[union-attr]
     monkeypatch.setattr('smokebot_udp.udpros.endpoints._grow_receive_buffer', lambda sock, size: 425984)
-    robot, _ = keyed.robot()
-    operator, _ = keyed.operator(robot.port, remarks=['this is a test'])
+    robot, _ = made.robot()
+    operator, _ = made.operator(robot.port, remarks=['this is a test'])
     text = ('the kernel grants a receive buffer that is too short for bursts: 212992 bytes only, '
             'sudo sysctl -w net.core.rmem_max=4194304')
     assert operator.stats(0.0).remarks == ['this is a test', text]      # type: ignore[union-attr]
@@ -67,10 +66,10 @@ def test_shares_add_up_to_the_whole() -> None:
             found, [5, 1, 0, 7]))
 
 
-def test_connections_have_their_shares_of_what_the_kernel_drops(keyed: Links) -> None:
-    robot, _ = keyed.robot()
+def test_connections_have_their_shares_of_what_the_kernel_drops(made: Links) -> None:
+    robot, _ = made.robot()
     publishers = [robot.publisher(topic, CompressedImage) for topic in (THERMAL, CHAT)]
-    operator, _ = keyed.operator(robot.port, receive_buffer=4096)
+    operator, _ = made.operator(robot.port, receive_buffer=4096)
     slow = threading.Event()
 
     def hang(records: Any, mask: Any) -> None:
@@ -145,10 +144,10 @@ def test_each_topic_has_its_ip_headers_and_marks_are_counted(made: Links) -> Non
     wait_for(is_unmarked)
 
 
-def test_ip_headers_are_left_alone_where_that_is_wanted(keyed: Links) -> None:
-    robot, _ = keyed.robot(tos_mask=0xfc)
+def test_ip_headers_are_left_alone_where_that_is_wanted(made: Links) -> None:
+    robot, _ = made.robot(tos_mask=0xfc)
     publisher = robot.publisher(THERMAL, CompressedImage, tos=0x8b)
-    operator, _ = keyed.operator(robot.port)
+    operator, _ = made.operator(robot.port)
     inbox = Inbox()
     operator.subscriber(THERMAL, CompressedImage, batch_callback=inbox.batch, arrived=inbox.arrived)
     settle(publisher)
@@ -175,9 +174,9 @@ def test_messages_of_any_length_arrive_in_both_directions(made: Links, size: int
         assert header is inbox.messages[1]._connection_header and header['callerid'] == one.name
 
 
-def test_each_message_is_numbered_in_its_header(keyed: Links) -> None:
-    robot, _ = keyed.robot()
-    operator, _ = keyed.operator(robot.port)
+def test_each_message_is_numbered_in_its_header(made: Links) -> None:
+    robot, _ = made.robot()
+    operator, _ = made.operator(robot.port)
     inbox = Inbox()
     operator.subscriber('/scan', LaserScan, inbox.message, queue_size=100, arrived=inbox.arrived)
     publisher = robot.publisher('/scan', LaserScan)
@@ -190,11 +189,11 @@ def test_each_message_is_numbered_in_its_header(keyed: Links) -> None:
     assert [seq for _, seq, *_ in inbox.arrivals][-1] == 20
 
 
-def test_frames_longer_than_a_datagram_are_cut(keyed: Links) -> None:
+def test_frames_longer_than_a_datagram_are_cut(made: Links) -> None:
     """The operator receives less than the robot would send."""
-    robot, _ = keyed.robot()
+    robot, _ = made.robot()
     publisher = robot.publisher(THERMAL, CompressedImage)
-    operator, _ = keyed.operator(robot.port, max_datagram_size=700)
+    operator, _ = made.operator(robot.port, max_datagram_size=700)
     inbox = Inbox()
     operator.subscriber(THERMAL, CompressedImage, batch_callback=inbox.batch)
     settle(publisher)
@@ -238,13 +237,13 @@ def test_two_operators_get_what_each_wants(made: Links) -> None:
         image.publish_to(names[0], frame(Image, 1, 100))
 
 
-def test_operators_of_one_name_are_told_apart(keyed: Links) -> None:
-    robot, _ = keyed.robot()
+def test_operators_of_one_name_are_told_apart(made: Links) -> None:
+    robot, _ = made.robot()
     publisher, heard = robot.publisher(THERMAL, CompressedImage), Inbox()
     robot.subscriber(CHAT, String, heard.message)
     inboxes = [Inbox(), Inbox()]
     for number, inbox in enumerate(inboxes):
-        operator, _ = keyed.operator(robot.port)
+        operator, _ = made.operator(robot.port)
         operator.subscriber(THERMAL, CompressedImage, batch_callback=inbox.batch)
         chat = operator.publisher(CHAT, String)
         settle(publisher, count=number + 1)
@@ -268,9 +267,9 @@ class Listener:
         peer_publish(String('for you'))
 
 
-def test_a_peer_begins_and_ends_to_want_a_topic(keyed: Links) -> None:
-    robot, _ = keyed.robot()
-    operator, _ = keyed.operator(robot.port)
+def test_a_peer_begins_and_ends_to_want_a_topic(made: Links) -> None:
+    robot, _ = made.robot()
+    operator, _ = made.operator(robot.port)
     listener, inbox, willing = Listener(), Inbox(), threading.Event()
     asked: List[bool] = []
 
@@ -302,10 +301,10 @@ def test_a_peer_begins_and_ends_to_want_a_topic(keyed: Links) -> None:
     ({'message_class': CompressedImage}, {'message_class': Image},
      (CompressedImage._type, Image._type, CompressedImage._md5sum, Image._md5sum)),
     ({'carries': 'nav_msgs/Odometry aaaa'}, {'carries': 'nav_msgs/Odometry bbbb'}, ('carries', 'aaaa', 'bbbb'))])
-def test_a_difference_is_told_once_on_both_sides(keyed: Links, ours: Dict[str, Any], theirs: Dict[str, Any],
+def test_a_difference_is_told_once_on_both_sides(made: Links, ours: Dict[str, Any], theirs: Dict[str, Any],
                                                  words: Any) -> None:
-    robot, robot_told = keyed.robot()
-    operator, operator_told = keyed.operator(robot.port)
+    robot, robot_told = made.robot()
+    operator, operator_told = made.operator(robot.port)
     options = {'topic': THERMAL, 'message_class': CompressedImage}
     different, same = robot.publisher(**{**options, **ours}), robot.publisher(CHAT, String)
     operator.subscriber(**{**options, **theirs}, callback=lambda _: None)
@@ -349,7 +348,7 @@ def test_new_keys_let_a_side_say_at_once_what_it_wants() -> None:
         robot.bind(('127.0.0.1', 0))
         robot.settimeout(WAIT)
         operator.setblocking(False)
-        peer = Peer(1, 'ugv1', 'ugv1', bytes(16), 1472, (0x7f000001, robot.getsockname()[1]), OpenSession(1, 2, 3), 0.0)
+        peer = Peer(1, 'ugv1', 'ugv1', bytes(16), 1472, (0x7f000001, robot.getsockname()[1]), session(1), 0.0)
         topics, wanted = PeerTopics(peer, Local(), BatchSender(operator)), frozenset([77])
         topics.asked = wanted
         topics.send(0.0)
@@ -357,23 +356,25 @@ def test_new_keys_let_a_side_say_at_once_what_it_wants() -> None:
         topics.exchange.take(Table.SEEN, SEEN.pack(2, 1, 0, 0), 0.1)
         topics.send(0.2)
         assert not select.select([robot], [], [], 0)[0]
-        peer.use(OpenSession(4, 5, 6))
+        peer.use(session(4))
         topics.send(0.2)
-        assert robot.recv(2000)[DATA.size + HEADER.size + PART.size:] == pack_lists(Lists(wanted))
+        packet = np.frombuffer(robot.recv(2000), np.uint8)[np.newaxis]
+        opened = session(4).open(packet, np.array([packet.size]), np.arange(1), collections.Counter())
+        assert opened.datagrams.tobytes()[HEADER.size + PART.size:] == pack_lists(Lists(wanted))
 
 
-def test_a_wrong_key_is_a_problem_in_one_sentence(keyed: Links) -> None:
-    robot, told = keyed.robot()
-    operator, _ = keyed.operator(robot.port, key=bytes(32))
+def test_a_wrong_key_is_a_problem_in_one_sentence(made: Links) -> None:
+    robot, told = made.robot()
+    operator, _ = made.operator(robot.port, key=bytes(32))
     wait_for(lambda: 'key' in (operator.problem() or ''))
     wait_for(lambda: told)
     assert 'key' in told[0] and len(told) == 1 and robot.problem() is None
     stats = robot.stats(0.0)
-    assert stats is not None and stats.sealed and not stats.peers
+    assert stats is not None and not stats.peers
     assert stats.dropped['refused: wrong key'] > 0
 
 
-def test_the_key_is_replaced_while_both_run(keyed: Links) -> None:
+def test_the_key_is_replaced_while_both_run(made: Links) -> None:
     """An operator with the former key is refused; one that has the new one joins by itself."""
     new, renewed = bytes(reversed(KEY)), {'robot': False, 'desk': False}
 
@@ -382,9 +383,9 @@ def test_the_key_is_replaced_while_both_run(keyed: Links) -> None:
             due, renewed[side] = renewed[side], False
             return new if due else None
         return key
-    robot, _ = keyed.robot(renewed=renew('robot'))
+    robot, _ = made.robot(renewed=renew('robot'))
     publisher, inbox = robot.publisher(CHAT, String), Inbox()
-    operator, _ = keyed.operator(robot.port, renewed=renew('desk'))
+    operator, _ = made.operator(robot.port, renewed=renew('desk'))
     operator.subscriber(CHAT, String, inbox.message)
     settle(publisher)
     renewed['robot'] = True
@@ -394,21 +395,21 @@ def test_the_key_is_replaced_while_both_run(keyed: Links) -> None:
     settle(publisher)
     publisher.publish(String('sealed anew'))
     inbox.wait(lambda: inbox.messages)
-    late, _ = keyed.operator(robot.port, '/lost_desk')
+    late, _ = made.operator(robot.port, '/lost_desk')
     wait_for(lambda: 'another key' in (late.problem() or ''))
 
 
-def test_nine_operators_of_one_robot(keyed: Links) -> None:
+def test_nine_operators_of_one_robot(made: Links) -> None:
     """The ninth is told why it has to wait, and has the place of the first one that leaves."""
-    robot, told = keyed.robot()
+    robot, told = made.robot()
     publisher, inboxes, operators = robot.publisher(CHAT, String), [], []
     for number in range(8):
-        operator, _ = keyed.operator(robot.port, '/desk%d' % number)
+        operator, _ = made.operator(robot.port, '/desk%d' % number)
         inboxes.append(Inbox())
         operator.subscriber(CHAT, String, inboxes[-1].message)
         operators.append(operator)
     settle(publisher, count=8)
-    ninth, _ = keyed.operator(robot.port, '/desk9')
+    ninth, _ = made.operator(robot.port, '/desk9')
     inbox = Inbox()
     ninth.subscriber(CHAT, String, inbox.message)
     wait_for(lambda: 'as many operators as it takes' in (ninth.problem() or ''))
@@ -423,10 +424,10 @@ def test_nine_operators_of_one_robot(keyed: Links) -> None:
     inbox.wait(lambda: inbox.messages)
 
 
-def test_a_port_in_use_is_an_error(keyed: Links) -> None:
-    robot, _ = keyed.robot()
+def test_a_port_in_use_is_an_error(made: Links) -> None:
+    robot, _ = made.robot()
     with pytest.raises(OSError, match='in use'):
-        keyed.robot(robot.port)
+        made.robot(robot.port)
 
 
 def test_forged_datagrams_change_nothing(made: Links) -> None:
@@ -436,10 +437,10 @@ def test_forged_datagrams_change_nothing(made: Links) -> None:
     inbox = Inbox()
     operator.subscriber(CHAT, String, inbox.message)
     settle(publisher)
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as visitor:
         for kind in range(10):
             for size in (1, 15, 32, 500, 1472, 3000):
-                stranger.sendto(bytes([kind, 1, 0, 0]) + os.urandom(size), ('127.0.0.1', robot.port))
+                visitor.sendto(bytes([kind, 1, 0, 0]) + os.urandom(size), ('127.0.0.1', robot.port))
     publisher.publish(String('hello'))
     inbox.wait(lambda: inbox.messages)
     wait_for(lambda: sum(robot.dropped().values()) >= 50
@@ -448,10 +449,10 @@ def test_forged_datagrams_change_nothing(made: Links) -> None:
 
 
 def test_who_joins_and_leaves_again_and_again_does_not_fill_the_log() -> None:
-    with links(None) as made:
+    with links() as made:
         told = Told()
         robot, _ = made.robot(log=told)
-        peer = Peer(99, 'anybody', 'anybody', bytes(16), 1472, (0x7f000001, 9), OpenSession(1, 2, 3), 0.0)
+        peer = Peer(99, 'anybody', 'anybody', bytes(16), 1472, (0x7f000001, 9), session(1), 0.0)
         for _ in range(1000):
             robot.on_event(Joined(peer))
             robot.on_event(Left(peer, 'closed'))
@@ -459,13 +460,13 @@ def test_who_joins_and_leaves_again_and_again_does_not_fill_the_log() -> None:
         assert len(told) < 100
 
 
-def test_what_was_not_asked_for_is_not_delivered(keyed: Links) -> None:
+def test_what_was_not_asked_for_is_not_delivered(made: Links) -> None:
     """A peer sends it all the same."""
-    robot, _ = keyed.robot()
+    robot, _ = made.robot()
     events: List[Any] = []
     on_event = robot.on_event
     robot.on_event = lambda event: (events.append(event), on_event(event))     # type: ignore[method-assign]
-    operator, _ = keyed.operator(robot.port)
+    operator, _ = made.operator(robot.port)
     inbox, willing = Inbox(), threading.Event()
     operator.subscriber('/other', String, lambda _: None)
     operator.subscriber(CHAT, String, inbox.message, wanted=willing.is_set)
@@ -482,9 +483,9 @@ def test_what_was_not_asked_for_is_not_delivered(keyed: Links) -> None:
     assert [message.data for message in inbox.messages] == ['asked']
 
 
-def test_why_a_peer_gets_no_topic(keyed: Links) -> None:
-    robot, _ = keyed.robot()
-    operator, _ = keyed.operator(robot.port)
+def test_why_a_peer_gets_no_topic(made: Links) -> None:
+    robot, _ = made.robot()
+    operator, _ = made.operator(robot.port)
     operator.subscriber(THERMAL, CompressedImage, lambda _: None, wanted=lambda: False)
     thermal, chat, other = (robot.publisher(*one) for one in (
         (THERMAL, CompressedImage), (CHAT, String), ('/other', String)))
@@ -495,9 +496,9 @@ def test_why_a_peer_gets_no_topic(keyed: Links) -> None:
     assert chat.why_not('/nobody') == 'is not connected'
 
 
-def test_a_strangers_tables_do_not_silence_the_differences_to_others() -> None:
+def test_a_peers_tables_do_not_silence_the_differences_to_others() -> None:
     """Thirty tables of topics that all differ, joined and left again and again."""
-    with links(None) as made:
+    with links() as made:
         robot, told = made.robot()
         for number in range(100):
             robot.publisher('/topic%d' % number, String)
@@ -505,22 +506,22 @@ def test_a_strangers_tables_do_not_silence_the_differences_to_others() -> None:
         table = np.frombuffer(data(Table.NAMES, PART.pack(1, 0, 1) + pack_names(names, 10 ** 6)), np.uint8)[np.newaxis]
         now = time.monotonic()
         for visit in range(30):
-            stranger = Peer(1000 + visit, 'stranger', 'stranger', bytes(16), 1472, (0x7f000001, 9),
-                            OpenSession(1, 2, 3), now)
-            robot.on_event(Joined(stranger))
-            robot.on_delivery(Delivery(stranger, table, np.array([table.shape[1]]), np.zeros(1, np.int64)),
+            visitor = Peer(1000 + visit, 'visitor', 'visitor', bytes(16), 1472, (0x7f000001, 9),
+                            session(1), now)
+            robot.on_event(Joined(visitor))
+            robot.on_delivery(Delivery(visitor, table, np.array([table.shape[1]]), np.zeros(1, np.int64)),
                               lambda row: now, now)
             for step in range(100):
                 robot.poll(now + step)
-            robot.on_event(Left(stranger, 'closed'))
+            robot.on_event(Left(visitor, 'closed'))
         assert 30 <= len(told) <= 50 + 30 * 101
         operator, operator_told = made.operator(robot.port)
         operator.subscriber('/topic7', CompressedImage, lambda _: None)
         wait_for(lambda: any(operator.name in text for text in told))
 
 
-def test_a_topic_has_one_publisher(keyed: Links) -> None:
-    robot, _ = keyed.robot()
+def test_a_topic_has_one_publisher(made: Links) -> None:
+    robot, _ = made.robot()
     publisher = robot.publisher(CHAT, String)
     with pytest.raises(ValueError, match='published already'):
         robot.publisher(CHAT, String)
@@ -530,9 +531,9 @@ def test_a_topic_has_one_publisher(keyed: Links) -> None:
     robot.publisher(CHAT, Header)
 
 
-def test_a_callback_that_fails_is_reported(keyed: Links) -> None:
-    robot, _ = keyed.robot()
-    operator, told = keyed.operator(robot.port)
+def test_a_callback_that_fails_is_reported(made: Links) -> None:
+    robot, _ = made.robot()
+    operator, told = made.operator(robot.port)
     inbox = Inbox()
 
     def callback(message: Any) -> None:

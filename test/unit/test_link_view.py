@@ -57,6 +57,8 @@ def terminal() -> Iterator[Any]:
     def start(columns: int = 100, plain: bool = False, **environment: str) -> Any:
         pid, person = pty.fork()
         if not pid:
+            for name in ('LINES', 'COLUMNS'):   # as readline sets them, unseen by os.environ: curses would believe them
+                os.unsetenv(name)
             os.environ.update(TERM='xterm', LANG='C.UTF-8', **environment)
             show_until_quit(columns, plain)
         started.append((pid, person))

@@ -116,22 +116,20 @@ def test_an_operator_without_the_robots_clock_cannot_command() -> None:
 def test_peers_and_drops_are_listed() -> None:
     peers = [PeerStats('/operator_receiver@desk', ('10.0.0.9', 40000), 0.2, 0.0124),
              PeerStats('/ugv1/operator_receiver@truck', ('10.0.0.8', 40001), 12.4, None)]
-    status = transport_status(TransportStats(True, peers, 3, {'wrong tag': 2, 'replayed': 5}, None))
+    status = transport_status(TransportStats(peers, 3, {'wrong tag': 2, 'replayed': 5}, None))
     assert (status.name, status.level, status.message) == ('link transport', OK, 'fine')
     assert status.values == {
-        'sealed': 'yes',
         'connected to': '/operator_receiver@desk at 10.0.0.9:40000 (round trip 12 ms); '
                         '/ugv1/operator_receiver@truck at 10.0.0.8:40001 (silent for 12 s)',
         'handshakes': 3, 'dropped': 7, 'dropped, replayed': 5, 'dropped, wrong tag': 2}
 
 
 def test_a_problem_is_a_warning() -> None:
-    remarked = transport_status(TransportStats(True, [], 0, {}, None, ['the buffer is short']))
+    remarked = transport_status(TransportStats([], 0, {}, None, ['the buffer is short']))
     assert (remarked.level, remarked.message) == (WARN, 'the buffer is short')
-    status = transport_status(TransportStats(False, [], 0, {}, '10.0.0.7:17001 does not answer'))
+    status = transport_status(TransportStats([], 0, {}, '10.0.0.7:17001 does not answer'))
     assert (status.level, status.message) == (WARN, '10.0.0.7:17001 does not answer')
-    assert status.values == {'sealed': 'no: anybody on the network can watch', 'connected to': 'nobody',
-                             'handshakes': 0, 'dropped': 0}
+    assert status.values == {'connected to': 'nobody', 'handshakes': 0, 'dropped': 0}
 
 
 def test_requests_that_are_refused_are_a_warning_for_a_while() -> None:

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The rules at the head of operator_core, one after the other."""
 import math
-from typing import Any, List, Optional, Tuple
+from typing import Any, List, Tuple
 
 import pytest
 from link_channel import KEY, OPERATOR, ROBOT, SIZE, data, give, random_bytes, sent, shake_hands
-from link_sides import BOTH, ELSEWHERE, init_of, joined, operator_of, robot_of, the_robot
+from link_sides import ELSEWHERE, init_of, joined, operator_of, robot_of, the_robot
 
 from smokebot_udp.link.control import Control, message
 from smokebot_udp.link.core import MAX_ATTEMPTS
@@ -30,7 +30,6 @@ from smokebot_udp.link.packets import (
     Cookie,
     Hello,
     Init,
-    Mode,
     Reason,
     Refuse,
     Reply,
@@ -41,6 +40,7 @@ from smokebot_udp.link.packets import (
 )
 from smokebot_udp.link.peer import Joined, Left, Refused
 from smokebot_udp.link.robot_core import RobotCore
+from smokebot_udp.link.tags import Tags
 from smokebot_udp.version import RELEASE, WIRE_FORMAT
 
 
@@ -143,38 +143,24 @@ def test_the_first_answer_ends_the_handshake() -> None:
 
 # 3. Answers to something else
 
-@BOTH
-def test_an_answer_to_nobody_changes_nothing(key: Optional[bytes]) -> None:
-    operator = operator_of(key=key)
-    mode = operator.mode
-    suite = Suite.OPEN if key is None else Suite.AESGCM
-    give(operator, ROBOT, Cookie(VERSION, mode, suite, 5, bytes(16)).pack(),
-         Refuse(VERSION, mode, Reason.FULL, 5).pack(),
-         Accept(VERSION, mode, suite, 5, bytes(159 + 48 * mode)).pack(), Unknown(VERSION, 5).pack(),
-         Hello(VERSION, mode, 5).pack())
+def test_an_answer_to_nobody_changes_nothing() -> None:
+    operator = operator_of()
+    give(operator, ROBOT, Cookie(VERSION, Suite.AESGCM, 5, bytes(16)).pack(), Refuse(VERSION, Reason.FULL, 5).pack(),
+         Accept(VERSION, Suite.AESGCM, 5, bytes(ACCEPT_SIZE - ACCEPT.size)).pack(), Unknown(VERSION, 5).pack(),
+         Hello(VERSION, 5).pack())
     assert operator.dropped == {'not asked for': 3, "an operator's packet": 1}
     assert len(sent(operator)) == 1 and not operator.events()   # its HELLO
 
 
-@pytest.mark.parametrize('change', [{'version': WIRE_FORMAT + 1}, {'mode': Mode.OPEN, 'suite': Suite.OPEN},
-                                    {'suite': 9}, {'suite': Suite.OPEN}], ids=str)
+@pytest.mark.parametrize('change', [{'version': WIRE_FORMAT + 1}, {'suite': 9}, {'suite': 0}], ids=str)
 def test_a_cookie_of_another_kind_is_dropped(change: Any) -> None:
     robot, operator = robot_of(), operator_of()
     give(robot, OPERATOR, *sent(operator))
     cookie = parse(sent(robot)[0])
     assert isinstance(cookie, Cookie)
     give(operator, ROBOT, cookie._replace(**change).pack())
-    assert sum(operator.dropped.values()) == 1 and set(operator.dropped) <= {'another version or mode', 'forged'}
+    assert sum(operator.dropped.values()) == 1 and set(operator.dropped) <= {'another version or cipher', 'forged'}
     assert not sent(operator)
-
-
-def test_a_link_never_goes_on_without_the_key() -> None:
-    operator, robot = operator_of(), robot_of(key=None)
-    shake_hands(robot, operator)
-    assert not operator.peers and not robot.peers
-    give(robot, OPERATOR, Hello(VERSION, Mode.OPEN, 1).pack())
-    give(operator, ROBOT, *sent(robot))
-    assert not sent(operator) and not operator.peers
 
 
 def test_a_cookie_whose_suite_was_changed_on_the_way_is_forged() -> None:
@@ -188,9 +174,9 @@ def test_a_cookie_whose_suite_was_changed_on_the_way_is_forged() -> None:
     assert isinstance(parse(sent(operator)[0]), Init)
 
 
-def cookies_of(operator: OperatorCore, key: Optional[bytes] = KEY) -> Tuple[RobotCore, Cookie]:
+def cookies_of(operator: OperatorCore) -> Tuple[RobotCore, Cookie]:
     """A robot, and its answer to the operator's HELLO."""
-    robot = robot_of(key)
+    robot = robot_of()
     give(robot, OPERATOR, *sent(operator))
     cookie = parse(sent(robot)[0])
     assert isinstance(cookie, Cookie)
@@ -212,18 +198,18 @@ def test_forged_cookies_do_not_lock_an_operator_out() -> None:
 
 
 def test_a_cookie_is_taken_once_for_each_hello() -> None:
-    """On an open link there is no tag: whoever floods it with cookies gets one INIT for each HELLO."""
-    operator = operator_of(key=None)
-    _, true = cookies_of(operator, None)
-    give(operator, ROBOT, *[true._replace(cookie=number.to_bytes(16, 'big')).pack() for number in range(2000)])
+    """Who has the key and floods an operator with cookies gets one INIT for each HELLO."""
+    operator = operator_of()
+    _, true = cookies_of(operator)
+    give(operator, ROBOT, *[Tags(KEY).tagged(true._replace(cookie=number.to_bytes(16, 'big'))).pack()
+                            for number in range(2000)])
     assert [type(parse(packet)) for packet in sent(operator)] == [Init]
     assert operator.dropped == {'not asked for': 1999}
 
 
-@BOTH
-def test_a_cookie_is_taken_from_the_robots_address_only(key: Optional[bytes]) -> None:
-    operator = operator_of(key=key)
-    _, true = cookies_of(operator, key)
+def test_a_cookie_is_taken_from_the_robots_address_only() -> None:
+    operator = operator_of()
+    _, true = cookies_of(operator)
     give(operator, ELSEWHERE, true.pack())
     assert operator.dropped == {'another address': 1} and not sent(operator)
     assert operator.problem == 'the robot answers from 10.0.0.99:5: give this address instead'
@@ -235,25 +221,24 @@ def test_a_refusal_from_another_address_is_none() -> None:
     operator = operator_of()
     hello = parse(sent(operator)[0])
     assert isinstance(hello, Hello)
-    give(operator, ELSEWHERE, Refuse(VERSION, Mode.KEYED, Reason.FULL, hello.nonce).pack())
+    give(operator, ELSEWHERE, Refuse(VERSION, Reason.FULL, hello.nonce).pack())
     assert operator.dropped == {'not asked for': 1} and not operator.events()
 
 
-@BOTH
-def test_a_changed_accept_is_dropped_and_the_true_one_taken_after_it(key: Optional[bytes]) -> None:
-    robot, operator = robot_of(key), operator_of(key=key)
+def test_a_changed_accept_is_dropped_and_the_true_one_taken_after_it() -> None:
+    robot, operator = robot_of(), operator_of()
     give(robot, OPERATOR, init_of(robot, operator))
     accept, = sent(robot)
-    places = range(8, len(accept), 7) if key else range(30, 34)     # an open link has only the token
+    places = range(8, len(accept), 7)
     for at in places:
         give(operator, ROBOT, accept[:at] + bytes([accept[at] ^ 1]) + accept[at + 1:])
-    assert operator.dropped == {'forged' if key else 'malformed': len(places)} and not operator.peers
+    assert operator.dropped == {'forged': len(places)} and not operator.peers
     give(operator, ROBOT, accept)
     assert len(operator.peers) == 1
 
 
-@pytest.mark.parametrize('payload', [b'', Reply(5, bytes(16), 10, 0, 'robot').pack()[:-1],
-                                     Reply(5, bytes(16), 10, 0, 'robot').pack()], ids=['empty', 'short', 'tiny'])
+@pytest.mark.parametrize('payload', [b'', Reply(5, bytes(16), 10, 'robot').pack()[:-1],
+                                     Reply(5, bytes(16), 10, 'robot').pack()], ids=['empty', 'short', 'tiny'])
 def test_an_authentic_accept_that_makes_no_sense_is_malformed_once(payload: bytes) -> None:
     robot, operator = robot_of(), operator_of()
     init = parse(init_of(robot, operator))
@@ -261,10 +246,10 @@ def test_an_authentic_accept_that_makes_no_sense_is_malformed_once(payload: byte
     noise = Responder(KEY, Suite.AESGCM, prologue(init))
     noise.read(init.message)
     message = noise.write(payload, b'e' * 32)
-    accept = ACCEPT.pack(4, VERSION, Mode.KEYED, Suite.AESGCM, init.sender) + message
+    accept = ACCEPT.pack(4, VERSION, Suite.AESGCM, init.sender) + message
     give(operator, ROBOT, accept, accept)
     assert not operator.peers and sum(operator.dropped.values()) == 2
-    if len(accept) == ACCEPT_SIZE[Mode.KEYED]:
+    if len(accept) == ACCEPT_SIZE:
         assert operator.dropped == {'malformed': 1, 'not asked for': 1}
 
 
@@ -388,17 +373,14 @@ def test_a_session_is_renewed_after_an_hour_or_very_many_messages(monkeypatch: A
 
 # 8. Refusals
 
-@pytest.mark.parametrize('robot, words', [
-    (RobotCore(bytes(32), random_bytes(1), SIZE, 'robot'), 'another key'),
-    (RobotCore(None, random_bytes(1), SIZE, 'robot'), 'the robot has none'),
-], ids=['wrong key', 'no key'])
-def test_a_refusal_is_told_once_and_the_attempts_go_on(robot: RobotCore, words: str) -> None:
+def test_a_refusal_is_told_once_and_the_attempts_go_on() -> None:
+    robot = RobotCore(bytes(32), random_bytes(1), SIZE, 'robot')
     operator = operator_of()
     refusals = []
     for tick in range(200):
         operator.poll(tick / 20)
         shake_hands(robot, operator, tick / 20)
-        assert operator.problem is not None and words in operator.problem
+        assert operator.problem is not None and 'another key' in operator.problem
         refusals.append(sum(robot.dropped.values()))
     event, = operator.events()
     assert isinstance(event, Refused) and event.sentence == operator.problem
@@ -409,7 +391,7 @@ def test_another_version_is_told_with_both_numbers_and_releases() -> None:
     operator = operator_of()
     hello = parse(sent(operator)[0])
     assert isinstance(hello, Hello)
-    give(operator, ROBOT, Refuse(7, Mode.KEYED, Reason.VERSION, hello.nonce, '4.5.6').pack())
+    give(operator, ROBOT, Refuse(7, Reason.VERSION, hello.nonce, '4.5.6').pack())
     operator.poll(0.01)
     assert operator.problem == (
         'this machine has smokebot_udp %s (wire format %d), the robot has smokebot_udp 4.5.6 (wire format 7), and '
@@ -423,7 +405,7 @@ def test_a_reason_of_a_later_version_is_malformed() -> None:
     operator = operator_of()
     hello = parse(sent(operator)[0])
     assert isinstance(hello, Hello)
-    give(operator, ROBOT, Refuse(VERSION, Mode.KEYED, 99, hello.nonce).pack())
+    give(operator, ROBOT, Refuse(VERSION, 99, hello.nonce).pack())
     assert operator.dropped == {'malformed': 1}
 
 

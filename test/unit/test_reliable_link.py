@@ -5,7 +5,7 @@ import threading
 from typing import Any, Callable, Iterator, List, Tuple
 
 import pytest
-from link_pair import KEY, Links, links
+from link_pair import Links, links
 from polling import WAIT, wait_for
 
 from smokebot_udp.congestion.packet_scheduler import PacketScheduler
@@ -73,9 +73,9 @@ class World:
             one.close()
 
 
-@pytest.fixture(params=[KEY, None], ids=['keyed', 'open'])
-def world(request: Any) -> Iterator[World]:
-    with links(request.param) as made:
+@pytest.fixture
+def world() -> Iterator[World]:
+    with links() as made:
         one = World(made)
         yield one
         one.close()

@@ -1,26 +1,22 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The rules at the head of robot_core, one after the other."""
-from typing import Any, List, Optional, Tuple
+from typing import Any, List, Tuple
 
 import pytest
 from link_channel import KEY, OPERATOR, ROBOT, Address, give, random_bytes, sent, shake_hands
-from link_sides import BOTH, ELSEWHERE, hello, init_of, joined, operator_of, robot_of, the_robot
+from link_sides import ELSEWHERE, hello, init_of, joined, operator_of, robot_of, the_robot
 
 from smokebot_udp.link.control import Control, message
 from smokebot_udp.link.core import MAX_ATTEMPTS, MIN_DATAGRAM_SIZE, SILENT
 from smokebot_udp.link.operator_core import OperatorCore
 from smokebot_udp.link.packets import (
-    INIT,
-    INIT_SIZE,
     VERSION,
     Accept,
     Cookie,
     Hello,
     Init,
-    Mode,
     Reason,
     Refuse,
-    Request,
     Suite,
     parse,
 )
@@ -30,7 +26,6 @@ from smokebot_udp.link.robot_core import (
     INIT_PERIOD,
     MAX_PEERS,
     MAX_PENDING,
-    OPEN_YIELDS,
     PENDING,
     REPLACED,
     YIELDS,
@@ -41,31 +36,26 @@ from smokebot_udp.version import WIRE_FORMAT
 
 # 1. HELLO
 
-@BOTH
-def test_hello_is_answered_by_a_cookie(key: Optional[bytes]) -> None:
-    robot = robot_of(key)
-    mode = Mode.OPEN if key is None else Mode.KEYED
-    give(robot, OPERATOR, hello(77, key))
+def test_hello_is_answered_by_a_cookie() -> None:
+    robot = robot_of()
+    give(robot, OPERATOR, hello(77))
     (address, packet), = robot.outputs()
     cookie = parse(packet)
     assert isinstance(cookie, Cookie) and address == OPERATOR
-    assert cookie[:4] == (VERSION, mode, Suite.OPEN if key is None else Suite.AESGCM, 77)
+    assert cookie[:3] == (VERSION, Suite.AESGCM, 77)
     assert robot.deadline(5.0) == 6.0   # nothing to wait for
 
 
-@pytest.mark.parametrize('key, another, reason', [
-    (KEY, Hello(VERSION + 1, Mode.KEYED, 77), Reason.VERSION),
-    (KEY, Hello(0, Mode.OPEN, 77), Reason.VERSION),
-    (KEY, Hello(VERSION, Mode.OPEN, 77), Reason.NEEDS_KEY),
-    (KEY, Hello(VERSION, Mode.KEYED, 77), Reason.WRONG_KEY),
-    (KEY, parse(hello(77, bytes(32))), Reason.WRONG_KEY),
-    (None, Hello(VERSION, Mode.KEYED, 77), Reason.HAS_NO_KEY),
-    (None, Hello(VERSION, 9, 77), Reason.HAS_NO_KEY),
+@pytest.mark.parametrize('another, reason', [
+    (Hello(VERSION + 1, 77), Reason.VERSION),
+    (Hello(0, 77), Reason.VERSION),
+    (Hello(VERSION, 77), Reason.WRONG_KEY),
+    (parse(hello(77, bytes(32))), Reason.WRONG_KEY),
 ])
-def test_another_hello_is_refused(key: Optional[bytes], another: Any, reason: Reason) -> None:
-    robot = robot_of(key)
+def test_another_hello_is_refused(another: Any, reason: Reason) -> None:
+    robot = robot_of()
     give(robot, OPERATOR, another.pack(), another.pack())
-    assert {parse(packet) for packet in sent(robot)} == {Refuse(VERSION, robot.mode, reason, 77)}
+    assert {parse(packet) for packet in sent(robot)} == {Refuse(VERSION, reason, 77)}
     assert list(robot.dropped.values()) == [2]
     event, = robot.events()     # one for both
     assert isinstance(event, Refused) and event.reason == reason and '10.0.0.9:40001' in event.sentence
@@ -73,9 +63,8 @@ def test_another_hello_is_refused(key: Optional[bytes], another: Any, reason: Re
 
 # 2. The cookie
 
-@BOTH
-def test_an_init_counts_only_with_the_cookie_of_its_address_and_nonce(key: Optional[bytes]) -> None:
-    robot, operator = robot_of(key), operator_of(key=key)
+def test_an_init_counts_only_with_the_cookie_of_its_address_and_nonce() -> None:
+    robot, operator = robot_of(), operator_of()
     packet = init_of(robot, operator)
     init = parse(packet)
     assert isinstance(init, Init)
@@ -84,19 +73,18 @@ def test_an_init_counts_only_with_the_cookie_of_its_address_and_nonce(key: Optio
     give(robot, OPERATOR, init._replace(nonce=init.nonce ^ 1).pack())
     give(robot, OPERATOR, init._replace(cookie=bytes(16)).pack())
     give(robot, OPERATOR, packet, now=1000.0)
-    give(robot_of(key), OPERATOR, packet)
+    give(robot_of(), OPERATOR, packet)
     assert robot.dropped == {'wrong cookie': 5} and not sent(robot)
-    give(robot, OPERATOR, init_of(robot, operator_of(key=key)))
+    give(robot, OPERATOR, init_of(robot, operator_of()))
     assert isinstance(parse(sent(robot)[0]), Accept)
 
 
-def test_an_init_of_another_version_mode_or_suite_is_dropped() -> None:
+def test_an_init_of_another_version_or_cipher_is_dropped() -> None:
     robot, operator = robot_of(), operator_of()
     init = parse(init_of(robot, operator))
     assert isinstance(init, Init)
-    give(robot, OPERATOR, init._replace(version=WIRE_FORMAT + 1).pack(), init._replace(suite=2).pack(),
-         init._replace(mode=Mode.OPEN, message=init.message[:INIT_SIZE[Mode.OPEN] - INIT.size]).pack())
-    assert robot.dropped == {'another version or mode': 3} and not sent(robot)
+    give(robot, OPERATOR, init._replace(version=WIRE_FORMAT + 1).pack(), init._replace(suite=2).pack())
+    assert robot.dropped == {'another version or cipher': 2} and not sent(robot)
 
 
 # 3. Each once, and so many from each host
@@ -135,9 +123,8 @@ def test_forged_handshakes_in_an_operators_name_do_not_take_its_share(monkeypatc
     assert [type(parse(answer)) for answer in sent(robot)] == [Accept]
 
 
-@BOTH
-def test_replays_do_not_take_an_operators_share_of_handshakes(key: Optional[bytes]) -> None:
-    robot, operator, other = robot_of(key), operator_of(key=key), operator_of(3, key=key)
+def test_replays_do_not_take_an_operators_share_of_handshakes() -> None:
+    robot, operator, other = robot_of(), operator_of(), operator_of(3)
     packet, fair = init_of(robot, operator), init_of(robot, other)
     give(robot, OPERATOR, *[packet] * (2 * INIT_BURST), fair)
     assert robot.dropped == {'replayed handshake': 2 * INIT_BURST - 1}
@@ -176,11 +163,9 @@ def test_a_changed_init_is_refused_and_the_true_one_is_taken_after_it() -> None:
 
 
 def test_an_operator_that_receives_tiny_datagrams_is_malformed() -> None:
-    robot, operator = robot_of(None), operator_of(key=None)
-    init = parse(init_of(robot, operator))
-    assert isinstance(init, Init)
-    request = Request.parse(init.message)._replace(max_datagram_size=MIN_DATAGRAM_SIZE - 1)
-    give(robot, OPERATOR, init._replace(message=request.pack()).pack())
+    robot, operator = robot_of(), operator_of()
+    operator.max_datagram_size = MIN_DATAGRAM_SIZE - 1
+    give(robot, OPERATOR, init_of(robot, operator))
     assert robot.dropped == {'malformed': 1} and not sent(robot)
     with pytest.raises(ValueError, match='at least 256 bytes'):
         OperatorCore(KEY, random_bytes(2), MIN_DATAGRAM_SIZE - 1, 'desk')
@@ -222,43 +207,7 @@ def test_the_ninth_has_the_place_of_one_that_is_silent_for_long() -> None:
     assert len(robot.peers) == MAX_PEERS
 
 
-def fill(robot: RobotCore, hosts: List[str]) -> List[OperatorCore]:
-    """Strangers that hold all places, in turns from these hosts."""
-    operators = []
-    for number in range(MAX_PEERS):
-        operators.append(operator_of(10 + number, 'stranger %d' % number, None))
-        shake_hands(robot, operators[-1], address=(hosts[number % len(hosts)], 100 + number))
-    return operators
-
-
-def test_strangers_do_not_hold_all_places_of_an_open_link_with_a_datagram_now_and_then() -> None:
-    robot = robot_of(None)
-    strangers = fill(robot, ['10.9.0.%d' % number for number in range(MAX_PEERS)])
-    for second in (9.0, 18.0):
-        for number, one in enumerate(strangers):
-            give(robot, ('10.9.0.%d' % number, 100 + number), the_robot(one).seal_one(message(Control.KEEP_ALIVE)),
-                 now=second)
-    robot.events()
-    desk = operator_of(key=None, now=18.0 + OPEN_YIELDS)
-    shake_hands(robot, desk, 18.0 + OPEN_YIELDS)
-    assert desk.peers and 'desk' in [peer.name for peer in robot.peers] and len(robot.peers) == MAX_PEERS
-
-
-@pytest.mark.parametrize('hosts, joins', [(1, True), (4, True), (8, False)])
-def test_a_host_does_not_hold_all_places_of_an_open_link(hosts: int, joins: bool) -> None:
-    """However often it sends. Without a key eight operators on eight hosts are just that."""
-    robot = robot_of(None)
-    fill(robot, ['10.9.0.%d' % number for number in range(hosts)])
-    robot.events()
-    desk = operator_of(key=None)
-    shake_hands(robot, desk)
-    assert ('desk' in [peer.name for peer in robot.peers]) == joins and len(robot.peers) == MAX_PEERS
-    second = operator_of(3, 'second', key=None)
-    shake_hands(robot, second, address=(OPERATOR[0], 7))
-    assert ('second' in [peer.name for peer in robot.peers]) == (hosts == 1)
-
-
-def test_with_a_key_nobody_gives_a_place_up_for_another_host() -> None:
+def test_nobody_gives_a_place_up_for_another_host() -> None:
     robot, operators = robot_of(), []
     for number in range(MAX_PEERS):
         operators.append(operator_of(10 + number, 'desk %d' % number))
@@ -314,9 +263,8 @@ def test_a_silent_peer_is_forgotten() -> None:
     assert robot.dropped == {'unknown session': 1}
 
 
-@BOTH
-def test_a_close_ends_the_peer_at_once(key: Optional[bytes]) -> None:
-    robot, operator = joined(key)
+def test_a_close_ends_the_peer_at_once() -> None:
+    robot, operator = joined()
     operator.close(1.0)
     packets = sent(operator)
     assert len(packets) == 3 and not operator.peers

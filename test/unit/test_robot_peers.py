@@ -1,11 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The rules at the head of robot_core that follow the handshake, and what both cores have in common."""
-from typing import Optional
-
 import numpy as np
 import pytest
 from link_channel import KEY, OPERATOR, ROBOT, SIZE, data, give, random_bytes, sent, shake_hands
-from link_sides import BOTH, ELSEWHERE, ROW, init_of, joined, operator_of, robot_of, the_robot
+from link_sides import ELSEWHERE, ROW, init_of, joined, operator_of, robot_of, the_robot
 
 from smokebot_udp.link.control import Control, message
 from smokebot_udp.link.core import MAX_OLD, OLD_KEYS
@@ -19,9 +17,8 @@ ROBOT_2 = '10.0.0.8', 17001
 
 # 7. Confirmation and new keys
 
-@BOTH
-def test_the_first_data_makes_the_peer(key: Optional[bytes]) -> None:
-    robot, operator = robot_of(key), operator_of(key=key)
+def test_the_first_data_makes_the_peer() -> None:
+    robot, operator = robot_of(), operator_of()
     give(robot, OPERATOR, init_of(robot, operator))
     give(operator, ROBOT, *sent(robot), now=0.1)
     assert not robot.peers and not robot.events() and len(operator.peers) == 1
@@ -31,7 +28,7 @@ def test_the_first_data_makes_the_peer(key: Optional[bytes]) -> None:
     peer = event.peer
     assert (peer.name, peer.address, peer.number, peer.heard) == ('desk', OPERATOR, 1, 0.2)
     assert peer.instance == operator.instance and the_robot(operator).instance == robot.instance
-    assert (peer.max_datagram_size, peer.overhead) == (SIZE, robot.overhead)
+    assert peer.max_datagram_size == SIZE
     assert peer.round_trip == pytest.approx(0.2) and the_robot(operator).name == 'robot'
     assert len(sent(robot)) == 1    # a keep-alive, so that the operator knows
 
@@ -43,9 +40,8 @@ def test_both_sides_send_no_more_than_the_other_receives() -> None:
     assert the_robot(operator).max_datagram_size == robot.peers[0].max_datagram_size == 1400
 
 
-@BOTH
-def test_new_keys_replace_the_old_ones_after_the_first_data(key: Optional[bytes]) -> None:
-    robot, operator = joined(key)
+def test_new_keys_replace_the_old_ones_after_the_first_data() -> None:
+    robot, operator = joined()
     peer, old = robot.peers[0], the_robot(operator).session
     late = old.seal(ROW)
     operator.set_address(ROBOT_2, 1.0)
@@ -99,9 +95,8 @@ def test_chachapoly_works_as_well() -> None:
 
 # 8. Another address
 
-@BOTH
-def test_an_operator_moves(key: Optional[bytes]) -> None:
-    robot, operator = joined(key)
+def test_an_operator_moves() -> None:
+    robot, operator = joined()
     peer = robot.peers[0]
     packet = the_robot(operator).seal_one(message(Control.KEEP_ALIVE))
     give(robot, ELSEWHERE, packet, now=1.0)
@@ -143,10 +138,9 @@ def test_a_wrong_response_moves_nobody() -> None:
     assert robot.peers[0].address == OPERATOR and not robot.events()
 
 
-@BOTH
-def test_a_late_response_does_not_move_a_peer_back_to_an_address_that_it_has_left(key: Optional[bytes]) -> None:
+def test_a_late_response_does_not_move_a_peer_back_to_an_address_that_it_has_left() -> None:
     """It was elsewhere for a moment, and is heard from its present address again."""
-    robot, operator = joined(key)
+    robot, operator = joined()
     seal = the_robot(operator).seal_one
     give(robot, ELSEWHERE, seal(message(Control.KEEP_ALIVE)), now=1.0)
     give(operator, ROBOT, *sent(robot), now=1.0)
@@ -205,7 +199,7 @@ def test_what_is_no_packet_is_counted() -> None:
     robot, operator = joined()
     packet = the_robot(operator).seal_one(data(20))
     give(robot, OPERATOR, b'', b'\x07', packet[:39], b'\xff' * 100, packet + bytes(SIZE), bytes(SIZE + 1),
-         Cookie(1, 1, 1, 0, bytes(16)).pack())
+         Cookie(1, 1, 0, bytes(16)).pack())
     assert robot.dropped == {'malformed': 4, 'too long': 2, "a robot's packet": 1}
 
 

@@ -7,16 +7,15 @@ import pytest
 from smokebot_udp.mission.robots import load
 
 GOOD = 'ugv1: {host: 10.0.0.7}\n'
-UGV1 = {'host': '10.0.0.7', 'port': 17001, 'key_file': '', 'allow_unsealed_commands': False, 'frame_prefix': 'ugv1/',
-        'footprint': '', 'streams': ''}
+UGV1 = {'host': '10.0.0.7', 'port': 17001, 'key_file': '', 'frame_prefix': 'ugv1/', 'footprint': '',
+        'streams': ''}
 
 
 def test_a_robot_with_defaults_and_one_with_all_settings() -> None:
     robots, problems = load(GOOD + 'ugv2: {host: ugv2.local, port: 17002, key_file: k, frame_prefix: b_, streams: s, '
-                            'allow_unsealed_commands: true, footprint: [[0, 0], [1, 0], [0, 1]]}')
+                            'footprint: [[0, 0], [1, 0], [0, 1]]}')
     assert robots == {'ugv1': UGV1, 'ugv2': {'host': 'ugv2.local', 'port': 17002, 'key_file': 'k', 'frame_prefix': 'b_',
-                                             'footprint': '[[0, 0], [1, 0], [0, 1]]', 'streams': 's',
-                                             'allow_unsealed_commands': True}}
+                                             'footprint': '[[0, 0], [1, 0], [0, 1]]', 'streams': 's'}}
     assert problems == []
 
 
@@ -25,8 +24,8 @@ def test_a_prefix_may_be_empty() -> None:
 
 
 @pytest.mark.parametrize('line, problem', [
-    ('ugv2: {host: b, prot: 5}', "robot 'ugv2': prot: no such setting; there are allow_unsealed_commands, "
-                                 'footprint, frame_prefix, host, key_file, port, streams'),
+    ('ugv2: {host: b, prot: 5}', "robot 'ugv2': prot: no such setting; there are footprint, "
+                                 'frame_prefix, host, key_file, port, streams'),
     ('ugv2: {port: 5}', "robot 'ugv2': host is missing: host name or IPv4 address of the robot"),
     ('ugv2: {host: b, port: x}', "robot 'ugv2': port is 'x', must be a whole number from 1 to 65535"),
     ('ugv2: {host: b, port: 0}', "robot 'ugv2': port is 0, must be a whole number from 1 to 65535"),

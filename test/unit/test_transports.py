@@ -9,7 +9,7 @@ from typing import Any, Callable, Dict, List
 import pytest
 from polling import WAIT, wait_for
 
-from smokebot_udp.link.keys import make_key
+from smokebot_udp.link.keys import make_key, read_key
 from smokebot_udp.nodes import parameters as tables
 from smokebot_udp.nodes import transports
 from smokebot_udp.nodes.common import Parameters
@@ -22,9 +22,11 @@ class Log:
     def __init__(self, monkeypatch: Any) -> None:
         self.errors: List[str] = []
         self.warnings: List[str] = []
+        self.infos: List[str] = []
         self.new_error = threading.Event()
         monkeypatch.setattr('rospy.logerr', self._error)
         monkeypatch.setattr('rospy.logwarn', lambda text, *values: self.warnings.append(text % values))
+        monkeypatch.setattr('rospy.loginfo', lambda text, *values: self.infos.append(text % values))
         monkeypatch.setattr('rospy.is_shutdown', lambda: False)
         monkeypatch.setattr(transports, 'RETRY_PERIOD', 0.01)
 
@@ -36,6 +38,13 @@ class Log:
 @pytest.fixture
 def log(monkeypatch: Any) -> Log:
     return Log(monkeypatch)
+
+
+@pytest.fixture(autouse=True)
+def home(monkeypatch: Any, tmp_path: pathlib.Path) -> pathlib.Path:
+    """A home folder without a key."""
+    monkeypatch.setenv('HOME', str(tmp_path / 'home'))
+    return tmp_path / 'home'
 
 
 def parameters(monkeypatch: Any, table: Any, values: Dict[str, Any], problems: List[str]) -> Parameters:
@@ -113,7 +122,7 @@ SIDES = [(robot_transport, tables.ROBOT_SENDER, 'link_port'), (operator_transpor
 def test_by_default_the_master_is_shared(monkeypatch: Any, log: Log, make: Any, table: Any, name: str) -> None:
     problems: List[str] = []
     transport = make(parameters(monkeypatch, table, {}, problems))
-    assert not transport.own_masters and not transport.sealed and transport.stats(0.0) is None
+    assert not transport.own_masters and transport.stats(0.0) is None
     assert not problems and not log.warnings and not log.errors
 
 
@@ -127,45 +136,50 @@ def test_who_was_given_a_key_does_not_share_a_master(
         'clear' % name]
 
 
-def test_without_a_key_both_sides_say_what_that_means(monkeypatch: Any, log: Log) -> None:
-    port, problems = free_port(), []
-    robot = robot_transport(parameters(monkeypatch, tables.ROBOT_SENDER, {'link_port': port}, problems))
-    operator = operator_transport(parameters(
-        monkeypatch, tables.OPERATOR_RECEIVER, {'robot': 'localhost:%d' % port}, problems))
-    for transport in (robot, operator):
-        stats = transport.stats(0.0)
-        assert transport.own_masters and not transport.sealed and stats is not None and not stats.sealed
-        transport.close()
-    assert 'anybody on the network can watch; commands are refused unless' in transports.UNSEALED
-    assert log.warnings == ['the link ' + transports.UNSEALED,
-                            'the link to localhost:%d %s' % (port, transports.UNSEALED)]
-    assert not problems and not log.errors
+def test_the_robot_makes_a_key_and_shows_how_a_desk_gets_it(monkeypatch: Any, log: Log, home: pathlib.Path) -> None:
+    path = home / '.ros' / 'smokebot_udp' / 'link.key'
+    for begin in ('the link has a new key, ', 'the key of the link is '):
+        robot_transport(parameters(monkeypatch, tables.ROBOT_SENDER, {'link_port': free_port()}, [])).close()
+        found, = log.infos
+        log.infos.clear()
+        assert found.startswith('%s%s; on a desk that lacks it, run: mkdir -p ~/.ros/smokebot_udp && scp -p ' % (
+            begin, path))
+        assert found.endswith('@%s:%s ~/.ros/smokebot_udp/link.key' % (socket.gethostname(), path))
+    assert len(read_key(str(path))) == 32 and path.stat().st_mode & 0o777 == 0o600
+    assert path.parent.stat().st_mode & 0o777 == 0o700 and not log.errors and not log.warnings
 
 
-def test_who_allows_commands_without_a_key_is_told_that_anybody_can_drive(monkeypatch: Any, log: Log) -> None:
-    given = {'link_port': free_port(), 'allow_unsealed_commands': True}
-    robot_transport(parameters(monkeypatch, tables.ROBOT_SENDER, given, [])).close()
-    assert log.warnings == ['the link has no key: anybody on the network can watch, and drive; make a key file by '
-                            'make_key and give it to both sides as key_file']
-
-
-def test_a_node_that_was_given_a_key_waits_for_it(monkeypatch: Any, log: Log, tmp_path: pathlib.Path) -> None:
-    path, port, made = tmp_path / 'ugv1.key', free_port(), []
-    given = parameters(monkeypatch, tables.ROBOT_SENDER, {'link_port': port, 'key_file': str(path)}, [])
-    thread = threading.Thread(target=lambda: made.append(robot_transport(given)), daemon=True)
+def test_a_desk_without_a_key_says_what_to_do_and_waits_for_it(monkeypatch: Any, log: Log, home: pathlib.Path) -> None:
+    path, made = home / '.ros' / 'smokebot_udp' / 'link.key', []
+    given = parameters(monkeypatch, tables.OPERATOR_RECEIVER, {'robot': '127.0.0.1:17001'}, [])
+    thread = threading.Thread(target=lambda: made.append(operator_transport(given)), daemon=True)
     thread.start()
-    assert log.new_error.wait(WAIT) and not made
+    assert log.new_error.wait(WAIT) and not made and not path.exists()
+    assert log.errors[0] == (
+        'the link to 127.0.0.1:17001 does not start, and this node waits: this desk has no key of the robot, %s: run '
+        'the command here that robot.launch shows on the robot, or, with its user, mkdir -p %s && scp -p '
+        'USER@127.0.0.1:.ros/smokebot_udp/link.key %s' % (path, path.parent, path))
+    make_key(str(path))
+    thread.join(WAIT)
+    made[0].close()
+
+
+@pytest.mark.parametrize('make, table, name', SIDES)
+def test_a_key_that_cannot_be_used_is_waited_for(
+        monkeypatch: Any, log: Log, tmp_path: pathlib.Path, make: Any, table: Any, name: str) -> None:
+    path, made = tmp_path / 'ugv1.key', []
     path.write_bytes(bytes(31))
-    log.new_error.clear()
+    value: Any = free_port() if name == 'link_port' else '127.0.0.1:17001'
+    given = parameters(monkeypatch, table, {name: value, 'key_file': str(path)}, [])
+    thread = threading.Thread(target=lambda: made.append(make(given)), daemon=True)
+    thread.start()
     assert log.new_error.wait(WAIT) and not made
     os.unlink(str(path))
     make_key(str(path))
     thread.join(WAIT)
-    stats = made[0].stats(0.0)
     made[0].close()
-    assert stats.sealed and made[0].sealed and not log.warnings
-    assert all(error.startswith('the link does not start, and this node waits: the key file') for error in log.errors)
-    assert 'No such file' in log.errors[0] and any('used by others' in error for error in log.errors)
+    assert all('does not start, and this node waits: the key file' in error for error in log.errors)
+    assert any('used by others' in error for error in log.errors)
 
 
 def test_a_port_in_use_is_waited_for(monkeypatch: Any, log: Log) -> None:
@@ -195,8 +209,11 @@ def test_problems_name_the_robot_since_a_desk_may_have_several(monkeypatch: Any,
     make_key(path)
     robot = robot_transport(parameters(monkeypatch, tables.ROBOT_SENDER, {'link_port': port, 'key_file': path}, []))
     address = 'localhost:%d' % port
-    operator = operator_transport(parameters(monkeypatch, tables.OPERATOR_RECEIVER, {'robot': address}, []))
-    wait_for(lambda: any('key_file' in error for error in log.errors))
+    other = str(tmp_path / 'other')
+    make_key(other)
+    operator = operator_transport(parameters(monkeypatch, tables.OPERATOR_RECEIVER, {
+        'robot': address, 'key_file': other}, []))
+    wait_for(lambda: any('key file' in error for error in log.errors))
     for transport in (operator, robot):
         transport.close()
-    assert address + ': the robot has a key, this machine has none: set key_file to a copy of it' in log.errors
+    assert address + ': the robot has another key: copy its key file to this machine' in log.errors

@@ -6,22 +6,23 @@ import xml.etree.ElementTree as ElementTree
 from typing import Any, Dict, List, Optional, Tuple
 
 import pytest
-from link_channel import KEY, OPERATOR, ROBOT, give, sent, shake_hands
+from link_channel import OPERATOR, ROBOT, give, sent, shake_hands
 from link_sides import operator_of, robot_of
 
 from smokebot_udp import version
-from smokebot_udp.link import operator_core, packets, robot_core
-from smokebot_udp.link.packets import HELLO, VERSION, Hello, Mode, Reason, Refuse, parse
+from smokebot_udp.link import operator_core, robot_core
+from smokebot_udp.link.packets import HELLO, VERSION, Hello, Reason, Refuse, parse
 from smokebot_udp.link.peer import Refused as RefusedEvent
 from smokebot_udp.udpros.negotiation import UNNAMED, Refused, check_formats, is_other_format, is_other_version
-from smokebot_udp.version import FORMAT_FIELD, OURS, RELEASE_FIELD, Software, difference, from_headers, headers
+from smokebot_udp.version import FORMAT_FIELD, OURS, RELEASE, RELEASE_FIELD, Software, difference, from_headers, headers
 
 TOP = pathlib.Path(__file__).resolve().parents[2]
-RECORDED: Dict[str, List[Tuple[str, str]]] = json.loads((TOP / 'test' / 'golden' / 'link_handshake.json').read_text())
-"""{whether there is a key: (who sends, packet)} of a handshake of 0.1.0 before it named its release."""
+RECORDED: List[Tuple[str, str]] = json.loads((TOP / 'test' / 'golden' / 'link_handshake.json').read_text())
+"""(who sends, packet) of a handshake of this wire format."""
 
-RECORDED_FORMAT = 2
-KEYS = {'keyed': KEY, 'open': None}
+OLDER_HELLOS = {2: '01020100' + '07' * 8 + '00' * 36, 3: '01030100' + '07' * 8 + '74' * 16 + b'0.1.0'.hex() + '00' * 15}
+"""{wire format: HELLO of a former release}"""
+
 NEWER = Software(OURS.wire_format + 1, '9.9.9')
 
 
@@ -77,52 +78,52 @@ def test_other_wire_formats_are_refused(publisher: Optional[Software], subscribe
 
 # the link of two masters
 
-@pytest.fixture
-def recorded_format(monkeypatch: Any) -> None:
-    """The handshake of all wire formats is that of the one that was recorded, but for their number."""
-    for module in (robot_core, operator_core, packets):
-        monkeypatch.setattr(module, 'VERSION', RECORDED_FORMAT)
-
-
-@pytest.mark.parametrize('name', RECORDED)
-def test_the_robot_takes_an_operator_of_the_release_before(name: str, recorded_format: None) -> None:
-    """Byte for byte, as the robot of that release did."""
-    robot = robot_of(KEYS[name])
+def test_the_robot_answers_an_operator_of_this_wire_format_byte_for_byte() -> None:
+    robot = robot_of()
     answers = []
-    for who, packet in RECORDED[name]:
+    for who, packet in RECORDED:
         if who == 'operator':
             give(robot, OPERATOR, bytes.fromhex(packet))
             answers += sent(robot)
-    assert [answer.hex() for answer in answers] == [packet for who, packet in RECORDED[name] if who == 'robot']
+    assert [answer.hex() for answer in answers] == [packet for who, packet in RECORDED if who == 'robot']
     assert not robot.dropped and len(robot.events()) == 1
 
 
-@pytest.mark.parametrize('name', RECORDED)
-def test_the_operator_joins_a_robot_of_the_release_before(name: str, recorded_format: None) -> None:
-    """It sends what the operator of that release did, and its release where that had zeros."""
-    operator = operator_of(key=KEYS[name])
+def test_the_operator_joins_a_robot_of_this_wire_format_byte_for_byte() -> None:
+    """It sends what the recorded one did, but names its own release."""
+    operator = operator_of()
     answers: List[bytes] = []
-    for who, packet in RECORDED[name]:
+    for who, packet in RECORDED:
         if who == 'operator':
             answers += [] if answers else sent(operator)
             continue
         give(operator, ROBOT, bytes.fromhex(packet))
         answers += sent(operator)
-    expected = [bytes.fromhex(packet) for who, packet in RECORDED[name] if who == 'operator']
+    expected = [bytes.fromhex(packet) for who, packet in RECORDED if who == 'operator']
     expected[0] = expected[0][:HELLO.size - version.MAX_RELEASE] + version.RELEASE.encode().ljust(
         version.MAX_RELEASE, b'\0')
     assert answers == expected
     assert operator.robot is not None and not operator.dropped
 
 
+@pytest.mark.parametrize('number', OLDER_HELLOS)
+def test_an_operator_of_a_former_wire_format_is_told_of_this_one(number: int) -> None:
+    """Kind, version, reason and nonce are where all releases look for them; only who named a release gets ours."""
+    robot = robot_of()
+    give(robot, OPERATOR, bytes.fromhex(OLDER_HELLOS[number]))
+    answer, = sent(robot)
+    assert answer[:2].hex() == '05%02x' % VERSION and answer[3:12].hex() == '01' + '07' * 8
+    assert answer[12:] == (RELEASE.encode().ljust(20, b'\0') if number > 2 else b'')
+    event, = robot.events()
+    assert isinstance(event, RefusedEvent) and 'wire format %d' % number in event.sentence
+
+
 @pytest.mark.parametrize('robots, operators', [(NEWER, OURS), (OURS, NEWER)])
-@pytest.mark.parametrize('key', KEYS.values(), ids=KEYS)
-def test_both_sides_say_once_that_they_cannot_talk(monkeypatch: Any, key: Optional[bytes],
-                                                   robots: Software, operators: Software) -> None:
+def test_both_sides_say_once_that_they_cannot_talk(monkeypatch: Any, robots: Software, operators: Software) -> None:
     for module, software in ((robot_core, robots), (operator_core, operators)):
         monkeypatch.setattr(module, 'OURS', software)
         monkeypatch.setattr(module, 'VERSION', software.wire_format)
-    robot, operator = robot_of(key), operator_of(key=key)
+    robot, operator = robot_of(), operator_of()
     for tick in range(4000):
         operator.poll(tick / 4)
         shake_hands(robot, operator, tick / 4)
@@ -140,7 +141,7 @@ def test_another_host_is_told_as_well() -> None:
     robot = robot_of()
     for second in range(3):
         for host in ('10.0.0.9', '10.0.0.10'):
-            give(robot, (host, 5), Hello(VERSION + 1, Mode.KEYED, 7, release='9.9.9').pack(), now=20.0 * second)
+            give(robot, (host, 5), Hello(VERSION + 1, 7, release='9.9.9').pack(), now=20.0 * second)
     assert [event.sentence.split(': ')[0] for event in robot.events()] == ['refused 10.0.0.9:5', 'refused 10.0.0.10:5']
 
 
@@ -148,5 +149,5 @@ def test_another_host_is_told_as_well() -> None:
 def test_only_who_names_its_release_is_told_ours(release: str, answered: str) -> None:
     """Others would take the longer refusal for malformed."""
     robot = robot_of()
-    give(robot, OPERATOR, Hello(VERSION + 1, Mode.KEYED, 7, release=release).pack())
-    assert parse(sent(robot)[0]) == Refuse(VERSION, Mode.KEYED, Reason.VERSION, 7, answered)
+    give(robot, OPERATOR, Hello(VERSION + 1, 7, release=release).pack())
+    assert parse(sent(robot)[0]) == Refuse(VERSION, Reason.VERSION, 7, answered)

@@ -11,6 +11,7 @@ from std_msgs.msg import Header
 
 from smokebot_udp.codecs.display.colouring import Coloured, Colouring
 from smokebot_udp.codecs.display.view import COLOURS, FRESH, FROZEN, OLD
+from smokebot_udp.image_error import ImageError
 from smokebot_udp.mission.parameters import check
 from smokebot_udp.nodes import view_publisher, worker
 from smokebot_udp.streams.image import view
@@ -225,3 +226,15 @@ def test_closed_it_is_silent(publisher) -> None:
     count = len(FakePublisher.made.sent)
     give_time(0.15)
     assert len(FakePublisher.made.sent) == count
+
+
+def test_a_display_that_draws_its_own_gets_the_parts() -> None:
+    pixels = np.arange(7000, 7600, 100, np.uint16).reshape(2, 3)
+    image = view.ViewedImage(Header(frame_id='thermal'), 0.9, 0.1, 10.0, pixels, 'mono16', error=ImageError(10.0))
+    settings = {**defaults(), 'counts_per_unit': 25.0, 'zero': -273.15, 'unit': 'degC'}
+    shown = view.View(settings, Header())
+    parts = view_publisher.view_image(image.header, image, shown.judge(image, 10.0), settings)
+    assert (parts.state, parts.unit, parts.error, parts.height, parts.width) == ('fresh', 'degC', 0.4, 2, 3)
+    assert len(parts.data) == 18 and len(parts.palette) == 3 * view_publisher.COLOURS and len(parts.numbers) == 5
+    frozen = view_publisher.view_image(image.header, image, shown.judge(image, 20.0), settings)
+    assert frozen.state == 'frozen' and frozen.old and set(frozen.data) != set(parts.data)

@@ -20,7 +20,7 @@ from ..arrays import BoolArray, IntArray, Records, UInt8Array
 from ..udpros.datagram import HEADER
 from .control import FIRST_TABLE_ID, SIZE, Control, message
 from .cookie import Place
-from .packets import INSTANCE_SIZE, MIN_BODY, OVERHEAD, Kind, Malformed, Mode, Packet, parse
+from .packets import INSTANCE_SIZE, MIN_BODY, OVERHEAD, Kind, Malformed, Packet, parse
 from .peer import Address, Delivery, Event, Left, Peer, address_of
 from .session import Session
 from .tags import Tags
@@ -77,26 +77,23 @@ class Entry:
 class LinkCore(abc.ABC):
     """One side of a link.
 
-    :param key: 32 bytes, or None: the link is open
+    :param key: of the link, 32 bytes
     :param random: gives random bytes
     :param max_datagram_size: the longest packet to receive, and to send [byte of UDP payload]
     :param name: under which the other side knows this one
     :raises ValueError: if max_datagram_size is less than MIN_DATAGRAM_SIZE
     """
 
-    def __init__(self, key: Optional[bytes], random: Random, max_datagram_size: int, name: str) -> None:
+    def __init__(self, key: bytes, random: Random, max_datagram_size: int, name: str) -> None:
         if max_datagram_size < MIN_DATAGRAM_SIZE:
             raise ValueError('a link needs datagrams of at least %d bytes, not %d'
                              % (MIN_DATAGRAM_SIZE, max_datagram_size))
-        self.mode = Mode.OPEN if key is None else Mode.KEYED
-        self.overhead = OVERHEAD[self.mode]
-        """Bytes of each packet that are not the datagram's."""
         self.max_datagram_size = max_datagram_size
         self.name = name
         self.instance = random(INSTANCE_SIZE)
         self.dropped: Counter[str] = collections.Counter()
         """Packets that were not taken, by reason."""
-        self._key, self._tags, self._random = key or b'', Tags(key), random
+        self._key, self._tags, self._random = key, Tags(key), random
         self._entries: Dict[int, Entry] = {}        # by our index
         self._peers: Tuple[Peer, ...] = ()
         self._sent: Dict[int, int] = {}             # {peer's number: packets sent when last looked}
@@ -129,7 +126,7 @@ class LinkCore(abc.ABC):
         :param now: steady time [s]
         """
         whole = lengths <= min(self.max_datagram_size, datagrams.shape[1])
-        data = whole & (datagrams[:, 0] == Kind.DATA) & (lengths >= self.overhead + MIN_BODY)
+        data = whole & (datagrams[:, 0] == Kind.DATA) & (lengths >= OVERHEAD + MIN_BODY)
         if not data.all():
             self._take_others(datagrams, lengths, sources, whole, np.flatnonzero(~data).tolist(), now)
         rows = np.flatnonzero(data)

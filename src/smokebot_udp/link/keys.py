@@ -1,11 +1,18 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Key files: 32 random bytes that only their owner may read.
 
-The same file is on the robot and at each of its operators. It is never on the parameter server, in a log or an error.
+The same key is on the robot, which makes it at its first start, and at each of its operators. It is never on the
+parameter server, in a log or an error.
 """
 import os
 import stat
 from typing import Callable, Optional, Tuple
+
+KEY_FOLDER = '~/.ros/smokebot_udp'
+"""Folder of the keys whose paths are not given."""
+
+DEFAULT_KEY_FILE = KEY_FOLDER + '/link.key'
+"""Path of a key that is not given."""
 
 KEY_SIZE = 32
 """[byte]"""
@@ -74,16 +81,26 @@ class KeyFile:
 
 
 def make_key(path: str) -> None:
-    """Write a new random key to a file of mode 0600.
+    """Write a new random key to a file of mode 0600, in a folder that is made with mode 0700 if it is missing.
 
     :raises ValueError: one sentence, if there is such a file already, or it cannot be written
     """
     try:
+        os.makedirs(os.path.dirname(os.path.abspath(path)), 0o700, exist_ok=True)
         file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-    except FileExistsError:
-        raise ValueError('there is a file %r already: remove it first, if no robot needs it' % path) from None
+    except FileExistsError as error:
+        raise ValueError('there is a file %r already: remove it first, if no robot needs it' % error.filename) from None
     except (OSError, ValueError) as error:
         raise ValueError('the key file %r cannot be made: %s' % (path, getattr(error, 'strerror', error))) from None
     with os.fdopen(file, 'wb') as stream:
         os.fchmod(stream.fileno(), 0o600)       # whatever the umask
         stream.write(os.urandom(KEY_SIZE))
+
+
+def copy_command(source: str, target: str) -> str:
+    """The command that copies a key to a desk, to be run there.
+
+    :param source: the robot's file, as scp has it: [USER@]HOST:PATH
+    :param target: path of the desk's file
+    """
+    return 'mkdir -p %s && scp -p %s %s' % (os.path.dirname(target), source, target)

@@ -9,8 +9,8 @@ Rules; each has a test in test_operator_core:
 2. Each INIT has a fresh ephemeral and index. The answer to any of the last MAX_ATTEMPTS is taken; the first one ends
    the handshake.
 3. An answer that does not return the nonce or an attempt's index, or is not authentic, is counted and changes nothing.
-   A COOKIE is taken from the robot's address only, one for each HELLO; with a key it has to have the right tag. A
-   REFUSE comes from that address, too.
+   A COOKIE is taken from the robot's address only, one for each HELLO, and with the right tag. A REFUSE comes from
+   that address, too.
 4. The robot is the peer from ACCEPT on. A keep-alive is repeated each CONFIRM until the robot sends DATA.
 5. The same instance is the same peer with new keys. Another one: the robot was restarted, the old peer has left.
 6. Silence of SILENCE begins a handshake beside the session, which goes on if the robot is heard again. UNKNOWN shortens
@@ -41,7 +41,6 @@ from .packets import (
     Hello,
     Init,
     Malformed,
-    Mode,
     Packet,
     Reason,
     Refuse,
@@ -52,7 +51,7 @@ from .packets import (
     prologue,
 )
 from .peer import Address, Delivery, Joined, Peer, Refused, address_of
-from .session import KeyedSession, OpenSession, Session
+from .session import Session
 
 FIRST_RETRY, FAST_FOR, LAST_RETRY, RETRY_GROWTH, JITTER = 0.05, 5.0, 0.25, 1.3, 0.2
 """Time to the next attempt, and for how long; then the longest, the factor from one to the next, and its random part
@@ -61,6 +60,9 @@ and then with 2."""
 
 REFUSED_RETRY = 0.5
 """Time to the next attempt after a refusal [s]."""
+
+SUITES = frozenset(Suite)
+"""Ciphers that a robot may choose."""
 
 INIT_PER_HELLO = 4
 
@@ -85,9 +87,7 @@ REFUSAL_COUNTS = 3.0
 @dataclass
 class Attempt:
     """An INIT that was sent."""
-    token: int
-    """Our half; 0 in a keyed link."""
-    noise: Optional[Initiator]
+    noise: Initiator
     suite: Suite
     place: Place
     sent: float
@@ -133,7 +133,7 @@ class Handshake:
 class OperatorCore(LinkCore):
     """The operator's side. See LinkCore for the arguments. It begins with `set_address`."""
 
-    def __init__(self, key: Optional[bytes], random: Random, max_datagram_size: int, name: str) -> None:
+    def __init__(self, key: bytes, random: Random, max_datagram_size: int, name: str) -> None:
         super().__init__(key, random, max_datagram_size, name)
         self.problem: Optional[str] = 'the robot\'s address is not known'
         """Why there is no robot: one sentence; None if there is one."""
@@ -231,20 +231,16 @@ class OperatorCore(LinkCore):
         handshake.wait(now, self._random(1)[0] / 127.5 - 1)
 
     def _hello(self, nonce: int) -> Hello:
-        return self._tags.tagged(Hello(VERSION, self.mode, nonce, release=OURS.release))
+        return self._tags.tagged(Hello(VERSION, nonce, release=OURS.release))
 
     def _init(self, cookie: Cookie, place: Place, now: float) -> Init:
         """Rule 2."""
         index, suite = self._new_index(), Suite(cookie.suite)
-        token = 0 if self.mode == Mode.KEYED else int.from_bytes(self._random(4), 'little')
-        payload = Request(self.instance, self.max_datagram_size, token, self.name).pack()
-        noise = None
-        if self.mode == Mode.KEYED:
-            noise = Initiator(self._key, suite, prologue(cookie), self._random(EPHEMERAL_SIZE))
-            payload = noise.write(payload)
-        self._attempts[index] = Attempt(token, noise, suite, place, now)
-        return self._tags.tagged(Init(cookie.version, cookie.mode, cookie.suite, cookie.nonce, cookie.cookie, index,
-                                      payload))
+        payload = Request(self.instance, self.max_datagram_size, self.name).pack()
+        noise = Initiator(self._key, suite, prologue(cookie), self._random(EPHEMERAL_SIZE))
+        self._attempts[index] = Attempt(noise, suite, place, now)
+        return self._tags.tagged(Init(cookie.version, cookie.suite, cookie.nonce, cookie.cookie, index,
+                                      noise.write(payload)))
 
     def _on_packet(self, packet: Packet, source: Place, now: float) -> None:
         if isinstance(packet, Cookie):
@@ -263,8 +259,8 @@ class OperatorCore(LinkCore):
         handshake = self._handshake
         if handshake is None or cookie.nonce != handshake.nonce:
             self.dropped['not asked for'] += 1
-        elif (cookie.version, cookie.mode) != (VERSION, self.mode) or cookie.suite not in SUITES[self.mode]:
-            self.dropped['another version or mode'] += 1
+        elif cookie.version != VERSION or cookie.suite not in SUITES:
+            self.dropped['another version or cipher'] += 1
         elif not self._tags.is_right(cookie):
             self.dropped['forged'] += 1
         elif source != self._place:
@@ -283,30 +279,22 @@ class OperatorCore(LinkCore):
         if attempt is None:
             self.dropped['not asked for'] += 1
             return
-        if (accept.version, accept.mode, accept.suite) != (VERSION, self.mode, attempt.suite):
-            self.dropped['another version or mode'] += 1
+        if (accept.version, accept.suite) != (VERSION, attempt.suite):
+            self.dropped['another version or cipher'] += 1
             return
-        payload = accept.message
-        if attempt.noise is not None:
-            try:
-                payload = attempt.noise.read(payload)
-            except Forged:
-                self.dropped['forged'] += 1
-                return
-            del self._attempts[accept.receiver]
+        try:
+            payload = attempt.noise.read(accept.message)
+        except Forged:
+            self.dropped['forged'] += 1
+            return
+        del self._attempts[accept.receiver]
         reply = Reply.parse(payload)
-        if reply.max_datagram_size < MIN_DATAGRAM_SIZE or reply.token & 0xffffffff != attempt.token:
-            raise Malformed('an ACCEPT to something else')
-        session = self._session(accept.receiver, reply, attempt)
+        if reply.max_datagram_size < MIN_DATAGRAM_SIZE:
+            raise Malformed('a robot that receives no handshake')
+        keys = attempt.noise.keys()
+        session = Session(accept.receiver, reply.sender, attempt.suite, keys.initiator, keys.responder)
         entry = Entry(session, reply.name, reply.instance, reply.max_datagram_size, attempt.place, now)
         self._join(entry, now - attempt.sent, now)
-
-    @staticmethod
-    def _session(index: int, reply: Reply, attempt: Attempt) -> Session:
-        if attempt.noise is None:
-            return OpenSession(index, reply.sender, reply.token)
-        keys = attempt.noise.keys()
-        return KeyedSession(index, reply.sender, attempt.suite, keys.initiator, keys.responder)
 
     def _join(self, entry: Entry, round_trip: float, now: float) -> None:
         """Rules 4 and 5."""
@@ -387,6 +375,3 @@ class OperatorCore(LinkCore):
 
     def _on_unknown(self, index: int, source: Place, now: float) -> None:
         """DATA of a session that has ended here: nothing to do."""
-
-
-SUITES = {Mode.OPEN: (Suite.OPEN,), Mode.KEYED: (Suite.AESGCM, Suite.CHACHAPOLY)}

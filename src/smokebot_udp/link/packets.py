@@ -12,20 +12,20 @@ operator begins:
     DATA    sealed                   -->            the new keys are confirmed
                                      <--    DATA
 
-    HELLO    kind version mode 0     nonce u64, tag 16, release 20
-    COOKIE   kind version mode suite nonce u64, cookie 16, tag 16
-    INIT     kind version mode suite nonce u64, cookie 16, sender index u32, tag 16, Noise message 1 or its payload in
-             clear
-    ACCEPT   kind version mode suite receiver index u32, Noise message 2 or its payload in clear
-    REFUSE   kind version mode reason nonce u64, and to who names its release, release 20
-    UNKNOWN  kind version 0 0        receiver index u32
-    DATA     kind 0 0 0              receiver index u32, counter (keyed) or token (open) u64, body, tag 16 (keyed)
+    HELLO    kind version 0 0      nonce u64, tag 16, release 20
+    COOKIE   kind version 0 suite  nonce u64, cookie 16, tag 16
+    INIT     kind version 0 suite  nonce u64, cookie 16, sender index u32, tag 16, Noise message 1
+    ACCEPT   kind version 0 suite  receiver index u32, Noise message 2
+    REFUSE   kind version 0 reason nonce u64, and to who names its release, release 20
+    UNKNOWN  kind version 0 0      receiver index u32
+    DATA     kind 0 0 0            receiver index u32, counter u64, body, tag 16
 
 * No answer of the robot is longer than what it answers, so that it amplifies nothing (test_packets).
 * HELLO's and REFUSE's fields keep their places in all versions, so that each side can name the other's version. That is
   the number of the wire format, of which this protocol is a part (version.py). A release is ASCII, filled up with
   zeros; zeros are of a side that names none.
-* Tags are MACs of the packet's other bytes but the release, under the key of the link (tags.py); zeros without a key.
+* Tags are MACs of the packet's other bytes but the release, under the key of the link (tags.py).
+* Bytes named 0 are not looked at.
 * ACCEPT, UNKNOWN and DATA name a session by the index that their receiver has chosen, as WireGuard's packets do.
 * The body of DATA is a UDPROS datagram (udpros.datagram). The 16 bytes in front keep it aligned.
 """
@@ -57,26 +57,26 @@ MAX_NAME = 128
 MIN_BODY = 8
 """Minimum size of a body: a UDPROS header alone [byte]."""
 
-HELLO = struct.Struct('<BBBBQ16s%ds' % MAX_RELEASE)
-FIRST_HELLO = struct.Struct('<BBBBQ20x')
+HELLO = struct.Struct('<BBxxQ16s%ds' % MAX_RELEASE)
+FIRST_HELLO = struct.Struct('<BBxxQ20x')
 """Fields of a HELLO that all versions share, with the size of the HELLO of version 1."""
 
-COOKIE = struct.Struct('<BBBBQ16s16s')
-INIT = struct.Struct('<BBBBQ16sI16s')
-ACCEPT = struct.Struct('<BBBBI')
-REFUSE = struct.Struct('<BBBBQ')
-LONG_REFUSE = struct.Struct('<BBBBQ%ds' % MAX_RELEASE)
+COOKIE = struct.Struct('<BBxBQ16s16s')
+INIT = struct.Struct('<BBxBQ16sI16s')
+ACCEPT = struct.Struct('<BBxBI')
+REFUSE = struct.Struct('<BBxBQ')
+LONG_REFUSE = struct.Struct('<BBxBQ%ds' % MAX_RELEASE)
 """With a release."""
 
-UNKNOWN = struct.Struct('<BBBBI')
+UNKNOWN = struct.Struct('<BBxxI')
 DATA = struct.Struct('<BxxxIQ')
 DATA_DTYPE: DType = np.dtype([('kind', 'u1'), ('zero', 'u1', (3,)), ('index', '<u4'), ('counter', '<u8')])
-"""The head of DATA; `counter` is the token where the session is open."""
+"""The head of DATA."""
 
-REQUEST = struct.Struct('<16sHIB128s')
+REQUEST = struct.Struct('<16sHB128s')
 """INIT's payload."""
 
-REPLY = struct.Struct('<I16sHQB128s')
+REPLY = struct.Struct('<I16sHB128s')
 """ACCEPT's payload."""
 
 
@@ -91,15 +91,8 @@ class Kind(enum.IntEnum):
     DATA = 7
 
 
-class Mode(enum.IntEnum):
-    """Whether a link has a key."""
-    OPEN = 0
-    KEYED = 1
-
-
 class Suite(enum.IntEnum):
-    """The cipher of a keyed link; the robot chooses it."""
-    OPEN = 0
+    """The cipher of a link; the robot chooses it."""
     AESGCM = 1
     CHACHAPOLY = 2
 
@@ -107,26 +100,21 @@ class Suite(enum.IntEnum):
 class Reason(enum.IntEnum):
     """Why a robot refuses an operator."""
     VERSION = 1
-    NEEDS_KEY = 2
-    HAS_NO_KEY = 3
-    WRONG_KEY = 4
-    FULL = 5
+    WRONG_KEY = 2
+    FULL = 3
 
 
 SENTENCES: Dict[Reason, str] = {    # of another version: see version.difference
-    Reason.NEEDS_KEY: 'the robot has a key, this machine has none: set key_file to a copy of it',
-    Reason.HAS_NO_KEY: 'this machine has a key, the robot has none: set key_file on both sides or on neither',
-    Reason.WRONG_KEY: 'the robot has another key: set key_file to a copy of it',
+    Reason.WRONG_KEY: 'the robot has another key: copy its key file to this machine',
     Reason.FULL: 'the robot has as many operators as it takes',
 }
 """For the operator's log."""
 
-OVERHEAD = {Mode.OPEN: DATA.size, Mode.KEYED: DATA.size + TAG_SIZE}
+OVERHEAD = DATA.size + TAG_SIZE
 """Bytes of each DATA that are not its body."""
 
-_SEALED = {Mode.OPEN: 0, Mode.KEYED: EPHEMERAL_SIZE + TAG_SIZE}
-INIT_SIZE = {mode: INIT.size + size + REQUEST.size for mode, size in _SEALED.items()}
-ACCEPT_SIZE = {mode: ACCEPT.size + size + REPLY.size for mode, size in _SEALED.items()}
+INIT_SIZE = INIT.size + EPHEMERAL_SIZE + REQUEST.size + TAG_SIZE
+ACCEPT_SIZE = ACCEPT.size + EPHEMERAL_SIZE + REPLY.size + TAG_SIZE
 
 
 class Malformed(ValueError):
@@ -136,29 +124,27 @@ class Malformed(ValueError):
 class Hello(NamedTuple):
     """The operator asks for a cookie."""
     version: int
-    mode: int
     nonce: int
     tag: bytes = NO_TAG
     release: str = ''
 
     def pack(self) -> bytes:
         """The datagram."""
-        return HELLO.pack(Kind.HELLO, self.version, self.mode, 0, self.nonce, self.tag, self.release.encode())
+        return HELLO.pack(Kind.HELLO, self.version, self.nonce, self.tag, self.release.encode())
 
     @classmethod
     def parse(cls, datagram: bytes) -> 'Hello':
         """From a datagram of at least its size: a later version may be longer."""
-        _, version, mode, _, nonce = FIRST_HELLO.unpack_from(datagram)
+        _, version, nonce = FIRST_HELLO.unpack_from(datagram)
         if version != VERSION and len(datagram) < HELLO.size:
-            return cls(version, mode, nonce)
+            return cls(version, nonce)
         tag, release = HELLO.unpack_from(datagram)[-2:]
-        return cls(version, mode, nonce, tag if version == VERSION else NO_TAG, _release(release))
+        return cls(version, nonce, tag if version == VERSION else NO_TAG, _release(release))
 
 
 class Cookie(NamedTuple):
     """The robot's answer, which only who receives at the sender's address can return."""
     version: int
-    mode: int
     suite: int
     nonce: int
     cookie: bytes
@@ -178,14 +164,13 @@ class Cookie(NamedTuple):
 class Init(NamedTuple):
     """The operator's half of the handshake."""
     version: int
-    mode: int
     suite: int
     nonce: int
     cookie: bytes
     sender: int
     """By which the robot shall name the session."""
     message: bytes
-    """Noise message 1, or its payload in clear."""
+    """Noise message 1."""
     tag: bytes = NO_TAG
 
     def pack(self) -> bytes:
@@ -195,20 +180,19 @@ class Init(NamedTuple):
     @classmethod
     def parse(cls, datagram: bytes) -> 'Init':
         """From a datagram of at least the head's size."""
-        _, version, mode, suite, nonce, cookie, index, tag = INIT.unpack_from(datagram)
-        if len(datagram) != INIT_SIZE.get(mode):
+        _, version, suite, nonce, cookie, index, tag = INIT.unpack_from(datagram)
+        if len(datagram) != INIT_SIZE:
             raise Malformed('an INIT of %d bytes' % len(datagram))
-        return cls(version, mode, suite, nonce, cookie, index, datagram[INIT.size:], tag)
+        return cls(version, suite, nonce, cookie, index, datagram[INIT.size:], tag)
 
 
 class Accept(NamedTuple):
     """The robot's half of the handshake."""
     version: int
-    mode: int
     suite: int
     receiver: int
     message: bytes
-    """Noise message 2, or its payload in clear."""
+    """Noise message 2."""
 
     def pack(self) -> bytes:
         """The datagram."""
@@ -217,16 +201,15 @@ class Accept(NamedTuple):
     @classmethod
     def parse(cls, datagram: bytes) -> 'Accept':
         """From a datagram of at least the head's size."""
-        _, version, mode, suite, index = ACCEPT.unpack_from(datagram)
-        if len(datagram) != ACCEPT_SIZE.get(mode):
+        _, version, suite, index = ACCEPT.unpack_from(datagram)
+        if len(datagram) != ACCEPT_SIZE:
             raise Malformed('an ACCEPT of %d bytes' % len(datagram))
-        return cls(version, mode, suite, index, datagram[ACCEPT.size:])
+        return cls(version, suite, index, datagram[ACCEPT.size:])
 
 
 class Refuse(NamedTuple):
-    """The robot does not take the operator. Version and mode are the robot's own."""
+    """The robot does not take the operator. The version is the robot's own."""
     version: int
-    mode: int
     reason: int
     nonce: int
     release: str = ''
@@ -243,8 +226,8 @@ class Refuse(NamedTuple):
         if len(datagram) != LONG_REFUSE.size:
             _, *fields = REFUSE.unpack(datagram)
             return cls(*fields)
-        _, version, mode, reason, nonce, release = LONG_REFUSE.unpack(datagram)
-        return cls(version, mode, reason, nonce, _release(release))
+        _, version, reason, nonce, release = LONG_REFUSE.unpack(datagram)
+        return cls(version, reason, nonce, _release(release))
 
 
 class Unknown(NamedTuple):
@@ -254,12 +237,12 @@ class Unknown(NamedTuple):
 
     def pack(self) -> bytes:
         """The datagram."""
-        return UNKNOWN.pack(Kind.UNKNOWN, self.version, 0, 0, self.receiver)
+        return UNKNOWN.pack(Kind.UNKNOWN, self.version, self.receiver)
 
     @classmethod
     def parse(cls, datagram: bytes) -> 'Unknown':
         """From a datagram of its size."""
-        _, version, _, _, index = UNKNOWN.unpack(datagram)
+        _, version, index = UNKNOWN.unpack(datagram)
         return cls(version, index)
 
 
@@ -281,8 +264,8 @@ def parse(datagram: bytes) -> Packet:
 
 def prologue(packet: Union[Cookie, Init]) -> bytes:
     """What both sides saw of HELLO and COOKIE; the Noise handshake fails where they saw different bytes."""
-    version, mode, suite, nonce, cookie = packet[:5]
-    return Hello(version, mode, nonce).pack() + Cookie(version, mode, suite, nonce, cookie).pack()
+    version, suite, nonce, cookie = packet[:4]
+    return Hello(version, nonce).pack() + Cookie(version, suite, nonce, cookie).pack()
 
 
 class Request(NamedTuple):
@@ -291,20 +274,18 @@ class Request(NamedTuple):
     """Random at the start of the operator's process: the same instance is the same peer."""
     max_datagram_size: int
     """It receives [byte of UDP payload]."""
-    token: int
-    """Its half of the token, u32; 0 in a keyed link."""
     name: str
 
     def pack(self) -> bytes:
         """The payload."""
         name = encode_name(self.name)
-        return REQUEST.pack(self.instance, self.max_datagram_size, self.token, len(name), name)
+        return REQUEST.pack(self.instance, self.max_datagram_size, len(name), name)
 
     @classmethod
     def parse(cls, payload: bytes) -> 'Request':
         """:raises Malformed: if the payload is none"""
-        instance, size, token, length, name = _unpack(REQUEST, payload)
-        return cls(instance, size, token, decode_name(name, length))
+        instance, size, length, name = _unpack(REQUEST, payload)
+        return cls(instance, size, decode_name(name, length))
 
 
 class Reply(NamedTuple):
@@ -313,20 +294,18 @@ class Reply(NamedTuple):
     """By which the operator shall name the session."""
     instance: bytes
     max_datagram_size: int
-    token: int
-    """Both halves, the robot's in front (the high 32 bits); 0 in a keyed link."""
     name: str
 
     def pack(self) -> bytes:
         """The payload."""
         name = encode_name(self.name)
-        return REPLY.pack(self.sender, self.instance, self.max_datagram_size, self.token, len(name), name)
+        return REPLY.pack(self.sender, self.instance, self.max_datagram_size, len(name), name)
 
     @classmethod
     def parse(cls, payload: bytes) -> 'Reply':
         """:raises Malformed: if the payload is none"""
-        index, instance, size, token, length, name = _unpack(REPLY, payload)
-        return cls(index, instance, size, token, decode_name(name, length))
+        index, instance, size, length, name = _unpack(REPLY, payload)
+        return cls(index, instance, size, decode_name(name, length))
 
 
 def _release(field: bytes) -> str:

@@ -60,11 +60,6 @@ class Peer:
         return self._session
 
     @property
-    def overhead(self) -> int:
-        """Bytes of each packet that are not the datagram's."""
-        return self._session.overhead
-
-    @property
     def sent(self) -> int:
         """Packets sealed for it."""
         return self._sealed + self._session.sent
@@ -76,7 +71,7 @@ class Peer:
         self.handshakes += 1
 
     def seal(self, datagrams: UInt8Array) -> UInt8Array:
-        """Packets ready to be sent, (n, size) to (n, size + overhead) uint8, C-contiguous. Any thread."""
+        """Packets ready to be sent, (n, size) to (n, size + OVERHEAD) uint8, C-contiguous. Any thread."""
         return self._session.seal(datagrams)
 
     def seal_one(self, *parts: bytes) -> bytes:
@@ -96,7 +91,7 @@ class Delivery:
     """
     peer: Peer
     datagrams: UInt8Array
-    """(k, slot - overhead) uint8, C-contiguous: a UDPROS datagram, header first, and zeros."""
+    """(k, slot - OVERHEAD) uint8, C-contiguous: a UDPROS datagram, header first, and zeros."""
     lengths: IntArray
     """(k,) int64 [byte]."""
     rows: IntArray

@@ -7,7 +7,7 @@ from ..arrays import IntArray, UInt8Array
 from ..udpros.datagram import HEADER, Op
 from ..udpros.endpoints import BatchSender, path_payload
 from .core import MIN_DATAGRAM_SIZE
-from .packets import Malformed
+from .packets import OVERHEAD, Malformed
 from .peer import Peer
 from .tables import Exchange, Local, Table
 from .topics import Outgoing, PeerSender, Publisher, Subscriber
@@ -34,7 +34,7 @@ class PeerTopics:
         """The connection ids that this side has asked the peer for."""
         self._socket = sender
         self._sender, self._handshakes = PeerSender(peer, sender.another(sender.tos)), peer.handshakes
-        self._room, self._room_due = MIN_DATAGRAM_SIZE - peer.overhead, 0.0
+        self._room, self._room_due = MIN_DATAGRAM_SIZE - OVERHEAD, 0.0
         self.malformed = 0
         """Datagrams of tables that no correct peer sends."""
 
@@ -92,7 +92,7 @@ class PeerTopics:
         whole = min(max_datagram_size, self.peer.max_datagram_size)
         with contextlib.suppress(OSError):      # no route now
             whole = min(whole, path_payload(*self.peer.address))
-        self._room = max(whole, MIN_DATAGRAM_SIZE) - self.peer.overhead
+        self._room = max(whole, MIN_DATAGRAM_SIZE) - OVERHEAD
 
     def dropped(self) -> Dict[str, int]:
         """{reason: datagrams} of the exchange; any thread."""

@@ -3,7 +3,7 @@
 
 Rules, in the order in which a stranger meets them; each has its tests in test_robot_core or test_robot_peers:
 
-1. HELLO is answered by a COOKIE, or refused: another version, a key on one side only, another key. Nothing is kept.
+1. HELLO is answered by a COOKIE, or refused: another version, another key. Nothing is kept.
 2. INIT is dropped unless its cookie is this robot's for this address and nonce, and refused if its tag is wrong:
    another key.
 3. An ephemeral that was taken within its cookie's life is dropped. Of the others, each host has INIT_BURST at once, and
@@ -17,11 +17,9 @@ Rules, in the order in which a stranger meets them; each has its tests in test_r
    before it has left that address again.
 9. Names are unique, since what operators report and get goes by name: a later peer of a name gets ' #2' after it.
 10. A peer is forgotten after 60 s of silence, at its CLOSE, or when a later one of its name is there and it is silent
-    for REPLACED. When another one needs its place, it is forgotten if it is silent for YIELDS. Without a key anybody
-    can take all places: there OPEN_YIELDS is enough, and a host that has two places more than another one gives one up.
+    for REPLACED. When another one needs its place, it is forgotten if it is silent for YIELDS.
 11. DATA of a session that is not known is answered by UNKNOWN, at most UNKNOWN_BURST at once, then 1 / UNKNOWN_PERIOD.
 """
-import collections
 from typing import Dict, Optional
 
 from ..budget import Budget
@@ -33,12 +31,12 @@ from .core import MAX_ATTEMPTS, MIN_DATAGRAM_SIZE, Entry, LinkCore, Random
 from .noise import Forged, Responder
 from .packets import (
     EPHEMERAL_SIZE,
+    OVERHEAD,
     VERSION,
     Accept,
     Cookie,
     Hello,
     Init,
-    Mode,
     Packet,
     Reason,
     Refuse,
@@ -51,7 +49,7 @@ from .packets import (
 from .path import PathCheck
 from .peer import Joined, Moved, Peer, Refused, address_of
 from .replay import HandshakeMemory
-from .session import KeyedSession, OpenSession, Session
+from .session import Session
 
 MAX_PEERS = 8
 
@@ -66,7 +64,7 @@ PENDING = 5.0
 
 MAX_PENDING = 64
 
-REPLACED, YIELDS, OPEN_YIELDS = 1.0, 10.0, 2.0
+REPLACED, YIELDS = 1.0, 10.0
 """An operator sends something ten times a second [s]."""
 
 UNKNOWN_BURST, UNKNOWN_PERIOD = 16, 0.02
@@ -78,17 +76,14 @@ EVENT_PERIOD = 10.0
 VERSION_PERIOD = 3600.0
 """Between two events of the version of one host: that lasts until somebody updates a machine [s]."""
 
-OPEN_EPHEMERAL = 8
-"""What makes an INIT unique in an open link: its index and half of the token [byte]."""
-
 
 class RobotCore(LinkCore):
-    """The robot's side. See LinkCore for the arguments; `suite`: the cipher of a keyed link."""
+    """The robot's side. See LinkCore for the arguments; `suite`: the cipher of the link."""
 
-    def __init__(self, key: Optional[bytes], random: Random, max_datagram_size: int, name: str,
+    def __init__(self, key: bytes, random: Random, max_datagram_size: int, name: str,
                  suite: Suite = Suite.AESGCM) -> None:
         super().__init__(key, random, max_datagram_size, name)
-        self._suite = suite if key is not None else Suite.OPEN
+        self._suite = suite
         self._cookies = CookieJar(random)
         self._taken = HandshakeMemory(2 * LIFETIME)
         self._inits: Newest[int, Budget] = Newest(MAX_HOSTS)        # by the IPv4 address of the host, as below
@@ -108,22 +103,20 @@ class RobotCore(LinkCore):
     def _on_hello(self, hello: Hello, source: Place, now: float) -> None:
         if hello.version != VERSION:
             self._refuse_version(hello, source, now)
-        elif hello.mode != self.mode:
-            self._refuse(Reason.NEEDS_KEY if self.mode == Mode.KEYED else Reason.HAS_NO_KEY, source, hello.nonce, now)
         elif not self._tags.is_right(hello):
             self._refuse(Reason.WRONG_KEY, source, hello.nonce, now)
         else:
-            cookie = Cookie(VERSION, self.mode, self._suite, hello.nonce, self._cookies.make(source, hello.nonce, now))
+            cookie = Cookie(VERSION, self._suite, hello.nonce, self._cookies.make(source, hello.nonce, now))
             self._send(source, self._tags.tagged(cookie).pack())
 
     def _refuse_version(self, hello: Hello, source: Place, now: float) -> None:
         """Who names its release is told this one's: others know no REFUSE that is longer."""
-        refuse = Refuse(VERSION, self.mode, Reason.VERSION, hello.nonce, OURS.release if hello.release else '')
+        refuse = Refuse(VERSION, Reason.VERSION, hello.nonce, OURS.release if hello.release else '')
         text = difference('it', Software(hello.version, hello.release), 'this robot', OURS)
         self._send_refusal(refuse, source, text, now, self._versions)
 
     def _refuse(self, reason: Reason, source: Place, nonce: int, now: float) -> None:
-        self._send_refusal(Refuse(VERSION, self.mode, reason, nonce), source, TO_US[reason], now)
+        self._send_refusal(Refuse(VERSION, reason, nonce), source, TO_US[reason], now)
 
     def _send_refusal(self, refuse: Refuse, source: Place, text: str, now: float,
                       budgets: Optional[Newest[int, Budget]] = None) -> None:
@@ -137,47 +130,36 @@ class RobotCore(LinkCore):
             self._events.append(Refused(reason, 'refused %s:%d: %s' % (*address_of(source), text)))
 
     def _on_init(self, init: Init, source: Place, now: float) -> None:
-        if (init.version, init.mode, init.suite) != (VERSION, self.mode, self._suite):
-            self.dropped['another version or mode'] += 1
+        if (init.version, init.suite) != (VERSION, self._suite):
+            self.dropped['another version or cipher'] += 1
         elif not self._cookies.is_valid(init.cookie, source, init.nonce, now):
             self.dropped['wrong cookie'] += 1
         elif not self._tags.is_right(init):
             self._refuse(Reason.WRONG_KEY, source, init.nonce, now)
-        elif _ephemeral_of(init) in self._taken:
+        elif init.message[:EPHEMERAL_SIZE] in self._taken:
             self.dropped['replayed handshake'] += 1
         elif not self._inits.of(source[0], lambda: Budget(INIT_BURST, INIT_PERIOD)).take(now):
             self.dropped['too many handshakes'] += 1
-        elif self.mode == Mode.KEYED:
-            self._answer_keyed(init, source, now)
         else:
-            self._answer_open(init, source, now)
+            self._answer(init, source, now)
 
-    def _answer_keyed(self, init: Init, source: Place, now: float) -> None:
-        """Rules 4 to 6, with a key."""
+    def _answer(self, init: Init, source: Place, now: float) -> None:
+        """Rules 4 to 6."""
         noise = Responder(self._key, self._suite, prologue(init))
         try:
             request = Request.parse(noise.read(init.message))
-            self._taken.add(_ephemeral_of(init), now)
+            self._taken.add(init.message[:EPHEMERAL_SIZE], now)
             if not self._is_acceptable(request, source, init.nonce, now):
                 return
             index = self._new_index()
-            answer = noise.write(self._reply(index, 0), self._random(EPHEMERAL_SIZE))
+            reply = Reply(index, self.instance, self.max_datagram_size, self.name)
+            answer = noise.write(reply.pack(), self._random(EPHEMERAL_SIZE))
         except Forged:      # by who has the key
             self.dropped['malformed'] += 1
             return
         keys = noise.keys()
-        self._accept(KeyedSession(index, init.sender, self._suite, keys.responder, keys.initiator), request, answer,
-                     source, now)
-
-    def _answer_open(self, init: Init, source: Place, now: float) -> None:
-        """The same, without a key."""
-        request = Request.parse(init.message)
-        if not self._is_acceptable(request, source, init.nonce, now):
-            return
-        self._taken.add(_ephemeral_of(init), now)
-        index, half = self._new_index(), int.from_bytes(self._random(4), 'little')
-        token = half << 32 | request.token
-        self._accept(OpenSession(index, init.sender, token), request, self._reply(index, token), source, now)
+        self._accept(Session(index, init.sender, self._suite, keys.responder, keys.initiator), request, answer, source,
+                     now)
 
     def _is_acceptable(self, request: Request, source: Place, nonce: int, now: float) -> bool:
         """Whether there is room for this operator; refuses it otherwise."""
@@ -185,13 +167,10 @@ class RobotCore(LinkCore):
             self.dropped['malformed'] += 1
             return False
         known = any(peer.instance == request.instance for peer in self._peers)
-        if not known and len(self._peers) >= MAX_PEERS and self._who_leaves(request.name, source, now) is None:
+        if not known and len(self._peers) >= MAX_PEERS and self._who_leaves(request.name, now) is None:
             self._refuse(Reason.FULL, source, nonce, now)
             return False
         return True
-
-    def _reply(self, index: int, token: int) -> bytes:
-        return Reply(index, self.instance, self.max_datagram_size, token, self.name).pack()
 
     def _accept(self, session: Session, request: Request, answer: bytes, source: Place, now: float) -> None:
         """Rule 6."""
@@ -202,7 +181,7 @@ class RobotCore(LinkCore):
                 self._entries.pop(entries[0].session.index, None)
         self._entries[session.index] = Entry(session, request.name, request.instance, request.max_datagram_size,
                                              source, now, now + PENDING)
-        self._send(source, Accept(VERSION, self.mode, self._suite, session.their_index, answer).pack())
+        self._send(source, Accept(VERSION, self._suite, session.their_index, answer).pack())
 
     def _confirm(self, entry: Entry, now: float) -> bool:
         """Rule 7."""
@@ -232,29 +211,18 @@ class RobotCore(LinkCore):
             if peer.told == entry.name and now - peer.heard >= REPLACED:
                 self._leave(peer, 'replaced by a later one of its name')
         if len(self._peers) >= MAX_PEERS:
-            leaves = self._who_leaves(entry.name, entry.place, now)
+            leaves = self._who_leaves(entry.name, now)
             if leaves is None:
                 return False
-            self._leave(leaves, 'silent for %d s, and its place was needed' % self._yields
-                        if now - leaves.heard >= self._yields else 'its host has more places than another one')
+            self._leave(leaves, 'silent for %d s, and its place was needed' % YIELDS)
         return True
 
-    @property
-    def _yields(self) -> float:
-        return OPEN_YIELDS if self.mode == Mode.OPEN else YIELDS
-
-    def _who_leaves(self, name: str, place: Place, now: float) -> Optional[Peer]:
-        """Who gives up its place to a peer of this name and place, where there are MAX_PEERS."""
+    def _who_leaves(self, name: str, now: float) -> Optional[Peer]:
+        """Who gives up its place to a peer of this name, where there are MAX_PEERS."""
         silent = min(self._peers, key=lambda peer: peer.heard)
-        if now - silent.heard >= self._yields:
+        if now - silent.heard >= YIELDS:
             return silent
-        replaced = next((peer for peer in self._peers if peer.told == name and now - peer.heard >= REPLACED), None)
-        if replaced is not None or self.mode == Mode.KEYED:
-            return replaced
-        hosts = collections.Counter(peer.place[0] for peer in self._peers)
-        host, most = hosts.most_common(1)[0]
-        return max((peer for peer in self._peers if peer.place[0] == host), key=lambda peer: peer.number) \
-            if most >= hosts[place[0]] + 2 else None
+        return next((peer for peer in self._peers if peer.told == name and now - peer.heard >= REPLACED), None)
 
     def poll(self, now: float) -> None:
         """See LinkCore."""
@@ -275,7 +243,7 @@ class RobotCore(LinkCore):
         if path is None or path.place != source:
             path = self._paths[peer.number] = PathCheck(source, self._random(CHALLENGE_SIZE))
         path.came(size, now)
-        if path.may_send(SIZE + peer.overhead, now):
+        if path.may_send(SIZE + OVERHEAD, now):
             self._send(source, peer.seal_one(message(Control.PATH_CHALLENGE, path.challenge)))
 
     def _on_path(self, peer: Peer, kind: Control, body: bytes, source: Place, now: float) -> None:
@@ -295,21 +263,9 @@ class RobotCore(LinkCore):
             self._send(source, Unknown(VERSION, index).pack())
 
 
-def _ephemeral_of(init: Init) -> bytes:
-    """What makes an INIT unique.
-
-    :raises Malformed: if it is none
-    """
-    if init.mode == Mode.KEYED:
-        return init.message[:EPHEMERAL_SIZE]
-    return (Request.parse(init.message).token << 32 | init.sender).to_bytes(OPEN_EPHEMERAL, 'little')
-
-
 REFUSED = {reason: 'refused: %s' % reason.name.lower().replace('_', ' ') for reason in Reason}
 
 TO_US = {
-    Reason.NEEDS_KEY: 'it has no key, this robot has one',
-    Reason.HAS_NO_KEY: 'it has a key, this robot has none',
     Reason.WRONG_KEY: 'it has another key',
     Reason.FULL: 'there are %d operators already' % MAX_PEERS,
 }

@@ -1,13 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Sessions: UDPROS datagrams into DATA packets and back, whole batches at a time.
 
-* KeyedSession: each datagram is sealed under a 64-bit counter, which is its nonce, never used twice with a key. The 16
-  bytes in front of the body are authenticated with it. Counters that were seen are dropped before the tag is checked;
-  only authentic ones are noted. Nothing of the body is looked at before the tag is right.
-* OpenSession: each datagram carries the token that both sides made in the handshake. It keeps out who does not see the
-  link's traffic, and nobody else. Duplicates are left to the sequence numbers of the messages.
+Each datagram is sealed under a 64-bit counter, which is its nonce, never used twice with a key. The 16 bytes in front
+of the body are authenticated with it. Counters that were seen are dropped before the tag is checked; only authentic
+ones are noted. Nothing of the body is looked at before the tag is right.
 """
-import abc
 import threading
 from typing import Counter, List, NamedTuple, Tuple
 
@@ -15,7 +12,7 @@ import numpy as np
 
 from ..arrays import IntArray, Records, UInt8Array
 from .aead import NONCE_SIZE, InvalidTag, cipher, nonces
-from .packets import DATA, DATA_DTYPE, OVERHEAD, Kind, Mode, Suite
+from .packets import DATA, DATA_DTYPE, OVERHEAD, Kind, Suite
 from .replay import ReplayWindow
 
 LAST_COUNTER = 1 << 62
@@ -25,7 +22,7 @@ LAST_COUNTER = 1 << 62
 class Opened(NamedTuple):
     """The authentic datagrams of a batch."""
     datagrams: UInt8Array
-    """(m, slot - overhead) uint8, C-contiguous: the UDPROS datagrams, followed by zeros."""
+    """(m, slot - OVERHEAD) uint8, C-contiguous: the UDPROS datagrams, followed by zeros."""
     lengths: IntArray
     """(m,) int64 [byte]."""
     rows: IntArray
@@ -34,19 +31,23 @@ class Opened(NamedTuple):
     """The row of the one that was sent after all others so far; -1 if none was."""
 
 
-class Session(abc.ABC):
-    """The keys, or the token, of one handshake.
+class Session:
+    """The keys of one handshake.
 
     :param index: by which the other side names this session
     :param their_index: by which this side names it to the other
+    :param sending: the key of this side's datagrams, 32 bytes
+    :param receiving: the key of the other side's
     """
-    overhead: int
-    """Bytes of each packet that are not the datagram's."""
 
-    def __init__(self, index: int, their_index: int) -> None:
+    def __init__(self, index: int, their_index: int, suite: Suite, sending: bytes, receiving: bytes) -> None:
         self.index, self.their_index = index, their_index
         self._lock = threading.Lock()
         self._sent = 0
+        self._suite = suite
+        self._encrypt = cipher(suite, sending).encrypt
+        self._decrypt = cipher(suite, receiving).decrypt
+        self._window = ReplayWindow()
 
     @property
     def sent(self) -> int:
@@ -61,72 +62,8 @@ class Session(abc.ABC):
             raise RuntimeError('the session has no counters left')
         return first
 
-    @abc.abstractmethod
     def seal(self, datagrams: UInt8Array) -> UInt8Array:
-        """Packets for datagrams, (n, size) to (n, size + overhead) uint8, C-contiguous. Any thread."""
-
-    @abc.abstractmethod
-    def open(self, packets: UInt8Array, lengths: IntArray, rows: IntArray, dropped: Counter[str]) -> Opened:
-        """The datagrams in packets of this session.
-
-        :param packets: (n, slot) uint8
-        :param lengths: (n,) int, at least overhead + MIN_BODY, at most slot [byte]
-        :param rows: (k,) int: which ones
-        :param dropped: counts those that are not authentic, or seen before, by reason
-        """
-
-
-class OpenSession(Session):
-    """Without a key.
-
-    :param token: u64
-    """
-    overhead = OVERHEAD[Mode.OPEN]
-
-    def __init__(self, index: int, their_index: int, token: int) -> None:
-        super().__init__(index, their_index)
-        self._token = token
-        self._head = np.frombuffer(DATA.pack(Kind.DATA, their_index, token), np.uint8)
-
-    def seal(self, datagrams: UInt8Array) -> UInt8Array:
-        """See Session."""
-        count, size = datagrams.shape
-        self._count(count)
-        packets = np.empty((count, size + self.overhead), np.uint8)
-        packets[:, :self.overhead] = self._head
-        packets[:, self.overhead:] = datagrams
-        return packets
-
-    def open(self, packets: UInt8Array, lengths: IntArray, rows: IntArray, dropped: Counter[str]) -> Opened:
-        """See Session."""
-        right = _heads(packets, rows)['counter'] == np.uint64(self._token)
-        if not right.all():
-            dropped['wrong token'] += int(len(rows) - np.count_nonzero(right))
-            rows = rows[right]
-        sizes = lengths[rows] - self.overhead
-        datagrams = packets[rows, self.overhead:]
-        if len(rows):
-            _clear_tails(datagrams, sizes)
-        return Opened(datagrams, sizes, rows, int(rows[-1]) if len(rows) else -1)
-
-
-class KeyedSession(Session):
-    """With a key.
-
-    :param sending: the key of this side's datagrams, 32 bytes
-    :param receiving: the key of the other side's
-    """
-    overhead = OVERHEAD[Mode.KEYED]
-
-    def __init__(self, index: int, their_index: int, suite: Suite, sending: bytes, receiving: bytes) -> None:
-        super().__init__(index, their_index)
-        self._suite = suite
-        self._encrypt = cipher(suite, sending).encrypt
-        self._decrypt = cipher(suite, receiving).decrypt
-        self._window = ReplayWindow()
-
-    def seal(self, datagrams: UInt8Array) -> UInt8Array:
-        """See Session."""
+        """Packets for datagrams, (n, size) to (n, size + OVERHEAD) uint8, C-contiguous. Any thread."""
         count, size = datagrams.shape
         counters = self._count(count) + np.arange(count)
         heads = np.zeros(count, DATA_DTYPE)
@@ -138,10 +75,16 @@ class KeyedSession(Session):
             data = head[row * head_size:(row + 1) * head_size]
             parts += (data, encrypt(nonce[row * NONCE_SIZE:(row + 1) * NONCE_SIZE],
                                     body[row * size:(row + 1) * size], data))
-        return np.frombuffer(bytearray().join(parts), np.uint8).reshape(count, size + self.overhead)
+        return np.frombuffer(bytearray().join(parts), np.uint8).reshape(count, size + OVERHEAD)
 
     def open(self, packets: UInt8Array, lengths: IntArray, rows: IntArray, dropped: Counter[str]) -> Opened:
-        """See Session."""
+        """The datagrams in packets of this session.
+
+        :param packets: (n, slot) uint8
+        :param lengths: (n,) int, at least OVERHEAD + MIN_BODY, at most slot [byte]
+        :param rows: (k,) int: which ones
+        :param dropped: counts those that are not authentic, or seen before, by reason
+        """
         counters = _heads(packets, rows)['counter'].astype(np.int64)
         fresh = (counters >= 0) & (counters < LAST_COUNTER) & self._window.fresh(counters)
         if not fresh.all():
@@ -157,11 +100,11 @@ class KeyedSession(Session):
             dropped['replayed data'] += int(len(rows) - np.count_nonzero(first))
             plain = [plain[at] for at in np.flatnonzero(first)]
             rows, counters = rows[first], counters[first]
-        width = packets.shape[1] - self.overhead
+        width = packets.shape[1] - OVERHEAD
         joined = bytearray().join([datagram.ljust(width, b'\0') for datagram in plain])
         newest = int(rows[counters.argmax()]) if self._window.highest > before else -1
         return Opened(np.frombuffer(joined, np.uint8).reshape(len(rows), width),
-                      lengths[rows] - self.overhead, rows, newest)
+                      lengths[rows] - OVERHEAD, rows, newest)
 
     def _decrypted(self, packets: UInt8Array, lengths: IntArray, rows: IntArray,
                    counters: IntArray) -> Tuple[List[bytes], List[int]]:
@@ -186,11 +129,3 @@ def _heads(packets: UInt8Array, rows: IntArray) -> Records:
     """(k,) of DATA_DTYPE."""
     heads: Records = packets[rows, :DATA.size].view(DATA_DTYPE)[:, 0]
     return heads
-
-
-def _clear_tails(datagrams: UInt8Array, sizes: IntArray) -> None:
-    """Zero what follows each datagram: the slot's former content."""
-    longest = int(sizes.max())
-    datagrams[:, longest:] = 0
-    for row in np.flatnonzero(sizes < longest).tolist():
-        datagrams[row, sizes[row]:] = 0

@@ -6,9 +6,9 @@ checked before anything else is done for a packet.
 """
 import hashlib
 import hmac
-from typing import Optional, TypeVar, Union
+from typing import TypeVar, Union
 
-from .packets import NO_TAG, TAG_SIZE, Cookie, Hello, Init
+from .packets import TAG_SIZE, Cookie, Hello, Init
 
 PURPOSE = b'smokebot_udp link: tags of handshakes'
 """The key of the MACs follows from the link's: the handshake itself uses that for something else."""
@@ -22,11 +22,11 @@ Tagged = TypeVar('Tagged', Hello, Cookie, Init)
 class Tags:
     """Makes and checks tags.
 
-    :param key: of the link, 32 bytes; None: it has none, and tags are zeros
+    :param key: of the link, 32 bytes
     """
 
-    def __init__(self, key: Optional[bytes]) -> None:
-        self._key = None if key is None else hashlib.blake2s(PURPOSE, key=key).digest()
+    def __init__(self, key: bytes) -> None:
+        self._key = hashlib.blake2s(PURPOSE, key=key).digest()
 
     def tagged(self, packet: Tagged) -> Tagged:
         """The packet with its tag."""
@@ -38,8 +38,6 @@ class Tags:
 
     def _tag(self, packet: Tagged) -> bytes:
         """The tag: a MAC of the packet without the tag itself and the release, which older sides do not know."""
-        if self._key is None:
-            return NO_TAG
         datagram, at = _without_release(packet).pack(), TAG_AT[type(packet)]
         others = datagram[:at] + datagram[at + TAG_SIZE:]
         return hashlib.blake2s(others, digest_size=TAG_SIZE, key=self._key).digest()

@@ -18,11 +18,12 @@ from ..udpros.endpoints import BatchSender
 from ..udpros.frame import Frame, first_messages
 from ..udpros.packetizer import Limit, Packetizer
 from ..udpros.records import has_header, record_dtype
+from .packets import OVERHEAD
 from .peer import Peer
 from .tables import Topic
 
 MAX_MESSAGE_SIZE = 1 << 18
-"""A longer message is not received. A peer of an open link may be anybody: it must not fill the memory [byte]."""
+"""A longer message is not received. A peer must not fill the memory [byte]."""
 
 
 class PeerSender:
@@ -172,20 +173,19 @@ class Subscriber:
 
     The arguments without an explanation are those of transport.Transport.subscriber.
 
-    :param overhead: of the link, in each datagram [byte]
     :param report: f(text), called with what a callback raises
     :param ended: f(subscriber), called by `unregister`
     """
 
     def __init__(self, topic: Topic, message_class: Any, callback: Optional[Callable[[Any], None]],
                  queue_size: Optional[int], batch_callback: Optional[BatchCallback], arrived: Optional[Arrived],
-                 wanted: Callable[[], bool], overhead: int, report: Callable[[str], None],
+                 wanted: Callable[[], bool], report: Callable[[str], None],
                  ended: Callable[['Subscriber'], None]) -> None:
         if batch_callback is not None:
             record_dtype(message_class, {})     # raises if the type has no layout
         self.topic, self.message_class = topic, message_class
         self.callback, self.batch_callback = callback, batch_callback
-        self._queue_size, self._arrived, self._headers = queue_size, arrived, IP_UDP_HEADERS + overhead
+        self._queue_size, self._arrived, self._headers = queue_size, arrived, IP_UDP_HEADERS + OVERHEAD
         self._wanted, self._ended, self._report = wanted, ended, report
         self._incoming: Dict[int, Incoming] = {}      # by the peer's number; replaced, not changed
 

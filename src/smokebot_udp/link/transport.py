@@ -24,7 +24,7 @@ from ..udpros.packetizer import no_limit
 from .core import CLOSED, LinkCore
 from .endpoint import Endpoint
 from .operator_core import NO_ANSWER, OperatorCore
-from .packets import Mode, encode_name
+from .packets import OVERHEAD, encode_name
 from .peer import Delivery, Event, Joined, Left, Moved, Peer, Refused
 from .peer_topics import KINDS, PeerTopics
 from .resolver import Resolver
@@ -42,8 +42,8 @@ REPORTED, REPORT_PERIOD = 50, 1.0
 """Differences of topics are reported so often at once, and then once in this time, in turns of the peers [1, s]."""
 
 LOGGED, LOG_PERIOD = 50, 1.0
-"""What happens to peers is logged so often at once, and then once in this time: anybody may join and leave an open link
-again and again [1, s]."""
+"""What happens to peers is logged so often at once, and then once in this time: a peer may join and leave again
+and again [1, s]."""
 
 Report = Callable[[str], None]
 Renewed = Callable[[float], Optional[bytes]]
@@ -68,12 +68,12 @@ class LinkTransport:
     :raises OSError: if the port is in use
     """
     own_masters = True
+    overhead = OVERHEAD
 
     def __init__(self, core: LinkCore, port: int, receive_buffer: int, tos_mask: int, renewed: Renewed, report: Report,
                  log: Report, remarks: Sequence[str] = ()) -> None:
-        self.name, self.overhead = encode_name(core.name).decode(), core.overhead       # as the other side has it
-        self.max_datagram_size = self.room = core.max_datagram_size - core.overhead
-        self.sealed = core.mode == Mode.KEYED
+        self.name = encode_name(core.name).decode()     # as the other side has it
+        self.max_datagram_size = self.room = core.max_datagram_size - OVERHEAD
         self._core, self._renewed, self._report, self._log = core, renewed, report, log
         self._log_budget = Budget(LOGGED, LOG_PERIOD)
         self._local, self._lock = Local(), threading.Lock()     # the lock: of changes of these three
@@ -124,7 +124,7 @@ class LinkTransport:
         :raises ValueError: if the topic is subscribed already, or its name is too long
         """
         subscriber = Subscriber(Topic(topic, message_class._type, message_class._md5sum, carries), message_class,
-                                callback, queue_size, batch_callback, arrived, wanted, self.overhead, self._report,
+                                callback, queue_size, batch_callback, arrived, wanted, self._report,
                                 self._end_subscriber)
         with self._lock:
             self._local.add(Role.RECEIVES, subscriber.topic)
@@ -166,7 +166,7 @@ class LinkTransport:
         """See transport.Transport."""
         peers = [topics.peer for topics in self._peers.values()]
         return TransportStats(
-            self.sealed, [PeerStats(peer.name, peer.address, now - peer.heard, peer.round_trip) for peer in peers],
+            [PeerStats(peer.name, peer.address, now - peer.heard, peer.round_trip) for peer in peers],
             self._handshakes + sum(peer.handshakes for peer in peers), self.dropped(), self.problem(), self.remarks)
 
     def close(self) -> None:
@@ -283,7 +283,7 @@ class LinkTransport:
         return self._due
 
     def _tell_differences(self, now: float) -> None:
-        """Report what was not reported yet, at most one difference of each peer: a stranger has its turn, no more."""
+        """Report what was not reported yet, at most one difference of each peer: each has its turn, no more."""
         found = {topics.peer.number: topics.exchange.differences(topics.peer.name) for topics in self._peers.values()}
         self._differences = [next(iter(sentences.values())) for sentences in found.values() if sentences]
         for number, sentences in found.items():
@@ -307,7 +307,7 @@ class RobotTransport(LinkTransport):
     """The robot's side.
 
     :param port: UDP port to listen on, on all interfaces; 0: any free one, see `port`
-    :param key: 32 bytes; None: anybody may join
+    :param key: of the link, 32 bytes
     :param max_datagram_size: the longest datagram to send and to receive, the link's overhead included
         [byte of UDP payload]
     :param receive_buffer: requested from the kernel [byte]
@@ -319,7 +319,7 @@ class RobotTransport(LinkTransport):
     :raises OSError: if the port is in use
     """
 
-    def __init__(self, port: int, key: Optional[bytes] = None, *, max_datagram_size: int = DEFAULT_MAX_DATAGRAM_SIZE,
+    def __init__(self, port: int, key: bytes, *, max_datagram_size: int = DEFAULT_MAX_DATAGRAM_SIZE,
                  receive_buffer: int = 4 << 20, tos_mask: int = 0, name: Optional[str] = None, renewed: Renewed = never,
                  report: Report = rospy.logerr, log: Report = rospy.loginfo) -> None:
         core = RobotCore(key, os.urandom, max_datagram_size, own_name() if name is None else name)
@@ -335,12 +335,12 @@ class OperatorTransport(LinkTransport):
 
     :param host: the robot's, a name or an IPv4 address; a name is looked up again while the robot does not answer
     :param port: the robot's
-    :param key: the robot's; None: it has none
+    :param key: the robot's
 
     The other arguments are RobotTransport's.
     """
 
-    def __init__(self, host: str, port: int, key: Optional[bytes] = None, *,
+    def __init__(self, host: str, port: int, key: bytes, *,
                  max_datagram_size: int = DEFAULT_MAX_DATAGRAM_SIZE, receive_buffer: int = 4 << 20, tos_mask: int = 0,
                  name: Optional[str] = None, renewed: Renewed = never, report: Report = rospy.logerr,
                  log: Report = rospy.loginfo, remarks: Sequence[str] = ()) -> None:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The robot's settings across the link: what operators request, and what the robot answers.
 
-A part is a stream of streams.yaml, or the mission focus. An operator repeats a request until a state answers its id;
-the robot carries it out once and answers each repetition. Besides, the robot sends the states of all parts in turn, and
-those that change at once.
+A part is a stream of streams.yaml, or the mission focus. Requests and states cross on two reliable channels, in order.
+The robot sends the states of all parts to an operator that joins, that of a part which changes, and an answer to each
+request.
 """
 from dataclasses import dataclass
 from typing import Any, Mapping, Tuple
@@ -21,7 +21,7 @@ MAX_TEXT = 1000
 class Request:
     """An operator's request to change settings of a part."""
     id: int
-    """Random number other than 0."""
+    """Number of the request, other than 0; the same where it is sent again after a new session has begun."""
     part: str
     values: Mapping[str, Any]
     """{setting: requested value}"""
@@ -30,10 +30,6 @@ class Request:
 @dataclass(frozen=True)
 class PartState:
     """A part at one moment."""
-    session: int
-    """Random, another one after each start of the robot's node: revisions of different sessions have no order."""
-    revision: int
-    """Grows with each change of the part."""
     part: str
     values: Mapping[str, Any]
     """{setting: requested value} of all settings that may change."""

@@ -19,8 +19,7 @@ HOST = re.compile(r'[A-Za-z0-9]([A-Za-z0-9._-]*[A-Za-z0-9])?$')
 ROBOT = {
     'host': Parameter(None, '', 'host name or IPv4 address of the robot'),
     'port': Parameter(17001, '', "UDP port of the robot: its link_port", least=1, most=65535),
-    'key_file': Parameter('', '', "file with the robot's key; empty: none"),
-    'allow_unsealed_commands': Parameter(False, '', "whether the robot's commands and services work without a key"),
+    'key_file': Parameter('', '', "file with a copy of the robot's key; empty: ~/.ros/smokebot_udp/NAME.key"),
     'frame_prefix': Parameter('', '', "goes before all frames of the robot; if it is missing: the robot's name and a "
                               'slash'),
     'footprint': Parameter('', 'm', 'outline of the robot, [[x, y], ...]; empty: the default of operator_receiver'),

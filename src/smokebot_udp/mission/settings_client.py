@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """An operator's half of the settings across the link: a copy of the robot's settings, and requests to change them.
 
-A change takes effect in the copy at once, and is requested of the robot until it answers: one request after the other,
-in the order in which they were made, since a switch of the focus resets other settings. What the robot refuses, or does
-not answer in time, is set back to what the robot has.
+A change takes effect in the copy at once, and is requested of the robot: one request after the other, in the order in
+which they were made, since a switch of the focus resets other settings. Further changes of a part wait together: a
+slider makes many. What the robot refuses, or does not answer in time, is set back to what the robot has.
 """
 import collections
 import dataclasses
+import itertools
 import math
 from typing import Any, Callable, Counter, Deque, Dict, List, Mapping, Optional, Set, Tuple
 
@@ -14,12 +15,6 @@ from .control import FOCUS
 from .parameters import Table, check_one
 from .remote import FOCUS_PART, FOCUS_SETTING, PartState, Request
 from .settings import SettingsStore
-
-RETRY_PERIOD = 0.1
-"""Time after which a request is repeated first. With each repetition it grows by half, up to MAX_RETRY_PERIOD [s]."""
-
-MAX_RETRY_PERIOD = 0.5
-"""Maximum time between repetitions of a request [s]."""
 
 TIMEOUT = 10.0
 """A change that the robot does not answer for this long is given up [s]."""
@@ -45,25 +40,22 @@ class _Change:
     """Called when the change is over; None: the change is in the copy already."""
     id: int = 0
     """Id of the change's request; 0: it has none yet, as it waits for the changes before it."""
-    due: float = -math.inf
-    """Time at which the request is sent next [s]."""
-    period: float = RETRY_PERIOD
-    """Time between the next request and its repetition [s]."""
+    sent: bool = False
+    """Whether it is on its way."""
 
 
 class SettingsClient:
     """Holds the copy. All times are by one steady clock [s].
 
     :param tables: {stream: {setting: Parameter}} of the settings that may change while the robot runs
-    :param new_id: f() -> a random number other than 0
     """
 
-    def __init__(self, tables: Mapping[str, Table], new_id: Callable[[], int]) -> None:
+    def __init__(self, tables: Mapping[str, Table]) -> None:
         self.stores: Dict[str, SettingsStore] = {}
         """{part: its settings}, of the parts whose state was received; only this class requests settings of them."""
         self.dropped: Counter[str] = collections.Counter()
         """{reason: count} of the states that were not used."""
-        self._tables, self._new_id = {**tables, FOCUS_PART: {FOCUS_SETTING: FOCUS}}, new_id
+        self._tables, self._ids = {**tables, FOCUS_PART: {FOCUS_SETTING: FOCUS}}, itertools.count(1)
         self._robot: Dict[str, PartState] = {}
         self._changes: Deque[_Change] = collections.deque()     # the first one is requested
         self._changed: Dict[str, None] = {}     # the parts that have changed by what the robot sent, or did not answer
@@ -106,12 +98,13 @@ class SettingsClient:
             and self._changes[0].part == state.part
         if answers:
             self._finish(state.refusal, state.changes)
-        known = self._robot.get(state.part)
-        if known is not None and known.session == state.session and state.revision < known.revision:
-            self.dropped['outdated'] += 1
-            state = known
         self._robot[state.part] = state
         self._take_over(state.part)
+
+    def begin_again(self) -> None:
+        """A session with the robot has begun: what was on its way in the one before may not have arrived."""
+        if self._changes:
+            self._changes[0].sent = False
 
     @property
     def news(self) -> bool:
@@ -126,7 +119,9 @@ class SettingsClient:
 
     def deadline(self) -> Optional[float]:
         """When `poll` has something to do next; None: not before `request`."""
-        return min(self._changes[0].due, self._changes[0].until) if self._changes else None
+        if not self._changes:
+            return None
+        return self._changes[0].until if self._changes[0].sent else -math.inf
 
     def poll(self, now: float) -> Optional[Request]:
         """The request that is to be sent now; changes that the robot did not answer are given up."""
@@ -135,12 +130,10 @@ class SettingsClient:
             self._finish('the robot did not answer in %g s' % self._changes[0].timeout)
             if part in self._robot:
                 self._take_over(part)
-        if not self._changes or self._changes[0].due > now:
+        if not self._changes or self._changes[0].sent:
             return None
         change = self._changes[0]
-        change.id = change.id or self._new_id()
-        change.due = now + change.period
-        change.period = min(MAX_RETRY_PERIOD, 1.5 * change.period)
+        change.id, change.sent = change.id or next(self._ids), True
         return Request(change.id, change.part, change.values)
 
     def _check_room(self) -> None:

@@ -22,8 +22,8 @@ PARTS: Mapping[str, Fields] = {
     Kind.CLOCK: {'offset': ('offset [ms]', 1e-3), 'uncertainty': ('uncertainty [ms]', 1e-3),
                  'round_trip': ('round_trip [ms]', 1e-3)},
     Kind.CONTROL: {'control': ('control', None)},
-    Kind.TRANSPORT: {'connected_to': ('connected to', None), 'sealed': ('sealed', None),
-                     'handshakes': ('handshakes', 1.0), 'dropped': ('dropped', 1.0)},
+    Kind.TRANSPORT: {'connected_to': ('connected to', None), 'handshakes': ('handshakes', 1.0),
+                     'dropped': ('dropped', 1.0)},
     Kind.WIFI: {
         'interface': ('wifi', None), 'ssid': ('ssid', None), 'signal_dbm': ('signal [dBm]', 1.0),
         'noise_dbm': ('noise [dBm]', 1.0), 'tx_bitrate_mbit': ('tx bitrate [Mbit/s]', 1.0),

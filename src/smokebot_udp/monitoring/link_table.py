@@ -123,8 +123,8 @@ def _transport(status: Tree, transport: Optional[Tree], whose: str, plots: Plots
     peers = transport['connected_to'] or '-'
     reasons = ', '.join('%s %s' % (number(count), reason) for reason, count in transport['dropped_by_reason'].items())
     problem = re.sub(r' from ([^\s;]+)', lambda found: '' if found[1] in peers else found[0], status['message'])
-    return '%s with %s; sealed: %s; handshakes: %s; dropped: %s%s%s' % (
-        status['node'], peers, transport['sealed'] or '-', number(transport['handshakes']),
+    return '%s with %s; handshakes: %s; dropped: %s%s%s' % (
+        status['node'], peers, number(transport['handshakes']),
         number(transport['dropped']), ' (%s)' % reasons if reasons else '',
         '; ' + problem if status['level'] != 'OK' else '')
 

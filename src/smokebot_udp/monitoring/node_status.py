@@ -85,7 +85,6 @@ def transport_status(stats: TransportStats) -> Status:
     """The status of a transport."""
     wrong = '; '.join(([stats.problem] if stats.problem else []) + list(stats.remarks))
     return Status(Kind.TRANSPORT, 'link transport', WARN if wrong else OK, wrong or 'fine', {
-        'sealed': 'yes' if stats.sealed else 'no: anybody on the network can watch',
         'connected to': '; '.join(map(_peer, stats.peers)) or 'nobody', 'handshakes': stats.handshakes,
         'dropped': sum(stats.dropped.values()), **by_reason('dropped', dict(stats.dropped))})
 

@@ -7,7 +7,7 @@ switch. mission.control decides; this is its ROS side.
 """
 import functools
 import threading
-from typing import Any, Callable, FrozenSet, List, Mapping, Tuple
+from typing import Any, Callable, List, Mapping, Tuple
 
 import rospy
 from dynamic_reconfigure.encoding import encode_config
@@ -29,8 +29,8 @@ from .live import LiveSettings
 from .logging import log_error
 from .opened import Part
 from .parameter_watch import ParameterWatch
+from .reliable_link import ReliableLink
 from .robot_control import RobotControl
-from .robot_stream import RobotLink
 from .settings_host import SettingsHost
 from .stream_problems import StreamProblems
 from .worker import PeriodicWorker
@@ -50,15 +50,16 @@ class FocusControl(Part):
 
     :param stores: {stream: SettingsStore}
     :param profiles: {name: Profile}
-    :param link: over which operators request a focus, and settings where they have masters of their own
+    :param own_masters: whether operators have masters of their own, so that all settings cross the link
+    :param reliable: over which operators request a focus, and settings
     :param rate: of the link, which is divided anew after each switch of the focus
     :param driving: who drives, for the status
     :param problems: of the streams, for the status
     :param report: f(problem), called with what is refused
     """
 
-    def __init__(self, stores: Mapping[str, SettingsStore], profiles: Mapping[str, Profile], link: RobotLink,
-                 rate: LinkControl, driving: RobotControl, problems: StreamProblems,
+    def __init__(self, stores: Mapping[str, SettingsStore], profiles: Mapping[str, Profile], own_masters: bool,
+                 reliable: ReliableLink, rate: LinkControl, driving: RobotControl, problems: StreamProblems,
                  report: Callable[[str], None]) -> None:
         super().__init__()
         self._rate, self._driving, self._problems, self._report = rate, driving, problems, report
@@ -67,10 +68,10 @@ class FocusControl(Part):
         self._carrying_out = threading.Lock()   # otherwise an answer might name another operator's focus
         self._publishing = threading.Lock()     # otherwise an older status might be latched after a newer one
         self._published: Any = None     # what may change without a request, as it was published last
-        self._present: FrozenSet[str] = frozenset()     # operators
         self._show = PeriodicWorker('settings', self._show_all, log_error('settings'), None)
         self._control = MissionControl(stores, profiles, report, self._switched, self._show.wake)
-        self._host = self._opened.add(SettingsHost(self._control, self._carry_out, link, report))
+        self._host = self._opened.add(SettingsHost(
+            self._control, self._carry_out, own_masters, reliable, report))
         self._parts = [LiveSettings('', self._control.focus_store, report, self._control.request_focus)]
         self._parts += [LiveSettings(name, store, report, functools.partial(self._control.request, name))
                         for name, store in stores.items()]
@@ -118,10 +119,7 @@ class FocusControl(Part):
         return answer(state.focus, before, self._streams(state))
 
     def _standing_changed(self) -> None:
-        """Publish the status soon, with who drives now; any thread. Who comes back from a cut has missed changes."""
-        before, self._present = self._present, frozenset(self._driving.standing.operators)
-        if self._present - before:
-            self._host.joined()
+        """Publish the status soon, with who drives now; any thread."""
         self._changes.wake()
 
     def _publish_changes(self) -> None:

@@ -2,7 +2,7 @@
 """Runs the operator's side of an action stream: an action server for the operator's nodes, which the robot's serves."""
 import functools
 import time
-from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple
+from typing import Any, Callable, Dict, List, Mapping, Tuple
 
 import rospy
 from actionlib_msgs.msg import GoalID, GoalStatus
@@ -35,13 +35,11 @@ class OperatorAction(ActionStream):
     :param name: of the stream in streams.yaml
     :param settings: {name: value}, checked
     :param way: carries all of it
-    :param refused: why no goal is sent; None: they are
     """
 
-    def __init__(self, name: str, settings: Mapping[str, Any], way: OperatorWay,
-                 refused: Optional[str] = None) -> None:
+    def __init__(self, name: str, settings: Mapping[str, Any], way: OperatorWay) -> None:
         super().__init__(name, operator_topic(settings['operator_action']), settings, way)
-        self._prefix, self._refused = way.frame_prefix, refused
+        self._prefix = way.frame_prefix
         self._watch = GoalWatch(self._max_age + ANSWER_TIME)
         self._missing = MissingGoals()
         self._worker: DeadlineWorker[Lost] = DeadlineWorker(
@@ -54,24 +52,19 @@ class OperatorAction(ActionStream):
             '/status': self._status, '/feedback': self._feedback, '/result': self._result}
         # not latched: who starts while the robot is out of reach must not find its action server
         self._publish(*outputs)
-        if self._refused is None:
-            self._open_channels({
-                '/goal': ChannelListener(joined=self._joined, unknown=self._lacks),
-                **{part: ChannelListener(received=functools.partial(self._received, part, take))
-                   for part, take in outputs.items()}})
-            self._opened.started(self._worker)
+        self._open_channels({
+            '/goal': ChannelListener(joined=self._joined, unknown=self._lacks),
+            **{part: ChannelListener(received=functools.partial(self._received, part, take))
+               for part, take in outputs.items()}})
+        self._opened.started(self._worker)
         self._subscribe({'/goal': self._goal, '/cancel': self._cancel})
 
     def stats(self) -> StreamStats:
         """What the stream did, for diagnostics: results that came, goals that left."""
-        return StreamStats(self._results, self._goals, enabled=self._refused is None, steady=False,
-                           to_robot=True, dropped=dict(self._dropped), problem=self._refused,
-                           connections=() if self._refused else self._link.connections(sending=True))
+        return StreamStats(self._results, self._goals, steady=False, to_robot=True, dropped=dict(self._dropped),
+                           connections=self._link.connections(sending=True))
 
     def _goal(self, message: Any) -> None:
-        if self._refused is not None:
-            self._end(message.goal_id, GoalStatus.REJECTED, self._refused)
-            return
         self._goals += 1
         status, why = GoalStatus.LOST, NOBODY
         try:
@@ -87,8 +80,6 @@ class OperatorAction(ActionStream):
             self._end(message.goal_id, status, why)
 
     def _cancel(self, message: Any) -> None:
-        if self._refused is not None:
-            return
         with self._worker.changing():
             self._watch.cancelled(message.id, message.stamp.to_sec(), time.monotonic())
         self._send_cancel(message)

@@ -11,6 +11,7 @@ from typing import Any, List, Mapping
 import rospy
 
 from .. import udpros
+from ..link.keys import KEY_FOLDER
 from ..mission import robots
 from .common import Parameters, read_file
 from .launches import Launch, keep_all
@@ -39,8 +40,8 @@ def operator_launch(name: str, robot: Mapping[str, Any], parameters: Mapping[str
     streams = _path(folder, robot['streams']) or parameters['streams_file']
     arguments = {
         'name': name, 'robot': '%s:%d' % (robot['host'], robot['port']), 'frame_prefix': robot['frame_prefix'],
-        'key_file': _path(folder, robot['key_file']),
-        'allow_unsealed_commands': robot['allow_unsealed_commands'], **{one: parameters[one] for one in PASSED_ON},
+        'key_file': _path(folder, robot['key_file'] or '%s/%s.key' % (KEY_FOLDER, name)),
+        **{one: parameters[one] for one in PASSED_ON},
         **({'streams': streams} if streams else {}),
         **({'footprint': robot['footprint']} if robot['footprint'] else {})}
     return [*LAUNCH, *('%s:=%s' % (argument, str(value).lower() if isinstance(value, bool) else value)

@@ -93,7 +93,9 @@ class OperatorReceiver:
         stores = {name: stream.settings for name, stream in self.streams.items() if stream.settings.table}
         parts = [LiveSettings(name, store, problems.report) for name, store in {**stores, **way_back.stores}.items()]
         opened.add(ParameterWatch(parts, background=True))
-        opened.add(self._mirror_settings({**self.streams, **way_back.streams}, parameters['focus_timeout'], problems))
+        opened.add(self._mirror_settings({**self.streams, **way_back.streams}, reliable,
+                                         parameters['focus_timeout'], problems))
+        reliable.start()
         rospy.on_shutdown(opened.close)
 
     def _arrived(self, stream: str, number: int, seq: int, size: int, count: int, when: float, marked: int) -> None:
@@ -117,13 +119,14 @@ class OperatorReceiver:
         stream, estimate = self.streams.get(name), self._clock.estimate
         return None if stream is None else stream.age(estimate.offset if estimate else None, now)
 
-    def _mirror_settings(self, streams: Mapping[str, Any], timeout: float, problems: Problems) -> SettingsMirror:
+    def _mirror_settings(self, streams: Mapping[str, Any], reliable: ReliableLink, timeout: float,
+                         problems: Problems) -> SettingsMirror:
         """The robot's settings at this master, unless they are there already."""
         robot = rospy.resolve_name('robot_sender')
         if not self._transport.own_masters or living(robot):
-            return SettingsMirror(None, {}, self._transport, timeout, problems.report)
+            return SettingsMirror(None, {}, reliable, timeout, problems.report)
         tables = {name: live_tables(stream.settings.current.requested).robot for name, stream in streams.items()}
-        return SettingsMirror(robot, tables, self._transport, timeout, problems.report)
+        return SettingsMirror(robot, tables, reliable, timeout, problems.report)
 
 
 def main() -> None:

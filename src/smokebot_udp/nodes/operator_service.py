@@ -27,15 +27,14 @@ class OperatorService(WayBackStream):
     :param name: of the stream in streams.yaml
     :param settings: {name: value}, checked
     :param way: carries requests and answers
-    :param refused: why no call is sent; None: they are
     """
 
-    def __init__(self, name: str, settings: Mapping[str, Any], way: OperatorWay,
-                 refused: Optional[str] = None) -> None:
+    def __init__(self, name: str, settings: Mapping[str, Any], way: OperatorWay) -> None:
         super().__init__(name, operator_topic(settings['operator_service']), settings)
         self._class = service_class(settings['service_type'])
         self._link = way.reliable
-        self._prefix, self._refused = way.frame_prefix, refused
+        self._prefix = way.frame_prefix
+        self._end: Optional[str] = None     # why no call is sent any more
         self._client = CallClient(way.control.session << 32, type_checksum(self._class._type, self._class._md5sum),
                                   settings['timeout'])
         self._worker: DeadlineWorker[Message] = DeadlineWorker(
@@ -45,27 +44,25 @@ class OperatorService(WayBackStream):
 
     def start(self) -> None:
         """Offer the service."""
-        if self._refused is None:
-            self._requests = self._opened.add(self._link.channel(
-                calls_channel(self.name, TO_ROBOT, BOUNDS._replace(age=self._client.timeout)),
-                ChannelListener(joined=self._joined, left=self._left, unknown=self._unknown)))
-            self._opened.add(self._link.channel(
-                calls_channel(self.name, TO_OPERATOR), ChannelListener(received=self._received)))
-            self._opened.started(self._worker)
+        self._requests = self._opened.add(self._link.channel(
+            calls_channel(self.name, TO_ROBOT, BOUNDS._replace(age=self._client.timeout)),
+            ChannelListener(joined=self._joined, left=self._left, unknown=self._unknown)))
+        self._opened.add(self._link.channel(
+            calls_channel(self.name, TO_OPERATOR), ChannelListener(received=self._received)))
+        self._opened.started(self._worker)
         self._opened.callback(self._fail)
         self._opened.callback(rospy.Service(self.topic, self._class, self._call).shutdown)
 
     def stats(self) -> StreamStats:
         """What the stream did, for diagnostics: responses that came, calls that were made."""
-        return StreamStats(self._answered, self._calls, enabled=self._refused is None, steady=False,
-                           to_robot=True, dropped=dict(self._client.dropped), problem=self._refused,
-                           connections=() if self._refused else self._link.connections(sending=True))
+        return StreamStats(self._answered, self._calls, steady=False, to_robot=True,
+                           dropped=dict(self._client.dropped), connections=self._link.connections(sending=True))
 
     def _fail(self) -> None:
         """The node ends, and with it the calls in flight."""
         with self._worker.changing():
-            self._refused = 'the node of the service has ended'
-            self._client.fail(self._refused)
+            self._end = 'the node of the service has ended'
+            self._client.fail(self._end)
 
     def _call(self, request: Any) -> Any:
         """Call the robot's service, in a thread of rospy.
@@ -75,8 +72,8 @@ class OperatorService(WayBackStream):
         data = serialised(strip_prefix(request, self._prefix))
         ended: queue.Queue[Outcome] = queue.Queue()
         with self._worker.changing():
-            if self._refused is not None:
-                raise rospy.ServiceException(self._refused)
+            if self._end is not None:
+                raise rospy.ServiceException(self._end)
             self._calls += 1
             self._client.call(data, time.monotonic(), ended.put)
         outcome = ended.get()

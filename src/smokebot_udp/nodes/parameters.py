@@ -2,6 +2,7 @@
 """The nodes' private parameters: one table {name: Parameter} for each node. `live` ones may change while it runs."""
 from dataclasses import fields
 
+from ..link.keys import DEFAULT_KEY_FILE
 from ..mission.control import FOCUS
 from ..mission.footprint import DEFAULT_FOOTPRINT
 from ..mission.parameters import Parameter
@@ -26,12 +27,8 @@ DIAGNOSTICS = {threshold.name: Parameter(getattr(Thresholds(), threshold.name), 
                for threshold in fields(Thresholds)}
 """Thresholds of diagnostics, for all streams; ~<stream>/<name> sets one for one stream."""
 
-_KEY_FILE = Parameter('', '', "file with the link's key, made by make_key: 32 bytes, for its owner only; empty: the "
-                      'link is neither encrypted nor authenticated')
-
-_ALLOW_UNSEALED_COMMANDS = Parameter(
-    False, '', 'whether commands, services, actions and relays to the robot work over a link without a key: then '
-    'anybody on the network can drive')
+_KEY_FILE = Parameter('', '', "file with the link's key: 32 bytes, for its owner only; the robot makes it where there "
+                      'is none; empty: %s' % DEFAULT_KEY_FILE)
 
 _LOSS = {
     'loss': Parameter(0.0, '', 'ratio of datagrams that are dropped on arrival, to demonstrate a bad link', least=0.0,
@@ -53,7 +50,6 @@ ROBOT_SENDER = {
     'link_port': Parameter(0, '', 'UDP port to listen on for operators with masters of their own; 0: operators share '
                            "the robot's master", least=0, most=65535),
     'key_file': _KEY_FILE,
-    'allow_unsealed_commands': _ALLOW_UNSEALED_COMMANDS,
     'adapt': Parameter(True, '', 'whether the rate follows the capacity that operators report; otherwise it is '
                        'max_rate'),
     'max_rate': Parameter(50.0, 'Mbit/s', 'maximum rate of all streams together, however fast the link is; 0: '
@@ -81,7 +77,6 @@ OPERATOR_RECEIVER = {
     'robot': Parameter('', '', 'host:port of a robot with a master of its own, see its link_port; empty: it shares '
                        'this master'),
     'key_file': _KEY_FILE,
-    'allow_unsealed_commands': _ALLOW_UNSEALED_COMMANDS,
     'wifi_interface': _WIFI_INTERFACE,
     'dscp': _DSCP,
     **_LOSS,
@@ -111,6 +106,23 @@ OPERATOR_RECEIVER = {
     'base_frame': Parameter('', '', 'frame of the robot above which NO DATA stands; empty: base of the frames '
                             'in streams.yaml'),
     **DIAGNOSTICS,
+}
+
+OPERATOR_WEB = {
+    'web': Parameter(0, '', 'TCP port of the page for browsers; 0: there is none', least=0, most=65535),
+    'web_address': Parameter('localhost', '', 'address or name of this machine to listen at; 0.0.0.0: all'),
+    'web_token_file': Parameter('', '', "file with the page's token, made by make_key, for its owner only; empty: the "
+                                'page is for browsers on this machine only'),
+    'web_driver_token_file': Parameter('', '', "file with the driver's token, likewise; empty: nobody drives, or "
+                                       'commands otherwise, in a browser'),
+    'web_certificate': Parameter('', '', 'PEM file with a certificate and its key, for its owner only; empty: no TLS'),
+    'streams_file': _STREAMS_FILE,
+    'robots_file': Parameter('', '', "the robots of a desk by name; empty: one robot, in the node's namespace"),
+    'frame_prefix': OPERATOR_RECEIVER['frame_prefix'],
+    'footprint': OPERATOR_RECEIVER['footprint'],
+    'speed': Parameter(0.5, 'm/s', 'speed of the joystick at its end, forward and back', least=0.01, most=10.0),
+    'strafe': Parameter(0.0, 'm/s', 'likewise to the sides; 0: the robot cannot', least=0.0, most=10.0),
+    'turn': Parameter(1.0, 'rad/s', 'likewise turn rate', least=0.01, most=10.0),
 }
 
 BLACK_BOX = {
@@ -200,7 +212,8 @@ TELEOP_KEYBOARD = {
                              'a held key after 0.25 to 0.66 s', least=0.1, most=10.0),
 }
 
-NODES = {'robot_sender': ROBOT_SENDER, 'operator_receiver': OPERATOR_RECEIVER, 'operator_desk': OPERATOR_DESK,
+NODES = {'robot_sender': ROBOT_SENDER, 'operator_receiver': OPERATOR_RECEIVER, 'operator_web': OPERATOR_WEB,
+         'operator_desk': OPERATOR_DESK,
          'simulated_robot': SIMULATED_ROBOT, 'demo_report': DEMO_REPORT,
          'demo_robots': DEMO_ROBOTS, 'black_box': BLACK_BOX, 'teleop_keyboard': TELEOP_KEYBOARD}
 """{node: its table}"""

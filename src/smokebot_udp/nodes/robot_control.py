@@ -34,9 +34,6 @@ REQUEST, STATUS = '/smokebot_udp/control/request', '/smokebot_udp/control/status
 PEERS_PERIOD = 0.25
 """How often the ends of operators' links are looked for; one that is missing twice in a row has ended [s]."""
 
-UNSEALED = 'the link has no key, so anybody on the network could ask for it'
-"""Why a request is refused."""
-
 KEPT = '~estop_by'
 """Parameter with who engaged the emergency stop; empty: it is not engaged."""
 
@@ -75,16 +72,14 @@ class RobotControl(Part):
     """Serves the requests of operators and sends them ControlStatus; lives as long as its node. Any thread may use it.
 
     :param outbox: whose rate pays for what is sent
-    :param is_open: whether anybody could be an operator: they can engage the emergency stop, and nothing else
     """
 
-    def __init__(self, transport: Transport, outbox: Outbox, is_open: bool = False) -> None:
+    def __init__(self, transport: Transport, outbox: Outbox) -> None:
         super().__init__()
         self.session = random.randint(1, 2 ** 32 - 1)
         """Session of this node: a random number other than 0."""
         self._outbox = outbox
         self._server = ControlServer(self.session)
-        self._server.closed = UNSEALED if is_open else ''
         self._standing = Standing()
         self._listeners: List[Callable[[], None]] = []
         self._peers: FrozenSet[str] = frozenset()

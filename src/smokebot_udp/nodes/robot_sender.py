@@ -58,7 +58,6 @@ from .stream_problems import StreamProblems
 from .transports import robot_transport
 from .way import RobotWay
 from .way_back import WayBack
-from .way_back_policy import is_open
 
 BURST = 16
 """Datagrams that may leave at once on a fast link: roscpp's receiver holds 92, a Wi-Fi driver's queue not many more."""
@@ -136,14 +135,15 @@ def run_streams() -> Tuple[Dict[str, RobotStream], Dict[str, Any]]:
             opened.add(stream)
         captures = opened.add(RobotCaptures(link, streams, maker.lookup, codec, parameters['capture_share'],
                                             defined.frames.fixed))
-        control = opened.add(RobotControl(transport, outbox,
-                                          is_open(transport, parameters['allow_unsealed_commands'])))
+        control = opened.add(RobotControl(transport, outbox))
         reliable = opened.add(ReliableLink(transport, ROBOT, outbox))
         way_back = WayBack(ROBOT, definitions, RobotWay(transport, control, reliable), parameters)
         rate = opened.add(LinkControl(shared, link, streams, control.reported, parameters['wifi_interface'],
                                       captures.demands))
         stores = {name: stream.settings for name, stream in streams.items()}
-        opened.add(FocusControl({**stores, **way_back.stores}, profiles, link, rate, control, found, problems.report))
+        opened.add(FocusControl({**stores, **way_back.stores}, profiles, transport.own_masters, reliable, rate,
+                                control, found, problems.report))
+        reliable.start()
         opened.add(ClockServer(transport))
         opened.add(HeldReports(streams, transport))
         opened.add(robot_diagnostics(streams, way_back, rate, parameters, problems, transport, found))

@@ -3,50 +3,39 @@
 
 Operators with masters of their own cannot reach the robot's parameters. mission/settings_server.py decides.
 """
-import random
 import threading
 import time
 from typing import Any, Callable, Mapping
 
-import rospy
-
 from ..limited_log import logerr
 from ..mission.control import MissionControl
-from ..mission.remote import FOCUS_PART, PartState
+from ..mission.remote import FOCUS_PART
 from ..mission.settings_server import SettingsServer
-from ..msg import SettingsRequest, SettingsState
-from ..traffic import SENSORS
-from .logging import log_error
+from .channel import ChannelListener
 from .opened import Part
-from .robot_stream import RobotLink
-from .settings_messages import REQUESTS, STATES, request_of, state_message
-from .worker import DeadlineWorker
+from .reliable_link import ReliableLink
+from .settings_messages import REQUESTS, STATES, request_of, state_data
 
 
-class SettingsHost(Part, rospy.SubscribeListener):
+class SettingsHost(Part):
     """Lives as long as its node.
 
     :param control: all requests for settings go through it
     :param carry_out: f(part, changes) -> what has changed, in words; raises ValueError where it is refused
-    :param link: to the operators; with a shared master only the focus crosses it
+    :param everything: whether the settings of streams cross the link, or only the focus, as with a shared master
+    :param reliable: carries requests and states
     :param report: f(problem), called with what is refused
     """
 
-    def __init__(self, control: MissionControl, carry_out: Callable[[str, Mapping[str, Any]], str], link: RobotLink,
-                 report: Callable[[str], None]) -> None:
+    def __init__(self, control: MissionControl, carry_out: Callable[[str, Mapping[str, Any]], str], everything: bool,
+                 reliable: ReliableLink, report: Callable[[str], None]) -> None:
         super().__init__()
-        self._control, self._carry_out, self._outbox, self._report = control, carry_out, link.outbox, report
-        self._all = link.transport.own_masters
-        self._server = SettingsServer(random.randint(1, 2 ** 32 - 1), control.profiles)
-        self._updating = threading.Lock()   # otherwise an older state might replace a newer one; the outermost lock
-        self._worker: DeadlineWorker[PartState] = DeadlineWorker(
-            'settings across the link', self._server.poll, self._server.deadline, self._send,
-            log_error('settings across the link'))
+        self._control, self._carry_out, self._all, self._report = control, carry_out, everything, report
+        self._server = SettingsServer(control.profiles)
+        self._updating = threading.Lock()   # otherwise an older state might be sent after a newer one; the outermost
+        self._states = self._opened.add(reliable.channel(STATES, ChannelListener(joined=self._send_all)))
         self.update()
-        self._states = self._opened.topic(
-            link.transport.publisher(STATES, SettingsState, subscriber_listener=self, tos=SENSORS))
-        self._opened.started(self._worker)
-        self._opened.topic(link.transport.subscriber(REQUESTS, SettingsRequest, self._receive))
+        self._opened.add(reliable.channel(REQUESTS, ChannelListener(received=self._receive)))
 
     def update(self) -> None:
         """Settings may have changed; any thread that holds no lock of theirs."""
@@ -54,39 +43,29 @@ class SettingsHost(Part, rospy.SubscribeListener):
             parts = self._control.parts()
             if not self._all:
                 parts = {FOCUS_PART: parts[FOCUS_PART]}
-            with self._worker.changing():
-                self._server.update(parts)
+            for state in self._server.update(parts):
+                self._states.send(state_data(state))
 
-    def peer_subscribe(self, topic_name: str, topic_publish: Any, peer_publish: Any) -> None:
-        """There is a new operator."""
-        self.joined()
+    def _send_all(self, peer: str) -> None:
+        """Send all parts to an operator that has joined."""
+        with self._updating:
+            for state in self._server.states():
+                self._states.send(state_data(state), peer)
 
-    def joined(self) -> None:
-        """An operator may lack what was sent before; any thread."""
-        with self._worker.changing():
-            self._server.joined()
-
-    def _receive(self, message: Any) -> None:
-        """Serve a request; the transport's thread."""
-        operator = message._connection_header['callerid']
+    def _receive(self, peer: str, data: bytes) -> None:
+        """Serve a request; the link's thread."""
         try:
-            request = request_of(message)
+            request = request_of(data)
         except ValueError as error:
-            logerr('a request for settings of %s is not served' % operator, error)
-            return
-        with self._worker.changing():
-            wanted = self._server.take(request, time.monotonic())
-        if not wanted:
+            logerr('a request for settings of %s is not served' % peer, error)
             return
         refusal = changes = ''
         try:
+            self._server.check(request, time.monotonic())
             changes = self._carry_out(request.part, request.values)
         except ValueError as error:
             refusal = str(error)
-            self._report('%s requests %s: refused: %s' % (operator, request.part or 'a focus', error))
+            self._report('%s requests %s: refused: %s' % (peer, request.part or 'a focus', error))
         self.update()
-        with self._worker.changing():
-            self._server.answer(request, refusal, changes)
-
-    def _send(self, state: PartState) -> None:
-        self._outbox.publish_message(self._states, state_message(state))
+        with self._updating:
+            self._states.send(state_data(self._server.answer(request, refusal, changes)), peer)

@@ -6,7 +6,6 @@ robot_sender/focus and robot_sender/<stream>/, for rosparam and dynamic_reconfig
 """
 import functools
 import queue
-import random
 import time
 from typing import Any, Callable, Dict, Mapping, Optional, Tuple
 
@@ -16,15 +15,14 @@ from ..limited_log import logerr
 from ..mission.parameters import Table
 from ..mission.remote import Request
 from ..mission.settings_client import SettingsClient
-from ..msg import SettingsRequest, SettingsState
 from ..srv import SetFocus, SetFocusResponse
-from ..traffic import EXPEDITED
-from ..transport import Transport
+from .channel import ChannelListener
 from .live import LiveSettings
 from .logging import log_error
 from .opened import Part
 from .parameter_watch import ParameterWatch
-from .settings_messages import REQUESTS, STATES, request_message, state_of
+from .reliable_link import ReliableLink
+from .settings_messages import REQUESTS, STATES, request_data, state_of
 from .worker import DeadlineWorker, PeriodicWorker
 
 ENDING = 1.0
@@ -36,34 +34,41 @@ class SettingsMirror(Part):
 
     :param node: resolved name of the robot's node, as if it were at this master; None: it is there already
     :param tables: {stream: {setting: Parameter}} of the robot's settings that may change
+    :param reliable: carries requests and states
     :param timeout: of set_focus [s]
     :param report: f(problem), called with what is refused
     """
 
-    def __init__(self, node: Optional[str], tables: Mapping[str, Table], transport: Transport, timeout: float,
+    def __init__(self, node: Optional[str], tables: Mapping[str, Table], reliable: ReliableLink, timeout: float,
                  report: Callable[[str], None]) -> None:
         super().__init__()
         self._node, self._timeout, self._report = node, timeout, report
-        self._client = SettingsClient(tables, lambda: random.randint(1, 2 ** 32 - 1))
+        self._client = SettingsClient(tables)
         self._parts: Dict[str, LiveSettings] = {}
         self._watch = None if node is None else ParameterWatch([], background=True, node=node)
         self._worker: DeadlineWorker[Request] = DeadlineWorker(
             'requests for settings', self._poll, self._client.deadline, self._send, log_error('requests for settings'))
-        # not in the transport's thread: the master is asked
+        # not in the link's thread: the master is asked
         self._show = PeriodicWorker("the robot's settings", self._show_changed, log_error("the robot's settings"), None)
-        self._requests = self._opened.topic(transport.publisher(REQUESTS, SettingsRequest, tos=EXPEDITED))
+        self._requests = self._opened.add(reliable.channel(REQUESTS, ChannelListener(
+            joined=lambda peer: self._begin_again())))
         self._opened.started(self._worker)
         self._opened.started(self._show)
         if self._watch is not None:
             self._opened.add(self._watch)
-        self._opened.topic(transport.subscriber(STATES, SettingsState, self._receive))
+        self._opened.add(reliable.channel(STATES, ChannelListener(received=self._receive)))
         for name in ('~set_focus', *([node + '/set_focus'] if node else [])):
             rospy.Service(name, SetFocus, self._set_focus)
 
-    def _receive(self, message: Any) -> None:
-        """Take a state; the transport's thread."""
+    def _begin_again(self) -> None:
+        """Send what was not answered again: it may not have arrived; the link's thread."""
+        with self._worker.changing():
+            self._client.begin_again()
+
+    def _receive(self, peer: str, data: bytes) -> None:
+        """Take a state; the link's thread."""
         try:
-            state = state_of(message)
+            state = state_of(data)
         except ValueError as error:
             logerr("a state of the robot's settings is not shown", error)
             return
@@ -94,7 +99,7 @@ class SettingsMirror(Part):
         return request
 
     def _send(self, request: Request) -> None:
-        self._requests.publish(request_message(request))
+        self._requests.send(request_data(request))
 
     def _follow(self) -> None:
         if self._client.news:

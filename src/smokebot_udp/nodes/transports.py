@@ -3,7 +3,9 @@
 
 This is the only place that knows which transports there are.
 """
+import getpass
 import os
+import socket
 import sys
 import time
 import urllib.parse
@@ -14,8 +16,8 @@ import rospy
 
 from .. import traffic
 from ..limited_log import ERROR_PERIOD
-from ..link.keys import KeyFile
-from ..link.transport import LinkTransport, OperatorTransport, RobotTransport, never
+from ..link.keys import DEFAULT_KEY_FILE, KeyFile, copy_command, make_key
+from ..link.transport import LinkTransport, OperatorTransport, RobotTransport
 from ..transport import Transport
 from ..udpros.endpoints import addresses_of, is_own
 from ..udpros.transport import UdprosTransport
@@ -25,16 +27,6 @@ from .logging import log_error
 RETRY_PERIOD = 5.0
 """Time between attempts to start a transport [s]."""
 
-_MAKE_KEY = '; make a key file by make_key and give it to both sides as key_file'
-
-UNSEALED = ('has no key: anybody on the network can watch; commands are refused unless allow_unsealed_commands is set'
-            + _MAKE_KEY)
-"""What is wrong with a link."""
-
-UNSEALED_COMMANDS = 'has no key: anybody on the network can watch, and drive' + _MAKE_KEY
-"""What is wrong with a link where allow_unsealed_commands is set."""
-
-
 ROBOT = '/robot_sender'
 """As robot.launch names it."""
 
@@ -42,9 +34,13 @@ FOREIGN = ('ROS_MASTER_URI is %s, %s, while robot:=%s is for a desk with a maste
            'need that one over the network; unset ROS_MASTER_URI and start the desk again')
 """What is wrong with the desk's master."""
 
+NO_KEY = ('this desk has no key of the robot, %s: run the command here that robot.launch shows on the robot, or, with '
+          'its user, %s')
+"""What is wrong at a desk without a key."""
+
 
 def robot_transport(parameters: Parameters) -> Transport:
-    """The robot's transport; it waits until it can be started.
+    """The robot's transport; it waits until it can be started. A key that is missing is made.
 
     :param parameters: of ROBOT_SENDER
     """
@@ -52,16 +48,23 @@ def robot_transport(parameters: Parameters) -> Transport:
     tos_mask = traffic.mask(parameters['dscp'], parameters['ecn'])
     if not port and not parameters['key_file']:
         return UdprosTransport(size, tos_mask=tos_mask)
+    path = _key_path(parameters)
 
-    def listen(key: Optional[KeyFile]) -> Transport:
+    def listen() -> Transport:
         _check_link(port, 'link_port')
+        is_new = not os.path.lexists(path)
+        if is_new:
+            make_key(path)
+        key = KeyFile(path, log_error('', ERROR_PERIOD))
         try:
-            return _remarked(RobotTransport(
-                port, key.key if key else None, max_datagram_size=size, tos_mask=tos_mask,
-                renewed=key.renewed if key else never, report=log_error('', ERROR_PERIOD)))
+            transport = RobotTransport(port, key.key, max_datagram_size=size, tos_mask=tos_mask, renewed=key.renewed,
+                                       report=log_error('', ERROR_PERIOD))
         except OSError as error:
             raise ValueError('UDP port %d cannot be used: %s' % (port, error.strerror)) from None
-    return _patiently(parameters, 'the link', listen)
+        rospy.loginfo('%s %s; on a desk that lacks it, run: %s', 'the link has a new key,' if is_new else
+                      'the key of the link is', path, copy_command(_for_scp(path), DEFAULT_KEY_FILE))
+        return _remarked(transport)
+    return _patiently('the link', listen)
 
 
 def operator_transport(parameters: Parameters) -> Transport:
@@ -73,17 +76,33 @@ def operator_transport(parameters: Parameters) -> Transport:
     tos_mask = traffic.mask(parameters['dscp'], False)
     if not robot and not parameters['key_file']:
         return UdprosTransport(size, buffer, tos_mask)
+    path = _key_path(parameters)
 
-    def connect(key: Optional[KeyFile]) -> Transport:
+    def connect() -> Transport:
         _check_link(robot, 'robot')
         host, port = host_and_port(robot)
+        if not os.path.lexists(path):
+            raise ValueError(NO_KEY % (path, copy_command('USER@%s:%s' % (host, DEFAULT_KEY_FILE[2:]), path)))
+        key = KeyFile(path, log_error('', ERROR_PERIOD))
         foreign = foreign_master(rosgraph.get_master_uri() or '', robot, _is_registered(ROBOT), is_own, addresses_of)
         return _remarked(OperatorTransport(
-            host, port, key.key if key else None, max_datagram_size=size, receive_buffer=buffer, tos_mask=tos_mask,
-            renewed=key.renewed if key else never, report=log_error(robot, ERROR_PERIOD),
-            remarks=[foreign] if foreign else []))
+            host, port, key.key, max_datagram_size=size, receive_buffer=buffer, tos_mask=tos_mask, renewed=key.renewed,
+            report=log_error(robot, ERROR_PERIOD), remarks=[foreign] if foreign else []))
     # a desk with several robots shows the messages of all on one terminal
-    return _patiently(parameters, 'the link to %s' % robot if robot else 'the link', connect)
+    return _patiently('the link to %s' % robot if robot else 'the link', connect)
+
+
+def _key_path(parameters: Parameters) -> str:
+    return os.path.expanduser(parameters['key_file'] or DEFAULT_KEY_FILE)
+
+
+def _for_scp(path: str) -> str:
+    """A file of this machine as scp has it on another one."""
+    try:
+        user = getpass.getuser()
+    except (KeyError, OSError):     # a user without a name, as in a container
+        user = 'USER'
+    return '%s@%s:%s' % (user, socket.gethostname(), os.path.abspath(path))
 
 
 def foreign_master(uri: str, robot: str, is_robots: bool, is_own: Callable[[str], bool],
@@ -133,32 +152,22 @@ def host_and_port(text: str) -> Tuple[str, int]:
     return host, int(port)
 
 
-def _patiently(parameters: Parameters, link: str, make: Callable[[Optional[KeyFile]], Transport]) -> Transport:
-    """make(key), as soon as that is possible: who has to use a key must not do without.
+def _patiently(link: str, make: Callable[[], Transport]) -> Transport:
+    """make(), as soon as that is possible.
 
     :param link: what the log calls it
     """
     log = log_error(link + ' does not start, and this node waits')
     while not rospy.is_shutdown():
         try:
-            transport = make(_key(parameters))
+            return make()
         except (ValueError, OSError) as error:
             log(error)
-        else:
-            if not parameters['key_file']:
-                rospy.logwarn('%s %s', link, UNSEALED_COMMANDS if parameters['allow_unsealed_commands'] else UNSEALED)
-            return transport
         try:
             time.sleep(RETRY_PERIOD)
         except KeyboardInterrupt:
             break
     sys.exit(0)
-
-
-def _key(parameters: Parameters) -> Optional[KeyFile]:
-    """:raises ValueError: where there is no key in the file"""
-    path = parameters['key_file']
-    return KeyFile(os.path.expanduser(path), log_error('', ERROR_PERIOD)) if path else None
 
 
 def _check_link(value: Any, name: str) -> None:

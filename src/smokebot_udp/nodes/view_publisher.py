@@ -1,22 +1,33 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Publishes the view of an image stream for display in rviz."""
+"""Publishes the view of an image stream for display in rviz, and its parts for displays that draw their own."""
+import math
 import time
 from typing import Any, Callable, Mapping, Optional
 
+import numpy as np
 import rospy
 from sensor_msgs.msg import Image
 from std_msgs.msg import Header
 
 from ..arrays import Array
+from ..codecs.display.view import FROZEN, dimmed
 from ..image_error import ImageError
 from ..limited_log import logerr
-from ..streams.image.view import View, ViewedImage
+from ..msg import ViewImage
+from ..streams.image.view import Judged, View, ViewedImage
 from .common import operator_topic
 from .worker import DeadlineWorker
 
+PLAIN = '/plain'
+"""Appended to the topic of a view: the topic of its parts."""
+
+COLOURS = 16
+"""Number of colours of the palette in ViewImage."""
+
 
 class ViewPublisher:
-    """Publishes sensor_msgs/Image bgr8 with the source's header, as streams.image.view.View decides.
+    """Publishes sensor_msgs/Image bgr8 with the source's header, as streams.image.view.View decides, and
+    ViewImage on its topic with PLAIN appended.
 
     Before the first image it publishes a grey one that says so: an empty display might also have a wrong topic.
 
@@ -27,7 +38,10 @@ class ViewPublisher:
 
     def __init__(self, settings: Mapping[str, Any], clock_offset: Callable[[], float], frame: str = '') -> None:
         self._clock_offset = clock_offset
+        self._settings = settings
         self._view = View(settings, Header(frame_id=frame))
+        self._plain = rospy.Publisher(operator_topic(settings['view_topic']) + PLAIN, ViewImage, queue_size=2,
+                                      tcp_nodelay=True)
         self._publisher = rospy.Publisher(operator_topic(settings['view_topic']), Image, queue_size=2, tcp_nodelay=True)
         self._worker: DeadlineWorker[ViewedImage] = DeadlineWorker(
             'view', lambda now: self._view.poll(now, self.wanted), self._view.deadline, self._publish, self._report)
@@ -36,11 +50,12 @@ class ViewPublisher:
     @property
     def wanted(self) -> bool:
         """Whether there is any subscriber."""
-        return bool(self._publisher.get_num_connections() > 0)
+        return any(one.get_num_connections() > 0 for one in (self._publisher, self._plain))
 
     def configure(self, settings: Mapping[str, Any], changed: Mapping[str, Any]) -> None:
         """Apply changed settings, see View.configure."""
         with self._worker.changing():
+            self._settings = settings
             self._view.configure(settings, changed)
 
     def set_notice(self, text: str) -> None:
@@ -69,13 +84,43 @@ class ViewPublisher:
     def close(self) -> None:
         self._worker.close()
         self._publisher.unregister()
+        self._plain.unregister()
 
     def _publish(self, image: ViewedImage) -> None:
-        view = self._view.draw(image, time.monotonic())
+        now = time.monotonic()
         header = Header(stamp=image.header.stamp, frame_id=image.header.frame_id)   # rospy writes into it
-        if not rospy.is_shutdown():
-            self._publisher.publish(Image(header=header, height=view.shape[0], width=view.shape[1], encoding='bgr8',
-                                          step=view.strides[0], data=view.tobytes()))
+        if self._publisher.get_num_connections():
+            view = self._view.draw(image, now)
+            if not rospy.is_shutdown():
+                self._publisher.publish(Image(header=header, height=view.shape[0], width=view.shape[1],
+                                              encoding='bgr8', step=view.strides[0], data=view.tobytes()))
+        if self._plain.get_num_connections():
+            parts = view_image(header, image, self._view.judge(image, now), self._settings)
+            if not rospy.is_shutdown():
+                self._plain.publish(parts)
 
     def _report(self, error: Exception) -> None:
         logerr(self._publisher.name, 'an image is not shown: %s' % error)
+
+
+def view_image(header: Any, image: ViewedImage, shown: Judged, settings: Mapping[str, Any]) -> Any:
+    """The ViewImage of an image.
+
+    :param header: of the message
+    :param settings: {name: value} with those of streams.image.view.PARAMETERS
+    """
+    coloured, judgement = shown.coloured, shown.judgement
+    pixels = dimmed(coloured.pixels) if judgement.state == FROZEN else coloured.pixels
+    palette = b''
+    if coloured.palette is not None:
+        places = np.linspace(0, len(coloured.palette) - 1, COLOURS).astype(int)
+        palette = coloured.palette[places].tobytes()
+    per_unit = settings['counts_per_unit']
+    return ViewImage(
+        header=header, state=judgement.state, old=judgement.old, poor=judgement.poor, age=judgement.age,
+        at_least=image.at_least, old_after=shown.limits.old_after, frozen_after=shown.limits.frozen_after,
+        quality=judgement.quality, completeness=image.completeness,
+        error=math.nan if image.error is None else image.error.rms / per_unit, counts_per_unit=per_unit,
+        zero=settings['zero'], unit=settings['unit'], numbers=list(coloured.numbers), palette=palette,
+        notice=shown.notice, height=pixels.shape[0], width=pixels.shape[1],
+        data=np.ascontiguousarray(pixels).tobytes())

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The way back: all streams of a node by which operators command the robot, and those that are acknowledged."""
-from typing import Any, Callable, Dict, List, Mapping
+from typing import Callable, Dict, List, Mapping
 
 from ..mission.settings import SettingsStore
 from ..monitoring.status import OPERATOR, ROBOT, Status
@@ -14,7 +14,6 @@ from .robot_action import RobotAction
 from .robot_command import RobotCommand
 from .robot_service import RobotService
 from .way import Way, WayBackStream
-from .way_back_policy import refused
 
 MAKERS: Dict[str, Mapping[str, Callable[..., WayBackStream]]] = {
     ROBOT: {'command': RobotCommand, 'relay': robot_relay, 'service': RobotService, 'action': RobotAction},
@@ -22,38 +21,22 @@ MAKERS: Dict[str, Mapping[str, Callable[..., WayBackStream]]] = {
                'action': OperatorAction}}
 """{side: {type of a stream: f(name, settings, way) -> stream}}"""
 
-ANSWERING = ('service', 'action')
-"""Types whose streams are made also where they are refused, on the operator's side: f(..., refused=why)."""
-
 
 class WayBack:
     """Hosts the way back of a node; lives as long as the node.
 
     :param side: ROBOT or OPERATOR
     :param definitions: of streams.yaml
-    :param way: of this side; its reliable link is started if a stream needs it
+    :param way: of this side
     """
 
     def __init__(self, side: str, definitions: Definitions, way: Way, parameters: Parameters) -> None:
         self._control = way.control
-        acknowledged = {**definitions.reliable, **definitions.services, **definitions.actions}
-        defined = {**definitions.commands, **acknowledged}
-        why = refused(defined, way.transport, parameters['allow_unsealed_commands'])
-        for sentence in why.values():
-            parameters.report(sentence)
-        parameters.refused.update(why)
-        # callers of a refused service, and senders of goals, get the reason as the answer
-        wanted = {name: settings for name, settings in defined.items()
-                  if name not in why or (side == OPERATOR and settings['type'] in ANSWERING)}
-
-        def make_stream(name: str, settings: Dict[str, Any]) -> WayBackStream:
-            options = {'refused': why[name]} if name in why else {}
-            return MAKERS[side][settings['type']](name, settings, way, **options)
-        self.streams: Dict[str, WayBackStream] = start_streams(wanted, make_stream, parameters.report,
-                                                               parameters.refused.__setitem__)
+        self.streams: Dict[str, WayBackStream] = start_streams(
+            {**definitions.commands, **definitions.reliable, **definitions.services, **definitions.actions},
+            lambda name, settings: MAKERS[side][settings['type']](name, settings, way), parameters.report,
+            parameters.refused.__setitem__)
         """{name: stream}, started"""
-        if acknowledged.keys() - why.keys():
-            way.reliable.start()
 
     @property
     def stores(self) -> Dict[str, SettingsStore]:

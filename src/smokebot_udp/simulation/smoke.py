@@ -3,7 +3,7 @@
 
 Light that passes a length d of smoke with the extinction k keeps exp(-k d) of its contrast (Beer-Lambert).
 """
-from typing import List
+from typing import Any
 
 import cv2
 import numpy as np
@@ -64,7 +64,8 @@ class Smoke:
 
 def _smooth(noise: FloatArray, size: float) -> FloatArray:
     """Noise without details below a size [pixel], which goes on at the opposite edge; its deviation is 1."""
-    waves: List[FloatArray] = [np.fft.fftfreq(length) for length in noise.shape]    # type: ignore[call-overload]
-    kept = np.exp(-2 * (np.pi * size) ** 2 * np.add.outer(waves[0] ** 2, waves[1] ** 2) / 4)
+    fftfreq: Any = np.fft.fftfreq       # its types differ between numpy 1 and 2
+    rows, columns = map(fftfreq, noise.shape)
+    kept = np.exp(-2 * (np.pi * size) ** 2 * np.add.outer(rows ** 2, columns ** 2) / 4)
     smooth = np.fft.ifft2(np.fft.fft2(noise) * kept).real
     return np.asarray(smooth / smooth.std())

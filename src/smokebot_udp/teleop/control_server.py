@@ -58,8 +58,6 @@ class ControlServer:
     def __init__(self, session: int) -> None:
         self.session = session
         self.control, self.estop = Control(), EstopLatch()
-        self.closed = ''
-        """Why nothing but an emergency stop is carried out; empty: all is."""
         self.dropped: Counter[str] = collections.Counter()
         """{reason: count} of the datagrams of those who are no operators."""
         self._peers: Dict[Tuple[str, int], _Peer] = {}      # {(name, session): of it}
@@ -200,7 +198,7 @@ class ControlServer:
         if request.wish == Wish.ENGAGE_ESTOP:   # anybody may, even one too many
             self.estop.engage(name, now)
             return None
-        refusal = stranger or self.closed or ('' if request.robot == self.session else 'the robot was restarted')
+        refusal = stranger or ('' if request.robot == self.session else 'the robot was restarted')
         if refusal:
             return refusal
         if request.wish == Wish.RELEASE_ESTOP:

@@ -23,7 +23,6 @@ class UdprosTransport:
     """
     overhead = 0
     own_masters = False
-    sealed = False
 
     def __init__(self, max_datagram_size: int = DEFAULT_MAX_DATAGRAM_SIZE, receive_buffer: int = 4 << 20,
                  tos_mask: int = 0) -> None:

@@ -79,6 +79,36 @@ def layout(height: int, width: int) -> Layout:
                   max(4, inner // 100), round(0.085 * inner))
 
 
+class Judgement(NamedTuple):
+    """Whether an image counts as live, and why not."""
+    age: float
+    """As it is shown [s]."""
+    state: str
+    """FRESH, OLD or FROZEN."""
+    old: bool
+    """Whether the age is a reason why it is not fresh."""
+    quality: str
+    """As it is shown."""
+    poor: bool
+    """Whether the quality is a reason."""
+
+
+def judged(coloured: Coloured, age: float, completeness: float, limits: Limits, silence: float = 0.0,
+           error: Optional[ImageError] = None) -> Judgement:
+    """The state of an image; the arguments are those of `framed`.
+
+    :raises ValueError: completeness is not from 0 to 1
+    """
+    if not 0 <= completeness <= 1:
+        raise ValueError('completeness is %r, must be from 0 to 1' % completeness)
+    if silence >= limits.old_after:
+        age = max(silence, age)   # in this order it is silence also if age is NaN
+    elif -SKEW <= age < 0:
+        age = 0.0
+    quality, good = _quality(coloured, completeness, error, limits)
+    return Judgement(age, limits.state(age, good), not 0 <= age < limits.old_after, quality, not good)
+
+
 def framed(coloured: Coloured, age: float, completeness: float, limits: Limits, silence: float = 0.0,
            error: Optional[ImageError] = None, notice: str = '', at_least: bool = False) -> UInt8Array:
     """The view: an image in a frame whose colour shows whether it is live, with its age in the strip.
@@ -92,20 +122,13 @@ def framed(coloured: Coloured, age: float, completeness: float, limits: Limits, 
     :return: (height, width, 3) uint8, bgr; see layout
     :raises ValueError: completeness is not from 0 to 1
     """
-    if not 0 <= completeness <= 1:
-        raise ValueError('completeness is %r, must be from 0 to 1' % completeness)
-    if silence >= limits.old_after:
-        age = max(silence, age)   # in this order it is silence also if age is NaN
-    elif -SKEW <= age < 0:
-        age = 0.0
-    quality, good = _quality(coloured, completeness, error, limits)
-    state = limits.state(age, good)
+    age, state, old, quality, poor = judged(coloured, age, completeness, limits, silence, error)
     place = layout(*coloured.pixels.shape[:2])
-    view = _surrounded(coloured.pixels if state != FROZEN else _dimmed(coloured.pixels), place, COLOURS[state])
+    view = _surrounded(coloured.pixels if state != FROZEN else dimmed(coloured.pixels), place, COLOURS[state])
     strip = view[-place.strip:]
     _draw_texts(strip, state, (
-        ('> ' * at_least + duration(age), not 0 <= age < limits.old_after),
-        (quality, not good)))
+        ('> ' * at_least + duration(age), old),
+        (quality, poor)))
     if notice:
         _draw_notice(strip[:-place.border, :-place.border], notice)
     elif coloured.palette is not None:
@@ -157,10 +180,14 @@ def _surrounded(pixels: UInt8Array, place: Layout, colour: Colour) -> UInt8Array
     return view
 
 
-def _dimmed(pixels: UInt8Array) -> UInt8Array:
+def dimmed(pixels: UInt8Array) -> UInt8Array:
+    """An image as it is shown where it is frozen: grey, and darker.
+
+    :param pixels: (height, width, 3) uint8, bgr
+    """
     grey = cv2.convertScaleAbs(cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY), alpha=0.4, beta=30)
-    dimmed: UInt8Array = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
-    return dimmed
+    found: UInt8Array = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
+    return found
 
 
 def _draw_texts(strip: UInt8Array, state: str, texts: Sequence[Tuple[str, bool]]) -> None:
@@ -174,12 +201,12 @@ def _draw_texts(strip: UInt8Array, state: str, texts: Sequence[Tuple[str, bool]]
         write(strip, text, box, BLACK if state == OLD and not bad else WHITE)
 
 
-def _draw_scale(strip: UInt8Array, coloured: Coloured, palette: UInt8Array, dimmed: bool) -> None:
+def _draw_scale(strip: UInt8Array, coloured: Coloured, palette: UInt8Array, frozen: bool) -> None:
     height, width = strip.shape[:2]
     strip[:, int(width * SCALE_LEFT):] = BLACK
     left, right, half, room = int(width * 0.46), int(width * 0.89), height // 2, int(width * 0.1)
     bar = cv2.resize(palette[np.newaxis], (right - left, half - 3), interpolation=cv2.INTER_NEAREST)
-    strip[3:half, left:right] = _dimmed(bar) if dimmed else bar
+    strip[3:half, left:right] = dimmed(bar) if frozen else bar
     for middle, number in zip(np.linspace(left, right - 1, len(MARKS)).astype(int), coloured.numbers):
         strip[3:half, middle] = WHITE
         write(strip, number, (middle - room // 2, half, room, height - half), WHITE)

@@ -42,20 +42,21 @@ def compile_all() -> None:
 
 
 def _compile_motion(pixels: Any) -> None:
-    """The loops that find a motion, and displace images of this type by it, with either filter.
+    """The loops that find a motion, displace images of this type by it, with either filter, and blend them.
 
     :param pixels: an image of this type
     """
     import numpy as np
 
-    from . import motion
+    from . import blend, motion
     coarse = np.random.RandomState(1).randint(0, 200, (12, 16, *pixels.shape[2:])).astype(pixels.dtype)
     scene = coarse.repeat(8, axis=0).repeat(8, axis=1)
     large = scene.repeat(4, axis=0).repeat(4, axis=1)
     motion.estimate(large, large)
     motion.estimate(scene, np.ascontiguousarray(np.roll(scene, 3, axis=1)))
     for smooth in (False, True):
-        motion.compensate(scene, motion.Motion(np.full((2, 2, 2), 40, np.int16), smooth))
+        other = motion.compensate(scene, motion.Motion(np.full((2, 2, 2), 40, np.int16), smooth))
+    blend.blended(scene, other, blend.share_of(scene, other, scene))
 
 
 def main(*arguments: str) -> int:

@@ -69,4 +69,4 @@ def entropy(pixels: Array, others: Array, step: int = 1) -> float:
     counts = np.zeros(2 * 256 ** pixels.itemsize - 1, np.int64)
     total = _tally(flat(pixels), flat(others), pixels[0].size, step, counts)
     bits: float = _bits(counts, total)
-    return bits / 8 * pixels.size / total
+    return float(bits / 8 * pixels.size / total)

@@ -41,7 +41,7 @@ class CodedError:
         if picture is None:
             return None
         shown = from_planes(_planes(picture), self._height, self._width, COLOUR if self._colour else GREY)
-        return float(cv2.norm(np.ascontiguousarray(shown), pixels, cv2.NORM_L2SQR)) / pixels.size
+        return float(cv2.norm(np.ascontiguousarray(shown), pixels, cv2.NORM_L2SQR) / pixels.size)
 
 
 def _planes(picture: Picture) -> UInt8Array:

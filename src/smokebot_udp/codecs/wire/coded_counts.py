@@ -59,7 +59,7 @@ def encode(counts: IntArray, marks: IntArray) -> bytes:
     codes = b''.join(one.code.write() for one in sequences)
     head = np.frombuffer(bytes([flags, len(codes)]) + codes + firsts, np.uint8)
     size = len(head) + sum(int(one.sizes[0]) for one in sequences)
-    return write(head[np.newaxis], sequences, size).tobytes()
+    return bytes(write(head[np.newaxis], sequences, size).tobytes())
 
 
 def decode(data: UInt8Array, count: int) -> Tuple[IntArray, IntArray]:

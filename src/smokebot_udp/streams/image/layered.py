@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """An image that is received in layers, see msg/LayeredSegment.msg: any of its datagrams show all of it."""
 from types import SimpleNamespace
-from typing import Any, Optional, Tuple
+from typing import TYPE_CHECKING, Any, Optional, Tuple
 
 import numpy as np
 
@@ -11,6 +11,9 @@ from ...codecs.layered.pieces import MAX_LAYERS, Layer, Restorer, check, parts_o
 from .pixel_layers import Layerable, coded_shape, restored
 from .references import CodedImage, ends_of, split_motion
 from .size_guard import SizeGuard
+
+if TYPE_CHECKING:
+    from ...codecs.layered.blend import Course  # compiled
 
 
 class LayeredImage:
@@ -89,14 +92,15 @@ class LayeredImage:
         """Whether it can be decoded with its reference only."""
         return bool(self.reference != self.picture)
 
-    def displaced(self, reference: Array) -> Optional[Array]:
-        """The pixels of its reference, displaced as the scene has moved since; None: how is not known."""
+    @property
+    def course(self) -> Optional['Course']:
+        """How it is made of its references, if it is predicted; None: that is not known."""
         found = split_motion(self._restorer.restored()) if self._restorer.restorable else None
         if found is None:
             return None
-        from ...codecs.layered import motion  # compiled
+        from ...codecs.layered import blend  # compiled
         try:
-            return motion.compensate(reference, motion.from_bytes(found[0]))
+            return blend.from_bytes(found[0])
         except ValueError:
             return None
 

@@ -141,7 +141,7 @@ class LayeredImages(CompressedImages):
                    ) -> Tuple[Frame, int]:
         """The datagrams of an image, and how many of them show something of it."""
         stream, prediction, air = found.stream.cut(chosen.points), found.prediction, job.outlook.air
-        beginning = with_motion(prediction.motion, b'') if prediction else b''
+        beginning = with_motion(prediction.course, b'') if prediction else b''
         ends, errors = found.stream.ends[:chosen.points] + len(beginning), found.stream.errors[:chosen.points]
         floor = None if job.itemsize > 1 else max(FLOOR, _error_of(settings['max_quality'], 1))
         plan = best_plan(ends, worth(errors, stream.cells, floor), chosen.budget, air.losses, air.burst,

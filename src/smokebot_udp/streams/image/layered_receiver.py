@@ -68,12 +68,10 @@ class LayeredReceiver(DecodingReceiver[LayeredImage]):
     def _decode(self, image: LayeredImage, now: float) -> Optional[Array]:
         prediction = None
         if image.is_predicted:
-            reference = self._reference(image, now)
-            if reference is None:
-                self._dropped['reference'] += 1
+            prediction = self._prediction(image, now)
+            if prediction is None:
                 return None
-            prediction = image.displaced(reference)
-        found = None if image.is_predicted and prediction is None else image.decoded(prediction)
+        found = image.decoded(prediction)
         if found is None:
             self._dropped['image'] += 1
             return None
@@ -82,13 +80,25 @@ class LayeredReceiver(DecodingReceiver[LayeredImage]):
             self._references.add((image.session, image.picture), coded)
         return image.published(decoded)
 
-    def _reference(self, image: LayeredImage, now: float) -> Optional[Array]:
-        """The pixels of the reference of an image; None: it is not held as the robot has it."""
-        key = image.session, image.reference
-        reference = self._references.get(key, image.reference_layers, image.shape)
+    def _prediction(self, image: LayeredImage, now: float) -> Optional[Array]:
+        """What an image is predicted to be; None: that is not known, which is counted."""
+        first = self._reference(image, image.reference, image.reference_layers, image.checksum, now)
+        course = image.course
+        second = course.second if course else None
+        other = first if second is None else self._reference(
+            image, image.picture - second.back, second.layers, second.checksum, now)
+        if first is None or other is None or course is None:
+            self._dropped['reference' if first is None or other is None else 'image'] += 1
+            return None
+        from ...codecs.layered import blend  # compiled
+        return blend.predicted(course, first, other)
+
+    def _reference(self, image: LayeredImage, number: int, layers: int, checksum: int, now: float) -> Optional[Array]:
+        """The pixels of a reference of an image; None: it is not held as the robot has it."""
+        reference = self._references.get((image.session, number), layers, image.shape)
         if reference is None:
             return None
-        if reference.checksum != image.checksum:
+        if reference.checksum != checksum:
             self._references.clear()
             self._mistrusted_until = now + MISTRUST
             return None

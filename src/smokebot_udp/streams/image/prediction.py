@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Callable, Collection, Deque, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 from ...arrays import Array, Records
-from ...codecs.layered import differences, motion
+from ...codecs.layered import blend, differences, motion
 from .held_by_all import HeldByAll
 from .pixel_layers import shape_of
 from .references import CodedImage, References
@@ -28,7 +28,7 @@ SKIPPED = 4
 
 SAVES, PAUSE = 0.25, 5
 """A prediction that saves less than this part of the bits is not worth the time of the processors: it takes longer than
-coding does. After two such in a row PAUSE images have none."""
+coding does. After two such in a row PAUSE images have none; so it is with second references that are of no use."""
 
 LAGS = 16
 """How long a report takes is known from the fastest one of this number of images."""
@@ -45,10 +45,10 @@ class Prediction(NamedTuple):
     """Number of the reference's layers that are used."""
     checksum: int
     """Checksum of the reference's pixels, see references.checksum_of."""
-    motion: bytes
-    """Motion since the reference."""
+    course: bytes
+    """Motion since the reference, and since a second one, see blend.to_bytes."""
     pixels: Array
-    """The displaced reference: shape and type of the image."""
+    """The displaced reference, or blend of two: shape and type of the image."""
     error: float
     """Mean squared difference from the image [count^2]."""
     exact_size: float
@@ -126,7 +126,7 @@ class Predictor:
         self._references.clear()
         self._sent: Dict[int, _Sent] = {}
         self._lags: Deque[int] = deque(maxlen=LAGS)     # from images to the newest one that is held
-        self._motion, self._gain = _MotionFinder(), _Gain()
+        self._motion, self._gain, self._second_gain = _MotionFinder(), _Gain(), _Gain()
 
     def worth_trying(self, repeated: int) -> bool:
         """Whether to predict the next image; to be asked once an image.
@@ -153,12 +153,15 @@ class Predictor:
         reference = self._references.get((self.session, number), layers, shape_of(pixels))
         if reference is None:
             return None
-        if number in held:
-            self._references.forget_before((self.session, number))      # those are never used again
         same = self.number - number <= repeated
+        other = None if same or not self._second_gain.expected() else self._second(held, number, stamp, growth)
+        if number in held:      # those before are never used again
+            self._references.forget_before((self.session, min(number, other[0]) if other else number))
         moved = motion.NONE if same else self._motion.find(reference.pixels, pixels)
-        displaced = motion.compensate(reference.pixels, moved)
-        found = _prediction(number, layers, reference.checksum, motion.to_bytes(moved), displaced, pixels)
+        displaced, course = motion.compensate(reference.pixels, moved), blend.Course(moved, None)
+        if other:
+            displaced, course = self._blended(displaced, moved, *other, pixels)
+        found = _prediction(number, layers, reference.checksum, blend.to_bytes(course), displaced, pixels)
         if same:        # better known than before: else it might seem best for ever
             self._sent[number].errors[layers - 1] = found.error
         return found
@@ -173,6 +176,31 @@ class Predictor:
             if error(other) < WORTH_RISK * error(best):
                 return other
         return best
+
+    def _second(self, held: Mapping[int, int], first: int, stamp: float, growth: float) -> Optional[Tuple[int, int]]:
+        """Number and layers of the image that is most like the next one beside the first reference; None: none is held.
+        """
+        others = {number: layers for number, layers in held.items() if number != first}
+        return _least(others, lambda image: self._distance(*image, stamp, growth)) if others else None
+
+    def _blended(self, displaced: Array, moved: motion.Motion, number: int, layers: int, pixels: Array
+                 ) -> Tuple[Array, blend.Course]:
+        """The displaced reference and its motion, blended with a second one if that makes it more like the next image.
+
+        :param number, layers: of the second one
+        """
+        alone = displaced, blend.Course(moved, None)
+        second = self._references.get((self.session, number), layers, shape_of(pixels))
+        if second is None:
+            return alone
+        its_motion = motion.estimate(second.pixels, pixels) if moved else motion.NONE
+        other = motion.compensate(second.pixels, its_motion)
+        share = blend.share_of(displaced, other, pixels)
+        self._second_gain.add(float(share > 0))
+        if not share:
+            return alone
+        return blend.blended(displaced, other, share), blend.Course(
+            moved, blend.Second(self.number - number, layers, second.checksum, share, its_motion))
 
     def _coming(self, held: Mapping[int, int], repeated: int) -> Dict[int, int]:
         """Images whose reports cannot have come yet, and how many of their layers the operators probably hold.
@@ -234,8 +262,8 @@ def _least(layers: Mapping[int, int], error: Callable[[Tuple[int, int]], float])
     return min(sorted(layers.items(), reverse=True), key=error)
 
 
-def _prediction(number: int, layers: int, checksum: int, moved: bytes, displaced: Array,
+def _prediction(number: int, layers: int, checksum: int, course: bytes, displaced: Array,
                 pixels: Array) -> Prediction:
     error = differences.mean_square(pixels, displaced)
     size = differences.entropy(pixels, displaced, SAMPLED if pixels.size > LARGE else 1)
-    return Prediction(number, layers, checksum, moved, displaced, error, size)
+    return Prediction(number, layers, checksum, course, displaced, error, size)

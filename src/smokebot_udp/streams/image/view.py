@@ -2,13 +2,13 @@
 """The view of an image stream: an annotated colour image for display, in which an old image never looks live."""
 import math
 from dataclasses import dataclass
-from typing import Any, Mapping, Optional
+from typing import Any, Mapping, NamedTuple, Optional
 
 import numpy as np
 
 from ...arrays import Array, UInt8Array
 from ...codecs.display.colouring import PALETTES, AutomaticRange, Coloured, Colouring
-from ...codecs.display.view import Limits, framed
+from ...codecs.display.view import Judgement, Limits, framed, judged
 from ...image_error import ImageError
 from ...mission.parameters import Parameter
 
@@ -59,6 +59,15 @@ class ViewedImage:
     at_least: bool = False
     """Whether `age` is a lower bound: the stamp does not say when the image was taken, and `age` counts from
     robot_sender on."""
+
+
+class Judged(NamedTuple):
+    """The parts of a view."""
+    coloured: Coloured
+    judgement: Judgement
+    limits: Limits
+    notice: str
+    """Empty: none."""
 
 
 class View:
@@ -137,14 +146,27 @@ class View:
         :return: (height, width, 3) uint8, bgr
         :raises ValueError: where the image cannot be drawn
         """
-        if image.coloured is None:
-            assert image.pixels is not None
-            image.coloured, image.pixels = self._colouring(image.pixels, image.encoding, image.received), None
         silence = now - image.received
-        view = framed(image.coloured, image.age + silence, image.completeness, self._limits, silence,
+        view = framed(self._coloured(image), image.age + silence, image.completeness, self._limits, silence,
                       image.error, self._notice, image.at_least)
         self._drawn = image
         return view
+
+    def judge(self, image: ViewedImage, now: float) -> Judged:
+        """The view of an image as its parts, for displays that draw their own; as `draw` otherwise.
+
+        :raises ValueError: where the image cannot be shown
+        """
+        silence, coloured = now - image.received, self._coloured(image)
+        judgement = judged(coloured, image.age + silence, image.completeness, self._limits, silence, image.error)
+        self._drawn = image
+        return Judged(coloured, judgement, self._limits, self._notice)
+
+    def _coloured(self, image: ViewedImage) -> Coloured:
+        if image.coloured is None:
+            assert image.pixels is not None
+            image.coloured, image.pixels = self._colouring(image.pixels, image.encoding, image.received), None
+        return image.coloured
 
 
 def _limits(settings: Mapping[str, Any]) -> Limits:
