@@ -22,6 +22,7 @@ export class ImageView {
     this.stream = stream;
     this.clock = clock;
     this.meta = null;
+    this.since = null;          // when the first frame of this image was sent, by the server's clock [s]
     this.newest = -1;           // number of the newest frame that was drawn
     this.canvas = make('canvas', {width: 4, height: 3, role: 'img'});
     this.banner = make('div', {class: 'banner'});
@@ -49,6 +50,7 @@ export class ImageView {
     const bitmap = frame.data.length ? await decode(frame.data, 'image/jpeg') : null;
     if (frame.number <= this.newest) return;
     this.newest = frame.number;
+    if (!this.meta || this.meta.stamp !== frame.meta.stamp) this.since = frame.meta.sent;
     this.meta = frame.meta;
     if (bitmap) {
       if (this.canvas.width !== bitmap.width || this.canvas.height !== bitmap.height) {
@@ -70,7 +72,7 @@ export class ImageView {
 
   /** Show the age of now, and what follows from it. */
   update() {
-    const {age, state, old, poor, banner} = judge(this.meta, this.clock.now());
+    const {age, state, old, poor, banner} = judge(this.meta, this.clock.now(), this.since);
     const text = age === null ? '-' : (this.meta.at_least ? '> ' : '') + duration(age);
     setData(this.element, 'state', state);
     setText(this.age, text);
