@@ -9,7 +9,6 @@ one.
 import argparse
 import contextlib
 import os
-import socket
 import tempfile
 import time
 from typing import Any, Callable, Dict, Iterator, Sequence
@@ -18,7 +17,8 @@ import numpy as np
 
 from evaluation import TOP
 from evaluation.browser import Browser, missing
-from evaluation.processes import Master, end, start
+from evaluation.polling import wait_for
+from evaluation.processes import Master, end, free_port, start
 from smokebot_udp.link.keys import make_key, read_key
 
 STREAMS = 'thermal', 'camera'
@@ -89,13 +89,6 @@ class Viewer:
         self._map.publish(grid)
 
 
-def free_port() -> int:
-    """A TCP port that nobody uses."""
-    with socket.socket() as probe:
-        probe.bind(('127.0.0.1', 0))
-        return int(probe.getsockname()[1])
-
-
 @contextlib.contextmanager
 def nodes() -> Iterator[str]:
     """The robot, both sides and operator_web; yields the address of the page with its token."""
@@ -118,7 +111,7 @@ def wait(condition: Callable[[], Any], what: str) -> Any:
 
     :raises RuntimeError: none came within TIMEOUT
     """
-    value = Browser.wait(condition, TIMEOUT)
+    value = wait_for(condition, TIMEOUT)
     if not value:
         raise RuntimeError('%s did not come in %g s' % (what, TIMEOUT))
     return value

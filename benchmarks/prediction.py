@@ -21,7 +21,7 @@ RATES = 0.3, 1.0, 3.0
 
 IMAGES, QUICK_IMAGES = 60, 20
 LAGS = 1, 2
-"""An image is predicted from the one so many images before."""
+"""Numbers of images minus those of their references."""
 
 HEAD = 12
 """Size of the head of a stream [byte]."""

@@ -5,7 +5,7 @@ import os
 import shutil
 import tempfile
 import time
-from typing import Any, Dict, List, Optional, Tuple
+from typing import Any, Dict, List, Tuple
 
 import cv2
 import numpy as np
@@ -15,9 +15,6 @@ from smokebot_udp.arrays import UInt8Array
 
 OPTIONS = ('--headless=new', '--hide-scrollbars', '--disable-background-networking', '--no-first-run', '--mute-audio',
            '--disable-component-update', '--disable-dev-shm-usage')
-
-PERIOD = 0.05
-"""[s]"""
 
 
 def missing() -> str:
@@ -123,17 +120,6 @@ class Browser:
         """End the browser."""
         self.driver.quit()
         self._folder.cleanup()
-
-    @staticmethod
-    def wait(condition: Any, seconds: float) -> Optional[Any]:
-        """The first true value of condition(); None after a time [s]."""
-        deadline = time.monotonic() + seconds
-        while time.monotonic() < deadline:
-            value = condition()
-            if value:
-                return value
-            time.sleep(PERIOD)
-        return None
 
     def _finger(self, event: str, *places: Dict[str, float]) -> None:
         self.driver.execute_cdp_cmd('Input.dispatchTouchEvent', {'type': event, 'touchPoints': places})

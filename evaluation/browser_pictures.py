@@ -10,6 +10,7 @@ import numpy as np
 
 from . import TOP
 from .browser import Browser
+from .polling import wait_for
 
 FOLDER = TOP / 'doc' / 'images'
 
@@ -72,7 +73,7 @@ def main() -> None:
     sizes: Dict[str, int] = {}
     with contextlib.closing(Browser(PICTURES[0].size)) as browser:
         browser.open(arguments.address)
-        if not Browser.wait(lambda: browser.run('return smokebot.measured.length'), TIMEOUT):
+        if not wait_for(lambda: browser.run('return smokebot.measured.length'), TIMEOUT):
             parser.error('the page shows no image')
         time.sleep(SETTLING)
         for picture in PICTURES:

@@ -22,6 +22,7 @@ from .kept_memory import KEPT, KeptMemory
 from .link_run import AIR
 from .listener import Listener
 from .own_masters import RECEIVER, ROBOT, OwnMasters
+from .polling import wait_for
 from .processes import Peer
 from .started import Started
 
@@ -166,10 +167,7 @@ class HostileLink(Started):
     def _replay(self) -> Dict[str, int]:
         before = self._dropped('robot')
         self._ask('robot', 'replay')
-        deadline = time.monotonic() + STARTING
-        while not self._newly_dropped('robot', before) and time.monotonic() < deadline:
-            time.sleep(0.1)
-        return self._newly_dropped('robot', before)
+        return wait_for(lambda: self._newly_dropped('robot', before), STARTING) or {}
 
     def _uninvited(self) -> Dict[str, int]:
         """An operator with another key, until it was refused."""
@@ -178,9 +176,7 @@ class HostileLink(Started):
         heard = Listener(self.stack)
         heard.subscribe([['/other' + IMAGE, 'any', 'TCPROS']])
         node = self.stack.start_node('operator', RECEIVER, '_robot:=' + ROBOT, '__ns:=/other', '_key_file:=%s' % other)
-        deadline = time.monotonic() + STARTING
-        while REFUSAL not in self._newly_dropped('robot', before) and time.monotonic() < deadline:
-            time.sleep(0.1)
+        wait_for(lambda: REFUSAL in self._newly_dropped('robot', before), STARTING)
         time.sleep(QUIET)
         self.stack.end(node)
         if heard.heard:

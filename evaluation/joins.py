@@ -12,9 +12,9 @@ from smokebot_udp.link.packets import Kind
 from . import TOP
 from .listener import Heard, Listener
 from .own_masters import PORT, OwnMasters
+from .polling import wait_for
 from .started import Started
 from .tap import Tap
-from .way_back_nodes import wait_for
 
 RELAYS = 40
 """Beside the streams of streams.yaml."""

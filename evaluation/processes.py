@@ -38,6 +38,13 @@ def end(*processes: 'subprocess.Popen[Any]') -> None:
             process.wait()
 
 
+def free_port() -> int:
+    """A TCP port of this machine that nobody uses now."""
+    with socket.socket() as probe:
+        probe.bind(('127.0.0.1', 0))
+        return int(probe.getsockname()[1])
+
+
 class Peer:
     """A process that answers each line on its stdin by one on its stdout.
 
@@ -88,9 +95,7 @@ class Master:
     """A ROS master on a free port, for this process and its children; a context manager."""
 
     def __enter__(self) -> 'Master':
-        with socket.socket() as probe:
-            probe.bind(('127.0.0.1', 0))
-            port = probe.getsockname()[1]
+        port = free_port()
         uri = 'http://127.0.0.1:%d' % port
         self._logs = tempfile.mkdtemp()
         os.environ.pop('ROS_HOSTNAME', None)    # it would take precedence over ROS_IP

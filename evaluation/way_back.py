@@ -11,7 +11,8 @@ from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple
 from smokebot_udp.link_lab.link_trace import SIDES
 
 from . import teleoperated
-from .way_back_nodes import ESTOP, REST, STARTING, TIMEOUT, WayBackNodes, wait_for
+from .polling import wait_for
+from .way_back_nodes import ESTOP, POLLING, REST, STARTING, TIMEOUT, WayBackNodes
 from .way_back_results import Log
 
 NARROW = {'rate': 20e6}
@@ -122,7 +123,8 @@ def estops(nodes: WayBackNodes, count: int, conditions: Mapping[str, float]) -> 
 
 def flagged(nodes: WayBackNodes, engaged: bool, since: float) -> Optional[float]:
     """When the robot's emergency stop was engaged, or released; None: it was not."""
-    found = wait_for(lambda: [at for flag, at in nodes.heard('robot', ESTOP, since) if flag == engaged])
+    found = wait_for(lambda: [at for flag, at in nodes.heard('robot', ESTOP, since) if flag == engaged], TIMEOUT,
+                     POLLING)
     return float(found[0]) if found else None
 
 
@@ -179,6 +181,6 @@ def sent_both_ways(nodes: WayBackNodes, prefix: str, count: int,
 
     def heard() -> List[Log]:
         return [nodes.heard(side, topic, since) for side, topic in received]
-    wait_for(lambda: all(log and log[-1][0] == count - 1 for log in heard()))
+    wait_for(lambda: all(log and log[-1][0] == count - 1 for log in heard()), TIMEOUT, POLLING)
     time.sleep(REST)    # what is repeated has come
     return list(zip(sent, heard()))

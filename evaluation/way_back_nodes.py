@@ -8,12 +8,13 @@ import itertools
 import pathlib
 import random
 import time
-from typing import Any, Callable, Dict, Iterator, List, Mapping, Optional, Tuple
+from typing import Any, Dict, Iterator, List, Mapping, Tuple
 
 from . import teleoperated
 from .link_run import AIR, SensorSource, lab_state
 from .listener import Listener, Subscription
 from .own_masters import RECEIVER, SENDER, OwnMasters
+from .polling import wait_for
 from .stack import Stack
 from .started import Started
 from .teleoperator import Teleoperator
@@ -161,7 +162,7 @@ class WayBackNodes(Started):
     def moves(self) -> bool:
         """Wait until the robot obeys a command that moves it; whether it does within REST."""
         since = time.time()
-        return bool(wait_for(lambda: any(number for number, _ in self.speeds(since)), REST))
+        return bool(wait_for(lambda: any(number for number, _ in self.speeds(since)), REST, POLLING))
 
     def rest(self) -> Log:
         """Drive no more; what was sent since the last rest."""
@@ -177,18 +178,3 @@ class WayBackNodes(Started):
         time.sleep(SETTLE)
         self.state()
         return begun
-
-
-def wait_for(found: Callable[[], Any], timeout: float = TIMEOUT, polling: float = POLLING) -> Optional[Any]:
-    """The first true value; None: none comes in time.
-
-    :param timeout: [s]
-    :param polling: between two looks [s]
-    """
-    deadline = time.monotonic() + timeout
-    while time.monotonic() < deadline:
-        value = found()
-        if value:
-            return value
-        time.sleep(polling)
-    return None

@@ -23,6 +23,7 @@ import cv2
 import numpy as np
 import psutil
 
+from .processes import free_port
 from .web_client import WebClient
 
 RATE, WIDTH, HEIGHT = 10.0, 640, 480
@@ -32,12 +33,6 @@ CYCLE = 1.0
 
 START = 40.0
 """For nodes to start [s]."""
-
-
-def free_port() -> int:
-    with socket.socket() as one:
-        one.bind(('127.0.0.1', 0))
-        return int(one.getsockname()[1])
 
 
 def publish(seconds: float) -> None:

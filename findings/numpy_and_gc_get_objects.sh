@@ -7,8 +7,8 @@
 # the end, which it refuses where somebody else refers to the tuple, too. The list of gc.get_objects() does, for as long
 # as it lives.
 #
-# Seen with CPython 3.11.7 and numpy 1.24.4: after 27 calls of numpy.triu_indices. Program and packages are in a temporary folder. It fails where
-# this does not happen in two minutes, or something else is raised.
+# Seen with CPython 3.11.7 and numpy 1.24.4: after 27 calls of numpy.triu_indices. Program and packages are in a
+# temporary folder. It fails where this does not happen in two minutes, or something else is raised.
 set -euo pipefail
 
 folder=$(mktemp -d)

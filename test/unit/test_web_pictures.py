@@ -9,7 +9,8 @@ import rospy
 from sensor_msgs.msg import CompressedImage, Image
 
 from smokebot_udp.msg import ViewImage
-from smokebot_udp.web.pictures import WIDTHS, Pictures, jpeg, metadata, picture_of, png, step_of
+from smokebot_udp.web.pictures import WIDTHS, Pictures, jpeg, metadata, picture_of, step_of
+from smokebot_udp.web.png import encoded
 from smokebot_udp.web.relayed_images import RelayedColours
 from smokebot_udp.web.screen import Now
 from smokebot_udp.web.stills import MOST, Stills
@@ -112,7 +113,7 @@ def test_stills_are_exact_and_the_oldest_is_forgotten() -> None:
     kept = stills.keep('ugv1', 'thermal', picture, Now(50.5, 1e9))
     type_, content = stills.get(kept['image'].rpartition('/')[2]) or ('', b'')
     pixels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
-    assert type_ == 'image/png' and np.array_equal(pixels, picture.pixels) and png(picture) == content
+    assert type_ == 'image/png' and np.array_equal(pixels, picture.pixels) and encoded(picture.pixels) == content
     assert kept['values']['age'] == pytest.approx(0.6) and kept['values']['unit'] == 'degC'
     for _ in range(MOST):
         stills.keep('ugv1', 'thermal', picture, Now(50.5, 1e9))

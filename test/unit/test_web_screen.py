@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What one browser is sent, of a robot whose topics are filled by hand."""
-import collections
 import json
 import threading
 from types import SimpleNamespace
@@ -47,7 +46,7 @@ def robot() -> Any:
     return SimpleNamespace(
         name='', catalogue=Catalogue(streams()), pictures={'thermal': Pictures()}, maps={'map': TiledMap()},
         map_lock=threading.Lock(), shown={}, log=LogEntries(), path=np.zeros((0, 2)), goal=None, known=known,
-        progress=collections.deque(), pose=lambda: None, map_place=lambda stream: PLACE)
+        progress=None, pose=lambda: None, map_place=lambda stream: PLACE)
 
 
 def now(steady: float) -> Now:

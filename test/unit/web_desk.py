@@ -1,10 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A desk with a robot without topics, and a server of it: what browsers command is noted, and moves nothing."""
 import asyncio
-import collections
 import contextlib
 import pathlib
-import socket
 import ssl
 import threading
 from types import SimpleNamespace
@@ -12,6 +10,7 @@ from typing import Any, AsyncIterator, Awaitable, Callable, List, Optional
 
 import numpy as np
 
+from evaluation.processes import free_port
 from smokebot_udp.streams import config
 from smokebot_udp.web.access import Access
 from smokebot_udp.web.catalogue import Catalogue
@@ -78,7 +77,7 @@ def robot() -> Any:
     return SimpleNamespace(
         name='', resolve=lambda name: '/' + name, catalogue=Catalogue(config.load(STREAMS)[0]),
         pictures={'thermal': Pictures()}, maps={'map': TiledMap()}, map_lock=threading.Lock(), shown={},
-        log=LogEntries(), path=np.zeros((0, 2)), goal=None, known=Known(), progress=collections.deque(), raw={},
+        log=LogEntries(), path=np.zeros((0, 2)), goal=None, known=Known(), progress=None, raw={},
         pose=lambda: None, map_place=lambda stream: PLACE, want=lambda wanted: None, robot_now=lambda: 0.0)
 
 
@@ -98,12 +97,6 @@ class TestDesk:
         pixels = np.full(shape, value, np.uint8)
         self.robot.pictures['thermal'].newest = Picture(pixels, stamp, stamp, 0.1, {'state': 'fresh'})
         self.desk.picture_came('', 'thermal')
-
-
-def free_port() -> int:
-    with socket.socket() as one:
-        one.bind(('127.0.0.1', 0))
-        return int(one.getsockname()[1])
 
 
 @contextlib.asynccontextmanager

@@ -84,7 +84,7 @@ class FocusControl(Part):
         self._publish()
         for warning in self._control.warnings:
             logwarn('', warning, ERROR_PERIOD)
-        driving.subscribe(self._standing_changed)
+        driving.subscribe(self._changes.wake)
         problems.subscribe(self._changes.wake)
 
     def _switched(self, focus: str) -> None:
@@ -117,10 +117,6 @@ class FocusControl(Part):
             return ''
         self._publish()
         return answer(state.focus, before, self._streams(state))
-
-    def _standing_changed(self) -> None:
-        """Publish the status soon, with who drives now; any thread."""
-        self._changes.wake()
 
     def _publish_changes(self) -> None:
         """Publish the status where grants have changed, who drives, or what is wrong."""

@@ -15,6 +15,7 @@ import rospy
 from std_msgs.msg import Bool, Empty, String
 from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 
+from ..codecs.display.overlay import EMERGENCY_STOP
 from ..limited_log import logerr
 from ..monitoring.node_status import operator_control_status
 from ..monitoring.status import Status
@@ -288,7 +289,7 @@ class OperatorControl(Part):
             heard = self._client.heard(now)
         reasons = {one.name: one.lock(now) for one in self._commands}
         if estop:
-            return 'EMERGENCY STOP'
+            return EMERGENCY_STOP
         if self._commands and heard and not driving and status is not None and status.driver:
             return 'NOT IN CONTROL: %s drives' % status.driver
         return lock_text(reasons)

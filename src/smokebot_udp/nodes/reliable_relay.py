@@ -20,7 +20,7 @@ from ..serialised import deserialised, serialised
 from ..streams import live_tables
 from ..streams.message_types import message_class
 from ..streams.relay.contents import QUEUE, Contents, kept_together, publisher_of
-from ..streams.relay.parameters import LEVELS, LOG, TO_OPERATOR, TO_ROBOT
+from ..streams.relay.parameters import LEVEL_VALUES, LOG, TO_OPERATOR, TO_ROBOT
 from ..streams.relay.turns import Turns
 from .channel import Channel, ChannelKind, ChannelListener
 from .reliable_link import ReliableLink
@@ -29,9 +29,6 @@ from .worker import PeriodicWorker
 
 RECENT = 10.0
 """Time for which what was given up is a problem in diagnostics [s]."""
-
-LEVEL_VALUES = {level: 1 << index for index, level in enumerate(LEVELS)}
-"""{level: its value in rosgraph_msgs/Log}"""
 
 STATES_SHARE = 0.03
 """Share of the link's rate for the states of one relay with `newest`, to each peer."""

@@ -50,8 +50,7 @@ class SettingsMirror(Part):
             'requests for settings', self._poll, self._client.deadline, self._send, log_error('requests for settings'))
         # not in the link's thread: the master is asked
         self._show = PeriodicWorker("the robot's settings", self._show_changed, log_error("the robot's settings"), None)
-        self._requests = self._opened.add(reliable.channel(REQUESTS, ChannelListener(
-            joined=lambda peer: self._begin_again())))
+        self._requests = self._opened.add(reliable.channel(REQUESTS, ChannelListener(joined=self._joined)))
         self._opened.started(self._worker)
         self._opened.started(self._show)
         if self._watch is not None:
@@ -60,7 +59,7 @@ class SettingsMirror(Part):
         for name in ('~set_focus', *([node + '/set_focus'] if node else [])):
             rospy.Service(name, SetFocus, self._set_focus)
 
-    def _begin_again(self) -> None:
+    def _joined(self, peer: str) -> None:
         """Send what was not answered again: it may not have arrived; the link's thread."""
         with self._worker.changing():
             self._client.begin_again()

@@ -78,9 +78,17 @@ class Services:
     def _call(self, name: str, type_: Any, arguments: Any) -> None:
         try:
             answer = rospy.ServiceProxy('operator_receiver/' + name, type_)(*arguments)
-            self._say('%s: %s' % (name, answer.message or ('done' if answer.success else 'refused')))
+            self._say(said(name, answer))
         except (rospy.ServiceException, rospy.ROSException) as error:
             self._say('%s: %s' % (name, error))
+
+
+def said(name: str, answer: Any) -> str:
+    """What a service answered, in words.
+
+    :param answer: response with `success` and `message`
+    """
+    return '%s: %s' % (name, answer.message or ('done' if answer.success else 'refused'))
 
 
 class TeleopKeyboard:

@@ -14,7 +14,7 @@ from .access import Role
 from .frames import text_of
 from .requests import MAX_SIZE, BadRequest, Request, Watch, parse, watch_of
 from .robot import Robot
-from .screen import Message, Now, Screen
+from .screen import OVERVIEW_PERIOD, Message, Now, Screen
 
 MESSAGES, MESSAGE_PERIOD = 200, 1 / 200
 """Messages of a browser at once, and interval of further ones [s]: more end the connection."""
@@ -163,7 +163,7 @@ class Browser:
         if not tick:
             return
         yield from screen.texts(now, lambda robot: self._host.state(self, robot))
-        if screen.due('overview', 1.0, now.steady):
+        if screen.due('overview', OVERVIEW_PERIOD, now.steady):
             yield text_of(self._host.overview())
         if screen.robot is not None:
             yield from screen.shown(now.steady, screen.robot.robot_now)

@@ -7,6 +7,8 @@ from typing import Any, Callable, Set, Tuple
 
 import rospy
 
+from ..nodes.teleop_keyboard import said
+
 
 async def in_thread(work: Callable[[], Any]) -> Any:
     """What a function returns that may take long; a thread of its own does not keep the node from ending."""
@@ -51,4 +53,4 @@ class Calls:
             answer = await asyncio.shield(work)     # who asked may go: the call goes on
         except (rospy.ServiceException, rospy.ROSException) as error:
             return False, '%s: %s' % (name, error)
-        return bool(answer.success), '%s: %s' % (name, answer.message or ('done' if answer.success else 'refused'))
+        return bool(answer.success), said(name, answer)

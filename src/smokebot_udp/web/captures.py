@@ -18,7 +18,7 @@ def listed(folder: str, robot: str) -> List[Dict[str, Any]]:
     """
     found: List[Dict[str, Any]] = []
     try:
-        with os.scandir(folder) if folder else os.scandir(os.devnull) as entries:
+        with os.scandir(folder) as entries:     # '' raises, too
             for entry in entries:
                 if NAME.match(entry.name) and entry.is_file(follow_symlinks=False) and belongs(entry.name, robot):
                     status = entry.stat(follow_symlinks=False)

@@ -129,8 +129,9 @@ class Desk:
             self.stations[before.name].driving.gone(browser)
         browser.screen.show(watch, robot)
         self._want()
-        for stream in watch.images if robot is not None else ():
-            self._encode_soon(robot.name if robot else '', stream)
+        if robot is not None:
+            for stream in watch.images:
+                self._encode_soon(robot.name, stream)
 
     def state(self, browser: Browser, robot: Robot) -> Mapping[str, Any]:
         """See browser.Host."""

@@ -9,6 +9,7 @@ import rospy
 from geometry_msgs.msg import PoseStamped, Quaternion, Twist
 from std_msgs.msg import Bool
 
+from ..codecs.display.overlay import EMERGENCY_STOP
 from ..nodes.logging import log_error
 from ..nodes.opened import Part
 from ..nodes.teleop_keyboard import twist
@@ -17,7 +18,6 @@ from ..teleop.interlock import START_FROM_NEUTRAL
 from ..teleop.keyboard import STOP, StopKey, Velocity
 from .dead_man import DeadMan, Rest
 from .robot import Robot
-from .state import STOPPED
 
 
 class Order(NamedTuple):
@@ -51,7 +51,7 @@ class Driving(Part):
             if motion == STOP:
                 self._rests(browser)
             elif not self._rest.may_move(browser, known.stops):
-                return STOPPED if known.control == STOPPED else START_FROM_NEUTRAL
+                return EMERGENCY_STOP if known.control == EMERGENCY_STOP else START_FROM_NEUTRAL
             good = self._dead_man.drive(browser, motion, time.monotonic())
         return '' if good else 'another browser drives: take control'
 
@@ -105,7 +105,7 @@ class Driving(Part):
         return True, 'goal sent'
 
     def _rests(self, browser: Hashable) -> None:
-        if self._robot.known.control != STOPPED:
+        if self._robot.known.control != EMERGENCY_STOP:
             self._rest.rest(browser, self._robot.known.stops)
 
     def _publisher(self, topic: str, class_: Any, queue: int) -> Any:

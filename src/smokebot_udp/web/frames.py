@@ -2,8 +2,9 @@
 """Binary frames to a browser: a header, metadata in JSON, data. doc/web_protocol.md has their layout."""
 import enum
 import json
+import math
 import struct
-from typing import Any, Mapping, NamedTuple
+from typing import Any, Mapping, NamedTuple, Optional
 
 HEADER = struct.Struct('<BBHIII')
 """Kind, level, stream's index, number, length of the metadata, length of the data."""
@@ -56,6 +57,14 @@ def parse(content: bytes) -> Parsed:
         raise ValueError('a frame of %d bytes has %d' % (HEADER.size + metadata + data, len(content)))
     return Parsed(Frame(Kind(kind), index, json.loads(content[HEADER.size:HEADER.size + metadata].decode()),
                         content[HEADER.size + metadata:], level), number)
+
+
+def finite(value: float, digits: int = 5) -> Optional[float]:
+    """A number as it may be in a message; None: it is infinite or NaN.
+
+    :param digits: after the point
+    """
+    return round(float(value), digits) if math.isfinite(value) else None
 
 
 def text_of(message: Mapping[str, Any]) -> str:

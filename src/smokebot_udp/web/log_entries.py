@@ -5,11 +5,12 @@ import itertools
 from typing import Any, Deque, Dict, List, Mapping, Tuple
 
 from ..monitoring.status import printable
+from ..streams.relay.parameters import LEVEL_VALUES
 
 MAX_ENTRIES, MAX_TEXT = 100, 500
 """Lines that are kept, and letters of one."""
 
-LEVELS: Mapping[int, str] = {1: 'debug', 2: 'info', 4: 'warn', 8: 'error', 16: 'fatal'}
+LEVELS: Mapping[int, str] = {value: level for level, value in LEVEL_VALUES.items()}
 
 
 class LogEntries:

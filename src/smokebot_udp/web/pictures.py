@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 
 from ..arrays import UInt8Array
+from .frames import finite
 
 WIDTHS = (160, 240, 320, 480, 640, 960, 1280, 1920)
 """Widths of the JPEGs [pixel]: a browser gets the next wider one, but never more pixels than the picture has."""
@@ -16,6 +17,10 @@ QUALITY = 80
 
 MAX_PIXELS = 4096 * 4096
 """Larger pictures are not shown."""
+
+
+DIGITS = 6
+"""Digits after the point of the numbers of a picture."""
 
 
 class Picture(NamedTuple):
@@ -47,8 +52,8 @@ def picture_of(message: Any, came: float) -> Picture:
     fields = {
         'at_least': bool(message.at_least), 'state': message.state,
         'reason': 'age' if message.old else 'quality' if message.poor else '', 'quality': message.quality,
-        'completeness': _finite(message.completeness), 'error': _finite(message.error),
-        'old_after': _finite(message.old_after), 'frozen_after': _finite(message.frozen_after),
+        'completeness': finite(message.completeness, DIGITS), 'error': finite(message.error, DIGITS),
+        'old_after': finite(message.old_after, DIGITS), 'frozen_after': finite(message.frozen_after, DIGITS),
         'full_width': width, 'full_height': height, 'scale': scale_of(message), 'notice': message.notice}
     values = {name: getattr(message, name) for name in ('counts_per_unit', 'zero', 'unit')}
     return Picture(pixels, message.header.stamp.to_sec(), came, message.age, fields, values)
@@ -134,21 +139,6 @@ def metadata(picture: Picture, encoded: Encoded, now: float, clock: float) -> Di
             'width': encoded.width, 'height': encoded.height, 'sent': clock}
 
 
-def png(picture: Picture) -> bytes:
-    """A picture as PNG.
-
-    :raises ValueError: it cannot be encoded
-    """
-    done, data = cv2.imencode('.png', picture.pixels)
-    if not done:
-        raise ValueError('a picture cannot be encoded')
-    return data.tobytes()
-
-
 def _same(one: Picture, other: Picture) -> bool:
     return one.pixels.shape == other.pixels.shape and one.stamp == other.stamp and np.array_equal(
         one.pixels, other.pixels)
-
-
-def _finite(value: float) -> Optional[float]:
-    return round(float(value), 6) if math.isfinite(value) else None

@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What this machine has of one robot, as frames and messages for browsers; it subscribes large topics only while a
 browser shows them."""
-import collections
 import functools
 import math
 import threading
 import time
-from typing import Any, Callable, Deque, Dict, Mapping, NamedTuple, Optional, Set, Tuple
+from typing import Any, Callable, Dict, Mapping, NamedTuple, Optional, Set, Tuple
 
 import numpy as np
 import rospy
@@ -20,6 +19,7 @@ from tf2_msgs.msg import TFMessage
 
 from .. import udpros
 from ..arrays import Array
+from ..codecs.display.overlay import EMERGENCY_STOP
 from ..codecs.wire.points import as_points
 from ..limited_log import logerr
 from ..msg import CaptureProgress, LinkStatus, RobotStatus, ViewImage
@@ -37,9 +37,10 @@ from .frames import Frame, Kind
 from .log_entries import LogEntries
 from .pictures import Pictures, picture_of
 from .relayed_images import RelayedColours
-from .state import STOPPED, Known
+from .state import Known
 from .tiles import Place, TiledMap
 from .top_view import CELL, Pose, ages_image, cloud_from_above, path_points, pose_of, scan_points
+from .transforms import Transforms
 
 HOLD = 5.0
 """A topic stays subscribed for this long after the last browser that showed it [s]."""
@@ -84,7 +85,6 @@ class Robot(Part):
     def __init__(self, name: str, resolve: Callable[[str], str], catalogue: Catalogue, frames: Frames, prefix: str,
                  changed: Changed) -> None:
         super().__init__()
-        from .transforms import Transforms
         self.name, self.resolve, self.catalogue = name, resolve, catalogue
         self.fixed, self.base = with_prefix(frames.fixed, prefix), with_prefix(frames.base, prefix)
         self.known, self.log = Known(), LogEntries()
@@ -97,7 +97,8 @@ class Robot(Part):
         self.goal: Optional[Tuple[Pose, float]] = None
         """In the fixed frame, and when it was set, by a steady clock [s]."""
         self.path: Array = np.zeros((0, 2))
-        self.progress: Deque[Tuple[int, Any]] = collections.deque(maxlen=8)
+        self.progress: Optional[Tuple[int, Any]] = None
+        """Number and message of the newest progress of a capture."""
         self._transforms, self._changed, self._colours = Transforms(), changed, RelayedColours()
         self._numbers = 0
         self._wanted: Dict[Tuple[str, str], float] = {}     # {(what, stream): when it was wanted last [s]}
@@ -236,7 +237,7 @@ class Robot(Part):
         self.known.gas[name] = message.data
 
     def _take_control(self, message: Any) -> None:
-        self.known.stops += message.data == STOPPED != self.known.control
+        self.known.stops += message.data == EMERGENCY_STOP != self.known.control
         self.known.control = message.data
 
     def _take_transforms(self, message: Any, static: bool) -> None:
@@ -256,7 +257,7 @@ class Robot(Part):
 
     def _take_progress(self, message: Any) -> None:
         self._numbers += 1
-        self.progress.append((self._numbers, message))
+        self.progress = self._numbers, message
 
     def _take_goal(self, message: Any) -> None:
         pose = self._pose_in_fixed(message.header.frame_id)

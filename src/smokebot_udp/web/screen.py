@@ -19,7 +19,8 @@ PERIOD_SLACK = 0.75
 """Ratio of a period after which an image already counts as due: sources are not even."""
 
 STATE_PERIOD, POSE_PERIOD, PATH_PERIOD, LINK_PERIOD, OVERVIEW_PERIOD = 0.5, 0.09, 1.0, 1.0, 1.0
-"""[s]"""
+LOG_PERIOD, PROGRESS_PERIOD = 0.2, 0.2
+"""Times from one message of a type to the next [s]."""
 
 MAX_TILES, MAX_SENT_TILES, TILE_BATCH = 1000, 4096, 8
 """Tiles on the way, tiles that are remembered, tiles that are made at once."""
@@ -75,11 +76,13 @@ class Screen:
     def images(self, now: Now) -> Iterator[bytes]:
         """The images to be sent now."""
         robot, sent = self.robot, self._sent
-        for stream, wanted in self.watch.images.items() if robot else ():
-            pictures = robot.pictures.get(stream) if robot else None
+        if robot is None:
+            return
+        for stream, wanted in self.watch.images.items():
+            pictures = robot.pictures.get(stream)
             current = pictures.current if pictures is not None else None
             step = step_of(wanted.width)
-            if robot is None or current is None or step not in current.encoded or \
+            if current is None or step not in current.encoded or \
                     sent.images.get(stream) == (current.number, step) or \
                     now.steady < sent.image_due.get(stream, -math.inf) or not self.flow.room(stream):
                 continue
@@ -206,15 +209,15 @@ class Screen:
             yield fields
 
     def _log(self, robot: Robot, now: Now) -> Iterator[Mapping[str, Any]]:
-        if self.watch.log and self.due('log', 0.2, now.steady):
+        if self.watch.log and self.due('log', LOG_PERIOD, now.steady):
             self._sent.log, entries = robot.log.after(self._sent.log)
             if entries:
                 yield {'type': 'log', 'entries': entries}
 
     def _progress(self, robot: Robot, now: Now) -> Iterator[Mapping[str, Any]]:
-        if not robot.progress or not self.due('progress', 0.2, now.steady):
+        if robot.progress is None or not self.due('progress', PROGRESS_PERIOD, now.steady):
             return
-        number, message = robot.progress[-1]
+        number, message = robot.progress
         if number != self._sent.progress:
             self._sent.progress = number
             yield {'type': 'progress', 'stream': message.stream, 'progress': round(message.progress, 4),

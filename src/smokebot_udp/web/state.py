@@ -4,14 +4,13 @@ import math
 from dataclasses import dataclass, field
 from typing import Any, Dict, List, Mapping, Optional, Sequence
 
+from ..codecs.display.overlay import EMERGENCY_STOP
 from ..monitoring.link_snapshot import Tree
 from ..monitoring.status import LEVELS, printable
+from .frames import finite
 
 MAX_TEXTS, MAX_TEXT = 20, 300
 """Problems or profiles of a robot, and letters of each, that are shown: they come over the link."""
-
-STOPPED = 'EMERGENCY STOP'
-"""State of control during an emergency stop."""
 
 
 @dataclass
@@ -46,9 +45,9 @@ def overview_of(name: str, known: Known, now: float) -> Dict[str, Any]:
     return {
         'name': name, 'level': level_of(known, now), 'control': known.control,
         'driver': _text(status.driver) if status else '', 'estop': bool(status and status.estop),
-        'silence': _since(known.heard, now), 'loss': _finite(link.loss) if link else None,
-        'capacity': _finite(link.capacity) if link else None, 'signal': _finite(link.wifi.signal) if link else None,
-        'battery': _finite(known.battery.percentage) if known.battery else None,
+        'silence': _since(known.heard, now), 'loss': finite(link.loss) if link else None,
+        'capacity': finite(link.capacity) if link else None, 'signal': finite(link.wifi.signal) if link else None,
+        'battery': finite(known.battery.percentage) if known.battery else None,
         'focus': _text(status.focus) if status else '', 'problems': problems_of(known)}
 
 
@@ -63,12 +62,12 @@ def state_of(known: Known, node: str, now: float) -> Dict[str, Any]:
     return {
         'type': 'state', 'level': level_of(known, now), 'silence': _since(known.heard, now),
         'control': known.control, 'driver': driver, 'mine': _same_node(driver, node),
-        'estop': bool(status and status.estop) or known.control == STOPPED,
+        'estop': bool(status and status.estop) or known.control == EMERGENCY_STOP,
         'focus': _text(status.focus) if status else '', 'modified': bool(status and status.modified),
         'profiles': _texts(status.profiles) if status else [], 'problems': problems_of(known),
-        'battery': None if battery is None else {'charge': _finite(battery.percentage),
-                                                 'voltage': _finite(battery.voltage)},
-        'gas': [{'name': name, 'value': _finite(value), 'unit': ''} for name, value in sorted(known.gas.items())],
+        'battery': None if battery is None else {'charge': finite(battery.percentage),
+                                                 'voltage': finite(battery.voltage)},
+        'gas': [{'name': name, 'value': finite(value), 'unit': ''} for name, value in sorted(known.gas.items())],
         'link': _link(known, now), 'wifi': _wifi(known.tree), 'streams': _streams(known.tree)}
 
 
@@ -101,7 +100,7 @@ def _link(known: Known, now: float) -> Optional[Dict[str, Any]]:
     link = known.link
     if link is None:
         return None
-    return {**{name: _finite(getattr(link, name)) for name in ('sent', 'rate', 'capacity', 'loss', 'round_trip',
+    return {**{name: finite(getattr(link, name)) for name in ('sent', 'rate', 'capacity', 'loss', 'round_trip',
                                                                'queue_delay')},
             'state': _text(link.state), 'age': _since(known.linked, now), 'paths': []}
 
@@ -137,7 +136,3 @@ def _texts(texts: Sequence[str]) -> List[str]:
 
 def _since(when: float, now: float) -> Optional[float]:
     return round(now - when, 3) if math.isfinite(when) else None
-
-
-def _finite(value: float) -> Optional[float]:
-    return round(float(value), 5) if math.isfinite(value) else None

@@ -6,7 +6,8 @@ import secrets
 from typing import Any, Dict, Mapping, Optional, Tuple
 
 from ..newest import Newest
-from .pictures import Encoded, Picture, metadata, png
+from .pictures import Encoded, Picture, metadata
+from .png import encoded
 from .screen import Now
 
 MOST = 16
@@ -27,7 +28,7 @@ class Stills:
                   **{name: value for name, value in picture.values.items()
                      if not isinstance(value, float) or math.isfinite(value)}}
         name = secrets.token_hex(8)
-        self._kept[name] = png(picture), (json.dumps(values, indent=2) + '\n').encode()
+        self._kept[name] = encoded(picture.pixels), (json.dumps(values, indent=2) + '\n').encode()
         return {'image': '/stills/%s.png' % name, 'numbers': '/stills/%s.json' % name, 'values': values}
 
     def get(self, name: str) -> Optional[Tuple[str, bytes]]:

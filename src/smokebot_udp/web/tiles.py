@@ -7,11 +7,11 @@ are unknown, else their occupancy plus 1; a coarser level has the greatest of th
 import math
 from typing import Dict, Iterator, List, NamedTuple, Optional, Set, Tuple
 
-import cv2
 import numpy as np
 
 from ..arrays import Array, UInt8Array
 from ..newest import Newest
+from .png import encoded
 
 TILE = 128
 """Side of a tile [pixel]."""
@@ -195,14 +195,6 @@ def shades(cells: Array) -> UInt8Array:
     legal = np.where((cells < 0) | (cells > 100), -1, cells)
     found: UInt8Array = (legal + 1).astype(np.uint8)
     return found
-
-
-def encoded(pixels: UInt8Array) -> bytes:
-    """An image as PNG."""
-    done, data = cv2.imencode('.png', np.ascontiguousarray(pixels), [cv2.IMWRITE_PNG_COMPRESSION, 6])
-    if not done:
-        raise ValueError('an image of %s cannot be encoded' % (pixels.shape,))
-    return data.tobytes()
 
 
 def _differing(before: UInt8Array, corner: Tuple[int, int], after: UInt8Array, new_corner: Tuple[int, int]

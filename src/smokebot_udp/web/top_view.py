@@ -8,7 +8,7 @@ import numpy as np
 
 from ..arrays import Array, Float32Array, FloatArray, UInt8Array
 from ..rotation import rotation
-from .tiles import encoded
+from .png import encoded
 
 MAX_SCAN_POINTS = 2048
 """Number of points; of a longer scan every second, third, ... point is shown."""

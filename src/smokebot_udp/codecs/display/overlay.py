@@ -48,9 +48,9 @@ class AttentionLimits(NamedTuple):
 
 
 LOSS, ROUND_TRIP = AttentionLimits(0.3, 0.7), AttentionLimits(0.3, 1.0)
-"""AttentionLimits of the packet-loss ratio and of the round-trip time [s]. Higher values are worse."""
+"""Limits of the packet-loss ratio and of the round-trip time [s]. Higher values are worse."""
 SIGNAL, CHARGE = AttentionLimits(-70.0, -80.0), AttentionLimits(0.3, 0.15)
-"""AttentionLimits of the Wi-Fi signal strength [dBm] and of the battery's charge, a ratio. Lower values are worse."""
+"""Limits of the Wi-Fi signal strength [dBm] and of the battery's charge, a ratio. Lower values are worse."""
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,8 @@ from . import motion
 from .differences import flat
 from .loops import compiled, int32, int64, uint64
 
-SHARES = 16
+_SHIFT = 4
+SHARES = 1 << _SHIFT
 """Shares are in parts of this number."""
 WORTH = 0.96
 """A second reference is used where it decreases the mean squared difference to less than this part."""
@@ -28,7 +29,7 @@ _HEAD = struct.Struct('<BBBBIB')
 class Second(NamedTuple):
     """The second reference of an image."""
     back: int
-    """So many images before it, 1..255."""
+    """Number of the image minus that of the reference, 1..255."""
     layers: int
     """Number of its layers that are used."""
     checksum: int
@@ -81,7 +82,7 @@ def _blend(first: Array, second: Array, share: int, result: Array) -> None:
     rest = int32(SHARES - share)
     for i in range(uint64(len(result))):
         result[i] = int32(int32(int32(int32(first[i]) * rest) + int32(int32(second[i]) * share))
-                          + int32(SHARES // 2)) >> 4
+                          + int32(SHARES // 2)) >> _SHIFT
 
 
 def blended(first: Array, second: Array, share: int) -> Array:

@@ -40,7 +40,7 @@ class _Sent:
 class GoalWatch:
     """Follows goals by their ids. The clock is an argument [s, any steady clock].
 
-    :param timeout: a goal of which nothing was heard for this time is lost [s]
+    :param timeout: time without a status or a result after which a goal is lost [s]
     """
 
     def __init__(self, timeout: float) -> None:

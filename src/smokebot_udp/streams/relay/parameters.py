@@ -9,6 +9,9 @@ LOG, DIAGNOSTICS = 'rosgraph_msgs/Log', 'diagnostic_msgs/DiagnosticArray'
 LEVELS = 'debug', 'info', 'warn', 'error', 'fatal'
 """Levels of LOG messages, the lowest first."""
 
+LEVEL_VALUES = {level: 1 << index for index, level in enumerate(LEVELS)}
+"""{level: its value in LOG messages}"""
+
 TO_OPERATOR, TO_ROBOT = 'to_operator', 'to_robot'
 """Values of `direction`."""
 
