@@ -209,6 +209,8 @@ def run(parameters: Parameters, opened: Opened, loop: asyncio.AbstractEventLoop)
         loop.call_soon_threadsafe(ended.set)
 
     rospy.on_shutdown(end)
+    if rospy.core.is_shutdown_requested():      # rospy forgets what is registered while it ends
+        end()
     loop.run_until_complete(serve(parameters, desk, ended))
 
 
