@@ -109,7 +109,8 @@ class Adaptation(unittest.TestCase):
 
     @undisturbed()
     def test_forged_reports_change_nothing(self) -> None:
-        self.wait(lambda mean: mean >= 3.0, 15.0, 'a good link is used')
+        # this link is full: of one that is not, a train that came too fast is believed for seconds
+        self.follows(1.0)
         forger = self.stack.start('operator', sys.executable, str(FORGER))
         begun = time.time()
         try:
@@ -120,7 +121,7 @@ class Adaptation(unittest.TestCase):
         finally:
             self.stack.end(forger)
         mean = sum(rates) / len(rates)
-        self.assertTrue(3.0 <= mean <= 6.5, mean)
+        self.assertTrue(0.6 <= mean <= 1.3, mean)
         self.assertTrue(all(math.isfinite(rate) and rate <= 20.0 for rate in rates), rates)
 
 

@@ -89,7 +89,7 @@ class Desk(unittest.TestCase):
             robots.start('roslaunch', 'smokebot_udp', 'robot.launch', 'link_port:=%d' % port, 'key_file:=' + key,
                          master=master.uri)
             lines.append('%s: {host: localhost, port: %d, key_file: %s.key}' % (name, port, name))
-        lines += ['ugv3: {host: no-such-robot.invalid}', 'ugv4: {host: localhost, prot: 5}']
+        lines += ['ugv3: {host: no-such-robot.invalid, key_file: ugv1.key}', 'ugv4: {host: localhost, prot: 5}']
         pathlib.Path(cls.folder.name, 'robots.yaml').write_text('\n'.join(lines))
 
     def setUp(self) -> None:

@@ -12,7 +12,7 @@ from smokebot_udp.web import node
 
 
 def test_a_node_that_is_ended_while_it_starts_ends(monkeypatch: Any) -> None:
-    """rospy loses what is registered by on_shutdown while it runs what was registered before."""
+    """What is registered by on_shutdown while rospy runs what was registered before is lost."""
     closed = threading.Event()
     monkeypatch.setattr(rospy, 'on_shutdown', lambda function: None)
     monkeypatch.setattr(rospy.core, 'is_shutdown_requested', lambda: True)
