@@ -45,7 +45,7 @@ def joined(key: bytes, suite: Suite = Suite.AESGCM) -> Tuple[Any, Any, float]:
     now = 1000.0
     robot = RobotCore(key, os.urandom, MAX_DATAGRAM_SIZE, 'robot', suite=suite)
     operator = OperatorCore(key, os.urandom, MAX_DATAGRAM_SIZE, 'operator')
-    operator.set_address(ROBOT, now)
+    operator.set_addresses([ROBOT], now)
     for _ in range(STEPS):
         now += STEP
         for core, other, address in ((operator, robot, OPERATOR), (robot, operator, ROBOT)):

@@ -18,6 +18,18 @@ def always() -> bool:
 
 
 @dataclass(frozen=True)
+class PathStats:
+    """One address of a peer that has several."""
+    address: Tuple[str, int]
+    is_used: bool
+    """Whether everything but probes goes there."""
+    silence: float
+    """Time since it answered last [s]."""
+    round_trip: Optional[float]
+    """[s]; None: unknown."""
+
+
+@dataclass(frozen=True)
 class PeerStats:
     """One node of the other side."""
     name: str
@@ -26,6 +38,8 @@ class PeerStats:
     """Time since it was heard last [s]."""
     round_trip: Optional[float]
     """[s]; None: unknown."""
+    paths: Sequence[PathStats] = ()
+    """In order of preference; empty: there is one."""
 
 
 @dataclass(frozen=True)

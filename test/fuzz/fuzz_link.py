@@ -77,7 +77,7 @@ class World:
     def restart_operator(self) -> None:
         """The operator's process ends without a word, and another one starts."""
         self.operator = Side(OperatorCore(self.key, self.bytes, MAX_DATAGRAM_SIZE, 'operator'), OPERATOR)
-        self.operator.core.set_address(ROBOT, self.now)
+        self.operator.core.set_addresses([ROBOT], self.now)
 
     def give(self, side: Side, datagrams: Sequence[Forged]) -> None:
         """Datagrams reach a side, which may answer."""

@@ -153,7 +153,7 @@ class JoinWorld:
         self.needed: FrozenSet[int] = frozenset(
             one.id for name, one in self.down.items() if not name.endswith('/' + INFO))
         self._reports = 0.0
-        operator.set_address(ROBOT, self.network.now)
+        operator.set_addresses([ROBOT], self.network.now)
 
     def run(self, seconds: float, until: Callable[[], bool]) -> Optional[float]:
         """When `until` became true; None: it did not [s]."""

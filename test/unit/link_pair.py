@@ -40,7 +40,7 @@ class Links:
         """An operator of the robot at a port, and what it reports."""
         told = Told()
         options = {'name': name, 'key': self.key, 'report': told, 'log': lambda _: None, **options}
-        operator = OperatorTransport('127.0.0.1', port, options.pop('key'), **options)
+        operator = OperatorTransport([('127.0.0.1', port)], options.pop('key'), **options)
         self.made.append(operator)
         return operator, told
 

@@ -23,7 +23,7 @@ def robot_of(key: bytes = KEY, suite: Suite = Suite.AESGCM) -> RobotCore:
 
 def operator_of(seed: int = 2, name: str = 'desk', key: bytes = KEY, now: float = 0.0) -> OperatorCore:
     operator = OperatorCore(key, random_bytes(seed), SIZE, name)
-    operator.set_address(ROBOT, now)
+    operator.set_addresses([ROBOT], now)
     return operator
 
 

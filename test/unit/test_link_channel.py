@@ -33,7 +33,7 @@ class Link(Network):
         """An operator's process, instead of the one before."""
         self.seed += 1000
         self.operator = self.add(OPERATOR, OperatorCore(KEY, random_bytes(self.seed), SIZE, 'desk'))
-        self.operator.set_address(ROBOT, self.now)
+        self.operator.set_addresses([ROBOT], self.now)
         return self.operator
 
     def both(self) -> bool:
@@ -209,7 +209,7 @@ def test_eight_operators_at_once() -> None:
     link = Link(1)
     for number in range(7):
         core = link.add(('10.2.0.%d' % number, 7), OperatorCore(KEY, random_bytes(50 + number), SIZE, 'd%d' % number))
-        core.set_address(ROBOT, link.now)
+        core.set_addresses([ROBOT], link.now)
     assert link.run(2.0, lambda: len(link.robot.peers) == 8)
     link.stream(1.0)
     counts = [sum(len(delivery.rows) for _, where, delivery in link.deliveries if where == address)

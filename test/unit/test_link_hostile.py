@@ -83,7 +83,7 @@ def test_ten_thousand_handshakes_that_are_never_finished() -> None:
         now = number * 5e-3
         core = initiators[number % 20]
         address = forged_address(random)
-        core.set_address(address, now)
+        core.set_addresses([address], now)
         give(robot, address, *sent(core), now=now)
         give(core, address, *sent(robot), now=now)     # which is wherever it looks for it
         give(robot, address, *sent(core) * 4, now=now)

@@ -163,7 +163,7 @@ def test_what_is_lost_is_counted(made: Links) -> None:
 
 def test_a_host_name_is_looked_up(made: Links) -> None:
     robot, _ = made.robot()
-    operator = OperatorTransport('localhost', robot.port, made.key, name='/desk', report=lambda _: None,
+    operator = OperatorTransport([('localhost', robot.port)], made.key, name='/desk', report=lambda _: None,
                                  log=lambda _: None)
     made.made.append(operator)
     publisher, inbox = robot.publisher('/chat', String), Inbox()
@@ -175,7 +175,7 @@ def test_a_host_name_is_looked_up(made: Links) -> None:
 def test_a_robot_that_says_that_it_leaves_is_not_reported_as_silent(made: Links, says: bool) -> None:
     robot, _ = made.robot()
     relay, told, log = Relay(robot.port), [], []    # type: Any, List[str], List[str]
-    operator = OperatorTransport('127.0.0.1', relay.port, made.key, name='/desk', report=told.append, log=log.append)
+    operator = OperatorTransport([('127.0.0.1', relay.port)], made.key, name='/desk', report=told.append, log=log.append)
     made.made.append(operator)
     wait_for(lambda: log and robot.stats(0.0).peers)
     told.clear()                        # a busy machine may be late to join
@@ -197,7 +197,7 @@ def test_a_robot_that_says_that_it_leaves_is_not_reported_as_silent(made: Links,
 @pytest.mark.parametrize('host', ['no-such-host.invalid', 'x' * 64 + '.invalid', ''])
 def test_a_host_that_does_not_resolve_is_a_problem(made: Links, host: str) -> None:
     told: List[str] = []
-    operator = OperatorTransport(host, 17001, KEY, name='/desk', report=told.append, log=lambda _: None)
+    operator = OperatorTransport([(host, 17001)], KEY, name='/desk', report=told.append, log=lambda _: None)
     made.made.append(operator)
     wait_for(lambda: 'does not resolve' in (operator.problem() or ''))
     assert repr(host) in operator.problem()     # type: ignore[operator]
@@ -214,7 +214,7 @@ def test_a_numeric_address_is_not_looked_up() -> None:
 def joined(receiver: DatagramReceiver, port: int) -> Peer:
     """The robot at a port, as a peer of another core than a transport's."""
     core, sender = OperatorCore(KEY, os.urandom, 1472, '/liar'), BatchSender(receiver.socket)
-    core.set_address(('127.0.0.1', port), time.monotonic())
+    core.set_addresses([('127.0.0.1', port)], time.monotonic())
     while core.robot is None:
         core.poll(time.monotonic())
         for address, packet in core.outputs():

@@ -113,9 +113,9 @@ def test_a_second_cookie_replaces_the_first_and_a_copy_does_nothing() -> None:
 def test_another_address_is_tried_at_once() -> None:
     operator = operator_of()
     sent(operator)
-    operator.set_address(ROBOT, 1.0)
+    operator.set_addresses([ROBOT], 1.0)
     assert not operator.outputs()
-    operator.set_address(ELSEWHERE, 1.0)
+    operator.set_addresses([ELSEWHERE], 1.0)
     (address, _), = operator.outputs()
     assert address == ELSEWHERE
 
@@ -278,7 +278,7 @@ def test_the_same_robot_has_new_keys_and_another_has_joined() -> None:
     robot, operator = joined()
     first = the_robot(operator)
     operator.events()
-    operator.set_address(('10.0.0.8', 17001), 1.0)
+    operator.set_addresses([('10.0.0.8', 17001)], 1.0)
     shake_hands(robot, operator, 1.0, place=('10.0.0.8', 17001))
     assert operator.peers == [first] and first.handshakes == 2 and not operator.events()
     assert first.address == ('10.0.0.8', 17001)
@@ -305,7 +305,7 @@ def test_silence_begins_a_handshake_beside_the_session() -> None:
 def test_keys_that_the_robot_does_not_use_are_made_anew() -> None:
     robot, operator = joined()
     place = '10.0.0.8', 17001
-    operator.set_address(place, 0.1)
+    operator.set_addresses([place], 0.1)
     give(robot, OPERATOR, init_of(robot, operator, now=0.1, place=place), now=0.1)
     give(operator, ROBOT, *sent(robot), now=0.1)
     assert the_robot(operator).handshakes == 2

@@ -218,7 +218,7 @@ def test_nobody_gives_a_place_up_for_another_host() -> None:
 
 def test_a_known_operator_is_not_refused_by_a_full_robot() -> None:
     robot, operators = full_robot()
-    operators[0].set_address(('10.0.0.8', 1), 1.0)
+    operators[0].set_addresses([('10.0.0.8', 1)], 1.0)
     shake_hands(robot, operators[0], 1.0, ('10.0.1.0', 9), ('10.0.0.8', 1))
     assert not robot.dropped and robot.peers[0].handshakes == 2
 

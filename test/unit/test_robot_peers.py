@@ -44,7 +44,7 @@ def test_new_keys_replace_the_old_ones_after_the_first_data() -> None:
     robot, operator = joined()
     peer, old = robot.peers[0], the_robot(operator).session
     late = old.seal(ROW)
-    operator.set_address(ROBOT_2, 1.0)
+    operator.set_addresses([ROBOT_2], 1.0)
     accept = pending_accept(robot, operator)
     under_old = peer.seal_one(data(20))
     give(operator, ROBOT, accept, under_old, now=1.0)
@@ -70,7 +70,7 @@ def test_few_old_keys_are_kept() -> None:
     for number in range(MAX_OLD + 2):
         sessions.append(the_robot(operator).session)
         place = '10.0.3.%d' % number, 17001
-        operator.set_address(place, 1.0 + number / 10)
+        operator.set_addresses([place], 1.0 + number / 10)
         shake_hands(robot, operator, 1.0 + number / 10, place=place)
     taken = [len(give(robot, OPERATOR, session.seal(ROW).tobytes(), now=2.0)) for session in sessions]
     assert taken == [0, 0] + [1] * MAX_OLD and robot.peers[0].handshakes == MAX_OLD + 3
@@ -78,7 +78,7 @@ def test_few_old_keys_are_kept() -> None:
 
 def test_a_handshake_from_another_address_moves_the_peer() -> None:
     robot, operator = joined()
-    operator.set_address(ROBOT_2, 1.0)
+    operator.set_addresses([ROBOT_2], 1.0)
     give(robot, ELSEWHERE, init_of(robot, operator, ELSEWHERE, 1.0, ROBOT_2), now=1.0)
     give(operator, ROBOT, *sent(robot), now=1.0)
     give(robot, ELSEWHERE, *sent(operator), now=1.0)

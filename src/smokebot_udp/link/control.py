@@ -2,7 +2,7 @@
 """The link's own messages inside a session. They are UDPROS datagrams, with connection ids that no topic has.
 
 * KEEP_ALIVE says nothing but that its sender is there.
-* PATH_CHALLENGE asks who is at a new address to return its 8 bytes in a PATH_RESPONSE (as in RFC 9000, 8.2).
+* PATH_CHALLENGE asks who is at an address to return its 8 bytes in a PATH_RESPONSE, there (as in RFC 9000, 8.2).
 * CLOSE ends the session at once.
 
 All have the same length, so that the answer to one is never longer than what caused it.
@@ -29,6 +29,10 @@ class Control(enum.IntEnum):
     PATH_CHALLENGE = 1
     PATH_RESPONSE = 2
     CLOSE = 3
+
+
+PROBES = (Control.PATH_CHALLENGE, Control.PATH_RESPONSE)
+"""Where they come from says nothing about where their sender wants to be reached (RFC 9000, 9.1)."""
 
 
 def message(kind: Control, body: bytes = bytes(CHALLENGE_SIZE)) -> bytes:

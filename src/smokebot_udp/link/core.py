@@ -18,7 +18,7 @@ import numpy as np
 
 from ..arrays import BoolArray, IntArray, Records, UInt8Array
 from ..udpros.datagram import HEADER
-from .control import FIRST_TABLE_ID, SIZE, Control, message
+from .control import FIRST_TABLE_ID, PROBES, SIZE, Control, message
 from .cookie import Place
 from .packets import INSTANCE_SIZE, MIN_BODY, OVERHEAD, Kind, Malformed, Packet, parse
 from .peer import Address, Delivery, Event, Left, Peer, address_of
@@ -172,9 +172,13 @@ class LinkCore(abc.ABC):
         peer = entry.peer
         assert peer is not None     # confirmed
         peer.heard = now
-        if opened.newest >= 0:
+        numbers = opened.datagrams[:, :4].copy().view('<u4')[:, 0]
+        probes = np.isin(numbers, PROBES)
+        if not probes.all():
+            self._on_carried(peer, now)
+        if opened.newest >= 0 and not probes[opened.rows == opened.newest].any():
             self._on_place(peer, place_of(sources, opened.newest), int(lengths[opened.newest]), now)
-        own = opened.datagrams[:, :4].copy().view('<u4')[:, 0] < FIRST_TABLE_ID
+        own = numbers < FIRST_TABLE_ID
         if not own.any():
             return Delivery(peer, opened.datagrams, opened.lengths, opened.rows)
         for at in np.flatnonzero(own).tolist():
@@ -283,9 +287,12 @@ class LinkCore(abc.ABC):
     def _confirm(self, entry: Entry, now: float) -> bool:
         """Authentic DATA of a session came; returns whether it has a peer now."""
 
+    def _on_carried(self, peer: Peer, now: float) -> None:
+        """Something other than probes came from a peer."""
+
     @abc.abstractmethod
     def _on_place(self, peer: Peer, source: Place, size: int, now: float) -> None:
-        """The newest packet of a peer, of `size` bytes, came from there: its address, or another one."""
+        """The newest packet of a peer, of `size` bytes and no probe, came from there: its address, or another one."""
 
     @abc.abstractmethod
     def _on_path(self, peer: Peer, kind: Control, body: bytes, source: Place, now: float) -> None:

@@ -9,8 +9,8 @@ Rules; each has a test in test_operator_core:
 2. Each INIT has a fresh ephemeral and index. The answer to any of the last MAX_ATTEMPTS is taken; the first one ends
    the handshake.
 3. An answer that does not return the nonce or an attempt's index, or is not authentic, is counted and changes nothing.
-   A COOKIE is taken from the robot's address only, one for each HELLO, and with the right tag. A REFUSE comes from
-   that address, too.
+   A COOKIE is taken from the robot's addresses only, one for each HELLO, and with the right tag. A REFUSE comes from
+   them, too.
 4. The robot is the peer from ACCEPT on. A keep-alive is repeated each CONFIRM until the robot sends DATA.
 5. The same instance is the same peer with new keys. Another one: the robot was restarted, the old peer has left.
 6. Silence of SILENCE begins a handshake beside the session, which goes on if the robot is heard again. UNKNOWN shortens
@@ -20,15 +20,17 @@ Rules; each has a test in test_operator_core:
 8. A refusal is told, and the next HELLO waits for REFUSED_RETRY. It does not end the attempts, and is taken once for
    each: who sees the link's traffic can forge or repeat it.
 9. Silence of 60 s, or a CLOSE, ends the peer. Handshakes go on.
+10. Each HELLO goes to all addresses of the robot, each INIT to the one whose COOKIE came last. Then robot_paths.py says
+    which one is used. The robot's challenges are answered on the path that they came by.
 """
 import math
 from dataclasses import dataclass
-from typing import List, Optional, Tuple
+from typing import List, Optional, Sequence, Tuple
 
 from ..arrays import IntArray, Records, UInt8Array
 from ..newest import Newest
 from ..version import OURS, Software, difference
-from .control import Control, message
+from .control import CHALLENGE_SIZE, Control, message
 from .cookie import Place
 from .core import MAX_ATTEMPTS, MIN_DATAGRAM_SIZE, Entry, LinkCore, Random
 from .noise import Forged, Initiator
@@ -50,7 +52,8 @@ from .packets import (
     Unknown,
     prologue,
 )
-from .peer import Address, Delivery, Joined, Peer, Refused, address_of
+from .peer import Address, Delivery, Joined, Moved, Peer, Refused, address_of, place_at
+from .robot_paths import MAX_PATHS, Path, RobotPaths
 from .session import Session
 
 FIRST_RETRY, FAST_FOR, LAST_RETRY, RETRY_GROWTH, JITTER = 0.05, 5.0, 0.25, 1.3, 0.2
@@ -109,14 +112,16 @@ class Handshake:
         self.asked = 0
         """HELLOs without an answer."""
         self.inits = 0
+        self.place: Optional[Place] = None
+        """Whence the cookie came."""
         self.due = now
         self._since = now           # of the fast attempts
         self._interval = FIRST_RETRY
         self._refused = False       # since the last attempt
 
-    def take(self, cookie: Cookie, now: float) -> None:
+    def take(self, cookie: Cookie, place: Place, now: float) -> None:
         """A new cookie: the attempts begin anew."""
-        self.cookie, self.inits, self._interval, self._since = cookie, 0, FIRST_RETRY, now
+        self.cookie, self.place, self.inits, self._interval, self._since = cookie, place, 0, FIRST_RETRY, now
 
     def refused(self, now: float) -> None:
         """Begin again, later. Further refusals of one attempt change nothing: repeated ones would end the attempts."""
@@ -131,13 +136,14 @@ class Handshake:
 
 
 class OperatorCore(LinkCore):
-    """The operator's side. See LinkCore for the arguments. It begins with `set_address`."""
+    """The operator's side. See LinkCore for the arguments. It begins with `set_addresses`."""
 
     def __init__(self, key: bytes, random: Random, max_datagram_size: int, name: str) -> None:
         super().__init__(key, random, max_datagram_size, name)
         self.problem: Optional[str] = 'the robot\'s address is not known'
         """Why there is no robot: one sentence; None if there is one."""
-        self._place: Optional[Place] = None
+        self._places: Tuple[Place, ...] = ()
+        self._paths: Optional[RobotPaths] = None        # None: no robot, or it has one address
         self._handshake: Optional[Handshake] = None
         self._attempts: Newest[int, Attempt] = Newest(MAX_ATTEMPTS)     # by our index
         self._hinted = False
@@ -151,14 +157,31 @@ class OperatorCore(LinkCore):
         """The peer, if there is one."""
         return self._peers[0] if self._peers else None
 
-    def set_address(self, address: Address, now: float) -> None:
-        """Where the robot is from now on: numeric IPv4 address and port."""
-        host, port = address
-        place = int.from_bytes(bytes(int(part) for part in host.split('.')), 'big'), port
-        if place != self._place:
-            self._place = place
-            self._begin(now, silence=False)
+    @property
+    def paths(self) -> List[Path]:
+        """Those to the robot, in order of preference; empty: it has one address. Any thread."""
+        paths = self._paths
+        return [] if paths is None else paths.paths
+
+    def set_addresses(self, addresses: Sequence[Address], now: float) -> None:
+        """Where the robot is from now on.
+
+        :param addresses: numeric IPv4 addresses with their ports, in order of preference; equal ones count once
+        :param now: [s]
+        """
+        places = tuple(dict.fromkeys(map(place_at, addresses)))[:MAX_PATHS]
+        if places != self._places:
+            self._places = places
+            robot = self.robot
+            if robot is not None and robot.place in places:
+                self._find_paths(robot, now)
+            else:
+                self._begin(now, silence=False)
         self._update_problem(now)
+
+    def _find_paths(self, robot: Peer, now: float) -> None:
+        several = len(self._places) > 1 and robot.place in self._places
+        self._paths = RobotPaths(self._places, robot.place, now) if several else None
 
     def receive(self, datagrams: UInt8Array, lengths: IntArray, sources: Records, now: float) -> List[Delivery]:
         """See LinkCore."""
@@ -170,7 +193,9 @@ class OperatorCore(LinkCore):
         """See LinkCore."""
         super().poll(now)
         robot = self.robot
-        if self._handshake is None and self._place is not None:
+        if robot is not None and self._paths is not None:
+            self._follow(robot, self._paths, now)
+        if self._handshake is None and self._places:
             if robot is None or now >= self._silent_at(robot):
                 self._begin(now, silence=True)
             elif self._is_old(now):
@@ -180,6 +205,17 @@ class OperatorCore(LinkCore):
         if now >= self._confirm_at:
             self._ask_for_data(now)
         self._update_problem(now)
+
+    def _follow(self, robot: Peer, paths: RobotPaths, now: float) -> None:
+        """Rule 10."""
+        for path in paths.due(now):
+            challenge = self._random(CHALLENGE_SIZE)
+            path.ask(challenge, now)
+            self._send(path.place, robot.seal_one(message(Control.PATH_CHALLENGE, challenge)))
+        if paths.choose(now):
+            robot.place = paths.used
+            self._send_control(robot, Control.KEEP_ALIVE)   # the robot follows it
+            self._events.append(Moved(robot, robot.address))
 
     def _silent_at(self, robot: Peer) -> float:
         """When the robot counts as silent, if it is not heard again."""
@@ -198,12 +234,14 @@ class OperatorCore(LinkCore):
             times.append(self._handshake.due)
         elif self.robot is not None:
             times.append(self._silent_at(self.robot))
+        if self._paths is not None:
+            times.append(self._paths.deadline(now))
         return min(times)
 
     def close(self, now: float) -> None:
         """See LinkCore."""
         super().close(now)
-        self._place = self._handshake = None
+        self._places, self._handshake = (), None
         self._attempts.clear()
 
     def set_key(self, key: bytes, now: float) -> None:
@@ -211,7 +249,7 @@ class OperatorCore(LinkCore):
         super().set_key(key, now)
         self._attempts.clear()
         self._refusal = -math.inf, ''
-        if self._place is not None:
+        if self._places:
             self._begin(now, silence=False)
 
     def _begin(self, now: float, silence: bool) -> None:
@@ -221,12 +259,12 @@ class OperatorCore(LinkCore):
 
     def _try(self, handshake: Handshake, now: float) -> None:
         """Rule 1."""
-        assert self._place is not None      # no handshake without an address
         if handshake.cookie is None or handshake.inits % INIT_PER_HELLO == INIT_PER_HELLO - 1:
-            self._send(self._place, self._hello(handshake.nonce).pack())
-            handshake.asked += 1
-        if handshake.cookie is not None:
-            self._send(self._place, self._init(handshake.cookie, self._place, now).pack())
+            for place in self._places:
+                self._send(place, self._hello(handshake.nonce).pack())
+                handshake.asked += 1
+        if handshake.cookie is not None and handshake.place is not None:
+            self._send(handshake.place, self._init(handshake.cookie, handshake.place, now).pack())
             handshake.inits += 1
         handshake.wait(now, self._random(1)[0] / 127.5 - 1)
 
@@ -263,7 +301,7 @@ class OperatorCore(LinkCore):
             self.dropped['another version or cipher'] += 1
         elif not self._tags.is_right(cookie):
             self.dropped['forged'] += 1
-        elif source != self._place:
+        elif source not in self._places:
             self.dropped['another address'] += 1
             self._refusal = now, 'the robot answers from %s:%d: give this address instead' % address_of(source)
         elif cookie != handshake.cookie:
@@ -271,7 +309,7 @@ class OperatorCore(LinkCore):
                 self.dropped['not asked for'] += 1
                 return
             handshake.asked -= 1
-            handshake.take(cookie, now)
+            handshake.take(cookie, source, now)
             self._try(handshake, now)
 
     def _on_accept(self, accept: Accept, now: float) -> None:
@@ -311,6 +349,7 @@ class OperatorCore(LinkCore):
             self._events.append(Joined(robot))
         entry.peer, robot.round_trip = robot, round_trip
         self._entries[entry.session.index] = self._entry = entry
+        self._find_paths(robot, now)
         self._hinted = self._confirmed = False
         self._ask_for_data(now)
 
@@ -325,7 +364,7 @@ class OperatorCore(LinkCore):
 
     def _on_refuse(self, refuse: Refuse, source: Place, now: float) -> None:
         """Rule 8."""
-        if self._handshake is None or refuse.nonce != self._handshake.nonce or source != self._place:
+        if self._handshake is None or refuse.nonce != self._handshake.nonce or source not in self._places:
             self.dropped['not asked for'] += 1
             return
         try:
@@ -353,25 +392,34 @@ class OperatorCore(LinkCore):
     def _update_problem(self, now: float) -> None:
         since, refusal = self._refusal
         robot = self.robot
-        if self._place is None:
+        if not self._places:
             self.problem = 'the robot\'s address is not known'
         elif robot is not None and now - robot.heard < TELL_SILENCE:
             self.problem = None
         elif now - since < REFUSAL_COUNTS:
             self.problem = refusal
         else:
-            self.problem = NO_ANSWER + '%s:%d' % address_of(self._place)
+            self.problem = NO_ANSWER + ' or '.join('%s:%d' % address_of(place) for place in self._places)
 
     def _leave(self, peer: Peer, reason: str) -> None:
         super()._leave(peer, reason)
-        self._entry, self._confirm_at = None, math.inf
+        self._entry, self._paths, self._confirm_at = None, None, math.inf
+
+    def _on_carried(self, peer: Peer, now: float) -> None:
+        """Rule 10."""
+        if self._paths is not None:
+            self._paths.carried(now)
 
     def _on_place(self, peer: Peer, source: Place, size: int, now: float) -> None:
         """The robot has several addresses, or is behind a NAT: the one that was configured stays."""
 
     def _on_path(self, peer: Peer, kind: Control, body: bytes, source: Place, now: float) -> None:
+        """Rule 10."""
         if kind == Control.PATH_CHALLENGE:
-            self._send(peer.place, peer.seal_one(message(Control.PATH_RESPONSE, body)))
+            place = source if source in self._places else peer.place
+            self._send(place, peer.seal_one(message(Control.PATH_RESPONSE, body)))
+        elif self._paths is None or not self._paths.take(body, now):
+            self.dropped['not asked for'] += 1
 
     def _on_unknown(self, index: int, source: Place, now: float) -> None:
         """DATA of a session that has ended here: nothing to do."""

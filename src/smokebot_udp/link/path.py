@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A peer's new address, until it has proved that it receives there.
+"""Another address of a peer, which has to prove that it receives there.
 
-* Only an authentic packet, newer than all before, proposes an address. A copy of it may come from elsewhere: so what is
-  sent there before the proof is never more than what came from there (RFC 9000, 9.3).
-* The proof is an authentic packet from that address with the 8 random bytes of the challenge.
-* A peer that has left the address again proves nothing: packets on their way change the order in which both are heard,
+* Only an authentic packet, newer than all before and no probe, proposes an address. A copy of it may come from
+  elsewhere: so what is sent there before the proof is never more than what came from there (RFC 9000, 9.3).
+* The proof is an authentic packet from that address with the 8 random bytes of the challenge. It holds for PROVED_FOR,
+  so that a peer which probes several paths is followed at once.
+* A peer that has left the address again is not followed: packets on their way change the order in which both are heard,
   but not for longer than LEFT_AFTER.
 """
+import math
+
 from .control import CHALLENGE_SIZE
 from .cookie import Place
 
@@ -15,6 +18,13 @@ AGAIN = 0.05
 
 LEFT_AFTER = 0.2
 """[s]"""
+
+PROVED_FOR, RENEW_AFTER = 10.0, 2.0
+"""How long a proof holds, and after what time a probe from there is a reason to ask for another one [s]."""
+
+
+MAX_CREDIT = 1 << 16
+"""Many challenges [byte]."""
 
 
 class PathCheck:
@@ -27,13 +37,23 @@ class PathCheck:
         if len(challenge) != CHALLENGE_SIZE:
             raise ValueError('a challenge has %d bytes' % CHALLENGE_SIZE)
         self.place, self.challenge = place, challenge
+        self.proved = -math.inf
+        """When it proved itself [s]."""
+        self.proposed = False
+        """Whether the peer wants to be reached there."""
         self._credit = 0
         self._next = self._heard = 0.0
 
-    def came(self, size: int, now: float) -> None:
-        """An authentic packet came from there [byte, s]."""
-        self._credit += size
-        self._heard = now
+    def came(self, size: int, now: float, proposes: bool = True) -> None:
+        """An authentic packet came from there.
+
+        :param size: [byte]
+        :param now: [s]
+        :param proposes: whether it proposes the address
+        """
+        self._credit = min(self._credit, MAX_CREDIT) + size
+        if proposes:
+            self._heard, self.proposed = now, True
 
     def has_left(self, now: float) -> bool:
         """Whether a peer that is heard from elsewhere now has left the address [s]."""
@@ -50,3 +70,11 @@ class PathCheck:
     def is_proof(self, place: Place, response: bytes) -> bool:
         """Whether a response proves the address."""
         return place == self.place and response == self.challenge
+
+    def holds(self, now: float) -> bool:
+        """Whether it has proved itself not long ago [s]."""
+        return now - self.proved < PROVED_FOR
+
+    def is_fresh(self, now: float) -> bool:
+        """Whether another proof would say nothing new [s]."""
+        return now - self.proved < RENEW_AFTER

@@ -24,6 +24,12 @@ def address_of(place: Place) -> Address:
     return '%d.%d.%d.%d' % tuple(number.to_bytes(4, 'big')), port
 
 
+def place_at(address: Address) -> Place:
+    """The place of a dotted address and a port."""
+    host, port = address
+    return int.from_bytes(bytes(int(part) for part in host.split('.')), 'big'), port
+
+
 class Peer:
     """One run of the other side.
 

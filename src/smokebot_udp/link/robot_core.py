@@ -13,8 +13,9 @@ Rules, in the order in which a stranger meets them; each has its tests in test_r
 6. The session is pending for PENDING: at most MAX_ATTEMPTS of one instance, MAX_PENDING in all; the oldest goes.
 7. The first authentic DATA makes it the peer's, and ends the pending others of the same instance. The same instance
    is the same peer with new keys.
-8. A peer whose newest packet comes from another address is challenged there (path.py), and has moved when it answers
-   before it has left that address again.
+8. A peer whose newest packet, other than a probe, comes from another address is challenged there (path.py), and has
+   moved when it answers before it has left that address again. Probes are answered where they come from, and a peer
+   is challenged there, too: it is followed at once to an address that it has proved. MAX_PATHS are remembered.
 9. Names are unique, since what operators report and get goes by name: a later peer of a name gets ' #2' after it.
 10. A peer is forgotten after 60 s of silence, at its CLOSE, or when a later one of its name is there and it is silent
     for REPLACED. When another one needs its place, it is forgotten if it is silent for YIELDS.
@@ -49,6 +50,7 @@ from .packets import (
 from .path import PathCheck
 from .peer import Joined, Moved, Peer, Refused, address_of
 from .replay import HandshakeMemory
+from .robot_paths import MAX_PATHS
 from .session import Session
 
 MAX_PEERS = 8
@@ -88,7 +90,7 @@ class RobotCore(LinkCore):
         self._taken = HandshakeMemory(2 * LIFETIME)
         self._inits: Newest[int, Budget] = Newest(MAX_HOSTS)        # by the IPv4 address of the host, as below
         self._hints = Budget(UNKNOWN_BURST, UNKNOWN_PERIOD)
-        self._paths: Dict[int, PathCheck] = {}      # by the peer's number
+        self._checks: Dict[int, Newest[Place, PathCheck]] = {}      # by the peer's number
         self._told: Dict[Reason, float] = {}        # when a refusal became an event
         self._versions: Newest[int, Budget] = Newest(MAX_HOSTS)
 
@@ -200,7 +202,7 @@ class RobotCore(LinkCore):
             self._events.append(Joined(peer))
         else:
             self._change_keys(peer, entry, now)
-            self._move(peer, entry.place)
+            self._move(peer, entry.place, now)
         entry.peer, entry.ends, peer.round_trip = peer, float('inf'), now - entry.since
         self._send_control(peer, Control.KEEP_ALIVE)    # so that the operator knows
         return True
@@ -231,29 +233,51 @@ class RobotCore(LinkCore):
         for peer in self._peers:
             if peer.number < latest[peer.told] and now - peer.heard >= REPLACED:
                 self._leave(peer, 'replaced by a later one of its name')
-        self._paths = {peer.number: self._paths[peer.number] for peer in self._peers if peer.number in self._paths}
+        self._checks = {peer.number: self._checks[peer.number] for peer in self._peers if peer.number in self._checks}
+
+    def _check(self, peer: Peer, place: Place) -> PathCheck:
+        """The check of a peer's other address."""
+        checks = self._checks.setdefault(peer.number, Newest(MAX_PATHS))
+        return checks.of(place, lambda: PathCheck(place, self._random(CHALLENGE_SIZE)))
+
+    def _challenge(self, peer: Peer, check: PathCheck, now: float) -> None:
+        if check.may_send(SIZE + OVERHEAD, now):
+            self._send(check.place, peer.seal_one(message(Control.PATH_CHALLENGE, check.challenge)))
 
     def _on_place(self, peer: Peer, source: Place, size: int, now: float) -> None:
         """Rule 8."""
-        path = self._paths.get(peer.number)
         if source == peer.place:
-            if path is not None and path.has_left(now):
-                del self._paths[peer.number]
+            for check in self._checks.get(peer.number, {}).values():
+                check.proposed &= not check.has_left(now)
             return
-        if path is None or path.place != source:
-            path = self._paths[peer.number] = PathCheck(source, self._random(CHALLENGE_SIZE))
-        path.came(size, now)
-        if path.may_send(SIZE + OVERHEAD, now):
-            self._send(source, peer.seal_one(message(Control.PATH_CHALLENGE, path.challenge)))
+        check = self._check(peer, source)
+        check.came(size, now)
+        if check.holds(now):
+            self._move(peer, source, now)
+        else:
+            self._challenge(peer, check, now)
 
     def _on_path(self, peer: Peer, kind: Control, body: bytes, source: Place, now: float) -> None:
-        path = self._paths.get(peer.number)
-        if kind == Control.PATH_RESPONSE and path is not None and path.is_proof(source, body):
-            del self._paths[peer.number]
-            self._move(peer, source)
+        """Rule 8."""
+        if kind == Control.PATH_CHALLENGE:
+            self._send(source, peer.seal_one(message(Control.PATH_RESPONSE, body)))
+            if source != peer.place:
+                check = self._check(peer, source)
+                check.came(SIZE + OVERHEAD, now, proposes=False)
+                if not check.is_fresh(now):
+                    self._challenge(peer, check, now)
+            return
+        check = self._checks.get(peer.number, {}).get(source)
+        if check is not None and check.is_proof(source, body):
+            check.proved = now
+            if check.proposed:
+                self._move(peer, source, now)
 
-    def _move(self, peer: Peer, place: Place) -> None:
+    def _move(self, peer: Peer, place: Place, now: float) -> None:
+        """Its address before is proved as well."""
         if peer.place != place:
+            self._check(peer, peer.place).proved = now
+            self._check(peer, place).proposed = False
             peer.place = place
             self._events.append(Moved(peer, peer.address))
 

@@ -15,7 +15,7 @@ import rospy
 
 from .. import traffic
 from ..budget import Budget
-from ..transport import PeerStats, TransportStats, always
+from ..transport import PathStats, PeerStats, TransportStats, always
 from ..udpros.datagram import DEFAULT_MAX_DATAGRAM_SIZE
 from ..udpros.depacketizer import Arrivals, Arrived, BatchCallback
 from ..udpros.endpoints import SHORT_BUFFER
@@ -25,7 +25,7 @@ from .core import CLOSED, LinkCore
 from .endpoint import Endpoint
 from .operator_core import NO_ANSWER, OperatorCore
 from .packets import OVERHEAD, encode_name
-from .peer import Delivery, Event, Joined, Left, Moved, Peer, Refused
+from .peer import Address, Delivery, Event, Joined, Left, Moved, Peer, Refused, address_of
 from .peer_topics import KINDS, PeerTopics
 from .resolver import Resolver
 from .robot_core import RobotCore
@@ -166,8 +166,13 @@ class LinkTransport:
         """See transport.Transport."""
         peers = [topics.peer for topics in self._peers.values()]
         return TransportStats(
-            [PeerStats(peer.name, peer.address, now - peer.heard, peer.round_trip) for peer in peers],
+            [PeerStats(peer.name, peer.address, now - peer.heard, peer.round_trip, self._paths(peer, now))
+             for peer in peers],
             self._handshakes + sum(peer.handshakes for peer in peers), self.dropped(), self.problem(), self.remarks)
+
+    def _paths(self, peer: Peer, now: float) -> Sequence[PathStats]:
+        """Those to a peer, where this side chooses one [s]."""
+        return ()
 
     def close(self) -> None:
         """Leave all peers, end the thread, and free the socket."""
@@ -333,19 +338,19 @@ class RobotTransport(LinkTransport):
 class OperatorTransport(LinkTransport):
     """The operator's side.
 
-    :param host: the robot's, a name or an IPv4 address; a name is looked up again while the robot does not answer
-    :param port: the robot's
+    :param addresses: the robot's, in order of preference: hosts, which are names or IPv4 addresses, and ports. A name
+        is looked up again while the robot does not answer
     :param key: the robot's
 
     The other arguments are RobotTransport's.
     """
 
-    def __init__(self, host: str, port: int, key: bytes, *,
+    def __init__(self, addresses: Sequence[Address], key: bytes, *,
                  max_datagram_size: int = DEFAULT_MAX_DATAGRAM_SIZE, receive_buffer: int = 4 << 20, tos_mask: int = 0,
                  name: Optional[str] = None, renewed: Renewed = never, report: Report = rospy.logerr,
                  log: Report = rospy.loginfo, remarks: Sequence[str] = ()) -> None:
         self._operator = OperatorCore(key, os.urandom, max_datagram_size, own_name() if name is None else name)
-        self._resolver, self._robot_port = Resolver(host), port
+        self._resolvers = [(Resolver(host), port) for host, port in addresses]
         self._troubled: Optional[float] = None      # since when there is a problem
         self._last_problem: Optional[str] = None    # that was reported
         self._has_left = False      # and has said so
@@ -359,13 +364,22 @@ class OperatorTransport(LinkTransport):
     def _connection_problem(self) -> Optional[str]:
         """Why there is no robot; None: there is one. A name that does not resolve explains the rest."""
         problem = self._operator.problem
-        return (self._resolver.problem or problem) if problem else None
+        if problem is None:
+            return None
+        return next((resolver.problem for resolver, _ in self._resolvers if resolver.problem), problem)
+
+    def _paths(self, peer: Peer, now: float) -> Sequence[PathStats]:
+        """See LinkTransport."""
+        return [PathStats(address_of(path.place), path.place == peer.place, now - path.answered, path.round_trip)
+                for path in self._operator.paths]
 
     def poll(self, now: float) -> float:
         """See endpoint.Handler."""
-        self._resolver.poll(self._operator.problem is not None, now)
-        if self._resolver.address is not None:
-            self._operator.set_address((self._resolver.address, self._robot_port), now)
+        for resolver, _ in self._resolvers:
+            resolver.poll(self._operator.problem is not None or resolver.address is None, now)
+        addresses = [(resolver.address, port) for resolver, port in self._resolvers if resolver.address is not None]
+        if addresses:
+            self._operator.set_addresses(addresses, now)
         self.report_problem(now)
         return super().poll(now)
 

@@ -3,6 +3,7 @@
 
     ugv1: {host: 10.0.0.7, key_file: /etc/smokebot/ugv1.key}
     ugv2: {host: ugv2.local, port: 17002, frame_prefix: second/, streams: my_streams.yaml}
+    ugv3: {host: [10.0.0.8, 100.64.0.8]}
 
 A robot that is wrong is left out and reported; the others are used.
 """
@@ -17,7 +18,8 @@ NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]*$')
 HOST = re.compile(r'[A-Za-z0-9]([A-Za-z0-9._-]*[A-Za-z0-9])?$')
 
 ROBOT = {
-    'host': Parameter(None, '', 'host name or IPv4 address of the robot'),
+    'host': Parameter(None, '', 'host name or IPv4 address of the robot; a list of one robot\'s: in order of '
+                      'preference'),
     'port': Parameter(17001, '', "UDP port of the robot: its link_port", least=1, most=65535),
     'key_file': Parameter('', '', "file with a copy of the robot's key; empty: ~/.ros/smokebot_udp/NAME.key"),
     'frame_prefix': Parameter('', '', "goes before all frames of the robot; if it is missing: the robot's name and a "
@@ -59,17 +61,25 @@ def _check(name: Any, values: Any, others: Mapping[str, Mapping[str, Any]]) -> D
         raise ValueError('its settings are %r, not names with values' % (values,))
     if isinstance(values.get('footprint'), list):
         values = {**values, 'footprint': str(values['footprint'])}
+    if isinstance(values.get('host'), list):
+        values = {**values, 'host': ','.join(map(str, values['host']))}
     settings = check({'frame_prefix': name + '/', **values}, ROBOT)
     if settings['footprint']:
         read_footprint(settings['footprint'])
-    if not HOST.match(settings['host']):
-        raise ValueError('host is %r, must be a host name or an IPv4 address; its port is a setting of its own'
-                         % settings['host'])
+    for host, _ in addresses(settings):
+        if not HOST.match(host):
+            raise ValueError('host is %r, must be a host name or an IPv4 address; its port is a setting of its own'
+                             % host)
     for other, theirs in others.items():
-        if _address(theirs) == _address(settings):
-            raise ValueError("%s:%d is already robot '%s'" % (settings['host'], settings['port'], other))
+        for address in addresses(settings):
+            if address in addresses(theirs):
+                raise ValueError("%s:%d is already robot '%s'" % (*address, other))
     return settings
 
 
-def _address(settings: Mapping[str, Any]) -> Tuple[str, int]:
-    return settings['host'].lower(), settings['port']
+def addresses(settings: Mapping[str, Any]) -> List[Tuple[str, int]]:
+    """The hosts and ports of a robot, in order of preference.
+
+    :param settings: one robot's in robots.yaml
+    """
+    return [(host.lower(), settings['port']) for host in settings['host'].split(',')]

@@ -2,7 +2,7 @@
 """The statuses of a node as a whole: the link, the clocks, who drives, the transport, and refused requests."""
 from typing import Dict, Mapping, Optional, Sequence
 
-from ..transport import PeerStats, TransportStats
+from ..transport import PathStats, PeerStats, TransportStats
 from ..units import MBIT
 from .clock_offset import ClockEstimate
 from .stats import LinkStats
@@ -94,7 +94,15 @@ def _peer(peer: PeerStats) -> str:
     parts = ['silent for %.0f s' % peer.silence] if peer.silence >= 1 else []
     if peer.round_trip is not None:
         parts.append('round trip %.0f ms' % (1e3 * peer.round_trip))
-    return '%s at %s:%d%s' % (peer.name, *peer.address, ' (%s)' % ', '.join(parts) if parts else '')
+    return '%s at %s:%d%s%s' % (peer.name, *peer.address, ' (%s)' % ', '.join(parts) if parts else '',
+                                ''.join(', not used: ' + _path(path) for path in peer.paths if not path.is_used))
+
+
+def _path(path: PathStats) -> str:
+    """A path in words."""
+    known = 'no answer for %.0f s' % path.silence if path.silence >= 1 or path.round_trip is None else (
+        'round trip %.0f ms' % (1e3 * path.round_trip))
+    return '%s:%d (%s)' % (*path.address, known)
 
 
 class RequestMonitor:

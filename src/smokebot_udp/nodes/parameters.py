@@ -74,8 +74,8 @@ OPERATOR_RECEIVER = {
     'max_datagram_size': Parameter(1472, 'byte', 'longest datagram that is accepted', least=256, most=65507),
     'receive_buffer': Parameter(4 << 20, 'byte', 'socket receive buffer of each stream; the kernel limits it to '
                                 'net.core.rmem_max', least=4096, most=1 << 30),
-    'robot': Parameter('', '', 'host:port of a robot with a master of its own, see its link_port; empty: it shares '
-                       'this master'),
+    'robot': Parameter('', '', 'host:port of a robot with a master of its own, see its link_port; several of one robot '
+                       'in order of preference, separated by commas; empty: it shares this master'),
     'key_file': _KEY_FILE,
     'wifi_interface': _WIFI_INTERFACE,
     'dscp': _DSCP,

@@ -9,7 +9,7 @@ import socket
 import sys
 import time
 import urllib.parse
-from typing import Any, Callable, Optional, Set, Tuple
+from typing import Any, Callable, List, Optional, Set, Tuple
 
 import rosgraph
 import rospy
@@ -17,6 +17,7 @@ import rospy
 from .. import traffic
 from ..limited_log import ERROR_PERIOD
 from ..link.keys import DEFAULT_KEY_FILE, KeyFile, copy_command, make_key
+from ..link.robot_paths import MAX_PATHS
 from ..link.transport import LinkTransport, OperatorTransport, RobotTransport
 from ..transport import Transport
 from ..udpros.endpoints import addresses_of, is_own
@@ -80,13 +81,13 @@ def operator_transport(parameters: Parameters) -> Transport:
 
     def connect() -> Transport:
         _check_link(robot, 'robot')
-        host, port = host_and_port(robot)
+        addresses = addresses_in(robot)
         if not os.path.lexists(path):
-            raise ValueError(NO_KEY % (path, copy_command('USER@%s:%s' % (host, DEFAULT_KEY_FILE[2:]), path)))
+            raise ValueError(NO_KEY % (path, copy_command('USER@%s:%s' % (addresses[0][0], DEFAULT_KEY_FILE[2:]), path)))
         key = KeyFile(path, log_error('', ERROR_PERIOD))
         foreign = foreign_master(rosgraph.get_master_uri() or '', robot, _is_registered(ROBOT), is_own, addresses_of)
         return _remarked(OperatorTransport(
-            host, port, key.key, max_datagram_size=size, receive_buffer=buffer, tos_mask=tos_mask, renewed=key.renewed,
+            addresses, key.key, max_datagram_size=size, receive_buffer=buffer, tos_mask=tos_mask, renewed=key.renewed,
             report=log_error(robot, ERROR_PERIOD), remarks=[foreign] if foreign else []))
     # a desk with several robots shows the messages of all on one terminal
     return _patiently('the link to %s' % robot if robot else 'the link', connect)
@@ -111,7 +112,7 @@ def foreign_master(uri: str, robot: str, is_robots: bool, is_own: Callable[[str]
     another machine's; None: it is the desk's own.
 
     :param uri: of the master that this node uses
-    :param robot: host:port of the robot
+    :param robot: host:port of the robot, of each of its addresses
     :param is_robots: whether the robot's node is at that master
     :param is_own: whether a host is this machine
     :param addresses_of: the addresses of a host
@@ -119,8 +120,8 @@ def foreign_master(uri: str, robot: str, is_robots: bool, is_own: Callable[[str]
     host = urllib.parse.urlsplit(uri).hostname or ''
     if not is_robots and (not host or is_own(host)):
         return None
-    robot_host = host_and_port(robot)[0]
-    is_robots = is_robots or host == robot_host or bool(addresses_of(host) & addresses_of(robot_host))
+    hosts = [one for one, _ in addresses_in(robot)]
+    is_robots = is_robots or host in hosts or any(addresses_of(host) & addresses_of(one) for one in hosts)
     return FOREIGN % (uri, "the robot's own master" if is_robots else "another machine's master", robot)
 
 
@@ -137,6 +138,20 @@ def _remarked(transport: LinkTransport) -> LinkTransport:
     for remark in transport.remarks:
         rospy.logwarn('%s', remark)
     return transport
+
+
+def addresses_in(text: str) -> List[Tuple[str, int]]:
+    """The parts of HOST:PORT,HOST:PORT..., at least one.
+
+    :raises ValueError: where it is not that, or one stands twice, or there are more than MAX_PATHS
+    """
+    found = [host_and_port(one.strip()) for one in text.split(',')]
+    twice = next((one for one in found if found.count(one) > 1), None)
+    if twice is not None:
+        raise ValueError('robot is %r: %s:%d stands twice' % (text, *twice))
+    if len(found) > MAX_PATHS:
+        raise ValueError('robot is %r: it has %d addresses, at most %d are used' % (text, len(found), MAX_PATHS))
+    return found
 
 
 def host_and_port(text: str) -> Tuple[str, int]:

@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The paths to a robot that has several addresses: which of them answer, and which one is used.
+
+* Each path is asked by PATH_CHALLENGEs, whose answers come back to this side's address on that path. An answer proves
+  both directions. Such probes carry nothing, and move no peer (RFC 9000, 9.1).
+* The path in use is in doubt where nothing came for DOUBT, or no probe was answered for UNANSWERED / 2. Then all paths
+  are asked PROBE apart.
+* It is left where nothing came for SILENCE, or no probe was answered for UNANSWERED: data still come, but commands may
+  not arrive. The next one is the first, in order of preference, that has answered since the doubt began.
+* A preferred path is used again where it has answered half of its last MEMORY probes. So a link whose losses are
+  higher stays where it is.
+"""
+import collections
+import math
+from typing import Deque, List, Optional, Sequence
+
+from .cookie import Place
+
+MAX_PATHS = 4
+"""Addresses of one robot, and of one operator that are remembered."""
+
+PROBE, USED_PROBE, IDLE_PROBE = 0.05, 0.1, 0.25
+"""Between two probes of one path: where the used one is in doubt, of the used one, of the others. A probe and its
+answer have 76 bytes each with their headers: 6 and 2.4 kbit/s each way [s]."""
+
+DOUBT, SILENCE = 0.1, 0.15
+"""A robot sends something each 0.1 s, and most send more [s]."""
+
+UNANSWERED = 0.5
+"""At 20 % loss each way, 9 probes in this time are all lost once in 10 000 times [s]."""
+
+MEMORY = 12
+"""The last probes of a path: those of 3 s."""
+
+
+class Probe:
+    """A challenge that was sent.
+
+    :param sent: [s]
+    """
+
+    def __init__(self, challenge: bytes, sent: float) -> None:
+        self.challenge, self.sent = challenge, sent
+        self.answered = False
+
+
+class Path:
+    """One address of the robot.
+
+    :param now: [s]
+    """
+
+    def __init__(self, place: Place, now: float) -> None:
+        self.place = place
+        self.answered = now
+        """When it was last known to carry both ways, or became known [s]."""
+        self.round_trip: Optional[float] = None
+        """Of the latest probe that was answered [s]."""
+        self.probed = -math.inf
+        """When it was asked [s]."""
+        self._probes: Deque[Probe] = collections.deque(maxlen=MEMORY)
+
+    def ask(self, challenge: bytes, now: float) -> None:
+        """A challenge was sent."""
+        self._probes.append(Probe(challenge, now))
+        self.probed = now
+
+    def take(self, response: bytes, now: float) -> bool:
+        """Whether a response answers a probe of this path."""
+        for probe in self._probes:
+            if probe.challenge == response and not probe.answered:
+                probe.answered = True
+                self.answered, self.round_trip = now, now - probe.sent
+                return True
+        return False
+
+    def is_steady(self) -> bool:
+        """Whether half of the last MEMORY probes were answered, all of them sent since the path was left."""
+        return len(self._probes) == MEMORY and sum(probe.answered for probe in self._probes) >= MEMORY / 2
+
+    def leave(self) -> None:
+        """The path is not used any more: what it did before says nothing."""
+        self._probes.clear()
+
+
+class RobotPaths:
+    """The paths to one robot.
+
+    :param places: the robot's addresses, in order of preference
+    :param used: one of them, over which the robot has just answered
+    :param now: [s]
+    """
+
+    def __init__(self, places: Sequence[Place], used: Place, now: float) -> None:
+        self.paths = [Path(place, now) for place in places]
+        self._used = next(path for path in self.paths if path.place == used)
+        self._carried = self._chosen = now      # when data came last, and when the used path was chosen
+
+    @property
+    def used(self) -> Place:
+        """The address to which everything but probes goes."""
+        return self._used.place
+
+    def carried(self, now: float) -> None:
+        """Something other than a probe came."""
+        self._carried = now
+
+    def _unanswered_since(self) -> float:
+        """Since when no probe of the used path is answered [s]."""
+        return max(self._used.answered, self._chosen)
+
+    def _since(self) -> float:
+        """Since when nothing comes over the used path [s]."""
+        return max(self._carried, self._unanswered_since())
+
+    def _is_doubtful(self, now: float) -> bool:
+        return now - self._since() >= DOUBT or now - self._unanswered_since() >= UNANSWERED / 2
+
+    def _period(self, path: Path, now: float) -> float:
+        if self._is_doubtful(now):
+            return PROBE
+        return USED_PROBE if path is self._used else IDLE_PROBE
+
+    def due(self, now: float) -> List[Path]:
+        """The paths that are to be asked now."""
+        return [path for path in self.paths if now >= path.probed + self._period(path, now)]
+
+    def deadline(self, now: float) -> float:
+        """When to call `due` and `choose` next, at the latest [s]."""
+        silences = [self._since() + DOUBT, self._since() + SILENCE]
+        return min([path.probed + self._period(path, now) for path in self.paths]
+                   + [time for time in silences if time > now])
+
+    def take(self, response: bytes, now: float) -> bool:
+        """Whether a response answers a probe."""
+        return any(path.take(response, now) for path in self.paths)
+
+    def choose(self, now: float) -> bool:
+        """Use another path where that is due; returns whether it is."""
+        path = self._better(now)
+        if path is None:
+            return False
+        self._used.leave()
+        self._used, self._chosen = path, now
+        return True
+
+    def _better(self, now: float) -> Optional[Path]:
+        before = self.paths[:self.paths.index(self._used)]
+        steady = next((path for path in before if path.is_steady() and now - path.answered < 2 * IDLE_PROBE), None)
+        if steady is not None:
+            return steady
+        if now - self._since() >= SILENCE:
+            doubt = self._since() + DOUBT
+        elif now - self._unanswered_since() >= UNANSWERED:
+            doubt = self._unanswered_since() + UNANSWERED / 2
+        else:
+            return None
+        return next((path for path in self.paths if path is not self._used and path.answered >= doubt), None)
