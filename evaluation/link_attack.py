@@ -166,7 +166,7 @@ class Stranger:
     def __init__(self, number: int, key: bytes, to: Address) -> None:
         self.address = stranger(number)
         self._core = OperatorCore(key, os.urandom, MAX_DATAGRAM_SIZE, 'stranger')
-        self._core.set_address(to, 0.0)
+        self._core.set_addresses([to], 0.0)
         self._now = 0.0
 
     def sent(self) -> List[bytes]:

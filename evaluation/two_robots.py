@@ -6,13 +6,10 @@ from typing import Any, Dict, Optional
 from smokebot_udp.link_lab.lab import DEVICE
 
 from .own_masters import PORT, OwnMasters
+from .second_link import SECOND, join_end
 from .started import Started
 
 NAMES = 'ugv1', 'ugv2'
-SECOND_DEVICE = 'air2'
-SECOND = {'robot': '10.77.1.1', 'operator': '10.77.1.2'}
-"""The addresses of the second link."""
-
 ROBOTS = {'ugv1': '10.77.0.1:%d' % PORT, 'ugv2': '%s:%d' % (SECOND['robot'], PORT)}
 
 
@@ -37,13 +34,10 @@ class TwoRobots(Started):
 
     def _join_desk(self, second: OwnMasters) -> None:
         """Move the second link's end into the desk's namespace, and give it addresses of its own."""
-        desk = self.desk.lab.command('operator', [])[-1].split('=')[1]
-        second.ip('operator', 'link set %s netns %s name %s' % (DEVICE, desk, SECOND_DEVICE))
+        join_end(second.lab, 'operator', self.desk.lab)
         second.ip('robot', 'addr flush dev %s' % DEVICE)
-        ends = (second, 'robot', 'operator', DEVICE), (self.desk, 'operator', 'robot', SECOND_DEVICE)
-        for stack, side, other, device in ends:
-            stack.ip(side, 'link set %s up' % device)
-            stack.ip(side, 'addr add %s peer %s dev %s' % (SECOND[side], SECOND[other], device))
+        second.ip('robot', 'link set %s up' % DEVICE)
+        second.ip('robot', 'addr add %s peer %s dev %s' % (SECOND['robot'], SECOND['operator'], DEVICE))
 
     def start_receiver(self, name: str, *arguments: str) -> Any:
         """Start operator_receiver at the desk for a robot, in a namespace of the robot's name."""

@@ -171,6 +171,32 @@ def test_a_host_name_is_looked_up(made: Links) -> None:
     wait_for(publisher.get_num_connections)
 
 
+def test_the_link_goes_on_over_the_robots_other_address(made: Links) -> None:
+    robot, _ = made.robot()
+    relays, log = [Relay(robot.port), Relay(robot.port)], []    # type: List[Any], List[str]
+    operator = OperatorTransport([('127.0.0.1', relay.port) for relay in relays], made.key, name='/desk',
+                                 report=lambda _: None, log=log.append)
+    made.made.append(operator)
+    publisher, inbox = robot.publisher('/chat', String), Inbox()
+    operator.subscriber('/chat', String, inbox.message)
+    wait_for(publisher.get_num_connections)
+
+    def paths() -> Any:
+        return [path for peer in operator.stats(time.monotonic()).peers for path in peer.paths]
+    wait_for(lambda: [path.is_used for path in paths()] == [True, False] and paths()[1].round_trip is not None)
+    relays[0].loss = 1.0
+    wait_for(lambda: [path.is_used for path in paths()] == [False, True])
+    wait_for(lambda: robot.stats(0.0).peers[0].address == relays[1].address)
+    publisher.publish(String('still here'))
+    wait_for(lambda: inbox.messages and inbox.messages[-1].data == 'still here')
+    relays[0].loss = 0.0
+    wait_for(lambda: [path.is_used for path in paths()] == [True, False])
+    assert robot.stats(0.0).handshakes == 1     # the same session
+    assert '/robot_sender@ugv1 has moved to 127.0.0.1:%d' % relays[1].port in log
+    for relay in relays:
+        relay.close()
+
+
 @pytest.mark.parametrize('says', [True, False])
 def test_a_robot_that_says_that_it_leaves_is_not_reported_as_silent(made: Links, says: bool) -> None:
     robot, _ = made.robot()

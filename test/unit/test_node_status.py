@@ -20,7 +20,7 @@ from smokebot_udp.monitoring.status import ERROR, OK, ROBOT, WARN, Status, Verdi
 from smokebot_udp.monitoring.thresholds import Thresholds
 from smokebot_udp.nodes.status_messages import as_message, statuses_of
 from smokebot_udp.streams.config import NAME
-from smokebot_udp.transport import PeerStats, TransportStats
+from smokebot_udp.transport import PathStats, PeerStats, TransportStats
 from smokebot_udp.units import MBIT
 
 
@@ -122,6 +122,15 @@ def test_peers_and_drops_are_listed() -> None:
         'connected to': '/operator_receiver@desk at 10.0.0.9:40000 (round trip 12 ms); '
                         '/ugv1/operator_receiver@truck at 10.0.0.8:40001 (silent for 12 s)',
         'handshakes': 3, 'dropped': 7, 'dropped, replayed': 5, 'dropped, wrong tag': 2}
+
+
+def test_the_paths_that_are_not_used_are_listed() -> None:
+    paths = [PathStats(('10.0.0.7', 17001), False, 5.4, 0.01), PathStats(('10.1.0.7', 17001), True, 0.1, 0.06),
+             PathStats(('10.2.0.7', 17001), False, 0.3, 0.07), PathStats(('10.3.0.7', 17001), False, 0.3, None)]
+    status = transport_status(TransportStats([PeerStats('robot', ('10.1.0.7', 17001), 0.2, 0.06, paths)], 1, {}, None))
+    assert status.values['connected to'] == (
+        'robot at 10.1.0.7:17001 (round trip 60 ms), not used: 10.0.0.7:17001 (no answer for 5 s), not used: '
+        '10.2.0.7:17001 (round trip 70 ms), not used: 10.3.0.7:17001 (no answer for 0 s)')
 
 
 def test_a_problem_is_a_warning() -> None:

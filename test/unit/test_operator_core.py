@@ -4,7 +4,7 @@ import math
 from typing import Any, List, Tuple
 
 import pytest
-from link_channel import KEY, OPERATOR, ROBOT, SIZE, data, give, random_bytes, sent, shake_hands
+from link_channel import KEY, OPERATOR, ROBOT, SIZE, batch, data, give, random_bytes, sent, shake_hands
 from link_sides import ELSEWHERE, init_of, joined, operator_of, robot_of, the_robot
 
 from smokebot_udp.link.control import Control, message
@@ -38,7 +38,7 @@ from smokebot_udp.link.packets import (
     parse,
     prologue,
 )
-from smokebot_udp.link.peer import Joined, Left, Refused
+from smokebot_udp.link.peer import Joined, Left, Moved, Refused
 from smokebot_udp.link.robot_core import RobotCore
 from smokebot_udp.link.tags import Tags
 from smokebot_udp.version import RELEASE, WIRE_FORMAT
@@ -442,3 +442,68 @@ def test_the_robots_own_address_may_differ() -> None:
     robot, operator = joined()
     delivery, = give(operator, ELSEWHERE, robot.peers[0].seal_one(data(20)), now=0.1)
     assert delivery.peer.address == ROBOT and not [packet for packet in sent(operator) if packet[0] != 7]
+
+
+# 10. Several addresses
+
+def two_ways() -> OperatorCore:
+    operator = OperatorCore(KEY, random_bytes(2), SIZE, 'desk')
+    operator.set_addresses([ROBOT, ELSEWHERE, ROBOT], 0.0)
+    return operator
+
+
+def test_all_addresses_are_asked_and_the_one_that_answers_is_used() -> None:
+    robot, operator = robot_of(), two_ways()
+    (first, hello), (second, same) = operator.outputs()
+    assert (first, second) == (ROBOT, ELSEWHERE) and hello == same
+    assert operator.problem == 'no answer from 10.0.0.7:17001 or 10.0.0.99:5'
+    give(robot, OPERATOR, hello)
+    give(operator, ELSEWHERE, *sent(robot))
+    (address, init), = operator.outputs()
+    assert address == ELSEWHERE and isinstance(parse(init), Init)
+    give(robot, OPERATOR, init)
+    give(operator, ELSEWHERE, *sent(robot))
+    assert the_robot(operator).address == ELSEWHERE and len(operator.paths) == 2
+
+
+def test_one_address_is_never_probed() -> None:
+    robot, operator = joined()
+    assert not operator.paths
+    packets = [packet for _, packet in run(operator, 1.0, 1.4)]
+    given = [robot.receive(*batch([(OPERATOR, packet)]), 1.0) for packet in packets]
+    assert packets and not any(given) and not [packet for packet in sent(robot) if len(packet) == len(packets[0])][1:]
+
+
+def test_a_challenge_is_answered_on_its_path() -> None:
+    robot, operator = robot_of(), two_ways()
+    shake_hands(robot, operator)
+    operator.outputs()
+    for source, answered in ((ELSEWHERE, ELSEWHERE), (ROBOT, ROBOT), (('10.9.9.9', 9), ROBOT)):
+        give(operator, source, robot.peers[0].seal_one(message(Control.PATH_CHALLENGE, b'12345678')))
+        (address, _), = operator.outputs()
+        assert address == answered
+
+
+def test_a_silent_path_is_left_and_the_robot_follows() -> None:
+    """The robot is at both addresses, and the operator too."""
+    robot, operator = robot_of(), two_ways()
+    other = ('10.1.0.9', 7)
+    source = {ROBOT: OPERATOR, ELSEWHERE: other}
+    target = {OPERATOR: ROBOT, other: ELSEWHERE}
+    shake_hands(robot, operator)
+    robot.events(), operator.events()
+    for step in range(2000):
+        now = 1.0 + step / 200
+        for core in (robot, operator):
+            core.poll(now)
+        for place, packet in operator.outputs():
+            if place != ROBOT or now < 3.0:
+                give(robot, source[place], packet, now=now)
+        for place, packet in robot.outputs():
+            if place != OPERATOR or now < 3.0:
+                give(operator, target[place], packet, now=now)
+        if now < 3.0:
+            assert the_robot(operator).address == ROBOT and robot.peers[0].address == OPERATOR
+    assert operator.events() == [Moved(the_robot(operator), ELSEWHERE)]
+    assert robot.events() == [Moved(robot.peers[0], other)]
+    assert operator.robot is not None and robot.peers[0].handshakes == 1

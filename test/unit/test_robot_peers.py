@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The rules at the head of robot_core that follow the handshake, and what both cores have in common."""
+from typing import Any
+
 import numpy as np
 import pytest
 from link_channel import KEY, OPERATOR, ROBOT, SIZE, data, give, random_bytes, sent, shake_hands
@@ -9,8 +11,10 @@ from smokebot_udp.link.control import Control, message
 from smokebot_udp.link.core import MAX_OLD, OLD_KEYS
 from smokebot_udp.link.operator_core import OperatorCore
 from smokebot_udp.link.packets import VERSION, Cookie, Suite, Unknown, parse
+from smokebot_udp.link.path import PROVED_FOR
 from smokebot_udp.link.peer import Joined, Moved
 from smokebot_udp.link.robot_core import RobotCore
+from smokebot_udp.link.robot_paths import MAX_PATHS
 
 ROBOT_2 = '10.0.0.8', 17001
 """Another address of the robot."""
@@ -148,6 +152,63 @@ def test_a_late_response_does_not_move_a_peer_back_to_an_address_that_it_has_lef
     give(robot, OPERATOR, seal(message(Control.KEEP_ALIVE)), now=1.3)
     give(robot, ELSEWHERE, response, now=1.4)
     assert robot.peers[0].address == OPERATOR and not robot.events()
+
+
+def probe(operator: Any, challenge: bytes = b'12345678') -> bytes:
+    return the_robot(operator).seal_one(message(Control.PATH_CHALLENGE, challenge))
+
+
+def test_a_probe_is_answered_where_it_came_from_and_moves_nobody() -> None:
+    robot, operator = joined()
+    give(robot, OPERATOR, probe(operator), now=1.0)
+    assert [address for address, _ in robot.outputs()] == [OPERATOR]
+    for number in range(20):
+        now = 1.0 + number / 4
+        give(robot, ELSEWHERE, probe(operator), now=now)
+        packets = robot.outputs()
+        assert packets and {address for address, _ in packets} == {ELSEWHERE}
+        give(operator, ROBOT, *[packet for _, packet in packets], now=now)
+        give(robot, ELSEWHERE, *sent(operator), now=now)
+        give(robot, OPERATOR, the_robot(operator).seal_one(data(20)), now=now)
+    assert robot.peers[0].address == OPERATOR and not robot.events()
+    assert operator.dropped['not asked for'] >= 9       # of this test: the operator's own core did not ask
+
+
+def test_an_address_that_probes_have_proved_is_followed_at_once() -> None:
+    robot, operator = joined()
+    give(robot, ELSEWHERE, probe(operator), now=1.0)
+    give(operator, ROBOT, *sent(robot), now=1.0)
+    give(robot, ELSEWHERE, *sent(operator), now=1.0)
+    late, newer = the_robot(operator).seal_one(data(20)), the_robot(operator).seal_one(data(20))
+    give(robot, ELSEWHERE, newer, now=2.0)
+    assert robot.peers[0].address == ELSEWHERE
+    give(robot, OPERATOR, late, now=2.0)                # late packets move nobody back
+    assert robot.peers[0].address == ELSEWHERE
+    give(robot, OPERATOR, the_robot(operator).seal_one(data(20)), now=2.1)      # the one before is proved, too
+    assert robot.peers[0].address == OPERATOR
+    give(robot, ELSEWHERE, the_robot(operator).seal_one(data(20)), now=2.0 + 2 * PROVED_FOR)
+    assert robot.peers[0].address == OPERATOR           # the proof has become old
+
+
+def test_an_address_without_proof_gets_no_more_than_came_from_there() -> None:
+    robot, operator = joined()
+    up = down = 0
+    for number in range(100):
+        packet = probe(operator)
+        up += len(packet)
+        give(robot, ELSEWHERE, packet, now=1.0 + number / 100)
+        down += sum(len(one) for address, one in robot.outputs() if address == ELSEWHERE)
+    assert 0 < down <= up
+
+
+def test_few_addresses_of_a_peer_are_remembered() -> None:
+    robot, operator = joined()
+    for number in range(50):
+        give(robot, ('10.0.1.%d' % number, 1), probe(operator), now=1.0)
+    assert [len(checks) for checks in robot._checks.values()] == [MAX_PATHS]
+    robot.poll(100.0)       # it has left
+    robot.poll(101.0)
+    assert not robot._checks
 
 
 # 9. Names

@@ -4,7 +4,7 @@ from typing import List
 
 import pytest
 
-from smokebot_udp.mission.robots import load
+from smokebot_udp.mission.robots import addresses, load
 
 GOOD = 'ugv1: {host: 10.0.0.7}\n'
 UGV1 = {'host': '10.0.0.7', 'port': 17001, 'key_file': '', 'frame_prefix': 'ugv1/', 'footprint': '',
@@ -26,7 +26,8 @@ def test_a_prefix_may_be_empty() -> None:
 @pytest.mark.parametrize('line, problem', [
     ('ugv2: {host: b, prot: 5}', "robot 'ugv2': prot: no such setting; there are footprint, "
                                  'frame_prefix, host, key_file, port, streams'),
-    ('ugv2: {port: 5}', "robot 'ugv2': host is missing: host name or IPv4 address of the robot"),
+    ('ugv2: {port: 5}', "robot 'ugv2': host is missing: host name or IPv4 address of the robot; a list of one robot's: "
+                            'in order of preference'),
     ('ugv2: {host: b, port: x}', "robot 'ugv2': port is 'x', must be a whole number from 1 to 65535"),
     ('ugv2: {host: b, port: 0}', "robot 'ugv2': port is 0, must be a whole number from 1 to 65535"),
     ('ugv2: {host: b, key_file: 7}', "robot 'ugv2': key_file is 7, must be a text"),
@@ -51,3 +52,13 @@ def test_a_wrong_robot_is_said_in_one_sentence_and_the_others_are_used(line: str
 def test_a_file_without_robots(text: str, problems: List[str]) -> None:
     robots, found = load(text)
     assert robots == {} and len(found) == 1 and found[0].startswith(problems[0])
+
+
+def test_a_robot_may_have_several_addresses() -> None:
+    robots, problems = load('ugv1: {host: [10.0.0.7, Lte.local]}\nugv2: {host: [10.0.0.8, 10.0.0.7]}\n'
+                            'ugv3: {host: [10.0.0.9, 10.0.0.9:5]}\nugv4: {host: []}')
+    assert addresses(robots['ugv1']) == [('10.0.0.7', 17001), ('lte.local', 17001)]
+    assert problems == ["robot 'ugv2': 10.0.0.7:17001 is already robot 'ugv1'",
+                        "robot 'ugv3': host is '10.0.0.9:5', must be a host name or an IPv4 address; its port is a "
+                        'setting of its own',
+                        "robot 'ugv4': host is '', must be a text"]

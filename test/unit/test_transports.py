@@ -13,7 +13,13 @@ from smokebot_udp.link.keys import make_key, read_key
 from smokebot_udp.nodes import parameters as tables
 from smokebot_udp.nodes import transports
 from smokebot_udp.nodes.common import Parameters
-from smokebot_udp.nodes.transports import foreign_master, host_and_port, operator_transport, robot_transport
+from smokebot_udp.nodes.transports import (
+    addresses_in,
+    foreign_master,
+    host_and_port,
+    operator_transport,
+    robot_transport,
+)
 
 
 class Log:
@@ -76,6 +82,18 @@ def free_port() -> int:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(('', 0))
         return int(probe.getsockname()[1])
+
+
+def test_a_robot_may_have_several_addresses() -> None:
+    assert addresses_in('10.0.0.7:17001') == [('10.0.0.7', 17001)]
+    assert addresses_in('10.0.0.7:17001, lte.local:1') == [('10.0.0.7', 17001), ('lte.local', 1)]
+    for text, reason in (('a:1,a:1', "robot is 'a:1,a:1': a:1 stands twice"),
+                         ('a:1,', "robot is '', must be HOST:PORT, such as 10.0.0.7:17001"),
+                         ('a:1,b:1,c:1,d:1,e:1', "robot is 'a:1,b:1,c:1,d:1,e:1': it has 5 addresses, at most 4 are "
+                                                 'used')):
+        with pytest.raises(ValueError) as error:
+            addresses_in(text)
+        assert str(error.value) == reason
 
 
 def test_an_address_has_a_host_and_a_port() -> None:

@@ -41,7 +41,7 @@ class PathCheck:
         """When it proved itself [s]."""
         self.proposed = False
         """Whether the peer wants to be reached there."""
-        self._credit = 0
+        self._credit, self._turn = 0, False
         self._next = self._heard = 0.0
 
     def came(self, size: int, now: float, proposes: bool = True) -> None:
@@ -61,11 +61,22 @@ class PathCheck:
 
     def may_send(self, size: int, now: float) -> bool:
         """Whether to send a challenge of this size now; the caller does it then [byte, s]."""
-        if size > self._credit or now < self._next:
+        if now < self._next or not self.may_answer(size, now):
             return False
-        self._credit -= size
         self._next = now + AGAIN
         return True
+
+    def may_answer(self, size: int, now: float) -> bool:
+        """Whether to send an answer of this size now; the caller does it then [byte, s]."""
+        if size > self._credit and not self.holds(now):
+            return False
+        self._credit = max(0, self._credit - size)
+        return True
+
+    def wants_proof(self, now: float) -> bool:
+        """Whether to challenge who sends a probe: each second one has its answer, in case that no proof ever comes [s]."""
+        self._turn = not self._turn
+        return self._turn and now - self.proved >= RENEW_AFTER
 
     def is_proof(self, place: Place, response: bytes) -> bool:
         """Whether a response proves the address."""
@@ -74,7 +85,3 @@ class PathCheck:
     def holds(self, now: float) -> bool:
         """Whether it has proved itself not long ago [s]."""
         return now - self.proved < PROVED_FOR
-
-    def is_fresh(self, now: float) -> bool:
-        """Whether another proof would say nothing new [s]."""
-        return now - self.proved < RENEW_AFTER

@@ -260,18 +260,24 @@ class RobotCore(LinkCore):
     def _on_path(self, peer: Peer, kind: Control, body: bytes, source: Place, now: float) -> None:
         """Rule 8."""
         if kind == Control.PATH_CHALLENGE:
-            self._send(source, peer.seal_one(message(Control.PATH_RESPONSE, body)))
-            if source != peer.place:
-                check = self._check(peer, source)
-                check.came(SIZE + OVERHEAD, now, proposes=False)
-                if not check.is_fresh(now):
-                    self._challenge(peer, check, now)
+            self._answer_probe(peer, body, source, now)
             return
         check = self._checks.get(peer.number, {}).get(source)
         if check is not None and check.is_proof(source, body):
             check.proved = now
             if check.proposed:
                 self._move(peer, source, now)
+
+    def _answer_probe(self, peer: Peer, body: bytes, source: Place, now: float) -> None:
+        """Rule 8."""
+        if source != peer.place:
+            check = self._check(peer, source)
+            check.came(SIZE + OVERHEAD, now, proposes=False)
+            if check.wants_proof(now):
+                self._challenge(peer, check, now)
+            if not check.may_answer(SIZE + OVERHEAD, now):
+                return
+        self._send(source, peer.seal_one(message(Control.PATH_RESPONSE, body)))
 
     def _move(self, peer: Peer, place: Place, now: float) -> None:
         """Its address before is proved as well."""

@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""A robot with two addresses, of which the preferred one is cut again and again.
+
+    sudo ./smokebot exec python3 -m evaluation.path_cuts [--cuts 50] [--seconds 5] [--loss 0.0] [--one]
+
+Own masters, sealed, the nodes and streams as shipped. The first link has 2 Mbit/s and 10 ms each way, the second one
+1 Mbit/s and 30 ms. Each cut begins at a random moment. It prints an object in JSON: of each topic the longest time
+without a message around each cut, and the highest age of the newest one. --one: the second address is not given, for
+comparison.
+"""
+import argparse
+import json
+import os
+import random
+import time
+from typing import Any, Dict, List, Sequence
+
+import numpy as np
+
+from .listener import Heard, Listener
+from .own_masters import PORT, ROBOT, OwnMasters
+from .second_link import SECOND, SecondLink
+
+FIRST = {'rate': 2e6, 'delay': 0.01, 'queue': 0.2}
+OTHER = {'rate': 1e6, 'delay': 0.03, 'queue': 0.2}
+ADDRESSES = ROBOT, '%s:%d' % (SECOND['robot'], PORT)
+TOPICS = {'/operator/thermal/image_raw': 'image', '/operator/camera/image_raw': 'image', '/operator/odom': 'odometry'}
+SETTLED = 8.0
+"""Until the rate fits the link [s]."""
+
+AROUND = 1.0
+"""What comes so long before a cut and after it counts [s]."""
+
+
+class PathCuts:
+    """The nodes, and both links; a context manager.
+
+    :param addresses: of the robot
+    :param loss: of both links
+    :raises LabError: as Lab
+    """
+
+    def __init__(self, addresses: Sequence[str] = ADDRESSES, loss: float = 0.0, log: Any = None) -> None:
+        self.stack = OwnMasters(7, log)
+        try:
+            self.second = SecondLink(self.stack.lab, 8)
+            self.first, self.other = {**FIRST, 'loss': loss}, {**OTHER, 'loss': loss}
+            self.stack.lab.set(self.first)
+            self.second.set(self.other)
+            self.stack.start_node('robot', 'simulated_robot', '_width:=320', '_height:=240')
+            self.stack.start_sender()
+            self.stack.wait_for_port()
+            self.stack.start_receiver(robot=','.join(addresses))
+            self.operator = Listener(self.stack)
+            self.operator.subscribe([[topic, kind, 'TCPROS'] for topic, kind in TOPICS.items()])
+            missing = set(TOPICS) - set(self.operator.first(TOPICS, 60.0))
+            if missing:
+                raise RuntimeError('nothing comes on %s' % ', '.join(sorted(missing)))
+        except BaseException:
+            self.close()
+            raise
+
+    def cut(self, seconds: float) -> Dict[str, List[Heard]]:
+        """Cut the first link for a time; what came meanwhile, and AROUND it: {topic: messages}."""
+        begun = time.time()
+        self.stack.lab.set({**self.first, 'loss': 1.0})
+        time.sleep(seconds)
+        self.stack.lab.set(self.first)
+        time.sleep(AROUND)
+        return {topic: [heard for heard in list(self.operator.heard)
+                        if heard.topic == topic and heard.arrival >= begun - AROUND] for topic in TOPICS}
+
+    def idle_rate(self, seconds: float) -> float:
+        """What the second link carries each way while the first one is good, the larger number [byte/s]."""
+        before = self.second.counts()
+        time.sleep(seconds)
+        after = self.second.counts()
+        return float(max(after[side]['carried'] - before[side]['carried'] for side in ('robot', 'operator')) / seconds)
+
+    def close(self) -> None:
+        """End all."""
+        self.stack.close()
+        if hasattr(self, 'second'):
+            self.second.__exit__()
+
+    def __enter__(self) -> 'PathCuts':
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        self.close()
+
+
+def longest_gap(heard: Sequence[Heard]) -> float:
+    """The longest time from one message to the next [s]; infinite where there are no two."""
+    return float(np.diff([one.arrival for one in heard]).max()) if len(heard) > 1 else float('inf')
+
+
+def oldest(heard: Sequence[Heard]) -> float:
+    """The highest age of the newest image just before the next one comes [s]."""
+    return max((later.arrival - (one.stamp or 0.0) for one, later in zip(heard, heard[1:])), default=float('inf'))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description='A robot with two addresses, of which one is cut again and again.')
+    parser.add_argument('--cuts', type=int, default=50)
+    parser.add_argument('--seconds', type=float, default=5.0, help='of each cut')
+    parser.add_argument('--loss', type=float, default=0.0, help='of both links')
+    parser.add_argument('--one', action='store_true', help='with the first address only')
+    arguments = parser.parse_args()
+    moments, found = random.Random(1), {topic: [] for topic in TOPICS}    # type: Any, Dict[str, List[Any]]
+    with PathCuts(ADDRESSES[:1] if arguments.one else ADDRESSES, arguments.loss) as run:
+        time.sleep(SETTLED)
+        idle = run.idle_rate(5.0)
+        for _ in range(arguments.cuts):
+            time.sleep(SETTLED + moments.random())
+            for topic, heard in run.cut(arguments.seconds).items():
+                found[topic].append((longest_gap(heard), oldest(heard)))
+    rows = {topic: {name: [round(float(np.percentile(column, part)), 2) for part in (50, 95, 100)]
+                    for name, column in zip(('gap', 'age'), zip(*values))} for topic, values in found.items()}
+    print(json.dumps({'p50, p95, most [s]': rows, 'idle [byte/s]': round(idle), 'load': os.getloadavg()[0]}))
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""A second emulated link between the two sides of a lab: each side has two devices and two addresses then."""
+import subprocess
+from typing import Any, Mapping
+
+from smokebot_udp.link_lab.lab import DEVICE, Lab, TwoSides
+from smokebot_udp.link_lab.link_trace import SIDES
+
+SECOND_DEVICE = 'air2'
+SECOND = {'robot': '10.77.1.1', 'operator': '10.77.1.2'}
+"""The addresses of the second link."""
+
+
+def namespace_of(sides: TwoSides, side: str) -> str:
+    """The path of a side's network namespace."""
+    return sides.command(side, [])[-1].split('=')[1]
+
+
+def ip(sides: TwoSides, side: str, line: str) -> None:
+    """Run the command `ip` on a side."""
+    sides.run(side, ['ip', *line.split()], check=True, stdout=subprocess.DEVNULL)
+
+
+def join_end(second: TwoSides, side: str, into: TwoSides) -> None:
+    """Move a side's end of a second link into another lab's namespace, and give it addresses of its own."""
+    other = next(name for name in SIDES if name != side)
+    ip(second, side, 'link set %s netns %s name %s' % (DEVICE, namespace_of(into, side), SECOND_DEVICE))
+    ip(into, side, 'link set %s up' % SECOND_DEVICE)
+    ip(into, side, 'addr add %s peer %s dev %s' % (SECOND[side], SECOND[other], SECOND_DEVICE))
+
+
+class SecondLink:
+    """Another link between the sides of a lab; a context manager.
+
+    :param lab: whose sides it joins
+    :param seed: of its random effects
+    :raises LabError: as Lab
+    """
+
+    def __init__(self, lab: TwoSides, seed: int) -> None:
+        self._lab = Lab(seed)
+        for side in SIDES:
+            join_end(self._lab, side, lab)
+
+    def set(self, both: Mapping[str, Any], **sides: Mapping[str, Any]) -> None:
+        """See Lab.set."""
+        self._lab.set(both, **sides)
+
+    def counts(self) -> Any:
+        """See Lab.counts."""
+        return self._lab.counts()
+
+    def __enter__(self) -> 'SecondLink':
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        self._lab.close()
