@@ -171,6 +171,9 @@ class Transport(Protocol):
     def problem(self) -> Optional[str]:
         """Why nothing is received from the other side, in one sentence; None: there is no problem."""
 
+    def hosts(self) -> Mapping[str, str]:
+        """{peer: the host at which it is reached now}, of peers that may move from one to another; any thread."""
+
     def stats(self, now: float) -> Optional[TransportStats]:
         """Its state by time.monotonic(); None: all of it shows in the stats of publishers and subscribers."""
 

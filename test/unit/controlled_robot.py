@@ -33,18 +33,18 @@ def taken(grant: Optional[Dict[str, Any]], rate: float = 10.0) -> float:
 
 
 class Receiver:
-    """An operator at the end of a link of `rate` [byte/s] and 20 ms."""
+    """An operator at the end of a link of `rate` [byte/s] and 20 ms; both may change."""
 
     def __init__(self, name: str, rate: float) -> None:
-        self.name, self._rate = name, rate
+        self.name, self.rate, self.delay = name, rate, 0.02
         self._history, self._free = ReceiveHistory(lambda: 7), 0.0
         self._arriving: Deque[Tuple[float, int]] = collections.deque()
         self.received = 0
 
     def receive(self, seq: int, now: float) -> None:
         self.received += 1
-        self._free = max(self._free, now) + SIZE / self._rate
-        self._arriving.append((self._free + 0.02, seq))
+        self._free = max(self._free, now) + SIZE / self.rate
+        self._arriving.append((self._free + self.delay, seq))
 
     def report(self, now: float) -> Report:
         while self._arriving and self._arriving[0][0] <= now:

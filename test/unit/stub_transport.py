@@ -25,5 +25,8 @@ class StubTransport:
                  subscriber: Callable[..., Any] = lambda *_, **__: SilentTopic()) -> None:
         self.publisher, self.subscriber = publisher, subscriber
 
+    def hosts(self) -> Any:
+        return {}
+
     def limit(self, room: int) -> None:
         self.room = room

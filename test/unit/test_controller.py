@@ -69,6 +69,36 @@ def test_a_slow_link_slows_no_other_operator() -> None:
     assert state.loss == 0.0 and state.refused_reports == {}
 
 
+def test_each_path_to_an_operator_has_an_estimate_of_its_own() -> None:
+    robot, operator = Robot(), Receiver('/op', 5 * MBIT)
+    robot.drive([operator], 6.0)
+    robot.controller.on_paths({'/op': 'wifi', '/stranger': 'lte'}, robot.now)
+    wifi = robot.rate
+    assert wifi > 0.8 * 5 * MBIT
+    operator.rate, operator.delay = 1 * MBIT, 0.08
+    robot.controller.on_paths({'/op': 'lte'}, robot.now)
+    assert robot.rate == LIMITS.start_rate
+    robot.drive([operator], 4.0)
+    assert robot.state.capacity == pytest.approx(1 * MBIT, rel=0.15) and robot.state.queue_delay < 0.05
+    operator.rate, operator.delay = 5 * MBIT, 0.02
+    robot.controller.on_paths({'/op': 'wifi'}, robot.now)
+    assert robot.rate == pytest.approx(wifi, rel=0.5)
+    operator.received = 0
+    robot.drive([operator], 1.0)
+    assert operator.received * SIZE > 0.7 * 5 * MBIT and robot.state.loss == 0.0
+
+
+def test_what_was_lost_on_the_path_before_is_no_loss_of_the_next_one() -> None:
+    robot, operator = Robot(), Receiver('/op', 5 * MBIT)
+    robot.controller.on_paths({'/op': 'wifi'}, robot.now)
+    robot.drive([operator], 4.0)
+    robot.controller.on_paths({'/op': 'wifi'}, robot.now)
+    robot.drive([], 0.3)                                # the Wi-Fi is cut
+    robot.controller.on_paths({'/op': 'lte'}, robot.now)
+    robot.drive([operator], 3.0)
+    assert robot.state.loss < 0.01 and robot.rate > 3 * LIMITS.start_rate
+
+
 def test_streams_are_planned_for_links_that_carry_nearly_as_much() -> None:
     robot, one, other = Robot(), Receiver('/one', 5 * MBIT), Receiver('/other', (NEAR + 0.05) * 5 * MBIT)
     robot.drive([one, other], 10.0)

@@ -4,7 +4,7 @@
 Its owner calls `on_sent` for all that leaves, `on_report` for each report, and `tick` each estimator.REPORT_INTERVAL;
 it sets the packet scheduler's rate after each of the latter two. The nodes and the simulator are such owners.
 
-Each operator that reports has an estimate of its own. All operators get the same datagrams; the streams are planned for
+Each operator that reports has an estimate of its own, of each path to it that is used (on_paths). All operators get the same datagrams; the streams are planned for
 the best link, and for those that carry nearly as much. The owner asks `conforming` before datagrams leave: an operator
 with a slower link gets the part of them that its link carries (operator_share.py), and slows nobody else. An owner that
 knows the subscribers calls `on_operators` before `tick`: who left no longer counts, and nobody else's reports do.
@@ -17,10 +17,11 @@ from typing import Any, Callable, Counter, Dict, List, Mapping, Optional, Tuple
 
 from ..monitoring.stats import LinkStats
 from ..monitoring.windows import Rate
+from ..newest import Newest
 from .allocation import Allocator, DatagramSize, Decimation, Demand, Grant
 from .allocation import shares as divide
 from .estimator import MAX_GAIN, Estimator, Limits
-from .feedback import FeedbackReader
+from .feedback import Feedback, FeedbackReader
 from .operating_points import OperatingPoint
 from .operator_share import Policer
 from .sent_history import SentHistory, stream_of
@@ -42,6 +43,9 @@ RATE_LIMIT_FACTOR = 0.95
 
 GRANT_TOLERANCE = 0.02
 """A setting keeps the value granted before where the new one differs by less than this ratio."""
+
+MAX_ESTIMATES = 4
+"""Paths to one operator whose estimates are remembered."""
 
 MAX_OPERATORS = 8
 """Reports of further ones are ignored: they come from the network, and each operator costs memory."""
@@ -99,11 +103,35 @@ class _Operator:
 
     def __init__(self, history: SentHistory, limits: Limits, now: float) -> None:
         self.reader, self.estimator, self.policer = FeedbackReader(history), Estimator(now, limits), Policer(now)
+        self.path: Any = None
+        self.moved = -math.inf      # to this path
+        self._limits = limits
+        self._estimators: Newest[Any, Estimator] = Newest(MAX_ESTIMATES)    # of each path
         self.heard, self.since = now, now
         self.source: Any = None
         self.doubted = -math.inf    # when it lost a connection
         self.near = False           # whether the plan suits its link
         self.confirmed = False      # whether it ever reported a datagram that was sent
+
+    def follow(self, path: Any, now: float) -> None:
+        """It is reached over this path from now on."""
+        if path == self.path:
+            return
+        if self.path is not None:
+            self._estimators[self.path], self.moved = self.estimator, now
+            self.estimator = self._estimators.of(path, lambda: Estimator(now, self._limits))
+        self.path = path
+
+    def read(self, report: Any, now: float) -> Optional[Feedback]:
+        """What a report says about the present path; None: nothing, or it is not believed."""
+        feedback = self.reader.read(report, now)
+        if feedback is None or self.moved == -math.inf:
+            return feedback
+        samples = [sample for sample in feedback.samples if sample.sent >= self.moved]
+        if not samples:
+            return None
+        self.moved = -math.inf      # from the next report on all is of this path
+        return feedback._replace(samples=samples, expected=0, received=0, marked=0)
 
 
 class Controller:
@@ -193,6 +221,17 @@ class Controller:
         for name in connections:
             self._state(name, now)
 
+    def on_paths(self, paths: Mapping[str, Any], now: float) -> None:
+        """Take how the operators are reached now. An operator that is reached by another path has the estimate that
+        this one had last; a path that is new begins with start_rate. What was sent before says nothing about it.
+
+        :param paths: {operator as in `on_report`: anything that is equal for the same path}
+        :param now: [s]
+        """
+        for name, path in paths.items():
+            if name in self._operators:
+                self._operators[name].follow(path, now)
+
     def on_report(self, operator: str, report: Any, now: float, source: Any = None) -> Optional[Train]:
         """Take an operator's report; a forged or impossible one is counted and ignored.
 
@@ -203,7 +242,7 @@ class Controller:
         :return: a train for the packet scheduler, if one is due
         """
         state = self._operator(operator, source, now)
-        feedback = state.reader.read(report, now) if state else None
+        feedback = state.read(report, now) if state else None
         if state is None or feedback is None:
             return None
         state.heard = now

@@ -162,6 +162,10 @@ class LinkTransport:
         """See transport.Transport: a difference to each peer."""
         return '; '.join(self._differences) or None
 
+    def hosts(self) -> Mapping[str, str]:
+        """See transport.Transport."""
+        return {topics.peer.name: topics.peer.address[0] for topics in self._peers.values()}
+
     def stats(self, now: float) -> Optional[TransportStats]:
         """See transport.Transport."""
         peers = [topics.peer for topics in self._peers.values()]

@@ -137,6 +137,7 @@ class LinkControl(Part):
         self._count_operators()
         self._paths.tick(now)
         with self._controller as controller:
+            controller.on_paths(self._link.transport.hosts(), now)
             plan = controller.tick(now, {name: demand for name, demand in demands.items() if demand is not None},
                                    self._link.outbox.protected)
             stats = dataclasses.replace(controller.stats(now), longest=self._paths.hole)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """UDPROS over a shared ROS master as the nodes' transport, see smokebot_udp/transport.py."""
 import collections
-from typing import Any, Callable, Counter, Optional
+from typing import Any, Callable, Counter, Mapping, Optional
 
 import rospy
 
@@ -57,6 +57,10 @@ class UdprosTransport:
     def problem(self) -> Optional[str]:
         """None: a missing master or peer shows in the statuses of streams and connections."""
         return None
+
+    def hosts(self) -> Mapping[str, str]:
+        """None: a peer with another address is connected anew."""
+        return {}
 
     def stats(self, now: float) -> Optional[TransportStats]:
         """None, see `problem`."""
