@@ -28,7 +28,7 @@ class LinkReceiver(Receiver):
     def __init__(self, port: int, key: bytes) -> None:
         self.count = 0
         self.ages: List[float] = []
-        self._transport = OperatorTransport('127.0.0.1', port, key, log=log)
+        self._transport = OperatorTransport([('127.0.0.1', port)], key, log=log)
         self.subscriber: Any = self._transport.subscriber(TOPIC, ImageSegment, batch_callback=self.take_batch)
 
     def ready(self) -> bool:

@@ -201,7 +201,8 @@ def test_the_link_goes_on_over_the_robots_other_address(made: Links) -> None:
 def test_a_robot_that_says_that_it_leaves_is_not_reported_as_silent(made: Links, says: bool) -> None:
     robot, _ = made.robot()
     relay, told, log = Relay(robot.port), [], []    # type: Any, List[str], List[str]
-    operator = OperatorTransport([('127.0.0.1', relay.port)], made.key, name='/desk', report=told.append, log=log.append)
+    operator = OperatorTransport([('127.0.0.1', relay.port)], made.key, name='/desk', report=told.append,
+                                 log=log.append)
     made.made.append(operator)
     wait_for(lambda: log and robot.stats(0.0).peers)
     told.clear()                        # a busy machine may be late to join

@@ -4,10 +4,11 @@
 Its owner calls `on_sent` for all that leaves, `on_report` for each report, and `tick` each estimator.REPORT_INTERVAL;
 it sets the packet scheduler's rate after each of the latter two. The nodes and the simulator are such owners.
 
-Each operator that reports has an estimate of its own, of each path to it that is used (on_paths). All operators get the same datagrams; the streams are planned for
-the best link, and for those that carry nearly as much. The owner asks `conforming` before datagrams leave: an operator
-with a slower link gets the part of them that its link carries (operator_share.py), and slows nobody else. An owner that
-knows the subscribers calls `on_operators` before `tick`: who left no longer counts, and nobody else's reports do.
+Each operator that reports has an estimate of its own, of each path to it that is used (on_paths). All operators get
+the same datagrams; the streams are planned for the best link, and for those that carry nearly as much. The owner asks
+`conforming` before datagrams leave: an operator with a slower link gets the part of them that its link carries
+(operator_share.py), and slows nobody else. An owner that knows the subscribers calls `on_operators` before `tick`:
+who left no longer counts, and nobody else's reports do.
 """
 import collections
 import math

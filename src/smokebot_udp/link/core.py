@@ -287,8 +287,8 @@ class LinkCore(abc.ABC):
     def _confirm(self, entry: Entry, now: float) -> bool:
         """Authentic DATA of a session came; returns whether it has a peer now."""
 
-    def _on_carried(self, peer: Peer, now: float) -> None:
-        """Something other than probes came from a peer."""
+    def _on_carried(self, peer: Peer, now: float) -> None:   # noqa: B027
+        """Something other than probes came from a peer; the robot's side does not mind."""
 
     @abc.abstractmethod
     def _on_place(self, peer: Peer, source: Place, size: int, now: float) -> None:

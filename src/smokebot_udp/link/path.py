@@ -74,7 +74,7 @@ class PathCheck:
         return True
 
     def wants_proof(self, now: float) -> bool:
-        """Whether to challenge who sends a probe: each second one has its answer, in case that no proof ever comes [s]."""
+        """Whether to challenge who sends a probe [s]: each second one is answered, in case that no proof comes."""
         self._turn = not self._turn
         return self._turn and now - self.proved >= RENEW_AFTER
 

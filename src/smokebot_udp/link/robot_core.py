@@ -21,7 +21,7 @@ Rules, in the order in which a stranger meets them; each has its tests in test_r
     for REPLACED. When another one needs its place, it is forgotten if it is silent for YIELDS.
 11. DATA of a session that is not known is answered by UNKNOWN, at most UNKNOWN_BURST at once, then 1 / UNKNOWN_PERIOD.
 """
-from typing import Dict, Optional
+from typing import Dict, List, Optional
 
 from ..budget import Budget
 from ..newest import Newest
@@ -240,6 +240,10 @@ class RobotCore(LinkCore):
         checks = self._checks.setdefault(peer.number, Newest(MAX_PATHS))
         return checks.of(place, lambda: PathCheck(place, self._random(CHALLENGE_SIZE)))
 
+    def _checks_of(self, peer: Peer) -> List[PathCheck]:
+        checks = self._checks.get(peer.number)
+        return [] if checks is None else list(checks.values())
+
     def _challenge(self, peer: Peer, check: PathCheck, now: float) -> None:
         if check.may_send(SIZE + OVERHEAD, now):
             self._send(check.place, peer.seal_one(message(Control.PATH_CHALLENGE, check.challenge)))
@@ -247,7 +251,7 @@ class RobotCore(LinkCore):
     def _on_place(self, peer: Peer, source: Place, size: int, now: float) -> None:
         """Rule 8."""
         if source == peer.place:
-            for check in self._checks.get(peer.number, {}).values():
+            for check in self._checks_of(peer):
                 check.proposed &= not check.has_left(now)
             return
         check = self._check(peer, source)
@@ -262,8 +266,8 @@ class RobotCore(LinkCore):
         if kind == Control.PATH_CHALLENGE:
             self._answer_probe(peer, body, source, now)
             return
-        check = self._checks.get(peer.number, {}).get(source)
-        if check is not None and check.is_proof(source, body):
+        check = next((check for check in self._checks_of(peer) if check.is_proof(source, body)), None)
+        if check is not None:
             check.proved = now
             if check.proposed:
                 self._move(peer, source, now)

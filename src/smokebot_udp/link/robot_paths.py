@@ -58,7 +58,7 @@ class Path:
         self.answered = now
         """When it was last known to carry both ways, or became known [s]."""
         self.round_trip: Optional[float] = None
-        """Of the latest probe that was answered [s]."""
+        """Round-trip time of the latest probe that was answered [s]."""
         self.probed = -math.inf
         """When it was asked [s]."""
         self._left = -math.inf      # when another path was used in its place

@@ -66,15 +66,18 @@ def _check(name: Any, values: Any, others: Mapping[str, Mapping[str, Any]]) -> D
     settings = check({'frame_prefix': name + '/', **values}, ROBOT)
     if settings['footprint']:
         read_footprint(settings['footprint'])
-    for host, _ in addresses(settings):
-        if not HOST.match(host):
-            raise ValueError('host is %r, must be a host name or an IPv4 address; its port is a setting of its own'
-                             % host)
-    for other, theirs in others.items():
-        for address in addresses(settings):
-            if address in addresses(theirs):
-                raise ValueError("%s:%d is already robot '%s'" % (*address, other))
+    for address in addresses(settings):
+        _check_address(address, others)
     return settings
+
+
+def _check_address(address: Tuple[str, int], others: Mapping[str, Mapping[str, Any]]) -> None:
+    if not HOST.match(address[0]):
+        raise ValueError('host is %r, must be a host name or an IPv4 address; its port is a setting of its own'
+                         % address[0])
+    for other, theirs in others.items():
+        if address in addresses(theirs):
+            raise ValueError("%s:%d is already robot '%s'" % (*address, other))
 
 
 def addresses(settings: Mapping[str, Any]) -> List[Tuple[str, int]]:

@@ -39,7 +39,8 @@ def operator_launch(name: str, robot: Mapping[str, Any], parameters: Mapping[str
     """
     streams = _path(folder, robot['streams']) or parameters['streams_file']
     arguments = {
-        'name': name, 'robot': ','.join('%s:%d' % one for one in robots.addresses(robot)), 'frame_prefix': robot['frame_prefix'],
+        'name': name, 'robot': ','.join('%s:%d' % address for address in robots.addresses(robot)),
+        'frame_prefix': robot['frame_prefix'],
         'key_file': _path(folder, robot['key_file'] or '%s/%s.key' % (KEY_FOLDER, name)),
         **{one: parameters[one] for one in PASSED_ON},
         **({'streams': streams} if streams else {}),

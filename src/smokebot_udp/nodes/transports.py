@@ -83,7 +83,8 @@ def operator_transport(parameters: Parameters) -> Transport:
         _check_link(robot, 'robot')
         addresses = addresses_in(robot)
         if not os.path.lexists(path):
-            raise ValueError(NO_KEY % (path, copy_command('USER@%s:%s' % (addresses[0][0], DEFAULT_KEY_FILE[2:]), path)))
+            source = 'USER@%s:%s' % (addresses[0][0], DEFAULT_KEY_FILE[2:])
+            raise ValueError(NO_KEY % (path, copy_command(source, path)))
         key = KeyFile(path, log_error('', ERROR_PERIOD))
         foreign = foreign_master(rosgraph.get_master_uri() or '', robot, _is_registered(ROBOT), is_own, addresses_of)
         return _remarked(OperatorTransport(
