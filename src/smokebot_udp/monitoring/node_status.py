@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The statuses of a node as a whole: the link, the clocks, who drives, the transport, and refused requests."""
-from typing import Dict, Mapping, Optional, Sequence
+import re
+from typing import Any, Dict, List, Mapping, Optional, Sequence
 
 from ..transport import PeerStats, TransportStats
 from ..units import MBIT
@@ -8,6 +9,10 @@ from .clock_offset import ClockEstimate
 from .stats import LinkStats
 from .status import ERROR, OK, WARN, Kind, Status, Verdict, by_reason, scaled
 from .windows import Growths
+
+PEER = re.compile(r'(?P<name>\S+) at (?P<host>[^\s:]+):(?P<port>\d{1,5})'
+                  r'(?: \((?:silent for \d+ s)?(?:, )?(?:round trip (?P<round_trip>\d{1,9}) ms)?\))?', re.ASCII)
+"""A peer in words, as `_peer` makes it."""
 
 HOLE = 'datagrams above %d bytes do not pass'
 
@@ -95,6 +100,17 @@ def _peer(peer: PeerStats) -> str:
     if peer.round_trip is not None:
         parts.append('round trip %.0f ms' % (1e3 * peer.round_trip))
     return '%s at %s:%d%s' % (peer.name, *peer.address, ' (%s)' % ', '.join(parts) if parts else '')
+
+
+def peers_in(text: str) -> List[Dict[str, Any]]:
+    """The peers of the value `connected to` of a transport's status.
+
+    :return: of each `name`, `host`, `port` and `round_trip` [s], which is None where it is unknown
+    """
+    found = [PEER.fullmatch(one) for one in text.split('; ')]
+    return [{'name': peer['name'], 'host': peer['host'], 'port': int(peer['port']),
+             'round_trip': None if peer['round_trip'] is None else int(peer['round_trip']) / 1e3}
+            for peer in found if peer]
 
 
 class RequestMonitor:
