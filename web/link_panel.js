@@ -31,17 +31,17 @@ function nodeFacts({node, wifi, transport, clock}) {
       `${short(wifi.tx_bitrate_mbit)} Mbit/s out, ${short(wifi.rx_bitrate_mbit)} in`));
   }
   if (transport) {
-    facts.push(...fact(`Path of ${node}`, `${transport.connected_to || 'not connected'}; sealed: ${transport.sealed || '-'}; ` +
+    facts.push(...fact(`Connection of ${node}`, `${transport.connected_to || '-'}; ` +
       `handshakes: ${short(transport.handshakes)}; dropped: ${short(transport.dropped)}`));
   }
   return facts;
 }
 
-/** Paths of a link, each with the numbers that it has. */
+/** Paths from this desk to the robot. */
 function pathFacts(paths) {
-  return (paths || []).flatMap((path, index) => fact(path.name || `Path ${index + 1}`,
-    Object.entries(path).filter(([key]) => key !== 'name').map(([key, value]) =>
-      `${key} ${typeof value === 'number' ? short(value) : value}`).join(', ')));
+  return (paths || []).flatMap((path) => fact(`Path to ${path.name}`, `${path.address}, ` +
+    (path.own_address ? `from ${path.own_address}` : 'no route') + (path.interface ? ` by ${path.interface}` : '') +
+    (path.round_trip === null ? '' : `; round trip ${milliseconds(path.round_trip)}`)));
 }
 
 /**

@@ -111,6 +111,12 @@ class Page(BrowserCase):
         browser.click('#map-follow')
         wait_for(lambda: abs(browser.run(camera)[0] - before[0]) < 1, SECONDS, 'the robot in the middle')
 
+    def test_the_status_names_the_path_to_the_robot(self) -> None:
+        browser = self.page('viewer')
+        browser.run('document.querySelector(\'[data-tab="status"]\').click()')
+        wait_for(lambda: 'Path to /robot_sender127.0.0.1, from 127.0.0.1 by lo' in browser.text('#link-facts'), SECONDS,
+                 'the path')
+
     def test_a_touch_of_the_thermal_image_gives_its_temperature(self) -> None:
         browser = self.page('viewer')
         browser.touch('[data-stream="thermal"] canvas', (0, 0))

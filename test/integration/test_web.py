@@ -65,6 +65,7 @@ class Camera:
 
 
 class Web(CommandsCase):
+    link = True
     port: int
     tokens: List[str]
 
@@ -142,6 +143,18 @@ class Web(CommandsCase):
             self.assertEqual((await stranger.get('/stills/a.png'))[0], 403)
             for one in client, stranger:
                 await one.close()
+        self.run_test(test)
+
+    def test_the_path_to_the_robot_is_named(self) -> None:
+        async def test() -> None:
+            client = await self.browser(self.tokens[0])
+            await client.until(lambda: client.newest('state')['link']['paths'], START)
+            path, = client.newest('state')['link']['paths']
+            self.assertRegex(path['name'], '^/robot_sender@')
+            self.assertRegex(path['address'], r'^127\.0\.0\.1:[0-9]+$')
+            self.assertEqual((path['own_address'], path['interface']), ('127.0.0.1', 'lo'))
+            await client.until(lambda: client.newest('state')['link']['paths'][0]['round_trip'], START)
+            await client.close()
         self.run_test(test)
 
     @undisturbed()

@@ -82,7 +82,7 @@ def test_the_transport() -> None:
     made.add([report('transport', '/op', 'operator', handshakes=2, dropped=12, **{
         'connected to': 'nobody', 'dropped, replayed': 12})], 0.0)
     assert snapshot(made, 0.0)['operators'][0]['transport'] == {
-        'connected_to': 'nobody', 'handshakes': 2.0, 'dropped': 12.0,
+        'connected_to': 'nobody', 'peers': [], 'handshakes': 2.0, 'dropped': 12.0,
         'dropped_by_reason': {'replayed': 12.0}}
 
 

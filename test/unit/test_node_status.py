@@ -12,6 +12,7 @@ from smokebot_udp.monitoring.node_status import (
     control_text,
     link_status,
     operator_control_status,
+    peers_in,
     robot_control_status,
     transport_status,
 )
@@ -122,6 +123,16 @@ def test_peers_and_drops_are_listed() -> None:
         'connected to': '/operator_receiver@desk at 10.0.0.9:40000 (round trip 12 ms); '
                         '/ugv1/operator_receiver@truck at 10.0.0.8:40001 (silent for 12 s)',
         'handshakes': 3, 'dropped': 7, 'dropped, replayed': 5, 'dropped, wrong tag': 2}
+    both = PeerStats('/robot_sender@ugv', ('10.0.0.7', 17001), 3.2, 0.3)
+    text = transport_status(TransportStats([*peers, both], 3, {}, None)).values['connected to']
+    assert [tuple(peer.values()) for peer in peers_in(text)] == [
+        ('/operator_receiver@desk', '10.0.0.9', 40000, 0.012),
+        ('/ugv1/operator_receiver@truck', '10.0.0.8', 40001, None), ('/robot_sender@ugv', '10.0.0.7', 17001, 0.3)]
+
+
+@pytest.mark.parametrize('text', ['', 'nobody', '/a at b', '/a at b:', '/a at b:1 (x)', '/a at b:123456', '; ; '])
+def test_other_words_are_no_peers(text: str) -> None:
+    assert peers_in(text) == []
 
 
 def test_the_paths_that_are_not_used_are_listed() -> None:

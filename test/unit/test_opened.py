@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What a part of a node opens ends with it."""
-from typing import List
+from typing import Any, Callable, List
 
 import pytest
 
-from smokebot_udp.nodes.opened import Opened, Part
+from smokebot_udp.nodes import opened as module
+from smokebot_udp.nodes.opened import Opened, Part, open_until_end
 
 
 class Recorded:
@@ -46,3 +47,19 @@ def test_a_fault_keeps_nothing_open() -> None:
     with pytest.raises(RuntimeError, match='a fault of the test'):
         Node().close()
     assert events == ['close last', 'close broken', 'close first']
+
+
+def test_what_a_node_opens_ends_with_it_or_where_its_start_fails(monkeypatch: Any) -> None:
+    events: List[str] = []
+    ends: List[Callable[[], None]] = []
+    monkeypatch.setattr(module.udpros, 'on_end', ends.append)
+    with open_until_end() as opened:
+        opened.add(Recorded('first', events))
+        opened.add(Recorded('last', events))
+    assert events == []
+    ends[0]()
+    assert events == ['close last', 'close first']
+    with pytest.raises(KeyError), open_until_end() as opened:
+        opened.add(Recorded('other', events))
+        raise KeyError('a fault of the test')
+    assert events[2:] == ['close other'] and len(ends) == 1

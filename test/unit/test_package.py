@@ -47,13 +47,16 @@ PURE_UDPROS = {'admission', 'batches', 'bus_info', 'datagram', 'depacketizer', '
 IMPURE_LINK = {'endpoint', 'keys', 'peer_topics', 'resolver', 'topics', 'transport'}
 """The other modules of link are its protocol core, likewise."""
 
-IMPURE_WEB = {'browser', 'calls', 'captures', 'desk', 'driving', 'node', 'robot', 'server', 'stills'}
+IMPURE_WEB = {'browser', 'calls', 'captures', 'desk', 'driving', 'node', 'robot', 'route', 'server', 'stills'}
 """The other modules of web decide, likewise."""
 
 IMPURE = {'rospy', 'socket', 'select', 'time', 'rosgraph', 'udpros'}
 USES_ROSPY_INTERNALS = {('udpros', 'acceptor'), ('udpros', 'connector'), ('udpros', 'master'),
                         ('udpros', 'registration'), ('udpros', 'rospy_binding'), ('udpros', 'rospy_transports'),
                         ('udpros', 'starting'), ('udpros', 'topics'), ('udpros', 'watch'), ('nodes', 'parameter_watch')}
+
+ENDING = SOURCE / 'udpros' / 'ending.py'
+"""The only module that may call rospy.on_shutdown, which forgets what it is given while a node is ended that starts."""
 
 BESIDE = {'evaluation': {'smokebot_udp'}, 'benchmarks': {'smokebot_udp', 'evaluation'},
           'experiments': {'smokebot_udp', 'evaluation'}}
@@ -104,6 +107,10 @@ def test_what_decides_has_no_threads_sockets_topics_or_clock(path: pathlib.Path)
     for name in imports(path, SOURCE, 'smokebot_udp'):
         root = name.split('.')[0]
         assert root not in IMPURE, name
+
+
+def test_nodes_say_by_on_end_what_they_do_at_their_end() -> None:
+    assert [path for path in MODULES if 'on_shutdown(' in path.read_text()] == [ENDING]
 
 
 def test_no_module_imports_itself_by_way_of_others() -> None:

@@ -70,6 +70,28 @@ if {interrupted}:
 raise rospy.{error}('the node is ending')
 """
 
+ENDING = """
+import threading
+import rospy
+from smokebot_udp import udpros
+udpros.init_node('starting')
+begun, goes_on = threading.Event(), threading.Event()
+rospy.on_shutdown(lambda: (begun.set(), goes_on.wait(10)))
+threading.Thread(target=rospy.signal_shutdown, args=('the test ends it',)).start()
+begun.wait(10)
+threading.Timer(0.3, goes_on.set).start()
+{register}(lambda: print('closed', flush=True))
+"""
+
+ENDED_TWICE = """
+import rospy
+from smokebot_udp import udpros
+udpros.init_node('starting')
+udpros.on_end(lambda: print('first', flush=True))
+rospy.signal_shutdown('the test ends it')
+udpros.on_end(lambda: print('second', flush=True))
+"""
+
 CUT = b'HTTP/1.1 200 OK\r\nContent-Type: text/xml\r\nContent-Length: 100\r\n\r\n<?xml'
 
 PAUSE = 0.5
@@ -145,6 +167,18 @@ def test_rospys_own_start_fails_then(master: Server) -> None:
 
 def test_a_node_that_the_master_ends_while_it_starts_says_so(master: Server) -> None:
     assert output(master, ENDED) == 'the node is ending\n'
+
+
+def test_what_a_node_does_at_its_end_is_done_where_it_is_ended_while_it_starts(master: Server) -> None:
+    master.weak = ()
+    assert output(master, ENDING.format(register='udpros.on_end')) == 'closed\n'
+    assert output(master, ENDED_TWICE) == 'first\nsecond\n'
+
+
+def test_rospy_forgets_it(master: Server) -> None:
+    """Otherwise udpros.on_end would not be needed any more."""
+    master.weak = ()
+    assert output(master, ENDING.format(register='rospy.on_shutdown')) == ''
 
 
 @pytest.mark.parametrize('interrupted, error, told', [

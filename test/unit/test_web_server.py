@@ -68,6 +68,8 @@ def test_the_page_is_for_anybody_and_nothing_else_without_a_token(folder) -> Non
             for path in ('/stills/0.png', '/captures/-/a.png'):
                 assert (await client.get(path))[0] == 403
             assert b'"role": "none"' in (await client.get('/session'))[1]
+            refusal = await client.get('/ws', Connection='Upgrade', Upgrade='websocket')
+            assert (refusal[0], refusal[2]['Connection']) == (403, 'close')     # aiohttp 3.6 would not read on
             assert await refused(client) == 403
             assert await client.login(PAGE.hex()[:-1] + '!') == 403 and await refused(client) == 403
             await client.close()

@@ -104,7 +104,7 @@ def test_the_newest_lines_of_both_logs_once() -> None:
 def test_the_state_of_a_robot() -> None:
     known = Known()
     assert overview_of('ugv1', known, 10.0)['level'] == 'stale'
-    assert state_of(known, '/operator_receiver', 10.0)['link'] is None
+    assert state_of(known, '/operator_receiver', 10.0)['link']['paths'] == []
     known.status = RobotStatus(driver='/operator_receiver', profiles=['explore'], problems=['a: b\x07'])
     known.link, known.linked, known.heard = LinkStatus(loss=math.nan, sent=2.0, rate=3.0), 9.5, 9.75
     known.gas['gas'] = math.inf

@@ -7,6 +7,7 @@ import math
 from typing import Any, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 from .link_board import Board, robots_of
+from .node_status import peers_in
 from .status import LEVELS, OPERATOR, ROBOT, STALE, TO_ROBOT, Kind, Status
 
 Tree = Dict[str, Any]
@@ -103,6 +104,7 @@ def _node(node: str, statuses: Sequence[Status]) -> Tree:
     parts = {kind: _values(found[kind], fields) if kind in found else None for kind, fields in PARTS.items()}
     control, wifi, transport = parts[Kind.CONTROL], parts[Kind.WIFI], parts[Kind.TRANSPORT]
     if transport is not None:
+        transport['peers'] = peers_in(transport['connected_to'] or '')
         transport['dropped_by_reason'] = {key.partition(', ')[2]: _number(found[Kind.TRANSPORT], key)
                                           for key in found[Kind.TRANSPORT].values if key.startswith('dropped, ')}
     own = {Kind.LINK: parts[Kind.LINK]} if statuses[0].side == ROBOT else {Kind.CLOCK: parts[Kind.CLOCK]}

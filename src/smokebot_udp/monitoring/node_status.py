@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The statuses of a node as a whole: the link, the clocks, who drives, the transport, and refused requests."""
-from typing import Dict, Mapping, Optional, Sequence
+import re
+from typing import Any, Dict, List, Mapping, Optional, Sequence
 
 from ..transport import PathStats, PeerStats, TransportStats
 from ..units import MBIT
@@ -8,6 +9,10 @@ from .clock_offset import ClockEstimate
 from .stats import LinkStats
 from .status import ERROR, OK, WARN, Kind, Status, Verdict, by_reason, scaled
 from .windows import Growths
+
+PEER = re.compile(r'(?P<name>\S+) at (?P<host>[^\s:]+):(?P<port>\d{1,5})'
+                  r'(?: \((?:silent for \d+ s)?(?:, )?(?:round trip (?P<round_trip>\d{1,9}) ms)?\))?', re.ASCII)
+"""A peer in words, as `_peer` makes it."""
 
 HOLE = 'datagrams above %d bytes do not pass'
 
@@ -103,6 +108,17 @@ def _path(path: PathStats) -> str:
     known = 'no answer for %.0f s' % path.silence if path.silence >= 1 or path.round_trip is None else (
         'round trip %.0f ms' % (1e3 * path.round_trip))
     return '%s:%d (%s)' % (*path.address, known)
+
+
+def peers_in(text: str) -> List[Dict[str, Any]]:
+    """The peers of the value `connected to` of a transport's status.
+
+    :return: of each `name`, `host`, `port` and `round_trip` [s], which is None where it is unknown
+    """
+    found = [PEER.fullmatch(one) for one in text.split('; ')]
+    return [{'name': peer['name'], 'host': peer['host'], 'port': int(peer['port']),
+             'round_trip': None if peer['round_trip'] is None else int(peer['round_trip']) / 1e3}
+            for peer in found if peer]
 
 
 class RequestMonitor:

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What a part of a node has opened, and closes in reverse order when it ends."""
 import contextlib
-from typing import Protocol, TypeVar
+from typing import Iterator, Protocol, TypeVar
+
+from .. import udpros
 
 
 class Closed(Protocol):
@@ -47,6 +49,17 @@ class Opened(contextlib.ExitStack):
         """The publisher or subscriber."""
         self.callback(topic.unregister)
         return topic
+
+
+@contextlib.contextmanager
+def open_until_end() -> Iterator[Opened]:
+    """What a node opens in this context stays open until the node ends.
+
+    It is closed at the end of the context where that fails, or where the node is ended while it starts.
+    """
+    with Opened() as opened:
+        yield opened
+        udpros.on_end(opened.pop_all().close)
 
 
 class Part:

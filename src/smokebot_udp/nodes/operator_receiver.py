@@ -30,7 +30,7 @@ from .live import LiveSettings
 from .motion import MotionListener
 from .namesake import SECOND_OPERATOR, living, wait_until_free
 from .notice import Notice
-from .opened import Opened
+from .opened import Opened, open_until_end
 from .operator_capture import OperatorCapture
 from .operator_control import OperatorControl
 from .operator_stream import OperatorLink, OperatorStream
@@ -53,10 +53,13 @@ from .wifi_monitor import WifiMonitor
 
 
 class OperatorReceiver:
-    """Hosts the operator's streams; lives as long as its node."""
+    """Hosts the operator's streams; lives as long as its node.
 
-    def __init__(self) -> None:
-        self._opened = opened = Opened()
+    :param opened: what closes its parts
+    """
+
+    def __init__(self, opened: Opened) -> None:
+        self._opened = opened
         problems = Problems()
         parameters = Parameters(OPERATOR_RECEIVER, problems.report)
         udpros.emulate_loss(parameters['loss'], parameters['loss_seed'])
@@ -96,7 +99,6 @@ class OperatorReceiver:
         opened.add(self._mirror_settings({**self.streams, **way_back.streams}, reliable,
                                          parameters['focus_timeout'], problems))
         reliable.start()
-        rospy.on_shutdown(opened.close)
 
     def _arrived(self, stream: str, number: int, seq: int, size: int, count: int, when: float, marked: int) -> None:
         """Datagrams of a stream arrived, see udpros.depacketizer.Arrived; any thread."""
@@ -134,7 +136,8 @@ def main() -> None:
     udpros.race_all_connections()
     wait_until_free('operator_receiver', SECOND_OPERATOR)
     udpros.init_node('operator_receiver')
-    receiver = OperatorReceiver()
+    with open_until_end() as opened:
+        receiver = OperatorReceiver(opened)
     garbage.collect_regularly()
     rospy.loginfo('operator_receiver: receiving %s', ', '.join(receiver.streams) or 'nothing: no stream is valid')
     rospy.spin()

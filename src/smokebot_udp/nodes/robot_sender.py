@@ -45,7 +45,7 @@ from .held_reports import HeldReports
 from .level_frame import TransformLookup
 from .link_control import LinkControl, SharedController
 from .namesake import wait_until_free
-from .opened import Opened
+from .opened import Opened, open_until_end
 from .outbox import Outbox
 from .parameters import ROBOT_SENDER
 from .problems import Problems
@@ -106,10 +106,11 @@ def tell_of_pcl() -> None:
         rospy.logwarn('%s: clouds are filtered by loops that numba compiles, or by numpy where it is missing', problem)
 
 
-def run_streams() -> Tuple[Dict[str, RobotStream], Dict[str, Any]]:
+def run_streams(opened: Opened) -> Tuple[Dict[str, RobotStream], Dict[str, Any]]:
     """Start all parts of the node, which live as long as it does; returns {name: stream}, those of the way back apart.
+
+    :param opened: what closes them
     """
-    opened = Opened()
     problems = Problems()
     parameters = Parameters(ROBOT_SENDER, problems.report)
     udpros.emulate_loss(parameters['loss'], parameters['loss_seed'])
@@ -148,7 +149,6 @@ def run_streams() -> Tuple[Dict[str, RobotStream], Dict[str, Any]]:
         opened.add(HeldReports(streams, transport))
         opened.add(robot_diagnostics(streams, way_back, rate, parameters, problems, transport, found))
     opened.add(way_back)    # the last one, so it ends first: it stops a robot that is driven
-    rospy.on_shutdown(opened.close)
     return streams, way_back.streams
 
 
@@ -168,7 +168,8 @@ def main() -> None:
     udpros.race_all_connections()
     wait_until_free('robot_sender', 'A master can have one robot_sender.')
     udpros.init_node('robot_sender')
-    streams, way_back = run_streams()
+    with open_until_end() as opened:
+        streams, way_back = run_streams(opened)
     garbage.collect_regularly()
     rospy.loginfo('robot_sender: sending %s%s', ', '.join(streams) or 'nothing: no stream is valid',
                   '; also %s' % ', '.join(way_back) if way_back else '')

@@ -8,6 +8,7 @@
 
 It does not need the rest of this package. The protocol is described in doc/wire_format.md.
 """
+from .ending import on_end
 from .frame import Frame
 from .loss_emulation import emulate_loss
 from .registration import registered_together
@@ -16,5 +17,5 @@ from .rpc import race_all_connections
 from .starting import init_node
 from .topics import Publisher, Subscriber
 
-__all__ = ['Frame', 'Publisher', 'Subscriber', 'drop_publisher', 'emulate_loss', 'init_node', 'race_all_connections',
-           'refused_requests', 'registered_together']
+__all__ = ['Frame', 'Publisher', 'Subscriber', 'drop_publisher', 'emulate_loss', 'init_node', 'on_end',
+           'race_all_connections', 'refused_requests', 'registered_together']

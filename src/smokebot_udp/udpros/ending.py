@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The end of a node at a signal: rospy's shutdown, in a thread of its own.
+"""The end of a node: what it calls then, and rospy's shutdown at a signal, in a thread of its own.
 
 rospy's handler shuts down within the main thread, whatever that does at this moment. Where it calls the master, as a
 node does while it starts, it holds the lock of rospy's proxy of the master. The shutdown needs that lock to unregister,
@@ -11,7 +11,7 @@ import os
 import signal
 import sys
 import threading
-from typing import Any, List, Type
+from typing import Any, Callable, List, Type
 
 import rospy
 
@@ -58,3 +58,26 @@ class _Ending:
 def end_by_signals() -> None:
     """Have SIGINT and SIGTERM end the node so. In the main thread, before rospy.init_node with disable_signals."""
     _Ending().begin()
+
+
+class _Once:
+    """Calls a function the first time; who calls it meanwhile waits for its end."""
+
+    def __init__(self, function: Callable[[], None]) -> None:
+        self._functions, self._lock = [function], threading.Lock()
+
+    def __call__(self) -> None:
+        with self._lock:
+            while self._functions:
+                self._functions.pop()()
+
+
+def on_end(function: Callable[[], None]) -> None:
+    """Call a function once when the node ends, or now where it is ending.
+
+    rospy.on_shutdown alone is not enough: what it is given while rospy calls what it was given before is never called.
+    """
+    once = _Once(function)
+    rospy.on_shutdown(once)
+    if rospy.core.is_shutdown_requested():
+        once()

@@ -24,7 +24,7 @@ from ..mission.footprint import DEFAULT_FOOTPRINT, Footprint, read_footprint
 from ..nodes import garbage, malloc_tuning
 from ..nodes.common import Parameters, read_file, read_streams
 from ..nodes.namesake import SECOND_OPERATOR, wait_until_free
-from ..nodes.opened import Opened
+from ..nodes.opened import Opened, open_until_end
 from ..nodes.parameters import OPERATOR_RECEIVER, OPERATOR_WEB
 from ..optional import attempt
 from ..streams import config
@@ -188,29 +188,21 @@ def main() -> None:
         logerr('there is no page for browsers', problem or 'web is 0, must be a port')
         rospy.spin()
         return
-    opened, loop = Opened(), asyncio.new_event_loop()
+    loop = asyncio.new_event_loop()
     asyncio.set_event_loop(loop)
-    run(parameters, opened, loop)
+    run(parameters, loop)
 
 
-def run(parameters: Parameters, opened: Opened, loop: asyncio.AbstractEventLoop) -> None:
+def run(parameters: Parameters, loop: asyncio.AbstractEventLoop) -> None:
     """Serve in this thread until the node ends."""
     from .desk import Desk
     stations: Dict[str, Any] = {}
+    ended = asyncio.Event()
     # of udpros: it registers all topics of the node again at a restarted master
     browsers = udpros.Publisher('~browsers', UInt16, queue_size=1, latch=True)
     desk = Desk(stations, browsers.publish)
-    stations.update(stations_of(parameters, opened, desk.picture_came))
+    with open_until_end() as opened:
+        opened.callback(loop.call_soon_threadsafe, ended.set)     # the first one, so it ends last
+        stations.update(stations_of(parameters, opened, desk.picture_came))
     garbage.collect_regularly()
-    ended = asyncio.Event()
-
-    def end() -> None:
-        opened.close()
-        loop.call_soon_threadsafe(ended.set)
-
-    rospy.on_shutdown(end)
-    if rospy.core.is_shutdown_requested():      # rospy forgets what is registered while it ends
-        end()
     loop.run_until_complete(serve(parameters, desk, ended))
-
-

@@ -35,8 +35,10 @@ from ..streams.routes import UPDATES
 from .catalogue import CLOUD, IMAGE, MAP, POINTS, Catalogue, Entry
 from .frames import Frame, Kind
 from .log_entries import LogEntries
+from .paths import paths_of
 from .pictures import Pictures, picture_of
 from .relayed_images import RelayedColours
+from .route import route_to
 from .state import Known
 from .tiles import Place, TiledMap
 from .top_view import CELL, Pose, ages_image, cloud_from_above, path_points, pose_of, scan_points
@@ -340,4 +342,5 @@ class Robot(Part):
         return self._transforms.pose(self.fixed, frame, self.robot_now())
 
     def _read_tree(self) -> None:
-        self.known.tree = self._listener.tree()
+        self.known.tree = tree = self._listener.tree()
+        self.known.paths = paths_of(tree, route_to)

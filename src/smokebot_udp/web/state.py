@@ -34,6 +34,8 @@ class Known:
     """When `link` came [s]."""
     tree: Tree = field(default_factory=dict)
     """What link_top --json prints; of this robot alone."""
+    paths: List[Dict[str, Any]] = field(default_factory=list)
+    """By which this desk reaches the robot, see paths.paths_of."""
 
 
 def overview_of(name: str, known: Known, now: float) -> Dict[str, Any]:
@@ -96,13 +98,11 @@ def _same_node(driver: str, node: str) -> bool:
     return driver == node or driver.startswith(node + ' ')
 
 
-def _link(known: Known, now: float) -> Optional[Dict[str, Any]]:
+def _link(known: Known, now: float) -> Dict[str, Any]:
     link = known.link
-    if link is None:
-        return None
-    return {**{name: finite(getattr(link, name)) for name in ('sent', 'rate', 'capacity', 'loss', 'round_trip',
-                                                               'queue_delay')},
-            'state': _text(link.state), 'age': _since(known.linked, now), 'paths': []}
+    return {**{name: finite(getattr(link, name)) if link else None
+               for name in ('sent', 'rate', 'capacity', 'loss', 'round_trip', 'queue_delay')},
+            'state': _text(link.state) if link else '', 'age': _since(known.linked, now), 'paths': known.paths}
 
 
 def _wifi(tree: Tree) -> Dict[str, Any]:

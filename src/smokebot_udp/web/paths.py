@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The paths by which this desk reaches a robot: addresses of both sides, and the interface of this machine."""
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
+
+from ..monitoring.link_snapshot import Tree
+from ..monitoring.status import OPERATOR, printable
+
+MAX_PATHS = 8
+"""That are shown."""
+
+MAX_NAME = 100
+"""Letters of a robot's name that are shown: it comes over the link."""
+
+class Route(NamedTuple):
+    """How datagrams leave this machine for a host."""
+    own: str
+    """This machine's address; empty: there is no route."""
+    interface: str
+    """Empty: unknown."""
+
+
+def paths_of(tree: Tree, route: Callable[[str], Route]) -> List[Dict[str, Any]]:
+    """The field `paths` of doc/web_protocol.md, of a robot and this desk.
+
+    :param tree: of this desk's operator_receiver
+    :param route: f(host)
+    """
+    found: Dict[Tuple[str, str], Dict[str, Any]] = {}
+    for name, host, port, round_trip in _peers(tree):
+        if (name, host) not in found and len(found) < MAX_PATHS:
+            own, interface = route(host)
+            found[name, host] = {
+                'name': printable(name[:MAX_NAME]), 'address': host if port is None else '%s:%d' % (host, port),
+                'own_address': own, 'interface': interface, 'round_trip': round_trip}
+    return list(found.values())
+
+
+def _peers(tree: Tree) -> List[Tuple[str, str, Optional[int], Optional[float]]]:
+    """(name, host, port, round trip [s]) of each robot that operator_receiver has a connection with.
+
+    On a shared master each stream has a port of its own, which is None here.
+    """
+    transports = [operator['transport'] for operator in tree.get('operators', ()) if operator['transport']]
+    if transports:
+        return [(peer['name'], peer['host'], peer['port'], peer['round_trip'])
+                for transport in transports for peer in transport['peers']]
+    return [(connection['peer'], connection['address'].rpartition(':')[0], None, None)
+            for connection in tree.get('connections', ())
+            if connection['side'] == OPERATOR and connection['peer'] and connection['address']]
