@@ -41,7 +41,8 @@ function nodeFacts({node, wifi, transport, clock}) {
 function pathFacts(paths) {
   return (paths || []).flatMap((path) => fact(`Path to ${path.name}`, `${path.address}, ` +
     (path.own_address ? `from ${path.own_address}` : 'no route') + (path.interface ? ` by ${path.interface}` : '') +
-    (path.round_trip === null ? '' : `; round trip ${milliseconds(path.round_trip)}`)));
+    (path.round_trip === null ? '' : `; round trip ${milliseconds(path.round_trip)}`) +
+    (path.used ? '' : '; not used')));
 }
 
 /**

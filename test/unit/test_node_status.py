@@ -126,8 +126,9 @@ def test_peers_and_drops_are_listed() -> None:
     both = PeerStats('/robot_sender@ugv', ('10.0.0.7', 17001), 3.2, 0.3)
     text = transport_status(TransportStats([*peers, both], 3, {}, None)).values['connected to']
     assert [tuple(peer.values()) for peer in peers_in(text)] == [
-        ('/operator_receiver@desk', '10.0.0.9', 40000, 0.012),
-        ('/ugv1/operator_receiver@truck', '10.0.0.8', 40001, None), ('/robot_sender@ugv', '10.0.0.7', 17001, 0.3)]
+        ('/operator_receiver@desk', '10.0.0.9', 40000, 0.012, True),
+        ('/ugv1/operator_receiver@truck', '10.0.0.8', 40001, None, True),
+        ('/robot_sender@ugv', '10.0.0.7', 17001, 0.3, True)]
 
 
 @pytest.mark.parametrize('text', ['', 'nobody', '/a at b', '/a at b:', '/a at b:1 (x)', '/a at b:123456', '; ; '])
@@ -139,9 +140,12 @@ def test_the_paths_that_are_not_used_are_listed() -> None:
     paths = [PathStats(('10.0.0.7', 17001), False, 5.4, 0.01), PathStats(('10.1.0.7', 17001), True, 0.1, 0.06),
              PathStats(('10.2.0.7', 17001), False, 0.3, 0.07), PathStats(('10.3.0.7', 17001), False, 0.3, None)]
     status = transport_status(TransportStats([PeerStats('robot', ('10.1.0.7', 17001), 0.2, 0.06, paths)], 1, {}, None))
-    assert status.values['connected to'] == (
-        'robot at 10.1.0.7:17001 (round trip 60 ms), not used: 10.0.0.7:17001 (no answer for 5 s), not used: '
-        '10.2.0.7:17001 (round trip 70 ms), not used: 10.3.0.7:17001 (no answer for 0 s)')
+    text = status.values['connected to']
+    assert text == ('robot at 10.1.0.7:17001 (round trip 60 ms); '
+                    'robot at 10.0.0.7:17001 (not used, silent for 5 s, round trip 10 ms); '
+                    'robot at 10.2.0.7:17001 (not used, round trip 70 ms); robot at 10.3.0.7:17001 (not used)')
+    assert [(peer['host'], peer['used'], peer['round_trip']) for peer in peers_in(text)] == [
+        ('10.1.0.7', True, 0.06), ('10.0.0.7', False, 0.01), ('10.2.0.7', False, 0.07), ('10.3.0.7', False, None)]
 
 
 def test_a_problem_is_a_warning() -> None:

@@ -21,15 +21,15 @@ def connection(side: str, peer: Optional[str], address: Optional[str]) -> Dict[s
 
 
 def test_the_robot_of_a_link_of_two_masters() -> None:
-    peer = {'name': '/robot_sender@ugv', 'host': '10.0.0.7', 'port': 17001, 'round_trip': 0.031}
-    other = {'name': '/robot_sender@ugv', 'host': '192.168.1.7', 'port': 17001, 'round_trip': None}
+    peer = {'name': '/robot_sender@ugv', 'host': '10.0.0.7', 'port': 17001, 'round_trip': 0.031, 'used': True}
+    other = {'name': '/robot_sender@ugv', 'host': '192.168.1.7', 'port': 17001, 'round_trip': None, 'used': False}
     tree = {'operators': [operator([peer, other])],
             'connections': [connection('operator', '/robot_sender@ugv', '10.0.0.7:17001')]}
     assert paths_of(tree, route) == [
         {'name': '/robot_sender@ugv', 'address': '10.0.0.7:17001', 'own_address': '10.0.0.5', 'interface': 'wlan0',
-         'round_trip': 0.031},
+         'round_trip': 0.031, 'used': True},
         {'name': '/robot_sender@ugv', 'address': '192.168.1.7:17001', 'own_address': '', 'interface': '',
-         'round_trip': None}]
+         'round_trip': None, 'used': False}]
 
 
 def test_the_streams_of_a_shared_master_have_one_path() -> None:
@@ -38,12 +38,12 @@ def test_the_streams_of_a_shared_master_have_one_path() -> None:
         connection('operator', '/robot_sender', '10.0.0.7:40002'),
         connection('robot', '/op', '10.0.0.5:40003'), connection('operator', None, None)]}
     assert paths_of(tree, route) == [{'name': '/robot_sender', 'address': '10.0.0.7', 'own_address': '10.0.0.5',
-                                      'interface': 'wlan0', 'round_trip': None}]
+                                      'interface': 'wlan0', 'round_trip': None, 'used': True}]
 
 
 def test_they_are_few_and_their_names_short_and_harmless() -> None:
     tree = {'operators': [operator([{'name': '/\x1b' + 1000 * 'x', 'host': '10.0.0.%d' % number, 'port': 1,
-                                     'round_trip': None} for number in range(2 * MAX_PATHS)])]}
+                                     'round_trip': None, 'used': True} for number in range(2 * MAX_PATHS)])]}
     paths = paths_of(tree, route)
     assert len(paths) == MAX_PATHS and paths[0]['name'] == '/?' + 98 * 'x'
     assert paths_of({}, route) == paths_of({'operators': [operator([])], 'connections': []}, route) == []

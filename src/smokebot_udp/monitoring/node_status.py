@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The statuses of a node as a whole: the link, the clocks, who drives, the transport, and refused requests."""
 import re
-from typing import Any, Dict, List, Mapping, Optional, Sequence
+from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple
 
-from ..transport import PathStats, PeerStats, TransportStats
+from ..transport import PeerStats, TransportStats
 from ..units import MBIT
 from .clock_offset import ClockEstimate
 from .stats import LinkStats
@@ -11,7 +11,8 @@ from .status import ERROR, OK, WARN, Kind, Status, Verdict, by_reason, scaled
 from .windows import Growths
 
 PEER = re.compile(r'(?P<name>\S+) at (?P<host>[^\s:]+):(?P<port>\d{1,5})'
-                  r'(?: \((?:silent for \d+ s)?(?:, )?(?:round trip (?P<round_trip>\d{1,9}) ms)?\))?', re.ASCII)
+                  r'(?: \((?P<unused>not used)?(?:, )?(?:silent(?: for \d+ s)?)?(?:, )?'
+                  r'(?:round trip (?P<round_trip>\d{1,9}) ms)?\))?', re.ASCII)
 """A peer in words, as `_peer` makes it."""
 
 HOLE = 'datagrams above %d bytes do not pass'
@@ -90,34 +91,37 @@ def transport_status(stats: TransportStats) -> Status:
     """The status of a transport."""
     wrong = '; '.join(([stats.problem] if stats.problem else []) + list(stats.remarks))
     return Status(Kind.TRANSPORT, 'link transport', WARN if wrong else OK, wrong or 'fine', {
-        'connected to': '; '.join(map(_peer, stats.peers)) or 'nobody', 'handshakes': stats.handshakes,
+        'connected to': '; '.join(text for peer in stats.peers for text in _peer(peer)) or 'nobody',
+        'handshakes': stats.handshakes,
         'dropped': sum(stats.dropped.values()), **by_reason('dropped', dict(stats.dropped))})
 
 
-def _peer(peer: PeerStats) -> str:
-    """A peer in words: only what is known of it."""
-    parts = ['silent for %.0f s' % peer.silence] if peer.silence >= 1 else []
-    if peer.round_trip is not None:
-        parts.append('round trip %.0f ms' % (1e3 * peer.round_trip))
-    return '%s at %s:%d%s%s' % (peer.name, *peer.address, ' (%s)' % ', '.join(parts) if parts else '',
-                                ''.join(', not used: ' + _path(path) for path in peer.paths if not path.is_used))
+def _peer(peer: PeerStats) -> List[str]:
+    """A peer in words, and the addresses of it that are not used: only what is known of them."""
+    return [_reached(peer.name, peer.address, peer.silence, peer.round_trip, True)] + [
+        _reached(peer.name, path.address, path.silence, path.round_trip, False)
+        for path in peer.paths if not path.is_used]
 
 
-def _path(path: PathStats) -> str:
-    """A path in words."""
-    known = 'no answer for %.0f s' % path.silence if path.silence >= 1 or path.round_trip is None else (
-        'round trip %.0f ms' % (1e3 * path.round_trip))
-    return '%s:%d (%s)' % (*path.address, known)
+def _reached(name: str, address: Tuple[str, int], silence: float, round_trip: Optional[float], is_used: bool) -> str:
+    parts = [] if is_used else ['not used']
+    if silence >= 1:
+        parts.append('silent for %.0f s' % silence)
+    if round_trip is not None:
+        parts.append('round trip %.0f ms' % (1e3 * round_trip))
+    return '%s at %s:%d%s' % (name, *address, ' (%s)' % ', '.join(parts) if parts else '')
 
 
 def peers_in(text: str) -> List[Dict[str, Any]]:
-    """The peers of the value `connected to` of a transport's status.
+    """The addresses of peers in the value `connected to` of a transport's status.
 
-    :return: of each `name`, `host`, `port` and `round_trip` [s], which is None where it is unknown
+    :return: of each `name`, `host`, `port`, `round_trip` [s], which is None where it is unknown, and `used`: whether
+        more than probes goes there
     """
     found = [PEER.fullmatch(one) for one in text.split('; ')]
     return [{'name': peer['name'], 'host': peer['host'], 'port': int(peer['port']),
-             'round_trip': None if peer['round_trip'] is None else int(peer['round_trip']) / 1e3}
+             'round_trip': None if peer['round_trip'] is None else int(peer['round_trip']) / 1e3,
+             'used': not peer['unused']}
             for peer in found if peer]
 
 

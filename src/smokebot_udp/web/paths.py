@@ -11,6 +11,7 @@ MAX_PATHS = 8
 MAX_NAME = 100
 """Letters of a robot's name that are shown: it comes over the link."""
 
+
 class Route(NamedTuple):
     """How datagrams leave this machine for a host."""
     own: str
@@ -26,24 +27,25 @@ def paths_of(tree: Tree, route: Callable[[str], Route]) -> List[Dict[str, Any]]:
     :param route: f(host)
     """
     found: Dict[Tuple[str, str], Dict[str, Any]] = {}
-    for name, host, port, round_trip in _peers(tree):
+    for name, host, port, round_trip, used in _peers(tree):
         if (name, host) not in found and len(found) < MAX_PATHS:
             own, interface = route(host)
             found[name, host] = {
                 'name': printable(name[:MAX_NAME]), 'address': host if port is None else '%s:%d' % (host, port),
-                'own_address': own, 'interface': interface, 'round_trip': round_trip}
+                'own_address': own, 'interface': interface, 'round_trip': round_trip, 'used': used}
     return list(found.values())
 
 
-def _peers(tree: Tree) -> List[Tuple[str, str, Optional[int], Optional[float]]]:
-    """(name, host, port, round trip [s]) of each robot that operator_receiver has a connection with.
+def _peers(tree: Tree) -> List[Tuple[str, str, Optional[int], Optional[float], bool]]:
+    """(name, host, port, round trip [s], whether it is used) of each robot that operator_receiver is connected
+    with.
 
     On a shared master each stream has a port of its own, which is None here.
     """
     transports = [operator['transport'] for operator in tree.get('operators', ()) if operator['transport']]
     if transports:
-        return [(peer['name'], peer['host'], peer['port'], peer['round_trip'])
+        return [(peer['name'], peer['host'], peer['port'], peer['round_trip'], peer['used'])
                 for transport in transports for peer in transport['peers']]
-    return [(connection['peer'], connection['address'].rpartition(':')[0], None, None)
+    return [(connection['peer'], connection['address'].rpartition(':')[0], None, None, True)
             for connection in tree.get('connections', ())
             if connection['side'] == OPERATOR and connection['peer'] and connection['address']]
