@@ -3,8 +3,8 @@
  * Commands from the stick and the keys: what is sent, and when.
  *
  * While somebody drives, a command is sent every 75 ms, with the number of the newest tick: a late one is refused. It
- * holds for 0.25 s on the desk. When the touch ends, the tab is hidden, or the window is left, `halt` is sent, three
- * times in case one is late; when the connection is lost, the desk stops the robot by itself.
+ * holds for 0.25 s on the desk. When the touch ends, the tab is hidden, the window is left, or the device is turned,
+ * `halt` is sent, three times in case one is late; when the connection is lost, the desk stops the robot by itself.
  */
 
 const PERIOD = 75, HALTS = 3, HALT_PERIOD = 50;     // [ms]
@@ -25,6 +25,12 @@ export class Driving {
     document.addEventListener('visibilitychange', () => document.hidden && this.stop());
     for (const name of ['blur', 'pagehide', 'freeze']) window.addEventListener(name, () => this.stop());
     connection.on('close', () => this.stop());
+    // a device that is turned moves the stick away from the finger; a bar of the browser changes the height only
+    let width = innerWidth;
+    window.addEventListener('resize', () => {
+      if (innerWidth !== width) this.stop();
+      width = innerWidth;
+    });
   }
 
   /** Whether this browser may drive now; where it may not any more, it stops. */

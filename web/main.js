@@ -88,7 +88,9 @@ class Page {
     const isSame = JSON.stringify(hello.robots) === JSON.stringify(this.robots);
     this.robots = hello.robots;
     if (isSame && this.robot) return;
+    this.drive.driving.stop();
     this.robot = null;
+    document.body.classList.remove('robot-chosen');     // it may have another name now, or be gone
     this.overview.setRobots(hello.robots);
     document.body.classList.toggle('many-robots', hello.robots.length > 1);
     this.tabs.offer('robots', hello.robots.length > 1);

@@ -79,10 +79,12 @@ export class Session {
   }
 
   take(found) {
+    const ended = found.role === 'none' && this.role && this.role !== 'none';
     this.role = found.role;
     byId('more-rights').hidden = found.role !== 'viewer' || !found.driver;
     byId('log-out').hidden = !found.token && !found.driver;
-    this.show(found.role === 'none', found.token === false ? 'This page is for browsers on the desk itself.' : '');
+    this.show(found.role === 'none', found.token === false ? 'This page is for browsers on the desk itself.' :
+      ended ? 'The desk has started anew, or 12 hours have passed. The token of this page:' : '');
     if (found.role !== 'none') this.entered(this);
   }
 

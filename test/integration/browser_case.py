@@ -37,6 +37,9 @@ class BrowserCase(unittest.TestCase):
     """The page of the robot of browser.test, with a token for viewers and one for drivers."""
     tokens: Dict[str, str]
     url: str
+    command_line: List[str]
+    """What starts operator_web."""
+    environment: Dict[str, str]
     commands: List[Tuple[float, Any]]
     """(when it came, by the steady clock [s], Twist) of what the robot's driver is told."""
 
@@ -60,10 +63,17 @@ class BrowserCase(unittest.TestCase):
         port, mark = free_port(), new_mark()
         cls.url = 'http://localhost:%d/' % port
         cls.addClassCleanup(end_family, mark, 10.0)
-        subprocess.Popen(['rosrun', 'smokebot_udp', 'operator_web', '_web:=%d' % port,
-                          '_streams_file:=%s' % (TOP / 'config' / 'streams.yaml'),
-                          '_web_token_file:=' + files['viewer'], '_web_driver_token_file:=' + files['driver']],
-                         env={**os.environ, mark: '1'}, start_new_session=True)
+        cls.command_line = [
+            'rosrun', 'smokebot_udp', 'operator_web', '_web:=%d' % port,
+            '_streams_file:=%s' % (TOP / 'config' / 'streams.yaml'), '_web_token_file:=' + files['viewer'],
+            '_web_driver_token_file:=' + files['driver']]
+        cls.environment = {**os.environ, mark: '1'}
+        cls.start()
+
+    @classmethod
+    def start(cls) -> None:
+        """Start operator_web, also once more, and wait for the page."""
+        subprocess.Popen(cls.command_line, env=cls.environment, start_new_session=True)
         wait_for(cls.answers, SECONDS, 'operator_web')
 
     @classmethod

@@ -1,8 +1,10 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
 """The page in a real browser: what it shows, what it shows when something is cut, and who may look."""
+import os
 import pathlib
 import re
+import signal
 import sys
 import urllib.error
 import urllib.request
@@ -154,6 +156,29 @@ class Page(BrowserCase):
         browser.find('#token').send_keys(self.tokens['viewer'])
         browser.click('#login-form button[type="submit"]')
         wait_for(lambda: self.live(browser), SECONDS, 'the page with the right one')
+
+    def test_a_desk_that_starts_anew_asks_for_the_token_and_says_why(self) -> None:
+        browser = self.page('viewer')
+        os.kill(self.pid('/operator_web'), signal.SIGKILL)
+        wait_for(lambda: browser.shown('#silence'), SECONDS, 'NO CONNECTION')
+        self.start()
+        wait_for(lambda: 'started anew' in browser.text('#login-text'), SECONDS, 'the form')
+        browser.find('#token').send_keys(self.tokens['viewer'])
+        browser.click('#login-form button[type="submit"]')
+        wait_for(lambda: self.live(browser), SECONDS, 'the page again')
+        self.assertFalse(browser.shown('#login'))
+
+    def test_a_robot_that_has_another_name_is_not_shown_any_more(self) -> None:
+        browser = self.page('driver')
+        self.assertTrue(browser.shown('#estop') and browser.shown('[data-stream="thermal"]'))
+        browser.run('''
+            const {page} = smokebot, [robot] = page.robots;
+            page.takeHello({type: "hello", role: "driver", tile: 128,
+                            robots: ["ugv1", "ugv2"].map((name) => ({...robot, name}))});''')
+        self.assertFalse(browser.shown('#estop') or browser.shown('[data-stream="thermal"]'))
+        self.assertTrue(browser.shown('#robots .card'))
+        browser.click('#robots .card')
+        self.assertTrue(browser.shown('#estop'))
 
     def test_what_can_be_operated_is_named_and_large_enough(self) -> None:
         """Buttons, fields and links of each tab have a name; what fingers touch is at least 40 pixels high."""

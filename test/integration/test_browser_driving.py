@@ -62,6 +62,15 @@ class Driving(BrowserCase):
         self.stops(begun)
 
     @undisturbed()
+    def test_a_device_that_is_turned_stops_until_the_finger_is_lifted(self) -> None:
+        browser = self.drive(PHONE)
+        begun = time.monotonic()
+        browser.resize(PHONE[::-1])
+        self.stops(begun)
+        browser.lift()
+        self.hold(browser)
+
+    @undisturbed()
     def test_a_browser_that_hangs_stops(self) -> None:
         browser = self.drive()
         begun = time.monotonic()

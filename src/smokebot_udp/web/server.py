@@ -106,7 +106,7 @@ class Server:
             logerr('a request of a browser', error)
             response = web.Response(status=500, text='this does not work: see the log of operator_web')
         if not response.prepared:
-            if 'Upgrade' in request.headers:    # aiohttp 3.6 reads no request of a connection after one that asks
+            if 'Upgrade' in request.headers:    # aiohttp 3.6 reads nothing more of this connection
                 response.force_close()
             self._add_headers(response, host if HOST.match(host) else '')
         return response
