@@ -24,9 +24,9 @@ contain names of strangers [s]."""
 MAX_REMEMBERED = 512
 """Maximum number of kinds of problems that are remembered. The one that came up longest ago is forgotten first."""
 
-CLOSED = 'to a closed topic'
-"""Part of what rospy raises in a thread that publishes while the node's other threads end: rospy.is_shutdown() is True
-only after all of on_shutdown."""
+ENDED = 'to a closed topic', "'NoneType' object has no attribute 'get_num_connections'"
+"""Parts of what rospy raises in a thread that uses topics while the node's other threads end: rospy.is_shutdown() is
+True only after all of on_shutdown."""
 
 NUMBER = re.compile(r'\S*\d\S*')
 """A word with a digit: a value, a time, some bytes."""
@@ -97,7 +97,7 @@ def logwarn(subject: str, problem: Any, period: float = WARNING_PERIOD) -> bool:
 
 
 def _log(log: Callable[..., None], subject: str, problem: str, period: float) -> bool:
-    if CLOSED in problem and rospy.core.is_shutdown_requested():
+    if rospy.core.is_shutdown_requested() and any(part in problem for part in ENDED):
         return False
     left_out = None if rospy.is_shutdown() else _limiter.admit(subject, problem, period, time.monotonic())
     if left_out is None:

@@ -18,7 +18,7 @@ from smokebot_udp.image_error import ImageError
 from smokebot_udp.mission.parameters import Parameter
 from smokebot_udp.monitoring.stats import ConnectionStats, Shown, StreamStats
 from smokebot_udp.nodes import operator_stream
-from smokebot_udp.nodes.operator_stream import CLEARING, OperatorLink, OperatorStream
+from smokebot_udp.nodes.operator_stream import CLEAR_PERIOD, CLEARING, OperatorLink, OperatorStream
 from smokebot_udp.streams.assembler import Assembled, Assembler
 from smokebot_udp.streams.frame_assembler import Frame
 from smokebot_udp.streams.held import Holding
@@ -417,14 +417,14 @@ def test_a_scan_is_cleared_for_a_while_unless_a_newer_one_was_shown(bench: Bench
     callback(LaserScan(ranges=[2.0]))
     assert first is not None and stream.last_shown is not None
     stream.clear(first, 9.0)
-    for now in (10.0, 12.0, 10.0 + CLEARING, 17.0, 30.0):
+    for now in (10.0, 12.0, 10.0 + CLEARING, 10.0 + CLEARING + CLEAR_PERIOD / 2, 10.0 + CLEARING + CLEAR_PERIOD, 300.0):
         stream.clear(stream.last_shown, now)
-    ranges = [message.ranges for _, message in bench.logs(5)]
+    ranges = [message.ranges for _, message in bench.logs(7)]
     assert ranges[:2] == [[1.0], [2.0]]
     assert all(len(blank) == 1 and np.isnan(blank).all() for blank in ranges[2:])
     assert bench.log.empty()
     callback(LaserScan(ranges=[3.0]))
-    stream.clear(stream.last_shown, 31.0)
+    stream.clear(stream.last_shown, 301.0)
     assert [bool(np.isnan(message.ranges).all()) for _, message in bench.logs(2)] == [False, True]
 
 

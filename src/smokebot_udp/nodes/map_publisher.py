@@ -3,16 +3,21 @@
 
 rviz, costmaps and others read both topics. A new subscriber of the map gets the whole map as it is then, as if the
 topic were latched. A new subscriber of the updates gets the whole map, too, as an update: it may have got the map
-before, and missed updates since.
+before, and missed updates since. A map and the updates after it come by two connections: on a busy machine an update
+may come before the map, which does not have it, and be lost. So all get the whole map as an update REFRESHES after
+somebody is new.
 """
 import threading
-from typing import Any, Callable, Optional
+from typing import Any, Callable, List, Optional
 
 import rospy
 
 from ..codecs.tiles.rectangle import Rectangle
 from ..streams.grid.map_updates import UPDATE, cells_of, changed_rectangles, same_place, update_of
 from ..streams.routes import UPDATES
+
+REFRESHES = 2.0, 10.0
+"""[s]"""
 
 QUEUE = 256
 """Updates that wait for one subscriber: one that is lost would be missing for long."""
@@ -29,6 +34,7 @@ class MapPublisher:
         # of all that is published on both topics: rospy does not lock what it sends to one subscriber
         self._lock = threading.Lock()
         self._map: Optional[Any] = None
+        self._timers: List[threading.Timer] = []
         self._updates = rospy.Publisher(topic + UPDATES, UPDATE, _Newcomers(self._greet_updates), queue_size=QUEUE,
                                         tcp_nodelay=True)
         self._maps = rospy.Publisher(topic, message_class, _Newcomers(self._greet_map), queue_size=2, tcp_nodelay=True)
@@ -45,17 +51,31 @@ class MapPublisher:
 
     def unregister(self) -> None:
         """End both topics."""
+        self._cancel()
         self._maps.unregister()
         self._updates.unregister()
+
+    def _cancel(self) -> None:
+        for timer in self._timers:
+            timer.cancel()
+
+    def _refresh_later(self) -> None:
+        """Another newcomer begins the time anew."""
+        self._cancel()
+        self._timers = [threading.Timer(delay, self._greet_updates, [self._updates.publish]) for delay in REFRESHES]
+        for timer in self._timers:
+            timer.daemon = True
+            timer.start()
 
     def _greet_map(self, publish: Callable[[Any], None]) -> None:
         with self._lock:
             if self._map is not None:
                 publish(self._map)
+                self._refresh_later()
 
     def _greet_updates(self, publish: Callable[[Any], None]) -> None:
         with self._lock:
-            if self._map is not None:
+            if self._map is not None and not rospy.is_shutdown():
                 publish(update_of(self._map, Rectangle(0, 0, self._map.info.width, self._map.info.height)))
 
 

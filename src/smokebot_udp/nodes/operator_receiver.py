@@ -114,7 +114,7 @@ class OperatorReceiver:
         self._opened.add(RobotMarkers(parameters))
         colours = colours_of({name: stream.settings.current for name, stream in self.streams.items()})
         self._opened.add(Overlay(self.streams, robot, self._control, operator_topic(parameters['overlay_topic']),
-                                 colours, lambda: wifi.state.signal))
+                                 colours, lambda: wifi.state.signal, self._transport.problem))
 
     def _view_age(self, name: str, now: float) -> Optional[float]:
         """How old what is shown of a stream is [s]; None: unknown."""

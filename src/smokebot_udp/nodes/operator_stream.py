@@ -38,8 +38,9 @@ from .worker import DeadlineWorker
 MISSING_DECODER = ('the robot can send it as video, which is not decoded here: PyAV is missing. Install python3-av '
                    '(sudo apt install python3-av) and restart this node. Until then images are layered')
 
-CLEARING = 5.0
-"""Displays drop what has waited for its transform for longer [s]."""
+CLEARING, CLEAR_PERIOD = 5.0, 1.0
+"""How long blank messages follow at each call, and then between two of them. rviz shows what waits for its transform
+even minutes later, as soon as a robot that was restarted sends transforms again [s]."""
 
 MAX_SHOWN = 512
 """What is known of this number of messages is kept until `stats` is called."""
@@ -95,6 +96,7 @@ class OperatorStream:
         self._publishing = threading.Lock()
         self._last: Any = None      # the message published last, while blank ones can take its place
         self._cleared: Optional[float] = None   # when the first one did [s]
+        self._clear_at = -math.inf              # when the next one may [s]
         self._link = link
         self._epoch = Epoch()       # of relayed messages
         self._shown: Deque[Shown] = collections.deque(maxlen=MAX_SHOWN)
@@ -185,18 +187,18 @@ class OperatorStream:
     def clear(self, shown: float, now: float) -> None:
         """Publish a blank message in place of a cloud or scan that is no longer true, see streams.blank. Any thread.
 
-        It is repeated at each call for CLEARING: a display shows messages that wait for their transforms after it.
+        It is repeated at each call for CLEARING, and then each CLEAR_PERIOD: a display shows messages that wait for
+        their transforms after it.
 
         :param shown: `last_shown` of that message: if another one is shown by now, nothing is published
         :param now: by time.monotonic() [s]
         """
         with self._publishing:
-            if self._last is None or self.last_shown != shown or rospy.is_shutdown():
+            if self._last is None or self.last_shown != shown or now < self._clear_at or rospy.is_shutdown():
                 return
             self._publisher.publish(blank(self._last))
             self._cleared = now if self._cleared is None else self._cleared
-            if now - self._cleared >= CLEARING:
-                self._last = None
+            self._clear_at = now + CLEAR_PERIOD if now - self._cleared >= CLEARING else now
 
     def close(self) -> None:
         """End all threads and topics."""
@@ -334,7 +336,7 @@ class OperatorStream:
             age = self._age_of(assembled)
             self._last_age, self.last_shown = age, time.monotonic()     # in this order, see `age`
             self._last = assembled.message if has_blank(self.assembler.MESSAGE) else None
-            self._cleared = None
+            self._cleared, self._clear_at = None, -math.inf
             self.last_stamp = assembled.stamp
         self._shown.append(Shown(age, assembled.completeness, assembled.error))
 

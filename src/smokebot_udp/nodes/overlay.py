@@ -29,12 +29,15 @@ class Overlay(Part):
     :param topic: of the sensor_msgs/Image
     :param legend: see codecs.display.overlay.overlay
     :param signal: f() -> of the Wi-Fi on this side; NaN: unknown [dBm]
+    :param problem: f() -> why nothing is received from the robot; None: there is no problem
     """
 
     def __init__(self, streams: Mapping[str, Any], robot: StatusListener, control: OperatorControl, topic: str,
-                 legend: Mapping[str, Optional[Tuple[int, int, int]]], signal: Callable[[], float]) -> None:
+                 legend: Mapping[str, Optional[Tuple[int, int, int]]], signal: Callable[[], float],
+                 problem: Callable[[], Optional[str]]) -> None:
         super().__init__()
-        self._robot, self._control, self._signal, self._legend = robot, control, signal, legend
+        self._robot, self._control, self._legend = robot, control, legend
+        self._signal, self._problem = signal, problem
         self._sources = {class_: stream for stream in reversed(list(streams.values()))
                          for class_ in (LinkStatus, BatteryState) if stream.assembler.MESSAGE is class_}
         self._newest: Dict[Any, Any] = {}     # by class
@@ -71,12 +74,13 @@ class Overlay(Part):
         if battery is not None:
             values.update(charge=battery.percentage, voltage=battery.voltage)
         if robot is not None:
-            values.update(focus=robot.focus, modified=robot.modified, problems=tuple(robot.problems))
+            values.update(focus=robot.focus, modified=robot.modified)
+        problems = [self._problem(), *(robot.problems if robot is not None else ())]
         estop, driver, drives = self._control.situation()
         state = self._control.state
         return OperatorStatus(link_silence=self._silence(now), control=state, free=state == IN_CONTROL,
                               commands=state != NO_COMMANDS, estop=estop,
-                              driver=driver, drives=drives, **values)
+                              driver=driver, drives=drives, problems=tuple(filter(None, problems)), **values)
 
     def _silence(self, now: float) -> float:
         """Time since the last of the link's reports [s]; infinite: there was none; NaN: no stream carries them."""

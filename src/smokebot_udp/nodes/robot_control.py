@@ -208,6 +208,7 @@ class RobotControl(Part):
         if engaged_by != self._kept and not rospy.is_shutdown():
             rospy.set_param(KEPT, engaged_by)
             self._kept = engaged_by
+            rospy.logwarn('the emergency stop is %s', 'engaged by ' + engaged_by if engaged_by else 'released')
 
 
 def call_each(listeners: Iterable[Callable[[], None]], on_error: Callable[[Exception], None]) -> None:
