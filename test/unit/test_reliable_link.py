@@ -132,13 +132,13 @@ def test_a_restarted_operator_joins_anew(world: World) -> None:
 
 def test_a_channel_that_the_other_side_does_not_have(world: World) -> None:
     inbox, desk = Inbox(), world.operator()
-    up = channel(desk, TO_ROBOT, inbox, bounds=Bounds(age=2.0))
+    up = channel(desk, TO_ROBOT, inbox, bounds=Bounds(age=4.0))
     world.robot.start()
     desk.start()
     inbox.wait(lambda: inbox.told)
     up.send(b'in vain')
     inbox.wait(lambda: inbox.told[-1] == ('given up', ROBOT, 1, 'age'))
-    assert ('unknown', ROBOT) in inbox.told
+    assert inbox.told.count(('unknown', ROBOT)) >= 3        # who ends may say so once, or twice
     assert len(world.reports) == 1 and "%s does not take 'chat'" % ROBOT in world.reports[0]
     assert world.robot.stats()['unknown channel'] >= 1
 

@@ -11,6 +11,7 @@ import rospy
 from ..congestion.allocation import datagram_size
 from ..monitoring.stats import ConnectionStats
 from ..msg import ReliableSegment
+from ..newest import Newest
 from ..reliable.events import Unknown
 from ..reliable.pace import MAX_RATE
 from ..reliable.peers import Peers, Work
@@ -52,6 +53,10 @@ OPERATOR_RATE = 48e3
 MAX_TOLD = 1000
 """Maximum number of differences between the channels of both sides that are reported. Each is reported once."""
 
+UNKNOWN_FOR, UNKNOWN_GAP = 1.5, 3.0
+"""A channel is reported which the other side has not had for this long; an answer after a longer gap begins anew. Who
+starts or ends has for a moment not all of its channels. A peer is asked each REFUSED_PERIOD [s]."""
+
 FIELDS = ('kind', 'channel', 'number', 'first', 'part', 'parts', 'next', 'echo', 'arrived', 'session', 'peer')
 """Names of the fields that are copied unchanged between ReliableSegment and Segment."""
 
@@ -79,6 +84,7 @@ class ReliableLink(Part, rospy.SubscribeListener):
         self._peers.pace.limit = OPERATOR_RATE if outbox is None else MAX_RATE
         self._channels: Dict[int, Channel] = {}     # replaced, not changed
         self._told: Set[Tuple[str, str]] = set()    # (peer, channel) that it does not have
+        self._unknown: Newest[Tuple[str, str], Tuple[float, float]] = Newest(MAX_TOLD)  # first, last told so [s]
         self._publisher: Any = None
         self._subscriber: Any = None
         self._log_error = log_error('reliable messages')
@@ -190,7 +196,11 @@ class ReliableLink(Part, rospy.SubscribeListener):
 
     def _tell_unknown(self, peer: str, name: str) -> None:
         """Report a channel that the other side does not have, once for each peer."""
-        if (peer, name) not in self._told and len(self._told) < MAX_TOLD:
+        now = time.monotonic()
+        first, last = self._unknown.get((peer, name), (now, now))
+        first = now if now - last > UNKNOWN_GAP else first
+        self._unknown[peer, name] = first, now
+        if now - first >= UNKNOWN_FOR and (peer, name) not in self._told and len(self._told) < MAX_TOLD:
             self._told.add((peer, name))
             self._report("%s does not take '%s': its streams.yaml is another one, or it refuses the stream, or its "
                          'messages are of another version' % (peer, name))
