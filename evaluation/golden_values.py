@@ -9,7 +9,7 @@ import numpy as np
 
 from smokebot_udp.arrays import Array
 from smokebot_udp.checksum import typed_checksum
-from smokebot_udp.codecs.layered import blend, coefficients, contexts, layout, motion, warp
+from smokebot_udp.codecs.layered import blend, coefficients, contexts, layout, motion, shrinking, warp
 from smokebot_udp.codecs.layered import image as codec
 from smokebot_udp.codecs.layered.pieces import Layer, Plan, Restorer, protect
 from smokebot_udp.codecs.tiles import coder
@@ -30,9 +30,9 @@ def _coefficient_tables() -> Iterator[Array]:
         for lossless in (False, True):
             plan = layout.layout_of(height, width, channels, lossless)
             yield from (np.asarray(value) for value in (plan.firsts, plan.blocks, plan.steps))
-            yield coefficients.guesses_of(lossless)
+            yield from (coefficients.guesses_of(lossless, predicted) for predicted in (False, True))
     yield contexts.initial_odds(4)
-    yield from (warp.SHARP, warp.SMOOTH)
+    yield from (warp.SHARP, warp.SMOOTH, shrinking.GAINS, shrinking.RATES)
 
 
 def _layered(lossless: bool) -> Iterator[Any]:

@@ -177,11 +177,12 @@ def test_real_images_compile_nothing_more() -> None:
 import numpy as np
 from smokebot_udp.codecs.layered import alignment, class_map, coefficients, colour, compile, depth
 from smokebot_udp.codecs.layered import blend, image, motion, passes, prediction, prefixes, range_coder, warp
-from smokebot_udp.codecs.layered import wavelet
+from smokebot_udp.codecs.layered import noise_choice, shrinking, wavelet
 compile.compile_all()
 def compiled():
-    return {(name, str(signature)) for module in (alignment, blend, class_map, coefficients, colour, depth, passes,
-                                                  prediction, prefixes, range_coder, warp, wavelet)
+    return {(name, str(signature)) for module in (alignment, blend, class_map, coefficients, colour, depth,
+                                                  noise_choice, passes, prediction, prefixes, range_coder, shrinking,
+                                                  warp, wavelet)
             for name, loop in vars(module).items() for signature in getattr(loop, 'signatures', ())}
 before = compiled()
 for kind, channels, offset in (('uint8', 1, 1), ('uint16', 1, 1), ('uint8', 3, 0)):

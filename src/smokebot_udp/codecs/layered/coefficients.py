@@ -8,13 +8,15 @@ from typing import Optional, Tuple
 import numpy as np
 
 from ...arrays import Array, FloatArray, IntArray
-from . import colour, prediction, wavelet
-from .layout import COLUMNS, HL, LH, MAX_PLANES, ORIGIN, RATE, RATE_BITS, ROWS, SIDE, STEP, STEP_BITS, Layout
+from . import colour, wavelet
+from .layout import COLUMNS, HL, LH, MAX_PLANES, ORIGIN, RATE, RATE_BITS, ROWS, STEP, STEP_BITS, Layout
 from .loops import compiled, int32, int64, uint64
 from .passes import FOUND, GUESS_BITS, OLD, PLANE, REFINED
 
 CENTRE = round(0.45 * 2 ** GUESS_BITS)
 """Where in its interval a coefficient is thought to be [2^-GUESS_BITS]: smaller ones are likelier."""
+CENTRE_OF_DIFFERENCES = round(0.37 * 2 ** GUESS_BITS)
+"""The same of the 9/7's predicted coefficients, of which small ones are likelier still."""
 STEPS = {True: wavelet.STEPS_5_3, False: wavelet.STEPS_9_7}
 """By `lossless`."""
 EXACT = 0, 0, 0
@@ -84,22 +86,15 @@ def _quantise_row(values: Array, at: int, count: int, rate: int, half: int) -> T
 
 
 @compiled
-def _quantise(values: Array, reference: Array, bands: Array, flags_at: Array, stride: int, weights: Array, flags: Array,
-              half: int, planes: Array, energies: Array) -> None:
-    """Quantise all bands, less their predictions; note their planes and the sums of squares.
+def _quantise(values: Array, bands: Array, stride: int, half: int, planes: Array, energies: Array) -> None:
+    """Quantise all bands; note their planes and the sums of squares.
 
-    :param flags_at: where the flags of each band begin
     :param half: what is added before magnitudes are rounded down [2^-RATE_BITS]
     """
     for number in range(len(bands)):
-        columns, first = bands[number, COLUMNS], flags_at[number]
-        mask, bits, energy, some = np.zeros(columns, np.int32), int64(0), int64(0), False
+        columns, bits, energy = bands[number, COLUMNS], int64(0), int64(0)
         for y in range(bands[number, ROWS]):
             at = uint64(bands[number, ORIGIN] + y * stride)
-            if weights[number] and y % SIDE == 0:
-                some = prediction.fill_mask(flags, first + y // SIDE * ((columns + SIDE - 1) // SIDE), columns, mask)
-            if some:
-                prediction.subtract_row(values, reference, at, int32(weights[number]), mask)
             its_bits, squares = _quantise_row(values, at, uint64(columns), int32(bands[number, RATE]), half)
             bits |= its_bits
             energy += squares
@@ -109,16 +104,16 @@ def _quantise(values: Array, reference: Array, bands: Array, flags_at: Array, st
         energies[number] = energy
 
 
-def quantise(canvas: Array, plan: Layout, reference: Optional[Array], how: prediction.Prediction
-             ) -> Tuple[IntArray, FloatArray]:
+def quantise(canvas: Array, plan: Layout, predicted: Optional[Array]) -> Tuple[IntArray, FloatArray]:
     """Quantise all coefficients of a canvas, in place: see passes.Work.values.
 
-    :param reference: its canvas, from which they are predicted
+    :param predicted: the canvas of what is predicted of them
     :returns: (bands,): the planes of the largest magnitudes, and the sums of squared magnitudes
     """
     planes, energies = np.zeros(len(plan.bands), np.int64), np.zeros(len(plan.bands))
-    _quantise(canvas, canvas if reference is None else reference, plan.bands, plan.flag_firsts, plan.stride,
-              how.weights, how.flags, 0 if plan.lossless else 1 << (RATE_BITS - 1), planes, energies)
+    if predicted is not None:
+        np.subtract(canvas, predicted, out=canvas)
+    _quantise(canvas, plan.bands, plan.stride, 0 if plan.lossless else 1 << (RATE_BITS - 1), planes, energies)
     return planes, energies
 
 
@@ -141,18 +136,21 @@ def _estimate(bands: Array, counts: Array, firsts: Array, places: Array, values:
             canvas[places[first + i]] += -magnitude if value & 1 else magnitude
 
 
-def guesses_of(lossless: bool) -> IntArray:
+def guesses_of(lossless: bool, predicted: bool) -> IntArray:
     """(planes,) int64: where in its interval of 2^plane a coefficient is thought to be [2^-GUESS_BITS]."""
-    guesses: IntArray = CENTRE << np.arange(MAX_PLANES + 1)
-    return guesses >> GUESS_BITS << GUESS_BITS if lossless else guesses - CENTRE
+    centre = CENTRE_OF_DIFFERENCES if predicted and not lossless else CENTRE
+    guesses: IntArray = centre << np.arange(MAX_PLANES + 1)
+    return guesses >> GUESS_BITS << GUESS_BITS if lossless else guesses - centre
 
 
-def add_estimates(canvas: Array, plan: Layout, firsts: IntArray, places: Array, values: Array, counts: Array) -> None:
+def add_estimates(canvas: Array, plan: Layout, firsts: IntArray, places: Array, values: Array, counts: Array,
+                  guesses: IntArray) -> None:
     """Add what is known of significant coefficients to a canvas; see prefixes.Prefixes.
 
     :param counts: (bands, 9) int64, see passes.Work: how many are known, and down to which plane
+    :param guesses: see guesses_of
     """
-    _estimate(plan.bands, counts, firsts, places, values, guesses_of(plan.lossless), canvas)
+    _estimate(plan.bands, counts, firsts, places, values, guesses, canvas)
 
 
 def synthesise(canvas: Array, plan: Layout, offset: int, itemsize: int) -> Array:

@@ -79,8 +79,10 @@ class Read(NamedTuple):
     """As of Decoded."""
 
 
-def _new_work(plan: layout.Layout, data: UInt8Array, values: Array) -> passes.Work:
-    """:param values: see passes.Work"""
+def _new_work(plan: layout.Layout, data: UInt8Array, values: Array, predicted: bool) -> passes.Work:
+    """:param values: see passes.Work
+    :param predicted: whether there is a reference
+    """
     counted = int((plan.bands[:, layout.ROWS] * plan.bands[:, layout.COLUMNS]).sum())
     counts = np.zeros((len(plan.bands), 9), np.int64)
     counts[:, passes.BLOCKS] = np.diff(plan.firsts)
@@ -89,8 +91,8 @@ def _new_work(plan: layout.Layout, data: UInt8Array, values: Array) -> passes.Wo
     return passes.Work(values, np.zeros(plan.cells, np.uint8), np.zeros(plan.cells, np.int8), live, quiet, found, known,
                        np.arange(len(plan.blocks), dtype=np.int32), plan.blocks.reshape(-1), plan.firsts,
                        np.zeros(plan.places, np.uint8), np.zeros(plan.places, np.uint8), counts,
-                       contexts.initial_odds(len(plan.bands)), np.zeros(1), coefficients.guesses_of(plan.lossless),
-                       data, log, marks)
+                       contexts.initial_odds(len(plan.bands)), np.zeros(1),
+                       coefficients.guesses_of(plan.lossless, predicted), data, log, marks)
 
 
 def _rounded(variance: float) -> float:
@@ -160,7 +162,7 @@ def _code_prediction(canvas: Array, reference: Optional[Array], plan: layout.Lay
     if reference is None:
         return beginning, None, 0.0
     other = coefficients.analyse(reference, plan, offset)
-    chosen, saved = prediction.choose(canvas, other, plan, 8.0 * len(data))
+    chosen, predicted, saved = prediction.choose(canvas, other, plan, 8.0 * len(data))
     room = data.copy()
     complete, low, interval, at = prediction.code_prediction(True, chosen, plan, room, *beginning.state)
     end = at + range_coder.AHEAD
@@ -168,7 +170,7 @@ def _code_prediction(canvas: Array, reference: Optional[Array], plan: layout.Lay
     if not complete or end > budget or size > PREDICTION_PART * budget or 8 * size * WORTH > saved:
         return beginning, None, 0.0
     data[:at] = room[:at]
-    return beginning._replace(state=(low, interval, at), end=end), Predicted(reference, chosen, other), saved
+    return beginning._replace(state=(low, interval, at), end=end), Predicted(reference, chosen, predicted), saved
 
 
 def encode(pixels: Array, lossless: bool, budget: int, classes: Optional[UInt8Array] = None,
@@ -218,9 +220,8 @@ def _encode(pixels: Array, lossless: bool, budget: int, classes: Optional[UInt8A
     flags |= lossless * _LOSSLESS | (channels == 3) * _COLOUR | (pixels.itemsize == 2) * _WIDE
     beginning, predicted, saved = _code_prediction(canvas, reference, plan, offset, data, beginning, budget)
     flags |= 0 if predicted is None else _REFERENCE
-    tops, energies = coefficients.quantise(canvas, plan, *((None, prediction.nothing(plan)) if predicted is None else
-                                                           (predicted.canvas, predicted.how)))
-    work = _new_work(plan, data[:room + 4], canvas)
+    tops, energies = coefficients.quantise(canvas, plan, None if predicted is None else predicted.canvas)
+    work = _new_work(plan, data[:room + 4], canvas, predicted is not None)
     work.counts[:, passes.TOP], planes = tops, int(tops.max())
     work.error[0] = float((plan.weights ** 2 * energies).sum())
     low, interval, at = beginning.state
@@ -306,9 +307,10 @@ def read(data: bytes, height: int, width: int, channels: int, itemsize: int, ref
         complete, low, interval, at = prediction.code_prediction(False, chosen, plan, stream, low, interval, at)
         if not complete:
             return None
-        predicted = Predicted(used, chosen, coefficients.analyse(used, plan, offset))
+        other = coefficients.analyse(used, plan, offset)
+        predicted = Predicted(used, chosen, prediction.predicted(other, plan, chosen))
     begun = at if flags & (_CLASSES | _REFERENCE) else _HEAD.size
-    work = _new_work(plan, stream, np.zeros(0, np.int32))
+    work = _new_work(plan, stream, np.zeros(0, np.int32), predicted is not None)
     nothing: List[Array] = [np.zeros(1, np.int64), np.zeros(1)]
     _, _, logged, _, _, _ = passes.code_planes(
         False, work, plan.bands, plan.weights, plan.steps, plan.stride, planes, _part(height, width), nothing[0],

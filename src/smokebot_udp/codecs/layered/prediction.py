@@ -1,44 +1,48 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Prediction of an image's coefficients from those of a reference: where, by how much, and its coding.
+"""Prediction of an image's coefficients from those of a reference: where, how, and its coding.
 
-Both canvases are of one layout. A band is predicted by its weight, quarters of the reference's coefficients, 0 not at
-all; a predicted band has a flag for each of its blocks of SIDE x SIDE coefficients. What is coded of a predicted block
-is the difference. All of it is of integers, so that it is added as exactly as it was subtracted.
+Both canvases are of one layout. A band is predicted by the number of a noise, see `shrinking`; a predicted band has a
+flag for each of its blocks of SIDE x SIDE coefficients. What is coded of a predicted block is the difference. All of it
+is of integers, so that it is added as exactly as it was subtracted.
 
 The choice minimises the bits of a block by its variance s: with a distortion t for each coefficient, the one that the
 budget allows to all (reverse water-filling: Cover, Thomas, Elements of Information Theory, 10.3), they are
 log2(s / t) / 2 each, and where s is below t, what is lost more than t at the same slope.
 """
 import math
-from typing import Any, NamedTuple, Tuple
+from typing import NamedTuple, Tuple
 
 import numpy as np
 
 from ...arrays import Array, UInt8Array
+from . import noise_choice, shrinking
 from .layout import COLUMNS, ORIGIN, ROWS, SIDE, STEP, STEP_BITS, Layout
-from .loops import compiled, float32, inlined, int32, int64, uint64
+from .loops import compiled, float32, int32, int64, uint64
 from .range_coder import code
+from .shrinking import FAINTEST, NONE, PLAIN, STRONGEST
 
-WHOLE = 4
-"""The weight by which the difference is the plain one."""
-LEAST_GAIN = 3.0
+LEAST_GAIN = 8.0
 """A flag that differs from most must save this [bit]: it takes about as much."""
 MARGIN = 1 / 16
-"""A prediction must save this part of what a block takes without it: variances say no more than that about bits."""
+"""Variances say no more than that about bits. A prediction must save this part of what a band takes without it; but a
+block is predicted even if that seems to take this part more: then nearly all have the same flag."""
 GRAIN = 4
 """The variances of blocks are sorted into steps of 1/GRAIN in log2."""
 LN_2 = math.log(2)
-UNIT, QUARTER = float32(1), float32(1 / WHOLE)
+UNIT = float32(1)
 CURVE, CURVE_1, CURVE_2, CURVE_3 = float32(0.44174), float32(-0.26603), float32(0.146314), float32(-0.044005)
 """log2(1 + x) is about x + x (1 - x) (CURVE + CURVE_1 x + CURVE_2 x^2 + CURVE_3 x^3), for x from 0 to 1."""
-WEIGHT_CONTEXT, PLAIN_CONTEXT, CONTEXTS = 27, 31, 32
-"""Those of flags come first."""
+BEGINNING = 14
+"""The first number of a noise is coded as its difference from this one."""
+NOISE_CONTEXT, STEP_CONTEXT, STEP_CONTEXTS, PLAIN_CONTEXT, CONTEXTS = 27, 31, 6, 37, 38
+"""Those of flags come first. Of noises: whether there is prediction, noise, another number, a smaller one; then each
+step."""
 
 
 class Prediction(NamedTuple):
     """How an image is predicted."""
-    weights: Array
-    """(bands,) int64: 0..WHOLE"""
+    noises: Array
+    """(bands,) int64: numbers of noises, see `shrinking`"""
     flags: UInt8Array
     """(blocks,) 1: predicted; those of a band come by rows, from Layout.flag_firsts on"""
 
@@ -47,10 +51,8 @@ class Blocks(NamedTuple):
     """Statistics of all blocks, each of them (blocks,) float32."""
     own: Array
     """Mean squares of the image's coefficients."""
-    other: Array
-    """Mean squares of the reference's coefficients."""
     apart: Array
-    """Mean squares of the differences between the coefficients of image and reference."""
+    """Mean squares of the differences between these and what is predicted."""
     numbers: Array
     """Numbers of coefficients."""
 
@@ -86,88 +88,45 @@ def _end_blocks(sums: Array, first: int, numbers: Array, means: Array) -> None:
 
 
 @compiled
-def _measure(canvas: Array, reference: Array, bands: Array, firsts: Array, stride: int, own: Array, other: Array,
-             apart: Array, numbers: Array) -> None:
+def _measure(canvas: Array, predicted: Array, bands: Array, firsts: Array, stride: int, own: Array, apart: Array,
+             numbers: Array) -> None:
     """Write the arrays of Blocks."""
     for number in range(len(bands)):
         rows, columns, first = bands[number, ROWS], bands[number, COLUMNS], firsts[number]
         wide = (columns + SIDE - 1) // SIDE
-        squares, others, differences = (np.zeros(wide * SIDE, np.float32), np.zeros(wide * SIDE, np.float32),
-                                        np.zeros(wide * SIDE, np.float32))
+        squares, differences = np.zeros(wide * SIDE, np.float32), np.zeros(wide * SIDE, np.float32)
         for y in range(rows):
             at = uint64(bands[number, ORIGIN] + y * stride)
             _add_squares(canvas, at, uint64(columns), squares)
-            _add_squares(reference, at, uint64(columns), others)
-            _add_differences(canvas, reference, at, uint64(columns), differences)
+            _add_differences(canvas, predicted, at, uint64(columns), differences)
             if y % SIDE == SIDE - 1 or y == rows - 1:
                 for i in range(wide):
                     numbers[first + i] = (y % SIDE + 1) * min(SIDE, columns - i * SIDE)
                 its_numbers = numbers[first:first + wide]
                 _end_blocks(squares, first, its_numbers, own)
-                _end_blocks(others, first, its_numbers, other)
                 _end_blocks(differences, first, its_numbers, apart)
                 first += wide
 
 
-@inlined
-def _share(weight: int, value: int) -> Any:
-    """(weight * value + 2) >> 2, in 32 bits."""
-    return int32(int32(weight * int32(value >> 2)) + int32(int32(int32(weight * int32(value & 3)) + 2) >> 2))
-
-
 @compiled
-def subtract_row(canvas: Array, reference: Array, at: int, weight: int, mask: Array) -> None:
-    """Subtract the prediction of a row; at is uint64, weight is int32.
-
-    :param mask: see fill_mask
-    """
-    for i in range(uint64(len(mask))):
-        canvas[at + i] -= int32(mask[i] & _share(weight, reference[at + i]))
-
-
-@compiled
-def _write_row(canvas: Array, reference: Array, at: int, weight: int, mask: Array) -> None:
-    """Write the prediction of a row, and zeros where there is none; as subtract_row."""
-    for i in range(uint64(len(mask))):
-        canvas[at + i] = int32(mask[i] & _share(weight, reference[at + i]))
-
-
-@compiled
-def fill_mask(flags: Array, first: int, columns: int, mask: Array) -> bool:
-    """Whether a row of blocks has any flag; of each column -1 or 0.
-
-    :param first: flag of the row
-    """
-    some = False
-    for i in range((columns + SIDE - 1) // SIDE):
-        flag = int32(flags[first + i])
-        some |= flag != 0
-        for x in range(i * SIDE, min(i * SIDE + SIDE, columns)):
-            mask[x] = -flag
-    return some
-
-
-@compiled
-def _write(canvas: Array, reference: Array, bands: Array, firsts: Array, stride: int, weights: Array, flags: Array
-           ) -> None:
+def _clear(canvas: Array, bands: Array, firsts: Array, stride: int, noises: Array, flags: Array) -> None:
+    """Write zeros where nothing is predicted."""
     for number in range(len(bands)):
-        first, columns = firsts[number], bands[number, COLUMNS]
-        mask = np.zeros(columns, np.int32)
-        for block in range(0, bands[number, ROWS], SIDE):
-            some = weights[number] != 0 and fill_mask(flags, first, columns, mask)
-            for y in range(block, min(block + SIDE, bands[number, ROWS])):
-                at = bands[number, ORIGIN] + y * stride
-                if some:
-                    _write_row(canvas, reference, uint64(at), int32(weights[number]), mask)
-                else:
-                    canvas[at:at + columns] = 0
-            first += (columns + SIDE - 1) // SIDE
+        columns = bands[number, COLUMNS]
+        wide = (columns + SIDE - 1) // SIDE
+        for block in range(firsts[number], firsts[number + 1]):
+            if flags[block]:
+                continue
+            y, x = (block - firsts[number]) // wide * SIDE, (block - firsts[number]) % wide * SIDE
+            for row in range(y, min(y + SIDE, bands[number, ROWS])):
+                at = bands[number, ORIGIN] + row * stride
+                canvas[at + x:at + min(x + SIDE, columns)] = 0
 
 
 def predicted(reference: Array, plan: Layout, prediction: Prediction) -> Array:
     """(cells,) int32: the canvas of what is predicted from that of a reference."""
-    canvas = np.empty(plan.cells, np.int32)     # nobody reads the margins of its bands
-    _write(canvas, reference, plan.bands, plan.flag_firsts, plan.stride, prediction.weights, prediction.flags)
+    canvas = shrinking.shrunk(reference, plan, prediction.noises)
+    _clear(canvas, plan.bands, plan.flag_firsts, plan.stride, *prediction)
     return canvas
 
 
@@ -184,17 +143,28 @@ def _flag_context(flags: Array, first: int, y: int, x: int, wide: int, parents: 
 
 
 @compiled
-def _code_weight(encoding: bool, weight: int, data: Array, odds: Array, low: int, width: int, at: int
-                 ) -> Tuple[int, int, int, int]:
-    """Whether it is WHOLE, else whether WHOLE - 1, ...: the weight or END, and the coder's state."""
-    for value in range(WHOLE, 0, -1):
-        less, low, width, at = code(encoding, data, odds, WEIGHT_CONTEXT + value - 1, 1 if weight < value else 0, low,
-                                    width, at)
-        if less < 0:
-            return -1, low, width, at
-        if less == 0:
-            return value, low, width, at
-    return 0, low, width, at
+def _code_noise(encoding: bool, noise: int, before: int, data: Array, odds: Array, low: int, width: int, at: int
+                ) -> Tuple[int, int, int, int]:
+    """The number of a band's noise, or END, and the coder's state.
+
+    :param before: the number of the last band that has noise
+    """
+    symbols = noise > NONE, noise > PLAIN, noise != before, noise < before
+    values = NONE, PLAIN, before
+    for question in range(4):
+        context = NOISE_CONTEXT + question
+        symbol, low, width, at = code(encoding, data, odds, context, int64(symbols[question]), low, width, at)
+        if symbol < 0 or symbol == 0 and question < 3:
+            return -1 if symbol < 0 else values[question], low, width, at
+    step, end = (-1, FAINTEST) if symbol else (1, STRONGEST)
+    value = before
+    while value != end:
+        value += step
+        more, low, width, at = code(encoding, data, odds, STEP_CONTEXT + min(abs(value - before), STEP_CONTEXTS) - 1,
+                                    1 if value != noise else 0, low, width, at)
+        if more <= 0:
+            return -1 if more < 0 else value, low, width, at
+    return -1, low, width, at       # there is no such number
 
 
 @compiled
@@ -225,16 +195,19 @@ def _code_flags(encoding: bool, number: int, parent: int, bands: Array, firsts: 
 
 
 @compiled
-def _code(encoding: bool, bands: Array, firsts: Array, in_channel: int, weights: Array, flags: Array, data: Array,
+def _code(encoding: bool, bands: Array, firsts: Array, in_channel: int, noises: Array, flags: Array, data: Array,
           odds: Array, low: int, width: int, at: int) -> Tuple[bool, int, int, int]:
+    before = BEGINNING
     for number in range(len(bands)):
-        weight, low, width, at = _code_weight(encoding, weights[number], data, odds, low, width, at)
-        if weight < 0:
+        noise, low, width, at = _code_noise(encoding, noises[number], before, data, odds, low, width, at)
+        if noise < 0:
             return False, low, width, at
-        weights[number] = weight
-        if weight == 0:
+        noises[number] = noise
+        if noise == NONE:
             continue
-        parent = number - 3 if number % in_channel >= 4 and weights[number - 3] else -1
+        if noise > PLAIN:
+            before = noise
+        parent = number - 3 if number % in_channel >= 4 and noises[number - 3] else -1
         end, low, width, at = _code_flags(encoding, number, parent, bands, firsts, flags, data, odds, low, width, at)
         if end < 0:
             return False, low, width, at
@@ -243,30 +216,25 @@ def _code(encoding: bool, bands: Array, firsts: Array, in_channel: int, weights:
 
 def code_prediction(encoding: bool, prediction: Prediction, plan: Layout, data: UInt8Array, low: int, width: int,
                     at: int) -> Tuple[bool, int, int, int]:
-    """Code the weights and flags; whether all of them are coded, and the coder's state.
+    """Code the noises and flags; whether all of them are coded, and the coder's state.
 
     :param prediction: is written when decoding
     """
     odds = np.full(CONTEXTS, 1 << 31 | 1 << 15, np.uint32)
-    return _code(encoding, plan.bands, plan.flag_firsts, 1 + 3 * plan.levels, prediction.weights, prediction.flags,
+    return _code(encoding, plan.bands, plan.flag_firsts, 1 + 3 * plan.levels, prediction.noises, prediction.flags,
                  data, odds, low, width, at)
 
 
 def nothing(plan: Layout) -> Prediction:
-    """All weights and flags 0."""
+    """No noise, no flag: nothing is predicted."""
     return Prediction(np.zeros(len(plan.bands), np.int64), np.zeros(int(plan.flag_firsts[-1]), np.uint8))
 
 
 @compiled
-def _variances(own: Array, other: Array, apart: Array, first: int, weight: float, unit: float, least: float,
-               result: Array) -> None:
-    """Write the variances of what is coded of blocks with a weight; see `choose`. The numbers are float32, but `first`
-    is uint64."""
-    part = weight * QUARTER
+def _variances(squares: Array, first: int, unit: float, least: float, result: Array) -> None:
+    """Write the variances of a band's blocks; see `choose`. The numbers are float32, but `first` is uint64."""
     for i in range(uint64(len(result))):
-        block = first + i
-        left = (UNIT - part) * (own[block] - part * other[block]) + part * apart[block]
-        result[i] = max(left * unit, float32(0)) + least
+        result[i] = squares[first + i] * unit + least
 
 
 @compiled
@@ -282,16 +250,13 @@ def _logarithms(values: Array, bits: Array, result: Array) -> None:
 
 
 @compiled
-def _least_logarithms(own: Array, other: Array, apart: Array, units: Array, leasts: Array, firsts: Array) -> Array:
-    """(blocks,) float32: log2 of their variances, without the reference or with the whole of it, whichever is less."""
+def _least_logarithms(own: Array, apart: Array, units: Array, leasts: Array, firsts: Array) -> Array:
+    """(blocks,) float32: log2 of their variances, predicted or not, whichever is less."""
     result = np.empty(firsts[-1], np.float32)
     for number in range(len(units)):
         first, last = firsts[number], firsts[number + 1]
-        plain, whole = np.empty(last - first, np.float32), np.empty(last - first, np.float32)
-        _variances(own, other, apart, uint64(first), float32(0), units[number], leasts[number], plain)
-        _variances(own, other, apart, uint64(first), float32(WHOLE), units[number], leasts[number], whole)
-        plain = np.minimum(plain, whole)
-        _logarithms(plain, plain.view(np.int32), result[first:last])
+        variances = np.minimum(own[first:last], apart[first:last]) * units[number] + leasts[number]
+        _logarithms(variances, variances.view(np.int32), result[first:last])
     return result
 
 
@@ -327,66 +292,71 @@ def _costs(numbers: Array, first: int, variances: Array, logs: Array, result: Ar
 
 
 @compiled
-def _savings(own: Array, other: Array, apart: Array, numbers: Array, first: int, unit: float, least: float,
-             best: Array) -> int:
-    """The weight that saves most, and what it saves of each block [bit]."""
-    variances, logs, costs, saved = (np.empty_like(best), np.empty_like(best), np.empty_like(best),
-                                     np.empty_like(best))
-    chosen, most = 0, -1.0
-    for weight in range(WHOLE + 1):
-        _variances(own, other, apart, first, float32(weight), unit, least, variances)
-        _costs(numbers, first, variances, logs, saved if weight else costs)
-        if weight:
-            total = 0.0
-            for i in range(len(best)):
-                saved[i] = float32(1 - MARGIN) * costs[i] - saved[i]
-                total += max(saved[i], float32(0))
-            if total > most:
-                chosen, most = weight, total
-                best[:] = saved
-    return chosen
+def _savings(own: Array, apart: Array, numbers: Array, first: int, unit: float, least: float, costs: Array,
+             saved: Array) -> None:
+    """Write what the blocks of a band take without prediction, and what it saves of that for certain [bit]."""
+    variances, logs = np.empty_like(saved), np.empty_like(saved)
+    _variances(own, first, unit, least, variances)
+    _costs(numbers, first, variances, logs, costs)
+    _variances(apart, first, unit, least, variances)
+    _costs(numbers, first, variances, logs, saved)
+    for i in range(len(saved)):
+        saved[i] = float32(1 - MARGIN) * costs[i] - saved[i]
 
 
 @compiled
-def _flag(gains: Array, flags: Array) -> float:
+def _flag(costs: Array, saved: Array, flags: Array) -> float:
     """Flag the blocks that are worth it; what that saves, less what the flags take [bit]."""
-    usual, total = gains.sum() > 0, 0.0
-    for block in range(len(gains)):
-        chosen = gains[block] > (-LEAST_GAIN if usual else LEAST_GAIN)
+    usual, total = saved.sum() > 0, 0.0
+    for block in range(len(saved)):
+        chosen = saved[block] + 2 * MARGIN * costs[block] > (-LEAST_GAIN if usual else LEAST_GAIN)
         flags[block] = chosen
-        total += (gains[block] if chosen else 0.0) - (LEAST_GAIN if chosen != usual else 0.0)
+        total += (saved[block] if chosen else 0.0) - (LEAST_GAIN if chosen != usual else 0.0)
     return total
 
 
 @compiled
-def _choose(own: Array, other: Array, apart: Array, numbers: Array, units: Array, leasts: Array, firsts: Array,
-            weights: Array, flags: Array) -> float:
-    """Write the weights and flags; what they save [bit]. Units and leasts are in terms of the distortion."""
+def _choose(own: Array, apart: Array, numbers: Array, units: Array, leasts: Array, firsts: Array, noises: Array,
+            flags: Array) -> float:
+    """Write the flags, and NONE for bands that are not worth it; what they save [bit]. Units and leasts are in terms of
+    the distortion."""
     total = 0.0
-    for number in range(len(weights)):
+    for number in range(len(noises)):
         first, last = firsts[number], firsts[number + 1]
-        saved = np.empty(last - first, np.float32)
-        weight = _savings(own, other, apart, numbers, uint64(first), units[number], leasts[number], saved)
-        gain = _flag(saved, flags[first:last])
+        flags[first:last] = 0
+        if noises[number] == NONE:
+            continue
+        costs, saved = np.empty(last - first, np.float32), np.empty(last - first, np.float32)
+        _savings(own, apart, numbers, uint64(first), units[number], leasts[number], costs, saved)
+        gain = _flag(costs, saved, flags[first:last])
         if gain > LEAST_GAIN:
-            weights[number], total = weight, total + gain
+            total += gain
         else:
-            flags[first:last] = 0
+            noises[number], flags[first:last] = NONE, 0
     return total
 
 
-def choose(canvas: Array, reference: Array, plan: Layout, bits: float) -> Tuple[Prediction, float]:
-    """Where a reference saves bits of an image that takes about so many, and how many [bit].
+def choose(canvas: Array, reference: Array, plan: Layout, bits: float) -> Tuple[Prediction, Array, float]:
+    """Where and how a reference saves bits of an image that takes about so many, what it predicts, and what that saves
+    [bit].
 
     :param canvas: (cells,) int32, of the image; `reference`: likewise
+    :returns: the second: (cells,) int32
     """
     firsts, chosen = plan.flag_firsts, nothing(plan)
-    blocks = Blocks(*(np.empty(firsts[-1], np.float32) for _ in Blocks._fields))
-    _measure(canvas, reference, plan.bands, firsts, plan.stride, *blocks)
     # variances are in quantisation steps by their weights, and never below what rounding leaves
     units, leasts = (plan.weights / plan.bands[:, STEP] * 2.0 ** STEP_BITS) ** 2, plan.weights ** 2 / 12
-    logs = _least_logarithms(*blocks[:3], units.astype(np.float32), leasts.astype(np.float32), firsts)
+    found = noise_choice.samples(canvas, reference, plan)
+    variances, numbers = noise_choice.least_variances(found, plan, units, leasts)
+    if len(variances):      # else the reference shows something else everywhere
+        distortion = max(2.0 ** _distortion(np.log2(variances), numbers, bits), float(leasts.min()))
+        chosen.noises[:] = noise_choice.best_noises(found, units / distortion)
+    canvas_of_it = shrinking.shrunk(reference, plan, chosen.noises)
+    blocks = Blocks(*(np.empty(firsts[-1], np.float32) for _ in Blocks._fields))
+    _measure(canvas, canvas_of_it, plan.bands, firsts, plan.stride, *blocks)
+    logs = _least_logarithms(*blocks[:2], units.astype(np.float32), leasts.astype(np.float32), firsts)
     distortion = max(2.0 ** _distortion(logs, blocks.numbers, bits), float(leasts.min()))
     saved = _choose(*blocks, (units / distortion).astype(np.float32), (leasts / distortion).astype(np.float32), firsts,
                     *chosen)
-    return chosen, saved
+    _clear(canvas_of_it, plan.bands, firsts, plan.stride, *chosen)
+    return chosen, canvas_of_it, saved

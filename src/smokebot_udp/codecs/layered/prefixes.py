@@ -16,7 +16,7 @@ from .loops import compiled
 from .passes import FOUND, LOG_AT, LOG_BAND, LOG_FOUND, LOG_KIND, LOG_PLANE, OLD, PLANE, REFINED, Work
 
 KEPT = 1 << 20
-"""The canvas of a reference is kept if it has at most this number of cells; that of a larger one is computed again."""
+"""The canvas of what is predicted is kept if it has at most this number of cells; a larger one is computed again."""
 
 
 class Predicted(NamedTuple):
@@ -25,7 +25,13 @@ class Predicted(NamedTuple):
     """Its pixels."""
     how: prediction.Prediction
     canvas: Optional[Array]
-    """(cells,) int32: of the reference; None: it is not kept"""
+    """(cells,) int32: of what is predicted; None: it is not kept"""
+
+    def copy_of_canvas(self, plan: Layout, offset: int) -> Array:
+        """The canvas of what is predicted of an image with this layout and offset, to be written to."""
+        if self.canvas is not None:
+            return self.canvas.copy()
+        return prediction.predicted(coefficients.analyse(self.reference, plan, offset), plan, self.how)
 
 
 class Prefixes(NamedTuple):
@@ -69,11 +75,9 @@ class Prefixes(NamedTuple):
         if self.predicted is None:
             canvas = np.zeros(self.plan.cells, np.int32)
         else:
-            reference = self.predicted.canvas
-            if reference is None:
-                reference = coefficients.analyse(self.predicted.reference, self.plan, self.offset)
-            canvas = prediction.predicted(reference, self.plan, self.predicted.how)
-        coefficients.add_estimates(canvas, self.plan, self.firsts, self.places, self.values, counts)
+            canvas = self.predicted.copy_of_canvas(self.plan, self.offset)
+        coefficients.add_estimates(canvas, self.plan, self.firsts, self.places, self.values, counts,
+                                   coefficients.guesses_of(self.plan.lossless, self.predicted is not None))
         return coefficients.synthesise(canvas, self.plan, self.offset, self.itemsize)
 
 
