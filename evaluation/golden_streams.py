@@ -150,7 +150,7 @@ def transforms(number: int) -> Any:
 LAYERED = {'coding': 'layered', 'max_bytes': 3000}
 STREAMS: Mapping[str, Stream] = {
     'layered_grey': Stream('image', LAYERED, {}, grey, 9, 5, alike=False),
-    'layered_16_bits': Stream('image', {**LAYERED, 'max_bytes': 4000}, {}, thermal, 9, 4, alike=False),
+    'layered_16_bits': Stream('image', {**LAYERED, 'max_bytes': 4000}, {}, thermal, 12, 4, alike=False),
     'layered_exact': Stream('image', {'coding': 'layered'}, {}, thermal, 3, alike=False),
     'layered_colour': Stream('image', LAYERED, {}, colour, 6, 6, alike=False),
     'layered_depth': Stream('image', {**LAYERED, 'depth_unit': 1 / 1024}, {}, depth, 4, 5, alike=False),
