@@ -310,6 +310,14 @@ def test_a_silent_source(tmp_path: pathlib.Path) -> None:
     assert page.row('thermal', '0:08.1')[2] == 'the source on the robot was silent'
 
 
+def test_a_cut_is_the_cause_where_a_stream_comes_later_than_others(tmp_path: pathlib.Path) -> None:
+    arrived = [one for one in operator()
+               if 'thermal' not in one[0] or not CUT_SPAN[1] <= one[2] - START + OFFSET < 14.5]
+    assert len(arrived) < len(operator())
+    page = report(tmp_path, write(tmp_path / 'a.bag', robot()), write(tmp_path / 'b.bag', arrived))
+    assert page.row('thermal', '0:08.1')[2] == 'nothing arrived for 4 s of it: the link was cut'
+
+
 def test_a_slow_stream_has_no_gaps_at_its_own_rate(tmp_path: pathlib.Path) -> None:
     slow = status(0, 'default', '', False)
     slow[1].streams[0].rate = 0.5

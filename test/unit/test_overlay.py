@@ -10,6 +10,7 @@ from hypothesis import example, given, strategies
 from smokebot_udp.codecs.display.overlay import (
     ATTENTION,
     BAD,
+    BATTERY_TIMEOUT,
     COLUMNS,
     GOOD,
     HEIGHT,
@@ -72,7 +73,14 @@ def test_one_value_differs(change: Dict[str, Any], label: str, text: str, level:
 def test_of_a_broken_link_nothing_is_known_but_the_rest_is_the_last_that_was(silence: float, text: str) -> None:
     before, after = said(**GOOD_STATUS), said(**{**GOOD_STATUS, 'link_silence': silence})
     link = {'LINK': (text, BAD), **{name: ('-', UNKNOWN) for name in ('LOSS', 'ROUND', 'WI-FI')}}
-    assert after == {**before, **link}
+    last = {name: (before[name][0], UNKNOWN) for name in ('FOCUS', 'BATTERY', 'DRIVES')}
+    assert after == {**before, **link, **last}
+    assert said(**{**GOOD_STATUS, 'link_silence': silence, 'charge': 0.1})['BATTERY'] == ('10 % 24.4 V', BAD)
+
+
+def test_an_old_state_of_the_battery_is_not_good() -> None:
+    assert said(**GOOD_STATUS, battery_age=BATTERY_TIMEOUT - 1)['BATTERY'] == ('82 % 24.4 V', GOOD)
+    assert said(**GOOD_STATUS, battery_age=BATTERY_TIMEOUT + 1)['BATTERY'] == ('82 % 24.4 V', UNKNOWN)
 
 
 def colours(status: OperatorStatus) -> Any:

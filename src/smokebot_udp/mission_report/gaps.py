@@ -19,6 +19,9 @@ PERIODS = 2.5
 MOST = 0.8
 """A reason explains a gap if it holds for this part of it."""
 
+MAIN = 0.5
+"""A cut of this part of a gap is its cause: the rate has to grow again after it, and large streams come last."""
+
 STALLED = 2 * OVERLOAD
 """Programs for each processor: a second without a message may be due to that as well as to the link."""
 
@@ -27,6 +30,7 @@ LEAST_TOLD = 0.3
 
 CUT, SOURCE, UNKNOWN = 'nothing arrived: the link was cut', 'the source on the robot was silent', (
     'images were lost or late, other streams arrived')
+CUT_FOR = 'nothing arrived for %.0f s of it: the link was cut'
 STOOD = "the %s recorded nothing at all: its machine stood still, or the recording was interrupted"
 BUSY = "the %s's machine was overloaded: %.1f programs for each processor"
 OFF, PAUSED = "focus '%s' does not send it", 'paused: the link was too slow for it'
@@ -69,8 +73,11 @@ def _cause(mission: Mission, name: str, span: Span) -> str:
     if off >= most:
         state = mission.state((span[0] + span[1]) / 2)
         return OFF % (state.focus if state else '')
-    if longest(mission.arrivals, span) >= most:
+    silence = longest(mission.arrivals, span)
+    if silence >= most:
         return still(mission, span) or ' or '.join(filter(None, [CUT, overload(mission, span, STALLED)]))
+    if silence >= max(LEAST_GAP, MAIN * (span[1] - span[0])):
+        return still(mission, span) or CUT_FOR % silence
     if share(mission, lambda state: name in state.streams and state.streams[name][1], span) >= most:
         return PAUSED
     if ROBOT in mission.spans and longest(mission.times(ROBOT, name), span) >= most:

@@ -72,19 +72,20 @@ class Overlay(Part):
             values.update(sent=link.sent, capacity=link.capacity, loss=link.loss, round_trip=link.round_trip,
                           longest=link.longest_datagram, signal=min(signals, default=math.nan))
         if battery is not None:
-            values.update(charge=battery.percentage, voltage=battery.voltage)
+            values.update(charge=battery.percentage, voltage=battery.voltage,
+                          battery_age=self._silence(BatteryState, now))
         if robot is not None:
             values.update(focus=robot.focus, modified=robot.modified)
         problems = [self._problem(), *(robot.problems if robot is not None else ())]
         estop, driver, drives = self._control.situation()
         state = self._control.state
-        return OperatorStatus(link_silence=self._silence(now), control=state, free=state == IN_CONTROL,
+        return OperatorStatus(link_silence=self._silence(LinkStatus, now), control=state, free=state == IN_CONTROL,
                               commands=state != NO_COMMANDS, estop=estop,
                               driver=driver, drives=drives, problems=tuple(filter(None, problems)), **values)
 
-    def _silence(self, now: float) -> float:
-        """Time since the last of the link's reports [s]; infinite: there was none; NaN: no stream carries them."""
-        stream: Optional[Any] = self._sources.get(LinkStatus)
+    def _silence(self, class_: Any, now: float) -> float:
+        """Time since the last message of a class [s]; infinite: there was none; NaN: no stream carries them."""
+        stream: Optional[Any] = self._sources.get(class_)
         if stream is None:
             return math.nan
         return math.inf if stream.last_shown is None else now - stream.last_shown

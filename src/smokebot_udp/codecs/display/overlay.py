@@ -30,6 +30,9 @@ MARK = COLOURS[FRESH]
 LINK_TIMEOUT = 3.0
 """Without a report from the robot for this time the link counts as broken [s]."""
 
+BATTERY_TIMEOUT = 30.0
+"""A state of the battery that is older says nothing good: drivers send it each second, or each ten [s]."""
+
 LINE, SQUARE, MAX_PROBLEMS = 22, 12, 3
 """Height of a line of text, and of the legend's squares [pixel]; lines of problems."""
 
@@ -75,6 +78,8 @@ class OperatorStatus:
     """Charge of the battery, 0..1."""
     voltage: float = math.nan
     """Voltage of the battery [V]."""
+    battery_age: float = 0.0
+    """Time since both were shown [s]."""
     driver: str = ''
     """Who drives; empty: nobody."""
     drives: bool = False
@@ -102,15 +107,23 @@ class Tile(NamedTuple):
 
 
 def tiles(status: OperatorStatus) -> Tuple[Tile, ...]:
-    """The tiles, row by row. While the link is broken its values are unknown; the others are the last ones."""
-    if status.link_silence > LINK_TIMEOUT:
+    """The tiles, row by row. While the link is broken its values are unknown; the others are the last ones, and none of
+    them is good. Neither is an old state of the battery."""
+    broken = status.link_silence > LINK_TIMEOUT
+    if broken:
         status = replace(status, loss=math.nan, round_trip=math.nan, signal=math.nan)
     return (_link(status),
             _tile('LOSS', '%.0f %%', 100, status.loss, LOSS),
             _tile('ROUND TRIP', '%.0f ms', 1e3, status.round_trip, ROUND_TRIP),
             _tile('WI-FI', '%.0f dBm', 1, status.signal, SIGNAL),
-            Tile('FOCUS', (status.focus or '-') + '*' * status.modified, _known(status.focus)),
-            _battery(status), _driver(status), _stop(status))
+            _last(Tile('FOCUS', (status.focus or '-') + '*' * status.modified, _known(status.focus)), broken),
+            _last(_battery(status), broken or status.battery_age > BATTERY_TIMEOUT), _last(_driver(status), broken),
+            _stop(status))
+
+
+def _last(tile: Tile, is_old: bool) -> Tile:
+    """A tile whose value is the last one that was known."""
+    return tile._replace(level=UNKNOWN) if is_old and tile.level == GOOD else tile
 
 
 def overlay(shown: Tuple[Tile, ...], problems: Sequence[str],
