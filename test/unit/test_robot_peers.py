@@ -201,14 +201,16 @@ def test_an_address_without_proof_gets_no_more_than_came_from_there() -> None:
     assert 0 < down <= up
 
 
-def test_few_addresses_of_a_peer_are_remembered() -> None:
+@pytest.mark.parametrize('others, follows', [(MAX_PATHS - 1, True), (MAX_PATHS, False)])
+def test_few_addresses_of_a_peer_are_remembered(others: int, follows: bool) -> None:
     robot, operator = joined()
-    for number in range(50):
-        give(robot, ('10.0.1.%d' % number, 1), probe(operator), now=1.0)
-    assert [len(checks) for checks in robot._checks.values()] == [MAX_PATHS]
-    robot.poll(100.0)       # it has left
-    robot.poll(101.0)
-    assert not robot._checks
+    give(robot, ELSEWHERE, probe(operator), now=1.0)
+    give(operator, ROBOT, *sent(robot), now=1.0)
+    give(robot, ELSEWHERE, *sent(operator), now=1.0)
+    for number in range(others):
+        give(robot, ('10.0.1.%d' % number, 1), probe(operator), now=1.1)
+    give(robot, ELSEWHERE, the_robot(operator).seal_one(data(20)), now=1.2)
+    assert (robot.peers[0].address == ELSEWHERE) is follows
 
 
 # 9. Names
