@@ -191,7 +191,6 @@ def test_the_link_goes_on_over_the_robots_other_address(made: Links) -> None:
     wait_for(lambda: inbox.messages and inbox.messages[-1].data == 'still here')
     relays[0].loss = 0.0
     wait_for(lambda: [path.is_used for path in paths()] == [True, False])
-    assert robot.stats(0.0).handshakes == 1     # the same session
     assert '/robot_sender@ugv1 has moved to 127.0.0.1:%d' % relays[1].port in log
     for relay in relays:
         relay.close()

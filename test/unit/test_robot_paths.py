@@ -133,5 +133,6 @@ def test_whatever_is_lost_changes_are_apart_and_what_is_due_is_known(seed: int, 
     times = [0.0] + [when for when, _ in world.changes]
     assert all(later - earlier >= SILENCE - STEP for earlier, later in zip(times, times[1:]))
     assert world.paths.used in places
-    deadline = world.paths.deadline(20.0)
-    assert world.probes[-1][0] <= deadline <= 20.0 + IDLE_PROBE
+    for path in world.paths.due(20.0):
+        path.ask(bytes(8), 20.0)
+    assert 20.0 < world.paths.deadline(20.0) <= 20.0 + IDLE_PROBE

@@ -32,6 +32,9 @@ UNANSWERED = 0.5
 MEMORY, STEADY = 12, 9
 """The last probes of a path, those of 3 s, and how many of them are answered where it is steady."""
 
+STAY = 1.0
+"""Before a preferred path is used again the present one is used for this long: two may become steady at once [s]."""
+
 MAX_PROBES = 40
 """Probes of a path that may be answered: those of 2 s where the used path is in doubt."""
 
@@ -152,7 +155,7 @@ class RobotPaths:
     def _better(self, now: float) -> Optional[Path]:
         before = self.paths[:self.paths.index(self._used)]
         steady = next((path for path in before if path.is_steady() and now - path.answered < 2 * IDLE_PROBE), None)
-        if steady is not None:
+        if steady is not None and now - self._chosen >= STAY:
             return steady
         if now - self._since() >= SILENCE:
             doubt = self._since() + DOUBT
