@@ -159,10 +159,60 @@ def test_a_browser_that_acknowledges_nothing_gets_no_endless_tiles() -> None:
     screen, one = Screen(), robot()
     one.maps['map'].set(PLACE, np.zeros((1000, 1000), np.int8))
     screen.show(Watch('', map=WantedMap('map', 0, EVERYWHERE)), one)
+    assert 'map' in texts(screen, 1.0)
     sent = 0
     while screen.tiles_due():
         sent += sum(len(screen.tile(tile, bytes(10000))) for tile in screen.tiles_due())
     assert 200000 < sent < 400000
+
+
+def keys_due(screen: Screen, one: Any) -> List[Any]:
+    """(column, row) of the tiles that are due; they are sent and drawn."""
+    found = []
+    for tile in screen.tiles_due():
+        content = parse(screen.tile(tile, one.maps['map'].png(tile[1])))
+        screen.flow.shown(content.number)
+        found.append(tile[1][1:])
+    return found
+
+
+def test_tiles_wait_for_the_place_of_their_map() -> None:
+    """The map comes between the texts and the tiles of one turn."""
+    screen, one = Screen(), robot()
+    screen.show(Watch('', map=WantedMap('map', 0, EVERYWHERE)), one)
+    one.map_place = lambda stream: None
+    assert 'map' not in texts(screen, 1.0)
+    one.maps['map'].set(PLACE, np.zeros((200, 100), np.int8))
+    one.map_place = lambda stream: PLACE
+    assert screen.tiles_due() == []
+    assert 'map' in texts(screen, 1.1) and keys_due(screen, one) == [(0, 0), (0, 1)]
+    one.maps['map'].set(PLACE._replace(resolution=0.1), np.zeros((100, 100), np.int8))
+    assert screen.tiles_due() == []
+    assert texts(screen, 1.2)['map']['id'] == 2 and keys_due(screen, one) == [(0, 0)]
+
+
+def test_tiles_that_change_all_the_time_do_not_keep_others() -> None:
+    screen, one = Screen(), robot()
+    one.maps['map'].set(PLACE, np.zeros((128, 128 * 3 * TILE_BATCH), np.int8))
+    screen.show(Watch('', map=WantedMap('map', 0, EVERYWHERE)), one)
+    texts(screen, 1.0)
+    seen = set()
+    for value in range(3):
+        seen |= set(keys_due(screen, one))
+        one.maps['map'].update(0, 0, np.full((1, 128 * TILE_BATCH), value + 1, np.int8))
+    assert len(seen) == 3 * TILE_BATCH
+    assert set(keys_due(screen, one)) == {(column, 0) for column in range(TILE_BATCH)}
+
+
+def test_a_map_that_is_chosen_again_comes_again() -> None:
+    screen, one = Screen(), robot()
+    one.maps.update({'map': TiledMap(), 'other': TiledMap()})
+    one.maps['map'].set(PLACE, np.zeros((100, 100), np.int8))
+    for _ in range(2):
+        screen.show(Watch('', map=WantedMap('map', 0, EVERYWHERE)), one)
+        assert texts(screen, 1.0)['map']['stream'] == 'map' and keys_due(screen, one) == [(0, 0)]
+        screen.show(Watch('', map=WantedMap('other', 0, EVERYWHERE)), one)
+        assert screen.tiles_due() == []
 
 
 def test_scans_are_the_newest_and_have_their_age() -> None:

@@ -48,6 +48,12 @@ class _SentViews:
         self.values: Dict[str, Any] = {}
         self.log = self.progress = 0
 
+    def forget_map(self) -> None:
+        """The page has dropped its map."""
+        self.tiles.clear()
+        self.places.clear()
+        self.complete = None
+
 
 class Screen:
     """Decides what is sent to one browser."""
@@ -61,8 +67,10 @@ class Screen:
         """Show something else from now on."""
         if robot is not self.robot:
             self._sent = _SentViews()
-        elif watch.log and not self.watch.log:
+        if watch.log and not self.watch.log:
             self._sent.log = 0
+        if (watch.map and watch.map.stream) != (self.watch.map and self.watch.map.stream):
+            self._sent.forget_map()
         self.watch, self.robot = watch, robot
 
     def wanted(self) -> Set[Tuple[str, str]]:
@@ -125,23 +133,30 @@ class Screen:
             yield self._framed(key, one.frame._replace(metadata={**one.frame.metadata, **more}))
 
     def tiles_due(self) -> List[Tuple[int, Key, int]]:
-        """Tiles of the map to be sent next, in (id of the map, tile, its version); the map's lock is held."""
+        """Tiles of the map to be sent next, in (id of the map, tile, its version); the map's lock is held.
+
+        There are none before the map's place was sent: the page drops tiles of a map that it does not know. Tiles that
+        were never sent come first: those that change all the time must not keep them.
+        """
         robot, wanted = self.robot, self.watch.map
         if robot is None or wanted is None or wanted.stream not in robot.maps:
             return []
         tiled, anchor = robot.maps[wanted.stream], robot.map_place(wanted.stream)
         state = tiled.id, tiled.changes, tiled.area, wanted, anchor
-        if anchor is None or state == self._sent.complete or not self.flow.room('tiles', MAX_TILES):
+        if (anchor is None or state == self._sent.complete or not self.flow.room('tiles', MAX_TILES)
+                or self._sent.places.get(wanted.stream, {}).get('id') != tiled.id):
             return []
-        found: List[Tuple[int, Key, int]] = []
+        new: List[Tuple[int, Key, int]] = []
+        changed: List[Tuple[int, Key, int]] = []
         for key, version in tiled.versions(wanted.level, tiled.cells_in(*wanted.area, anchor)):
-            if self._sent.tiles.get((wanted.stream, tiled.id, key)) != version:
-                found.append((tiled.id, key, version))
-                if len(found) >= TILE_BATCH:
-                    return found
-        if not found:
+            sent = self._sent.tiles.get((wanted.stream, tiled.id, key))
+            if sent != version:
+                (new if sent is None else changed).append((tiled.id, key, version))
+            if len(new) >= TILE_BATCH:
+                break
+        if not new and not changed:
             self._sent.complete = state
-        return found
+        return (new + changed)[:TILE_BATCH]
 
     def tile(self, tile: Tuple[int, Key, int], png: bytes) -> bytes:
         """A tile that is sent now."""
