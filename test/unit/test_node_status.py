@@ -112,6 +112,8 @@ def test_an_operator_without_the_robots_clock_cannot_command() -> None:
     assert operator_control_status('LOCKED: thermal is 2.0 s old', True, 0.002, None).level == WARN
     unknown = operator_control_status('LOCKED: the robot was not heard yet', True, None, None)
     assert (unknown.level, unknown.message) == (ERROR, 'LOCKED: the robot was not heard yet')
+    unlocked = operator_control_status('in control', False, None, None)
+    assert (unlocked.level, unlocked.message) == (ERROR, "the robot's clock is not known")
 
 
 def test_peers_and_drops_are_listed() -> None:

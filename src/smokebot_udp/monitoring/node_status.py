@@ -82,7 +82,8 @@ def operator_control_status(state: str, locked: bool, uncertainty: Optional[floa
     :param loss: ratio of this node's datagrams that do not reach the robot, 0..1; None: unknown
     """
     level = ERROR if uncertainty is None else WARN if locked else OK
-    return Status(Kind.CONTROL, 'control', level, state if level else 'fine', {
+    message = state if locked else "the robot's clock is not known" if level else 'fine'
+    return Status(Kind.CONTROL, 'control', level, message, {
         'control': state, 'uncertainty of the robot\'s clock [ms]': scaled(uncertainty, 1e3),
         'loss to the robot [%]': scaled(loss, 100)})
 
