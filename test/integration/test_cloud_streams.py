@@ -220,7 +220,7 @@ class CloudStreams(StreamsCase):
         give_time(CLEARING + 2.0)
         count = len(cleared())
         give_time(2.0)
-        self.assertEqual(len(cleared()), count)     # they end
+        self.assertIn(len(cleared()) - count, range(2, 7))      # each topic's go on, more slowly
         self.assertNotEqual(self.flow(seen), message)
 
     def flow(self, seen: List[Any]) -> Any:
