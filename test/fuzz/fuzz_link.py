@@ -43,6 +43,9 @@ TOPIC = 4711
 LENGTHS = 0, 1, 7, 8, 9, 100, 1000
 SILENCES = 0.001, 0.001, 0.01, 0.5, 3.0, 70.0
 
+SILENT: Address = ('10.0.0.66', 17001)
+"""Another address of the robot, which never answers."""
+
 Forged = Tuple[Address, bytes]
 
 
@@ -77,7 +80,7 @@ class World:
     def restart_operator(self) -> None:
         """The operator's process ends without a word, and another one starts."""
         self.operator = Side(OperatorCore(self.key, self.bytes, MAX_DATAGRAM_SIZE, 'operator'), OPERATOR)
-        self.operator.core.set_addresses([ROBOT], self.now)
+        self.operator.core.set_addresses([ROBOT, SILENT][:1 + self._random.randrange(2)], self.now)
 
     def give(self, side: Side, datagrams: Sequence[Forged]) -> None:
         """Datagrams reach a side, which may answer."""
