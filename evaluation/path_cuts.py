@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A robot with two addresses, of which the preferred one is cut again and again.
+"""Cuts the preferred one of a robot's two addresses again and again.
 
     sudo ./smokebot exec python3 -m evaluation.path_cuts [--cuts 50] [--seconds 5] [--loss 0.0] [--one]
 
@@ -19,7 +19,8 @@ import numpy as np
 
 from .listener import Heard, Listener
 from .own_masters import PORT, ROBOT, OwnMasters
-from .second_link import SECOND, SecondLink
+from .second_link import SECOND, second_lab
+from .started import Started
 
 FIRST = {'rate': 2e6, 'delay': 0.01, 'queue': 0.2}
 OTHER = {'rate': 1e6, 'delay': 0.03, 'queue': 0.2}
@@ -29,10 +30,10 @@ SETTLED = 8.0
 """Until the rate fits the link [s]."""
 
 AROUND = 1.0
-"""What comes so long before a cut and after it counts [s]."""
+"""Messages count from this time before a cut until this time after it [s]."""
 
 
-class PathCuts:
+class PathCuts(Started):
     """The nodes, and both links; a context manager.
 
     :param addresses: of the robot
@@ -41,9 +42,10 @@ class PathCuts:
     """
 
     def __init__(self, addresses: Sequence[str] = ADDRESSES, loss: float = 0.0, log: Any = None) -> None:
-        self.stack = OwnMasters(7, log)
-        try:
-            self.second = SecondLink(self.stack.lab, 8)
+        super().__init__()
+        with self.starting():
+            self.stack = self.enter_context(OwnMasters(7, log))
+            self.second = self.enter_context(second_lab(self.stack.lab, 8))
             self.first, self.other = {**FIRST, 'loss': loss}, {**OTHER, 'loss': loss}
             self.stack.lab.set(self.first)
             self.second.set(self.other)
@@ -56,9 +58,6 @@ class PathCuts:
             missing = set(TOPICS) - set(self.operator.first(TOPICS, 60.0))
             if missing:
                 raise RuntimeError('nothing comes on %s' % ', '.join(sorted(missing)))
-        except BaseException:
-            self.close()
-            raise
 
     def cut(self, seconds: float) -> Dict[str, List[Heard]]:
         """Cut the first link for a time; what came meanwhile, and AROUND it: {topic: messages}."""
@@ -77,18 +76,6 @@ class PathCuts:
         after = self.second.counts()
         return float(max(after[side]['carried'] - before[side]['carried'] for side in ('robot', 'operator')) / seconds)
 
-    def close(self) -> None:
-        """End all."""
-        self.stack.close()
-        if hasattr(self, 'second'):
-            self.second.__exit__()
-
-    def __enter__(self) -> 'PathCuts':
-        return self
-
-    def __exit__(self, *_: Any) -> None:
-        self.close()
-
 
 def longest_gap(heard: Sequence[Heard]) -> float:
     """The longest time from one message to the next [s]; infinite where there are no two."""
@@ -101,7 +88,7 @@ def oldest(heard: Sequence[Heard]) -> float:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description='A robot with two addresses, of which one is cut again and again.')
+    parser = argparse.ArgumentParser(description="Cuts one of a robot's two addresses.")
     parser.add_argument('--cuts', type=int, default=50)
     parser.add_argument('--seconds', type=float, default=5.0, help='of each cut')
     parser.add_argument('--loss', type=float, default=0.0, help='of both links')

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A second emulated link between the two sides of a lab: each side has two devices and two addresses then."""
 import subprocess
-from typing import Any, Mapping
 
 from smokebot_udp.link_lab.lab import DEVICE, Lab, TwoSides
 from smokebot_udp.link_lab.link_trace import SIDES
@@ -29,29 +28,17 @@ def join_end(second: TwoSides, side: str, into: TwoSides) -> None:
     ip(into, side, 'addr add %s peer %s dev %s' % (SECOND[side], SECOND[other], SECOND_DEVICE))
 
 
-class SecondLink:
-    """Another link between the sides of a lab; a context manager.
+def second_lab(lab: TwoSides, seed: int) -> Lab:
+    """Another link between the sides of a lab.
 
-    :param lab: whose sides it joins
     :param seed: of its random effects
     :raises LabError: as Lab
     """
-
-    def __init__(self, lab: TwoSides, seed: int) -> None:
-        self._lab = Lab(seed)
+    second = Lab(seed)
+    try:
         for side in SIDES:
-            join_end(self._lab, side, lab)
-
-    def set(self, both: Mapping[str, Any], **sides: Mapping[str, Any]) -> None:
-        """See Lab.set."""
-        self._lab.set(both, **sides)
-
-    def counts(self) -> Any:
-        """See Lab.counts."""
-        return self._lab.counts()
-
-    def __enter__(self) -> 'SecondLink':
-        return self
-
-    def __exit__(self, *_: Any) -> None:
-        self._lab.close()
+            join_end(second, side, lab)
+    except BaseException:
+        second.close()
+        raise
+    return second

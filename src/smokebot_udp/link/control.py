@@ -31,10 +31,6 @@ class Control(enum.IntEnum):
     CLOSE = 3
 
 
-PROBES = (Control.PATH_CHALLENGE, Control.PATH_RESPONSE)
-"""Where they come from says nothing about where their sender wants to be reached (RFC 9000, 9.1)."""
-
-
 def message(kind: Control, body: bytes = bytes(CHALLENGE_SIZE)) -> bytes:
     """The datagram of a message, SIZE bytes.
 

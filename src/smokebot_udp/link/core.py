@@ -4,6 +4,8 @@
 Pure: packets and the time go in, packets, deliveries and events come out. One thread calls a core; a Peer seals in any.
 
 * A packet that is not taken is counted by reason in `dropped`, and changes nothing else.
+* Where a probe (PATH_CHALLENGE, PATH_RESPONSE) comes from says nothing about where its sender wants to be reached
+  (RFC 9000, 9.1).
 * The DATA of a batch is opened session by session. An index that names no session costs no more than its count.
 * New keys replace the old ones after the first packet under the new ones; the old ones are taken OLD_KEYS longer.
 * Each side sends something at least each 2 KEEP_ALIVE: a message of its own where nothing else was sent meanwhile.
@@ -18,7 +20,7 @@ import numpy as np
 
 from ..arrays import BoolArray, IntArray, Records, UInt8Array
 from ..udpros.datagram import HEADER
-from .control import FIRST_TABLE_ID, PROBES, SIZE, Control, message
+from .control import FIRST_TABLE_ID, SIZE, Control, message
 from .cookie import Place
 from .packets import INSTANCE_SIZE, MIN_BODY, OVERHEAD, Kind, Malformed, Packet, parse
 from .peer import Address, Delivery, Event, Left, Peer, address_of
@@ -173,7 +175,7 @@ class LinkCore(abc.ABC):
         assert peer is not None     # confirmed
         peer.heard = now
         numbers = opened.datagrams[:, :4].copy().view('<u4')[:, 0]
-        probes = np.isin(numbers, PROBES)
+        probes = (numbers == Control.PATH_CHALLENGE) | (numbers == Control.PATH_RESPONSE)
         if not probes.all():
             self._on_carried(peer, now)
         if opened.newest >= 0 and not probes[opened.rows == opened.newest].any():

@@ -16,7 +16,7 @@ from .passes import FOUND, GUESS_BITS, OLD, PLANE, REFINED
 CENTRE = round(0.45 * 2 ** GUESS_BITS)
 """Where in its interval a coefficient is thought to be [2^-GUESS_BITS]: smaller ones are likelier."""
 CENTRE_OF_DIFFERENCES = round(0.37 * 2 ** GUESS_BITS)
-"""The same of the 9/7's predicted coefficients, of which small ones are likelier still."""
+"""Likewise for predicted coefficients of the 9/7 wavelet: among them small ones are even likelier."""
 STEPS = {True: wavelet.STEPS_5_3, False: wavelet.STEPS_9_7}
 """By `lossless`."""
 EXACT = 0, 0, 0

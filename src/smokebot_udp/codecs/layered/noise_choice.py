@@ -19,7 +19,7 @@ CLASSES = 128
 ELSE = 4.0
 """A difference of this many times the image's energy is that of something else; noise alone makes twice as much."""
 SAMPLES = 1 << 13
-"""About so many coefficients of a band are enough for its noise: rows are left out."""
+"""Approximate number of coefficients from which the noise of a band is chosen; rows are left out."""
 
 
 @compiled
