@@ -17,6 +17,7 @@ import numpy as np
 import roslib.message
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import CompressedImage, Image, LaserScan, PointCloud2
 from tf2_msgs.msg import TFMessage
@@ -49,6 +50,7 @@ KINDS: Dict[str, Tuple[Any, Callable[[Any], Any]]] = {
     'scan': (LaserScan, lambda message: len(message.ranges)),
     'ranges': (LaserScan, lambda message: float(np.mean(~np.isnan(message.ranges)))),
     'odometry': (Odometry, lambda message: 1),
+    'twist': (Twist, lambda message: message.linear.x),
     'transforms': (TFMessage, lambda message: len(message.transforms)),
     'link': (LinkStatus, lambda message: {name: getattr(message, name) for name in LINK_FIELDS}),
     'longest': (LinkStatus, lambda message: message.longest_datagram),
@@ -68,7 +70,7 @@ KINDS: Dict[str, Tuple[Any, Callable[[Any], Any]]] = {
 }
 """{kind: (message class, f(message) -> amount)}; the amount: bytes, points, ranges, transforms, the share of pixels
 or ranges that were received, the datagrams or RATES of each part of a stream, the longest datagram that passes, the
-content, or of a relay's segment the number, the bytes of the message before and all bytes."""
+content, the speed, or of a relay's segment the number, the bytes of the message before and all bytes."""
 
 RELAYED = {'relayed odometry': 'odometry', 'relayed transforms': 'transforms'}
 """{kind of a relay's segments, as they leave: kind of the messages that they carry}"""

@@ -5,8 +5,8 @@
 
 Own masters, sealed, the nodes and streams as shipped. The first link has 2 Mbit/s and 10 ms each way, the second one
 1 Mbit/s and 30 ms. Each cut begins at a random moment. It prints an object in JSON: of each topic the longest time
-without a message around each cut, and the highest age of the newest one. --one: the second address is not given, for
-comparison.
+without a message around each cut, and of images the highest age of the newest one. COMMAND is what the robot gets of a
+Twist that the desk publishes RATE times a second. --one: the second address is not given, for comparison.
 """
 import argparse
 import json
@@ -26,6 +26,8 @@ FIRST = {'rate': 2e6, 'delay': 0.01, 'queue': 0.2}
 OTHER = {'rate': 1e6, 'delay': 0.03, 'queue': 0.2}
 ADDRESSES = ROBOT, '%s:%d' % (SECOND['robot'], PORT)
 TOPICS = {'/operator/thermal/image_raw': 'image', '/operator/camera/image_raw': 'image', '/operator/odom': 'odometry'}
+COMMAND, RATE = '/cmd_vel', 20
+TWIST = '[0.2, 0, 0]', '[0, 0, 0]'
 SETTLED = 8.0
 """Until the rate fits the link [s]."""
 
@@ -55,9 +57,15 @@ class PathCuts(Started):
             self.stack.start_receiver(robot=','.join(addresses))
             self.operator = Listener(self.stack)
             self.operator.subscribe([[topic, kind, 'TCPROS'] for topic, kind in TOPICS.items()])
+            self.robot = Listener(self.stack, 'robot')
+            self.robot.subscribe([[COMMAND, 'twist', 'TCPROS']])
+            self.stack.start('operator', 'rostopic', 'pub', '-r', str(RATE), '/operator' + COMMAND,
+                             'geometry_msgs/Twist', *TWIST)
             missing = set(TOPICS) - set(self.operator.first(TOPICS, 60.0))
             if missing:
                 raise RuntimeError('nothing comes on %s' % ', '.join(sorted(missing)))
+            if not self.robot.first([COMMAND], 30.0, counts=lambda heard: heard.amount > 0):
+                raise RuntimeError('no command comes')
 
     def cut(self, seconds: float) -> Dict[str, List[Heard]]:
         """Cut the first link for a time; what came meanwhile, and AROUND it: {topic: messages}."""
@@ -66,8 +74,9 @@ class PathCuts(Started):
         time.sleep(seconds)
         self.stack.lab.set(self.first)
         time.sleep(AROUND)
-        return {topic: [heard for heard in list(self.operator.heard)
-                        if heard.topic == topic and heard.arrival >= begun - AROUND] for topic in TOPICS}
+        heard = [one for listener in (self.operator, self.robot) for one in list(listener.heard)
+                 if one.arrival >= begun - AROUND and (one.topic != COMMAND or one.amount > 0)]
+        return {topic: [one for one in heard if one.topic == topic] for topic in (*TOPICS, COMMAND)}
 
     def idle_rate(self, seconds: float) -> float:
         """What the second link carries each way while the first one is good, the larger number [byte/s]."""
@@ -83,8 +92,8 @@ def longest_gap(heard: Sequence[Heard]) -> float:
 
 
 def oldest(heard: Sequence[Heard]) -> float:
-    """The highest age of the newest image just before the next one comes [s]."""
-    return max((later.arrival - (one.stamp or 0.0) for one, later in zip(heard, heard[1:])), default=float('inf'))
+    """The highest age of the newest message just before the next one comes [s]; NaN where they have no stamps."""
+    return max((later.arrival - one.arrival + one.age for one, later in zip(heard, heard[1:])), default=float('inf'))
 
 
 def main() -> None:
@@ -94,7 +103,7 @@ def main() -> None:
     parser.add_argument('--loss', type=float, default=0.0, help='of both links')
     parser.add_argument('--one', action='store_true', help='with the first address only')
     arguments = parser.parse_args()
-    moments, found = random.Random(1), {topic: [] for topic in TOPICS}    # type: Any, Dict[str, List[Any]]
+    moments, found = random.Random(1), {topic: [] for topic in (*TOPICS, COMMAND)}     # type: Any, Dict[str, List[Any]]
     with PathCuts(ADDRESSES[:1] if arguments.one else ADDRESSES, arguments.loss) as run:
         time.sleep(SETTLED)
         idle = run.idle_rate(5.0)

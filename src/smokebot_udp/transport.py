@@ -40,6 +40,8 @@ class PeerStats:
     """[s]; None: unknown."""
     paths: Sequence[PathStats] = ()
     """In order of preference; empty: there is one."""
+    second: Optional[Tuple[str, int]] = None
+    """Its other address, to which copies go now; None: there is none."""
 
 
 @dataclass(frozen=True)
@@ -137,7 +139,7 @@ class Transport(Protocol):
         """Whether each side has a ROS master of its own: then the other side's parameters cannot be reached."""
 
     def publisher(self, topic: str, message_class: Any, *, queue_size: int = 10, subscriber_listener: Any = None,
-                  carries: str = '', whole: bool = False, tos: int = 0) -> Publisher:
+                  carries: str = '', whole: bool = False, tos: int = 0, copied: bool = False) -> Publisher:
         """Publish a topic.
 
         :param queue_size: of messages that wait for one peer, where the transport has a queue
@@ -146,6 +148,8 @@ class Transport(Protocol):
             empty: the messages carry none
         :param whole: whether messages are sent in one datagram however long they are: to see whether that passes
         :param tos: second byte of the datagrams' IP headers, of which tos_mask is set
+        :param copied: whether copies go by a second path, where there is one and the messages have a header: of what
+            is short, seldom, and has to arrive at once
         """
 
     def subscriber(self, topic: str, message_class: Any, callback: Optional[Callable[[Any], None]] = None, *,

@@ -92,3 +92,9 @@ def test_the_report_has_the_worst_first_and_a_line_for_each_stream() -> None:
     assert [line.split() for line in lines[1:]] == [
         ['scan', 'scan', 'obstacles', '10', '5', '4', '10', '19.2', '12345'],
         ['lost', 'scan', *7 * ['-']]]
+
+
+def test_long_names_are_whole_and_the_columns_stay_in_line() -> None:
+    name = 'front_left_thermal_camera'
+    heading, first, second = check.table([scan(name=name), scan()], {})
+    assert first.startswith(name + ' scan ') and second.index('scan', 5) == heading.index('TYPE') == len(name) + 1

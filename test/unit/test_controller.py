@@ -95,8 +95,11 @@ def test_what_was_lost_on_the_path_before_is_no_loss_of_the_next_one() -> None:
     robot.controller.on_paths({'/op': 'wifi'}, robot.now)
     robot.drive([], 0.3)                                # the Wi-Fi is cut
     robot.controller.on_paths({'/op': 'lte'}, robot.now)
+    lost: List[int] = []        # of the streams, which are protected accordingly
+    robot.controller.on_arrivals = lambda operator, stream, expected, received, now: lost.append(expected - received)
     robot.drive([operator], 3.0)
     assert robot.state.loss < 0.01 and robot.rate > 3 * LIMITS.start_rate
+    assert lost and not sum(lost)
 
 
 def test_streams_are_planned_for_links_that_carry_nearly_as_much() -> None:

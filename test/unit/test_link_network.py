@@ -20,6 +20,7 @@ from smokebot_udp.link.packets import OVERHEAD
 from smokebot_udp.link.peer import Peer
 from smokebot_udp.link.resolver import Resolver
 from smokebot_udp.link.transport import PROBLEM_AFTER, OperatorTransport
+from smokebot_udp.msg import Command
 from smokebot_udp.udpros.endpoints import BatchSender, DatagramReceiver
 
 TOPIC = '/smokebot_udp/thermal/segments'
@@ -192,6 +193,39 @@ def test_the_link_goes_on_over_the_robots_other_address(made: Links) -> None:
     relays[0].loss = 0.0
     wait_for(lambda: [path.is_used for path in paths()] == [True, False])
     assert '/robot_sender@ugv1 has moved to 127.0.0.1:%d' % relays[1].port in log
+    for relay in relays:
+        relay.close()
+
+
+@pytest.mark.parametrize('size', [4, 1000])
+def test_what_is_copied_comes_once_whichever_path_is_cut(made: Links, size: int) -> None:
+    """Nothing has to be noticed first: the paths that are in use stay the same."""
+    robot, _ = made.robot()
+    relays = [Relay(robot.port), Relay(robot.port)]
+    operator = OperatorTransport([('127.0.0.1', relay.port) for relay in relays], made.key, name='/desk',
+                                 report=lambda _: None, log=lambda _: None)
+    made.made.append(operator)
+    ways = [(a.publisher(topic, Command, copied=True), Inbox(), b, topic)
+            for a, b, topic in ((robot, operator, '/down'), (operator, robot, '/up'))]
+    for _, inbox, receiver, topic in ways:
+        receiver.subscriber(topic, Command, inbox.message)
+    wait_for(lambda: all(way[0].get_num_connections() for way in ways))
+    wait_for(lambda: all(side.stats(0.0).peers[0].second is not None for side in (robot, operator)))
+
+    def send(number: int) -> None:
+        for publisher, inbox, *_ in ways:
+            publisher.publish(Command(number=number, data=bytes(size)))
+            inbox.wait(lambda inbox=inbox: inbox.messages and inbox.messages[-1].number == number)
+    send(1)
+    for number in range(2):
+        relays[number].loss = 1.0
+        send(2 + number)
+        relays[number].loss = 0.0
+    send(4)
+    for _, inbox, *_ in ways:
+        assert [message.number for message in inbox.messages] == [1, 2, 3, 4]
+    for side in (robot, operator):
+        assert 'replayed data' not in side.dropped()
     for relay in relays:
         relay.close()
 

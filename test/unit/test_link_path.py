@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A new address gets no more than it sent, and proves itself with the challenge."""
+import numpy as np
 import pytest
 
-from smokebot_udp.link.control import CHALLENGE_SIZE, SIZE, Control, message
+from smokebot_udp.link.control import CHALLENGE_SIZE, SIZE, Control, as_copies, as_originals, copies, message
 from smokebot_udp.link.path import AGAIN, LEFT_AFTER, PathCheck
 
 HERE, THERE = (1, 2), (1, 3)
@@ -41,3 +42,12 @@ def test_the_bytes_of_the_cores_own_messages() -> None:
     assert message(Control.KEEP_ALIVE).hex() == '00000000' '00' '00' '0100' '0000000000000000'
     assert message(Control.PATH_CHALLENGE, b'12345678').hex() == '01000000' '00' '00' '0100' + b'12345678'.hex()
     assert len(message(Control.CLOSE)) == SIZE == 8 + CHALLENGE_SIZE
+
+
+def test_a_copy_is_marked_in_its_op() -> None:
+    datagram = bytes.fromhex('78563412' '00' '07' '0100' 'aabb')
+    original = np.frombuffer(datagram, np.uint8)[np.newaxis]
+    copy = as_copies(original)
+    assert copy.tobytes() == bytes.fromhex('78563412' '80' '07' '0100' 'aabb')
+    assert copies(np.concatenate([original, copy])).tolist() == [False, True]
+    assert as_originals(copy).tobytes() == datagram == original.tobytes()

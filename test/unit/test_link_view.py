@@ -49,6 +49,15 @@ def test_the_sparklines_of_a_wide_terminal_fit() -> None:
         assert width + 3 * (bars + 1) <= columns
 
 
+def test_long_names_are_whole_and_the_columns_stay_in_line() -> None:
+    tree, name = snapshot(board(), 0.5), 'front_left_thermal_camera'
+    tree['streams'][0]['stream'] = name
+    lines = render(tree)
+    heading = next(line for line in lines if line.startswith('LEVEL'))
+    assert heading.index('SOURCE') > len('LEVEL  %s ' % name)
+    assert any(line[7:].startswith(name + ' ') for line in lines)
+
+
 @pytest.fixture
 def terminal() -> Iterator[Any]:
     """f(columns, plain, **environment) -> (pid, a person's side of a terminal) of a process that shows a board."""

@@ -136,3 +136,15 @@ def test_whatever_is_lost_changes_are_apart_and_what_is_due_is_known(seed: int, 
     for path in world.paths.due(20.0):
         path.ask(bytes(8), 20.0)
     assert 20.0 < world.paths.deadline(20.0) <= 20.0 + IDLE_PROBE
+
+
+def test_the_second_path_is_the_first_other_one_that_answers() -> None:
+    world = World(up=never, down=cut((B, 2.0, 5.0), (A, 6.0, 9.0)), places=(A, B, C))
+    world.run(0.0, 1.0)
+    assert world.paths.second(1.0) == B
+    world.run(1.0, 4.0)
+    assert world.paths.second(4.0) == C
+    world.run(4.0, 6.0)
+    assert world.paths.used == A and world.paths.second(6.0) == B
+    world.run(6.0, 8.0)
+    assert world.paths.used == B and world.paths.second(8.0) == C

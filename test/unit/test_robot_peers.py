@@ -7,14 +7,14 @@ import pytest
 from link_channel import KEY, OPERATOR, ROBOT, SIZE, data, give, random_bytes, sent, shake_hands
 from link_sides import ELSEWHERE, ROW, init_of, joined, operator_of, robot_of, the_robot
 
-from smokebot_udp.link.control import Control, message
+from smokebot_udp.link.control import Control, as_copies, message
 from smokebot_udp.link.core import MAX_OLD, OLD_KEYS
 from smokebot_udp.link.operator_core import OperatorCore
 from smokebot_udp.link.packets import VERSION, Cookie, Suite, Unknown, parse
 from smokebot_udp.link.path import PROVED_FOR
-from smokebot_udp.link.peer import Joined, Moved
+from smokebot_udp.link.peer import Joined, Moved, place_at
 from smokebot_udp.link.robot_core import RobotCore
-from smokebot_udp.link.robot_paths import MAX_PATHS
+from smokebot_udp.link.robot_paths import ALIVE, MAX_PATHS
 
 ROBOT_2 = '10.0.0.8', 17001
 """Another address of the robot."""
@@ -211,6 +211,45 @@ def test_few_addresses_of_a_peer_are_remembered(others: int, follows: bool) -> N
         give(robot, ('10.0.1.%d' % number, 1), probe(operator), now=1.1)
     give(robot, ELSEWHERE, the_robot(operator).seal_one(data(20)), now=1.2)
     assert (robot.peers[0].address == ELSEWHERE) is follows
+
+
+def proved(robot: Any, operator: Any, now: float) -> None:
+    """The operator's second address has proved itself, and is known."""
+    give(robot, ELSEWHERE, probe(operator), now=now)
+    give(operator, ROBOT, *sent(robot), now=now)
+    give(robot, ELSEWHERE, *sent(operator), now=now)
+    robot.poll(now)
+
+
+def test_a_proved_address_from_which_probes_come_gets_copies_until_they_end() -> None:
+    robot, operator = joined()
+    assert robot.peers[0].second is None
+    proved(robot, operator, 1.0)
+    assert robot.peers[0].second == place_at(ELSEWHERE) and robot.peers[0].address == OPERATOR
+    robot.poll(1.0 + ALIVE / 2)
+    assert robot.peers[0].second is not None
+    robot.poll(1.2 + ALIVE)
+    assert robot.peers[0].second is None
+
+
+def test_an_address_without_proof_gets_no_copies() -> None:
+    robot, operator = joined()
+    for number in range(9):
+        give(robot, ELSEWHERE, probe(operator), now=1.0 + number / 10)
+        robot.poll(1.0 + number / 10)
+        assert robot.peers[0].second is None
+
+
+@pytest.mark.parametrize('is_proved', [True, False])
+def test_a_copy_is_delivered_and_moves_nobody(is_proved: bool) -> None:
+    robot, operator = joined()
+    if is_proved:
+        proved(robot, operator, 1.0)
+    robot.outputs()
+    copy = as_copies(np.frombuffer(data(20, b'stop'), np.uint8)[np.newaxis]).tobytes()
+    delivery, = give(robot, ELSEWHERE, the_robot(operator).seal_one(copy), now=1.1)
+    assert delivery.datagrams[0, :delivery.lengths[0]].tobytes() == copy
+    assert robot.peers[0].address == OPERATOR and not robot.outputs() and not robot.events()
 
 
 # 9. Names

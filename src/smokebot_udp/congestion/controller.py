@@ -132,7 +132,7 @@ class _Operator:
         if not samples:
             return None
         self.moved = -math.inf      # from the next report on all is of this path
-        return feedback._replace(samples=samples, expected=0, received=0, marked=0)
+        return feedback._replace(samples=samples, expected=0, received=0, marked=0, arrivals=())
 
 
 class Controller:

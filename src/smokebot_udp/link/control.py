@@ -6,9 +6,13 @@
 * CLOSE ends the session at once.
 
 All have the same length, so that the answer to one is never longer than what caused it.
+
+A datagram of a topic whose op has the bit COPY is a copy of one that goes by another path. It has a counter of its own,
+and says nothing about where its sender wants to be reached.
 """
 import enum
 
+from ..arrays import BoolArray, UInt8Array
 from ..udpros.datagram import HEADER, Op
 
 FIRST_TABLE_ID = 4
@@ -21,6 +25,13 @@ CHALLENGE_SIZE = 8
 
 SIZE = HEADER.size + CHALLENGE_SIZE
 """Size of the datagram of each of the core's own messages [byte]."""
+
+
+COPY = 0x80
+"""The bit of the op, which ROS does not use."""
+
+_OP = 4
+"""Where the op is in a datagram."""
 
 
 class Control(enum.IntEnum):
@@ -37,3 +48,23 @@ def message(kind: Control, body: bytes = bytes(CHALLENGE_SIZE)) -> bytes:
     :param body: CHALLENGE_SIZE bytes
     """
     return HEADER.pack(kind, Op.DATA0, 0, 1) + body
+
+
+def copies(datagrams: UInt8Array) -> BoolArray:
+    """Which datagrams are copies: (n,) bool for (n, slot) uint8."""
+    found: BoolArray = datagrams[:, _OP] & COPY != 0
+    return found
+
+
+def as_copies(datagrams: UInt8Array) -> UInt8Array:
+    """Copies of datagrams, (n, size) uint8."""
+    marked = datagrams.copy()
+    marked[:, _OP] |= COPY
+    return marked
+
+
+def as_originals(datagrams: UInt8Array) -> UInt8Array:
+    """The datagrams of which some are copies, (n, size) uint8."""
+    unmarked = datagrams.copy()
+    unmarked[:, _OP] &= ~COPY & 0xff
+    return unmarked

@@ -21,7 +21,8 @@ Rules; each has a test in test_operator_core:
    each: who sees the link's traffic can forge or repeat it.
 9. Silence of 60 s, or a CLOSE, ends the peer. Handshakes go on.
 10. Each HELLO goes to all addresses of the robot, each INIT to the one whose COOKIE came last. Then robot_paths.py says
-    which one is used. The robot's challenges are answered on the path that they came by.
+    which one is used, and which other one gets copies. The robot's challenges are answered on the path that they came
+    by.
 """
 import math
 from dataclasses import dataclass
@@ -182,6 +183,7 @@ class OperatorCore(LinkCore):
     def _find_paths(self, robot: Peer, now: float) -> None:
         several = len(self._places) > 1 and robot.place in self._places
         self._paths = RobotPaths(self._places, robot.place, now) if several else None
+        robot.second = None
 
     def receive(self, datagrams: UInt8Array, lengths: IntArray, sources: Records, now: float) -> List[Delivery]:
         """See LinkCore."""
@@ -216,6 +218,7 @@ class OperatorCore(LinkCore):
             robot.place = paths.used
             self._send_control(robot, Control.KEEP_ALIVE)   # the robot follows it
             self._events.append(Moved(robot, robot.address))
+        robot.second = paths.second(now)
 
     def _silent_at(self, robot: Peer) -> float:
         """When the robot counts as silent, if it is not heard again."""

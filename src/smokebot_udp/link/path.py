@@ -41,6 +41,8 @@ class PathCheck:
         """When it proved itself [s]."""
         self.proposed = False
         """Whether the peer wants to be reached there."""
+        self.probed = -math.inf
+        """When a probe came from there [s]."""
         self._credit, self._turn = 0, False
         self._next = self._heard = 0.0
 
@@ -49,11 +51,13 @@ class PathCheck:
 
         :param size: [byte]
         :param now: [s]
-        :param proposes: whether it proposes the address
+        :param proposes: whether it proposes the address; otherwise it is a probe
         """
         self._credit = min(self._credit, MAX_CREDIT) + size
         if proposes:
             self._heard, self.proposed = now, True
+        else:
+            self.probed = now
 
     def has_left(self, now: float) -> bool:
         """Whether a peer that is heard from elsewhere now has left the address [s]."""

@@ -46,6 +46,8 @@ class Peer:
         self.instance, self.max_datagram_size = instance, max_datagram_size
         self.place = place
         """Where packets for it go: IPv4 address and port, as numbers."""
+        self.second: Optional[Place] = None
+        """Another place where it receives now; None: none is known."""
         self.heard = now
         """When its latest authentic packet came [s]."""
         self.handshakes = 1

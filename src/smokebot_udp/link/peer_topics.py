@@ -68,7 +68,7 @@ class PeerTopics:
                 publisher.remove(self.peer)
             elif connection is None and wanted:
                 publisher.add(Outgoing(self.peer, self._socket.another(publisher.tos), number, self._room,
-                                       publisher.limit))
+                                       publisher.limit, publisher.copied))
             elif connection is not None:
                 connection.follow(self._room, publisher.tos)
 

@@ -15,7 +15,8 @@ Rules, in the order in which a stranger meets them; each has its tests in test_r
    is the same peer with new keys.
 8. A peer whose newest packet, other than a probe, comes from another address is challenged there (path.py), and has
    moved when it answers before it has left that address again. Probes are answered where they come from, and a peer
-   is challenged there, too: it is followed at once to an address that it has proved. MAX_PATHS are remembered.
+   is challenged there, too: it is followed at once to an address that it has proved. MAX_PATHS are remembered. One
+    that is proved and from which probes come gets copies.
 9. Names are unique, since what operators report and get goes by name: a later peer of a name gets ' #2' after it.
 10. A peer is forgotten after 60 s of silence, at its CLOSE, or when a later one of its name is there and it is silent
     for REPLACED. When another one needs its place, it is forgotten if it is silent for YIELDS.
@@ -50,7 +51,7 @@ from .packets import (
 from .path import PathCheck
 from .peer import Joined, Moved, Peer, Refused, address_of
 from .replay import HandshakeMemory
-from .robot_paths import MAX_PATHS
+from .robot_paths import ALIVE, MAX_PATHS
 from .session import Session
 
 MAX_PEERS = 8
@@ -234,6 +235,9 @@ class RobotCore(LinkCore):
             if peer.number < latest[peer.told] and now - peer.heard >= REPLACED:
                 self._leave(peer, 'replaced by a later one of its name')
         self._checks = {peer.number: self._checks[peer.number] for peer in self._peers if peer.number in self._checks}
+        for peer in self._peers:
+            peer.second = next((check.place for check in self._checks_of(peer) if check.place != peer.place
+                                and check.holds(now) and now - check.probed < ALIVE), None)
 
     def _check(self, peer: Peer, place: Place) -> PathCheck:
         """The check of a peer's other address."""

@@ -32,6 +32,9 @@ UNANSWERED = 0.5
 MEMORY, STEADY = 12, 9
 """The last probes of a path, those of 3 s, and how many of them are answered where it is steady."""
 
+ALIVE = 1.0
+"""A path whose other end was heard this lately is worth a copy: nothing else is lost where it is not [s]."""
+
 STAY = 1.0
 """Before a preferred path is used again the present one is used for this long: two may become steady at once [s]."""
 
@@ -109,8 +112,12 @@ class RobotPaths:
         """The address to which everything but probes goes."""
         return self._used.place
 
+    def second(self, now: float) -> Optional[Place]:
+        """The first other address that answers; None: none does [s]."""
+        return next((path.place for path in self.paths if path is not self._used and now - path.answered < ALIVE), None)
+
     def carried(self, now: float) -> None:
-        """Something other than a probe came."""
+        """Something other than probes and copies came."""
         self._carried = now
 
     def _unanswered_since(self) -> float:

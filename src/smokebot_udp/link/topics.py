@@ -10,6 +10,8 @@ from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Union
 import numpy as np
 
 from ..arrays import BoolArray, IntArray, Records, UInt8Array
+from ..budget import Budget
+from ..newest import Newest
 from ..serialised import deserialised, serialised
 from ..transport import always
 from ..udpros.datagram import IP_UDP_HEADERS, LENGTH, Buffer
@@ -18,22 +20,33 @@ from ..udpros.endpoints import BatchSender
 from ..udpros.frame import Frame, first_messages
 from ..udpros.packetizer import Limit, Packetizer
 from ..udpros.records import has_header, record_dtype
+from .control import as_copies, as_originals, copies
 from .packets import OVERHEAD
-from .peer import Peer
+from .peer import Peer, address_of
 from .tables import Topic
 
 MAX_MESSAGE_SIZE = 1 << 18
 """A longer message is not received. A peer must not fill the memory [byte]."""
+
+COPIES, COPY_PERIOD = 20, 0.02
+"""Messages of a topic that are copied at once, and then one in this time: a Twist fifty times a second takes 8 kB/s of
+a second path [1, s]."""
+
+REMEMBERED = 64
+"""Messages of a topic that are not delivered again where a copy of them comes: those of a second, which the slower path
+may be behind."""
 
 
 class PeerSender:
     """Seals datagrams for a peer, and sends them to where it is now: the Sender of a Packetizer.
 
     :param sender: of the link's socket, with counts of its own
+    :param copied: whether copies go to the peer's second place, where it has one
     """
 
-    def __init__(self, peer: Peer, sender: BatchSender) -> None:
+    def __init__(self, peer: Peer, sender: BatchSender, copied: bool = False) -> None:
         self._peer, self._sender = peer, sender
+        self._copies = Budget(COPIES if copied else 0, COPY_PERIOD)
 
     @property
     def failures(self) -> Dict[str, int]:
@@ -42,25 +55,36 @@ class PeerSender:
 
     def send_one(self, *parts: Union[Buffer, UInt8Array]) -> int:
         """See packetizer.Sender."""
-        return self._sender.send_one(self._peer.seal_one(*map(bytes, parts)), to=self._peer.address)
+        datagram = b''.join(map(bytes, parts))
+        self._copy(np.frombuffer(datagram, np.uint8)[np.newaxis])
+        return self._sender.send_one(self._peer.seal_one(datagram), to=self._peer.address)
 
     def send(self, datagrams: Union[Buffer, UInt8Array], size: int, count: int) -> int:
         """See packetizer.Sender."""
         data: UInt8Array = np.frombuffer(datagrams, np.uint8)
         whole = len(data) // size
-        sealed = self._peer.seal(data[:whole * size].reshape(whole, size))
+        datagrams = data[:whole * size].reshape(whole, size)
+        self._copy(datagrams)
+        sealed = self._peer.seal(datagrams)
         sent = self._sender.send(sealed, sealed.shape[1], whole, to=self._peer.address)
         rest = data[whole * size:]
         return sent + self.send_one(rest.tobytes()) if len(rest) else sent
+
+    def _copy(self, datagrams: UInt8Array) -> None:
+        """Send copies by the second path. They are sealed first: the newest packet says where this side is."""
+        second = self._peer.second
+        if second is not None and self._copies.take(time.monotonic()):
+            sealed = self._peer.seal(as_copies(datagrams))
+            self._sender.send(sealed, sealed.shape[1], len(sealed), to=address_of(second))
 
 
 class Outgoing:
     """A publisher's connection to one peer."""
 
     def __init__(self, peer: Peer, sender: BatchSender, connection_id: int, max_datagram_size: int,
-                 limit: Limit) -> None:
+                 limit: Limit, copied: bool = False) -> None:
         self.peer, self._socket = peer, sender
-        self._sender = PeerSender(peer, sender)
+        self._sender = PeerSender(peer, sender, copied)
         self.packetizer = Packetizer(self._sender, connection_id, max_datagram_size, limit)
 
     def follow(self, max_datagram_size: int, tos: int) -> None:
@@ -83,12 +107,14 @@ class Publisher:
     :param limit: of its datagrams, beside the room of each peer
     :param ended: f(publisher), called by `unregister`
     :param tos: second byte of the IP headers, see traffic.py
+    :param copied: whether copies go by a second path, where there is one
     """
 
     def __init__(self, topic: Topic, message_class: Any, listener: Any, why_not: Callable[[int, str], str],
-                 limit: Limit, ended: Callable[['Publisher'], None], tos: int = 0) -> None:
+                 limit: Limit, ended: Callable[['Publisher'], None], tos: int = 0, copied: bool = False) -> None:
         self.topic, self.resolved_name, self.limit, self.tos = topic, topic.name, limit, tos
         self._class, self._listener, self._why_not, self._ended = message_class, listener, why_not, ended
+        self.copied = copied
         self._connections: Sequence[Outgoing] = ()      # replaced, not changed: other threads iterate
         self._seq = 0
         self._lock = threading.Lock()       # of the numbers; held while sending
@@ -215,6 +241,11 @@ class Subscriber:
         return Depacketizer(self.topic.id, consumer, self.message_class, self._queue_size, self._arrived,
                             self._headers, MAX_MESSAGE_SIZE)
 
+    def copies(self, consumer: 'Incoming') -> Depacketizer:
+        """For the copies of a connection; they are in no report."""
+        return Depacketizer(self.topic.id, consumer, self.message_class, self._queue_size,
+                            max_message_size=MAX_MESSAGE_SIZE)
+
     def call(self, function: Callable[..., None], *arguments: Any) -> None:
         """Call a callback; what it raises is reported, as rospy does."""
         try:
@@ -245,6 +276,8 @@ class Incoming:
         self._header = {'callerid': peer.name, 'topic': topic.name, 'type': topic.type, 'md5sum': topic.md5}
         self._begun = time.monotonic()
         self._depacketizer = subscriber.depacketizer(self)
+        self._copies: Optional[Depacketizer] = None         # as soon as there are any
+        self._delivered: Newest[int, None] = Newest(REMEMBERED)     # hashes of messages
         self._recent = self.kernel_drops = 0
 
     def recent(self) -> int:
@@ -255,11 +288,16 @@ class Incoming:
     def take(self, datagrams: UInt8Array, lengths: IntArray, arrivals: Arrivals, now: float) -> None:
         """Take datagrams of the topic that arrived together, see Depacketizer.take."""
         self._recent += len(lengths)
-        first = self._depacketizer.take_singles(datagrams, lengths, lambda row: True, arrivals, now)
-        if first < len(lengths):
-            self._depacketizer.take(datagrams[first:], lengths[first:], np.ones(len(lengths) - first, bool),
-                                    arrivals.part(np.arange(first, len(lengths))), now)
-        self._depacketizer.deliver()
+        second = copies(datagrams)
+        if not second.any():
+            take(self._depacketizer, datagrams, lengths, arrivals, now)
+            return
+        if self._copies is None:
+            self._copies = self._subscriber.copies(self)
+        take(self._copies, as_originals(datagrams[second]), lengths[second], arrivals, now)
+        if not second.all():
+            rows = np.flatnonzero(~second)
+            take(self._depacketizer, datagrams[rows], lengths[rows], arrivals.part(rows), now)
 
     @property
     def wants_batches(self) -> bool:
@@ -280,6 +318,11 @@ class Incoming:
     def take_message(self, data: bytes) -> None:
         """See depacketizer.Consumer."""
         callback = self._subscriber.callback
+        if has_header(self._subscriber.message_class):
+            key = hash(data)
+            if key in self._delivered:
+                return
+            self._delivered[key] = None
         try:
             message = deserialised(self._subscriber.message_class, data)
         except ValueError:
@@ -295,6 +338,15 @@ class Incoming:
         return {'peer': self._peer.name, 'address': self._peer.address,
                 'idle': time.monotonic() - (self._begun if last is None else last), **self._depacketizer.stats(),
                 'receive_buffer': None, 'kernel_drops': self.kernel_drops}
+
+
+def take(depacketizer: Depacketizer, datagrams: UInt8Array, lengths: IntArray, arrivals: Arrivals, now: float) -> None:
+    """Hand datagrams of one connection to its depacketizer, and deliver the messages."""
+    first = depacketizer.take_singles(datagrams, lengths, lambda row: True, arrivals, now)
+    if first < len(lengths):
+        depacketizer.take(datagrams[first:], lengths[first:], np.ones(len(lengths) - first, bool),
+                          arrivals.part(np.arange(first, len(lengths))), now)
+    depacketizer.deliver()
 
 
 def headed(message: Any, seq: int) -> bytes:

@@ -21,6 +21,7 @@ from ..udpros.depacketizer import Arrivals, Arrived, BatchCallback
 from ..udpros.endpoints import SHORT_BUFFER
 from ..udpros.loss_emulation import open_receiver
 from ..udpros.packetizer import no_limit
+from ..udpros.records import has_header
 from .core import CLOSED, LinkCore
 from .endpoint import Endpoint
 from .operator_core import NO_ANSWER, OperatorCore
@@ -102,14 +103,14 @@ class LinkTransport:
         self.room = min(room, self.max_datagram_size)
 
     def publisher(self, topic: str, message_class: Any, *, queue_size: int = 10, subscriber_listener: Any = None,
-                  carries: str = '', whole: bool = False, tos: int = 0) -> Publisher:
+                  carries: str = '', whole: bool = False, tos: int = 0, copied: bool = False) -> Publisher:
         """See transport.Transport; nothing waits for a peer here, so there is no queue.
 
         :raises ValueError: if the topic is published already, or its name is too long
         """
         publisher = Publisher(Topic(topic, message_class._type, message_class._md5sum, carries), message_class,
                               subscriber_listener, self._why_not, no_limit if whole else lambda: self.room,
-                              self._end_publisher, tos & self.tos_mask)
+                              self._end_publisher, tos & self.tos_mask, copied and has_header(message_class))
         with self._lock:
             self._local.add(Role.SENDS, publisher.topic)
             self._publishers = {**self._publishers, publisher.topic.id: publisher}
@@ -170,8 +171,8 @@ class LinkTransport:
         """See transport.Transport."""
         peers = [topics.peer for topics in self._peers.values()]
         return TransportStats(
-            [PeerStats(peer.name, peer.address, now - peer.heard, peer.round_trip, self._paths(peer, now))
-             for peer in peers],
+            [PeerStats(peer.name, peer.address, now - peer.heard, peer.round_trip, self._paths(peer, now),
+                       None if peer.second is None else address_of(peer.second)) for peer in peers],
             self._handshakes + sum(peer.handshakes for peer in peers), self.dropped(), self.problem(), self.remarks)
 
     def _paths(self, peer: Peer, now: float) -> Sequence[PathStats]:

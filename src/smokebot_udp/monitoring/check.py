@@ -17,8 +17,8 @@ OWN_TOPICS = '/robot_sender/', '/diagnostics'
 
 COLUMNS = (('STREAM', 18), ('TYPE', 12), ('ROLE', 15), ('Hz', 6), ('SENT', 6), ('kB', 8), ('AGE ms', 8),
            ('kbit/s, least', 13), ('most', 8))
-"""(heading, width). Rates and sizes are the source's; `SENT` is the maximum rate; what a stream takes of the link at
-least and at most is by its operating points."""
+"""(heading, minimum width). Rates and sizes are the source's; `SENT` is the maximum rate; what a stream takes of the
+link at least and at most is by its operating points."""
 
 
 class Finding(NamedTuple):
@@ -160,8 +160,9 @@ def table(streams: Sequence[Checked], roles: Mapping[str, str]) -> List[str]:
             '-' if heard.age is None else '%.0f' % (1e3 * heard.age),
             '-' if cost is None else '%.3g' % cost.least if cost.least < 1000 else '%.0f' % cost.least,
             '-' if cost is None else '%.3g' % cost.most if cost.most < 1000 else '%.0f' % cost.most])
-    return [' '.join('%-*s' % (width, cell[:width]) if number < 3 else '%*s' % (width, cell)
-                     for number, ((_, width), cell) in enumerate(zip(COLUMNS, row))).rstrip() for row in rows]
+    widths = [max(width, *map(len, cells)) for (_, width), cells in zip(COLUMNS, zip(*rows))]
+    return [' '.join('%-*s' % (width, cell) if number < 3 else '%*s' % (width, cell)
+                     for number, (width, cell) in enumerate(zip(widths, row))).rstrip() for row in rows]
 
 
 def lines(findings: Sequence[Finding]) -> List[str]:

@@ -41,6 +41,9 @@ CONNECTION_COLUMNS = (
 """Drops are the kernel's: the socket's receive buffer was full. With own masters all streams have one socket, and these
 are shares of its drops."""
 
+MAX_NAME = 40
+"""A longer name of a stream is cut [characters]."""
+
 
 def render(tree: Tree, only: str = '', short: bool = False, plots: Optional[Plots] = None) -> List[str]:
     """The whole table. The first word of a line with a level is that.
@@ -61,14 +64,22 @@ def render(tree: Tree, only: str = '', short: bool = False, plots: Optional[Plot
     sections = {operator['node']: '%s receives from %s' % (
         operator['node'], ', '.join(operator['receives_from']) or 'no robot that reports') for operator in operators}
     sections.update((robot['node'], robot['node']) for robot in robots if robot['node'] not in received)
+    columns = _fitted(STREAM_COLUMNS, tree['streams'])
     for owner, title in sections.items():
         lines += ['', title] if len(sections) > 1 else []
-        lines += [_headings(STREAM_COLUMNS, plots)] + [
-            _row(STREAM_COLUMNS, _with_limit(stream), plots, owner) for stream in tree['streams']
+        lines += [_headings(columns, plots)] + [
+            _row(columns, _with_limit(stream), plots, owner) for stream in tree['streams']
             if owner == (stream['operator'] or stream['robots'][0])]
-    connections = [_row(CONNECTION_COLUMNS, one, plots) for one in tree['connections']
-                   if one['level'] != 'OK' or not short]
-    return lines + (['', _headings(CONNECTION_COLUMNS, plots), *connections] if connections else [])
+    columns = _fitted(CONNECTION_COLUMNS, tree['connections'])
+    connections = [_row(columns, one, plots) for one in tree['connections'] if one['level'] != 'OK' or not short]
+    return lines + (['', _headings(columns, plots), *connections] if connections else [])
+
+
+def _fitted(columns: Sequence[Column], items: Sequence[Tree]) -> Sequence[Column]:
+    """The columns, the one of the streams' names wide enough for the longest."""
+    longest = max((len(item['stream'] or '') for item in items), default=0)
+    return [column._replace(width=min(column.width, -min(longest, MAX_NAME))) if column.name == 'stream' else column
+            for column in columns]
 
 
 def _node_lines(statuses: Sequence[Tree], nodes: Dict[str, Tree], several: Dict[str, bool], plots: Plots) -> List[str]:

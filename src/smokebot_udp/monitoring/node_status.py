@@ -11,7 +11,7 @@ from .status import ERROR, OK, WARN, Kind, Status, Verdict, by_reason, scaled
 from .windows import Growths
 
 PEER = re.compile(r'(?P<name>\S+) at (?P<host>[^\s:]+):(?P<port>\d{1,5})'
-                  r'(?: \((?P<unused>not used)?(?:, )?(?:silent(?: for \d+ s)?)?(?:, )?'
+                  r'(?: \((?P<unused>not used|commands only)?(?:, )?(?:silent(?: for \d+ s)?)?(?:, )?'
                   r'(?:round trip (?P<round_trip>\d{1,9}) ms)?\))?', re.ASCII)
 """A peer in words, as `_peer` makes it."""
 
@@ -98,14 +98,19 @@ def transport_status(stats: TransportStats) -> Status:
 
 
 def _peer(peer: PeerStats) -> List[str]:
-    """A peer in words, and the addresses of it that are not used: only what is known of them."""
-    return [_reached(peer.name, peer.address, peer.silence, peer.round_trip, True)] + [
-        _reached(peer.name, path.address, path.silence, path.round_trip, False)
-        for path in peer.paths if not path.is_used]
+    """A peer in words, and its other addresses: only what is known of them."""
+    others: Dict[Tuple[str, int], Tuple[float, Optional[float]]] = {
+        path.address: (path.silence, path.round_trip) for path in peer.paths if not path.is_used}
+    if peer.second is not None:
+        others.setdefault(peer.second, (0.0, None))
+    return [_reached(peer.name, peer.address, peer.silence, peer.round_trip, '')] + [
+        _reached(peer.name, address, *known, 'commands only' if address == peer.second else 'not used')
+        for address, known in others.items()]
 
 
-def _reached(name: str, address: Tuple[str, int], silence: float, round_trip: Optional[float], is_used: bool) -> str:
-    parts = [] if is_used else ['not used']
+def _reached(name: str, address: Tuple[str, int], silence: float, round_trip: Optional[float], use: str) -> str:
+    """:param use: of the address, unless everything goes there"""
+    parts = [use] if use else []
     if silence >= 1:
         parts.append('silent for %.0f s' % silence)
     if round_trip is not None:
@@ -117,7 +122,7 @@ def peers_in(text: str) -> List[Dict[str, Any]]:
     """The addresses of peers in the value `connected to` of a transport's status.
 
     :return: of each `name`, `host`, `port`, `round_trip` [s], which is None where it is unknown, and `used`: whether
-        more than probes goes there
+        everything goes there
     """
     found = [PEER.fullmatch(one) for one in text.split('; ')]
     return [{'name': peer['name'], 'host': peer['host'], 'port': int(peer['port']),

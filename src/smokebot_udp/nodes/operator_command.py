@@ -69,7 +69,8 @@ class OperatorCommand(WayBackStream):
     def start(self) -> None:
         """Begin to send."""
         self._publisher = self._opened.topic(self._way.transport.publisher(
-            wire_topic(self.name, COMMANDS), Command, queue_size=1, carries=carried(self._class), tos=EXPEDITED))
+            wire_topic(self.name, COMMANDS), Command, queue_size=1, carries=carried(self._class), tos=EXPEDITED,
+            copied=True))
         self._opened.started(self._worker)
         self._way.control.add_commands(self)
         self._opened.topic(rospy.Subscriber(self.topic, self._class, self._receive, queue_size=1, tcp_nodelay=True))

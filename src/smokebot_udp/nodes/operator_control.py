@@ -105,7 +105,8 @@ class OperatorControl(Part):
         opened = self._opened
         self._states = opened.topic(rospy.Publisher(operator_topic(STATE_TOPIC), String, queue_size=1, latch=True))
         self._show = PeriodicWorker('control state', self._show_state, log, SHOW_PERIOD)
-        self._requests = opened.topic(transport.publisher(REQUEST, ControlRequest, queue_size=5, tos=EXPEDITED))
+        self._requests = opened.topic(transport.publisher(REQUEST, ControlRequest, queue_size=5, tos=EXPEDITED,
+                                                           copied=True))
         opened.started(self._worker)
         opened.started(self._show)
         rospy.Service('~take_control', Trigger, lambda _: TriggerResponse(*self._ask(Wish.TAKE_CONTROL)))

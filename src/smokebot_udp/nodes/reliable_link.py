@@ -97,7 +97,8 @@ class ReliableLink(Part, rospy.SubscribeListener):
         self._opened.started(self._worker)
         self._publisher = self._opened.topic(self._transport.publisher(
             TOPIC + self._direction, ReliableSegment, subscriber_listener=self,
-            tos=EXPEDITED if self._direction == TO_ROBOT else SENSORS))     # goals and calls, or logs
+            tos=EXPEDITED if self._direction == TO_ROBOT else SENSORS,      # goals and calls, or logs
+            copied=self._direction == TO_ROBOT))
         self._subscriber = self._opened.topic(self._transport.subscriber(TOPIC + self._other, ReliableSegment,
                                                                          self._receive))
         self._opened.started(self._checks)

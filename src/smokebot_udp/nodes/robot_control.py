@@ -90,7 +90,8 @@ class RobotControl(Part):
             'control', self._poll, self._server.deadline, self._send, log)
         self._estop = opened.topic(rospy.Publisher('~estop', Bool, queue_size=1, latch=True))
         self._show = PeriodicWorker('estop', self._show_estop, log, None)   # not in the transport's thread
-        self._statuses = opened.topic(transport.publisher(STATUS, ControlStatus, queue_size=1, tos=EXPEDITED))
+        self._statuses = opened.topic(transport.publisher(STATUS, ControlStatus, queue_size=1, tos=EXPEDITED,
+                                                           copied=True))
         self._keep = PeriodicWorker('kept estop', self._keep_estop, log, KEEP_PERIOD)
         self._kept = str(rpc.repeated(lambda: rospy.get_param(KEPT, '')))
         if self._kept:

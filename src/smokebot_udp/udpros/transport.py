@@ -35,7 +35,7 @@ class UdprosTransport:
         self.room = min(room, self.max_datagram_size)
 
     def publisher(self, topic: str, message_class: Any, *, queue_size: int = 10, subscriber_listener: Any = None,
-                  carries: str = '', whole: bool = False, tos: int = 0) -> Publisher:
+                  carries: str = '', whole: bool = False, tos: int = 0, copied: bool = False) -> Publisher:
         """See transport.Transport; a relay's segments have a checksum of what they carry, so it is not compared."""
         return Publisher(topic, message_class, subscriber_listener, headers=version.headers(), queue_size=queue_size,
                          max_datagram_size=self.max_datagram_size, limit=no_limit if whole else lambda: self.room,
