@@ -75,6 +75,13 @@ def test_from_42_5_db_on_an_image_is_shorter_for_its_freshness(rate: float, poin
     assert choose(ENDS, errors, 752 * 480, 45.0, costs, 0.0) == (4, 3.3)
 
 
+@pytest.mark.parametrize('tokens, points', [(0.0, 3), (2000.0, 3), (3000.0, 4), (1e6, 4)])
+def test_what_a_token_bucket_lets_pass_at_once_is_not_late(tokens: float, points: int) -> None:
+    """As above, on a link of 1e5 byte/s: with 3000 tokens the last 2000 bytes take 10 of their 20 ms."""
+    errors = np.array([40.0, 10.0, 3.6, 3.1])
+    assert choose(ENDS, errors, 752 * 480, 45.0, Costs(1.0, 0.0, 1e5, tokens)) == (points, errors[points - 1])
+
+
 def test_what_gains_nothing_makes_no_image_short() -> None:
     errors = np.array([400.0, 100.0, 50.0, 49.9])
     assert choose(ENDS, errors, 76800, 100.0, Costs(1.0, 0.0, 1e5)) == (4, 49.9)

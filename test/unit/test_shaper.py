@@ -11,7 +11,6 @@ from smokebot_udp.congestion.shaper import MAX_DURATION, SAME_RATE, Shaper
 RATE, SIZE = 125000.0, 1000
 
 QUEUES = 3
-"""The first one shows the rate, the second one a depth."""
 
 
 class Sent:
@@ -57,6 +56,13 @@ def test_where_one_datagram_passes_at_once_there_is_no_bucket() -> None:
     for _ in range(QUEUES):
         sent.report((0.5, 20))
     assert sent.shaper.depth == 0
+
+
+def test_the_first_queue_shows_a_bucket() -> None:
+    """Otherwise trains that it lets pass would show any rate until there is another queue."""
+    sent = Sent(32000.0)
+    sent.report((0.8, 50))
+    assert sent.shaper.depth == pytest.approx(32000.0, abs=SIZE)
 
 
 def test_a_rate_that_has_fallen_is_no_bucket() -> None:
@@ -124,7 +130,7 @@ def test_what_no_sample_tells_of_was_sent_evenly() -> None:
 def test_two_short_queues_show_a_deeper_bucket_than_was_known() -> None:
     """No rate is measured beside them. One alone may be an accident of a link without a bucket."""
     sent = Sent(6000.0)
-    sent.report((0.8, 26))
+    sent.report((0.8, 26), measured=False)
     for _ in range(QUEUES):
         sent.report((0.18, 26))
     assert 0 < sent.shaper.depth < 5000.0

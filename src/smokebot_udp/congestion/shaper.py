@@ -34,6 +34,9 @@ shows one: a single queue is not enough. In experiments supervisor_simulation 98
 10 ms instead of 87, and the queue has 18 ms instead of 40. With three to agree a link whose receiver pauses is believed
 to be more than twice as fast for 6 % of the time."""
 
+DATAGRAMS = 1.1
+"""A bucket is deeper than this many of the datagrams that passed before the queue."""
+
 SAME_RATE, RATES = 0.3, 3
 """The path has changed where the median of the last RATES measured rates differs by this part from the rate at which
 depths are learnt. The present queue began at the old rate, and shows no depth; the old depths do not count [1, 1]."""
@@ -151,7 +154,9 @@ class Shaper:
             return
         self._rates.append(rate)
         usual = statistics.median(self._rates)
-        if abs(usual - self._rate) > SAME_RATE * self._rate:
+        if not self._rate:
+            self._rate = usual
+        elif abs(usual - self._rate) > SAME_RATE * self._rate:
             self._rate, self.depth, self._onset = usual, 0.0, None
             self._depths.clear()
             return
@@ -171,7 +176,8 @@ class Shaper:
             self._learnt, self._depths[-1] = onset, max(0.0, excess)
             deepest = sorted(self._depths)[-AGREE:][0]
             # without a bucket, too, a path lets one datagram pass at once
-            self.depth = deepest if deepest > onset.size else 0.0
+            longest = max(passed.sample.size for passed in (*self._before, self._onset))
+            self.depth = deepest if deepest > DATAGRAMS * longest else 0.0
 
     def _excess(self, rate: float, most: float) -> float:
         """What passed at once at most, before the present queue or until it began [byte]."""

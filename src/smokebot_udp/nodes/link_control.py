@@ -162,7 +162,7 @@ class LinkControl(Part):
 
         def outlook(name: str) -> Outlook:
             return Outlook(self._losses.air(name, self._streams[name].subscribers, now),
-                           rooms.get(name, math.inf) / self._link.expansion, self._gain)
+                           rooms.get(name, math.inf) / self._link.expansion, self._gain, self._tokens)
         for name, stream in self._streams.items():
             stream.follow(loss, functools.partial(outlook, name))
 
@@ -170,6 +170,12 @@ class LinkControl(Part):
         """As Outlook.gain; any thread."""
         with self._controller as controller:
             return controller.gain(time.monotonic())
+
+    def _tokens(self) -> float:
+        """As Outlook.tokens; any thread."""
+        with self._controller as controller:
+            depth, missing = controller.tokens(time.monotonic())
+        return max(0.0, depth - missing) / self._link.expansion
 
     def _count_operators(self) -> None:
         """Pass on who subscribes to the streams now; any thread."""

@@ -16,6 +16,11 @@ def no_train() -> float:
     return 1.0
 
 
+def no_tokens() -> float:
+    """Nothing passes at once."""
+    return 0.0
+
+
 class Outlook(NamedTuple):
     """What a stream may expect of the link. Immutable: threads may pass it on."""
     air: Air = UNKNOWN
@@ -24,6 +29,8 @@ class Outlook(NamedTuple):
     """What the stream may use, at most, while the other streams use what they use now: see Rooms [byte/s]."""
     gain: Callable[[], float] = no_train
     """By what factor the message that is made now may be longer, as a packet train leaves: at least 1."""
+    tokens: Callable[[], float] = no_tokens
+    """What passes at once now, as a token bucket on the path has tokens [byte on the air]."""
 
     def loss(self, probability: float) -> float:
         """The packet-loss ratio that is not exceeded with a probability below 1."""

@@ -8,16 +8,17 @@ than a blurred one of now: until an image is good, its error counts 1 / MOTION t
 sum, among those that the link has room for until the next image:
 
     minimise    max(D(n) - D(good), 0) / MOTION + min(D(n), D(good)) + G t(n)
-    where       t(n) = n (overhead / room + coding)
+    where       t(n) = max(n overhead - tokens, 0) / room + n coding
     subject to  n overhead <= granted
     D(n)        mean squared error of n bytes of the stream; good: GOOD_ERROR, or that of GOOD_BITS if it is larger
     G           growth of the mean squared error with the age of an image
 
-`grant` knows the link and the settings, and comes before the image is coded: no more is coded than fits. `choose` knows
-the curve. Each names the bound that decided (`Bound`). The room is the median of the latest estimates (Outlook):
-quality is nearly linear in the logarithm of the size, so what is lost by an image that is too small by some factor
-equals what is lost by one that is too large, whose rest never leaves. The median is what promises most then; a single
-estimate that is wrong changes nothing, and a link that has changed is followed within two.
+What a token bucket on the path has tokens for passes at once. `grant` knows the link and the settings, and comes before
+the image is coded: no more is coded than fits. `choose` knows the curve. Each names the bound that decided (`Bound`).
+The room is the median of the latest estimates (Outlook): quality is nearly linear in the logarithm of the size, so what
+is lost by an image that is too small by some factor equals what is lost by one that is too large, whose rest never
+leaves. The median is what promises most then; a single estimate that is wrong changes nothing, and a link that has
+changed is followed within two.
 """
 import enum
 from typing import Any, Mapping, NamedTuple, Tuple
@@ -98,11 +99,14 @@ class Costs(NamedTuple):
     """Time in the processors of both sides [s]."""
     room: float
     """What the stream may use of the link [byte/s]."""
+    tokens: float = 0.0
+    """What passes at once, whatever `room` is [byte on the air]."""
 
-    @property
-    def duration(self) -> float:
-        """Until it is on the screen [s]."""
-        return self.overhead / max(self.room, LEAST_ROOM) + self.coding
+    def durations(self, sizes: IntArray) -> FloatArray:
+        """Until images of these sizes are on the screen [byte, s]."""
+        waiting = np.maximum(sizes * self.overhead - self.tokens, 0.0)
+        found: FloatArray = waiting / max(self.room, LEAST_ROOM) + sizes * self.coding
+        return found
 
 
 def period_of(rate: float) -> float:
@@ -139,12 +143,12 @@ def choose(ends: IntArray, errors: FloatArray, cells: int, growth: float, costs:
     """
     good = max(least, errors[min(int(np.searchsorted(ends, GOOD_BITS / 8 * cells)), len(ends) - 1)])
     lacking = np.maximum(errors - good, 0) + MOTION * np.minimum(errors, good)
-    best = int(np.argmin(lacking + age_cost(growth, costs.duration) * ends))
+    best = int(np.argmin(lacking + age_cost(growth) * costs.durations(ends)))
     better_later = bool((errors[best + 1:] < CLEARLY * errors[best]).any())
     points = best + 1 if better_later else len(ends)
     return points, float(errors[points - 1])
 
 
-def age_cost(growth: float, duration: float) -> float:
-    """What so much time costs, as a mean squared error that a good image has not [count^2]."""
-    return MOTION * growth * duration if growth else 0.0
+def age_cost(growth: float) -> float:
+    """What a second costs, as a mean squared error that a good image has not [count^2]."""
+    return MOTION * growth

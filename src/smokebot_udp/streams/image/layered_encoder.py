@@ -123,7 +123,8 @@ class LayeredImages(CompressedImages):
         """How much of a stream is sent, and what that may take."""
         stream, granted, outlook = found.stream, job.granted, job.outlook
         ends = stream.ends[:found.good]
-        costs = Costs(job.datagrams.protected(outlook.loss(LIKELY)), self._time.per_byte, outlook.room)
+        costs = Costs(job.datagrams.protected(outlook.loss(LIKELY)), self._time.per_byte, outlook.room,
+                      outlook.tokens())
         points, square = choose(ends, np.maximum(stream.errors[:found.good], 0) / stream.cells, stream.cells,
                                 job.growth, costs, GOOD_ERROR if job.itemsize == 1 else 0.0)
         self._error = math.sqrt(square)
@@ -158,7 +159,7 @@ class LayeredImages(CompressedImages):
     def _predicted(self, job: '_Job') -> Optional[Prediction]:
         """What the image is to be coded against; None: nothing, or to predict it takes so long that the scene has moved
         by more than that could save, or the last predictions saved little."""
-        if (age_cost(job.growth, self._time.prediction) > self._error ** 2
+        if (age_cost(job.growth) * self._time.prediction > self._error ** 2
                 or not self._predictor.worth_trying(self._repeats.count)):
             return None
         began = self._clock()
