@@ -17,9 +17,10 @@ from typing import Any, Dict, List, Sequence
 
 import numpy as np
 
+from smokebot_udp.link_lab.second_link import SECOND, second_lab
+
 from .listener import Heard, Listener
 from .own_masters import PORT, ROBOT, OwnMasters
-from .second_link import SECOND, second_lab
 from .started import Started
 
 FIRST = {'rate': 2e6, 'delay': 0.01, 'queue': 0.2}

@@ -4,9 +4,9 @@ import pathlib
 from typing import Any, Dict, Optional
 
 from smokebot_udp.link_lab.lab import DEVICE
+from smokebot_udp.link_lab.second_link import SECOND, join_end
 
 from .own_masters import PORT, OwnMasters
-from .second_link import SECOND, join_end
 from .started import Started
 
 NAMES = 'ugv1', 'ugv2'

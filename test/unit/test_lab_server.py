@@ -10,6 +10,7 @@ from typing import Any, Dict, Iterator, List, cast
 
 import pytest
 
+from smokebot_udp.link_lab.cli import parse, split
 from smokebot_udp.link_lab.lab import Lab, LabError
 from smokebot_udp.link_lab.server import LabServer, request
 
@@ -67,6 +68,20 @@ def test_what_is_no_request_is_refused(lab: Conditions, path: str, sent: Any) ->
     with pytest.raises(LabError):
         request(path, sent)
     assert request(path, {}) == {'robot': 5}
+
+
+def test_a_second_link_is_set_where_there_is_one(lab: Conditions, path: str) -> None:
+    with pytest.raises(LabError, match='there is one link'):
+        request(path, {'second': {'robot': {'loss': 0.1}}})
+    second = Conditions()
+    with LabServer(path + '2', cast(Lab, lab), cast(Lab, second)):
+        assert request(path + '2', {'second': {'robot': {'loss': 0.1}}}) == {'robot': 5}
+    assert second.taken == [{'robot': {'loss': 0.1}}] and not lab.taken
+
+
+def test_words_of_the_second_link_are_told_by_their_beginning() -> None:
+    first, second = split(['loss=0.1', 'path2.rate=1e6', 'delay=0.02', 'path2.loss=1'])
+    assert parse(first) == {'loss': 0.1, 'delay': 0.02} and parse(second) == {'rate': 1e6, 'loss': 1.0}
 
 
 def test_a_second_link_does_not_replace_the_first(lab: Conditions, path: str) -> None:

@@ -22,6 +22,8 @@ A direction is named by the side that sends. NAME is one of
     reorder    ratio of packets that overtake others, 0..1
     duplicate  ratio of packets that are delivered twice, 0..1
     longest    longer packets are lost, and nobody is told [byte]; 0: none are
+With `up`, path2.NAME=VALUE, such as path2.rate=1e6, makes a second link between the same sides; its ends are 10.77.1.1
+and 10.77.1.2. `set path2.loss=1` changes it in both directions.
 FILE is a link trace: how these values change over time (see link_lab/link_trace.py).
 The robot is 10.77.0.1, the operator 10.77.0.2. `run` sets ROS_IP and ROS_MASTER_URI for its side; the master runs
 on the robot's.
@@ -32,15 +34,26 @@ import os
 import signal
 import sys
 import time
-from typing import Any, Dict, NoReturn, Sequence
+from typing import Any, Dict, List, NoReturn, Sequence, Tuple
 
 from .channel import LinkConditions
 from .lab import Lab, LabError, environment
 from .link_trace import CONDITIONS, SIDES, Step, load, number
+from .second_link import second_lab
 from .server import LabServer, request
 
 SOCKET = '/run/smokebot_link_lab.sock'
 """Where the running link answers the other commands."""
+
+
+SECOND = 'path2.'
+"""With it begin the conditions of a second link."""
+
+
+def split(words: Sequence[str]) -> Tuple[List[str], List[str]]:
+    """The words of the first link, and those of the second one, without their beginning."""
+    return ([word for word in words if not word.startswith(SECOND)],
+            [word[len(SECOND):] for word in words if word.startswith(SECOND)])
 
 
 def parse(words: Sequence[str]) -> Dict[str, Any]:
@@ -65,11 +78,15 @@ def up(arguments: argparse.Namespace) -> None:
     if arguments.course:
         with open(arguments.course) as file:
             seed, trace = load(file.read())
-    conditions = parse(arguments.conditions)
-    with Lab(seed if arguments.seed is None else arguments.seed, arguments.congestion_control,
-             arguments.shared_air) as lab:
-        lab.set(conditions)
-        with LabServer(SOCKET, lab), contextlib.suppress(KeyboardInterrupt):
+    first, second = map(parse, split(arguments.conditions))
+    seed = seed if arguments.seed is None else arguments.seed
+    with contextlib.ExitStack() as stack:
+        lab = stack.enter_context(Lab(seed, arguments.congestion_control, arguments.shared_air))
+        lab.set(first)
+        other = stack.enter_context(second_lab(lab, seed + 1)) if second else None
+        if other is not None:
+            other.set(second)
+        with LabServer(SOCKET, lab, other), contextlib.suppress(KeyboardInterrupt):
             print('the link is up; use it with link_lab run robot|operator -- COMMAND, end it with Ctrl-C', flush=True)
             _play(trace)
 
@@ -102,10 +119,15 @@ def run(arguments: argparse.Namespace) -> NoReturn:
 
 
 def set_conditions(arguments: argparse.Namespace) -> None:
-    """Change the conditions of both directions or of one."""
+    """Change the conditions of both directions or of one; of a second link in both."""
     one_side = arguments.words[0] in SIDES
-    values = parse(arguments.words[one_side:])
-    request(SOCKET, {'set': {side: values for side in (arguments.words[:1] if one_side else SIDES)}})
+    first, second = map(parse, split(arguments.words[one_side:]))
+    if one_side and second:
+        raise ValueError('the second link changes in both directions: set %s without a side' % SECOND)
+    if first:
+        request(SOCKET, {'set': {side: first for side in (arguments.words[:1] if one_side else SIDES)}})
+    if second:
+        request(SOCKET, {'second': {side: second for side in SIDES}})
 
 
 def show(_: argparse.Namespace) -> None:

@@ -18,11 +18,12 @@ class LabServer:
     """Answers requests until it is closed. A context manager.
 
     :param path: of the socket; one that nobody answers is replaced
+    :param second: another link between the same sides, if there is one
     :raises LabError: if another link answers there
     """
 
-    def __init__(self, path: str, lab: Lab) -> None:
-        self._path, self._lab = path, lab
+    def __init__(self, path: str, lab: Lab, second: Optional[Lab] = None) -> None:
+        self._path, self._lab, self._second = path, lab, second
         with socket.socket(socket.AF_UNIX) as other:
             if other.connect_ex(path) == 0:
                 raise LabError('a link is already up, at %s' % path)
@@ -49,6 +50,10 @@ class LabServer:
             request = json.loads(line)
             if 'set' in request:
                 self._lab.set(**request['set'])
+            if 'second' in request:
+                if self._second is None:
+                    raise ValueError('there is one link: start two with link_lab up path2.rate=1e6')
+                self._second.set(**request['second'])
             if 'side' in request:
                 return {'command': self._lab.command(request['side'], [])}
             return self._lab.statistics()

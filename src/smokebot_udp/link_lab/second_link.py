@@ -2,8 +2,8 @@
 """A second emulated link between the two sides of a lab: each side has two devices and two addresses then."""
 import subprocess
 
-from smokebot_udp.link_lab.lab import DEVICE, Lab, TwoSides
-from smokebot_udp.link_lab.link_trace import SIDES
+from .lab import DEVICE, Lab, TwoSides
+from .link_trace import SIDES
 
 SECOND_DEVICE = 'air2'
 SECOND = {'robot': '10.77.1.1', 'operator': '10.77.1.2'}
