@@ -16,6 +16,8 @@ from smokebot_udp.congestion.trains import (
     FILLED,
     FIRST_GAIN,
     GROWTH,
+    LASTING,
+    MAX_LASTING_STEP,
     MAX_PLANNED,
     MAX_RETRY_INTERVAL,
     MAX_STEP,
@@ -105,7 +107,8 @@ def test_a_train_exceeds_the_tokens_of_a_shaper_and_streams_are_planned_for_it()
     assert probes.planned(budget, FILLED * train.size) == 1         # the message after it is none of the train
     quiet = due(ProbeController(), capacity, 0, 1.0, depth=depth, noise=0.0)
     assert quiet is not None and quiet.size < train.size - 0.03 * capacity
-    assert probes.most == pytest.approx(MAX_STEP * capacity)
+    assert probes.most(0.9 * LASTING * capacity) == pytest.approx(MAX_STEP * capacity)
+    assert probes.most(1.1 * LASTING * capacity) == pytest.approx(MAX_LASTING_STEP * capacity)
     assert due(probes, capacity, math.ceil(train.size), 1.3, depth=depth) is None
     retry = RETRY_INTERVAL + REFILL_INTERVALS * depth / capacity
     assert due(probes, capacity, math.ceil(train.size), 1.25 + retry, depth=depth) is None

@@ -441,7 +441,7 @@ class Estimator:
         elif self._empty(seen.queue):
             self._capacity.recall(seen.newest.sent)
         if not seen.is_long and not self._loss.excess:
-            self._capacity.carries(min(seen.bound, self._probes.most if self.has_deep_bucket else math.inf))
+            self._capacity.carries(min(seen.bound, self._probes.most(self.depth) if self.has_deep_bucket else math.inf))
         self._set_capacity(self._capacity.value)
 
     def _find_ceiling(self, seen: Observation) -> None:
