@@ -5,6 +5,7 @@ import {Driving} from './driving.js';
 import {DrivingKeys} from './driving_keys.js';
 import {Estop} from './estop.js';
 import {noteResult} from './notes.js';
+import {isFree} from './status_tiles.js';
 import {Stick} from './stick.js';
 import {milliseconds} from './units.js';
 
@@ -95,7 +96,7 @@ export class DrivePanel {
     const {obstacle} = this;
     this.driving.allow(obstacle === '');
     setData(byId('stick'), 'allowed', String(obstacle === ''));
-    const locked = obstacle === '' && this.state.control !== 'in control' ? this.state.control : '';
+    const locked = obstacle === '' && !isFree(this.state) ? this.state.control : '';
     setText(byId('stick-text'), obstacle || locked);
     byId('take').hidden = Boolean(this.state && this.state.mine && this.state.browser === 'this');
     byId('give').hidden = !byId('take').hidden;

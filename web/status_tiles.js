@@ -41,9 +41,14 @@ function drives(state) {
   return state.driver ? ['DRIVES', state.driver, ATTENTION] : ['DRIVES', 'nobody', UNKNOWN];
 }
 
+/** Whether commands leave, perhaps only after one at rest. */
+export function isFree(state) {
+  return (state.control || '').startsWith('in control');
+}
+
 function stop(state) {
   if (state.estop) return ['STOP', 'EMERGENCY STOP', BAD];
-  if (state.control === 'in control') return ['STOP', 'free', GOOD];
+  if (isFree(state)) return ['STOP', state.control.replace('in control', 'free').replace(':', ','), GOOD];
   return ['STOP', state.control || '-', state.mine ? ATTENTION : UNKNOWN];
 }
 

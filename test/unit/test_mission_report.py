@@ -14,10 +14,12 @@ import cv2
 import numpy as np
 import pytest
 import rosbag
+import rospy
 from hypothesis import example, given
 from hypothesis import strategies as st
 from mission_bags import CUT as CUT_SPAN
 from mission_bags import (
+    DURATION,
     OFFSET,
     START,
     TOPICS,
@@ -35,10 +37,12 @@ from std_msgs.msg import String
 
 from smokebot_udp import optional
 from smokebot_udp.mission_report import plots as mission_plots
+from smokebot_udp.mission_report.bags import BagFile
 from smokebot_udp.mission_report.cli import main
 from smokebot_udp.mission_report.gaps import CUT, PAUSED, Gap, longest
-from smokebot_udp.mission_report.mission import joined, rate
+from smokebot_udp.mission_report.mission import Mission, joined, rate
 from smokebot_udp.mission_report.plots import fitting
+from smokebot_udp.mission_report.record import MissionRecord
 from smokebot_udp.mission_report.summary import _with_one_cause
 from smokebot_udp.streams.recorded_images import Thinning, recorded
 
@@ -201,6 +205,39 @@ def test_splits_in_any_order_are_one_mission(page: Page, tmp_path: pathlib.Path)
             write(tmp_path / ('%d_%s.bag' % (2 - number, side)), [again, *part], chunk_threshold=2000)
     split = report(tmp_path, str(tmp_path), draw=True)
     assert split.rows == page.rows and split.pictures == page.pictures
+
+
+def test_what_rosbag_repeats_at_a_split_is_no_news(tmp_path: pathlib.Path) -> None:
+    """A further bag begins with the first message that was latched ever, not with the last one."""
+    control, begun = '/desk/operator/control', START - OFFSET
+    states = [(0.5, 'LOCKED: the clock is not known'), (3.0, 'in control'), (12.0, 'LOCKED: the clock is not known'),
+              (15.0, 'NOT IN CONTROL: truck drives')]
+    latched = {'topic': control, 'type': String._type, 'md5sum': String._md5sum, 'latching': '1',
+               'message_definition': String._full_text}
+    for number, (begin, end) in enumerate([(0.0, 12.0), (12.0, DURATION)]):
+        with rosbag.Bag(str(tmp_path / ('desk_%d.bag' % number)), 'w') as bag:
+            for time, state in states:
+                if begin <= time < end:
+                    bag.write(control, String(state), rospy.Time.from_sec(begun + time), connection_header=latched)
+            for topic, message, time in operator():
+                if begin <= time - begun < end and topic != control:
+                    bag.write(topic, message, rospy.Time.from_sec(time))
+    record, descriptions = MissionRecord(), {}      # type: MissionRecord, Dict[str, Any]
+    for number in range(2):
+        bag = BagFile(tmp_path / ('desk_%d.bag' % number))
+        description = descriptions.setdefault('first', bag.description)
+        record.describe(description)
+        bag.read(record, description.roles, description.side, number)
+    assert [one.text for one in Mission(record).control() if one.text] == [
+        'LOCKED: the clock is not known', 'in control', 'NOT IN CONTROL: truck drives']
+
+
+def test_what_the_robot_recorded_a_part_of_is_named_so(paths: Dict[str, str], tmp_path: pathlib.Path) -> None:
+    part = [one for one in robot() if one[2] < START + 5]
+    whole, short = (report(tmp_path, path, paths['operator']) for path in (
+        paths['robot'], write(tmp_path / 'part.bag', part)))
+    assert 'distance driven, while the robot recorded' in short.text
+    assert 'emergency stop engaged, while the robot recorded' in short.text and 'while the' not in whole.text
 
 
 @pytest.mark.parametrize('side, missing', [('robot', 'operator'), ('operator', 'robot')])

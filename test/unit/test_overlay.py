@@ -133,3 +133,7 @@ def test_the_legend_has_all_names_in_their_colours() -> None:
     assert lines.shape == (2 * LINE, WIDTH, 3) and (image[:HEIGHT] == overlay(tiles(OperatorStatus()), (), {})).all()
     assert (lines == (40, 40, 255)).all(axis=2).sum() == SQUARE ** 2
     assert (lines == (255, 160, 60)).all(axis=2).sum() == 4 * SQUARE ** 2
+
+
+def test_a_stop_that_was_released_says_what_comes_first() -> None:
+    assert said(**{**GOOD_STATUS, 'control': 'in control: start at rest'})['STOP'] == ('free, start at rest', GOOD)

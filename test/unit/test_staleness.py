@@ -20,6 +20,13 @@ def test_slow_streams_may_be_older() -> None:
     assert stale_streams({**STREAMS, 'lidar': Freshness(94.0, rate=0.6)}, 2.0, 100.0) == ({'lidar': 6.0}, 2)
 
 
+def test_a_source_that_is_slower_than_its_maximum_rate_may_be_older() -> None:
+    """A battery at 0.5 Hz, of which up to 1 Hz may be sent: one message lost is no fault."""
+    streams = {'battery': Freshness(95.5, rate=1.0, interval=2.0)}
+    assert stale_streams(streams, 2.0, 100.0) == ({}, 1)
+    assert stale_streams(streams, 2.0, 102.0) == ({'battery': 6.5}, 1)
+
+
 def test_stale_streams_and_those_that_the_robot_does_not_send_are_outdated() -> None:
     assert outdated_streams(STREAMS, 2.0, 100.0) == {'lidar': 94.0}
     streams = {**STREAMS, 'scan': Freshness(99.9, enabled=False), 'gas': Freshness(None, enabled=False),

@@ -177,7 +177,7 @@ class DemoDrive:
 
     def _ready(self) -> bool:
         return bool(self._goals.get_num_connections() and self._commands.get_num_connections()
-                    and self._results.get_num_connections() and self._control == IN_CONTROL)
+                    and self._results.get_num_connections() and self._control.startswith(IN_CONTROL))
 
     def run(self, seconds: float) -> None:
         """Drive for this time [s]."""

@@ -4,6 +4,7 @@ import contextlib
 import io
 import math
 import pathlib
+import re
 import struct
 from typing import Any, Dict, Iterator, List, Optional, Sequence, Tuple
 
@@ -24,6 +25,13 @@ IMAGES = 'black_box/images/'
 
 NEAR = 1e-3
 """A message is looked for up to this long before and after its time, which was rounded [s]."""
+
+
+CONTINUED = re.compile(r'_[1-9]\d*\.bag(\.active)?$')
+"""The names of the bags after the first one of a recording that rosbag splits."""
+
+REPEATED = 0.2
+"""With what was latched a bag begins: within this time [s]."""
 
 
 class BadBag(Exception):
@@ -89,11 +97,15 @@ class BagFile:
         :raises BadBag: where it is damaged; the record has what was before
         """
         begun = now = math.nan
+        continued = bool(CONTINUED.search(self.path.name))
         with self._opened() as bag:
             try:
-                for topic, raw, stamp in bag.read_messages(raw=True):
+                for topic, raw, stamp, connection in bag.read_messages(raw=True, return_connection_header=True):
                     now = stamp.to_sec()
                     begun = now if math.isnan(begun) else begun
+                    # rosbag begins further bags with the first message that was latched ever, not with the last one
+                    if continued and now < begun + REPEATED and connection.get('latching') == '1':
+                        continue
                     _add(record, roles, side, number, topic, raw, now)
             except Exception as error:
                 raise BadBag('%s is damaged%s: %s' % (

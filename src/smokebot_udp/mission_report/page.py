@@ -41,6 +41,9 @@ class Moment(NamedTuple):
     title: str
     pictures: Sequence[Picture]
 
+WHOLE = 0.95
+"""A side that recorded this part of the mission recorded all of it."""
+
 
 def page(mission: Mission, plots: Sequence[Picture], strip: Sequence[Moment], notes: Sequence[str]) -> str:
     """The HTML of the report.
@@ -76,7 +79,8 @@ def _summary(mission: Mission) -> str:
     rows = [['duration', _seconds(mission.span[1] - mission.span[0])]]
     rows += [['recorded by the ' + side, '%s to %s' % (_time(mission, begin), _time(mission, end))]
              for side, (begin, end) in mission.spans.items()]
-    rows += [['distance driven', _number(driven, '%.1f m')],
+    part = _part(mission)
+    rows += [['distance driven' + part, _number(driven, '%.1f m')],
              ['sent, mean', _number(means['sent'], '%.2f Mbit/s')],
              ['capacity, mean', _number(means['capacity'], '%.2f Mbit/s')],
              ['packet loss, mean', _number(means['loss'], '%.1f %%', 100.0)],
@@ -84,13 +88,21 @@ def _summary(mission: Mission) -> str:
              ['round trip, mean', _number(means['round_trip'], '%.0f ms', 1e3)],
              ["the robot's clock minus the operator's", '%.3f s' % mission.clock.median if mission.clock.is_known
               else 'unknown'],
-             ['emergency stop engaged', _seconds(sum(one.duration for one in summary.stops(mission)))]]
+             ['emergency stop engaged' + part, _seconds(sum(one.duration for one in summary.stops(mission)))]]
     for title, found in ('focus', summary.focuses(mission)), ('driver', summary.drivers(mission)):
         total = {one.text: 0.0 for one in found}
         for one in found:
             total[one.text] += one.duration
-        rows += [['%s %s' % (title, text), _seconds(seconds)] for text, seconds in total.items()]
+        rows += [['%s %s%s' % (title, text, part), _seconds(seconds)] for text, seconds in total.items()]
     return _table([], rows)
+
+
+def _part(mission: Mission) -> str:
+    """What follows the names of values that are known only while the robot recorded, where that was not always."""
+    if ROBOT not in mission.spans:
+        return ''
+    begin, end = mission.spans[ROBOT]
+    return '' if end - begin >= WHOLE * (mission.span[1] - mission.span[0]) else ', while the robot recorded'
 
 
 def _streams(mission: Mission) -> str:

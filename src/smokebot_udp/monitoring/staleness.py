@@ -18,6 +18,12 @@ class Freshness:
     """Whether the robot sends it."""
     rate: float = 0.0
     """Its maximum rate [Hz]; 0: unknown."""
+    interval: float = 0.0
+    """From one message to the next, lately [s]; 0: unknown. A source may be slower than the maximum rate."""
+
+    def limit(self, after: float) -> float:
+        """The silence that makes it stale, `after` at least [s]."""
+        return max(after, MISSED_PERIODS / self.rate if self.rate else 0.0, MISSED_PERIODS * self.interval)
 
 
 def stale_streams(streams: Mapping[str, Freshness], after: float, now: float) -> Tuple[Dict[str, float], int]:
@@ -30,7 +36,7 @@ def stale_streams(streams: Mapping[str, Freshness], after: float, now: float) ->
     :param now: by the monotonic clock of `last_shown` [s]
     :return: ({name: length of its silence [s]}, number of streams that could be stale)
     """
-    watched = {name: (now - stream.last_shown, max(after, MISSED_PERIODS / stream.rate if stream.rate else 0.0))
+    watched = {name: (now - stream.last_shown, stream.limit(after))
                for name, stream in streams.items()
                if stream.steady and stream.enabled and stream.last_shown is not None}
     return {name: silence for name, (silence, limit) in watched.items() if silence > limit}, len(watched)

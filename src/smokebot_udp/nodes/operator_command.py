@@ -100,6 +100,11 @@ class OperatorCommand(WayBackStream):
             silent = now - self._newest[1] >= NEW
         return None if silent and reason is not None and reason.startswith(START_FROM_NEUTRAL) else reason
 
+    @property
+    def awaits_neutral(self) -> bool:
+        """See operator_control.Commands."""
+        return self._interlock.awaits_neutral
+
     def rest(self, now: float) -> Optional[str]:
         """See operator_control.Commands."""
         with self._worker.lock:

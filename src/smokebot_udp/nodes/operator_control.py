@@ -50,6 +50,11 @@ ESTOP_TOPIC, RELEASE_TOPIC, STATE_TOPIC = '/operator/estop', '/operator/estop_re
 """Topics of the operator's side, in the node's namespace."""
 
 IN_CONTROL = 'in control'
+"""The state where commands leave; the beginning of both that say so."""
+
+FROM_REST = IN_CONTROL + ': start at rest'
+"""The state where a neutral command has to come first: after an emergency stop, or a lock."""
+
 """The state in which commands leave and are obeyed."""
 
 DONE = {Wish.TAKE_CONTROL: 'this operator drives', Wish.RELEASE_CONTROL: 'nobody drives',
@@ -76,6 +81,10 @@ class Commands(Protocol):
 
     def lock(self, now: float) -> Optional[str]:
         """Why it would not send now; None: it would. A neutral command is asked for only where commands come."""
+
+    @property
+    def awaits_neutral(self) -> bool:
+        """Whether nothing leaves before a neutral command."""
 
     def rest(self, now: float) -> Optional[str]:
         """The sticks are at rest: what they show, which is neutral from now on; None: it does not wait for that."""
@@ -278,10 +287,16 @@ class OperatorControl(Part):
         now = time.monotonic()
         notice = self._notice_text(now)
         self._notice.show(view_text(notice, self.commanded))
-        state = notice or self.outlook(now).refusal or (IN_CONTROL if self._commands else NO_COMMANDS)
+        state = notice or self.outlook(now).refusal or self._free_state()
         if state != self._state and not rospy.is_shutdown():
             self._state = state
             self._states.publish(state)
+
+    def _free_state(self) -> str:
+        """The state where nothing locks what comes."""
+        if not self._commands:
+            return NO_COMMANDS
+        return FROM_REST if any(one.awaits_neutral for one in self._commands) else IN_CONTROL
 
     def _notice_text(self, now: float) -> str:
         """What the views show; empty: nothing, commands leave, or there are none."""

@@ -3,6 +3,7 @@
 import collections
 import functools
 import math
+import statistics
 import threading
 import time
 from dataclasses import dataclass, field
@@ -34,6 +35,9 @@ from .notice import Notice
 from .trace import TRACE
 from .video_decoder import VideoDecoder
 from .worker import DeadlineWorker
+
+INTERVALS = 5
+"""What counts as the usual time from one message to the next is the median of so many."""
 
 MISSING_DECODER = ('the robot can send it as video, which is not decoded here: PyAV is missing. Install python3-av '
                    '(sudo apt install python3-av) and restart this node. Until then images are layered')
@@ -89,6 +93,7 @@ class OperatorStream:
         self.received, self.published = 0, 0
         self._busy = 0.0        # the worker, so far [s]
         self.last_shown: Optional[float] = None
+        self._intervals: Deque[float] = collections.deque(maxlen=INTERVALS)     # between the last messages shown [s]
         """When a message was published last, by time.monotonic() [s]."""
         self.last_stamp: Optional[int] = None
         """Stamp of the message that was published last [ns]."""
@@ -334,11 +339,20 @@ class OperatorStream:
             self._publisher.publish(assembled.message)
             self.published += 1
             age = self._age_of(assembled)
+            before = self.last_shown
             self._last_age, self.last_shown = age, time.monotonic()     # in this order, see `age`
+            if before is not None:
+                self._intervals.append(self.last_shown - before)
             self._last = assembled.message if has_blank(self.assembler.MESSAGE) else None
             self._cleared, self._clear_at = None, -math.inf
             self.last_stamp = assembled.stamp
         self._shown.append(Shown(age, assembled.completeness, assembled.error))
+
+    @property
+    def interval(self) -> float:
+        """Median time from one message shown to the next, lately [s]; 0: unknown."""
+        found = list(self._intervals)
+        return statistics.median(found) if len(found) == INTERVALS else 0.0
 
     def _age_of(self, assembled: Assembled) -> Optional[float]:
         """The age of a message but for the offset of the robot's clock [s]; None: unknown, as that of a relayed one of

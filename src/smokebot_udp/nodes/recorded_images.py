@@ -61,7 +61,9 @@ class RecordedImages:
         self._worker.start()
 
     def close(self) -> None:
-        """End the thread."""
+        """End it; what comes later is not recorded."""
+        for subscriber in self._subscribers:
+            subscriber.unregister()
         self._worker.close()
 
     def _take(self, message: Any, topic: str) -> None:
@@ -71,7 +73,7 @@ class RecordedImages:
         except ValueError as error:
             self._warn('%s is not recorded: %s' % (topic, error))
             return
-        self._publishers[topic][Header].publish(image.header)
+        self._publish(topic, image.header)
         # a source without stamps counts by arrival
         stamp = image.header.stamp.to_sec() or rospy.get_time()
         if isinstance(image, Image) and not self._thinning[topic].takes(stamp):
@@ -92,4 +94,12 @@ class RecordedImages:
                            '%d of %s' % (count, name) for name, count in left_out.items()))
         raw = hurries and self._raw.take(len(image.data), time.monotonic())
         made = image if raw else recorded(image)
-        self._publishers[topic][type(made)].publish(made)
+        self._publish(topic, made)
+
+    def _publish(self, topic: str, message: Any) -> None:
+        """Publish what is recorded of a topic; nothing while the node ends, as rospy closes its topics then."""
+        try:
+            self._publishers[topic][type(message)].publish(message)
+        except (rospy.ROSException, ValueError):
+            if not rospy.is_shutdown():
+                raise

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Publishes the robot's footprint and heading, and the path that it has driven, for display in 3D."""
 import threading
+import time
 from typing import Any, List
 
 import rospy
@@ -20,6 +21,10 @@ from .worker import PeriodicWorker
 PERIOD = 1.0
 """The path is published as often as it changes, but not more often than this [s]."""
 
+REPEAT_PERIOD = 2.0
+"""Markers are published again after this time: rviz hides one that came before the first transform of its frame, and
+does not show it later [s]."""
+
 COLOUR = ColorRGBA(0.2, 1.0, 0.3, 1.0)
 LINE_WIDTH, ARROW_WIDTH, ARROW_REACH = 0.05, 0.14, 0.4
 """The arrow begins at the robot's origin and reaches so far beyond the footprint [m]."""
@@ -36,11 +41,12 @@ class RobotMarkers(Part):
         super().__init__()
         self._path, self._header, self._changed = DrivenPath(), Header(), False
         self._lock = threading.Lock()
-        footprint, self._paths = (
+        self._footprints, self._paths = (
             self._opened.topic(rospy.Publisher(operator_topic(parameters[name]), class_, queue_size=1, latch=True))
             for name, class_ in (('footprint_topic', MarkerArray), ('path_topic', Path)))
-        footprint.publish(MarkerArray(outline(
-            self._outline(parameters), with_prefix(parameters['base_frame'], parameters['frame_prefix']))))
+        self._footprint = MarkerArray(outline(
+            self._outline(parameters), with_prefix(parameters['base_frame'], parameters['frame_prefix'])))
+        self._repeat_at = 0.0       # [s]
         self._opened.started(PeriodicWorker('driven path', self._publish, log_error('driven path'), PERIOD))
         self._opened.topic(rospy.Subscriber(operator_topic(parameters['odom_topic']), Odometry, self._take,
                                             queue_size=1))
@@ -60,11 +66,15 @@ class RobotMarkers(Part):
                 self._header, self._changed = odometry.header, True
 
     def _publish(self) -> None:
+        if time.monotonic() >= self._repeat_at and not rospy.is_shutdown():
+            self._footprints.publish(self._footprint)
+            self._repeat_at = time.monotonic() + REPEAT_PERIOD
         with self._lock:
             if not self._changed:
                 return
             positions, source, self._changed = self._path.positions, self._header, False
-        header = Header(stamp=source.stamp, frame_id=source.frame_id)   # rospy writes into it
+        # stamp 0: the latest transform; rviz, started later, has none of the odometry's time. rospy writes into it
+        header = Header(frame_id=source.frame_id)
         path = Path(header=header, poses=[PoseStamped(header=header) for _ in positions])
         for pose, position in zip(path.poses, positions):
             pose.pose.position, pose.pose.orientation.w = Point(*position), 1.0

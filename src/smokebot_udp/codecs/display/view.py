@@ -204,7 +204,7 @@ def _draw_texts(strip: UInt8Array, state: str, texts: Sequence[Tuple[str, bool]]
 def _draw_scale(strip: UInt8Array, coloured: Coloured, palette: UInt8Array, frozen: bool) -> None:
     height, width = strip.shape[:2]
     strip[:, int(width * SCALE_LEFT):] = BLACK
-    left, right, half, room = int(width * 0.46), int(width * 0.89), height // 2, int(width * 0.1)
+    left, right, half, room = int(width * 0.46), int(width * 0.89), height // 2, int(width * 0.085)
     bar = cv2.resize(palette[np.newaxis], (right - left, half - 3), interpolation=cv2.INTER_NEAREST)
     strip[3:half, left:right] = dimmed(bar) if frozen else bar
     for middle, number in zip(np.linspace(left, right - 1, len(MARKS)).astype(int), coloured.numbers):
