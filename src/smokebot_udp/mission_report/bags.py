@@ -104,7 +104,7 @@ class BagFile:
                     now = stamp.to_sec()
                     begun = now if math.isnan(begun) else begun
                     # rosbag begins further bags with the first message that was latched ever, not with the last one
-                    if continued and now < begun + REPEATED and connection.get('latching') == '1':
+                    if continued and now < begun + REPEATED and connection.get('latching') == b'1':
                         continue
                     _add(record, roles, side, number, topic, raw, now)
             except Exception as error:

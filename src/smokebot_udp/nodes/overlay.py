@@ -79,8 +79,8 @@ class Overlay(Part):
         problems = [self._problem(), *(robot.problems if robot is not None else ())]
         estop, driver, drives = self._control.situation()
         state = self._control.state
-        return OperatorStatus(link_silence=self._silence(LinkStatus, now), control=state, free=state.startswith(IN_CONTROL),
-                              commands=state != NO_COMMANDS, estop=estop,
+        return OperatorStatus(link_silence=self._silence(LinkStatus, now), control=state,
+                              free=state.startswith(IN_CONTROL), commands=state != NO_COMMANDS, estop=estop,
                               driver=driver, drives=drives, problems=tuple(filter(None, problems)), **values)
 
     def _silence(self, class_: Any, now: float) -> float:
