@@ -27,6 +27,9 @@ TOLERANCE = 0.1
 SHARP = 42.0
 """The link is to be used as long as the PSNR of images is below this [dB]."""
 
+FROZEN = 0.5
+"""The last sample is taken a moment after the one before: that no image came meanwhile says nothing [s]."""
+
 STEADY, STEADY_IMAGES = 1.5, 5
 """After a step the quality is steady again from the image on with which so many in a row are no more than this below
 the mean of the second half of the time until the next step [dB]."""
@@ -133,12 +136,12 @@ def judged(screen: Screen, told: Sequence[Told], begun: float, ended: float) -> 
 
 
 def blurred(screen: Screen, told: Sequence[Told]) -> List[Told]:
-    """The samples of the times in which images were not SHARP, on average, or there were none."""
+    """The samples of the times in which images were not SHARP, on average, or there were none for FROZEN."""
     found = []
     for before, one in zip(told, told[1:]):
         images = [psnr for psnr in (screen.image_psnr(image) for image in screen.shown
                                     if before.time <= image.arrival < one.time) if psnr is not None]
-        if not images or statistics.fmean(images) < SHARP:
+        if statistics.fmean(images) < SHARP if images else one.time - before.time > FROZEN:
             found.append(one)
     return found
 

@@ -207,13 +207,14 @@ def test_splits_in_any_order_are_one_mission(page: Page, tmp_path: pathlib.Path)
     assert split.rows == page.rows and split.pictures == page.pictures
 
 
-def test_what_rosbag_repeats_at_a_split_is_no_news(tmp_path: pathlib.Path) -> None:
+@pytest.mark.parametrize('header', [{'latching': '1', 'callerid': '/desk'}, {}])
+def test_what_rosbag_repeats_at_a_split_is_no_news(header: Dict[str, str], tmp_path: pathlib.Path) -> None:
     """A further bag begins with the first message that was latched ever, not with the last one."""
     control, begun = '/desk/operator/control', START - OFFSET
     states = [(0.5, 'LOCKED: the clock is not known'), (3.0, 'in control'), (12.0, 'LOCKED: the clock is not known'),
               (15.0, 'NOT IN CONTROL: truck drives')]
-    latched = {'topic': control, 'type': String._type, 'md5sum': String._md5sum, 'latching': '1',
-               'message_definition': String._full_text}
+    latched = {'topic': control, 'type': String._type, 'md5sum': String._md5sum,
+               'message_definition': String._full_text, **header}
     for number, (begin, end) in enumerate([(0.0, 12.0), (12.0, DURATION)]):
         with rosbag.Bag(str(tmp_path / ('desk_%d.bag' % number)), 'w') as bag:
             for time, state in states:

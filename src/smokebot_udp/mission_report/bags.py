@@ -6,7 +6,7 @@ import math
 import pathlib
 import re
 import struct
-from typing import Any, Dict, Iterator, List, Optional, Sequence, Tuple
+from typing import Any, Dict, Iterator, List, Mapping, Optional, Sequence, Tuple
 
 import genpy
 import rosbag
@@ -103,8 +103,7 @@ class BagFile:
                 for topic, raw, stamp, connection in bag.read_messages(raw=True, return_connection_header=True):
                     now = stamp.to_sec()
                     begun = now if math.isnan(begun) else begun
-                    # rosbag begins further bags with the first message that was latched ever, not with the last one
-                    if continued and now < begun + REPEATED and connection.get('latching') == b'1':
+                    if continued and now < begun + REPEATED and _is_repeated(connection):
                         continue
                     _add(record, roles, side, number, topic, raw, now)
             except Exception as error:
@@ -130,6 +129,12 @@ class BagFile:
         if self._kept is not None:
             self._kept.close()
             self._kept = None
+
+
+def _is_repeated(connection: Mapping[str, bytes]) -> bool:
+    """Whether a message at the beginning of a further bag may be one that rosbag repeats: the first one that was ever
+    latched, not the last one (ros_comm #2261), and in older releases without its publisher (#2351)."""
+    return connection.get('latching') == b'1' or 'callerid' not in connection
 
 
 def _index(bag: Any) -> None:

@@ -103,7 +103,7 @@ def tell_of_pcl() -> None:
     """Say what filters clouds, where it is not PCL."""
     problem = optional.attempt('pcl').problem
     if problem:
-        rospy.logwarn('%s: clouds are filtered by loops that numba compiles, or by numpy where it is missing', problem)
+        rospy.loginfo('%s: clouds are filtered by loops that numba compiles, or by numpy where it is missing', problem)
 
 
 def run_streams(opened: Opened) -> Tuple[Dict[str, RobotStream], Dict[str, Any]]:
