@@ -220,11 +220,6 @@ class Commands(CommandsCase):
                 self.stick.publish(twist(0.0))
             wait_for(lambda: self.speed() == 0.6, 2, 'the next command')
         self.wait_for_silence()     # the next test begins with a robot that stands
-        self.state.clear()
-        self.assertTrue(stop(True).success and stop(False).success)
-        self.wait_for_state(self.state, 'in control: start at rest')    # nobody pushes the stick now
-        self.stick.publish(twist(0.0))
-        wait_for(lambda: self.states(self.state)[-1:] == ['in control'], 10, 'the state after a command at rest')
 
     def test_somebody_at_the_robot_engages_and_releases_it(self) -> None:
         for data in ('true', 'false'):

@@ -9,7 +9,7 @@ import math
 import random
 import threading
 import time
-from typing import Any, List, Mapping, NamedTuple, Optional, Protocol, Tuple
+from typing import Any, List, Mapping, NamedTuple, Optional, Protocol, Sequence, Tuple
 
 import rospy
 from std_msgs.msg import Bool, Empty, String
@@ -287,16 +287,10 @@ class OperatorControl(Part):
         now = time.monotonic()
         notice = self._notice_text(now)
         self._notice.show(view_text(notice, self.commanded))
-        state = notice or self.outlook(now).refusal or self._free_state()
+        state = notice or self.outlook(now).refusal or free_state(self._commands)
         if state != self._state and not rospy.is_shutdown():
             self._state = state
             self._states.publish(state)
-
-    def _free_state(self) -> str:
-        """The state where nothing locks what comes."""
-        if not self._commands:
-            return NO_COMMANDS
-        return FROM_REST if any(one.awaits_neutral for one in self._commands) else IN_CONTROL
 
     def _notice_text(self, now: float) -> str:
         """What the views show; empty: nothing, commands leave, or there are none."""
@@ -309,6 +303,13 @@ class OperatorControl(Part):
         if self._commands and heard and not driving and status is not None and status.driver:
             return 'NOT IN CONTROL: %s drives' % status.driver
         return lock_text(reasons)
+
+
+def free_state(commands: Sequence[Commands]) -> str:
+    """The state where nothing locks what comes."""
+    if not commands:
+        return NO_COMMANDS
+    return FROM_REST if any(one.awaits_neutral for one in commands) else IN_CONTROL
 
 
 def view_text(notice: str, commanded: bool) -> str:
