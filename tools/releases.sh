@@ -53,6 +53,7 @@ inside() {
     if [ "$1" = -n ]; then network=(--net); shift; fi
     # shellcheck disable=SC2016
     ${EACH:-} unshare --mount --pid --fork --kill-child "${network[@]}" bash -c '
+        mount --bind "$1" "$1"      # unshare needs a root that is a mount point: the sides of the soak have hosts of their own
         mount -t proc proc "$1/proc"; mount --rbind /dev "$1/dev"; mount --rbind /sys "$1/sys"
         mount -t tmpfs tmpfs "$1/dev/shm"
         if [ -n "$3" ]; then
