@@ -14,7 +14,7 @@ SOURCE = pathlib.Path(__file__).resolve().parents[2] / 'src' / 'smokebot_udp'
 DIRECT = {
     # once in the life of a process, a link or a stream
     'nodes/black_box.py', 'nodes/common.py', 'nodes/compiled_codec.py', 'demo/report.py',
-    'nodes/operator_stream.py', 'nodes/robot_sender.py', 'nodes/trace.py', 'nodes/transports.py',
+    'nodes/operator_stream.py', 'nodes/trace.py', 'nodes/transports.py',
     'udpros/rospy_binding.py', 'link/transport.py', 'web/node.py',
     # once for each name, peer or outage, which they remember
     'nodes/namesake.py', 'nodes/reliable_link.py', 'udpros/connector.py', 'udpros/rpc.py',
