@@ -87,6 +87,7 @@ def show_until_quit(columns: int, plain: bool) -> None:
     fcntl.ioctl(0, termios.TIOCSWINSZ, struct.pack('HHHH', 12, columns, 0, 0))
     sys.stdin, sys.stdout = open(0), open(1, 'w', encoding='utf-8')     # noqa: SIM115: pytest replaces them
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGWINCH, signal.SIG_DFL)  # pytest's readline has a handler, and curses leaves that as it is
     code = 9
     try:
         curses.wrapper(link_view.show, table, plain)
