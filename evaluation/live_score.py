@@ -141,7 +141,8 @@ def blurred(screen: Screen, told: Sequence[Told]) -> List[Told]:
     for before, one in zip(told, told[1:]):
         images = [psnr for psnr in (screen.image_psnr(image) for image in screen.shown
                                     if before.time <= image.arrival < one.time) if psnr is not None]
-        if statistics.fmean(images) < SHARP if images else one.time - before.time > FROZEN:
+        is_blurred = statistics.fmean(images) < SHARP if images else one.time - before.time > FROZEN
+        if is_blurred:
             found.append(one)
     return found
 

@@ -17,14 +17,13 @@ from typing import Any, Dict, List, Sequence
 
 import numpy as np
 
+from smokebot_udp.demo.link import FIRST_OF_TWO, SECOND_OF_TWO
 from smokebot_udp.link_lab.second_link import SECOND, second_lab
 
 from .listener import Heard, Listener
 from .own_masters import PORT, ROBOT, OwnMasters
 from .started import Started
 
-FIRST = {'rate': 2e6, 'delay': 0.01, 'queue': 0.2}
-OTHER = {'rate': 1e6, 'delay': 0.03, 'queue': 0.2}
 ADDRESSES = ROBOT, '%s:%d' % (SECOND['robot'], PORT)
 TOPICS = {'/operator/thermal/image_raw': 'image', '/operator/camera/image_raw': 'image', '/operator/odom': 'odometry'}
 COMMAND, RATE = '/cmd_vel', 20
@@ -49,7 +48,7 @@ class PathCuts(Started):
         with self.starting():
             self.stack = self.enter_context(OwnMasters(7, log))
             self.second = self.enter_context(second_lab(self.stack.lab, 8))
-            self.first, self.other = {**FIRST, 'loss': loss}, {**OTHER, 'loss': loss}
+            self.first, self.other = {**FIRST_OF_TWO, 'loss': loss}, {**SECOND_OF_TWO, 'loss': loss}
             self.stack.lab.set(self.first)
             self.second.set(self.other)
             self.stack.start_node('robot', 'simulated_robot', '_width:=320', '_height:=240')
@@ -60,13 +59,19 @@ class PathCuts(Started):
             self.operator.subscribe([[topic, kind, 'TCPROS'] for topic, kind in TOPICS.items()])
             self.robot = Listener(self.stack, 'robot')
             self.robot.subscribe([[COMMAND, 'twist', 'TCPROS']])
-            self.stack.start('operator', 'rostopic', 'pub', '-r', str(RATE), '/operator' + COMMAND,
-                             'geometry_msgs/Twist', *TWIST)
             missing = set(TOPICS) - set(self.operator.first(TOPICS, 60.0))
             if missing:
                 raise RuntimeError('nothing comes on %s' % ', '.join(sorted(missing)))
-            if not self.robot.first([COMMAND], 30.0, counts=lambda heard: heard.amount > 0):
-                raise RuntimeError('no command comes')
+
+    def drive(self) -> None:
+        """Publish commands from now on.
+
+        :raises RuntimeError: where none comes
+        """
+        self.stack.start('operator', 'rostopic', 'pub', '-r', str(RATE), '/operator' + COMMAND, 'geometry_msgs/Twist',
+                         *TWIST)
+        if not self.robot.first([COMMAND], 30.0, counts=lambda heard: heard.amount > 0):
+            raise RuntimeError('no command comes')
 
     def cut(self, seconds: float) -> Dict[str, List[Heard]]:
         """Cut the first link for a time; what came meanwhile, and AROUND it: {topic: messages}."""
@@ -108,13 +113,16 @@ def main() -> None:
     with PathCuts(ADDRESSES[:1] if arguments.one else ADDRESSES, arguments.loss) as run:
         time.sleep(SETTLED)
         idle = run.idle_rate(5.0)
+        run.drive()
+        driven = run.idle_rate(5.0)
         for _ in range(arguments.cuts):
             time.sleep(SETTLED + moments.random())
             for topic, heard in run.cut(arguments.seconds).items():
                 found[topic].append((longest_gap(heard), oldest(heard)))
     rows = {topic: {name: [round(float(np.percentile(column, part)), 2) for part in (50, 95, 100)]
                     for name, column in zip(('gap', 'age'), zip(*values))} for topic, values in found.items()}
-    print(json.dumps({'p50, p95, most [s]': rows, 'idle [byte/s]': round(idle), 'load': os.getloadavg()[0]}))
+    print(json.dumps({'p50, p95, most [s]': rows, 'idle [byte/s]': round(idle),
+                      'idle while commands come [byte/s]': round(driven), 'load': os.getloadavg()[0]}))
 
 
 if __name__ == '__main__':

@@ -24,8 +24,8 @@ CUT = 3.0
 MAX_GAP, MAX_COMMAND_GAP = 1.0, 0.3
 """With one address they are CUT at least. Commands go by both paths, so nothing has to be noticed first [s]."""
 
-MAX_IDLE = 12000.0
-"""Commands twenty times a second and their repetitions, and probes [byte/s]."""
+MAX_IDLE, MAX_DRIVEN = 2000.0, 12000.0
+"""Probes; and commands twenty times a second with their repetitions [byte/s]."""
 
 
 class TwoPaths(unittest.TestCase):
@@ -49,6 +49,8 @@ class TwoPaths(unittest.TestCase):
         wait_for(lambda: self.used() == ADDRESSES[0], 30, 'the preferred path')
         give_time(SETTLED)
         self.assertLess(self.run_.idle_rate(3.0), MAX_IDLE)
+        self.run_.drive()
+        self.assertLess(self.run_.idle_rate(3.0), MAX_DRIVEN)
         for topic, heard in self.run_.cut(CUT).items():
             self.assertLess(longest_gap(heard), MAX_COMMAND_GAP if topic == COMMAND else MAX_GAP, topic)
         self.assertEqual(self.used(), ADDRESSES[1])

@@ -21,7 +21,7 @@ def test_slow_streams_may_be_older() -> None:
 
 
 def test_a_source_that_is_slower_than_its_maximum_rate_may_be_older() -> None:
-    """A battery at 0.5 Hz, of which up to 1 Hz may be sent: one message lost is no fault."""
+    """The battery publishes at 0.5 Hz, and its maximum rate is 1 Hz: the loss of one message is no fault."""
     streams = {'battery': Freshness(95.5, rate=1.0, interval=2.0)}
     assert stale_streams(streams, 2.0, 100.0) == ({}, 1)
     assert stale_streams(streams, 2.0, 102.0) == ({'battery': 6.5}, 1)

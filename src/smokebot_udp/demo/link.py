@@ -172,13 +172,13 @@ def pressed_any(paths: Sequence[Path], key: str) -> bool:
     return paths[0].press(key)
 
 
-def paths_of(values: Mapping[str, str], labs: Sequence[Lab], stack: contextlib.ExitStack) -> List[Path]:
+def paths_of(values: Mapping[str, str], first: Mapping[str, Any], labs: Sequence[Lab],
+             stack: contextlib.ExitStack) -> List[Path]:
     """The links between the sides of the first lab; the other labs are like the first link.
 
+    :param first: conditions of the first link
     :param stack: what they need ends with it
-    :raises ValueError: if `link` is not valid
     """
-    first = conditions(values['link'])
     if values['link'] != 'two':
         return [Path('the link', labs, first)]
     second = stack.enter_context(second_lab(labs[0], int(values['seed']) + 1))
@@ -187,11 +187,10 @@ def paths_of(values: Mapping[str, str], labs: Sequence[Lab], stack: contextlib.E
 
 def run(values: Dict[str, str]) -> None:
     """Run both sides until the end; print the conditions when they change."""
-    seconds, picture = float(values['seconds']), values['picture']
-    conditions(values['link'])      # before anything is made
+    first, seconds, picture = conditions(values['link']), float(values['seconds']), values['picture']
     with tempfile.TemporaryDirectory(prefix='demo_link_') as folder, contextlib.ExitStack() as stack:
         labs = [stack.enter_context(Lab(int(values['seed']))) for _ in range(2 if picture else 1)]
-        paths = paths_of(values, labs, stack)
+        paths = paths_of(values, first, labs, stack)
         stack.enter_context(LabServer(SOCKET, labs[0]))
         key_file = str(pathlib.Path(folder, 'demo.key'))
         make_key(key_file)
@@ -209,10 +208,10 @@ def run(values: Dict[str, str]) -> None:
                     print('; '.join(map(str, paths)), flush=True)
             now = time.monotonic()
             if pictures is not None and not times:
-                first = pictures.first()
-                if first is None and now - begun < FIRST_TIMEOUT:
+                shown = pictures.first()
+                if shown is None and now - begun < FIRST_TIMEOUT:
                     return False
-                times.append(first or time.time())
+                times.append(shown or time.time())
                 begun = now
             if seconds and now - begun > seconds:
                 times.append(time.time())

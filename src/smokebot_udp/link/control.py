@@ -57,14 +57,14 @@ def copies(datagrams: UInt8Array) -> BoolArray:
 
 
 def as_copies(datagrams: UInt8Array) -> UInt8Array:
-    """Copies of datagrams, (n, size) uint8."""
+    """Datagrams with the bit COPY, (n, size) uint8."""
     marked = datagrams.copy()
     marked[:, _OP] |= COPY
     return marked
 
 
 def as_originals(datagrams: UInt8Array) -> UInt8Array:
-    """The datagrams of which some are copies, (n, size) uint8."""
+    """Datagrams without the bit COPY, (n, size) uint8."""
     unmarked = datagrams.copy()
     unmarked[:, _OP] &= ~COPY & 0xff
     return unmarked

@@ -46,14 +46,14 @@ SOCKET = '/run/smokebot_link_lab.sock'
 """Where the running link answers the other commands."""
 
 
-SECOND = 'path2.'
+PREFIX = 'path2.'
 """With it begin the conditions of a second link."""
 
 
 def split(words: Sequence[str]) -> Tuple[List[str], List[str]]:
     """The words of the first link, and those of the second one, without their beginning."""
-    return ([word for word in words if not word.startswith(SECOND)],
-            [word[len(SECOND):] for word in words if word.startswith(SECOND)])
+    return ([word for word in words if not word.startswith(PREFIX)],
+            [word[len(PREFIX):] for word in words if word.startswith(PREFIX)])
 
 
 def parse(words: Sequence[str]) -> Dict[str, Any]:
@@ -123,7 +123,7 @@ def set_conditions(arguments: argparse.Namespace) -> None:
     one_side = arguments.words[0] in SIDES
     first, second = map(parse, split(arguments.words[one_side:]))
     if one_side and second:
-        raise ValueError('the second link changes in both directions: set %s without a side' % SECOND)
+        raise ValueError('the second link changes in both directions: set %s without a side' % PREFIX)
     if first:
         request(SOCKET, {'set': {side: first for side in (arguments.words[:1] if one_side else SIDES)}})
     if second:

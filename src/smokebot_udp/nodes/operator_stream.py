@@ -37,7 +37,7 @@ from .video_decoder import VideoDecoder
 from .worker import DeadlineWorker
 
 INTERVALS = 5
-"""What counts as the usual time from one message to the next is the median of so many."""
+"""`interval` is the median of the last intervals, of this number."""
 
 MISSING_DECODER = ('the robot can send it as video, which is not decoded here: PyAV is missing. Install python3-av '
                    '(sudo apt install python3-av) and restart this node. Until then images are layered')

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Publishes the robot's footprint and heading, and the path that it has driven, for display in 3D."""
 import threading
-import time
 from typing import Any, List
 
 import rospy
@@ -46,7 +45,7 @@ class RobotMarkers(Part):
             for name, class_ in (('footprint_topic', MarkerArray), ('path_topic', Path)))
         self._footprint = MarkerArray(outline(
             self._outline(parameters), with_prefix(parameters['base_frame'], parameters['frame_prefix'])))
-        self._repeat_at = 0.0       # [s]
+        self._opened.started(PeriodicWorker('footprint', self._repeat, log_error('footprint'), REPEAT_PERIOD))
         self._opened.started(PeriodicWorker('driven path', self._publish, log_error('driven path'), PERIOD))
         self._opened.topic(rospy.Subscriber(operator_topic(parameters['odom_topic']), Odometry, self._take,
                                             queue_size=1))
@@ -65,10 +64,11 @@ class RobotMarkers(Part):
             if self._path.add(odometry.header.frame_id, (position.x, position.y, position.z)):
                 self._header, self._changed = odometry.header, True
 
-    def _publish(self) -> None:
-        if time.monotonic() >= self._repeat_at and not rospy.is_shutdown():
+    def _repeat(self) -> None:
+        if not rospy.is_shutdown():
             self._footprints.publish(self._footprint)
-            self._repeat_at = time.monotonic() + REPEAT_PERIOD
+
+    def _publish(self) -> None:
         with self._lock:
             if not self._changed:
                 return

@@ -14,7 +14,6 @@ from visualization_msgs.msg import Marker
 from ..monitoring.staleness import Freshness, outdated_streams, stale_streams, stale_text
 from .logging import log_error
 from .opened import Part
-from .robot_markers import REPEAT_PERIOD
 from .worker import PeriodicWorker
 
 PERIOD = 0.5
@@ -40,7 +39,7 @@ class StaleStreams(Part):
         super().__init__()
         self._streams, self._sent, self._frame, self._after = streams, sent, frame, after
         self._clears = clears
-        self._shown, self._repeat_at = '', 0.0
+        self._shown = ''
         self._publisher = self._opened.topic(rospy.Publisher(topic, Marker, queue_size=1, latch=True))
         self._opened.started(PeriodicWorker('stale', self._update, log_error('stale streams'), PERIOD))
 
@@ -52,9 +51,9 @@ class StaleStreams(Part):
             for name, shown in outdated_streams(streams, self._after, now).items():
                 self._streams[name].clear(shown, now)
         text = stale_text(*stale_streams(streams, self._after, now))
-        if (text != self._shown or text and now >= self._repeat_at) and not rospy.is_shutdown():
+        if text != self._shown and not rospy.is_shutdown():    # it counts seconds: rviz gets it again and again
             self._publisher.publish(self._marker(text))
-            self._shown, self._repeat_at = text, now + REPEAT_PERIOD
+            self._shown = text
 
     def _marker(self, text: str) -> Any:
         marker = Marker(ns='stale', type=Marker.TEXT_VIEW_FACING, action=Marker.ADD if text else Marker.DELETE,

@@ -239,6 +239,6 @@ def _stop(status: OperatorStatus) -> Tile:
     if status.estop:
         return Tile('STOP', EMERGENCY_STOP, BAD)
     if status.free:
-        return Tile('STOP', 'free' + status.control.partition('in control')[2].replace(':', ','), GOOD)
+        return Tile('STOP', status.control.replace('in control', 'free').replace(':', ','), GOOD)
     level = ATTENTION if status.drives and status.commands else UNKNOWN
     return Tile('STOP', status.control or '-', level)
